@@ -1,0 +1,1 @@
+"""Photon counts to motion: detectors, error metrics and the photon benchmark, on plain arrays."""
