@@ -1,0 +1,172 @@
+"""A scene as plain frozen data: materials, shapes, where they stand and what lights them.
+
+World coordinates are right-handed meters with z up. Nothing here knows the renderer: `render` merges the
+placed meshes by material and keeps the table that leads from a triangle back to its object.
+
+An object id is the position in `Scene.placements` plus one; 0 means that nothing was hit.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from megalopta.scenes.spectrum import Spectrum
+
+
+@dataclass(frozen=True)
+class Texture:
+    """A second reflectance mixed in over the surface: (1 − w)·reflectance + w·texture.reflectance.
+
+    Attributes
+    ----------
+    weight : (H, W) float32 in [0, 1]
+        Tiles over the uv square; row 0 is v = 0.
+    reflectance : Spectrum
+        Reached where the weight is 1.
+    """
+
+    weight: NDArray[np.float32]
+    reflectance: Spectrum
+
+
+@dataclass(frozen=True)
+class Material:
+    """A two-sided diffuse surface (Lambert), or one that emits.
+
+    Attributes
+    ----------
+    reflectance : Spectrum
+        Diffuse reflectance, 0 to 1.
+    texture : Texture, optional
+        Needs meshes with uv coordinates.
+    emission : Emission, optional
+        Makes the surface a source; reflectance is then ignored.
+    """
+
+    reflectance: Spectrum
+    texture: Texture | None = None
+    emission: "Emission | None" = None
+
+
+@dataclass(frozen=True)
+class Emission:
+    """Radiance leaving a surface: pattern(u, v) · radiance(λ).
+
+    Attributes
+    ----------
+    radiance : Spectrum
+        W·m⁻²·sr⁻¹·nm⁻¹ where the pattern is 1.
+    pattern : (H, W) float32, optional
+        Non-negative factor over the uv square; row 0 is v = 0. None means 1.
+    """
+
+    radiance: Spectrum
+    pattern: NDArray[np.float32] | None = None
+
+
+@dataclass(frozen=True)
+class Asset:
+    """A shape made of one mesh per material.
+
+    Attributes
+    ----------
+    parts : mapping of material name to trimesh.Trimesh
+        Meters, outward normals. Vertex normals are used as given when the mesh carries them in
+        `metadata["smooth"]`; otherwise faces are flat.
+    """
+
+    parts: Mapping[str, trimesh.Trimesh]
+
+
+@dataclass(frozen=True)
+class Placement:
+    """One object: an asset, its species or kind, and its pose.
+
+    Attributes
+    ----------
+    asset : str
+        Key into `Scene.assets`.
+    kind : str
+        What it is to a person: "beech", "fern", "ground".
+    to_world : (4, 4) float64
+        Rotation, uniform scale and translation (m).
+    """
+
+    asset: str
+    kind: str
+    to_world: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Sun:
+    """A distant disc treated as a point: sun or moon.
+
+    Attributes
+    ----------
+    direction : (x, y, z)
+        Unit vector from the scene toward the disc.
+    irradiance : Spectrum
+        On a plane facing the disc, W·m⁻²·nm⁻¹.
+    """
+
+    direction: tuple[float, float, float]
+    irradiance: Spectrum
+
+
+@dataclass(frozen=True)
+class Lighting:
+    """Light from outside the scene: a uniform sky and, perhaps, a disc.
+
+    Attributes
+    ----------
+    sky : Spectrum
+        Radiance of the sky, the same from every direction, W·m⁻²·sr⁻¹·nm⁻¹.
+    sun : Sun, optional
+        The sun or moon.
+    """
+
+    sky: Spectrum
+    sun: Sun | None = None
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything that is rendered, but for the camera.
+
+    Attributes
+    ----------
+    materials : mapping of name to Material
+        The names are the keys of `Asset.parts`.
+    assets : mapping of name to Asset
+        Each shape once, however often it is placed.
+    placements : tuple of Placement
+        The objects; object id = index + 1.
+    lighting : Lighting, optional
+        None where only the surfaces emit.
+    """
+
+    materials: Mapping[str, Material]
+    assets: Mapping[str, Asset]
+    placements: tuple[Placement, ...]
+    lighting: Lighting | None = None
+    triangle_count: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Count triangles as placed, and refuse dangling names."""
+        for placement in self.placements:
+            if placement.asset not in self.assets:
+                raise ValueError(f"placement of {placement.asset!r}: no such asset in the scene")
+        for name, asset in self.assets.items():
+            missing = asset.parts.keys() - self.materials.keys()
+            if missing:
+                raise ValueError(f"asset {name!r}: no material {sorted(missing)} in the scene")
+        faces = {
+            name: sum(len(mesh.faces) for mesh in asset.parts.values())
+            for name, asset in self.assets.items()
+        }
+        object.__setattr__(
+            self, "triangle_count", sum(faces[placement.asset] for placement in self.placements)
+        )

@@ -1,0 +1,47 @@
+"""A piecewise linear function of wavelength, constant beyond its ends."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Values at wavelengths, linear between them and constant beyond the first and last.
+
+    Attributes
+    ----------
+    wavelengths_nm : tuple of float
+        Strictly increasing, nm.
+    values : tuple of float
+        Same length; the unit is the owner's (reflectance: 1; radiance: W·m⁻²·sr⁻¹·nm⁻¹).
+    """
+
+    wavelengths_nm: tuple[float, ...]
+    values: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Refuse tables that are not functions."""
+        if len(self.wavelengths_nm) != len(self.values) or not self.values:
+            raise ValueError(
+                f"spectrum: {len(self.wavelengths_nm)} wavelengths for {len(self.values)} values; "
+                "give one value per wavelength"
+            )
+        if np.any(np.diff(self.wavelengths_nm) <= 0):
+            raise ValueError(f"spectrum: wavelengths {self.wavelengths_nm} must increase")
+        if not np.all(np.isfinite(self.values)) or min(self.values) < 0:
+            raise ValueError(f"spectrum: values {self.values} must be finite and non-negative")
+
+    def __call__(self, wavelength_nm: ArrayLike) -> NDArray[np.float64]:
+        """Value at each wavelength (nm)."""
+        return np.interp(wavelength_nm, self.wavelengths_nm, self.values)
+
+    def scaled(self, factor: float) -> "Spectrum":
+        """Return the same shape times a non-negative factor."""
+        return Spectrum(self.wavelengths_nm, tuple(float(factor * v) for v in self.values))
+
+
+def flat(value: float) -> Spectrum:
+    """Return the spectrum that is `value` at every wavelength."""
+    return Spectrum((550.0,), (value,))
