@@ -1,13 +1,13 @@
 """A scene as plain frozen data: materials, shapes, where they stand and what lights them.
 
-World coordinates are right-handed meters with z up. Nothing here knows the renderer: `render` merges the
-placed meshes by material and keeps the table that leads from a triangle back to its object.
+World coordinates are right-handed meters with z up. Nothing here knows the renderer: `render`
+merges the placed meshes by material and keeps the table from a triangle back to its object.
 
 An object id is the position in `Scene.placements` plus one; 0 means that nothing was hit.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import trimesh
@@ -53,17 +53,17 @@ class Material:
 
 @dataclass(frozen=True)
 class Emission:
-    """Radiance leaving a surface: pattern(u, v) · radiance(λ).
+    """Radiance leaving a surface, the same at every wavelength: pattern(u, v) · radiance.
 
     Attributes
     ----------
-    radiance : Spectrum
+    radiance : float
         W·m⁻²·sr⁻¹·nm⁻¹ where the pattern is 1.
     pattern : (H, W) float32, optional
         Non-negative factor over the uv square; row 0 is v = 0. None means 1.
     """
 
-    radiance: Spectrum
+    radiance: float
     pattern: NDArray[np.float32] | None = None
 
 
@@ -152,10 +152,9 @@ class Scene:
     assets: Mapping[str, Asset]
     placements: tuple[Placement, ...]
     lighting: Lighting | None = None
-    triangle_count: int = field(init=False)
 
     def __post_init__(self) -> None:
-        """Count triangles as placed, and refuse dangling names."""
+        """Refuse dangling names."""
         for placement in self.placements:
             if placement.asset not in self.assets:
                 raise ValueError(f"placement of {placement.asset!r}: no such asset in the scene")
@@ -163,10 +162,12 @@ class Scene:
             missing = asset.parts.keys() - self.materials.keys()
             if missing:
                 raise ValueError(f"asset {name!r}: no material {sorted(missing)} in the scene")
+
+    @property
+    def triangle_count(self) -> int:
+        """Number of triangles as placed."""
         faces = {
             name: sum(len(mesh.faces) for mesh in asset.parts.values())
             for name, asset in self.assets.items()
         }
-        object.__setattr__(
-            self, "triangle_count", sum(faces[placement.asset] for placement in self.placements)
-        )
+        return sum(faces[placement.asset] for placement in self.placements)

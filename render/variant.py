@@ -1,0 +1,171 @@
+"""Which Mitsuba variant runs: cuda, else llvm, else scalar, without ever risking the process.
+
+libLLVM 15 and 16 load and then abort the whole process from inside Dr.Jit, which no `except` can
+catch. So a library is let in only after its own `LLVMGetVersion` said that it is known to work
+(Dr.Jit 1.5: 19 and newer; 17 and 18 are untried), and its path is handed to Dr.Jit. The CUDA driver is
+asked for a device in the same manner before a CUDA variant is tried.
+"""
+
+import ctypes
+import os
+import re
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Literal
+
+MINIMUM_LLVM = 19
+
+Backend = Literal["auto", "cuda", "llvm", "scalar"]
+
+_LIBRARY_FOLDERS = {
+    "linux": (
+        "/usr/lib/*-linux-gnu",
+        "/usr/lib64",
+        "/usr/lib",
+        "/usr/local/lib",
+        "/usr/lib/llvm-*/lib",
+    ),
+    "darwin": ("/opt/homebrew/opt/llvm*/lib", "/usr/local/opt/llvm*/lib"),
+}
+
+
+@dataclass(frozen=True)
+class Variant:
+    """The variant in use, why, and what would make it faster.
+
+    Attributes
+    ----------
+    name : str
+        Mitsuba's name, such as "llvm_ad_spectral".
+    reason : str
+        One clause for a person.
+    advice : str
+        What would make rendering faster; empty when nothing would.
+    """
+
+    name: str
+    reason: str
+    advice: str = ""
+
+    @property
+    def is_scalar(self) -> bool:
+        """Whether Mitsuba handles one ray at a time."""
+        return self.name.startswith("scalar")
+
+    def __str__(self) -> str:
+        return f"{self.name} ({self.reason})" + (f"; {self.advice}" if self.advice else "")
+
+
+def choose_variant(backend: Backend = "auto") -> Variant:
+    """Choose the fastest spectral variant that cannot abort the process.
+
+    Parameters
+    ----------
+    backend : {"auto", "cuda", "llvm", "scalar"}
+        "auto" takes the first that works; a named one is taken or refused.
+
+    Raises
+    ------
+    ValueError
+        When the named backend is not usable here.
+    """
+    if backend in ("auto", "cuda"):
+        if has_cuda_device():
+            return Variant("cuda_ad_spectral", "a CUDA device with OptiX answered")
+        if backend == "cuda":
+            raise ValueError(
+                "render.backend 'cuda': no CUDA driver with a device and OptiX answers here; "
+                "use 'auto', 'llvm' or 'scalar'"
+            )
+    if backend in ("auto", "llvm"):
+        library, found = find_llvm()
+        if library:
+            os.environ["DRJIT_LIBLLVM_PATH"] = library
+            return Variant("llvm_ad_spectral", f"{Path(library).name}, LLVM {found}")
+        if backend == "llvm":
+            raise ValueError(
+                f"render.backend 'llvm': {found}; install LLVM {MINIMUM_LLVM} or newer "
+                "(Debian: apt-get install libllvm19) or use 'scalar'"
+            )
+        return Variant(
+            "scalar_spectral",
+            found,
+            f"LLVM {MINIMUM_LLVM} or newer would render about 1.5 times as fast "
+            "(Debian: apt-get install libllvm19)",
+        )
+    return Variant("scalar_spectral", "as asked")
+
+
+def activate(variant: Variant) -> None:
+    """Make Mitsuba use the variant from here on."""
+    import mitsuba as mi
+
+    if mi.variant() != variant.name:
+        mi.set_variant(variant.name)
+
+
+@cache
+def find_llvm() -> tuple[str, str]:
+    """Find a libLLVM that Dr.Jit can use.
+
+    Returns
+    -------
+    library : str
+        Its path, empty when there is none.
+    found : str
+        Its version, or why there is none.
+    """
+    asked = os.environ.get("DRJIT_LIBLLVM_PATH")
+    candidates = [Path(asked)] if asked else sorted(_llvm_libraries(), key=_newest_first)
+    for library in candidates:
+        version = llvm_version(library)
+        if version and version[0] >= MINIMUM_LLVM:
+            return str(library), ".".join(map(str, version))
+    where = f"DRJIT_LIBLLVM_PATH={asked}" if asked else "libLLVM"
+    if candidates:
+        return "", f"{where} is older than {MINIMUM_LLVM}, which would abort the process"
+    return "", "no libLLVM found"
+
+
+def llvm_version(library: Path) -> tuple[int, int, int] | None:
+    """Ask a library for its LLVM version; None where it cannot be loaded or predates LLVM 16."""
+    numbers = tuple(ctypes.c_uint() for _ in range(3))
+    try:
+        ctypes.CDLL(str(library)).LLVMGetVersion(*map(ctypes.byref, numbers))
+    except (OSError, AttributeError):
+        return None
+    return numbers[0].value, numbers[1].value, numbers[2].value
+
+
+def has_cuda_device() -> bool:
+    """Whether the CUDA driver reports a device and OptiX is installed beside it."""
+    names = {"linux": ("libcuda.so.1", "libnvoptix.so.1"), "win32": ("nvcuda.dll", "nvoptix.dll")}
+    if sys.platform not in names:
+        return False
+    count = ctypes.c_int(0)
+    try:
+        cuda, _ = (ctypes.CDLL(name) for name in names[sys.platform])
+        failed = cuda.cuInit(0) or cuda.cuDeviceGetCount(ctypes.byref(count))
+    except (OSError, AttributeError):
+        return False
+    return not failed and count.value > 0
+
+
+def _llvm_libraries() -> Iterable[Path]:
+    seen = set()
+    for pattern in _LIBRARY_FOLDERS.get(sys.platform, ()):
+        for folder in Path("/").glob(pattern.lstrip("/")):
+            for library in folder.glob("*LLVM*"):
+                is_core = re.fullmatch(r"(lib)?LLVM(-C|-\d+)?\.(so|dylib|dll)[\d.]*", library.name)
+                if is_core and library.resolve() not in seen:
+                    seen.add(library.resolve())
+                    yield library.resolve()
+
+
+def _newest_first(library: Path) -> tuple[int, str]:
+    number = re.search(r"\d+", library.name) or re.search(r"llvm-(\d+)", str(library))
+    digits = re.sub(r"\D", "", number.group()) if number else "0"
+    return -int(digits), str(library)
