@@ -1,7 +1,7 @@
 """Placed shapes to one mesh per material, with the table that leads from a triangle to its object.
 
-Merging, not instancing: in Mitsuba's vectorized variants every instance is compiled as its own callable,
-and a hundred of them already cost seconds per frame.
+Merging, not instancing: in Mitsuba's vectorized variants every instance is compiled as its own
+callable, and a hundred of them already cost seconds per frame.
 """
 
 from dataclasses import dataclass
@@ -92,6 +92,6 @@ def _uv(mesh: trimesh.Trimesh, material: str, asset: str) -> NDArray[np.float64]
     uv = getattr(mesh.visual, "uv", None)
     if uv is None:
         raise ValueError(
-            f"asset {asset!r}: material {material!r} is patterned but the mesh has no uv coordinates"
+            f"asset {asset!r}: material {material!r} is patterned, but its mesh has no uv"
         )
     return np.asarray(uv)

@@ -1,8 +1,8 @@
 """Scene data to a loaded Mitsuba scene: materials, merged meshes, lights, film and sensor.
 
-Every spectral quantity is handed over as it is (spectral variants apply no color conversion). A film
-channel is the integral of radiance against a box of height 1/width, so that it reads the band mean in
-W·m⁻²·sr⁻¹·nm⁻¹.
+Every spectral quantity is handed over as it is (spectral variants apply no color conversion). A
+film channel is the integral of radiance against a box of height 1/width, so that it reads the band
+mean in W·m⁻²·sr⁻¹·nm⁻¹.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,8 +1,8 @@
 """Trace our own rays through a loaded scene: nearest hits and visibility, in any variant.
 
-Mitsuba's camera samples start on the near plane and are jittered, and its interpolated hit points are
-off by up to 1e-2 px; distances along our own rays keep float32's full accuracy. Scalar variants take
-one ray per call, vectorized ones all at once.
+Mitsuba's camera samples start on the near plane and are jittered, and its interpolated hit points
+are off by up to 1e-2 px; distances along our own rays keep float32's full accuracy. Scalar variants
+take one ray per call, vectorized ones all at once.
 """
 
 from dataclasses import dataclass
@@ -52,7 +52,7 @@ def nearest_hits(scene: Any, origin: Float64, directions: Float64) -> Hits:
 def is_hidden(
     scene: Any, origin: Float64, directions: Float64, distances: Float64
 ) -> NDArray[np.bool_]:
-    """Whether anything stands before `distances` (N,) along unit directions (N, 3) from origin (3,)."""
+    """Whether anything is nearer than `distances` (N,) along directions (N, 3) from origin (3,)."""
     limits = np.minimum(distances * (1 - VISIBILITY_MARGIN), np.finfo(np.float32).max)
     if mi.variant().startswith("scalar"):
         return _is_hidden_scalar(scene, origin, directions, limits)

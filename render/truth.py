@@ -1,12 +1,12 @@
 """Ground truth of one frame from rays through the pixel centers.
 
-A surface point P = o + t·d is found with t from the renderer's own geometry and d in float64; its flow
-is where the other camera sees P, minus the pixel center. Points at infinity (the sky) move by rotation
-alone. Whether the other camera sees P is decided by a visibility ray, not by comparing depths, which
-misjudges more pixels than are truly hidden.
+A surface point P = o + t·d is found with t from the renderer's own geometry and d in float64; its
+flow is where the other camera sees P, minus the pixel center. Points at infinity (the sky) move by
+rotation alone. Whether the other camera sees P is decided by a visibility ray, not by comparing
+depths, which misjudges more pixels than are truly hidden.
 
-Flow is in px of the stored image, +x right, +y down; NaN where the other camera has the point behind
-it. The world is at rest: only the camera moves.
+Flow is in px of the stored image, +x right, +y down; NaN where the other camera has the point
+behind it. The world is at rest: only the camera moves.
 """
 
 from collections.abc import Sequence
@@ -89,7 +89,7 @@ class SurfacePoints:
     distance: Float64
 
     def seen_from(self, origin: Float64) -> Float64:
-        """Vectors (N, 3) from another origin to the points; for points at infinity their direction."""
+        """Vectors (N, 3) from another origin to the points; directions for points at infinity."""
         at_infinity = np.isinf(self.distance)[:, None]
         reach = np.where(at_infinity, 1.0, self.distance[:, None])
         offset = np.where(at_infinity, 0.0, self.origin - origin)

@@ -2,8 +2,8 @@
 
 libLLVM 15 and 16 load and then abort the whole process from inside Dr.Jit, which no `except` can
 catch. So a library is let in only after its own `LLVMGetVersion` said that it is known to work
-(Dr.Jit 1.5: 19 and newer; 17 and 18 are untried), and its path is handed to Dr.Jit. The CUDA driver is
-asked for a device in the same manner before a CUDA variant is tried.
+(Dr.Jit 1.5: 19 and newer; 17 and 18 are untried), and its path is handed to Dr.Jit. The CUDA driver
+is asked for a device in the same manner before a CUDA variant is tried.
 """
 
 import ctypes

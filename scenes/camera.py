@@ -1,7 +1,7 @@
 """The pinhole camera.
 
-Camera axes are those of computer vision: +x right, +y down, +z forward. Continuous image coordinates
-put the center of the pixel in column i and row j at (i + 0.5, j + 0.5).
+Camera axes are those of computer vision: +x right, +y down, +z forward. Continuous image
+coordinates put the center of the pixel in column i and row j at (i + 0.5, j + 0.5).
 """
 
 import math

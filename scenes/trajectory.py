@@ -62,8 +62,8 @@ class Trajectory(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     def poses(self) -> NDArray[np.float64]:
         """Camera-to-world matrices (T, 4, 4).
 
-        Positions are rounded to float32, the renderer's precision: the stored pose is the pose that was
-        rendered, also far from the origin.
+        Positions are rounded to float32, the renderer's precision: the stored pose is the pose that
+        was rendered, also far from the origin.
         """
         times = self.times_s
         up = np.asarray(self.up) / np.linalg.norm(self.up)

@@ -1,0 +1,148 @@
+"""Radiance and ground truth to OpenEXR files and back, one part each, float32 throughout, ZIP.
+
+Radiance follows the spectral layout of Fichet, Pacanowski and Wilkie (JCGT 10(3), 2021): one
+channel `S0.<center>nm` per band, the decimal sign a comma. The band edges, which that layout does
+not know, stand in the header as `bandEdgesNm`, the unit in `emissiveUnits`.
+
+A file appears whole or not at all.
+"""
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+from numpy.typing import NDArray
+
+from megalopta.render.truth import Truth
+
+RADIANCE_UNIT = "W.m^-2.sr^-1.nm^-1"
+
+Bands = Sequence[tuple[float, float]]
+
+_TRUTH_CHANNELS: Mapping[str, tuple[str, ...]] = {
+    "depth": ("depth.Z",),
+    "normal": ("normal.X", "normal.Y", "normal.Z"),
+    "object_id": ("objectId",),
+    "flow_forward": ("forward.u", "forward.v"),
+    "flow_backward": ("backward.u", "backward.v"),
+    "occluded_forward": ("forward.occluded",),
+    "occluded_backward": ("backward.occluded",),
+}
+
+_TRUTH_ATTRIBUTES = {
+    "depthUnit": "m along the optical axis, inf for the sky",
+    "flowUnit": "px of this image, u right, v down, NaN where undefined",
+    "normalAxes": "world, toward the camera, NaN for the sky",
+    "objectIdMeaning": "1-based index of the placement, 0 for the sky",
+}
+
+
+def write_radiance(
+    path: Path,
+    radiance: NDArray[np.float32],
+    bands_nm: Bands,
+    attributes: Mapping[str, str] | None = None,
+) -> None:
+    """Write spectral radiance (H, W, B), W·m⁻²·sr⁻¹·nm⁻¹, with its band edges (nm)."""
+    if radiance.ndim != 3 or radiance.shape[-1] != len(bands_nm):
+        raise ValueError(
+            f"radiance of shape {radiance.shape} for {len(bands_nm)} bands: give (H, W, bands)"
+        )
+    channels = {
+        _channel_name(band): np.ascontiguousarray(radiance[..., index], np.float32)
+        for index, band in enumerate(bands_nm)
+    }
+    edges = " ".join(f"{lower!r}-{upper!r}" for lower, upper in np.asarray(bands_nm).tolist())
+    header = {
+        "spectralLayoutVersion": "1.0",
+        "emissiveUnits": RADIANCE_UNIT,
+        "bandEdgesNm": edges,
+        **(attributes or {}),
+    }
+    _write(path, channels, header)
+
+
+def read_radiance(path: Path) -> tuple[NDArray[np.float32], tuple[tuple[float, float], ...]]:
+    """Read spectral radiance (H, W, B), W·m⁻²·sr⁻¹·nm⁻¹, and its band edges (nm).
+
+    Raises
+    ------
+    ValueError
+        When the file is no EXR or not a radiance file of this layout.
+    """
+    header, channels = _read(path)
+    try:
+        pairs = [edge.split("-") for edge in str(header["bandEdgesNm"]).split()]
+        bands = tuple((float(lower), float(upper)) for lower, upper in pairs)
+        planes = [channels[_channel_name(band)] for band in bands]
+    except (KeyError, ValueError):
+        raise ValueError(
+            f"{path} is not a spectral-radiance EXR of this layout (bandEdgesNm and channels "
+            "S0.<center>nm); render it again"
+        ) from None
+    return np.stack(planes, axis=-1).astype(np.float32, copy=False), bands
+
+
+def write_truth(path: Path, truth: Truth, attributes: Mapping[str, str] | None = None) -> None:
+    """Write the ground truth of one frame."""
+    channels: dict[str, NDArray[np.float32] | NDArray[np.uint32]] = {}
+    for field, names in _TRUTH_CHANNELS.items():
+        values = getattr(truth, field)
+        values = values.astype(np.uint32) if values.dtype == bool else values
+        planes = values.reshape(*values.shape[:2], len(names))
+        channels |= {name: np.ascontiguousarray(planes[..., i]) for i, name in enumerate(names)}
+    _write(path, channels, {**_TRUTH_ATTRIBUTES, **(attributes or {})})
+
+
+def read_truth(path: Path) -> Truth:
+    """Read the ground truth of one frame.
+
+    Raises
+    ------
+    ValueError
+        When the file is no EXR or not a truth file of this layout.
+    """
+    _, channels = _read(path)
+    try:
+        fields = {
+            field: np.stack([channels[name] for name in names], axis=-1)
+            for field, names in _TRUTH_CHANNELS.items()
+        }
+    except KeyError as missing:
+        raise ValueError(f"{path} is not a truth EXR: channel {missing} is missing") from None
+    for field in ("depth", "object_id"):
+        fields[field] = fields[field][..., 0]
+    for field in ("occluded_forward", "occluded_backward"):
+        fields[field] = fields[field][..., 0].astype(bool)
+    return Truth(**fields)
+
+
+def _channel_name(band: tuple[float, float]) -> str:
+    return f"S0.{(band[0] + band[1]) / 2:.3f}nm".replace(".", ",").replace("S0,", "S0.")
+
+
+def _write(
+    path: Path, channels: Mapping[str, NDArray[np.generic]], header: Mapping[str, str]
+) -> None:
+    full_header = {
+        "compression": OpenEXR.ZIP_COMPRESSION,
+        "type": OpenEXR.scanlineimage,
+        **header,
+    }
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.part")
+    OpenEXR.File(full_header, dict(channels)).write(str(temporary))
+    os.replace(temporary, path)
+
+
+def _read(path: Path) -> tuple[dict[str, object], dict[str, NDArray[np.generic]]]:
+    if not path.is_file():
+        raise FileNotFoundError(f"{path}: no such file")
+    try:
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            pixels = {name: np.array(channel.pixels) for name, channel in file.channels().items()}
+            return dict(file.header()), pixels
+    except Exception as problem:  # OpenEXR raises RuntimeError, TypeError and others alike
+        raise ValueError(f"{path} cannot be read as EXR: {problem}") from problem

@@ -1,0 +1,101 @@
+"""The camera inside a cylinder whose wall glows with the 2-D sine grating of the flow benchmark.
+
+One frame of grating spans the horizontal field of view, counted in azimuth along the wall and in the
+same angular measure up the wall. Columns of a perspective image are not equidistant in azimuth, so
+"f cycles per frame" is met over the whole frame and exceeded at its center.
+"""
+
+import math
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, Field
+
+from megalopta.assets_gen.grating import (
+    GratingVariant,
+    moving_cycles,
+    open_cylinder,
+    sine_grating,
+)
+from megalopta.scenes.camera import PerspectiveCamera
+from megalopta.scenes.photometry import luminous
+from megalopta.scenes.scene import Asset, Emission, Material, Placement, Scene
+from megalopta.scenes.spectrum import flat
+
+_RADIUS_M = 10.0
+_TEXELS = 4096
+
+
+class Grating(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+    """The 2-D sine grating on a cylinder around the camera."""
+
+    kind: Literal["grating"] = "grating"
+    """Which scene this is."""
+
+    contrast: Annotated[float, Field(ge=0, le=1)] = 0.9
+    """Michelson contrast C."""
+
+    cycles_per_frame: Annotated[float, Field(gt=0)] = 5.0
+    """Spatial frequency f (cycles per horizontal field of view)."""
+
+    phases_rad: tuple[float, float] = (0.0, 0.0)
+    """Phases of the two factors (rad)."""
+
+    variant: GratingVariant = "periodic"
+    """rot: as the dissertation writes, √2·f moving cycles; periodic: exactly f."""
+
+
+def build_grating(
+    grating: Grating,
+    camera: PerspectiveCamera,
+    center_m: tuple[float, float, float],
+    illuminance_lux: float,
+) -> Scene:
+    """The glowing cylinder around a point (m).
+
+    Its mean luminance is that of a uniform sky of the given illuminance, its spectrum is flat.
+
+    Raises
+    ------
+    ValueError
+        When the moving part does not close around the cylinder, or the camera cannot resolve it.
+    """
+    fov = math.radians(camera.fov_deg)
+    _check_frequency(grating, camera)
+    half_height = 1.05 * camera.height / (2 * camera.focal_length_px)
+    u = (np.arange(_TEXELS) + 0.5) / _TEXELS
+    v = 2 * half_height * u[: _TEXELS // 4] * 4 - half_height
+    pattern = sine_grating(
+        x=-u[None, :] * 2 * math.pi / fov,
+        y=v[:, None] / fov,
+        contrast=grating.contrast,
+        cycles_per_frame=grating.cycles_per_frame,
+        phases_rad=grating.phases_rad,
+        variant=grating.variant,
+    )
+    radiance = illuminance_lux / math.pi / luminous(flat(1.0))
+    wall = open_cylinder(_RADIUS_M, 2 * half_height * _RADIUS_M)
+    to_world = np.eye(4)
+    to_world[:3, 3] = center_m
+    return Scene(
+        materials={"grating": Material(flat(0.0), None, Emission(radiance, pattern.astype("f4")))},
+        assets={"wall": Asset({"grating": wall})},
+        placements=(Placement("wall", "grating", to_world),),
+    )
+
+
+def _check_frequency(grating: Grating, camera: PerspectiveCamera) -> None:
+    cycles = moving_cycles(grating.cycles_per_frame, grating.variant)
+    around = cycles * 360 / camera.fov_deg
+    if cycles > camera.width / 2:
+        raise ValueError(
+            f"scene.cycles_per_frame {grating.cycles_per_frame:g}: {cycles:.3g} cycles over "
+            f"{camera.width} columns are beyond half a cycle per pixel; use a lower frequency"
+        )
+    if abs(around - round(around)) > 1e-6:
+        closing = grating.cycles_per_frame * round(around) / around
+        raise ValueError(
+            f"scene.cycles_per_frame {grating.cycles_per_frame:g} makes {around:.4g} cycles around "
+            f"the cylinder at a field of view of {camera.fov_deg:g}°, which does not close: "
+            f"use {closing:.8g}"
+        )

@@ -1,0 +1,133 @@
+"""Outdoor light in absolute units: named levels from daylight to an overcast night, or any lux.
+
+The level fixes what an unshaded horizontal plane receives. A share of it comes from the disc of sun or
+moon, the rest from a uniform sky; both have a Planckian spectrum. Levels after the dissertation, §1.1;
+color temperatures are typical measured values. Real skies have gradients, clouds and airglow lines,
+which this model leaves out.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Literal, get_args
+
+import numpy as np
+from pydantic import BaseModel, Field
+from scipy.constants import c, h, k
+
+from megalopta.scenes.photometry import luminous
+from megalopta.scenes.scene import Lighting, Sun
+from megalopta.scenes.spectrum import Spectrum
+
+LevelName = Literal[
+    "daylight", "twilight", "full_moon", "quarter_moon", "starlight", "overcast_night"
+]
+
+
+@dataclass(frozen=True)
+class Level:
+    """What a named light level means.
+
+    Attributes
+    ----------
+    illuminance_lux : float
+        On an unshaded horizontal plane.
+    color_temperature_k : float
+        Of sky and disc.
+    disc_fraction : float
+        Share of the illuminance that comes from the disc of sun or moon.
+    """
+
+    illuminance_lux: float
+    color_temperature_k: float
+    disc_fraction: float
+
+
+LEVELS: Mapping[LevelName, Level] = {
+    "daylight": Level(1e5, 6500.0, 0.8),
+    "twilight": Level(1.0, 9000.0, 0.0),
+    "full_moon": Level(0.25, 4100.0, 0.8),
+    "quarter_moon": Level(1e-2, 4100.0, 0.8),
+    "starlight": Level(1e-3, 4500.0, 0.0),
+    "overcast_night": Level(1e-4, 4500.0, 0.0),
+}
+
+
+class Light(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+    """The light outside: a named level, any part of which can be overridden."""
+
+    level: LevelName = "twilight"
+    """Named light level: sets illuminance, color and the share of the disc."""
+
+    illuminance_lux: Annotated[float, Field(gt=0)] | None = None
+    """Illuminance of an unshaded horizontal plane (lux); None takes the level's."""
+
+    color_temperature_k: Annotated[float, Field(ge=1000, le=40000)] | None = None
+    """Temperature of the Planckian spectrum (K); None takes the level's."""
+
+    disc_fraction: Annotated[float, Field(ge=0, le=1)] | None = None
+    """Share of the illuminance from the disc of sun or moon; None takes the level's."""
+
+    disc_azimuth_deg: float = 120.0
+    """Direction of the disc, counterclockwise from +x (degrees)."""
+
+    disc_elevation_deg: Annotated[float, Field(gt=0, le=90)] = 50.0
+    """Height of the disc above the horizon (degrees)."""
+
+    def resolved(self) -> Level:
+        """The level with all overrides applied."""
+        named = LEVELS[self.level]
+        return Level(
+            _first(self.illuminance_lux, named.illuminance_lux),
+            _first(self.color_temperature_k, named.color_temperature_k),
+            _first(self.disc_fraction, named.disc_fraction),
+        )
+
+    def lighting(self) -> Lighting:
+        """Sky radiance and disc irradiance that give the level's illuminance."""
+        level = self.resolved()
+        shape = planckian(level.color_temperature_k)
+        horizontal = shape.scaled(level.illuminance_lux / luminous(shape))
+        elevation = math.radians(self.disc_elevation_deg)
+        azimuth = math.radians(self.disc_azimuth_deg)
+        direction = (
+            math.cos(elevation) * math.cos(azimuth),
+            math.cos(elevation) * math.sin(azimuth),
+            math.sin(elevation),
+        )
+        facing = horizontal.scaled(level.disc_fraction / math.sin(elevation))
+        return Lighting(
+            sky=horizontal.scaled((1 - level.disc_fraction) / math.pi),
+            sun=Sun(direction, facing) if level.disc_fraction else None,
+        )
+
+
+def planckian(temperature_k: float) -> Spectrum:
+    """Relative spectrum of a black body at 300 to 2000 nm, largest value 1 (Planck's law)."""
+    wavelengths_nm = np.concatenate([np.arange(300, 800, 10), np.arange(800, 2001, 50)])
+    meters = wavelengths_nm * 1e-9
+    values = meters**-5 / np.expm1(h * c / (meters * k * temperature_k))
+    values /= values.max()
+    return Spectrum(tuple(map(float, wavelengths_nm)), tuple(map(float, values)))
+
+
+def illuminance_of(level: str | float) -> float:
+    """Illuminance (lux) of a level given by name or directly in lux.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name or an illuminance that is not positive.
+    """
+    if isinstance(level, str):
+        if level not in LEVELS:
+            names = ", ".join(get_args(LevelName))
+            raise ValueError(f"light level {level!r} is unknown: use one of {names}, or lux")
+        return LEVELS[level].illuminance_lux
+    if not 0 < level < math.inf:
+        raise ValueError(f"light level {level} lux: give a positive illuminance")
+    return float(level)
+
+
+def _first(override: float | None, named: float) -> float:
+    return named if override is None else override
