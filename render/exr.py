@@ -7,7 +7,6 @@ not know, stand in the header as `bandEdgesNm`, the unit in `emissiveUnits`.
 A file appears whole or not at all.
 """
 
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -134,7 +133,7 @@ def _write(
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.part")
     OpenEXR.File(full_header, dict(channels)).write(str(temporary))
-    os.replace(temporary, path)
+    temporary.replace(path)
 
 
 def _read(path: Path) -> tuple[dict[str, object], dict[str, NDArray[np.generic]]]:

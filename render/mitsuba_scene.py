@@ -70,9 +70,9 @@ def sensor_transform(pose: NDArray[np.float64]) -> Any:
 
 
 def _lights(lighting: Lighting) -> dict[str, Any]:
-    lights: dict[str, Any] = {
-        "sky": {"type": "constant", "radiance": _spectrum(lighting.sky)},
-    }
+    lights: dict[str, Any] = {}
+    if max(lighting.sky.values):
+        lights["sky"] = {"type": "constant", "radiance": _spectrum(lighting.sky)}
     if lighting.sun:
         lights["sun"] = {
             "type": "directional",
@@ -136,6 +136,8 @@ def _bitmap(values: NDArray[np.float32]) -> dict[str, Any]:
 
 
 def _spectrum(spectrum: Spectrum) -> dict[str, Any]:
+    if not max(spectrum.values):
+        return {"type": "spectrum", "value": 0.0}  # a table without any mass is refused
     first, last = _SPECTRUM_LIMITS_NM
     table = [
         (first, spectrum.values[0]),

@@ -53,7 +53,10 @@ class Truth:
 
 @dataclass(frozen=True)
 class TriangleTable:
-    """Object id and geometric normal of every triangle, over all meshes in loading order."""
+    """Object id and geometric normal of every triangle, over all meshes in loading order.
+
+    Row 0 stands for "nothing was hit".
+    """
 
     first: NDArray[np.int64]
     object_id: NDArray[np.uint32]
@@ -62,12 +65,20 @@ class TriangleTable:
     @classmethod
     def of(cls, meshes: Sequence[MergedMesh]) -> "TriangleTable":
         """Collect the table of merged meshes."""
-        sizes = [len(mesh.faces) for mesh in meshes]
+        sizes = [1, *(len(mesh.faces) for mesh in meshes)]
+        normals = [mesh.face_normals().astype(np.float32) for mesh in meshes]
         return cls(
-            np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64),
-            np.concatenate([mesh.object_id for mesh in meshes]),
-            np.concatenate([mesh.face_normals().astype(np.float32) for mesh in meshes]),
+            np.cumsum(sizes),
+            np.concatenate([np.zeros(1, np.uint32), *(mesh.object_id for mesh in meshes)]),
+            np.concatenate([np.full((1, 3), np.nan, np.float32), *normals]),
         )
+
+    def rows(self, hits: rays.Hits) -> NDArray[np.int64]:
+        """Row of each hit; 0 where nothing was hit."""
+        hit = np.isfinite(hits.distance)
+        rows = np.zeros(len(hit), dtype=np.int64)
+        rows[hit] = self.first[hits.mesh[hit]] + hits.triangle[hit]
+        return rows
 
 
 @dataclass(frozen=True)
@@ -109,20 +120,17 @@ def frame_truth(
     axes = camera.directions().reshape(-1, 3)
     directions = axes @ pose[:3, :3].T
     hits = rays.nearest_hits(scene, pose[:3, 3], directions)
-    hit = np.isfinite(hits.distance)
     points = SurfacePoints(pose[:3, 3], directions, hits.distance)
-
-    triangle = np.zeros(len(hit), dtype=np.int64)
-    triangle[hit] = table.first[hits.mesh[hit]] + hits.triangle[hit]
-    facing = np.sign(np.einsum("ij,ij->i", table.normal[triangle], -directions))
-    normal = np.where(hit[:, None], table.normal[triangle] * facing[:, None], np.nan)
+    rows = table.rows(hits)
+    normal = table.normal[rows]
+    normal = normal * np.sign(np.einsum("ij,ij->i", normal, -directions))[:, None]
 
     forward, occluded_forward = _toward(scene, camera, points, next_pose)
     backward, occluded_backward = _toward(scene, camera, points, previous_pose)
     return Truth(
         depth=(hits.distance * axes[:, 2]).reshape(shape).astype(np.float32),
         normal=normal.reshape(*shape, 3).astype(np.float32),
-        object_id=np.where(hit, table.object_id[triangle], 0).reshape(shape).astype(np.uint32),
+        object_id=table.object_id[rows].reshape(shape),
         flow_forward=forward,
         flow_backward=backward,
         occluded_forward=occluded_forward,

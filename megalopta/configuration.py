@@ -1,0 +1,267 @@
+"""One frozen configuration for a sequence: YAML file, command line, provenance record.
+
+A YAML file gives any part of it; the rest has defaults. On the command line a field is named by its
+path, `--scene.trees 200`, and its value is read as YAML.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any
+
+import yaml
+from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
+
+from megalopta.errors import UserError, one_sentence
+from megalopta.flow import METHODS, BenchmarkSettings
+from megalopta.render.renderer import RenderSettings, check_sample_count
+from megalopta.scenes.camera import PerspectiveCamera
+from megalopta.scenes.forest import Forest
+from megalopta.scenes.grating import Grating
+from megalopta.scenes.light import Light, illuminance_of
+from megalopta.scenes.trajectory import Trajectory
+from megalopta.sensor import PRESETS, Sensor, check_bands
+
+LightLevel = float | str
+
+
+class Configuration(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+    """A sequence: what is seen, how it is rendered, sensed and measured."""
+
+    name: str = "forest"
+    """Name of the sequence and of its folders: letters, digits, dash and underscore."""
+
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Seed of rendering noise and photon arrivals; 0 is a seed like any other."""
+
+    scene: Annotated[Forest | Grating, Field(discriminator="kind")] = Forest()
+    """What stands there."""
+
+    light: Light = Light()
+    """The light that the scene is rendered under."""
+
+    camera: PerspectiveCamera = PerspectiveCamera()
+    """Image size and field of view."""
+
+    trajectory: Trajectory = Trajectory()
+    """How the camera moves."""
+
+    render: RenderSettings = RenderSettings()
+    """Samples, depth, bands and backend."""
+
+    light_levels: Annotated[tuple[LightLevel, ...], Field(min_length=1)] = (
+        "twilight",
+        "full_moon",
+        "quarter_moon",
+        "starlight",
+    )
+    """Levels to sense at, by name or in lux: the rendered light is scaled, its color kept."""
+
+    sensors: Annotated[tuple[Sensor, ...], Field(min_length=1)] = (
+        PRESETS["spadcam"],
+        PRESETS["ideal"],
+    )
+    """Sensors to expose. In YAML a preset's name, or a mapping with `preset` and changes to it."""
+
+    methods: Annotated[tuple[str, ...], Field(min_length=1)] = tuple(METHODS)
+    """Motion detectors to run."""
+
+    benchmark: BenchmarkSettings = BenchmarkSettings()
+    """The search for the photons that each detector needs."""
+
+    @field_validator("name")
+    @classmethod
+    def _name_is_a_folder(cls, name: str) -> str:
+        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]*", name):
+            raise ValueError(f"{name!r} cannot name a folder: use letters, digits, - and _")
+        return name
+
+    @field_validator("light_levels")
+    @classmethod
+    def _levels_are_known(cls, levels: tuple[LightLevel, ...]) -> tuple[LightLevel, ...]:
+        for level in levels:
+            illuminance_of(level)
+        if len(set(map(str, levels))) < len(levels):
+            raise ValueError(f"{list(levels)}: each level once")
+        return levels
+
+    @field_validator("sensors", mode="before")
+    @classmethod
+    def _sensors_by_preset(cls, sensors: Any) -> Any:
+        if isinstance(sensors, str) or not isinstance(sensors, Sequence):
+            return sensors
+        return tuple(_resolve_sensor(sensor) for sensor in sensors)
+
+    @field_validator("methods")
+    @classmethod
+    def _methods_are_known(cls, methods: tuple[str, ...]) -> tuple[str, ...]:
+        for method in methods:
+            if method not in METHODS:
+                raise ValueError(f"{method!r} is unknown: use some of {', '.join(METHODS)}")
+        return methods
+
+    @model_validator(mode="after")
+    def _parts_fit(self) -> "Configuration":
+        check_sample_count(self.camera, self.render)
+        if self.trajectory.frames < 2:
+            raise ValueError("trajectory.frames 1: motion needs at least 2 frames")
+        names = [sensor.name for sensor in self.sensors]
+        if len(set(names)) < len(names):
+            raise ValueError(f"sensors {names}: give each sensor a name of its own")
+        period = 1 / self.trajectory.frame_rate_hz
+        for sensor in self.sensors:
+            check_bands(self.render.bands_nm, sensor)
+            if sensor.exposure_s > period * (1 + 1e-9):
+                raise ValueError(
+                    f"sensor {sensor.name!r}: exposure_s {sensor.exposure_s:g} is longer than a "
+                    f"frame at trajectory.frame_rate_hz {self.trajectory.frame_rate_hz:g}; "
+                    f"use at most {period:g}"
+                )
+        return self
+
+
+def _resolve_sensor(sensor: Any) -> Any:
+    if isinstance(sensor, str):
+        sensor = {"preset": sensor}
+    if not isinstance(sensor, Mapping) or "preset" not in sensor:
+        return sensor
+    name = sensor["preset"]
+    if name not in PRESETS:
+        raise ValueError(f"preset {name!r} is unknown: use one of {', '.join(PRESETS)}")
+    changes = {key: value for key, value in sensor.items() if key != "preset"}
+    return _merged(PRESETS[name].model_dump(mode="json"), changes)
+
+
+def _merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    result = dict(base)
+    for key, value in changes.items():
+        both = isinstance(value, Mapping) and isinstance(base.get(key), Mapping)
+        result[key] = _merged(base[key], value) if both else value
+    return result
+
+
+def built_in_names() -> list[str]:
+    """Names of the configurations that come with the program."""
+    folder = resources.files("megalopta")
+    return sorted(
+        Path(entry.name).stem for entry in folder.iterdir() if entry.name.endswith(".yaml")
+    )
+
+
+def load(source: str, overrides: Mapping[str, str] | None = None) -> Configuration:
+    """Read a built-in configuration by name, or a YAML file, and apply overrides.
+
+    Parameters
+    ----------
+    source : str
+        Name of a built-in configuration or path of a YAML file.
+    overrides : mapping, optional
+        Field path, such as "scene.trees", to a value in YAML.
+
+    Raises
+    ------
+    UserError
+        With one sentence that names field, value and remedy.
+    """
+    if source in built_in_names():
+        text = resources.files("megalopta").joinpath(f"{source}.yaml").read_text("utf-8")
+    else:
+        text = _read_file(Path(source))
+    return parse(text, source, overrides)
+
+
+def parse(
+    text: str, source: str, overrides: Mapping[str, str] | None = None
+) -> Configuration:
+    """Configuration from YAML text; `source` names it in errors. Raises UserError."""
+    values = _safe_yaml(text, source)
+    if values is None:
+        values = {}
+    if not isinstance(values, dict):
+        raise UserError(f"{source}: a configuration is a mapping of keys to values")
+    configuration = _validated(values, source)
+    if not overrides:
+        return configuration
+    changed = configuration.model_dump(mode="json")
+    for path, value in overrides.items():
+        _set(changed, path, _safe_yaml(value, f"--{path}"))
+    return _validated(changed, "command line")
+
+
+def to_yaml(configuration: BaseModel) -> str:
+    """Complete YAML of a configuration; reading it back gives an equal one."""
+    return yaml.safe_dump(
+        configuration.model_dump(mode="json"), sort_keys=False, allow_unicode=True, width=100
+    )
+
+
+def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
+    """Lines "path: old → new" for every value that differs between two dumped configurations."""
+    before, after = dict(_leaves(old)), dict(_leaves(new))
+    return [
+        f"{path}: {before.get(path, 'absent')} → {after.get(path, 'absent')}"
+        for path in {**before, **after}
+        if before.get(path, ...) != after.get(path, ...)
+    ]
+
+
+def _leaves(values: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    if isinstance(values, Mapping):
+        for key, value in values.items():
+            yield from _leaves(value, f"{path}.{key}" if path else str(key))
+    elif isinstance(values, list) and any(isinstance(value, Mapping) for value in values):
+        for index, value in enumerate(values):
+            yield from _leaves(value, f"{path}.{index}")
+    else:
+        yield path, values
+
+
+def _read_file(path: Path) -> str:
+    try:
+        return path.read_text("utf-8")
+    except (OSError, UnicodeDecodeError):
+        names = ", ".join(built_in_names())
+        raise UserError(
+            f"{path}: no such configuration; give a YAML file or one of {names}"
+        ) from None
+
+
+def _safe_yaml(text: str, source: str) -> Any:
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError as problem:
+        first_line = " ".join(str(problem).split())
+        raise UserError(f"{source}: not valid YAML: {first_line}") from None
+
+
+def _validated(values: Any, source: str) -> Configuration:
+    try:
+        return Configuration.model_validate(values)
+    except ValidationError as error:
+        raise UserError(f"{source}: {one_sentence(error, Configuration)}") from None
+
+
+def _set(values: Any, path: str, value: Any) -> None:
+    """Set a value inside nested mappings and lists; a new `kind` starts its mapping afresh."""
+    *parents, last = path.split(".")
+    for step in parents:
+        values = _child(values, step, path)
+    if isinstance(values, list):
+        _child(values, last, path)
+        values[int(last)] = value
+    elif isinstance(values, dict):
+        if last == "kind" and values.get("kind") != value:
+            values.clear()
+        values[last] = value
+    else:
+        raise UserError(f"--{path}: {'.'.join(parents)} has no fields")
+
+
+def _child(values: Any, step: str, path: str) -> Any:
+    if isinstance(values, list) and step.isdecimal() and int(step) < len(values):
+        return values[int(step)]
+    if isinstance(values, dict) and step in values:
+        return values[step]
+    known = list(values) if isinstance(values, dict) else range(len(values or ()))
+    raise UserError(f"--{path}: no field {step!r}; there is {', '.join(map(str, known))}")

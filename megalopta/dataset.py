@@ -1,0 +1,275 @@
+"""The dataset on disk: one folder, MPI-Sintel's tree with what Sintel lacks beside it.
+
+    dataset.yaml                 the whole configuration and the version that made it
+    manifest.jsonl               one line per finished stage of a sequence, with file hashes
+    timings.json                 seconds each stage took
+    training/clean|final/SEQ/    tone-mapped radiance | counts, PNG
+    training/flow|occlusions|invalid|depth|camdata_left/SEQ/
+    radiance|truth/SEQ/          EXR
+    counts/SEQ/SENSOR-LEVEL.zarr
+    results/SEQ/                 detector responses, errors, photon benchmark
+
+A stage begins by agreeing with the configuration of everything that is already there; where they
+differ it is refused with the differences, unless the user asks to redo it.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import ValidationError
+
+from megalopta import __version__, files
+from megalopta.configuration import Configuration, differences, to_yaml
+from megalopta.errors import UserError, one_sentence
+
+# Which parts of the configuration a stage's output depends on, beside those of the stages before it.
+STAGE_FIELDS: Mapping[str, tuple[str, ...]] = {
+    "render": ("name", "seed", "scene", "light", "camera", "trajectory", "render"),
+    "sense": ("light_levels", "sensors"),
+    "flow": ("methods",),
+    "bench": ("methods", "benchmark"),
+}
+STAGE_NEEDS: Mapping[str, tuple[str, ...]] = {
+    "render": (),
+    "sense": ("render",),
+    "flow": ("render", "sense"),
+    "bench": ("render",),
+}
+STAGES = tuple(STAGE_FIELDS)
+
+LICENSE = "CC0-1.0"
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """Paths and bookkeeping of one dataset folder.
+
+    Attributes
+    ----------
+    root : Path
+        The folder.
+    configuration : Configuration
+        What its content was, or will be, made from.
+    """
+
+    root: Path
+    configuration: Configuration
+
+    @property
+    def sequence(self) -> str:
+        """Name of the sequence."""
+        return self.configuration.name
+
+    def frame(self, kind: str, index: int, suffix: str) -> Path:
+        """Path of one frame's file, such as frame("radiance", 0, "exr"); files count from 1."""
+        return self.root / kind / self.sequence / f"frame_{index + 1:04d}.{suffix}"
+
+    def radiance(self, index: int) -> Path:
+        """Spectral radiance of a frame."""
+        return self.frame("radiance", index, "exr")
+
+    def truth(self, index: int) -> Path:
+        """Ground truth of a frame."""
+        return self.frame("truth", index, "exr")
+
+    def counts(self, sensor: str, level: str | float) -> Path:
+        """Counts of one sensor at one light level."""
+        return self.root / "counts" / self.sequence / f"{exposure_name(sensor, level)}.zarr"
+
+    def result(self, name: str) -> Path:
+        """A file of the measurements."""
+        return self.root / "results" / self.sequence / name
+
+    def stage_folders(self, stage: str) -> list[Path]:
+        """Folders and files that a stage writes."""
+        training = [
+            self.root / "training" / kind / self.sequence
+            for kind in ("clean", "flow", "occlusions", "invalid", "depth", "camdata_left")
+        ]
+        return {
+            "render": [
+                *training,
+                self.root / "radiance" / self.sequence,
+                self.root / "truth" / self.sequence,
+            ],
+            "sense": [
+                self.root / "counts" / self.sequence,
+                self.root / "training/final" / self.sequence,
+            ],
+            "flow": [self.result("flow.json"), self.result("responses")],
+            "bench": [self.result("benchmark.json"), self.result("benchmark.csv")],
+        }[stage]
+
+    def has(self, stage: str) -> bool:
+        """Whether any output of a stage exists, finished or not."""
+        return any(path.exists() for path in self.stage_folders(stage))
+
+    def is_finished(self, stage: str) -> bool:
+        """Whether a stage was finished with this configuration."""
+        fingerprint = stage_hash(self.configuration, stage)
+        return any(
+            line["stage"] == stage
+            and line["sequence"] == self.sequence
+            and line["configuration"] == fingerprint
+            for line in self.manifest()
+        )
+
+    def require(self, stage: str) -> None:
+        """Refuse to go on when an earlier stage is not finished."""
+        if not self.is_finished(stage):
+            raise UserError(
+                f"{self.root}: stage {stage!r} is not finished here; "
+                f"run: megalopta {stage} {self.root}"
+            )
+
+    def manifest(self) -> list[dict[str, Any]]:
+        """Lines of the manifest: sequence, stage, configuration hash, file hashes."""
+        path = self.root / "manifest.jsonl"
+        if not path.exists():
+            return []
+        return [json.loads(line) for line in path.read_text("utf-8").splitlines() if line]
+
+    def timings(self) -> dict[str, float]:
+        """Seconds that each finished stage took."""
+        path = self.root / "timings.json"
+        return dict(json.loads(path.read_text("utf-8"))) if path.exists() else {}
+
+    def finish(self, stage: str, seconds: float) -> None:
+        """Enter a finished stage, with the hashes of its files, into the manifest."""
+        line = {
+            "sequence": self.sequence,
+            "stage": stage,
+            "configuration": stage_hash(self.configuration, stage),
+            "version": __version__,
+            "files": {
+                str(path.relative_to(self.root)): _file_hash(path)
+                for path in sorted(_files_in(self.stage_folders(stage)))
+            },
+        }
+        self._write_manifest([*self._manifest_without(stage), line])
+        files.write_json(self.root / "timings.json", {**self.timings(), stage: round(seconds, 3)})
+
+    def forget(self, stage: str) -> None:
+        """Remove a stage's output and that of every stage that needs it."""
+        for later in STAGES:
+            if stage in STAGE_NEEDS[later]:
+                self.forget(later)
+        self._write_manifest(self._manifest_without(stage))
+        for path in self.stage_folders(stage):
+            files.remove(path)
+
+    def _manifest_without(self, stage: str) -> list[dict[str, Any]]:
+        mine = (stage, self.sequence)
+        return [line for line in self.manifest() if (line["stage"], line["sequence"]) != mine]
+
+    def _write_manifest(self, lines: Iterable[Mapping[str, Any]]) -> None:
+        text = "".join(json.dumps(line) + "\n" for line in lines)
+        files.write_text(self.root / "manifest.jsonl", text)
+
+
+def open_dataset(root: Path) -> Dataset:
+    """Open an existing dataset with the configuration it was made from. Raises UserError."""
+    path = root / "dataset.yaml"
+    try:
+        values = dict(yaml.safe_load(path.read_text("utf-8"))["configuration"])
+        return Dataset(root, Configuration.model_validate(values))
+    except OSError:
+        raise UserError(f"{root}: no dataset here; make one with: megalopta render") from None
+    except ValidationError as error:
+        raise UserError(f"{path}: {one_sentence(error, Configuration)}") from None
+    except (yaml.YAMLError, TypeError, KeyError, ValueError):
+        raise UserError(f"{path} is damaged; render into a new folder") from None
+
+
+def begin_stage(
+    root: Path, configuration: Configuration, stage: str, redo: bool = False
+) -> Dataset:
+    """Make the folder ready for a stage, or refuse.
+
+    Everything already there must come from the same configuration. With `redo`, this stage's output
+    and whatever disagrees is removed first.
+    """
+    new = Dataset(root, configuration)
+    if not (root / "dataset.yaml").exists():
+        if root.exists() and (not root.is_dir() or any(root.iterdir())):
+            raise UserError(f"{root} exists and is no dataset; choose a new folder")
+        _write_configuration(new)
+        return new
+    old = open_dataset(root)
+    stale = [
+        other
+        for other in STAGES
+        if old.has(other)
+        and stage_configuration(old.configuration, other)
+        != stage_configuration(configuration, other)
+    ]
+    if stale and not redo:
+        changes = differences(
+            _union(old.configuration, stale), _union(configuration, stale)
+        )
+        more = f" and {len(changes) - 3} more" if len(changes) > 3 else ""
+        raise UserError(
+            f"{root} holds {' and '.join(stale)} output of another configuration "
+            f"({'; '.join(changes[:3])}{more}); choose another folder, or add --redo to replace it"
+        )
+    for other in [*stale, *([stage] if redo else [])]:
+        old.forget(other)
+    _write_configuration(new)
+    return new
+
+
+def exposure_name(sensor: str, level: str | float) -> str:
+    """Name of the counts of one sensor at one light level, such as "spadcam-starlight"."""
+    return f"{sensor}-{level if isinstance(level, str) else f'{level:g}lux'}"
+
+
+def stage_configuration(configuration: Configuration, stage: str) -> dict[str, Any]:
+    """The parts of a configuration that a stage's output depends on."""
+    fields = {
+        field
+        for needed in (*STAGE_NEEDS[stage], stage)
+        for field in STAGE_FIELDS[needed]
+    }
+    # The backend changes the speed, and rendering noise within its statistics, but not the content.
+    return configuration.model_dump(
+        mode="json", include=fields, exclude={"render": {"backend"}}
+    )
+
+
+def stage_hash(configuration: Configuration, stage: str) -> str:
+    """Fingerprint of everything a stage's output depends on."""
+    content = json.dumps(stage_configuration(configuration, stage), sort_keys=True)
+    return hashlib.blake2b(content.encode(), digest_size=16).hexdigest()
+
+
+def _union(configuration: Configuration, stages: Sequence[str]) -> dict[str, Any]:
+    return {
+        key: value
+        for stage in stages
+        for key, value in stage_configuration(configuration, stage).items()
+    }
+
+
+def _write_configuration(dataset: Dataset) -> None:
+    header = {"megalopta": __version__, "license": LICENSE}
+    body = {"configuration": yaml.safe_load(to_yaml(dataset.configuration))}
+    text = yaml.safe_dump({**header, **body}, sort_keys=False, allow_unicode=True, width=100)
+    files.write_text(dataset.root / "dataset.yaml", text)
+
+
+def _files_in(paths: Iterable[Path]) -> Iterable[Path]:
+    for path in paths:
+        if path.is_file():
+            yield path
+        else:
+            yield from (inner for inner in path.rglob("*") if inner.is_file())
+
+
+def _file_hash(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=16)).hexdigest()

@@ -1,0 +1,44 @@
+"""What runs here: versions, the rendering variant and what would make it faster."""
+
+import os
+import platform
+from importlib.metadata import version
+
+from megalopta import __version__
+from megalopta.render.variant import choose_variant
+
+PACKAGES = (
+    "mitsuba",
+    "drjit",
+    "OpenEXR",
+    "numpy",
+    "scipy",
+    "numba",
+    "scikit-image",
+    "trimesh",
+    "zarr",
+    "pydantic",
+    "matplotlib",
+)
+
+
+def versions() -> dict[str, str]:
+    """Version of the program, of Python and of every package that shapes a result."""
+    return {
+        "megalopta": __version__,
+        "python": platform.python_version(),
+        **{package: version(package) for package in PACKAGES},
+    }
+
+
+def describe() -> str:
+    """A few lines for a person."""
+    variant = choose_variant()
+    lines = [f"{name:<14}{number}" for name, number in versions().items()]
+    lines += [
+        f"{'machine':<14}{platform.platform()}, {os.cpu_count()} cores",
+        f"{'rendering':<14}{variant.name}: {variant.reason}",
+    ]
+    if variant.advice:
+        lines.append(f"{'faster':<14}{variant.advice}")
+    return "\n".join(lines)

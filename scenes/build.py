@@ -1,0 +1,25 @@
+"""Scene description to scene: shapes planted or drawn, light added."""
+
+from dataclasses import replace
+
+from megalopta.scenes.camera import PerspectiveCamera
+from megalopta.scenes.forest import Forest, build_forest
+from megalopta.scenes.grating import Grating, build_grating
+from megalopta.scenes.light import Light
+from megalopta.scenes.scene import Scene
+from megalopta.scenes.trajectory import Trajectory
+
+
+def build_scene(
+    description: Forest | Grating, light: Light, camera: PerspectiveCamera, trajectory: Trajectory
+) -> Scene:
+    """Build what a camera on a trajectory will see.
+
+    A forest keeps its trunks clear of the camera's path; a grating surrounds the camera's first
+    position and glows as brightly as a sky of the light's illuminance.
+    """
+    if isinstance(description, Grating):
+        lux = light.resolved().illuminance_lux
+        return build_grating(description, camera, trajectory.position_m, lux)
+    path = trajectory.poses()[:, :2, 3]
+    return replace(build_forest(description, path), lighting=light.lighting())
