@@ -1,0 +1,80 @@
+from dataclasses import fields
+
+import numpy as np
+import OpenEXR
+import pytest
+
+from megalopta.render.exr import read_radiance, read_truth, write_radiance, write_truth
+from megalopta.render.truth import Truth
+
+BANDS = ((900.0, 1000.0), (400.0, 450.5), (450.5, 500.0))
+
+
+def some_truth():
+    rng = np.random.default_rng(3)
+    h, w = 5, 7
+    flow = rng.normal(size=(h, w, 2)).astype(np.float32)
+    flow[0, 0] = np.nan
+    depth = np.full((h, w), np.inf, np.float32)
+    return Truth(
+        depth=depth,
+        normal=rng.normal(size=(h, w, 3)).astype(np.float32),
+        object_id=rng.integers(0, 2**32, (h, w), dtype=np.uint32),
+        flow_forward=flow,
+        flow_backward=-flow,
+        occluded_forward=rng.random((h, w)) < 0.5,
+        occluded_backward=rng.random((h, w)) < 0.5,
+    )
+
+
+def test_radiance_returns_bit_for_bit_with_its_bands_in_order(tmp_path):
+    radiance = (1e-9 * np.random.default_rng(1).random((5, 7, 3))).astype(np.float32)
+    write_radiance(tmp_path / "deep/a.exr", radiance, BANDS, {"illuminanceLux": "1"})
+    read, bands = read_radiance(tmp_path / "deep/a.exr")
+    assert read.tobytes() == radiance.tobytes()
+    assert bands == BANDS
+
+
+def test_header_states_unit_bands_and_given_attributes(tmp_path):
+    write_radiance(tmp_path / "a.exr", np.zeros((2, 2, 3), np.float32), BANDS, {"lux": "1"})
+    with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
+        header = dict(file.header())
+        assert {c.pixels.dtype for c in file.channels().values()} == {np.dtype(np.float32)}
+    assert header["emissiveUnits"] == "W.m^-2.sr^-1.nm^-1"
+    assert header["bandEdgesNm"] == "900.0-1000.0 400.0-450.5 450.5-500.0"
+    assert header["lux"] == "1"
+
+
+def test_truth_returns_bit_for_bit_with_nan_and_infinity(tmp_path):
+    truth = some_truth()
+    write_truth(tmp_path / "t.exr", truth)
+    read = read_truth(tmp_path / "t.exr")
+    for field in fields(Truth):
+        before, after = getattr(truth, field.name), getattr(read, field.name)
+        assert after.dtype == before.dtype
+        assert after.tobytes() == before.tobytes(), field.name
+
+
+def test_writing_leaves_no_partial_file(tmp_path):
+    write_truth(tmp_path / "t.exr", some_truth())
+    assert [path.name for path in tmp_path.iterdir()] == ["t.exr"]
+
+
+def test_foreign_broken_and_missing_files_are_refused_by_name(tmp_path):
+    (tmp_path / "text.exr").write_text("hello")
+    write_truth(tmp_path / "t.exr", some_truth())
+    whole = (tmp_path / "t.exr").read_bytes()
+    (tmp_path / "cut.exr").write_bytes(whole[:-50])
+    with pytest.raises(ValueError, match=r"text\.exr cannot be read as EXR"):
+        read_radiance(tmp_path / "text.exr")
+    with pytest.raises(ValueError, match=r"cut\.exr cannot be read as EXR"):
+        read_truth(tmp_path / "cut.exr")
+    with pytest.raises(ValueError, match=r"t\.exr is not a spectral-radiance EXR"):
+        read_radiance(tmp_path / "t.exr")
+    with pytest.raises(FileNotFoundError, match=r"none\.exr"):
+        read_truth(tmp_path / "none.exr")
+
+
+def test_bands_must_match_the_last_axis(tmp_path):
+    with pytest.raises(ValueError, match="3 bands"):
+        write_radiance(tmp_path / "a.exr", np.zeros((2, 2, 4), np.float32), BANDS)

@@ -1,0 +1,45 @@
+import math
+
+import numpy as np
+import pytest
+
+from megalopta.assets_gen.grating import open_cylinder, sine_grating
+from megalopta.scenes.camera import PerspectiveCamera
+from megalopta.scenes.grating import Grating, build_grating
+
+CAMERA = PerspectiveCamera(width=120, height=120, fov_deg=72)
+
+
+@pytest.mark.parametrize(("variant", "factor"), [("rot", math.sqrt(2)), ("periodic", 1.0)])
+def test_grating_is_one_moving_and_one_static_grating(variant, factor):
+    x, y = np.meshgrid(np.linspace(0, 1, 40), np.linspace(0, 1, 30))
+    value = sine_grating(x, y, 0.8, 3.0, (0.3, 1.1), variant)
+    moving = np.cos(2 * np.pi * factor * 3 * x + 0.3 - 1.1)
+    static = np.cos(2 * np.pi * factor * 3 * y + 0.3 + 1.1)
+    np.testing.assert_allclose(value, 1 + 0.4 * (moving - static), atol=1e-12)
+
+
+def test_cylinder_faces_its_axis():
+    wall = open_cylinder(10.0, 4.0)
+    inward = -wall.triangles_center[:, :2]
+    assert ((wall.face_normals[:, :2] * inward).sum(axis=1) > 0).all()
+    assert wall.area == pytest.approx(2 * math.pi * 10 * 4, rel=1e-4)
+
+
+def test_pattern_has_the_asked_contrast_and_closes_around_the_cylinder():
+    scene = build_grating(Grating(contrast=0.6, cycles_per_frame=4), CAMERA, (0, 0, 0), 1.0)
+    pattern = scene.materials["grating"].emission.pattern
+    assert pattern.max() == pytest.approx(1.6, abs=1e-3)
+    assert pattern.min() == pytest.approx(0.4, abs=1e-3)
+    seam = np.abs(pattern[:, 0] - pattern[:, -1]).max()
+    assert seam < 2 * np.abs(np.diff(pattern, axis=1)).max()
+
+
+def test_a_frequency_that_does_not_close_is_refused_with_one_that_does():
+    with pytest.raises(ValueError, match=r"does not close: use 4\.2$"):
+        build_grating(Grating(cycles_per_frame=4.25), CAMERA, (0, 0, 0), 1.0)
+
+
+def test_a_frequency_beyond_nyquist_is_refused():
+    with pytest.raises(ValueError, match="half a cycle per pixel"):
+        build_grating(Grating(cycles_per_frame=100), CAMERA, (0, 0, 0), 1.0)
