@@ -1,0 +1,120 @@
+"""Counts on disk: one Zarr v3 group per sequence and sensor.
+
+Arrays `counts`, `expected` and `saturated`, each (frame, row, column) in chunks of whole frames.
+The attributes hold what made them: sensor, exposure, seed, sequence, illuminance. A store is
+written under a temporary name and renamed, so it is there whole or not at all.
+"""
+
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import numpy as np
+import zarr
+from numpy.typing import NDArray
+
+from megalopta.sensor.exposure import Exposure
+from megalopta.sensor.model import Sensor
+
+_FORMAT = "megalopta counts"
+_CHUNK_BYTES = 4 * 2**20
+
+
+@dataclass(frozen=True, eq=False)
+class StoredCounts:
+    """An exposure and what made it.
+
+    Attributes
+    ----------
+    exposure : Exposure
+    sensor : Sensor
+    seed : int
+    sequence : str or int
+    illuminance_lux : float or None
+        Light level of the scene, lux, where it is known.
+    extra : dict
+        Whatever else the writer noted; JSON values.
+    """
+
+    exposure: Exposure
+    sensor: Sensor
+    seed: int
+    sequence: str | int
+    illuminance_lux: float | None = None
+    extra: Mapping[str, Any] = field(default_factory=dict)
+
+
+def write_counts(path: Path, stored: StoredCounts) -> None:
+    """Write counts as a new store.
+
+    Raises
+    ------
+    FileExistsError
+        When something of this name exists.
+    """
+    if path.exists():
+        raise FileExistsError(f"{path}: exists already; remove it or choose another name")
+    temporary = path.with_name(f".{path.name}.{uuid4().hex}")
+    try:
+        _write_group(temporary, stored)
+        temporary.rename(path)
+    except BaseException:
+        shutil.rmtree(temporary, ignore_errors=True)
+        raise
+
+
+def read_counts(path: Path) -> StoredCounts:
+    """Read a store that `write_counts` wrote.
+
+    Raises
+    ------
+    FileNotFoundError
+        When there is nothing of this name.
+    ValueError
+        When it is something else.
+    """
+    if not path.exists():
+        raise FileNotFoundError(f"{path}: no such counts store")
+    try:
+        group = zarr.open_group(path, mode="r")
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path}: not a Zarr group; give a folder of counts") from error
+    attributes: dict[str, Any] = dict(group.attrs)
+    if attributes.get("format") != _FORMAT:
+        raise ValueError(f"{path}: a Zarr group, but not one of counts; give a folder of counts")
+    return StoredCounts(
+        Exposure(*(np.asarray(group[name]) for name in ("counts", "expected", "saturated"))),
+        Sensor.model_validate(attributes["sensor"]),
+        *(attributes[name] for name in ("seed", "sequence", "illuminance_lux", "extra")),
+    )
+
+
+def _write_group(path: Path, stored: StoredCounts) -> None:
+    attributes: dict[str, Any] = {
+        "format": _FORMAT,
+        "sensor": stored.sensor.model_dump(mode="json"),
+        "exposure_s": stored.sensor.exposure_s,
+        "seed": stored.seed,
+        "sequence": stored.sequence,
+        "illuminance_lux": stored.illuminance_lux,
+        "extra": dict(stored.extra),
+    }
+    group = zarr.open_group(path, mode="w", zarr_format=3, attributes=attributes)
+    exposure = stored.exposure
+    _write_frames(group, "counts", exposure.counts, "counts per exposure")
+    _write_frames(group, "expected", exposure.expected, "mean counts per exposure")
+    _write_frames(group, "saturated", exposure.saturated, "true where the counter was full")
+
+
+def _write_frames(group: zarr.Group, name: str, frames: NDArray[Any], unit: str) -> None:
+    per_chunk = max(1, _CHUNK_BYTES // max(1, frames[:1].nbytes))
+    group.create_array(
+        name,
+        data=frames,
+        chunks=(min(per_chunk, max(1, len(frames))), *frames.shape[1:]),
+        dimension_names=("frame", "row", "column"),
+        attributes={"unit": unit},
+    )

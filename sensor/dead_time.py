@@ -1,0 +1,111 @@
+"""Dead time: what a detector misses while it recovers from the event before.
+
+Three kinds. `ideal`: none, counts are Poisson. `nonparalyzable` and `paralyzable`: see the modules
+of these names for the laws. In all of them the detector is live and idle when the exposure starts,
+τ is the same for every pixel and every event, and the rate is constant during the exposure.
+"""
+
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import BaseModel, Field, model_validator
+
+from megalopta.sensor import nonparalyzable, paralyzable
+
+_MOST_ARRIVALS = 1e15
+
+Floats = NDArray[np.float64]
+
+
+class DeadTime(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """Recovery of a pixel after an event."""
+
+    kind: Literal["ideal", "nonparalyzable", "paralyzable"] = "ideal"
+    """No dead time, active quench (lost arrivals do nothing) or passive quench (they extend it)."""
+    dead_time_s: Annotated[float, Field(ge=0)] = 0.0
+    """Time during which the pixel is blind (s); not used by ideal."""
+
+    @model_validator(mode="after")
+    def _check_dead_time(self) -> Self:
+        if self.kind != "ideal" and self.dead_time_s == 0:
+            raise ValueError(
+                f"dead_time.dead_time_s: 0 with kind {self.kind!r}; give a time or use kind 'ideal'"
+            )
+        return self
+
+
+def expected_counts(
+    rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime
+) -> NDArray[np.float64]:
+    """Exact mean number of counts in one exposure.
+
+    Parameters
+    ----------
+    rate_hz : array of any shape
+        Rate of arrivals, photons and dark counts together.
+    exposure_s : float
+    dead_time : DeadTime
+
+    Raises
+    ------
+    ValueError
+        When a rate or the exposure is negative or not finite.
+    """
+    arrivals, blind = _arrivals(rate_hz, exposure_s, dead_time)
+    mean, _ = _MOMENTS[dead_time.kind](arrivals, blind)
+    return mean.reshape(np.shape(rate_hz))
+
+
+def variance_counts(
+    rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime
+) -> NDArray[np.float64]:
+    """Exact variance of the number of counts in one exposure; as `expected_counts`."""
+    arrivals, blind = _arrivals(rate_hz, exposure_s, dead_time)
+    _, variance = _MOMENTS[dead_time.kind](arrivals, blind)
+    return variance.reshape(np.shape(rate_hz))
+
+
+def draw_counts(
+    rng: np.random.Generator, rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime
+) -> NDArray[np.int64]:
+    """Draw the number of counts in one exposure; as `expected_counts`."""
+    arrivals, blind = _arrivals(rate_hz, exposure_s, dead_time)
+    return _DRAW[dead_time.kind](rng, arrivals, blind).reshape(np.shape(rate_hz))
+
+
+def _arrivals(
+    rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Mean number of arrivals in the exposure and in one dead time, flat."""
+    if not 0 < exposure_s < np.inf:
+        raise ValueError(f"exposure_s: {exposure_s}; must be positive and finite (s)")
+    rate = np.asarray(rate_hz, np.float64).ravel()
+    if rate.size and not (rate.min() >= 0 and rate.max() * exposure_s <= _MOST_ARRIVALS):
+        raise ValueError(
+            f"rate_hz: from {rate.min():g} to {rate.max():g}; must be finite, not negative, and at "
+            f"most {_MOST_ARRIVALS / exposure_s:g} Hz ({_MOST_ARRIVALS:g} arrivals an exposure)"
+        )
+    return rate * exposure_s, rate * dead_time.dead_time_s
+
+
+def _poisson_moments(arrivals: Floats, blind: Floats) -> tuple[Floats, Floats]:
+    return arrivals, arrivals
+
+
+def _draw_poisson(rng: np.random.Generator, arrivals: Floats, blind: Floats) -> NDArray[np.int64]:
+    return rng.poisson(arrivals)
+
+
+_MOMENTS = {
+    "ideal": _poisson_moments,
+    "nonparalyzable": nonparalyzable.moments,
+    "paralyzable": paralyzable.moments,
+}
+_DRAW = {
+    "ideal": _draw_poisson,
+    "nonparalyzable": nonparalyzable.draw,
+    "paralyzable": paralyzable.draw,
+}

@@ -1,0 +1,106 @@
+"""Paralyzable dead time (passive quench): every arrival, counted or not, blinds the detector for τ.
+
+Poisson arrivals of rate r; one is counted when the gap to the arrival before it exceeds τ. The
+detector is live and idle when the exposure T starts, so the first arrival always counts. With x =
+r·T, a = r·τ and q = e^(−a), the expected number of sets of k counts, E[C(N, k)], has the Laplace
+transform r^k·q^(k−1)·e^(−(k−1)sτ)·(s + r·q·e^(−sτ)) / (s^(k+1)·(r+s)). Inverted for k = 1 and 2,
+with x₁ = max(x − a, 0), x₂ = max(x − 2a, 0) and h(x) = x − 1 + e^(−x),
+
+    E[N]        = 1 − e^(−x) + q·h(x₁)
+    E[N(N−1)/2] = q·h(x₁) + q²·(x₂²/2 − h(x₂))
+
+For T > τ the mean is r·(T−τ)·q + 1 − q; for T ≫ τ it is r·T·q (dissertation Eq. 2.5) and the
+variance m·(1 − 2·a·q). The mean rate peaks at r = 1/τ: a bright pixel can read dark.
+
+After a count, the chance of another is nothing for one dead time and then λ = r·q per second for
+ever, and this fixes the law of all the gaps between counts. So two rates with the same r·e^(−rτ)
+differ only in the wait for the first arrival. A pixel beyond the peak (a > 1) is drawn with the
+lower rate of its pair, whose arrivals outnumber its counts by at most e.
+
+Draws are exact, arrival by arrival, up to 100 expected counts. Beyond, they are normal with the
+exact mean and variance and a Cornish–Fisher term for the third cumulant m·(1 − 3b)², b = a·q, that
+of the large-T law log E[z^N] → (T/τ)·W(b·(z−1)), W being Lambert's function. The total variation
+distance to the exact law is then below 4e-4.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.special import lambertw
+
+EXACT_UP_TO = 100.0
+"""Expected counts above which draws are normal with a skewness term."""
+
+Floats = NDArray[np.float64]
+
+
+def moments(arrivals: Floats, a: Floats) -> tuple[Floats, Floats]:
+    """Exact mean and variance of the counts.
+
+    Parameters
+    ----------
+    arrivals : (N,) float64
+        Mean number of arrivals in the exposure, r·T.
+    a : (N,) float64
+        Mean number of arrivals in one dead time, r·τ.
+    """
+    q = np.exp(-a)
+    once, twice = np.maximum(arrivals - a, 0.0), np.maximum(arrivals - 2 * a, 0.0)
+    later = q * _h(once)
+    pairs = later + q**2 * (twice**2 / 2 - _h(twice))
+    mean = -np.expm1(-arrivals) + later
+    return mean, 2 * pairs + mean - mean**2
+
+
+def draw(rng: np.random.Generator, arrivals: Floats, a: Floats) -> NDArray[np.int64]:
+    """Draw counts; parameters as for `moments`."""
+    mean, variance = moments(arrivals, a)
+    many = mean > EXACT_UP_TO
+    few = ~many
+    counts = np.empty(arrivals.size, np.int64)
+    counts[few] = _draw_by_arrival(rng, arrivals[few], a[few], _lower_of_pair(a[few]))
+    third = mean[many] * (1 - 3 * a[many] * np.exp(-a[many])) ** 2
+    counts[many] = _draw_normal(rng, mean[many], variance[many], third)
+    return counts
+
+
+def _h(x: Floats) -> Floats:
+    return x + np.expm1(-x)
+
+
+def _lower_of_pair(a: Floats) -> Floats:
+    """Return the a' <= 1 with a'·e^(−a') = a·e^(−a)."""
+    lower = a.copy()
+    beyond_peak = a > 1
+    bright = a[beyond_peak]
+    lower[beyond_peak] = -lambertw(-bright * np.exp(-bright), 0).real
+    return lower
+
+
+def _draw_normal(
+    rng: np.random.Generator, mean: Floats, variance: Floats, third_cumulant: Floats
+) -> NDArray[np.int64]:
+    z = rng.standard_normal(mean.size)
+    sigma = np.sqrt(variance - 1 / 12)  # rounding to integers adds the 1/12 again
+    return np.rint(mean + sigma * z + third_cumulant / variance * (z**2 - 1) / 6).astype(np.int64)
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _draw_by_arrival(
+    rng: np.random.Generator, arrivals: Floats, a: Floats, lower: Floats
+) -> NDArray[np.int64]:
+    counts = np.zeros(arrivals.size, np.int64)
+    for pixel in range(arrivals.size):
+        left = arrivals[pixel] - rng.standard_exponential()
+        if left < 0:
+            continue
+        counts[pixel] = 1
+        dead = lower[pixel]
+        if a[pixel] > 0:
+            left *= dead / a[pixel]  # from here on in mean gaps of the lower rate of the pair
+        gap = rng.standard_exponential()
+        while gap <= left:
+            counts[pixel] += gap > dead
+            left -= gap
+            gap = rng.standard_exponential()
+    return counts

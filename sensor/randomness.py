@@ -1,0 +1,63 @@
+"""Random streams named by what they are for.
+
+A stream is a function of its key alone, (seed, purpose, sequence, frame, …), so a result never
+depends on the order of the draws, on the cutting into chunks or on the number of workers. The key
+is hashed (BLAKE2b, 256 bits) with the type and length of every part, so that (1, "1"), ("1", 1) and
+("11",) are three streams, and the hash is the entropy of a NumPy SeedSequence. Seed 0 is a seed
+like any other.
+"""
+
+import hashlib
+import operator
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+_TILE = 64
+
+
+def generator(seed: int, *key: str | int) -> np.random.Generator:
+    """Return the random generator of one purpose.
+
+    Parameters
+    ----------
+    seed : int
+        The user's seed; any integer.
+    *key : str or int
+        What the stream is for, such as ("exposure", "forest-3", 17).
+
+    Raises
+    ------
+    TypeError
+        When a part of the key is neither a string nor an integer.
+    """
+    digest = hashlib.blake2b(b"".join(map(_encode, (seed, *key))), digest_size=32).digest()
+    entropy = np.random.SeedSequence(int.from_bytes(digest, "little"))
+    return np.random.Generator(np.random.SFC64(entropy))
+
+
+def pixel_uniforms(shape: tuple[int, int], seed: int, *key: str | int) -> NDArray[np.float64]:
+    """Return one number in [0, 1) per pixel, fixed by the key and the pixel's row and column.
+
+    A smaller array is the top left corner of a larger one, so a device keeps its fixed pattern when
+    fewer of its pixels are read.
+
+    Parameters
+    ----------
+    shape : (rows, columns)
+    seed, *key
+        As for `generator`.
+    """
+    rows, columns = shape
+    field = np.empty((-(-rows // _TILE) * _TILE, -(-columns // _TILE) * _TILE))
+    for top, left in product(range(0, rows, _TILE), range(0, columns, _TILE)):
+        tile = generator(seed, *key, top // _TILE, left // _TILE).random((_TILE, _TILE))
+        field[top : top + _TILE, left : left + _TILE] = tile
+    return field[:rows, :columns]
+
+
+def _encode(part: str | int) -> bytes:
+    text = part if isinstance(part, str) else str(operator.index(part))
+    body = text.encode()
+    return f"{'s' if isinstance(part, str) else 'i'}{len(body)}:".encode() + body
