@@ -26,7 +26,9 @@ from megalopta.sensor import PRESETS, Sensor, check_bands
 LightLevel = float | str
 
 
-class Configuration(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+class Configuration(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
     """A sequence: what is seen, how it is rendered, sensed and measured."""
 
     name: str = "forest"
@@ -171,9 +173,7 @@ def load(source: str, overrides: Mapping[str, str] | None = None) -> Configurati
     return parse(text, source, overrides)
 
 
-def parse(
-    text: str, source: str, overrides: Mapping[str, str] | None = None
-) -> Configuration:
+def parse(text: str, source: str, overrides: Mapping[str, str] | None = None) -> Configuration:
     """Configuration from YAML text; `source` names it in errors. Raises UserError."""
     values = _safe_yaml(text, source)
     if values is None:

@@ -209,9 +209,7 @@ def begin_stage(
         != stage_configuration(configuration, other)
     ]
     if stale and not redo:
-        changes = differences(
-            _union(old.configuration, stale), _union(configuration, stale)
-        )
+        changes = differences(_union(old.configuration, stale), _union(configuration, stale))
         more = f" and {len(changes) - 3} more" if len(changes) > 3 else ""
         raise UserError(
             f"{root} holds {' and '.join(stale)} output of another configuration "
@@ -230,15 +228,9 @@ def exposure_name(sensor: str, level: str | float) -> str:
 
 def stage_configuration(configuration: Configuration, stage: str) -> dict[str, Any]:
     """The parts of a configuration that a stage's output depends on."""
-    fields = {
-        field
-        for needed in (*STAGE_NEEDS[stage], stage)
-        for field in STAGE_FIELDS[needed]
-    }
+    fields = {field for needed in (*STAGE_NEEDS[stage], stage) for field in STAGE_FIELDS[needed]}
     # The backend changes the speed, and rendering noise within its statistics, but not the content.
-    return configuration.model_dump(
-        mode="json", include=fields, exclude={"render": {"backend"}}
-    )
+    return configuration.model_dump(mode="json", include=fields, exclude={"render": {"backend"}})
 
 
 def stage_hash(configuration: Configuration, stage: str) -> str:

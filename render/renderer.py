@@ -23,7 +23,9 @@ from megalopta.scenes.scene import Scene
 MAXIMUM_SAMPLES = 2**32
 
 
-class RenderSettings(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+class RenderSettings(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
     """How radiance is computed."""
 
     samples_per_pixel: Annotated[int, Field(ge=1)] = 64

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 
-class PerspectiveCamera(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+class PerspectiveCamera(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
     """Pinhole camera with square pixels and the principal point at the image center."""
 
     width: Annotated[int, Field(ge=1)] = 120

@@ -1,7 +1,7 @@
 """Spectral bands to color for display: CIE 1931 matching functions, white balance, sRGB.
 
-The matching functions are the multi-lobe Gaussian fits of Wyman, Sloan and Shirley (JCGT 2(2), 2013),
-good to about 1 %: for looking at, not for photometry.
+The matching functions are the multi-lobe Gaussian fits of Wyman, Sloan and Shirley (JCGT 2(2),
+2013), good to about 1 %: for looking at, not for photometry.
 """
 
 from collections.abc import Sequence

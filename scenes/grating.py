@@ -1,8 +1,8 @@
 """The camera inside a cylinder whose wall glows with the 2-D sine grating of the flow benchmark.
 
-One frame of grating spans the horizontal field of view, counted in azimuth along the wall and in the
-same angular measure up the wall. Columns of a perspective image are not equidistant in azimuth, so
-"f cycles per frame" is met over the whole frame and exceeded at its center.
+One frame of grating spans the horizontal field of view, counted in azimuth along the wall and in
+the same angular measure up the wall. Columns of a perspective image are not equidistant in azimuth,
+so "f cycles per frame" is met over the whole frame and exceeded at its center.
 """
 
 import math
@@ -26,7 +26,9 @@ _RADIUS_M = 10.0
 _TEXELS = 4096
 
 
-class Grating(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+class Grating(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
     """The 2-D sine grating on a cylinder around the camera."""
 
     kind: Literal["grating"] = "grating"

@@ -1,9 +1,9 @@
 """Outdoor light in absolute units: named levels from daylight to an overcast night, or any lux.
 
-The level fixes what an unshaded horizontal plane receives. A share of it comes from the disc of sun or
-moon, the rest from a uniform sky; both have a Planckian spectrum. Levels after the dissertation, §1.1;
-color temperatures are typical measured values. Real skies have gradients, clouds and airglow lines,
-which this model leaves out.
+The level fixes what an unshaded horizontal plane receives. A share of it comes from the disc of sun
+or moon, the rest from a uniform sky; both have a Planckian spectrum. Levels after the dissertation,
+§1.1; color temperatures are typical measured values. Real skies have gradients, clouds and airglow
+lines, which this model leaves out.
 """
 
 import math
@@ -53,7 +53,9 @@ LEVELS: Mapping[LevelName, Level] = {
 }
 
 
-class Light(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+class Light(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
     """The light outside: a named level, any part of which can be overridden."""
 
     level: LevelName = "twilight"

@@ -1,7 +1,7 @@
 """Photometry: the eye's luminous efficiency V(λ) and what follows from it.
 
-V(λ) is the CIE 1924 photopic curve at steps of 10 nm, linear between; its integral is 106.86 nm, so a
-flat spectrum of luminance L_v has L_λ = L_v / (683 · 106.86).
+V(λ) is the CIE 1924 photopic curve at steps of 10 nm, linear between; its integral is 106.86 nm, so
+a flat spectrum of luminance L_v has L_λ = L_v / (683 · 106.86).
 """
 
 import numpy as np

@@ -13,7 +13,9 @@ from scipy.spatial.transform import Rotation
 Vector = tuple[float, float, float]
 
 
-class Trajectory(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+class Trajectory(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
     """Steady rotation about `up` together with steady translation; either rate may be zero."""
 
     frames: Annotated[int, Field(ge=1)] = 32
