@@ -54,8 +54,8 @@ def expected_counts(
     ValueError
         When a rate or the exposure is negative or not finite.
     """
-    arrivals, blind = _arrivals(rate_hz, exposure_s, dead_time)
-    mean, _ = _MOMENTS[dead_time.kind](arrivals, blind)
+    arrivals = _arrivals(rate_hz, exposure_s)
+    mean, _ = _MOMENTS[dead_time.kind](arrivals, dead_time.dead_time_s / exposure_s)
     return mean.reshape(np.shape(rate_hz))
 
 
@@ -63,8 +63,8 @@ def variance_counts(
     rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime
 ) -> NDArray[np.float64]:
     """Exact variance of the number of counts in one exposure; as `expected_counts`."""
-    arrivals, blind = _arrivals(rate_hz, exposure_s, dead_time)
-    _, variance = _MOMENTS[dead_time.kind](arrivals, blind)
+    arrivals = _arrivals(rate_hz, exposure_s)
+    _, variance = _MOMENTS[dead_time.kind](arrivals, dead_time.dead_time_s / exposure_s)
     return variance.reshape(np.shape(rate_hz))
 
 
@@ -72,14 +72,13 @@ def draw_counts(
     rng: np.random.Generator, rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime
 ) -> NDArray[np.int64]:
     """Draw the number of counts in one exposure; as `expected_counts`."""
-    arrivals, blind = _arrivals(rate_hz, exposure_s, dead_time)
-    return _DRAW[dead_time.kind](rng, arrivals, blind).reshape(np.shape(rate_hz))
+    arrivals = _arrivals(rate_hz, exposure_s)
+    counts = _DRAW[dead_time.kind](rng, arrivals, dead_time.dead_time_s / exposure_s)
+    return counts.reshape(np.shape(rate_hz))
 
 
-def _arrivals(
-    rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Mean number of arrivals in the exposure and in one dead time, flat."""
+def _arrivals(rate_hz: ArrayLike, exposure_s: float) -> Floats:
+    """Mean number of arrivals in the exposure, flat."""
     if not 0 < exposure_s < np.inf:
         raise ValueError(f"exposure_s: {exposure_s}; must be positive and finite (s)")
     rate = np.asarray(rate_hz, np.float64).ravel()
@@ -88,14 +87,14 @@ def _arrivals(
             f"rate_hz: from {rate.min():g} to {rate.max():g}; must be finite, not negative, and at "
             f"most {_MOST_ARRIVALS / exposure_s:g} Hz ({_MOST_ARRIVALS:g} arrivals an exposure)"
         )
-    return rate * exposure_s, rate * dead_time.dead_time_s
+    return rate * exposure_s
 
 
-def _poisson_moments(arrivals: Floats, blind: Floats) -> tuple[Floats, Floats]:
+def _poisson_moments(arrivals: Floats, _: float) -> tuple[Floats, Floats]:
     return arrivals, arrivals
 
 
-def _draw_poisson(rng: np.random.Generator, arrivals: Floats, blind: Floats) -> NDArray[np.int64]:
+def _draw_poisson(rng: np.random.Generator, arrivals: Floats, _: float) -> NDArray[np.int64]:
     return rng.poisson(arrivals)
 
 

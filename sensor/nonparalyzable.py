@@ -35,25 +35,25 @@ _SHORTEST_LEAP = 16
 Floats = NDArray[np.float64]
 
 
-def moments(arrivals: Floats, a: Floats) -> tuple[Floats, Floats]:
+def moments(arrivals: Floats, dead_fraction: float) -> tuple[Floats, Floats]:
     """Exact mean and variance of the counts.
 
     Parameters
     ----------
     arrivals : (N,) float64
         Mean number of arrivals in the exposure, r·T.
-    a : (N,) float64
-        Mean number of arrivals in one dead time, r·τ; positive where arrivals are.
+    dead_fraction : float
+        Dead time over exposure, τ/T.
     """
-    a = np.maximum(a, np.finfo(np.float64).tiny)
-    exposure = arrivals / a
-    mean, variance = _settled_moments(exposure, a / (1 + a))
-    early = np.log1p(np.pi**2 / (a + a**2)) / 2 * exposure < _SETTLED
+    a = arrivals * dead_fraction
+    mean, variance = _settled_moments(1 / dead_fraction, a / (1 + a))
+    # β·T/τ < 45, solved for a + a²; the smaller of the two keeps the exponential finite
+    early = a + a**2 > np.pi**2 / np.expm1(min(2 * _SETTLED * dead_fraction, 700.0))
     mean[early], variance[early] = _summed_moments(arrivals[early], a[early], mean[early])
     return mean, variance
 
 
-def _settled_moments(exposure: Floats, g: Floats) -> tuple[Floats, Floats]:
+def _settled_moments(exposure: float, g: Floats) -> tuple[Floats, Floats]:
     mean = g * exposure + g**2 / 2
     variance = g * (1 - g) ** 2 * exposure + g**2 * (3 / 2 - 8 * g / 3 + 5 * g**2 / 4)
     return mean, variance
@@ -72,14 +72,14 @@ def _summed_moments(arrivals: Floats, a: Floats, near: Floats) -> tuple[Floats, 
     return certain + mean, square - mean**2
 
 
-def draw(rng: np.random.Generator, arrivals: Floats, a: Floats) -> NDArray[np.int64]:
+def draw(rng: np.random.Generator, arrivals: Floats, dead_fraction: float) -> NDArray[np.int64]:
     """Draw counts from the exact law; parameters as for `moments`.
 
     Leaps over many counts at a time (the sum of n exponential waits is a gamma variate), so the
     cost hardly grows with the count. The idea is the gamma method for Poisson variates of Ahrens
     and Dieter, Computing 12, 223 (1974).
     """
-    counts: NDArray[np.int64] = _draw(rng, arrivals, a)
+    counts: NDArray[np.int64] = _draw(rng, arrivals, arrivals * dead_fraction)
     return counts
 
 

@@ -11,7 +11,8 @@ lens transmits all wavelengths alike; fold a colored lens or filter into the eff
 cosine-fourth falloff is off unless the lens is told the horizontal field of view of the camera: a
 rendered pinhole image has no vignetting of its own, and most users want none.
 
-Source: dissertation §2.4.5 (check figure: 17.5 nW over 100 mm² at 450 nm is 396 photons·µm⁻²·s⁻¹).
+Source: dissertation §2.4.5. Check figure: 17.5 nW over 100 mm² at 450 nm is 396.4
+photons·µm⁻²·s⁻¹, printed as 396.
 """
 
 from typing import Annotated

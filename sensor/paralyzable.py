@@ -34,16 +34,17 @@ EXACT_UP_TO = 100.0
 Floats = NDArray[np.float64]
 
 
-def moments(arrivals: Floats, a: Floats) -> tuple[Floats, Floats]:
+def moments(arrivals: Floats, dead_fraction: float) -> tuple[Floats, Floats]:
     """Exact mean and variance of the counts.
 
     Parameters
     ----------
     arrivals : (N,) float64
         Mean number of arrivals in the exposure, r·T.
-    a : (N,) float64
-        Mean number of arrivals in one dead time, r·τ.
+    dead_fraction : float
+        Dead time over exposure, τ/T.
     """
+    a = arrivals * dead_fraction
     q = np.exp(-a)
     once, twice = np.maximum(arrivals - a, 0.0), np.maximum(arrivals - 2 * a, 0.0)
     later = q * _h(once)
@@ -52,9 +53,10 @@ def moments(arrivals: Floats, a: Floats) -> tuple[Floats, Floats]:
     return mean, 2 * pairs + mean - mean**2
 
 
-def draw(rng: np.random.Generator, arrivals: Floats, a: Floats) -> NDArray[np.int64]:
+def draw(rng: np.random.Generator, arrivals: Floats, dead_fraction: float) -> NDArray[np.int64]:
     """Draw counts; parameters as for `moments`."""
-    mean, variance = moments(arrivals, a)
+    a = arrivals * dead_fraction
+    mean, variance = moments(arrivals, dead_fraction)
     many = mean > EXACT_UP_TO
     few = ~many
     counts = np.empty(arrivals.size, np.int64)

@@ -8,14 +8,14 @@ bias). Measured there: pitch, active area, dark counts of one row of 16 pixels, 
 below 1 % at 450 nm", quenching, counter step. Chosen here, because it is not given:
 
 - the spectral shape: absorption of silicon in 0.4 µm under a dead surface of 0.1 µm. Only the
-  height at 450 nm rests on a measurement, and that is an upper limit. The motion bench of §2.4.8, at
-  face value (93 nW at 700 nm on 100 mm², 65 counts in 0.1 s), allows 0.055 % at 700 nm where this
-  curve has 0.13 %; how much light reached the chip there is not known;
+  height at 450 nm rests on a measurement, and that is an upper limit. The motion bench of §2.4.8
+  (93 nW at 700 nm, 65 counts in 0.1 s), if its beam covered 100 mm², allows 0.055 % at 700 nm where
+  this curve has 0.13 %; how much light reached the chip there is not known;
 - dead time 1 µs: §2.4.1 says that recovery exceeds this;
 - the lens: the thesis lights the bare die;
 - dark counts: five numbers of the row (mean 1.77, median 0.93, σ 1.77 Hz/µm², 11 of 16 pixels
-  below 1.5, σ 0.32 among these) fix the mixture. Its bulk mean of 0.735 is within the standard error
-  of the 0.71 of those 11 pixels.
+  below 1.5, σ 0.32 among these) fix the mixture. Its bulk mean of 0.735 is within the standard
+  error of the 0.71 of those 11 pixels.
 """
 
 from megalopta.sensor.counter import LARGEST_CAPACITY
