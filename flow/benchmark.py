@@ -1,0 +1,273 @@
+"""The photon benchmark: how many photons per frame a detector needs (thesis, Chapter 4).
+
+A clean sequence is resized, scaled to a photon flux, and drawn; each detector answers to the
+counts and to the clean sequence, and the error between the two answers is followed over the flux.
+Counts are multiplied by pixels/flux before the detectors see them, so that the answer to the clean
+sequence does not depend on the flux (the dark counts it adds are the same everywhere; detectors
+that notice such an offset get the clean sequence with it). All detectors see the same draws.
+
+The sequence passes in chunks of frames, all fluxes of one chunk at a time, so memory does not grow
+with its length. Every draw has a random stream of its own, so neither chunks nor the choice of
+fluxes, sizes or detectors changes a number.
+
+The standard error of an error comes from the differences between the repeats, which are
+independent draws of the same sequence. It is estimated in blocks of frames longer than the memory
+of the detector and added up over the blocks, which are then independent too: (repeats − 1) ·
+blocks degrees of freedom.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from megalopta.flow.benchmark_result import BenchmarkResult, ErrorCurve
+from megalopta.flow.benchmark_settings import BenchmarkSettings, default_warm_up, work_units
+from megalopta.flow.detector import Detector, FloatArray, Frames
+from megalopta.flow.error import ErrorSums, Metric, combine, error_sums, quotient
+from megalopta.flow.photons import Counts, brightness, draw_counts
+from megalopta.flow.resize import resize, resized_shape
+from megalopta.flow.threshold import threshold
+from megalopta.sensor.randomness import generator
+
+__all__ = [
+    "BenchmarkResult",
+    "BenchmarkSettings",
+    "ErrorCurve",
+    "default_warm_up",
+    "photon_benchmark",
+    "work_units",
+]
+
+Progress = Callable[[int], object]
+"""Called with the work done since the last call, in the units of `work_units`."""
+
+
+def photon_benchmark(
+    frames: Frames,
+    methods: Sequence[Detector],
+    settings: BenchmarkSettings,
+    seed: int,
+    sequence: str,
+    on_progress: Progress | None = None,
+) -> BenchmarkResult:
+    """Return the error of each method over the photon flux, and the fluxes it needs.
+
+    Parameters
+    ----------
+    frames : (T, H, W)
+        Clean sequence, any quantity proportional to the light.
+    methods
+        Detectors of different names.
+    settings
+    seed : int
+        Any integer.
+    sequence : str
+        Name of the sequence; sequences of different names are drawn independently.
+    on_progress
+        Called with the work done since the last call; the total is `work_units`.
+
+    Raises
+    ------
+    ValueError
+        When the frames are no light, too few or too small, or a size exceeds theirs.
+    """
+    warm_up = _checked_warm_up(frames, methods, settings)
+    curves: list[ErrorCurve] = []
+    for size in settings.sizes:
+        stimulus = _stimulus(frames, size, settings, seed, sequence)
+        for method, sums in zip(
+            methods, _measured(stimulus, methods, settings, on_progress), strict=True
+        ):
+            curves += [
+                _curve(stimulus, method, sums, metric, warm_up, settings)
+                for metric in settings.metrics
+            ]
+    return BenchmarkResult(
+        sequence=sequence,
+        seed=seed,
+        settings=settings,
+        methods=tuple(methods),
+        frames=(frames.shape[0], frames.shape[1], frames.shape[2]),
+        warm_up=warm_up,
+        curves=tuple(curves),
+    )
+
+
+@dataclass(frozen=True)
+class _Stimulus:
+    """A resized clean sequence, and the photons it gives."""
+
+    frames: Frames
+    brightness: float
+    dark_counts: float
+    """Per frame and resized pixel"""
+
+    seed: int
+    sequence: str
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.frames.shape[1], self.frames.shape[2]
+
+    @property
+    def pixels(self) -> int:
+        return self.shape[0] * self.shape[1]
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Names the sequence at this size in random streams."""
+        return self.sequence, f"{self.shape[0]}x{self.shape[1]}"
+
+    def chunks(self, length: int) -> Iterator[tuple[int, FloatArray]]:
+        """Yield the number of the first frame and the frames, as shares of the flux."""
+        for first in range(0, len(self.frames), length):
+            yield first, self.frames[first : first + length] / np.float64(self.brightness)
+
+    def counts(self, means: FloatArray, flux: float, repeat: int, first_frame: int) -> Counts:
+        return draw_counts(
+            means, self.seed, *self.key, f"{flux:.6g}", repeat, first_frame=first_frame
+        )
+
+
+def _stimulus(
+    frames: Frames, size: int, settings: BenchmarkSettings, seed: int, sequence: str
+) -> _Stimulus:
+    resized = resize(frames, size, settings.resize)
+    pixel_area = frames[0].size / resized[0].size
+    return _Stimulus(
+        resized, brightness(resized), settings.dark_counts * pixel_area, seed, sequence
+    )
+
+
+class _Comparison:
+    """One detector at one flux: its answers to counts against those to the clean sequence."""
+
+    def __init__(self, method: Detector, shape: tuple[int, int]) -> None:
+        self.method = method
+        self.answer_to_counts = method.start(shape)
+        self.answer_to_means = None if method.ignores_offset else method.start(shape)
+        self.sums: list[ErrorSums] = []
+
+    def add(self, ideal: FloatArray, means: FloatArray, counts: Counts, scale: float) -> None:
+        if self.answer_to_means is not None:
+            ideal = self.answer_to_means(means, scale)
+        self.sums.append(error_sums(self.method, ideal, self.answer_to_counts(counts, scale)))
+
+
+def _measured(
+    stimulus: _Stimulus,
+    methods: Sequence[Detector],
+    settings: BenchmarkSettings,
+    on_progress: Progress | None,
+) -> list[ErrorSums]:
+    """Return the sums of each method, (fluxes, repeats, T)."""
+    repeats = [
+        _one_repeat(stimulus, methods, settings, repeat, on_progress)
+        for repeat in range(settings.repeats)
+    ]
+    return [
+        combine(sums, lambda each: np.stack(each, axis=1)) for sums in zip(*repeats, strict=True)
+    ]
+
+
+def _one_repeat(
+    stimulus: _Stimulus,
+    methods: Sequence[Detector],
+    settings: BenchmarkSettings,
+    repeat: int,
+    on_progress: Progress | None,
+) -> list[ErrorSums]:
+    """Return the sums of each method, (fluxes, T)."""
+    answers_to_light = [method.start(stimulus.shape) for method in methods]
+    comparisons = [
+        [_Comparison(method, stimulus.shape) for method in methods] for _ in settings.fluxes
+    ]
+    for first_frame, light in stimulus.chunks(settings.chunk_frames):
+        ideals = [answer(light, stimulus.pixels) for answer in answers_to_light]
+        for flux, at_flux in zip(settings.fluxes, comparisons, strict=True):
+            means = light * flux + stimulus.dark_counts
+            counts = stimulus.counts(means, flux, repeat, first_frame)
+            for ideal, comparison in zip(ideals, at_flux, strict=True):
+                comparison.add(ideal, means, counts, stimulus.pixels / flux)
+            if on_progress is not None:
+                on_progress(counts.size)
+    return [
+        combine([combine(each.sums, np.concatenate) for each in of_method], np.stack)
+        for of_method in zip(*comparisons, strict=True)
+    ]
+
+
+def _curve(
+    stimulus: _Stimulus,
+    method: Detector,
+    sums: ErrorSums,
+    metric: Metric,
+    warm_up: int,
+    settings: BenchmarkSettings,
+) -> ErrorCurve:
+    numerator, denominator = (part[..., warm_up:] for part in sums.parts(metric))
+    weight = denominator.sum(axis=(1, 2))
+    errors = quotient(numerator.sum(axis=(1, 2)), weight)
+    spread, degrees = _spread_of_sum(numerator, method.memory_frames + 1)
+    standard_errors = quotient(spread, weight)
+    rng = generator(stimulus.seed, "threshold", *stimulus.key, method.name, metric)
+    return ErrorCurve(
+        method=method.name,
+        label=method.label,
+        shape=stimulus.shape,
+        metric=metric,
+        fluxes=settings.fluxes,
+        errors=tuple(errors.tolist()),
+        standard_errors=tuple(standard_errors.tolist()),
+        degrees_of_freedom=degrees,
+        thresholds={
+            bits: threshold(
+                settings.fluxes,
+                errors,
+                standard_errors,
+                degrees,
+                2.0**-bits,
+                rng,
+                settings.confidence,
+            )
+            for bits in settings.bits
+        },
+    )
+
+
+def _spread_of_sum(values: FloatArray, block_frames: int) -> tuple[FloatArray, int]:
+    """Return the standard deviation of Σ over repeats and frames, and its degrees of freedom.
+
+    Parameters
+    ----------
+    values : (fluxes, repeats, T)
+    block_frames : int
+        Blocks of so many frames or more vary independently of each other.
+    """
+    repeats, frames = values.shape[1:]
+    blocks = max(1, frames // block_frames)
+    starts = np.arange(blocks) * frames // blocks
+    variances = np.add.reduceat(values, starts, axis=-1).var(axis=1, ddof=1)
+    return np.sqrt(repeats * variances.sum(axis=-1)), (repeats - 1) * blocks
+
+
+def _checked_warm_up(
+    frames: Frames, methods: Sequence[Detector], settings: BenchmarkSettings
+) -> int:
+    brightness(frames)
+    names = [method.name for method in methods]
+    if not names or len(set(names)) < len(names):
+        raise ValueError(f"methods {names}: give at least one, each under a name of its own")
+    for size, method in product(settings.sizes, methods):
+        method.start(resized_shape((frames.shape[1], frames.shape[2]), size))
+    warm_up = settings.warm_up
+    if warm_up is None:
+        warm_up = default_warm_up(len(frames), methods)
+    if len(frames) - warm_up < 2:
+        raise ValueError(
+            f"{len(frames)} frames leave fewer than two to score after a warm_up of {warm_up}:"
+            " give more frames or a shorter warm_up"
+        )
+    return warm_up

@@ -1,0 +1,101 @@
+"""What a photon benchmark measures, how closely, and how much work that is."""
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+from pydantic import BaseModel, Field, field_validator, model_validator
+
+from megalopta.flow.detector import Detector
+from megalopta.flow.error import METRICS, Metric
+from megalopta.flow.resize import ResizeKind, resized_shape
+
+THESIS_WARM_UP = 30
+
+
+class BenchmarkSettings(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+    """What is measured, and how closely."""
+
+    flux_min: Annotated[float, Field(gt=0)] = 1e3
+    """Smallest flux (photons per frame)"""
+
+    flux_max: Annotated[float, Field(gt=0, le=1e15)] = 1e12
+    """Largest flux (photons per frame)"""
+
+    fluxes_per_decade: Annotated[int, Field(ge=1)] = 2
+    """Number of fluxes per factor of ten"""
+
+    repeats: Annotated[int, Field(ge=2)] = 4
+    """Independent draws of the whole sequence at each flux; they give the intervals"""
+
+    dark_counts: Annotated[float, Field(ge=0)] = 0.1
+    """Dark counts per frame and pixel of the frames before resizing"""
+
+    sizes: Annotated[tuple[Annotated[int, Field(ge=3)], ...], Field(min_length=1)] = (
+        60,
+        120,
+        180,
+        240,
+    )
+    """Rows of the resized frames (px); the columns follow in proportion"""
+
+    resize: ResizeKind = "nearest"
+    """How frames are resized: "nearest" subsamples as the thesis does, "area" pools the light"""
+
+    metrics: Annotated[tuple[Metric, ...], Field(min_length=1)] = METRICS
+    """Error metrics: "literal" is Eq. 4.5, "ratio" does not divide by near-zero responses"""
+
+    bits: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(min_length=1)] = (2, 3, 4)
+    """Accuracies whose flux is wanted, n bits being an error of 2⁻ⁿ"""
+
+    warm_up: Annotated[int, Field(ge=0)] | None = None
+    """Frames not scored at the start; by default 30 of 60 or more, else the longest memory"""
+
+    confidence: Annotated[float, Field(gt=0, lt=1)] = 0.95
+    """Probability that an interval holds"""
+
+    chunk_frames: Annotated[int, Field(ge=1)] = 16
+    """Frames processed together; changes memory and speed, never a result"""
+
+    @field_validator("sizes", "metrics", "bits")
+    @classmethod
+    def _each_once(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
+        if len(set(values)) < len(values):
+            raise ValueError(f"{values} names something twice: name each once")
+        return values
+
+    @model_validator(mode="after")
+    def _two_fluxes(self) -> "BenchmarkSettings":
+        if len(self.fluxes) < 2:
+            raise ValueError(
+                f"flux_min {self.flux_min:g} to flux_max {self.flux_max:g} at"
+                f" {self.fluxes_per_decade} per decade holds fewer than two fluxes: widen the range"
+            )
+        return self
+
+    @property
+    def fluxes(self) -> tuple[float, ...]:
+        """Photons per frame, growing by equal factors from the smallest, up to the largest."""
+        decades = math.log10(self.flux_max / self.flux_min)
+        steps = math.floor(decades * self.fluxes_per_decade + 1e-9)
+        return tuple(
+            self.flux_min * 10 ** (step / self.fluxes_per_decade) for step in range(steps + 1)
+        )
+
+
+def work_units(frames_shape: tuple[int, ...], settings: BenchmarkSettings) -> int:
+    """Return the work of a benchmark of frames (T, H, W): the number of pixels that are drawn."""
+    shapes = (resized_shape((frames_shape[1], frames_shape[2]), size) for size in settings.sizes)
+    pixels = sum(rows * columns for rows, columns in shapes)
+    return frames_shape[0] * pixels * len(settings.fluxes) * settings.repeats
+
+
+def default_warm_up(n_frames: int, methods: Sequence[Detector]) -> int:
+    """Return how many frames not to score at the start of a sequence.
+
+    The thesis's 30 when the sequence has at least 60; in a shorter one the smallest number after
+    which the slowest filter of these methods has decayed to 1 %.
+    """
+    if n_frames >= 2 * THESIS_WARM_UP:
+        return THESIS_WARM_UP
+    return max(method.memory_frames for method in methods)

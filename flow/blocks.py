@@ -1,0 +1,70 @@
+"""The square blocks for which block methods give one velocity each.
+
+The thesis cuts an N × N frame into 10 × 10 blocks. A frame that is not square gets square blocks
+of a tenth of its shorter side, as many as fit, centered. Blocks at the border see less of the
+motion (the match may have left the frame), so errors are scored on the blocks inside.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+BLOCKS_PER_SIDE = 10
+_SMALLEST_BLOCK_PX = 2
+_FEWEST_BLOCKS = 3
+
+
+@dataclass(frozen=True)
+class BlockGrid:
+    """Where the blocks of a frame of shape (H, W) lie."""
+
+    shape: tuple[int, int]
+    block_px: int
+
+    @property
+    def rows(self) -> int:
+        """Number of blocks above each other."""
+        return self.shape[0] // self.block_px
+
+    @property
+    def columns(self) -> int:
+        """Number of blocks side by side."""
+        return self.shape[1] // self.block_px
+
+    @property
+    def top(self) -> int:
+        """First pixel row of the first block."""
+        return self.shape[0] % self.block_px // 2
+
+    @property
+    def left(self) -> int:
+        """First pixel column of the first block."""
+        return self.shape[1] % self.block_px // 2
+
+
+def block_grid(shape: tuple[int, int], block_px: int | None = None) -> BlockGrid:
+    """Return the blocks of a frame (H, W); by default a tenth of the shorter side wide.
+
+    Raises
+    ------
+    ValueError
+        When there would be fewer than 3 × 3 blocks or a block of less than 2 px.
+    """
+    size = min(shape) // BLOCKS_PER_SIDE if block_px is None else block_px
+    if size < _SMALLEST_BLOCK_PX or min(shape) // size < _FEWEST_BLOCKS:
+        raise ValueError(
+            f"frames of {shape[0]} × {shape[1]} px cannot be cut into at least 3 × 3 blocks of"
+            f" {size} px: give larger frames or another block_px (2 px or more)"
+        )
+    return BlockGrid(shape=shape, block_px=size)
+
+
+def block_sums(image: NDArray[Any], grid: BlockGrid) -> NDArray[Any]:
+    """Return the sum of an image (H, W) over each block, (rows, columns)."""
+    size = grid.block_px
+    covered = image[
+        grid.top : grid.top + grid.rows * size, grid.left : grid.left + grid.columns * size
+    ]
+    return np.asarray(covered.reshape(grid.rows, size, grid.columns, size).sum(axis=(1, 3)))

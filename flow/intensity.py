@@ -1,0 +1,43 @@
+"""Intensity measurement (IM): the pixel itself, the yardstick for the motion detectors.
+
+Thesis §4.4. The relative error of a Poisson count of mean λ is the mean absolute deviation E|X −
+λ|/λ = 2 exp(−λ) λ^⌊λ⌋ / ⌊λ⌋!, which is 25 % at λ = 10.133.
+"""
+
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from megalopta.flow.detector import Detector, FloatArray, Frames, Responder
+
+
+class IntensityMeasurement(Detector, frozen=True):
+    """The scaled pixel values, dark counts included."""
+
+    gives: ClassVar[Literal["response", "velocity"]] = "response"
+    ignores_offset: ClassVar[bool] = False
+
+    name: str = "IM"
+    """Short name"""
+
+    label: str = "Intensity measurement"
+    """Name in words"""
+
+    @property
+    def memory_frames(self) -> int:
+        """0: every frame stands alone."""
+        return 0
+
+    def start(self, shape: tuple[int, int]) -> Responder:
+        """Return the scaling of frames; see `Detector.start`."""
+        if min(shape) < 3:
+            raise ValueError(f"frames of {shape[0]} × {shape[1]} px: {self.name} needs 3 × 3 px")
+        return _scaled
+
+    def scored(self, responses: FloatArray) -> FloatArray:
+        """Return pixels 2 to N − 1 of each side, as in Eq. 4.5."""
+        return responses[:, 1:-1, 1:-1, np.newaxis]
+
+
+def _scaled(frames: Frames, scale: float) -> FloatArray:
+    return np.asarray(frames * np.float64(scale))

@@ -1,0 +1,100 @@
+"""A clean sequence at a given total photon flux, and photon counts drawn from it.
+
+Thesis §4.2: mean counts λ = F·I/ΣI + dark counts, counts ~ Poisson(λ), with the flux F in photons
+per frame. ΣI is here the mean over the sequence, so that a scene that grows darker does; for one
+image, or a scene of constant brightness, there is no difference. Dark counts are given per pixel
+of the original image and grow with the area of a resized pixel.
+
+Every frame is drawn from a stream of its own, named by the seed, the caller's key and the number
+of the frame, so the counts of a frame do not depend on how the sequence is cut. Different fluxes
+are drawn independently of each other.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.sensor.randomness import generator
+
+Counts = NDArray[np.unsignedinteger[Any]]
+
+
+def brightness(frames: NDArray[Any]) -> float:
+    """Return the mean over a sequence (T, H, W) of the sum over a frame.
+
+    Raises
+    ------
+    ValueError
+        When the frames are not a sequence of finite, non-negative light with some light in it.
+    """
+    if frames.ndim != 3 or frames.size == 0:
+        raise ValueError(f"frames of shape {frames.shape}: give a sequence (T, H, W)")
+    mean = float(frames.sum(axis=(1, 2), dtype=np.float64).mean())
+    if not (frames.min() >= 0 and np.isfinite(mean)):
+        raise ValueError("frames hold negative or non-finite values: give light, 0 or more")
+    if mean == 0:
+        raise ValueError("frames are black: there is nothing to scale to a photon flux")
+    return mean
+
+
+def mean_counts(
+    frames: NDArray[Any], flux: float, dark_counts: float = 0.0, pixel_area: float = 1.0
+) -> NDArray[np.float64]:
+    """Return the mean counts per pixel and frame of a clean sequence.
+
+    Parameters
+    ----------
+    frames : (T, H, W)
+        Any quantity proportional to the light, 0 or more.
+    flux : float
+        Photons per frame, mean over the sequence.
+    dark_counts : float
+        Dark counts per frame and pixel of the original image.
+    pixel_area : float
+        Area of a pixel of `frames` in pixels of the original image.
+
+    Raises
+    ------
+    ValueError
+        When the frames are no light, or flux or dark counts are negative.
+    """
+    if not (flux >= 0 and dark_counts >= 0 and pixel_area > 0):
+        raise ValueError(
+            f"flux {flux:g}, dark_counts {dark_counts:g}, pixel_area {pixel_area:g}: give flux and"
+            " dark counts of 0 or more and a positive area"
+        )
+    return frames * (flux / brightness(frames)) + dark_counts * pixel_area
+
+
+def draw_counts(
+    means: NDArray[np.float64], seed: int, *key: str | int, first_frame: int = 0
+) -> Counts:
+    """Return Poisson counts of the given means, as uint16, uint32 or uint64, whichever suffices.
+
+    Parameters
+    ----------
+    means : (n, H, W)
+        Mean counts of consecutive frames.
+    seed : int
+        Any integer.
+    *key : str or int
+        What else tells this draw from others, such as the name of the sequence.
+    first_frame : int
+        Number of the first of these frames in its sequence.
+
+    Raises
+    ------
+    ValueError
+        When a mean is negative, not a number or above 9e18.
+    """
+    counts = np.empty(means.shape, np.int64)
+    for index, mean in enumerate(means):
+        counts[index] = generator(seed, "photons", *key, first_frame + index).poisson(mean)
+    return counts.astype(_narrowest(int(counts.max(initial=0))))
+
+
+def _narrowest(largest: int) -> type[np.unsignedinteger[Any]]:
+    if largest < 2**16:
+        return np.uint16
+    return np.uint32 if largest < 2**32 else np.uint64

@@ -1,0 +1,88 @@
+"""Fewer, larger pixels: spatial pooling as in the thesis, and as in a sensor.
+
+`nearest` takes, for each new pixel, the old pixel at its center, index ⌊(i + 0.5)·old/new⌋
+(MATLAB's imresize, thesis §4.2). It subsamples: values stay, light is thrown away. `area` hands
+the light of every old pixel to the new pixels it overlaps, in proportion: the total stays.
+"""
+
+from collections.abc import Callable
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+ResizeKind = Literal["nearest", "area"]
+
+
+def resized_shape(shape: tuple[int, int], size: int | tuple[int, int]) -> tuple[int, int]:
+    """Return the shape (H, W) that frames of another shape are resized to.
+
+    Parameters
+    ----------
+    shape : (rows, columns) before
+    size : int or (rows, columns)
+        A single number is the rows; the columns follow in proportion.
+
+    Raises
+    ------
+    ValueError
+        When it has no pixels or more pixels along a side than before.
+    """
+    rows, columns = size if isinstance(size, tuple) else (size, round(shape[1] * size / shape[0]))
+    if not (1 <= rows <= shape[0] and 1 <= columns <= shape[1]):
+        raise ValueError(
+            f"size {rows} × {columns} px of frames of {shape[0]} × {shape[1]} px:"
+            " choose 1 px to the size of the frames"
+        )
+    return rows, columns
+
+
+def resize(
+    frames: NDArray[Any], size: int | tuple[int, int], kind: ResizeKind = "nearest"
+) -> NDArray[Any]:
+    """Return frames (..., H, W) with fewer pixels.
+
+    Parameters
+    ----------
+    frames : (..., H, W)
+    size : int or (rows, columns)
+        See `resized_shape`.
+    kind : "nearest" or "area"
+        "nearest" keeps values and type; "area" keeps the sum over each frame, as float64.
+
+    Raises
+    ------
+    ValueError
+        When the new size is not between 1 px and the old one.
+    """
+    rows, columns = resized_shape((frames.shape[-2], frames.shape[-1]), size)
+    return _RESIZERS[kind](frames, rows, columns)
+
+
+def _nearest(frames: NDArray[Any], rows: int, columns: int) -> NDArray[Any]:
+    y, x = _centers(frames.shape[-2], rows), _centers(frames.shape[-1], columns)
+    return np.asarray(frames[..., y[:, np.newaxis], x])
+
+
+def _centers(old: int, new: int) -> NDArray[np.int64]:
+    return (2 * np.arange(new) + 1) * old // (2 * new)
+
+
+def _area(frames: NDArray[Any], rows: int, columns: int) -> NDArray[Any]:
+    y, x = _shares(frames.shape[-2], rows), _shares(frames.shape[-1], columns)
+    return np.asarray(y @ frames.astype(np.float64) @ x.T)
+
+
+def _shares(old: int, new: int) -> NDArray[np.float64]:
+    """Return the share of each old pixel that falls into each new one, (new, old)."""
+    edges = np.arange(new + 1) * (old / new)
+    edges[-1] = old
+    pixels = np.arange(old)
+    starts, ends = edges[:-1, np.newaxis], edges[1:, np.newaxis]
+    return np.asarray((np.minimum(ends, pixels + 1) - np.maximum(starts, pixels)).clip(min=0))
+
+
+_RESIZERS: dict[ResizeKind, Callable[[NDArray[Any], int, int], NDArray[Any]]] = {
+    "nearest": _nearest,
+    "area": _area,
+}
