@@ -212,7 +212,12 @@ def _curve(
     errors = quotient(numerator.sum(axis=(1, 2)), weight)
     spread, degrees = _spread_of_sum(numerator, method.memory_frames + 1)
     standard_errors = quotient(spread, weight)
-    rng = generator(stimulus.seed, "threshold", *stimulus.key, method.name, metric)
+    thresholds = {}
+    for bits in settings.bits:
+        rng = generator(stimulus.seed, "threshold", *stimulus.key, method.name, metric, bits)
+        thresholds[bits] = threshold(
+            settings.fluxes, errors, standard_errors, degrees, 2.0**-bits, rng, settings.confidence
+        )
     return ErrorCurve(
         method=method.name,
         label=method.label,
@@ -222,18 +227,7 @@ def _curve(
         errors=tuple(errors.tolist()),
         standard_errors=tuple(standard_errors.tolist()),
         degrees_of_freedom=degrees,
-        thresholds={
-            bits: threshold(
-                settings.fluxes,
-                errors,
-                standard_errors,
-                degrees,
-                2.0**-bits,
-                rng,
-                settings.confidence,
-            )
-            for bits in settings.bits
-        },
+        thresholds=thresholds,
     )
 
 

@@ -13,21 +13,19 @@ without rounding up to 2⁵³ in a block.
 """
 
 from functools import partial
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated
 
 import numpy as np
 from numba import njit
 from pydantic import Field
 
-from megalopta.flow.blocks import BlockGrid, block_grid
-from megalopta.flow.detector import Detector, FloatArray, Frames, Responder, in_pairs
+from megalopta.flow.block_detector import BlockDetector
+from megalopta.flow.blocks import BlockGrid
+from megalopta.flow.detector import FloatArray, Frames, Responder, in_pairs
 
 
-class BlockMatching(Detector, frozen=True):
+class BlockMatching(BlockDetector, frozen=True):
     """Whole-pixel velocity of each block by exhaustive search."""
-
-    gives: ClassVar[Literal["response", "velocity"]] = "velocity"
-    minimum_frames: ClassVar[int] = 2
 
     name: str = "BM"
     """Short name"""
@@ -35,21 +33,13 @@ class BlockMatching(Detector, frozen=True):
     label: str = "Block matching"
     """Name in words"""
 
-    block_px: Annotated[int, Field(ge=2)] | None = None
-    """Side of a block (px); by default a tenth of the shorter side of the frame"""
-
     radius_px: Annotated[int, Field(ge=1)] | None = None
     """Largest shift searched in x and in y (px per frame); by default `thesis_radius_px`"""
 
-    @property
-    def memory_frames(self) -> int:
-        """1: a pair of frames."""
-        return 1
-
     def start(self, shape: tuple[int, int]) -> Responder:
         """Return the search for frames (H, W); see `Detector.start`."""
-        grid = block_grid(shape, self.block_px)
-        return in_pairs(partial(_velocities, grid, self.radius_px or thesis_radius_px(shape)))
+        radius = self.radius_px or thesis_radius_px(shape)
+        return in_pairs(partial(_velocities, self.grid(shape), radius))
 
     def scored(self, responses: FloatArray) -> FloatArray:
         """Return the velocities of the blocks inside."""
@@ -65,7 +55,7 @@ def thesis_radius_px(shape: tuple[int, int]) -> int:
 
 
 def _velocities(grid: BlockGrid, radius: int, frames: Frames) -> FloatArray:
-    velocities = np.empty((len(frames) - 1, grid.rows, grid.columns, 2))
+    velocities = np.full((len(frames) - 1, grid.rows, grid.columns, 2), np.nan)
     exact = np.ascontiguousarray(frames, np.float64)
     _search(exact, grid.top, grid.left, grid.block_px, radius, velocities)
     return velocities

@@ -63,8 +63,7 @@ def block_grid(shape: tuple[int, int], block_px: int | None = None) -> BlockGrid
 
 def block_sums(image: NDArray[Any], grid: BlockGrid) -> NDArray[Any]:
     """Return the sum of an image (H, W) over each block, (rows, columns)."""
-    size = grid.block_px
-    covered = image[
-        grid.top : grid.top + grid.rows * size, grid.left : grid.left + grid.columns * size
-    ]
-    return np.asarray(covered.reshape(grid.rows, size, grid.columns, size).sum(axis=(1, 3)))
+    size, rows, columns = grid.block_px, grid.rows, grid.columns
+    covered = image[grid.top : grid.top + rows * size, grid.left : grid.left + columns * size]
+    strips = covered.reshape(rows, size, columns * size).sum(axis=1)
+    return np.asarray(strips.reshape(rows, columns, size).sum(axis=2))

@@ -18,7 +18,7 @@ Rgb = NDArray[np.uint8]
 _UNDEFINED = 128
 _BEYOND_SCALE = 0.75
 
-# Corners of the RGB cube around the wheel, red first, and the share of the turn between two of them.
+# The corners of the RGB cube around the wheel, red first, and the steps from each to the next.
 _CORNERS = np.array([(1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1), (1, 0, 1), (1, 0, 0)])
 _STEPS = np.array([15, 6, 4, 11, 13, 6])
 _TURN = np.concatenate(([0.0], np.cumsum(_STEPS) / _STEPS.sum()))

@@ -46,16 +46,15 @@ def _compiled(combination: Combination) -> Callable[..., None]:
     combine = njit(combination, inline="always")
 
     @njit  # type: ignore[untyped-decorator]
-    def advance(frames: Any, a: float, b: float, low: Any, g: Any, y: Any, responses: Any) -> None:
-        h = np.empty(low.shape[1])
-        for t, i in np.ndindex(frames.shape[:2]):
+    def advance(frame: Any, a: float, b: float, low: Any, g: Any, y: Any) -> None:
+        h = np.empty(frame.shape[1])
+        for i in range(frame.shape[0]):
             for j in range(h.size):
-                low[i, j] += a * (frames[t, i, j] - low[i, j])
-                h[j] = frames[t, i, j] - low[i, j]
+                low[i, j] += a * (frame[i, j] - low[i, j])
+                h[j] = frame[i, j] - low[i, j]
                 g[i, j] += a * (h[j] - g[i, j])
             for j in range(1, h.size - 1):
                 y[i, j] += b * (combine(h, g[i], j) - y[i, j])
-                responses[t, i, j] = y[i, j]
 
     return advance  # type: ignore[no-any-return]
 
@@ -87,18 +86,18 @@ class CorrelationDetector(Detector, frozen=True):
         """Return the filters at rest; see `Detector.start`. First and last column stay NaN."""
         if min(shape) < 3:
             raise ValueError(f"frames of {shape[0]} × {shape[1]} px: {self.name} needs 3 × 3 px")
-        advance, low = self._combination(), np.empty(shape)
+        advance, low = self._combination(), None
         delayed, smoothed = np.zeros((2, *shape))
-        at_rest = True
+        smoothed[:, [0, -1]] = np.nan
 
         def respond(frames: Frames, scale: float) -> FloatArray:
-            nonlocal at_rest
-            scaled = frames * np.float64(scale)
-            if at_rest and len(frames):
-                low[:] = scaled[0]
-                at_rest = False
-            responses = np.full(frames.shape, np.nan)
-            advance(scaled, self.filter_step, self.output_step, low, delayed, smoothed, responses)
+            nonlocal low
+            responses = np.empty(frames.shape)
+            for frame, response in zip(frames, responses, strict=True):
+                scaled = frame * np.float64(scale)
+                low = scaled.copy() if low is None else low
+                advance(scaled, self.filter_step, self.output_step, low, delayed, smoothed)
+                response[:] = smoothed
             return responses
 
         return respond

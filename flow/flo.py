@@ -5,9 +5,7 @@ exceeds 1e9 in either is read back as NaN in both (Baker et al., IJCV 92, 2011, 
 Middlebury evaluation). A file appears whole or not at all.
 """
 
-import os
 import struct
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +26,7 @@ def write_flo(path: Path, flow: NDArray[np.floating]) -> None:
     ValueError
         When the array is no flow, or holds a value that would be read as undefined.
     """
-    if flow.ndim != 3 or flow.shape[-1] != 2 or not 0 < min(flow.shape[:2]):
+    if flow.ndim != 3 or flow.shape[-1] != 2 or 0 in flow.shape:
         raise ValueError(f"flow of shape {flow.shape}: give (H, W, 2)")
     if max(flow.shape[:2]) > _LARGEST_SIDE:
         raise ValueError(f"flow of shape {flow.shape}: a side may have {_LARGEST_SIDE} px at most")
@@ -70,12 +68,9 @@ def read_flo(path: Path) -> NDArray[np.float32]:
 
 
 def _write_whole(path: Path, content: bytes) -> None:
-    descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    temporary = Path(name)
+    temporary = path.with_name(f".part-{path.name}")
     try:
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(content)
-        temporary.chmod(0o644)
+        temporary.write_bytes(content)
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)

@@ -14,23 +14,20 @@ velocity (NaN).
 """
 
 from functools import partial
-from typing import Annotated, ClassVar, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
-from megalopta.flow.blocks import BlockGrid, block_grid, block_sums
-from megalopta.flow.detector import Detector, FloatArray, Frames, Responder, in_pairs
+from megalopta.flow.block_detector import BlockDetector
+from megalopta.flow.blocks import BlockGrid, block_sums
+from megalopta.flow.detector import FloatArray, Frames, Responder, in_pairs
 
 _SINGULAR = 1e-9
 """Share of AC below which AC − B² is rounding: gradients of one direction only."""
 
 
-class ImageInterpolation(Detector, frozen=True):
+class ImageInterpolation(BlockDetector, frozen=True):
     """Least-squares velocity of each block from references one pixel to either side."""
-
-    gives: ClassVar[Literal["response", "velocity"]] = "velocity"
-    minimum_frames: ClassVar[int] = 2
 
     name: str = "IIA"
     """Short name"""
@@ -38,20 +35,12 @@ class ImageInterpolation(Detector, frozen=True):
     label: str = "Image interpolation"
     """Name in words"""
 
-    block_px: Annotated[int, Field(ge=2)] | None = None
-    """Side of a block (px); by default a tenth of the shorter side of the frame"""
-
     scored_components: Literal["x", "xy"] = "x"
     """What the benchmark compares: the thesis's motion is horizontal, so its x component"""
 
-    @property
-    def memory_frames(self) -> int:
-        """1: a pair of frames."""
-        return 1
-
     def start(self, shape: tuple[int, int]) -> Responder:
         """Return the estimator for frames (H, W); see `Detector.start`."""
-        return in_pairs(partial(_velocities, block_grid(shape, self.block_px)))
+        return in_pairs(partial(_velocities, self.grid(shape)))
 
     def scored(self, responses: FloatArray) -> FloatArray:
         """Return the velocity, by default its x component, of the blocks inside."""

@@ -11,7 +11,8 @@ them lies the motion itself, which matters where the flow changes much over a fe
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +58,10 @@ class TruthError:
 
     outlier_fraction: float
     """Fraction with a relative error above 25 %, where the truth is not 0"""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields ready for JSON; what is undefined is None."""
+        return {name: _json(value) for name, value in asdict(self).items()}
 
 
 def block_flow(
@@ -104,7 +109,7 @@ def block_flow(
     pixels = y @ usable.astype(np.float64) @ x.T
     enough = (pixels > 0) & (pixels >= valid_fraction * np.outer(y.sum(axis=1), x.sum(axis=1)))
     scale = np.array([grid.shape[1] / width, grid.shape[0] / height])
-    return sums * scale / np.where(enough, pixels, np.nan)[..., np.newaxis]
+    return np.asarray(sums * scale / np.where(enough, pixels, np.nan)[..., np.newaxis])
 
 
 def truth_error(velocities: FloatArray, true_velocities: FloatArray) -> TruthError:
@@ -130,7 +135,7 @@ def truth_error(velocities: FloatArray, true_velocities: FloatArray) -> TruthErr
     known = np.isfinite(true_velocities[:, 1:-1, 1:-1]).all(axis=-1)
     truth = true_velocities[:, 1:-1, 1:-1][known]
     answer = velocities[:, 1:-1, 1:-1][known]
-    given = np.isfinite(answer).all(axis=-1)
+    given = np.asarray(np.isfinite(answer).all(axis=-1))
     difference = answer[given] - truth[given]
     endpoint = np.hypot(*difference.T)
     relative = _relative_errors(answer, truth)
@@ -151,7 +156,7 @@ def _membership(full: int, resized: int, start: int, block: int, blocks: int) ->
     """Return 1 where a full pixel's center lies in a block, (blocks, full)."""
     centers = (np.arange(full) + 0.5) * (resized / full)
     index = np.floor((centers - start) / block)
-    return (index == np.arange(blocks)[:, np.newaxis]).astype(np.float64)
+    return np.where(index == np.arange(blocks)[:, np.newaxis], 1.0, 0.0)
 
 
 def _relative_errors(answer: FloatArray, truth: FloatArray) -> FloatArray:
@@ -164,10 +169,16 @@ def _relative_errors(answer: FloatArray, truth: FloatArray) -> FloatArray:
 def _angles_deg(first: FloatArray, second: FloatArray) -> FloatArray:
     a, b = (np.column_stack((each, np.ones(len(each)))) for each in (first, second))
     cross = np.linalg.norm(np.cross(a, b), axis=1)
-    return np.degrees(np.arctan2(cross, np.sum(a * b, axis=1)))
+    return np.asarray(np.degrees(np.arctan2(cross, np.sum(a * b, axis=1))))
 
 
-def _mean(values: NDArray[np.floating] | NDArray[np.bool_]) -> float:
+def _json(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_json(each) for each in value]
+    return None if math.isnan(value) else value
+
+
+def _mean(values: NDArray[Any]) -> float:
     return float(values.mean()) if values.size else math.nan
 
 
