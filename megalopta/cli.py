@@ -1,38 +1,25 @@
 """The command line: one verb per stage, every setting overridable by its path.
 
-Exit codes: 0 done, 2 the user's mistake told in one sentence, 130 interrupted. A traceback means that
-the mistake is ours.
+Exit codes: 0 done, 2 the user's mistake told in one sentence, 130 interrupted. A traceback means
+that the mistake is ours.
 """
 
 import argparse
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from megalopta import __version__
-from megalopta.configuration import Configuration, built_in_names, load, parse, to_yaml
+from megalopta.configuration import built_in_names, load, parse, to_yaml
 from megalopta.dataset import open_dataset
 from megalopta.errors import UserError
 from megalopta.info import describe
 from megalopta.overrides import settings_help, split_overrides
-from megalopta.progress import console
+from megalopta.progress import say
 from megalopta.report import write_report
-from megalopta.stage_bench import bench_dataset
-from megalopta.stage_flow import flow_dataset
-from megalopta.stage_render import render_dataset
-from megalopta.stage_sense import sense_dataset
+from megalopta.stages import STAGES, run_all, run_stage
 
-Stage = Callable[[Path, Configuration, bool], object]
-
-_LATER_STAGES: Mapping[str, tuple[Stage, str]] = {
-    "sense": (sense_dataset, "expose every sensor at every light level: photon counts to Zarr"),
-    "flow": (flow_dataset, "run the motion detectors on the counts and compare with the truth"),
-    "bench": (bench_dataset, "find the photons per frame that each detector needs (N_2b)"),
-}
-_RENDERING = {
-    "demo": "do everything: render, sense, flow, bench and a report to open in a browser",
-    "render": "render a scene to spectral-radiance EXRs with exact ground truth",
-}
+_DEMO = "do everything: render, sense, flow, bench and a report to open in a browser"
 _OWN_OPTIONS = ("--out", "--redo", "--help", "-h", "--version")
 
 
@@ -45,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(2)
     except KeyboardInterrupt:
         message = "interrupted; every file is whole, and the same command goes on from there"
-        console.print(f"megalopta: {message}", highlight=False)
+        say(f"megalopta: {message}")
         sys.exit(130)
 
 
@@ -58,21 +45,16 @@ def _run(arguments: Sequence[str]) -> None:
         print(describe())
     elif options.verb == "report":
         print(write_report(open_dataset(options.dataset)))
-    elif options.verb in _LATER_STAGES:
+    elif options.verb == "demo":
+        dataset = run_all(options.out, load(options.configuration, overrides), options.redo)
+        print(write_report(dataset))
+    elif options.verb == "render":
+        configuration = load(options.configuration, overrides)
+        run_stage(options.out, configuration, "render", options.redo)
+    else:
         stored = to_yaml(open_dataset(options.dataset).configuration)
         configuration = parse(stored, str(options.dataset), overrides)
-        _LATER_STAGES[options.verb][0](options.dataset, configuration, options.redo)
-    elif options.verb == "render":
-        render_dataset(options.out, load(options.configuration, overrides), options.redo)
-    else:
-        _demo(options.out, load(options.configuration, overrides), options.redo)
-
-
-def _demo(root: Path, configuration: Configuration, redo: bool) -> None:
-    render_dataset(root, configuration, redo)
-    for stage, _ in _LATER_STAGES.values():
-        stage(root, configuration, redo)
-    print(write_report(open_dataset(root)))
+        run_stage(options.dataset, configuration, options.verb, options.redo)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -83,7 +65,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"megalopta {__version__}")
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
-    for verb, purpose in _RENDERING.items():
+    for verb, purpose in (("demo", _DEMO), ("render", STAGES["render"].purpose)):
         command = _add_verb(verbs, verb, purpose, has_settings=True)
         names = ", ".join(built_in_names())
         command.add_argument(
@@ -95,8 +77,8 @@ def _parser() -> argparse.ArgumentParser:
         command.add_argument(
             "--out", type=Path, default=Path("out/demo"), help="dataset folder (default: out/demo)"
         )
-    for verb, (_, purpose) in _LATER_STAGES.items():
-        _add_dataset(_add_verb(verbs, verb, purpose, has_settings=True))
+    for verb in ("sense", "flow", "bench"):
+        _add_dataset(_add_verb(verbs, verb, STAGES[verb].purpose, has_settings=True))
     report = "write report.html, one file without outside links, from what a dataset holds"
     _add_dataset(_add_verb(verbs, "report", report, has_settings=False))
     _add_verb(verbs, "info", "show versions, the rendering variant and what would make it faster")

@@ -14,14 +14,17 @@ import yaml
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
 from megalopta.errors import UserError, one_sentence
-from megalopta.flow import METHODS, BenchmarkSettings
+from megalopta.flow.benchmark_settings import BenchmarkSettings
+from megalopta.flow.methods import METHODS
+from megalopta.flow.resize import resized_shape
 from megalopta.render.renderer import RenderSettings, check_sample_count
 from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.forest import Forest
 from megalopta.scenes.grating import Grating
 from megalopta.scenes.light import Light, illuminance_of
 from megalopta.scenes.trajectory import Trajectory
-from megalopta.sensor import PRESETS, Sensor, check_bands
+from megalopta.sensor import PRESETS, Sensor
+from megalopta.sensor.efficiency import band_efficiency
 
 LightLevel = float | str
 
@@ -69,7 +72,7 @@ class Configuration(
     methods: Annotated[tuple[str, ...], Field(min_length=1)] = tuple(METHODS)
     """Motion detectors to run."""
 
-    benchmark: BenchmarkSettings = BenchmarkSettings()
+    benchmark: BenchmarkSettings = BenchmarkSettings(sizes=(60,))
     """The search for the photons that each detector needs."""
 
     @field_validator("name")
@@ -113,7 +116,7 @@ class Configuration(
             raise ValueError(f"sensors {names}: give each sensor a name of its own")
         period = 1 / self.trajectory.frame_rate_hz
         for sensor in self.sensors:
-            check_bands(self.render.bands_nm, sensor)
+            band_efficiency(sensor.efficiency, self.render.bands_nm)  # refuses bands not covered
             if sensor.exposure_s > period * (1 + 1e-9):
                 raise ValueError(
                     f"sensor {sensor.name!r}: exposure_s {sensor.exposure_s:g} is longer than a "
@@ -121,6 +124,34 @@ class Configuration(
                     f"use at most {period:g}"
                 )
         return self
+
+
+def check_methods(configuration: Configuration, sizes: Sequence[int] | None = None) -> None:
+    """Refuse frames that are too small for a method, or smaller than a benchmark size.
+
+    Parameters
+    ----------
+    configuration : Configuration
+    sizes : sequence of int, optional
+        Rows of resized frames; by default the frames are taken as they are.
+
+    Raises
+    ------
+    UserError
+        Before any work is done.
+    """
+    shape = configuration.camera.height, configuration.camera.width
+    try:
+        for size in sizes or (shape[0],):
+            if size > shape[0]:
+                raise ValueError(
+                    f"benchmark.sizes {size} is more than camera.height {shape[0]}; "
+                    f"use sizes up to {shape[0]}"
+                )
+            for name in configuration.methods:
+                METHODS[name].start(resized_shape(shape, size))
+    except ValueError as problem:
+        raise UserError(str(problem)) from None
 
 
 def _resolve_sensor(sensor: Any) -> Any:

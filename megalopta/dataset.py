@@ -24,10 +24,12 @@ import yaml
 from pydantic import ValidationError
 
 from megalopta import __version__, files
-from megalopta.configuration import Configuration, differences, to_yaml
+from megalopta.configuration import Configuration, LightLevel, differences, to_yaml
 from megalopta.errors import UserError, one_sentence
+from megalopta.sensor import Sensor
 
-# Which parts of the configuration a stage's output depends on, beside those of the stages before it.
+# Which parts of the configuration a stage's output depends on, beside those of the stages before
+# it.
 STAGE_FIELDS: Mapping[str, tuple[str, ...]] = {
     "render": ("name", "seed", "scene", "light", "camera", "trajectory", "render"),
     "sense": ("light_levels", "sensors"),
@@ -77,7 +79,7 @@ class Dataset:
         """Ground truth of a frame."""
         return self.frame("truth", index, "exr")
 
-    def counts(self, sensor: str, level: str | float) -> Path:
+    def counts(self, sensor: Sensor, level: LightLevel) -> Path:
         """Counts of one sensor at one light level."""
         return self.root / "counts" / self.sequence / f"{exposure_name(sensor, level)}.zarr"
 
@@ -191,9 +193,17 @@ def begin_stage(
 ) -> Dataset:
     """Make the folder ready for a stage, or refuse.
 
-    Everything already there must come from the same configuration. With `redo`, this stage's output
-    and whatever disagrees is removed first.
+    Everything already there must come from the same configuration, and the stages that this one
+    needs must be finished. With `redo`, this stage's output and whatever disagrees is removed
+    first.
     """
+    new = _agreed(root, configuration, stage, redo)
+    for needed in STAGE_NEEDS[stage]:
+        new.require(needed)
+    return new
+
+
+def _agreed(root: Path, configuration: Configuration, stage: str, redo: bool) -> Dataset:
     new = Dataset(root, configuration)
     if not (root / "dataset.yaml").exists():
         if root.exists() and (not root.is_dir() or any(root.iterdir())):
@@ -221,9 +231,9 @@ def begin_stage(
     return new
 
 
-def exposure_name(sensor: str, level: str | float) -> str:
+def exposure_name(sensor: Sensor, level: LightLevel) -> str:
     """Name of the counts of one sensor at one light level, such as "spadcam-starlight"."""
-    return f"{sensor}-{level if isinstance(level, str) else f'{level:g}lux'}"
+    return f"{sensor.name}-{level if isinstance(level, str) else f'{level:g}lux'}"
 
 
 def stage_configuration(configuration: Configuration, stage: str) -> dict[str, Any]:

@@ -1,8 +1,9 @@
 """Progress on the terminal: how far, how fast, how long still."""
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Protocol
 
 from rich.console import Console
 from rich.progress import (
@@ -19,7 +20,12 @@ from rich.text import Text
 
 console = Console(stderr=True)
 
-Advance = Callable[[], None]
+
+class Advance(Protocol):
+    """Moves a bar on."""
+
+    def __call__(self, steps: int = 1) -> None:
+        """Count `steps` more as done."""
 
 
 class _RateColumn(ProgressColumn):
@@ -32,9 +38,14 @@ class _RateColumn(ProgressColumn):
         return Text(f"{speed:.1f} {unit}s/s" if speed >= 1 else f"{1 / speed:.1f} s/{unit}")
 
 
+def say(text: str) -> None:
+    """Print one line on standard error."""
+    console.print(text, highlight=False, markup=False, soft_wrap=True)
+
+
 @contextmanager
 def progress(description: str, total: int, unit: str) -> Iterator[Advance]:
-    """Show a bar for `total` steps; the yielded function advances it by one.
+    """Show a bar for `total` steps, which the yielded function counts.
 
     Without a terminal one line is printed at the end.
     """
@@ -49,7 +60,7 @@ def progress(description: str, total: int, unit: str) -> Iterator[Advance]:
     )
     with Progress(*columns, console=console, disable=not console.is_terminal) as bars:
         task = bars.add_task(description, total=total, unit=unit)
-        yield lambda: bars.advance(task)
+        yield lambda steps=1: bars.advance(task, steps)
         elapsed = bars.tasks[0].elapsed or 0.0
     if not console.is_terminal:
         print(f"{description}: {total} {unit}s in {elapsed:.1f} s", file=sys.stderr)

@@ -1,7 +1,7 @@
 """Ground truth in the file formats of MPI-Sintel, so that its loaders read them unmodified.
 
-Depth (.dpt) and camera (.cam) files start with the float32 tag 202021.25. Sintel counts pixel centers
-at integers, half a pixel less than our continuous image coordinates.
+Depth (.dpt) and camera (.cam) files start with the float32 tag 202021.25. Sintel counts pixel
+centers at integers, half a pixel less than our continuous image coordinates.
 """
 
 from pathlib import Path
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from skimage.io import imsave
 
 from megalopta.files import whole_file
-from megalopta.flow import write_flo
+from megalopta.flow.flo import write_flo
 from megalopta.render.truth import Truth, out_of_view
 from megalopta.scenes.camera import PerspectiveCamera
 
@@ -51,7 +51,9 @@ def write_flow(root: Path, sequence: str, index: int, truth: Truth) -> None:
     name = f"frame_{index + 1:04d}"
     undefined = np.isnan(truth.flow_forward).any(axis=-1)
     unmatched = truth.occluded_forward | out_of_view(truth.flow_forward)
-    write_flo(root / "flow" / sequence / f"{name}.flo", truth.flow_forward)
+    flow_path = root / "flow" / sequence / f"{name}.flo"
+    flow_path.parent.mkdir(parents=True, exist_ok=True)
+    write_flo(flow_path, truth.flow_forward)
     write_png(root / "occlusions" / sequence / f"{name}.png", _mask(unmatched))
     write_png(root / "invalid" / sequence / f"{name}.png", _mask(undefined))
 

@@ -39,13 +39,11 @@ class Hits:
 
 def nearest_hits(scene: Any, origin: Float64, directions: Float64) -> Hits:
     """Nearest hit of rays from one origin (3,) along unit directions (N, 3)."""
-    if mi.variant().startswith("scalar"):
-        return _nearest_hits_scalar(scene, origin, directions)
-    found = scene.ray_intersect_preliminary(_rays(origin, directions), coherent=True)
+    distance, mesh, triangle = intersect(scene, origin, directions)
     return Hits(
-        np.array(found.t, dtype=np.float64),
-        np.array(found.shape_index, dtype=np.int64),
-        np.array(found.prim_index, dtype=np.int64),
+        np.array(distance, dtype=np.float64),
+        np.array(mesh, dtype=np.int64),
+        np.array(triangle, dtype=np.int64),
     )
 
 
@@ -54,33 +52,34 @@ def is_hidden(
 ) -> NDArray[np.bool_]:
     """Whether anything is nearer than `distances` (N,) along directions (N, 3) from origin (3,)."""
     limits = np.minimum(distances * (1 - VISIBILITY_MARGIN), np.finfo(np.float32).max)
-    if mi.variant().startswith("scalar"):
-        return _is_hidden_scalar(scene, origin, directions, limits)
-    rays = _rays(origin, directions)
-    rays.maxt = mi.Float(limits)
-    return np.array(scene.ray_test(rays, coherent=True), dtype=bool)
+    return np.array(blocked(scene, origin, directions, limits), dtype=bool)
+
+
+def intersect(scene: Any, origin: Float64, directions: Float64) -> tuple[Any, Any, Any]:
+    """Mitsuba's own answer: distances, mesh indices and triangle indices, in its types."""
+    if not mi.variant().startswith("scalar"):
+        hits = scene.ray_intersect_preliminary(_rays(origin, directions), coherent=True)
+        return hits.t, hits.shape_index, hits.prim_index
+    start = mi.Point3f(origin.tolist())
+    hits = [scene.ray_intersect_preliminary(mi.Ray3f(start, d)) for d in directions.tolist()]
+    return (
+        [hit.t for hit in hits],
+        # Where nothing was hit these are arbitrary 32-bit numbers.
+        [hit.shape_index for hit in hits],
+        [hit.prim_index for hit in hits],
+    )
+
+
+def blocked(scene: Any, origin: Float64, directions: Float64, limits: Float64) -> Any:
+    """Mitsuba's own answer: whether anything is hit before the limits, in its types."""
+    if not mi.variant().startswith("scalar"):
+        rays = _rays(origin, directions)
+        rays.maxt = mi.Float(limits)
+        return scene.ray_test(rays, coherent=True)
+    start = mi.Point3f(origin.tolist())
+    pairs = zip(directions.tolist(), limits.tolist(), strict=True)
+    return [scene.ray_test(mi.Ray3f(mi.Ray3f(start, d), maxt=limit)) for d, limit in pairs]
 
 
 def _rays(origin: Float64, directions: Float64) -> Any:
     return mi.Ray3f(mi.Point3f(*origin.tolist()), mi.Vector3f(np.ascontiguousarray(directions.T)))
-
-
-def _nearest_hits_scalar(scene: Any, origin: Float64, directions: Float64) -> Hits:
-    start = mi.Point3f(origin.tolist())
-    hits = (
-        scene.ray_intersect_preliminary(mi.Ray3f(start, direction))
-        for direction in directions.tolist()
-    )
-    rows = [(hit.t, hit.shape_index, hit.prim_index) for hit in hits]
-    distance, mesh, triangle = np.array(rows, dtype=np.float64).reshape(-1, 3).T
-    return Hits(distance, mesh.astype(np.int64), triangle.astype(np.int64))
-
-
-def _is_hidden_scalar(
-    scene: Any, origin: Float64, directions: Float64, limits: Float64
-) -> NDArray[np.bool_]:
-    start = mi.Point3f(origin.tolist())
-    rays = zip(directions.tolist(), limits.tolist(), strict=True)
-    return np.array(
-        [scene.ray_test(mi.Ray3f(mi.Ray3f(start, d), maxt=t)) for d, t in rays], dtype=bool
-    )

@@ -28,7 +28,7 @@ class RenderSettings(
 ):
     """How radiance is computed."""
 
-    samples_per_pixel: Annotated[int, Field(ge=1)] = 64
+    samples_per_pixel: Annotated[int, Field(ge=1)] = 25
     """Light paths per pixel and frame. Multijittered sampling rounds up to a product of two near
     factors."""
 
@@ -36,14 +36,13 @@ class RenderSettings(
     """Longest path in surface hits plus one: 2 is direct light, each more one bounce."""
 
     bands_nm: Annotated[tuple[tuple[float, float], ...], Field(min_length=1)] = (
-        (400, 450),
-        (450, 500),
-        (500, 550),
-        (550, 600),
-        (600, 650),
-        (650, 700),
+        (400, 475),
+        (475, 550),
+        (550, 625),
+        (625, 700),
     )
-    """Spectral bands, lower and upper edge (nm)."""
+    """Spectral bands, lower and upper edge (nm). A path carries four wavelengths: more bands make
+    each band noisier, not their sum."""
 
     sampler: Literal["independent", "multijitter", "orthogonal", "ldsampler"] = "multijitter"
     """Mitsuba's sample generator."""

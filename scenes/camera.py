@@ -52,7 +52,8 @@ class PerspectiveCamera(
         """Image coordinates (..., 2) in px of points (..., 3) in camera axes.
 
         Only directions count, so a point at infinity is given as its direction. NaN for points that
-        are not in front of the camera.
+        are not in front of the camera, or within 1e-5 rad of its image plane.
         """
-        z = np.where(points[..., 2:] > 0, points[..., 2:], np.nan)
+        nearest = 1e-5 * np.linalg.norm(points, axis=-1, keepdims=True)
+        z = np.where(points[..., 2:] > nearest, points[..., 2:], np.nan)
         return points[..., :2] / z * self.focal_length_px + [self.width / 2, self.height / 2]

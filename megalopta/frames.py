@@ -1,0 +1,43 @@
+"""Reading a dataset's frames, a chunk at a time."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.dataset import Dataset
+from megalopta.errors import UserError
+from megalopta.render.exr import read_radiance, read_truth
+from megalopta.render.truth import Truth
+
+
+def read_radiance_frames(dataset: Dataset, chunk: int) -> Iterator[tuple[int, NDArray[np.float32]]]:
+    """Yield the first frame's number and radiance (n ≤ chunk, H, W, B) of successive chunks."""
+    frames = dataset.configuration.trajectory.frames
+    for first in range(0, frames, chunk):
+        indices = range(first, min(first + chunk, frames))
+        yield first, np.stack([_read_radiance(dataset, index) for index in indices])
+
+
+def read_truth_frames(dataset: Dataset) -> Iterator[Truth]:
+    """Yield the ground truth of every frame."""
+    for index in range(dataset.configuration.trajectory.frames):
+        try:
+            yield read_truth(dataset.truth(index))
+        except (OSError, ValueError) as problem:
+            raise UserError(f"{problem}; render it again with --redo") from None
+
+
+def _read_radiance(dataset: Dataset, index: int) -> NDArray[np.float32]:
+    try:
+        radiance, bands = read_radiance(dataset.radiance(index))
+    except (OSError, ValueError) as problem:
+        raise UserError(f"{problem}; render it again with --redo") from None
+    camera = dataset.configuration.camera
+    expected = dataset.configuration.render.bands_nm
+    if bands != expected or radiance.shape[:2] != (camera.height, camera.width):
+        raise UserError(
+            f"{dataset.radiance(index)} does not have the image size or bands that dataset.yaml "
+            "says; render it again with --redo"
+        )
+    return radiance

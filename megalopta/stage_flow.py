@@ -1,0 +1,122 @@
+"""The flow stage: motion detectors on the counts of every sensor at every light level.
+
+Each detector answers twice, to the counts and to their noise-free twin; the difference is the error
+that photon noise makes. Detectors that give a velocity are also compared with the true flow.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zarr
+from numpy.typing import NDArray
+
+from megalopta import files
+from megalopta.configuration import LightLevel
+from megalopta.dataset import Dataset, exposure_name
+from megalopta.flow.benchmark_settings import default_warm_up
+from megalopta.flow.blocks import block_grid
+from megalopta.flow.detector import Detector
+from megalopta.flow.error import METRICS, error_sums
+from megalopta.flow.methods import METHODS
+from megalopta.flow.truth_error import block_flow, truth_error
+from megalopta.frames import read_truth_frames
+from megalopta.progress import progress
+from megalopta.sensor import Sensor, StoredCounts
+from megalopta.stage_sense import exposures, read_exposure
+
+Record = dict[str, Any]
+
+
+def measure_flow(dataset: Dataset) -> None:
+    """Run the detectors; writes results/SEQ/flow.json and responses/SENSOR-LEVEL.zarr."""
+    flow, occluded = true_flow(dataset)
+    methods = dataset.configuration.methods
+    records: list[Record] = []
+    pairs = exposures(dataset)
+    with progress("Detecting motion", len(pairs) * len(methods), "response") as advance:
+        for sensor, level in pairs:
+            stored = read_exposure(dataset, sensor, level)
+            responses = {}
+            for name in methods:
+                ideal, noisy = _respond(METHODS[name], stored)
+                record = _compare(METHODS[name], ideal, noisy, flow, occluded)
+                records.append({"sensor": sensor.name, "level": level, **record})
+                responses |= {name: noisy, f"{name}-ideal": ideal}
+                advance()
+            _write_responses(responses_path(dataset, sensor, level), responses)
+    files.write_json(dataset.result("flow.json"), records)
+
+
+def responses_path(dataset: Dataset, sensor: Sensor, level: LightLevel) -> Path:
+    """Zarr group with one array METHOD (to counts) and METHOD-ideal (to their twin) per method."""
+    return dataset.result("responses") / f"{exposure_name(sensor, level)}.zarr"
+
+
+def true_flow(dataset: Dataset) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Forward flow (T − 1, H, W, 2) in px and where its pixels are hidden in the next frame."""
+    frames = list(read_truth_frames(dataset))[:-1]
+    return (
+        np.stack([truth.flow_forward for truth in frames]),
+        np.stack([truth.occluded_forward for truth in frames]),
+    )
+
+
+def _respond(
+    detector: Detector, stored: StoredCounts
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Responses to the noise-free twin and to the counts, both brought to a mean of 1."""
+    mean = float(stored.exposure.expected.mean())
+    scale = 1 / mean if mean else 1.0
+    ideal = detector.respond(stored.exposure.expected, scale)
+    return ideal, detector.respond(stored.exposure.counts, scale)
+
+
+def _compare(
+    detector: Detector,
+    ideal: NDArray[np.float64],
+    noisy: NDArray[np.float64],
+    flow: NDArray[np.float32],
+    occluded: NDArray[np.bool_],
+) -> Record:
+    warm_up = default_warm_up(len(flow) + 1, [detector])
+    sums = error_sums(detector, ideal[warm_up:], noisy[warm_up:])
+    record: Record = {
+        "method": detector.name,
+        "warm_up_frames": warm_up,
+        "error": {metric: _number(sums.of_sequence(metric)) for metric in METRICS},
+    }
+    if detector.gives == "velocity":
+        truth = block_flow(flow, block_grid(flow.shape[1:3]), occluded)
+        record["truth"] = {
+            "ideal": _numbers(asdict(truth_error(ideal, truth))),
+            "counts": _numbers(asdict(truth_error(noisy, truth))),
+        }
+    return record
+
+
+def _numbers(values: Mapping[str, Any]) -> Record:
+    return {
+        name: [_number(part) for part in value] if isinstance(value, tuple) else _number(value)
+        for name, value in values.items()
+    }
+
+
+def _number(value: float) -> float | None:
+    """JSON has no NaN."""
+    return None if math.isnan(value) else value
+
+
+def _write_responses(path: Path, responses: Mapping[str, NDArray[np.float64]]) -> None:
+    files.remove(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".part-{path.name}")
+    files.remove(temporary)
+    group = zarr.open_group(temporary, mode="w", zarr_format=3)
+    for name, values in responses.items():
+        chunks = (min(len(values), 16), *values.shape[1:])
+        group.create_array(name, data=values.astype(np.float32), chunks=chunks)
+    temporary.rename(path)

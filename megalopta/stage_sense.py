@@ -1,0 +1,92 @@
+"""The sense stage: radiance to photon counts of every sensor at every light level, on disk.
+
+Light is additive, so a scene under the same light made k times as bright has k times the radiance:
+one rendering serves all levels. The color of the light stays that of the rendered level.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta import sintel
+from megalopta.configuration import Configuration, LightLevel
+from megalopta.dataset import Dataset, exposure_name
+from megalopta.errors import UserError
+from megalopta.frames import read_radiance_frames
+from megalopta.progress import progress
+from megalopta.scenes.light import illuminance_of
+from megalopta.sensor import Exposure, Sensor, StoredCounts, expose, read_counts, write_counts
+
+# Frames held in memory at once, as radiance.
+_CHUNK_FRAMES = 16
+
+
+def sense(dataset: Dataset) -> None:
+    """Expose what is not there yet."""
+    missing = [pair for pair in exposures(dataset) if not dataset.counts(*pair).exists()]
+    with progress("Exposing sensors", len(missing), "exposure") as advance:
+        for sensor, level in missing:
+            _expose_sequence(dataset, sensor, level)
+            advance()
+    _write_final_images(dataset)
+
+
+def exposures(dataset: Dataset) -> list[tuple[Sensor, LightLevel]]:
+    """Every sensor at every light level."""
+    settings = dataset.configuration
+    return [(sensor, level) for sensor in settings.sensors for level in settings.light_levels]
+
+
+def read_exposure(dataset: Dataset, sensor: Sensor, level: LightLevel) -> StoredCounts:
+    """Counts of one sensor at one light level. Raises UserError when they cannot be read."""
+    try:
+        return read_counts(dataset.counts(sensor, level))
+    except (OSError, ValueError) as problem:
+        raise UserError(f"{problem}; sense again with --redo") from None
+
+
+def light_scale(configuration: Configuration, level: LightLevel) -> float:
+    """How many times brighter a level is than the rendered light."""
+    return illuminance_of(level) / configuration.light.resolved().illuminance_lux
+
+
+def _expose_sequence(dataset: Dataset, sensor: Sensor, level: LightLevel) -> None:
+    configuration = dataset.configuration
+    sequence = f"{dataset.sequence}/{exposure_name(sensor, level)}"
+    scale = np.float32(light_scale(configuration, level))
+    chunks = [
+        expose(
+            radiance * scale,
+            configuration.render.bands_nm,
+            sensor,
+            seed=configuration.seed,
+            sequence=sequence,
+            first_frame=first,
+        )
+        for first, radiance in read_radiance_frames(dataset, _CHUNK_FRAMES)
+    ]
+    exposure = Exposure(
+        *(
+            np.concatenate([getattr(chunk, field) for chunk in chunks])
+            for field in ("counts", "expected", "saturated")
+        )
+    )
+    path = dataset.counts(sensor, level)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    stored = StoredCounts(
+        exposure, sensor, configuration.seed, sequence, illuminance_of(level), {"level": level}
+    )
+    write_counts(path, stored)
+
+
+def _write_final_images(dataset: Dataset) -> None:
+    """Counts of the first sensor at the first light level as gray images, all exposed alike."""
+    configuration = dataset.configuration
+    stored = read_exposure(dataset, configuration.sensors[0], configuration.light_levels[0])
+    white = max(float(np.percentile(stored.exposure.counts, 99)), 1.0)
+    for index, counts in enumerate(stored.exposure.counts):
+        sintel.write_png(dataset.frame("training/final", index, "png"), _gray(counts / white))
+
+
+def _gray(values: NDArray[np.float64]) -> NDArray[np.uint8]:
+    level = (255 * np.clip(values, 0, 1) ** (1 / 2.2) + 0.5).astype(np.uint8)
+    return np.repeat(level[..., None], 3, axis=-1)

@@ -1,0 +1,72 @@
+"""The stages in their order, and how one is run: checked, resumed, timed and recorded."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from megalopta.configuration import Configuration, check_methods
+from megalopta.dataset import Dataset, begin_stage
+from megalopta.progress import say
+from megalopta.stage_bench import bench
+from megalopta.stage_flow import measure_flow
+from megalopta.stage_render import render
+from megalopta.stage_sense import sense
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One step from scene to measurement.
+
+    Attributes
+    ----------
+    purpose : str
+        One clause for a person.
+    work : callable
+        Adds to a dataset what of the stage is not there yet.
+    check : callable
+        Refuses, with UserError, a configuration that the stage cannot serve.
+    """
+
+    purpose: str
+    work: Callable[[Dataset], None]
+    check: Callable[[Configuration], None] = lambda _: None
+
+
+STAGES: Mapping[str, Stage] = {
+    "render": Stage("render a scene to spectral-radiance EXRs with exact ground truth", render),
+    "sense": Stage("expose every sensor at every light level: photon counts to Zarr", sense),
+    "flow": Stage(
+        "run the motion detectors on the counts and compare with the truth",
+        measure_flow,
+        check_methods,
+    ),
+    "bench": Stage(
+        "find the photons per frame that each detector needs (N_2b)",
+        bench,
+        lambda configuration: check_methods(configuration, configuration.benchmark.sizes),
+    ),
+}
+
+
+def run_stage(root: Path, configuration: Configuration, name: str, redo: bool = False) -> Dataset:
+    """Bring one stage of a dataset to its end; what is there already is kept. Raises UserError."""
+    stage = STAGES[name]
+    stage.check(configuration)
+    dataset = begin_stage(root, configuration, name, redo)
+    if dataset.is_finished(name):
+        say(f"{name}: {root} has it already")
+        return dataset
+    start = time.perf_counter()
+    stage.work(dataset)
+    dataset.finish(name, time.perf_counter() - start)
+    return dataset
+
+
+def run_all(root: Path, configuration: Configuration, redo: bool = False) -> Dataset:
+    """Run every stage, after checking that the configuration serves all of them."""
+    for stage in STAGES.values():
+        stage.check(configuration)
+    for name in STAGES:
+        dataset = run_stage(root, configuration, name, redo)
+    return dataset

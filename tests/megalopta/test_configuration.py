@@ -1,0 +1,83 @@
+import pytest
+import yaml
+
+from megalopta.configuration import built_in_names, differences, load, parse, to_yaml
+from megalopta.errors import UserError
+
+
+@pytest.mark.parametrize("name", built_in_names())
+def test_built_in_configurations_survive_yaml(name):
+    configuration = load(name)
+    assert parse(to_yaml(configuration), "again") == configuration
+
+
+def test_overrides_reach_nested_fields_and_list_items():
+    changed = load(
+        "demo",
+        {"scene.trees": "120", "sensors.0.exposure_s": "0.05", "light_levels": "[starlight, 0.5]"},
+    )
+    assert changed.scene.trees == 120
+    assert changed.sensors[0].exposure_s == 0.05
+    assert changed.light_levels == ("starlight", 0.5)
+
+
+def test_another_kind_of_scene_starts_afresh():
+    changed = load("demo", {"scene.kind": "grating", "scene.cycles_per_frame": "5"})
+    assert changed.scene.kind == "grating"
+
+
+def test_sensors_are_given_by_preset_with_changes():
+    text = "sensors: [ideal, {preset: spadcam, name: cold, dark_counts: {bulk_mean_hz_um2: 0.1}}]"
+    ideal, cold = parse(text, "x").sensors
+    assert ideal.name == "ideal"
+    assert cold.dark_counts.bulk_mean_hz_um2 == 0.1
+    assert cold.dark_counts.hot_fraction > 0  # the rest of the preset stays
+    assert cold.counter_capacity == 320
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("scene: {kind: forest, treees: 5}", r"scene\.forest\.treees: unknown key; did you mean 'trees'"),
+        ("camrea: {}", "camrea: unknown key; did you mean 'camera'"),
+        ("sensors: [{preset: spadcam, exposure_s: -1}]", r"sensors\.0\.exposure_s: .*greater than 0, got -1"),
+        ("sensors: [spadcan]", "'spadcan' is unknown: use one of"),
+        ("trajectory: {position_m: [0, 0, 1], look_at_m: [0, 0, 5]}", "up .* is parallel to the view"),
+        ("render: {samples_per_pixel: 1000000}", "holds fewer than 2³²: use at most 298261"),
+        ("light_levels: [dusk]", "'dusk' is unknown: use one of daylight"),
+        ("light_levels: [starlight, starlight]", "each level once"),
+        ("methods: [XX]", "'XX' is unknown: use some of BM"),
+        ("trajectory: {frames: 1}", "at least 2 frames"),
+        ("trajectory: {frame_rate_hz: 100}", "use at most 0.01"),
+        ("render: {bands_nm: [[2500, 2600]]}", "2600"),
+        ("sensors: [ideal, ideal]", "name of its own"),
+        ("name: ../up", "cannot name a folder"),
+        ("seed: abc", "seed: .*valid integer.*, got 'abc'"),
+        ("- a", "a configuration is a mapping"),
+        ("a: [", "not valid YAML"),
+        ("a: !!python/object/apply:os.system [ls]", "not valid YAML"),
+    ],
+)  # fmt: skip
+def test_mistakes_get_one_sentence_with_field_and_remedy(text, message):
+    with pytest.raises(UserError, match=message) as caught:
+        parse(text, "file.yaml")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_named_with_the_built_in_ones():
+    with pytest.raises(UserError, match=r"none\.yaml: no such configuration.*demo"):
+        load("none.yaml")
+
+
+def test_an_override_of_nothing_says_what_there_is():
+    with pytest.raises(UserError, match=r"--sensors\.7\.name: no field '7'; there is 0, 1"):
+        load("demo", {"sensors.7.name": "x"})
+    with pytest.raises(UserError, match="unknown key; did you mean 'trees'"):
+        load("demo", {"scene.treess": "3"})
+
+
+def test_differences_name_every_changed_leaf():
+    old = yaml.safe_load("a: {b: 1, c: [1, 2]}\nd: [{e: 1}]")
+    new = yaml.safe_load("a: {b: 2, c: [1, 3]}\nd: [{e: 1}, {e: 2}]")
+    assert differences(old, new) == ["a.b: 1 → 2", "a.c: [1, 2] → [1, 3]", "d.1.e: absent → 2"]
+    assert differences(old, old) == []

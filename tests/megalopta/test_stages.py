@@ -1,0 +1,199 @@
+"""The stages on a real, tiny dataset: what they write, resume, refuse and repeat."""
+
+import hashlib
+import json
+import shutil
+
+import numpy as np
+import pytest
+import zarr
+
+from megalopta.dataset import STAGES as ORDER
+from megalopta.dataset import open_dataset
+from megalopta.errors import UserError
+from megalopta.flow.flo import read_flo
+from megalopta.render.exr import read_radiance, read_truth
+from megalopta.sensor import expected_counts, read_counts
+from megalopta.stage_render import FrameWriter
+from megalopta.stages import run_all, run_stage
+
+
+@pytest.fixture(scope="session")
+def finished(tiny, tmp_path_factory):
+    root = tmp_path_factory.mktemp("finished") / "data"
+    return run_all(root, tiny)
+
+
+@pytest.fixture
+def copy(finished, tmp_path):
+    shutil.copytree(finished.root, tmp_path / "data")
+    return open_dataset(tmp_path / "data")
+
+
+def content(root):
+    """Every file's bytes but for the time it took."""
+    return {
+        str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(root.rglob("*"))
+        if path.is_file() and path.name != "timings.json"
+    }
+
+
+def test_the_tree_is_sintels_with_one_flow_less_than_frames(finished):
+    training = finished.root / "training"
+    counts = {kind.name: len(list((kind / "grating").iterdir())) for kind in training.iterdir()}
+    assert counts == {
+        "clean": 18, "final": 18, "depth": 18, "camdata_left": 18,
+        "flow": 17, "occlusions": 17, "invalid": 17,
+    }  # fmt: skip
+
+
+def test_flow_files_hold_the_truth_of_the_exr(finished):
+    truth = read_truth(finished.truth(3)).flow_forward
+    stored = read_flo(finished.frame("training/flow", 3, "flo"))
+    np.testing.assert_array_equal(stored, truth)
+    assert (truth[..., 0] > 0).all()  # the camera turns left
+
+
+def test_depth_and_camera_files_follow_sintels_layout(finished):
+    raw = finished.frame("training/depth", 0, "dpt").read_bytes()
+    assert np.frombuffer(raw[:4], "<f4")[0] == np.float32(202021.25)
+    width, height = np.frombuffer(raw[4:12], "<i4")
+    depth = np.frombuffer(raw[12:], "<f4").reshape(height, width)
+    np.testing.assert_array_equal(depth, read_truth(finished.truth(0)).depth)
+    raw = finished.frame("training/camdata_left", 0, "cam").read_bytes()
+    intrinsics = np.frombuffer(raw[4:76], "<f8").reshape(3, 3)
+    extrinsics = np.frombuffer(raw[76:], "<f8").reshape(3, 4)
+    pose = finished.configuration.trajectory.poses()[0]
+    # The pixel right at the principal point sees along the optical axis.
+    ahead = pose[:3, 3] + 5 * pose[:3, 2]
+    x, y, w = intrinsics @ (extrinsics @ np.append(ahead, 1))
+    np.testing.assert_allclose([x / w, y / w], [48 / 2 - 0.5, 40 / 2 - 0.5], atol=1e-9)
+
+
+def test_counts_stand_beside_their_noise_free_twin(finished):
+    configuration = finished.configuration
+    sensor, level = configuration.sensors[1], "starlight"
+    stored = read_counts(finished.counts(sensor, level))
+    radiance, bands = read_radiance(finished.radiance(5))
+    twin = expected_counts(radiance[None] * np.float32(1e-3), bands, sensor)
+    np.testing.assert_allclose(stored.exposure.expected[5], twin[0], rtol=1e-6)
+    z = (stored.exposure.counts - stored.exposure.expected) / np.sqrt(stored.exposure.expected)
+    # 34 560 Poisson counts: the mean of z is within 5 σ but for 6e-7 of all seeds.
+    assert abs(z.mean()) * np.sqrt(z.size) < 5
+
+
+def test_noise_of_two_exposures_is_unrelated(finished):
+    first, second = finished.configuration.light_levels
+    sensor = finished.configuration.sensors[1]
+    residuals = []
+    for level in (first, second):
+        exposure = read_counts(finished.counts(sensor, level)).exposure
+        residuals.append((exposure.counts - exposure.expected).ravel())
+    correlation = np.corrcoef(*residuals)[0, 1]
+    assert abs(correlation) * np.sqrt(residuals[0].size) < 5  # false alarm 6e-7
+
+
+def test_responses_and_errors_of_every_method_are_there(finished):
+    records = json.loads(finished.result("flow.json").read_text())
+    settings = finished.configuration
+    assert len(records) == 6 * len(settings.sensors) * len(settings.light_levels)
+    by_method = {r["method"]: r for r in records if r["sensor"] == "ideal"}
+    assert set(by_method) == set(settings.methods)
+    assert {name for name, r in by_method.items() if "truth" in r} == {"BM", "IIA"}
+    group = zarr.open_group(finished.result("responses") / "ideal-starlight.zarr", mode="r")
+    assert set(group) == {f"{m}{end}" for m in settings.methods for end in ("", "-ideal")}
+
+
+def test_light_raises_no_error_in_bright_light(finished):
+    records = json.loads(finished.result("flow.json").read_text())
+    ideal = {
+        (r["method"], r["level"]): r["error"]["ratio"] for r in records if r["sensor"] == "ideal"
+    }
+    for method in ("IIA", "NDM", "NDS", "IM"):
+        assert ideal[method, "twilight"] < 0.3 * ideal[method, "starlight"]
+
+
+def test_every_seed_and_setting_is_in_the_dataset(finished):
+    assert open_dataset(finished.root).configuration == finished.configuration
+
+
+def test_a_second_run_changes_no_byte(copy):
+    before = content(copy.root)
+    run_all(copy.root, copy.configuration)
+    assert content(copy.root) == before
+
+
+def test_an_interrupted_rendering_goes_on_to_the_same_bytes(copy, monkeypatch, tmp_path):
+    write, calls = FrameWriter.write, []
+
+    def interrupted(self, index):
+        calls.append(index)
+        if len(calls) == 5:
+            raise KeyboardInterrupt
+        write(self, index)
+
+    monkeypatch.setattr(FrameWriter, "write", interrupted)
+    root = tmp_path / "broken"
+    with pytest.raises(KeyboardInterrupt):
+        run_all(root, copy.configuration)
+    assert not [path for path in root.rglob("*") if "part" in path.name]
+    monkeypatch.undo()
+    run_all(root, copy.configuration)
+    assert content(root) == content(copy.root)
+
+
+def test_another_configuration_is_refused_with_the_difference(copy):
+    before = content(copy.root)
+    changed = copy.configuration.model_copy(update={"seed": 7})
+    with pytest.raises(UserError, match=r"holds render and sense and flow and bench .*seed: 0 → 7"):
+        run_stage(copy.root, changed, "render")
+    assert content(copy.root) == before
+
+
+def test_redo_replaces_what_disagrees_and_keeps_the_rest(copy):
+    rendering = content(copy.root / "radiance")
+    changed = copy.configuration.model_copy(update={"light_levels": (0.5,)})
+    with pytest.raises(UserError, match="light_levels"):
+        run_stage(copy.root, changed, "sense")
+    dataset = run_stage(copy.root, changed, "sense", redo=True)
+    assert content(copy.root / "radiance") == rendering
+    assert dataset.counts(changed.sensors[0], 0.5).exists()
+    assert not dataset.has("flow")
+    assert dataset.is_finished("sense")
+
+
+def test_a_stage_needs_the_ones_before_it(tiny, tmp_path):
+    with pytest.raises(UserError, match="stage 'render' is not finished .*run: megalopta render"):
+        run_stage(tmp_path / "new", tiny, "sense")
+
+
+def test_a_folder_of_something_else_is_left_alone(tiny, tmp_path):
+    (tmp_path / "thesis.tex").write_text("precious")
+    with pytest.raises(UserError, match="exists and is no dataset"):
+        run_stage(tmp_path, tiny, "render")
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_a_damaged_frame_is_named(copy):
+    copy.forget("sense")
+    path = copy.radiance(2)
+    path.write_bytes(path.read_bytes()[:200])
+    with pytest.raises(UserError, match=r"frame_0003\.exr cannot be read as EXR.*--redo"):
+        run_stage(copy.root, copy.configuration, "sense")
+
+
+def test_frames_too_small_for_a_method_are_refused_before_any_work(tmp_path, tiny):
+    small = tiny.model_copy(update={"camera": tiny.camera.model_copy(update={"height": 12})})
+    with pytest.raises(UserError, match=r"12 .*blocks|benchmark\.sizes"):
+        run_all(tmp_path / "data", small)
+    assert not (tmp_path / "data").exists()
+
+
+def test_every_stage_is_entered_with_the_hash_of_its_files(finished):
+    lines = finished.manifest()
+    assert [line["stage"] for line in lines] == list(ORDER)
+    for line in lines:
+        for name, digest in line["files"].items():
+            data = (finished.root / name).read_bytes()
+            assert hashlib.blake2b(data, digest_size=16).hexdigest() == digest
