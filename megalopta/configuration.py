@@ -18,9 +18,9 @@ from megalopta.flow.benchmark_settings import BenchmarkSettings
 from megalopta.flow.methods import METHODS
 from megalopta.flow.resize import resized_shape
 from megalopta.render.renderer import RenderSettings, check_sample_count
+from megalopta.scenes.build import SceneDescription
 from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.forest import Forest
-from megalopta.scenes.grating import Grating
 from megalopta.scenes.light import Light, illuminance_of
 from megalopta.scenes.trajectory import Trajectory
 from megalopta.sensor import PRESETS, Sensor
@@ -40,7 +40,7 @@ class Configuration(
     seed: Annotated[int, Field(ge=0)] = 0
     """Seed of rendering noise and photon arrivals; 0 is a seed like any other."""
 
-    scene: Annotated[Forest | Grating, Field(discriminator="kind")] = Forest()
+    scene: SceneDescription = Forest()
     """What stands there."""
 
     light: Light = Light()

@@ -1,6 +1,9 @@
 """Scene description to scene: shapes planted or drawn, light added."""
 
 from dataclasses import replace
+from typing import Annotated
+
+from pydantic import Field
 
 from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.forest import Forest, build_forest
@@ -10,8 +13,12 @@ from megalopta.scenes.scene import Scene
 from megalopta.scenes.trajectory import Trajectory
 
 
+SceneDescription = Annotated[Forest | Grating, Field(discriminator="kind")]
+"""Any scene that can be described in a configuration; `kind` tells which."""
+
+
 def build_scene(
-    description: Forest | Grating, light: Light, camera: PerspectiveCamera, trajectory: Trajectory
+    description: SceneDescription, light: Light, camera: PerspectiveCamera, trajectory: Trajectory
 ) -> Scene:
     """Build what a camera on a trajectory will see.
 

@@ -1,0 +1,5 @@
+"""`python -m megalopta` is the command line."""
+
+from megalopta.cli import main
+
+main()

@@ -1,0 +1,99 @@
+"""The installed command, run as a user runs it."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from megalopta.render.exr import read_radiance, read_truth
+
+COMMAND = [sys.executable, "-m", "megalopta"]
+SMALL = [
+    "--camera.width=48", "--camera.height=40", "--render.samples-per-pixel=1",
+    "--trajectory.frames=400", "--benchmark.sizes=[40]",
+]  # fmt: skip
+
+
+def run(*arguments, cwd=None):
+    return subprocess.run(
+        [*COMMAND, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, check=False
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--scene.treees", "5"], "unknown key; did you mean 'trees'?"),
+        (["--sensors.0.exposure-s", "-1"], "sensors.0.exposure_s: input should be greater than 0"),
+        (["--trajectory.up", "1", "0", "0.03"], "is parallel to the view"),
+        (["--render.samples-per-pixel", "1000000"], "use at most 298261"),
+        (["nowhere.yaml"], "nowhere.yaml: no such configuration"),
+        (["--scene.trees"], "--scene.trees: needs a value"),
+        (["--light-levels", "dusk"], "'dusk' is unknown"),
+        (["--camera.height", "40"], "benchmark.sizes 60 is more than camera.height 40"),
+    ],
+)
+def test_a_mistake_gets_one_sentence_and_exit_code_2(tmp_path, arguments, message):
+    done = run("demo", *arguments, "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert done.stderr.startswith("megalopta: ")
+    assert done.stderr.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("verb", ["sense", "flow", "bench", "report"])
+def test_a_folder_without_dataset_is_named(tmp_path, verb):
+    done = run(verb, tmp_path / "none")
+    assert done.returncode == 2
+    assert "none: no dataset here" in done.stderr
+
+
+def test_help_shows_settings_with_units_and_defaults():
+    text = run("render", "--help").stdout
+    assert "--camera.fov-deg 75" in text
+    assert "(degrees)" in text
+    assert "--sensors.0.dead-time.dead-time-s 1.0e-06" in text
+
+
+def test_info_names_versions_and_the_variant():
+    done = run("info")
+    assert done.returncode == 0
+    assert "mitsuba" in done.stdout
+    assert "_spectral" in done.stdout
+
+
+def files_named(root, pattern):
+    return sorted(Path(root).rglob(pattern))
+
+
+def test_ctrl_c_leaves_whole_files_and_the_next_run_goes_on(tmp_path):
+    out = tmp_path / "data"
+    process = subprocess.Popen(
+        [*COMMAND, "render", "grating", *SMALL, "--out", str(out)],
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    )
+    deadline = time.monotonic() + 120
+    while len(files_named(out, "truth/*/*.exr")) < 3 and time.monotonic() < deadline:
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert "interrupted; every file is whole" in stderr
+    assert "Traceback" not in stderr
+    assert not files_named(out, "*part*")
+    truths = files_named(out, "truth/*/*.exr")
+    assert 3 <= len(truths) < 400
+    for path in truths:
+        read_truth(path)
+    for path in files_named(out, "radiance/*/*.exr"):
+        read_radiance(path)
+    changed = run("render", "grating", *SMALL, "--seed", "1", "--out", out)
+    assert changed.returncode == 2
+    assert "seed: 0 → 1" in changed.stderr
