@@ -110,11 +110,19 @@ def threshold(
         return Threshold("above" if crossing else "below", level, *bounds)
     replicates = _disturbed(error, np.asarray(standard_errors), degrees_of_freedom, rng)
     tail = (1 - confidence) / 2
-    ends = np.quantile(
+    low, high = np.quantile(
         first_crossing(flux, replicates, level), (tail, 1 - tail), method="inverted_cdf"
     )
-    low, high = (float(end) if 0 < end < np.inf else None for end in ends)
-    return Threshold("crossing", level, *bounds, crossing, low, high)
+    # On a flat, noisy curve the first of many accidental crossings comes early: keep the estimate.
+    low, high = float(min(low, crossing)), float(max(high, crossing))
+    return Threshold(
+        "crossing",
+        level,
+        *bounds,
+        flux=crossing,
+        low=low if low > 0 else None,
+        high=high if high < np.inf else None,
+    )
 
 
 def first_crossing(fluxes: FloatArray, errors: FloatArray, level: float) -> NDArray[np.float64]:
