@@ -49,8 +49,8 @@ def write_flow(root: Path, sequence: str, index: int, truth: Truth) -> None:
     Unmatched ("occlusions") means hidden in the next frame or outside of it.
     """
     name = f"frame_{index + 1:04d}"
-    undefined = np.isnan(truth.flow_forward).any(axis=-1)
-    unmatched = truth.occluded_forward | out_of_view(truth.flow_forward)
+    undefined = np.asarray(np.isnan(truth.flow_forward).any(axis=-1))
+    unmatched: NDArray[np.bool_] = truth.occluded_forward | out_of_view(truth.flow_forward)
     flow_path = root / "flow" / sequence / f"{name}.flo"
     flow_path.parent.mkdir(parents=True, exist_ok=True)
     write_flo(flow_path, truth.flow_forward)

@@ -40,7 +40,7 @@ def measure_flow(dataset: Dataset) -> None:
     with progress("Detecting motion", len(pairs) * len(methods), "response") as advance:
         for sensor, level in pairs:
             stored = read_exposure(dataset, sensor, level)
-            responses = {}
+            responses: dict[str, NDArray[np.float64]] = {}
             for name in methods:
                 ideal, noisy = _respond(METHODS[name], stored)
                 record = _compare(METHODS[name], ideal, noisy, flow, occluded)

@@ -57,7 +57,7 @@ def is_hidden(
 
 def intersect(scene: Any, origin: Float64, directions: Float64) -> tuple[Any, Any, Any]:
     """Mitsuba's own answer: distances, mesh indices and triangle indices, in its types."""
-    if not mi.variant().startswith("scalar"):
+    if not _is_scalar():
         hits = scene.ray_intersect_preliminary(_rays(origin, directions), coherent=True)
         return hits.t, hits.shape_index, hits.prim_index
     start = mi.Point3f(origin.tolist())
@@ -72,13 +72,17 @@ def intersect(scene: Any, origin: Float64, directions: Float64) -> tuple[Any, An
 
 def blocked(scene: Any, origin: Float64, directions: Float64, limits: Float64) -> Any:
     """Mitsuba's own answer: whether anything is hit before the limits, in its types."""
-    if not mi.variant().startswith("scalar"):
+    if not _is_scalar():
         rays = _rays(origin, directions)
         rays.maxt = mi.Float(limits)
         return scene.ray_test(rays, coherent=True)
     start = mi.Point3f(origin.tolist())
     pairs = zip(directions.tolist(), limits.tolist(), strict=True)
     return [scene.ray_test(mi.Ray3f(mi.Ray3f(start, d), maxt=limit)) for d, limit in pairs]
+
+
+def _is_scalar() -> bool:
+    return str(mi.variant()).startswith("scalar")
 
 
 def _rays(origin: Float64, directions: Float64) -> Any:

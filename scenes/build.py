@@ -12,7 +12,6 @@ from megalopta.scenes.light import Light
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.trajectory import Trajectory
 
-
 SceneDescription = Annotated[Forest | Grating, Field(discriminator="kind")]
 """Any scene that can be described in a configuration; `kind` tells which."""
 

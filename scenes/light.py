@@ -43,7 +43,7 @@ class Level:
     disc_fraction: float
 
 
-LEVELS: Mapping[LevelName, Level] = {
+LEVELS: Mapping[str, Level] = {
     "daylight": Level(1e5, 6500.0, 0.8),
     "twilight": Level(1.0, 9000.0, 0.0),
     "full_moon": Level(0.25, 4100.0, 0.8),
