@@ -66,11 +66,11 @@ def linear_srgb(
     if light[1] < 1e-2 * band_white.max():
         return np.repeat(radiance.mean(axis=-1, keepdims=True), 3, axis=-1).astype(np.float64)
     balanced = bands_to_xyz(radiance, bands_nm) * (light[1] / light) * _D65
-    return np.clip(balanced @ np.linalg.inv(_XYZ_FROM_SRGB).T, 0, None)
+    return np.asarray(np.clip(balanced @ np.linalg.inv(_XYZ_FROM_SRGB).T, 0, None))
 
 
 def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.uint8]:
     """8-bit sRGB of linear values; 1 is white, brighter is white too."""
     bounded = np.clip(linear, 0, 1)
     curved = np.where(bounded <= 0.0031308, 12.92 * bounded, 1.055 * bounded ** (1 / 2.4) - 0.055)
-    return (curved * 255 + 0.5).astype(np.uint8)
+    return np.asarray(curved * 255 + 0.5).astype(np.uint8)

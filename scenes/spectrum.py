@@ -35,7 +35,7 @@ class Spectrum:
 
     def __call__(self, wavelength_nm: ArrayLike) -> NDArray[np.float64]:
         """Value at each wavelength (nm)."""
-        return np.interp(wavelength_nm, self.wavelengths_nm, self.values)
+        return np.interp(np.asarray(wavelength_nm, np.float64), self.wavelengths_nm, self.values)
 
     def scaled(self, factor: float) -> "Spectrum":
         """Return the same shape times a non-negative factor."""

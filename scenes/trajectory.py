@@ -46,10 +46,8 @@ class Trajectory(
             raise ValueError(
                 f"look_at_m {self.look_at_m} equals position_m: move one of them to define a view"
             )
-        sine = np.linalg.norm(np.cross(view, self.up)) / max(
-            np.linalg.norm(view) * np.linalg.norm(self.up), 1e-300
-        )
-        if sine < 1e-6:
+        lengths = np.linalg.norm(view) * np.linalg.norm(self.up)
+        if np.linalg.norm(np.cross(view, self.up)) <= 1e-6 * lengths:
             raise ValueError(
                 f"up {self.up} is parallel to the view from position_m {self.position_m} to "
                 f"look_at_m {self.look_at_m}: tilt one of them"
