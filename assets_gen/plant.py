@@ -1,0 +1,110 @@
+"""A whole tree or bush: bark around its axes, leaves on its twigs."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from megalopta.assets_gen.bark import TILE_M
+from megalopta.assets_gen.branching import Branching, grow_axes
+from megalopta.assets_gen.foliage import place_leaves
+from megalopta.assets_gen.skeleton import IndexArray, Skeleton, axes, pipe_radii
+from megalopta.assets_gen.species import Species
+from megalopta.assets_gen.surface import FloatArray, Surface, join
+from megalopta.assets_gen.tube import sweep
+
+BREAST_HEIGHT_M = 1.3
+STEM_FINENESS = 0.3
+"""Stems are drawn this much closer to their shape than branches."""
+
+
+@dataclass(frozen=True)
+class Plant:
+    """One grown plant, its foot at the origin.
+
+    Attributes
+    ----------
+    branching : Branching
+        Its axes.
+    radii_m : (n,) float64
+        Radius at every node of the skeleton.
+    tubes : tuple of Surface
+        One closed tube per axis.
+    leaves : Surface
+        All leaves.
+    """
+
+    branching: Branching
+    radii_m: FloatArray
+    tubes: tuple[Surface, ...]
+    leaves: Surface
+
+    @property
+    def wood(self) -> Surface:
+        """All tubes as one surface."""
+        return join(self.tubes)
+
+
+def grow_plant(species: Species, rng: np.random.Generator) -> Plant:
+    """Return one individual of a species."""
+    branching = grow_axes(species, rng)
+    skeleton = branching.skeleton
+    reference = min(BREAST_HEIGHT_M, species.height_m / 3)
+    radii = pipe_radii(skeleton, species.disused_share, species.radius_m, reference)
+    tubes = [_tube(species, skeleton, radii, nodes, rng) for nodes in axes(skeleton, radii)]
+    leaves = place_leaves(skeleton.positions[branching.bearing], species.foliage, rng)
+    return Plant(branching, radii, tuple(tubes), leaves)
+
+
+def _tube(
+    species: Species,
+    skeleton: Skeleton,
+    radii: FloatArray,
+    nodes: IndexArray,
+    rng: np.random.Generator,
+) -> Surface:
+    """Return the bark around one axis, with no more rings and sides than its shape needs."""
+    is_stem = skeleton.parents[nodes[0]] < 0
+    positions, radius = skeleton.positions[nodes], radii[nodes]
+    if not is_stem:
+        radius[0] = radius[1]  # the first node lies inside the bearing axis and has its radius
+    profile = np.repeat(radius[:, None], _sides(radius[0], species.chord_m), axis=1)
+    if is_stem:
+        profile *= root_flare(positions[:, 2], profile.shape[1], radius[0], species.flare, rng)
+    outline = np.column_stack([positions, profile.max(axis=1)])
+    kept = simplified(outline, species.chord_m * (STEM_FINENESS if is_stem else 1))
+    origin = rng.random(2)
+    return sweep(positions[kept], profile[kept][:-1], TILE_M, origin, whole_tiles=is_stem)
+
+
+def _sides(radius_m: float, chord_m: float) -> int:
+    """Return how many sides make a tube look round at the detail that `chord_m` asks for."""
+    return int(np.interp(radius_m / chord_m, [0.3, 0.6, 1, 2], [3, 4, 6, 12]))
+
+
+def root_flare(
+    z: FloatArray, sides: int, radius_m: float, flare: float, rng: np.random.Generator
+) -> FloatArray:
+    """Return the factor (k, sides) by which the stem widens into roots near the ground."""
+    angle = 2 * np.pi * np.arange(sides) / sides
+    lobes = 0.65 + 0.35 * np.cos(3 * angle + rng.uniform(0, 2 * np.pi))
+    decay = np.exp(-np.maximum(z, 0) / (2.2 * radius_m))
+    return 1 + flare * decay[:, None] * lobes
+
+
+def simplified(points: FloatArray, tolerance: float) -> IndexArray:
+    """Return which points of a polyline (k, d) keep it within `tolerance` (Douglas–Peucker)."""
+    keep = {0, len(points) - 1}
+    spans = [(0, len(points) - 1)]
+    while spans:
+        low, high = spans.pop()
+        if high - low < 2:
+            continue
+        chord = points[high] - points[low]
+        inner = points[low + 1 : high] - points[low]
+        share = np.clip(inner @ chord / max(chord @ chord, 1e-12), 0, 1)
+        error = np.linalg.norm(inner - share[:, None] * chord, axis=1)
+        worst = int(error.argmax())
+        if error[worst] > tolerance:
+            keep.add(low + 1 + worst)
+            spans += [(low, low + 1 + worst), (low + 1 + worst, high)]
+    return np.array(sorted(keep))

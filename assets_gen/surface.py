@@ -1,0 +1,62 @@
+"""Triangles under construction, and their way to trimesh."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from trimesh.visual import TextureVisuals
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A triangle mesh with texture coordinates and normals as arrays.
+
+    Attributes
+    ----------
+    vertices : (n, 3) float64
+        Meters.
+    faces : (m, 3) int64
+        Counterclockwise seen from outside.
+    uv : (n, 2) float64
+        Texture coordinates; the texture repeats with period 1.
+    normals : (n, 3) float64, optional
+        Unit vertex normals of a smooth surface; None where faces are flat.
+    """
+
+    vertices: FloatArray
+    faces: NDArray[np.int64]
+    uv: FloatArray
+    normals: FloatArray | None = None
+
+    def to_mesh(self) -> trimesh.Trimesh:
+        """Return the mesh; `metadata["smooth"]` tells whether its vertex normals are meant."""
+        return trimesh.Trimesh(
+            self.vertices,
+            self.faces,
+            vertex_normals=self.normals,
+            visual=TextureVisuals(uv=self.uv),
+            metadata={"smooth": self.normals is not None},
+            process=False,
+        )
+
+
+def join(surfaces: Sequence[Surface]) -> Surface:
+    """Return the surfaces as one; they must be all smooth or all flat."""
+    offsets = np.cumsum([0, *(len(surface.vertices) for surface in surfaces[:-1])])
+    normals = [surface.normals for surface in surfaces if surface.normals is not None]
+    return Surface(
+        np.concatenate([surface.vertices for surface in surfaces]),
+        np.concatenate([s.faces + offset for s, offset in zip(surfaces, offsets, strict=True)]),
+        np.concatenate([surface.uv for surface in surfaces]),
+        np.concatenate(normals) if normals else None,
+    )
+
+
+def unit(vectors: FloatArray) -> FloatArray:
+    """Return vectors (…, 3) scaled to length 1; a zero vector stays zero."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.where(length > 0, length, 1)

@@ -1,0 +1,98 @@
+"""Diffuse reflectance of the forest's surfaces, 380 to 1000 nm.
+
+The tables are plausible, not measured: drawn by hand, piecewise linear, after the levels and shapes
+that are common to published spectral libraries of vegetation and soil (leaf optics: Jacquemoud &
+Baret 1990, Remote Sens. Environ. 34:75; soils and litter: ECOSTRESS library, Meerdink et al. 2019,
+Remote Sens. Environ. 230:111196). Green leaves absorb blue and red, reflect a tenth at 550 nm, and
+rise at the red edge around 700 nm to about one half. Surfaces are opaque here; the light that real
+leaves let through is counted in with what they reflect. Constant beyond the ends.
+"""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from megalopta.scenes.spectrum import Spectrum
+
+_LEAF_NM = (
+    380.0,
+    450.0,
+    500.0,
+    530.0,
+    550.0,
+    580.0,
+    620.0,
+    660.0,
+    685.0,
+    700.0,
+    720.0,
+    745.0,
+    780.0,
+    1000.0,
+)
+_SLOPE_NM = (380.0, 460.0, 540.0, 620.0, 700.0, 850.0, 1000.0)
+
+LEAF_DARK = Spectrum(
+    _LEAF_NM,
+    (0.025, 0.03, 0.04, 0.075, 0.085, 0.06, 0.045, 0.035, 0.035, 0.10, 0.26, 0.42, 0.47, 0.48),
+)
+"""Shaded leaf of a broad-leaved tree."""
+LEAF_LIGHT = Spectrum(
+    _LEAF_NM,
+    (0.05, 0.06, 0.09, 0.21, 0.24, 0.18, 0.125, 0.085, 0.08, 0.18, 0.38, 0.56, 0.61, 0.62),
+)
+"""Young leaf, light transmitted included."""
+NEEDLE_DARK = LEAF_DARK.scaled(0.55)
+"""Gap between needles, dark by mutual shading."""
+NEEDLE_LIGHT = LEAF_LIGHT.scaled(0.6)
+"""Needle of a spruce."""
+GRASS_DARK = LEAF_DARK.scaled(1.1)
+"""Blade of grass in its own shade."""
+GRASS_LIGHT = LEAF_LIGHT.scaled(1.15)
+"""Blade of grass, yellower than a tree's leaf."""
+
+SOIL = Spectrum(_SLOPE_NM, (0.02, 0.028, 0.042, 0.06, 0.08, 0.13, 0.17))
+"""Moist humus."""
+LITTER = Spectrum(_SLOPE_NM, (0.08, 0.12, 0.19, 0.27, 0.34, 0.46, 0.52))
+"""Dry fallen leaves, brown."""
+
+BEECH_BARK_LIGHT = Spectrum(_SLOPE_NM, (0.21, 0.26, 0.31, 0.33, 0.36, 0.44, 0.48))
+"""Gray bark with a film of lichen."""
+BEECH_BARK_DARK = Spectrum(_SLOPE_NM, (0.06, 0.075, 0.09, 0.10, 0.12, 0.18, 0.22))
+"""Wet gray bark."""
+BIRCH_BARK_LIGHT = Spectrum(_SLOPE_NM, (0.38, 0.50, 0.58, 0.62, 0.65, 0.70, 0.71))
+"""White bark."""
+BIRCH_BARK_DARK = Spectrum(_SLOPE_NM, (0.03, 0.035, 0.04, 0.05, 0.06, 0.10, 0.14))
+"""Black scars and cracks."""
+SPRUCE_BARK_LIGHT = Spectrum(_SLOPE_NM, (0.09, 0.12, 0.17, 0.23, 0.28, 0.38, 0.44))
+"""Reddish scales."""
+SPRUCE_BARK_DARK = Spectrum(_SLOPE_NM, (0.025, 0.03, 0.04, 0.05, 0.065, 0.11, 0.15))
+"""Cracks between scales."""
+
+BARK: Mapping[str, tuple[Spectrum, Spectrum]] = MappingProxyType(
+    {
+        "beech": (BEECH_BARK_LIGHT, BEECH_BARK_DARK),
+        "birch": (BIRCH_BARK_LIGHT, BIRCH_BARK_DARK),
+        "spruce": (SPRUCE_BARK_LIGHT, SPRUCE_BARK_DARK),
+        "hazel": (BEECH_BARK_LIGHT.scaled(0.7), BEECH_BARK_DARK),
+        "young spruce": (SPRUCE_BARK_LIGHT, SPRUCE_BARK_DARK),
+    }
+)
+"""Light and dark bark of each species, for texture weights 0 and 1."""
+
+LEAF: Mapping[str, tuple[Spectrum, Spectrum]] = MappingProxyType(
+    {
+        "beech": (LEAF_DARK, LEAF_LIGHT),
+        "birch": (LEAF_DARK.scaled(1.1), LEAF_LIGHT.scaled(1.1)),
+        "spruce": (NEEDLE_DARK, NEEDLE_LIGHT),
+        "hazel": (LEAF_DARK, LEAF_LIGHT),
+        "young spruce": (NEEDLE_DARK, NEEDLE_LIGHT.scaled(1.15)),
+        "fern": (LEAF_DARK.scaled(1.1), LEAF_LIGHT.scaled(1.1)),
+        "grass": (GRASS_DARK, GRASS_LIGHT),
+        "herb": (LEAF_DARK, LEAF_LIGHT),
+        "litter": (SOIL.scaled(1.6), LITTER),
+    }
+)
+"""Dark and light leaf of each kind of plant, for texture weights 0 and 1."""
+
+GROUND = (SOIL, LITTER)
+"""Bare soil and dry litter, for texture weights 0 and 1."""
