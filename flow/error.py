@@ -10,8 +10,9 @@ and grows with their number instead of converging; `ratio` has no such pixels. A
 norms when a response is a vector. Neither compares with the true motion: a detector that is always
 wrong in the same way has error zero (see `truth_error`).
 
-Blocks whose ideal velocity is zero or undefined are not scored (0/0). An undefined response to
-noise where the ideal one is defined counts as error 1, as the answer 0 would.
+Blocks whose ideal velocity is zero or undefined are not scored (0/0), nor are, in `literal`,
+frames whose ideal response is zero everywhere. An undefined response to noise where the ideal one
+is defined counts as error 1, as the answer 0 would.
 """
 
 from collections.abc import Callable, Sequence
@@ -48,7 +49,8 @@ class ErrorSums:
     def parts(self, metric: Metric) -> tuple[FloatArray, FloatArray]:
         """Return numerator and denominator of the error, per frame."""
         if metric == "literal":
-            return self.relative, self.scored
+            responds = self.magnitude > 0
+            return self.relative * responds, self.scored * responds
         return self.deviation, self.magnitude
 
     def per_frame(self, metric: Metric) -> FloatArray:

@@ -84,6 +84,12 @@ def test_block_matching_of_motion_far_below_a_pixel_is_undefined():
     assert all(np.isnan(result.curve("BM", 60).errors))
 
 
+def test_a_still_scene_has_no_threshold_for_any_motion_detector():
+    result = measured(grating(step=0, frames=20), ALL, settings(warm_up=5, flux_max=1e5))
+    for curve in result.curves:
+        assert (curve.thresholds[2].kind == "undefined") == (curve.method != "IM")
+
+
 @pytest.mark.parametrize("changes", [{"chunk_frames": 1}, {"chunk_frames": 7}])
 def test_results_do_not_depend_on_chunks(changes):
     frames = grating(frames=20, size=60)[:, :30, :36]

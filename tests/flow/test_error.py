@@ -37,12 +37,20 @@ def test_ratio_error_is_the_quotient_of_the_sums():
 
 
 def test_a_zero_ideal_response_is_floored_in_literal_and_harmless_in_ratio():
-    ideal = np.ones((1, 3, 3))
+    ideal = np.ones((1, 4, 3))
     noisy = ideal + 0.5
     ideal[0, 1, 1] = 0
     sums = error_sums(PIXELS, ideal, noisy)
-    assert sums.of_sequence("literal") == pytest.approx(1.5e20)
-    assert np.isnan(sums.of_sequence("ratio"))
+    assert sums.of_sequence("literal") == pytest.approx(1.5e20 / 2)
+    assert sums.of_sequence("ratio") == pytest.approx(2)
+
+
+def test_a_frame_without_any_ideal_response_has_no_error():
+    ideal = np.stack([np.zeros((4, 4)), np.ones((4, 4))])
+    sums = error_sums(PIXELS, ideal, ideal + 0.5)
+    np.testing.assert_array_equal(sums.per_frame("literal"), (np.nan, 0.5))
+    assert sums.of_sequence("literal") == 0.5
+    assert np.isnan(error_sums(PIXELS, ideal[:1], ideal[1:]).of_sequence("literal"))
 
 
 def test_velocity_error_is_the_length_of_the_difference():
