@@ -13,3 +13,40 @@ Conventions, the same in every file of this folder:
 - A directional correlation detector answers positively to motion toward +x.
 - A flux is the mean number of photons per frame, summed over all pixels, dark counts not included.
 """
+
+from megalopta.flow.benchmark import photon_benchmark
+from megalopta.flow.benchmark_result import BenchmarkResult, ErrorCurve
+from megalopta.flow.benchmark_settings import BenchmarkSettings
+from megalopta.flow.color_wheel import flow_to_rgb, wheel_legend
+from megalopta.flow.detector import Detector
+from megalopta.flow.error import ErrorSums, error_sums
+from megalopta.flow.flo import read_flo, write_flo
+from megalopta.flow.methods import METHODS, method
+from megalopta.flow.photons import draw_counts, mean_counts
+from megalopta.flow.resize import resize
+from megalopta.flow.threshold import Threshold, threshold
+from megalopta.flow.truth_error import TruthError, block_flow, truth_error
+
+__all__ = [
+    "METHODS",
+    "BenchmarkResult",
+    "BenchmarkSettings",
+    "Detector",
+    "ErrorCurve",
+    "ErrorSums",
+    "Threshold",
+    "TruthError",
+    "block_flow",
+    "draw_counts",
+    "error_sums",
+    "flow_to_rgb",
+    "mean_counts",
+    "method",
+    "photon_benchmark",
+    "read_flo",
+    "resize",
+    "threshold",
+    "truth_error",
+    "wheel_legend",
+    "write_flo",
+]

@@ -18,16 +18,20 @@ blocks degrees of freedom.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 
 from megalopta.flow.benchmark_result import BenchmarkResult, ErrorCurve
-from megalopta.flow.benchmark_settings import BenchmarkSettings, default_warm_up, work_units
+from megalopta.flow.benchmark_settings import (
+    BenchmarkSettings,
+    checked_warm_up,
+    default_warm_up,
+    work_units,
+)
 from megalopta.flow.detector import Detector, FloatArray, Frames
 from megalopta.flow.error import ErrorSums, Metric, combine, error_sums, quotient
 from megalopta.flow.photons import Counts, brightness, draw_counts
-from megalopta.flow.resize import resize, resized_shape
+from megalopta.flow.resize import resize
 from megalopta.flow.threshold import threshold
 from megalopta.sensor.randomness import generator
 
@@ -73,7 +77,8 @@ def photon_benchmark(
     ValueError
         When the frames are no light, too few or too small, or a size exceeds theirs.
     """
-    warm_up = _checked_warm_up(frames, methods, settings)
+    brightness(frames)
+    warm_up = checked_warm_up(frames.shape, methods, settings)
     curves: list[ErrorCurve] = []
     for size in settings.sizes:
         stimulus = _stimulus(frames, size, settings, seed, sequence)
@@ -245,23 +250,3 @@ def _spread_of_sum(values: FloatArray, block_frames: int) -> tuple[FloatArray, i
     starts = np.arange(blocks) * frames // blocks
     variances = np.add.reduceat(values, starts, axis=-1).var(axis=1, ddof=1)
     return np.sqrt(repeats * variances.sum(axis=-1)), (repeats - 1) * blocks
-
-
-def _checked_warm_up(
-    frames: Frames, methods: Sequence[Detector], settings: BenchmarkSettings
-) -> int:
-    brightness(frames)
-    names = [method.name for method in methods]
-    if not names or len(set(names)) < len(names):
-        raise ValueError(f"methods {names}: give at least one, each under a name of its own")
-    for size, method in product(settings.sizes, methods):
-        method.start(resized_shape((frames.shape[1], frames.shape[2]), size))
-    warm_up = settings.warm_up
-    if warm_up is None:
-        warm_up = default_warm_up(len(frames), methods)
-    if len(frames) - warm_up < 2:
-        raise ValueError(
-            f"{len(frames)} frames leave fewer than two to score after a warm_up of {warm_up}:"
-            " give more frames or a shorter warm_up"
-        )
-    return warm_up

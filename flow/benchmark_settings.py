@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from itertools import product
 from typing import Annotated, Any
 
 from pydantic import BaseModel, Field, field_validator, model_validator
@@ -99,3 +100,37 @@ def default_warm_up(n_frames: int, methods: Sequence[Detector]) -> int:
     if n_frames >= 2 * THESIS_WARM_UP:
         return THESIS_WARM_UP
     return max(method.memory_frames for method in methods)
+
+
+def checked_warm_up(
+    frames_shape: tuple[int, ...], methods: Sequence[Detector], settings: BenchmarkSettings
+) -> int:
+    """Return the number of frames not to score, after checking that a benchmark is possible.
+
+    Parameters
+    ----------
+    frames_shape
+        (T, H, W) of the clean sequence.
+    methods
+        Detectors of different names.
+    settings
+
+    Raises
+    ------
+    ValueError
+        When frames are too few or too small, or a size exceeds theirs.
+    """
+    names = [method.name for method in methods]
+    if not names or len(set(names)) < len(names):
+        raise ValueError(f"methods {names}: give at least one, each under a name of its own")
+    for size, method in product(settings.sizes, methods):
+        method.start(resized_shape((frames_shape[1], frames_shape[2]), size))
+    warm_up = settings.warm_up
+    if warm_up is None:
+        warm_up = default_warm_up(frames_shape[0], methods)
+    if frames_shape[0] - warm_up < 2:
+        raise ValueError(
+            f"{frames_shape[0]} frames leave fewer than two to score after a warm_up of {warm_up}:"
+            " give more frames or a shorter warm_up"
+        )
+    return warm_up

@@ -32,7 +32,7 @@ def resized_shape(shape: tuple[int, int], size: int | tuple[int, int]) -> tuple[
     if not (1 <= rows <= shape[0] and 1 <= columns <= shape[1]):
         raise ValueError(
             f"size {rows} × {columns} px of frames of {shape[0]} × {shape[1]} px:"
-            " choose 1 px to the size of the frames"
+            " choose sizes from 1 px to that of the frames"
         )
     return rows, columns
 

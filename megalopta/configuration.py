@@ -16,7 +16,6 @@ from pydantic import BaseModel, Field, ValidationError, field_validator, model_v
 from megalopta.errors import UserError, one_sentence
 from megalopta.flow.benchmark_settings import BenchmarkSettings
 from megalopta.flow.methods import METHODS
-from megalopta.flow.resize import resized_shape
 from megalopta.render.renderer import RenderSettings, check_sample_count
 from megalopta.scenes.build import SceneDescription
 from megalopta.scenes.camera import PerspectiveCamera
@@ -124,34 +123,6 @@ class Configuration(
                     f"use at most {period:g}"
                 )
         return self
-
-
-def check_methods(configuration: Configuration, sizes: Sequence[int] | None = None) -> None:
-    """Refuse frames that are too small for a method, or smaller than a benchmark size.
-
-    Parameters
-    ----------
-    configuration : Configuration
-    sizes : sequence of int, optional
-        Rows of resized frames; by default the frames are taken as they are.
-
-    Raises
-    ------
-    UserError
-        Before any work is done.
-    """
-    shape = configuration.camera.height, configuration.camera.width
-    try:
-        for size in sizes or (shape[0],):
-            if size > shape[0]:
-                raise ValueError(
-                    f"benchmark.sizes {size} is more than camera.height {shape[0]}; "
-                    f"use sizes up to {shape[0]}"
-                )
-            for name in configuration.methods:
-                METHODS[name].start(resized_shape(shape, size))
-    except ValueError as problem:
-        raise UserError(str(problem)) from None
 
 
 def _resolve_sensor(sensor: Any) -> Any:

@@ -51,7 +51,7 @@ class FrameWriter:
         dataset, pose = self._dataset, self._poses[index]
         settings = dataset.configuration
         radiance = self._renderer.radiance(pose, frame_seed(settings.seed, index))
-        truth = self._renderer.truth(list(self._poses), index)
+        truth = self._renderer.truth(self._poses, index)
         attributes = {
             "illuminanceLux": f"{settings.light.resolved().illuminance_lux:g}",
             "timeSeconds": f"{settings.trajectory.times_s[index]:.9g}",

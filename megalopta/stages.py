@@ -5,8 +5,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from megalopta.configuration import Configuration, check_methods
+from megalopta.configuration import Configuration
 from megalopta.dataset import Dataset, begin_stage
+from megalopta.errors import UserError
+from megalopta.flow import METHODS
+from megalopta.flow.benchmark_settings import checked_warm_up
 from megalopta.progress import say
 from megalopta.stage_bench import bench
 from megalopta.stage_flow import measure_flow
@@ -25,12 +28,22 @@ class Stage:
     work : callable
         Adds to a dataset what of the stage is not there yet.
     check : callable
-        Refuses, with UserError, a configuration that the stage cannot serve.
+        Refuses, with ValueError, a configuration that the stage cannot serve.
     """
 
     purpose: str
     work: Callable[[Dataset], None]
     check: Callable[[Configuration], None] = lambda _: None
+
+
+def _check_flow(settings: Configuration) -> None:
+    for name in settings.methods:
+        METHODS[name].start((settings.camera.height, settings.camera.width))
+
+
+def _check_bench(settings: Configuration) -> None:
+    shape = settings.trajectory.frames, settings.camera.height, settings.camera.width
+    checked_warm_up(shape, [METHODS[name] for name in settings.methods], settings.benchmark)
 
 
 STAGES: Mapping[str, Stage] = {
@@ -39,12 +52,12 @@ STAGES: Mapping[str, Stage] = {
     "flow": Stage(
         "run the motion detectors on the counts and compare with the truth",
         measure_flow,
-        check_methods,
+        _check_flow,
     ),
     "bench": Stage(
         "find the photons per frame that each detector needs (N_2b)",
         bench,
-        lambda configuration: check_methods(configuration, configuration.benchmark.sizes),
+        _check_bench,
     ),
 }
 
@@ -52,7 +65,7 @@ STAGES: Mapping[str, Stage] = {
 def run_stage(root: Path, configuration: Configuration, name: str, redo: bool = False) -> Dataset:
     """Bring one stage of a dataset to its end; what is there already is kept. Raises UserError."""
     stage = STAGES[name]
-    stage.check(configuration)
+    _check(name, configuration)
     dataset = begin_stage(root, configuration, name, redo)
     if dataset.is_finished(name):
         say(f"{name}: {root} has it already")
@@ -65,8 +78,15 @@ def run_stage(root: Path, configuration: Configuration, name: str, redo: bool = 
 
 def run_all(root: Path, configuration: Configuration, redo: bool = False) -> Dataset:
     """Run every stage, after checking that the configuration serves all of them."""
-    for stage in STAGES.values():
-        stage.check(configuration)
+    for name in STAGES:
+        _check(name, configuration)
     for name in STAGES:
         dataset = run_stage(root, configuration, name, redo)
     return dataset
+
+
+def _check(name: str, configuration: Configuration) -> None:
+    try:
+        STAGES[name].check(configuration)
+    except ValueError as problem:
+        raise UserError(f"{name}: {problem}") from None

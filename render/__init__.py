@@ -1,1 +1,26 @@
-"""Scene data to spectral radiance and exact ground truth; the only folder that imports mitsuba."""
+"""Scene data to spectral radiance and exact ground truth; the only folder that imports mitsuba.
+
+renderer = SceneRenderer(scene, camera, RenderSettings())
+poses = trajectory.poses()
+radiance = renderer.radiance(poses[0], seed=frame_seed(0, 0))
+truth = renderer.truth(poses, 0)
+"""
+
+from megalopta.render.exr import read_radiance, read_truth, write_radiance, write_truth
+from megalopta.render.renderer import RenderSettings, SceneRenderer, frame_seed
+from megalopta.render.truth import Truth, out_of_view
+from megalopta.render.variant import Variant, choose_variant
+
+__all__ = [
+    "RenderSettings",
+    "SceneRenderer",
+    "Truth",
+    "Variant",
+    "choose_variant",
+    "frame_seed",
+    "out_of_view",
+    "read_radiance",
+    "read_truth",
+    "write_radiance",
+    "write_truth",
+]

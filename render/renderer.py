@@ -4,7 +4,6 @@ The scene is loaded once; per frame only the pose moves, with a seed of its own,
 would give noise that stands still on the sensor and reads as "no motion".
 """
 
-from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import mitsuba as mi
@@ -129,8 +128,8 @@ class SceneRenderer:
             )
         return radiance
 
-    def truth(self, poses: Sequence[NDArray[np.float64]], frame: int) -> Truth:
-        """Ground truth of one frame of a sequence of poses."""
+    def truth(self, poses: NDArray[np.float64], frame: int) -> Truth:
+        """Ground truth of one frame of a sequence of poses (T, 4, 4)."""
         return frame_truth(
             self._scene,
             self._table,

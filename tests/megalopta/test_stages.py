@@ -185,7 +185,7 @@ def test_a_damaged_frame_is_named(copy):
 
 def test_frames_too_small_for_a_method_are_refused_before_any_work(tmp_path, tiny):
     small = tiny.model_copy(update={"camera": tiny.camera.model_copy(update={"height": 12})})
-    with pytest.raises(UserError, match=r"12 .*blocks|benchmark\.sizes"):
+    with pytest.raises(UserError, match=r"flow: .*12 × 48 px cannot be cut"):
         run_all(tmp_path / "data", small)
     assert not (tmp_path / "data").exists()
 

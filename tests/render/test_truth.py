@@ -109,7 +109,7 @@ def sphere_cap(center, radius, toward):
 
 @pytest.mark.parametrize("trajectory", [BOTH, TURNING, MOVING], ids=["both", "turn", "move"])
 def test_flow_over_a_plane_is_analytic_within_1e_4_px(trajectory, ground):
-    truth = renderer_of(ground).truth(list(trajectory.poses()), 1)
+    truth = renderer_of(ground).truth(trajectory.poses(), 1)
     seen = truth.object_id == 1
     assert seen.mean() > 0.5
     for flow, other in ((truth.flow_forward, 2), (truth.flow_backward, 0)):
@@ -120,7 +120,7 @@ def test_flow_over_a_plane_is_analytic_within_1e_4_px(trajectory, ground):
 def test_flow_over_a_sphere_is_analytic_within_1e_4_px():
     center, radius = np.array([6.0, 1.2, 0.8]), 2.0
     cap = sphere_cap(center, radius, np.asarray(BOTH.position_m))
-    truth = renderer_of(cap).truth(list(BOTH.poses()), 1)
+    truth = renderer_of(cap).truth(BOTH.poses(), 1)
     seen = truth.object_id == 1
     assert seen.sum() > 300
     for flow, other in ((truth.flow_forward, 2), (truth.flow_backward, 0)):
@@ -130,19 +130,19 @@ def test_flow_over_a_sphere_is_analytic_within_1e_4_px():
 
 def test_sky_moves_by_rotation_alone():
     truth = renderer_of(quad(np.array([[0, 0, -9], [1, 0, -9], [1, 1, -9], [0, 1, -9.0]])))
-    flow = truth.truth(list(BOTH.poses()), 1).flow_forward
+    flow = truth.truth(BOTH.poses(), 1).flow_forward
     far = analytic_flow(TURNING, 1, 2, lambda _, directions: np.ones(directions.shape[:2]))
     # The reference turns about a camera that stays; both are exact, float32 storage remains.
     np.testing.assert_allclose(flow, far, atol=1e-5)
 
 
 def test_turning_left_moves_the_image_right(ground):
-    flow = renderer_of(ground).truth(list(TURNING.poses()), 0).flow_forward
+    flow = renderer_of(ground).truth(TURNING.poses(), 0).flow_forward
     assert (flow[..., 0] > 0).all()
 
 
 def test_depth_of_a_plane_is_along_the_optical_axis(ground):
-    truth = renderer_of(ground).truth(list(BOTH.poses()), 0)
+    truth = renderer_of(ground).truth(BOTH.poses(), 0)
     origin, directions, _, _ = rays(BOTH, 0)  # directions have unit depth
     expected = plane_distance(origin, directions)
     seen = truth.object_id == 1
@@ -154,7 +154,7 @@ def test_normals_are_geometric_and_face_the_camera():
     box = trimesh.creation.box((1, 1, 1))
     box.invert()  # normals inward: the truth must turn them round
     box.apply_translation([6, 1, 1])
-    truth = renderer_of(box).truth(list(BOTH.poses()), 0)
+    truth = renderer_of(box).truth(BOTH.poses(), 0)
     seen = truth.object_id == 1
     _, directions, _, _ = rays(BOTH, 0)
     normals = truth.normal[seen]
@@ -184,7 +184,7 @@ def cubic_sample(image, x, y):
 def test_forward_and_backward_flow_agree_where_both_see_the_point(ground):
     center = np.array([6.0, 1.2, 0.8])
     renderer = renderer_of(ground, sphere_cap(center, 1.0, np.asarray(BOTH.position_m)))
-    poses = list(BOTH.poses())
+    poses = BOTH.poses()
     first, second = renderer.truth(poses, 0), renderer.truth(poses, 1)
     x = np.arange(CAMERA.width) + first.flow_forward[..., 0]
     y = np.arange(CAMERA.height)[:, None] + first.flow_forward[..., 1]
@@ -216,7 +216,7 @@ def test_occlusion_is_exact_behind_a_rectangle():
     rectangle = quad(
         np.array([[5, low[0], low[1]], [5, high[0], low[1]], [5, *high], [5, low[0], high[1]]])
     )
-    truth = renderer_of(wall, rectangle).truth(list(slide.poses()), 0)
+    truth = renderer_of(wall, rectangle).truth(slide.poses(), 0)
     origin, directions, _, _ = rays(slide, 0)
     on_wall = truth.object_id == 1
     points = origin + 10 * directions / directions[..., :1]
@@ -236,13 +236,13 @@ def test_points_behind_the_other_camera_have_no_flow(ground):
         look_at_m=(5, 0, 0),
         velocity_m_s=(8.0, 0, 0),
     )
-    truth = renderer_of(ground).truth(list(leap.poses()), 0)
+    truth = renderer_of(ground).truth(leap.poses(), 0)
     assert np.isnan(truth.flow_forward[-1]).all()
     assert out_of_view(truth.flow_forward)[-1].all()
 
 
 def test_first_and_last_frame_have_no_flow_beyond_the_sequence(ground):
-    renderer, poses = renderer_of(ground), list(BOTH.poses())
+    renderer, poses = renderer_of(ground), BOTH.poses()
     assert np.isnan(renderer.truth(poses, 0).flow_backward).all()
     assert np.isnan(renderer.truth(poses, 2).flow_forward).all()
 
@@ -258,6 +258,6 @@ def test_object_ids_count_placements_from_one(ground):
         tuple(Placement("thing", "box", pose) for pose in shifts),
         Lighting(flat(1.0)),
     )
-    ids = SceneRenderer(scene, CAMERA, SETTINGS).truth(list(BOTH.poses()), 0).object_id
+    ids = SceneRenderer(scene, CAMERA, SETTINGS).truth(BOTH.poses(), 0).object_id
     left, right = ((ids == number).nonzero()[1].mean() for number in (1, 2))
     assert left < right  # +y is to the left of a camera that looks along +x
