@@ -47,5 +47,5 @@ def test_columns_follow_the_rows_in_proportion():
 
 @pytest.mark.parametrize("size", [0, 252, (10, 300), (0, 5)])
 def test_enlarging_and_vanishing_are_refused(size):
-    with pytest.raises(ValueError, match="choose 1 px to the size of the frames"):
+    with pytest.raises(ValueError, match="choose sizes from 1 px to that of the frames"):
         resize(frames(), size)
