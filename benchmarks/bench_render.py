@@ -76,8 +76,18 @@ def main() -> None:
     for name in ("intersect", "blocked"):
         setattr(rays, name, timed(getattr(rays, name)))
     run(24, {})
-    small = {"camera.width": "48", "camera.height": "48", "render.samples_per_pixel": "9"}
-    run(200, small)
+    # A camera that stands still: every frame is the same work.
+    run(
+        200,
+        {
+            "camera.width": "48",
+            "camera.height": "48",
+            "render.samples_per_pixel": "9",
+            "trajectory.rotation_deg_s": "0",
+            "trajectory.velocity_m_s": "[0, 0, 0]",
+            "benchmark.sizes": "[40]",
+        },
+    )
 
 
 if __name__ == "__main__":
