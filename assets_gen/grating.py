@@ -1,8 +1,9 @@
 """The 2-D sine grating of the flow benchmark, and a cylinder to carry it (dissertation §4.2.1).
 
-With image coordinates x, y in frames, S = 1 + C·sin(2πf·x_r + φ_x)·sin(2πf·y_r + φ_y). Variant "rot"
-turns the coordinates by 45°, x_r = (x + y)/√2 and y_r = (y − x)/√2, as the dissertation writes; its
-moving part has √2·f cycles per frame. Variant "periodic" divides by 2 instead and has exactly f.
+With image coordinates x, y in frames, S = 1 + C·sin(2πf·x_r + φ_x)·sin(2πf·y_r + φ_y). Variant
+"rot" turns the coordinates by 45°, x_r = (x + y)/√2 and y_r = (y − x)/√2, as the dissertation
+writes; its moving part has √2·f cycles per frame. Variant "periodic" divides by 2 instead and has
+exactly f.
 """
 
 from typing import Literal
@@ -35,7 +36,7 @@ def sine_grating(
 
 
 def open_cylinder(radius_m: float, height_m: float, segments: int = 720) -> trimesh.Trimesh:
-    """Wall of a vertical cylinder around the origin, normals inward, u = azimuth/360°, v = height."""
+    """Wall of a vertical cylinder around the origin, normals inward, u = azimuth, v = height."""
     azimuth = np.arange(segments + 1) * (2 * np.pi / segments)
     ring = radius_m * np.column_stack([np.cos(azimuth), np.sin(azimuth)])
     lower, upper = (np.column_stack([ring, np.full(len(ring), z)]) for z in (-0.5, 0.5))
