@@ -16,4 +16,5 @@ def generator(seed: int, *purpose: str | int) -> np.random.Generator:
         What is drawn, from coarse to fine: ``generator(3, "tree", "beech", 2)``.
     """
     key = [crc32(part.encode()) if isinstance(part, str) else part for part in purpose]
-    return np.random.default_rng([seed, *key])
+    # The length comes first because numpy takes a seed's trailing zeros for padding.
+    return np.random.default_rng([len(key), seed, *key])

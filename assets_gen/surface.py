@@ -56,7 +56,15 @@ def join(surfaces: Sequence[Surface]) -> Surface:
     )
 
 
+def cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the cross products of vectors (…, 3); several times faster than numpy's on few vectors."""
+    return a[..., _YZX] * b[..., _ZXY] - a[..., _ZXY] * b[..., _YZX]
+
+
+_YZX, _ZXY = [1, 2, 0], [2, 0, 1]
+
+
 def unit(vectors: FloatArray) -> FloatArray:
     """Return vectors (…, 3) scaled to length 1; a zero vector stays zero."""
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    length = np.sqrt(np.sum(vectors * vectors, axis=-1, keepdims=True))
     return vectors / np.where(length > 0, length, 1)

@@ -24,7 +24,9 @@ GROWTH = 1.15
 
 @dataclass(frozen=True)
 class Terrain:
-    """Height of the ground; 0 at the world's origin.
+    """Height of the ground: 0, but for bumps of a few centimeters, along the camera's path.
+
+    It is exactly 0 at the world's origin if the path passes within 3 m of it.
 
     Attributes
     ----------
@@ -52,13 +54,10 @@ class Terrain:
 
     def height(self, points: FloatArray) -> FloatArray:
         """Return the height of the ground (m) at points (n, 2) (m)."""
-        return self._relief(points) - self._relief(np.zeros((1, 2)))
-
-    def _relief(self, points: FloatArray) -> FloatArray:
         distance = distance_to(self.path, points)
         rolling = _smooth_step(distance, *TRAIL_M) * self.hills(points)
         rim = self.rim_height_m * (1 + self.crest(points)) * _smooth_step(distance, *self.rim_m)
-        return rolling + rim + self.bumps(points)
+        return rolling + rim + self.bumps(points) - self.bumps(np.zeros(2))
 
     def uv(self, points: FloatArray) -> FloatArray:
         """Return texture coordinates at points (n, 2) (m); tiles do not quite line up."""
@@ -82,7 +81,7 @@ def make_terrain(
         path,
         hills=plane_waves((14.0, 60.0), relief_m, 24, rng),
         bumps=plane_waves((0.9, 5.0), 0.035, 32, rng),
-        crest=plane_waves((15.0, 50.0), 0.35, 16, rng),
+        crest=plane_waves((30.0, 80.0), 0.35, 16, rng),
         drift=(plane_waves((15.0, 40.0), 0.12, 12, rng), plane_waves((15.0, 40.0), 0.12, 12, rng)),
         rim_m=rim_m,
         rim_height_m=rim_height_m,

@@ -10,26 +10,27 @@ watertight.
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.assets_gen.surface import FloatArray, Surface, unit
+from megalopta.assets_gen.surface import FloatArray, Surface, cross, unit
 
 
 def rotation_minimizing_frames(axis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return tangents, normals and binormals, each (k, 3), along a polyline `axis` (k, 3)."""
-    steps = unit(np.diff(axis, axis=0))
-    tangents = unit(np.concatenate([steps[:1], steps[:-1] + steps[1:], steps[-1:]]))
-    helper = (1.0, 0.0, 0.0) if abs(tangents[0, 0]) < 0.9 else (0.0, 1.0, 0.0)
-    normals = np.empty_like(tangents)
-    normals[0] = unit(np.cross(tangents[0], helper))
-    for i in range(len(axis) - 1):
-        first = _reflection(axis[i + 1] - axis[i])
-        second = _reflection(tangents[i + 1] - first @ tangents[i])
-        normals[i + 1] = second @ (first @ normals[i])
-    return tangents, normals, np.cross(tangents, normals)
+    steps = axis[1:] - axis[:-1]
+    headings = unit(steps)
+    tangents = unit(np.concatenate([headings[:1], headings[:-1] + headings[1:], headings[-1:]]))
+    helper = np.eye(3)[abs(tangents[0]).argmin()]
+    normals = [unit(cross(tangents[0], helper))]
+    for i, step in enumerate(steps):
+        second = tangents[i + 1] - _reflected(tangents[i], step)
+        normals.append(_reflected(_reflected(normals[i], step), second))
+    across = np.array(normals)
+    return tangents, across, cross(tangents, across)
 
 
-def _reflection(direction: FloatArray) -> FloatArray:
+def _reflected(vector: FloatArray, direction: FloatArray) -> FloatArray:
+    """Return a vector mirrored at the plane across `direction`."""
     square = direction @ direction
-    return np.eye(3) if square < 1e-20 else np.eye(3) - 2 / square * np.outer(direction, direction)
+    return vector - 2 / square * (direction @ vector) * direction if square > 1e-20 else vector
 
 
 def sweep(
@@ -72,7 +73,8 @@ def _tube_uv(
 ) -> FloatArray:
     around = 2 * np.pi * profile[0].mean() / tile_m[0]
     turns = max(round(around), 1) if whole_tiles else around
-    length = np.cumsum([0.0, *np.linalg.norm(np.diff(axis, axis=0), axis=1)]) / tile_m[1]
+    steps = np.linalg.norm(axis[1:] - axis[:-1], axis=1)
+    length = np.concatenate([[0.0], np.cumsum(steps)]) / tile_m[1]
     u, v = np.meshgrid(np.linspace(0, turns, profile.shape[1] + 1), length[:-1])
     tip = [[turns / 2, length[-1]]]
     return np.concatenate([np.stack([u, v], axis=-1).reshape(-1, 2), tip])
@@ -84,9 +86,9 @@ def _seamed(grid: FloatArray) -> FloatArray:
 
 def _grid_normals(grid: FloatArray, axis: FloatArray) -> FloatArray:
     tip = np.broadcast_to(axis[-1], (1, *grid.shape[1:]))
-    along = np.gradient(np.concatenate([grid, tip]), axis=0)[:-1]
-    around = np.roll(grid, -1, axis=1) - np.roll(grid, 1, axis=1)
-    return unit(np.cross(around, along))
+    rows = np.concatenate([grid[:1], grid, tip])
+    columns = np.concatenate([grid[:, -1:], grid, grid[:, :1]], axis=1)
+    return unit(cross(columns[:, 2:] - columns[:, :-2], rows[2:] - rows[:-2]))
 
 
 def tube_faces(rings: int, sides: int) -> NDArray[np.int64]:

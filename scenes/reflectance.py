@@ -13,23 +13,8 @@ from types import MappingProxyType
 
 from megalopta.scenes.spectrum import Spectrum
 
-_LEAF_NM = (
-    380.0,
-    450.0,
-    500.0,
-    530.0,
-    550.0,
-    580.0,
-    620.0,
-    660.0,
-    685.0,
-    700.0,
-    720.0,
-    745.0,
-    780.0,
-    1000.0,
-)
-_SLOPE_NM = (380.0, 460.0, 540.0, 620.0, 700.0, 850.0, 1000.0)
+_LEAF_NM = (380, 450, 500, 530, 550, 580, 620, 660, 685, 700, 720, 745, 780, 1000)
+_SLOPE_NM = (380, 460, 540, 620, 700, 850, 1000)
 
 LEAF_DARK = Spectrum(
     _LEAF_NM,
@@ -52,7 +37,7 @@ GRASS_LIGHT = LEAF_LIGHT.scaled(1.15)
 
 SOIL = Spectrum(_SLOPE_NM, (0.02, 0.028, 0.042, 0.06, 0.08, 0.13, 0.17))
 """Moist humus."""
-LITTER = Spectrum(_SLOPE_NM, (0.08, 0.12, 0.19, 0.27, 0.34, 0.46, 0.52))
+LITTER = Spectrum(_SLOPE_NM, (0.055, 0.08, 0.13, 0.195, 0.26, 0.39, 0.47))
 """Dry fallen leaves, brown."""
 
 BEECH_BARK_LIGHT = Spectrum(_SLOPE_NM, (0.21, 0.26, 0.31, 0.33, 0.36, 0.44, 0.48))

@@ -1,0 +1,96 @@
+import numpy as np
+import pytest
+
+from megalopta.assets_gen.plant import grow_plant, simplified
+from megalopta.assets_gen.species import BUSHES, TREES, coarsened
+
+from .conftest import welded
+
+WOODY = {**TREES, **BUSHES}
+
+
+def grow(species, individual=0):
+    return grow_plant(species, np.random.default_rng(individual))
+
+
+@pytest.fixture(params=WOODY, scope="module")
+def kind(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def plant(kind):
+    return grow(WOODY[kind])
+
+
+def bytes_of(plant):
+    wood, leaves = plant.wood, plant.leaves
+    arrays = (wood.vertices, wood.faces, wood.uv, wood.normals)
+    return b"".join(a.tobytes() for a in (*arrays, leaves.vertices, leaves.faces, leaves.uv))
+
+
+def test_same_random_stream_grows_the_same_bytes(kind, plant):
+    assert bytes_of(grow(WOODY[kind])) == bytes_of(plant)
+
+
+def test_individuals_differ(kind, plant):
+    assert bytes_of(grow(WOODY[kind], 1)) != bytes_of(plant)
+
+
+def test_every_axis_is_a_closed_tube_with_its_outside_out(plant):
+    for surface in plant.tubes:
+        mesh = welded(surface)
+        assert mesh.is_watertight and mesh.is_winding_consistent
+        assert mesh.volume > 0
+
+
+def test_triangles_stay_within_budget(kind, plant):
+    triangles = len(plant.wood.faces) + len(plant.leaves.faces)
+    assert triangles < (9000 if kind in TREES else 2500)
+
+
+def test_every_leaf_is_attached_to_a_bearing_twig(plant):
+    axes = plant.branching.skeleton.positions[plant.branching.bearing]
+    share = np.linspace(0, 1, 60)[:, None]
+    along = (axes[:, :-1, None] + share * np.diff(axes, axis=1)[:, :, None]).reshape(-1, 3)
+    base = plant.leaves.vertices[::4][::7]
+    gap = np.array([np.linalg.norm(along - b, axis=1).min() for b in base])
+    # internodes are at most 0.7 m: samples are 12 mm apart
+    assert gap.max() < 0.007
+
+
+def test_the_plant_has_its_height_and_stands_in_the_ground(kind, plant):
+    z = plant.branching.skeleton.positions[:, 2]
+    assert z.max() == pytest.approx(WOODY[kind].height_m, rel=0.12)
+    assert plant.wood.vertices[:, 2].min() < -0.3
+
+
+def test_crown_leaf_area_is_that_of_a_closed_stand(kind, plant):
+    if kind not in TREES:
+        pytest.skip("bushes have no stand density")
+    # leaf area index 1 to 3 at the default 550 trees per hectare
+    assert 1 < plant.leaves.to_mesh().area * 550 / 1e4 < 3
+
+
+def test_coarse_plants_keep_their_leaf_area_on_far_fewer_triangles(kind):
+    if kind == "hazel":
+        pytest.skip("too small to merge ten leaves into one")
+    areas, triangles = [], []
+    for factor in (1, 3, 10):
+        plants = [grow(coarsened(WOODY[kind], factor), i) for i in range(3)]
+        areas.append(sum(p.leaves.to_mesh().area for p in plants))
+        triangles.append(sum(len(p.leaves.faces) + len(p.wood.faces) for p in plants))
+    # crowns are random: three of them scatter by some 10 %
+    assert areas[1:] == pytest.approx([areas[0]] * 2, rel=0.25)
+    assert triangles[1] < triangles[0] / 2 and triangles[2] < triangles[0] / 5
+
+
+def test_simplified_polyline_stays_within_tolerance():
+    t = np.linspace(0, 3, 80)
+    points = np.stack([t, np.sin(2 * t)], axis=-1)
+    kept = simplified(points, 0.05)
+    assert 4 < len(kept) < 20
+    between = np.interp(t, t[kept], points[kept, 1])
+    # the vertical gap bounds the distance to the chord from above
+    slope = np.sqrt(1 + 2**2)
+    assert np.abs(between - points[:, 1]).max() <= 0.05 * slope

@@ -1,0 +1,29 @@
+import numpy as np
+
+from megalopta.assets_gen.surface import Surface, join, unit
+
+
+def triangle(normals=None):
+    return Surface(np.eye(3), np.array([[0, 1, 2]]), np.eye(3)[:, :2], normals)
+
+
+def test_meshes_carry_uv_and_given_normals():
+    normals = np.roll(np.eye(3), 1, axis=0)
+    mesh = triangle(normals).to_mesh()
+    assert mesh.metadata["smooth"] is True
+    np.testing.assert_array_equal(mesh.vertex_normals, normals)
+    np.testing.assert_array_equal(mesh.visual.uv, np.eye(3)[:, :2])
+
+
+def test_surfaces_without_normals_are_flat():
+    assert triangle().to_mesh().metadata["smooth"] is False
+
+
+def test_joined_surfaces_keep_their_triangles():
+    joined = join([triangle(), triangle()])
+    corners = joined.vertices[joined.faces]
+    np.testing.assert_array_equal(corners, np.stack([np.eye(3)] * 2))
+
+
+def test_unit_leaves_zero_vectors_alone():
+    np.testing.assert_allclose(unit(np.array([[3.0, 0, 4], [0, 0, 0]])), [[0.6, 0, 0.8], [0, 0, 0]])

@@ -1,0 +1,45 @@
+import numpy as np
+import pytest
+
+from megalopta.assets_gen.species import BUSHES, TREES
+from megalopta.scenes import reflectance
+from megalopta.scenes.spectrum import Spectrum
+
+WAVELENGTHS_NM = np.arange(380, 1001)
+NAMED = {name: s for name, s in vars(reflectance).items() if isinstance(s, Spectrum)}
+PAIRS = [*reflectance.BARK.values(), *reflectance.LEAF.values(), reflectance.GROUND]
+GREEN = [pair for kind, pair in reflectance.LEAF.items() if kind != "litter"]
+
+
+@pytest.mark.parametrize("spectrum", NAMED.values(), ids=NAMED)
+def test_reflectances_lie_between_zero_and_one(spectrum):
+    assert spectrum(WAVELENGTHS_NM).min() > 0 and spectrum(WAVELENGTHS_NM).max() < 1
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_the_two_reflectances_of_a_texture_are_valid_and_differ_in_every_band(pair):
+    first, second = (spectrum(WAVELENGTHS_NM) for spectrum in pair)
+    assert min(first.min(), second.min()) > 0 and max(first.max(), second.max()) < 1
+    contrast = np.abs(first - second) / (first + second)
+    assert contrast.min() > 0.1
+
+
+@pytest.mark.parametrize("pair", GREEN)
+def test_green_leaves_have_a_green_peak_and_a_red_edge_at_700_nm(pair):
+    for spectrum in pair:
+        green, red, near_infrared = spectrum([550, 670, 800])
+        assert green > 2 * red and near_infrared > 5 * red
+        half = (red + near_infrared) / 2
+        assert 700 < np.interp(half, spectrum(WAVELENGTHS_NM[300:]), WAVELENGTHS_NM[300:]) < 740
+        assert spectrum(690) < half < spectrum(750)
+
+
+def test_bark_soil_and_litter_brighten_toward_the_infrared():
+    for pair in (*reflectance.BARK.values(), reflectance.GROUND):
+        for spectrum in pair:
+            assert np.all(np.diff(spectrum(WAVELENGTHS_NM)) >= 0)
+
+
+def test_every_woody_kind_has_bark_and_leaves():
+    assert reflectance.BARK.keys() == {**TREES, **BUSHES}.keys()
+    assert reflectance.BARK.keys() <= reflectance.LEAF.keys()
