@@ -1,0 +1,34 @@
+"""What the README prints runs as printed."""
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from megalopta.configuration import load
+from megalopta.overrides import split_overrides
+
+README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_python_example_runs_and_prints_a_photon_flux():
+    code = re.search(r"```python\n(.*?)```", README, re.DOTALL).group(1)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert re.fullmatch(r"[\d.]+[kM]? \[[\d.]+[kM]?, [\d.]+[kM]?\]\n", done.stdout)
+
+
+@pytest.mark.parametrize(
+    "line", re.findall(r"^    megalopta ((?:demo|render|sense) [^#\n]*)", README, re.MULTILINE)
+)
+def test_the_settings_on_its_command_lines_are_accepted(line):
+    _, overrides = split_overrides(shlex.split(line), ("--out", "--redo"))
+    load("demo", overrides)
+
+
+@pytest.mark.parametrize("name", re.findall(r"\]\(((?!http)[^)]+)\)", README))
+def test_the_files_it_links_exist(name):
+    assert (Path(__file__).parents[1] / name).exists()
