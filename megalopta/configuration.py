@@ -245,7 +245,10 @@ def _validated(values: Any, source: str) -> Configuration:
 
 
 def _set(values: Any, path: str, value: Any) -> None:
-    """Set a value inside nested mappings and lists; a new `kind` starts its mapping afresh."""
+    """Set a value inside nested mappings and lists.
+
+    A new `kind` starts its mapping afresh; a single value for a list makes a list of one.
+    """
     *parents, last = path.split(".")
     for step in parents:
         values = _child(values, step, path)
@@ -255,7 +258,8 @@ def _set(values: Any, path: str, value: Any) -> None:
     elif isinstance(values, dict):
         if last == "kind" and values.get("kind") != value:
             values.clear()
-        values[last] = value
+        makes_list = isinstance(values.get(last), list) and not isinstance(value, list)
+        values[last] = [value] if makes_list else value
     else:
         raise UserError(f"--{path}: {'.'.join(parents)} has no fields")
 

@@ -106,8 +106,8 @@ LAYERS: Mapping[str, Layer] = MappingProxyType(
     {
         "hazel": Layer(per_m2=0.045, reach_m=40, clearance_m=3.0),
         "young spruce": Layer(per_m2=0.02, reach_m=40, clearance_m=3.5),
-        "fern": Layer(per_m2=0.45, reach_m=19, clearance_m=0.9),
-        "grass": Layer(per_m2=3.0, reach_m=11, clearance_m=0.35),
+        "fern": Layer(per_m2=0.55, reach_m=19, clearance_m=0.9),
+        "grass": Layer(per_m2=4.0, reach_m=11, clearance_m=0.35),
         "herb": Layer(per_m2=1.4, reach_m=13, clearance_m=0.3),
         "litter": Layer(per_m2=1.0, reach_m=9, clearance_m=0.0),
     }

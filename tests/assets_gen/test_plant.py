@@ -65,16 +65,14 @@ def test_the_plant_has_its_height_and_stands_in_the_ground(kind, plant):
     assert plant.wood.vertices[:, 2].min() < -0.3
 
 
-def test_crown_leaf_area_is_that_of_a_closed_stand(kind, plant):
-    if kind not in TREES:
-        pytest.skip("bushes have no stand density")
+@pytest.mark.parametrize("tree", TREES)
+def test_leaf_area_makes_a_light_closed_stand(tree):
     # leaf area index 1 to 3 at the default 550 trees per hectare
-    assert 1 < plant.leaves.to_mesh().area * 550 / 1e4 < 3
+    assert 1 < grow(TREES[tree]).leaves.to_mesh().area * 550 / 1e4 < 3
 
 
+@pytest.mark.parametrize("kind", [*TREES, "young spruce"])
 def test_coarse_plants_keep_their_leaf_area_on_far_fewer_triangles(kind):
-    if kind == "hazel":
-        pytest.skip("too small to merge ten leaves into one")
     areas, triangles = [], []
     for factor in (1, 3, 10):
         plants = [grow(coarsened(WOODY[kind], factor), i) for i in range(3)]

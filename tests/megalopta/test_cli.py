@@ -34,7 +34,10 @@ def run(*arguments, cwd=None):
         (["nowhere.yaml"], "nowhere.yaml: no such configuration"),
         (["--scene.trees"], "--scene.trees: needs a value"),
         (["--light-levels", "dusk"], "'dusk' is unknown"),
-        (["--camera.height", "40"], bench: size 60 × 180 px of frames of 40 × 120 px: choose sizes),
+        (
+            ["--camera.height", "40"],
+            "bench: size 60 × 180 px of frames of 40 × 120 px: choose sizes",
+        ),
     ],
 )
 def test_a_mistake_gets_one_sentence_and_exit_code_2(tmp_path, arguments, message):

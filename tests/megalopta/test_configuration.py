@@ -21,6 +21,13 @@ def test_overrides_reach_nested_fields_and_list_items():
     assert changed.light_levels == ("starlight", 0.5)
 
 
+def test_a_single_value_for_a_list_makes_a_list_of_one():
+    changed = load("demo", {"light_levels": "starlight", "sensors": "ideal", "methods": "BM"})
+    assert changed.light_levels == ("starlight",)
+    assert [sensor.name for sensor in changed.sensors] == ["ideal"]
+    assert changed.methods == ("BM",)
+
+
 def test_another_kind_of_scene_starts_afresh():
     changed = load("demo", {"scene.kind": "grating", "scene.cycles_per_frame": "5"})
     assert changed.scene.kind == "grating"
