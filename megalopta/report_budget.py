@@ -1,0 +1,116 @@
+"""The photon budget: what reaches a pixel in one exposure and what the sensor makes of it.
+
+Photons, detections and the signal-to-noise ratio are computed from the radiance of the frames that
+the report shows, expected counts and saturation from everything that was stored.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.configuration import Configuration, LightLevel
+from megalopta.dataset import Dataset
+from megalopta.report_footage import Footage
+from megalopta.scenes.light import illuminance_of
+from megalopta.sensor import (
+    Sensor,
+    StoredCounts,
+    detection_rate,
+    expected_counts,
+    photon_rate,
+    signal_to_noise,
+)
+from megalopta.stage_sense import exposures, light_scale, read_exposure
+
+# Pixels between these percentiles are drawn as the spread of the signal-to-noise ratio.
+_SPREAD_PERCENT = (5, 50, 95)
+
+
+@dataclass(frozen=True)
+class Budget:
+    """One sensor at one light level; means over pixels and frames unless said otherwise.
+
+    Attributes
+    ----------
+    sensor : Sensor
+    level : LightLevel
+    illuminance_lux : float
+    photons : float
+        That fall on a pixel, per exposure.
+    detected : float
+        Of these, without dead time.
+    dark_counts : float
+        Counts per pixel and exposure in the dark.
+    expected : float
+        Mean of the noise-free twin, dark counts included, before saturation.
+    signal_to_noise : (low, median, high)
+        Of single pixels: 5th, 50th and 95th percentile.
+    saturated_fraction : float
+        Readings at the counter's capacity.
+    photons_per_frame : float
+        Detected photons summed over the frame.
+    """
+
+    sensor: Sensor
+    level: LightLevel
+    illuminance_lux: float
+    photons: float
+    detected: float
+    dark_counts: float
+    expected: float
+    signal_to_noise: tuple[float, float, float]
+    saturated_fraction: float
+    photons_per_frame: float
+
+
+@dataclass(frozen=True, eq=False)
+class Exposed:
+    """A budget and the counts (n, h, w) that are shown of it."""
+
+    budget: Budget
+    counts: NDArray[np.generic]
+    saturated: NDArray[np.bool_]
+
+
+def exposed(dataset: Dataset, footage: Footage) -> list[Exposed]:
+    """Budget and pictures of every sensor at every light level."""
+    return [
+        _exposed(dataset.configuration, footage, read_exposure(dataset, sensor, level), level)
+        for sensor, level in exposures(dataset)
+    ]
+
+
+def _exposed(
+    configuration: Configuration, footage: Footage, stored: StoredCounts, level: LightLevel
+) -> Exposed:
+    exposure, frames = stored.exposure, list(footage.selection.frames)
+    light = footage.radiance * np.float32(light_scale(configuration, level))
+    return Exposed(
+        _budget(configuration, light, stored, level),
+        footage.selection.pixels(exposure.counts[frames]),
+        footage.selection.pixels(exposure.saturated[frames]),
+    )
+
+
+def _budget(
+    configuration: Configuration,
+    light: NDArray[np.float32],
+    stored: StoredCounts,
+    level: LightLevel,
+) -> Budget:
+    sensor, bands = stored.sensor, configuration.render.bands_nm
+    detected = detection_rate(light, bands, sensor) * sensor.exposure_s
+    low, median, high = np.percentile(signal_to_noise(light, bands, sensor), _SPREAD_PERCENT)
+    return Budget(
+        sensor=sensor,
+        level=level,
+        illuminance_lux=illuminance_of(level),
+        photons=float(photon_rate(light, bands, sensor).mean() * sensor.exposure_s),
+        detected=float(detected.mean()),
+        dark_counts=float(expected_counts(0 * light[:1], bands, sensor).mean()),
+        expected=float(stored.exposure.expected.mean()),
+        signal_to_noise=(float(low), float(median), float(high)),
+        saturated_fraction=float(stored.exposure.saturated.mean()),
+        photons_per_frame=float(detected.sum(axis=(1, 2)).mean()),
+    )

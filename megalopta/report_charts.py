@@ -1,0 +1,242 @@
+"""The report's charts: light and signal, speed, error over photons, photons needed."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib.axes import Axes
+from matplotlib.ticker import FuncFormatter
+from numpy.typing import NDArray
+
+from megalopta.flow.threshold import Threshold
+from megalopta.report_budget import Budget
+from megalopta.report_svg import INK, RULE, logarithmic, marker, new_axes, series_color, to_svg
+from megalopta.report_text import level_name, number, percent
+
+# On a telephone the page is as wide as this, so that text keeps its size there.
+_WIDTH_PT = 380
+Style = dict[str, Any]
+
+_LINES = ("-", "--", ":", "-.")
+_REFERENCE_LINES = (":", "-", "--", "-.")
+_SPEED_BINS = 48
+_BAND_STANDARD_ERRORS = 2
+_SMALLEST_ERROR, _LARGEST_ERROR = 1e-3, 1e3
+
+_NUMBERS = FuncFormatter(lambda value, _: short(value))
+_ERRORS = FuncFormatter(
+    lambda value, _: f"{100 * value:g} %" if value < 9.9 else f"{short(value)}×"
+)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Errors of a method over photons per frame; NaN or 0 is not drawn."""
+
+    series: int
+    fluxes: NDArray[np.float64]
+    errors: NDArray[np.float64]
+    standard_errors: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Need:
+    """Photons per frame that a method needs, in each metric."""
+
+    method: str
+    series: int
+    thresholds: Mapping[str, Threshold]
+
+
+def short(value: float) -> str:
+    """A round number without spare digits: 1k, 10M, 0.01."""
+    text = number(value)
+    digits = text.rstrip("kMGT")
+    whole = digits.rstrip("0").rstrip(".") if "." in digits else digits
+    return whole + text[len(digits) :]
+
+
+def signal_chart(budgets: Sequence[Budget], sensors: Sequence[str]) -> Markup:
+    """Signal-to-noise ratio of a pixel over illuminance, a line per sensor."""
+    figure, axes = new_axes(_WIDTH_PT, 270)
+    for index, sensor in enumerate(sensors):
+        own = sorted(
+            (each for each in budgets if each.sensor.name == sensor),
+            key=lambda each: each.illuminance_lux,
+        )
+        lux = [each.illuminance_lux for each in own]
+        low, median, high = np.array([each.signal_to_noise for each in own]).T
+        style: Style = {"linestyle": _LINES[index % len(_LINES)], "color": INK}
+        axes.plot(lux, _drawable(median), marker=marker(index), label=_plain(sensor), **style)
+        axes.fill_between(lux, _drawable(low), _drawable(high), color=INK, alpha=0.12, linewidth=0)
+    axes.axhline(1, color=RULE, linewidth=2.5, label="signal = noise", zorder=1)
+    logarithmic(axes, "x", _NUMBERS)
+    logarithmic(axes, "y", _NUMBERS)
+    axes.set(xlabel="illuminance (lux)", ylabel="signal-to-noise ratio of a pixel")
+    axes.legend(loc="upper left", frameon=False)
+    return to_svg(figure, "signal", "Signal-to-noise ratio of a pixel over illuminance")
+
+
+def speed_chart(speeds: NDArray[np.floating], median: float) -> Markup:
+    """Histogram of the true image speed (px per frame)."""
+    figure, axes = new_axes(_WIDTH_PT, 270)
+    weights = np.full(speeds.size, 100 / max(speeds.size, 1))
+    style: Style = {"histtype": "stepfilled", "color": series_color(0), "alpha": 0.85}
+    axes.hist(speeds, bins=_SPEED_BINS, weights=weights, **style)
+    axes.axvline(median, color=INK, linewidth=1.2)
+    axes.annotate(
+        f" median {median:.2g}",
+        (median, 1),
+        xycoords=("data", "axes fraction"),
+        va="top",
+        fontsize=10.5,
+    )
+    axes.grid(axis="y")
+    axes.set(
+        xlabel="speed in the image (px per frame)", ylabel="share of pixels (%)", xlim=(0, None)
+    )
+    return to_svg(figure, "speed", "Histogram of the true speed of the image")
+
+
+def error_chart(curves: Sequence[Curve], name: str, level: float, description: str) -> Markup:
+    """Error over photons per frame, a curve per method with its interval, log-log."""
+    figure, axes = new_axes(_WIDTH_PT, 300)
+    for curve in curves:
+        color, spread = series_color(curve.series), _BAND_STANDARD_ERRORS * curve.standard_errors
+        errors = _drawable(curve.errors)
+        lower, upper = (np.clip(errors + sign * spread, 1e-9, None) for sign in (-1, 1))
+        axes.fill_between(curve.fluxes, lower, upper, color=color, alpha=0.2, linewidth=0)
+        axes.plot(curve.fluxes, errors, color=color, marker=marker(curve.series), markersize=4)
+    axes.axhline(level, color=INK, linewidth=1.2, linestyle="--")
+    _note(axes, level, f"{percent(level)} error")
+    logarithmic(axes, "x", _NUMBERS)
+    logarithmic(axes, "y", _ERRORS)
+    largest = max((float(np.nanmax(each.errors, initial=1)) for each in curves), default=1.0)
+    axes.set(
+        xlabel="photons per frame",
+        ylabel="error of the response",
+        ylim=(_SMALLEST_ERROR, min(_LARGEST_ERROR, 2 * max(largest, 1))),
+    )
+    return to_svg(figure, name, description)
+
+
+def need_chart(
+    needs: Sequence[Need], budgets: Sequence[Budget], name: str, description: str
+) -> Markup:
+    """Photons each method needs, beside the photons each sensor detects at each light level.
+
+    Filled markers are the first metric, open ones the others.
+    """
+    sensors = list(dict.fromkeys(each.sensor.name for each in budgets))
+    rows = [*sensors, *(each.method for each in needs)]
+    figure, axes = new_axes(_WIDTH_PT, 50 + 42 * len(sensors) + 28 * len(needs))
+    places = [*(1.5 * index for index in range(len(sensors)))]
+    places += [1.5 * len(sensors) + index for index in range(len(needs))]
+    low, high = _flux_range(needs, budgets)
+    axes.set(xscale="log", xlim=(low, high), ylim=(places[-1] + 0.7, -0.9))
+    for sensor, place in zip(sensors, places, strict=False):
+        own = [each for each in budgets if each.sensor.name == sensor]
+        _draw_supply(
+            axes,
+            own,
+            place,
+            places[-1] + 0.7,
+            _REFERENCE_LINES[sensors.index(sensor) % len(_REFERENCE_LINES)],
+        )
+    for need, place in zip(needs, places[len(sensors) :], strict=True):
+        _draw_need(axes, need, place)
+    axes.set_yticks(places, [_plain(row) for row in rows])
+    for label, need in zip(axes.get_yticklabels()[len(sensors) :], needs, strict=True):
+        label.set(color=series_color(need.series), fontweight="bold")
+    axes.tick_params(axis="y", length=0)
+    logarithmic(axes, "x", _NUMBERS)
+    axes.grid(visible=False)
+    axes.set_xlabel("photons per frame")
+    if sensors:
+        axes.axhline(1.5 * len(sensors) - 0.65, color=RULE, linewidth=0.8)
+    return to_svg(figure, name, description)
+
+
+def _draw_supply(
+    axes: Axes, budgets: Sequence[Budget], place: float, bottom: float, line: str
+) -> None:
+    """Mark the photons at each level, each name above or below, whichever is free."""
+    decades = math.log10(axes.get_xlim()[1] / axes.get_xlim()[0])
+    last, above = -math.inf, False
+    for budget in sorted(budgets, key=lambda each: each.photons_per_frame):
+        flux = budget.photons_per_frame
+        if flux <= 0:
+            continue
+        above = not above if math.log10(flux) - last < 0.22 * decades else True
+        last = math.log10(flux)
+        style: Style = {"color": INK, "alpha": 0.4, "linewidth": 1, "linestyle": line, "zorder": 0}
+        axes.plot([flux, flux], [place, bottom], **style)
+        axes.plot(flux, place, color=INK, marker="d", markersize=6)
+        axes.annotate(
+            _plain(level_name(budget.level)),
+            (flux, place),
+            (0, 6 if above else -6),
+            textcoords="offset points",
+            ha="center",
+            va="bottom" if above else "top",
+            fontsize=10,
+        )
+
+
+def _draw_need(axes: Axes, need: Need, place: float) -> None:
+    color = series_color(need.series)
+    for index, (metric, threshold) in enumerate(need.thresholds.items()):
+        height = place + 0.24 * (index - (len(need.thresholds) - 1) / 2)
+        filled: Style = {
+            "markerfacecolor": color if index == 0 else "none",
+            "markeredgecolor": color,
+        }
+        if threshold.flux is None:
+            _draw_absence(axes, threshold, height, color, metric)
+            continue
+        interval = [threshold.low or threshold.range_min, threshold.high or threshold.range_max]
+        axes.plot(interval, [height, height], color=color, linewidth=2.2, solid_capstyle="butt")
+        axes.plot(threshold.flux, height, marker=marker(need.series), markersize=6, **filled)
+
+
+def _draw_absence(axes: Axes, threshold: Threshold, height: float, color: str, metric: str) -> None:
+    beyond = {"above": (threshold.range_max, "right"), "below": (threshold.range_min, "left")}
+    flux, side = beyond.get(threshold.kind, (math.sqrt(np.prod(axes.get_xlim())), "center"))
+    text = f"{metric}: {threshold}"
+    axes.text(flux, height, text, color=color, ha=side, va="center", fontsize=10)
+
+
+def _flux_range(needs: Sequence[Need], budgets: Sequence[Budget]) -> tuple[float, float]:
+    thresholds = [threshold for need in needs for threshold in need.thresholds.values()]
+    fluxes = [each.photons_per_frame for each in budgets if each.photons_per_frame > 0]
+    for each in thresholds:
+        ends = {"above": [each.range_max], "below": [each.range_min]}.get(each.kind, [])
+        fluxes += [flux for flux in (each.flux, each.low, each.high) if flux] + ends
+    fluxes = fluxes or [thresholds[0].range_min, thresholds[0].range_max]
+    margin = (max(fluxes) / min(fluxes)) ** 0.06 * 1.5
+    return min(fluxes) / margin, max(fluxes) * margin
+
+
+def _drawable(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What a logarithmic axis can show; gaps elsewhere."""
+    return np.where(values > 0, values, np.nan)
+
+
+def _note(axes: Axes, height: float, text: str) -> None:
+    axes.annotate(
+        text,
+        (1, height),
+        (-3, 3),
+        xycoords=("axes fraction", "data"),
+        textcoords="offset points",
+        ha="right",
+        fontsize=10.5,
+    )
+
+
+def _plain(text: str) -> str:
+    """Text for matplotlib as it stands, dollar signs included."""
+    return text.replace("$", r"\$")

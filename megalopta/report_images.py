@@ -1,0 +1,158 @@
+"""Arrays as pictures: PNG data URIs, color scales and their legends."""
+
+import base64
+import colorsys
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib import colormaps
+from numpy.typing import NDArray
+from PIL import Image, ImageOps
+
+Rgb = NDArray[np.uint8]
+Floats = NDArray[np.floating]
+
+# Few colors and few bits make small files; noisy pictures look the same.
+_COLORS = 96
+_ID_COLORS = 89
+_RGB_BITS = 6
+_LEGEND_STEPS = 128
+
+ORANGE = (230, 97, 0)
+GRAY = (128, 128, 128)
+_NOTHING = (24, 26, 30)
+
+
+@dataclass(frozen=True)
+class Legend:
+    """What the colors of a picture mean.
+
+    Attributes
+    ----------
+    bar : str
+        Data URI of the colors from low to high, left to right.
+    low, high : str
+        Values at the ends, the unit with the latter.
+    special : str
+        What pixels of the special color are; empty when there are none.
+    special_color : str
+        That color, for CSS.
+    """
+
+    bar: str
+    low: str
+    high: str
+    special: str = ""
+    special_color: str = ""
+
+
+@dataclass(frozen=True)
+class ColorScale:
+    """Values to colors; values beyond the ends get the colors of the ends.
+
+    Attributes
+    ----------
+    low, high : float
+        Ends of the scale.
+    colors : (n, 3) uint8
+        Colors from low to high.
+    special : (r, g, b)
+        Color of pixels that are marked, or have no value.
+    root : float
+        Colors are spread evenly over this root of the value, or of its size on each side of 0
+        where the scale has two; 2.2 makes the luminance of grays follow the value.
+    logarithmic : bool
+        Colors are spread evenly over the value's logarithm instead.
+    """
+
+    low: float
+    high: float
+    colors: Rgb
+    special: tuple[int, int, int] = GRAY
+    root: float = 1.0
+    logarithmic: bool = False
+
+    def picture(self, values: Floats, marked: NDArray[np.bool_] | None = None) -> Image.Image:
+        """Return an image of values (H, W), NaN or marked pixels in the special color."""
+        unknown = np.isnan(values) if marked is None else marked | np.isnan(values)
+        index = np.where(unknown, len(self.colors), self._index(np.nan_to_num(values)))
+        image = Image.fromarray(index.astype(np.uint8))
+        image.putpalette(self.colors.tobytes() + bytes(self.special))
+        return image
+
+    def legend(self, low: str, high: str, special: str = "") -> Legend:
+        """Return the legend, with the values at the ends in words."""
+        steps = (np.arange(_LEGEND_STEPS) + 0.5) / _LEGEND_STEPS
+        values = self.low + (self.high - self.low) * steps
+        if self.logarithmic:
+            values = self.low * (self.high / self.low) ** steps
+        color = f"rgb{self.special}" if special else ""
+        return Legend(data_uri(self.picture(values[np.newaxis])), low, high, special, color)
+
+    def _index(self, values: Floats) -> NDArray[np.int64]:
+        low, high, bounded = (
+            self._stretched(each)
+            for each in (self.low, self.high, np.clip(values, self.low, self.high))
+        )
+        return np.rint((bounded - low) / (high - low) * (len(self.colors) - 1)).astype(np.int64)
+
+    def _stretched(self, values: Floats | float) -> Floats:
+        if self.logarithmic:
+            return np.log(values)
+        return np.sign(values) * np.abs(values) ** (1 / self.root)
+
+
+def gray_scale(white: float) -> ColorScale:
+    """Light from black, 0, to white; marked pixels are orange."""
+    ramp = np.linspace(0, 255, _COLORS).astype(np.uint8)
+    colors = np.repeat(ramp[:, np.newaxis], 3, axis=1)
+    return ColorScale(0.0, white, colors, ORANGE, root=2.2)
+
+
+def map_scale(
+    name: str, low: float, high: float, root: float = 1.0, logarithmic: bool = False
+) -> ColorScale:
+    """One of matplotlib's color maps between two values."""
+    colors = np.asarray(colormaps[name](np.linspace(0, 1, _COLORS), bytes=True))
+    return ColorScale(low, high, colors[:, :3], root=root, logarithmic=logarithmic)
+
+
+def rgb_picture(pixels: Rgb) -> Image.Image:
+    """Return an image of colors (H, W, 3)."""
+    return ImageOps.posterize(Image.fromarray(pixels), _RGB_BITS)
+
+
+def id_picture(identifiers: NDArray[np.integer]) -> Image.Image:
+    """Return an image of object numbers (H, W), successive ones in unlike colors; 0 is dark."""
+    index = np.where(identifiers == 0, 0, 1 + identifiers % _ID_COLORS)
+    image = Image.fromarray(index.astype(np.uint8))
+    image.putpalette(
+        bytes([*_NOTHING, *(part for n in range(_ID_COLORS) for part in _id_color(n))])
+    )
+    return image
+
+
+def stacked(images: Sequence[Image.Image]) -> Image.Image:
+    """Return equally large images as one, above each other: a film."""
+    first = images[0]
+    film = Image.new(first.mode, (first.width, first.height * len(images)))
+    if first.mode == "P":
+        film.putpalette(first.getpalette() or [])
+    for index, image in enumerate(images):
+        film.paste(image, (0, index * first.height))
+    return film
+
+
+def data_uri(image: Image.Image) -> str:
+    """Return an image as a PNG inside its own address."""
+    data = io.BytesIO()
+    image.save(data, "PNG")
+    return f"data:image/png;base64,{base64.b64encode(data.getvalue()).decode('ascii')}"
+
+
+def _id_color(number: int) -> tuple[int, ...]:
+    # Multiples of the golden ratio spread evenly over the hues.
+    hue, value = number * 0.618034 % 1, 0.55 + 0.4 * (number * 0.7548777 % 1)
+    return tuple(round(255 * part) for part in colorsys.hsv_to_rgb(hue, 0.45, value))

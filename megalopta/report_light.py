@@ -1,0 +1,146 @@
+"""Section "From light to counts": the photon budget and the counts as pictures."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from markupsafe import Markup
+
+from megalopta.report_budget import Budget, Exposed
+from megalopta.report_charts import signal_chart
+from megalopta.report_footage import Footage
+from megalopta.report_images import gray_scale
+from megalopta.report_parts import RADIANCE_FILM, Picture, Table, film
+from megalopta.report_text import enumerate_words, level_name, level_title, number, percent
+from megalopta.sensor import Sensor
+
+_COLUMNS = (
+    "Light",
+    "Photons on the pixel",
+    "Detected",
+    "Dark counts",
+    "Expected counts",
+    "Signal-to-noise",
+    "Saturated",
+)
+_RECOVERY = {
+    "ideal": "no dead time",
+    "nonparalyzable": "dead time {} (non-paralyzable)",
+    "paralyzable": "dead time {} (paralyzable)",
+}
+
+# As the preview of the radiance: the brightest tenth may be shown as pure white.
+_WHITE_PERCENTILE = 90.0
+
+
+@dataclass(frozen=True)
+class SensorPanel:
+    """What one sensor made of the light."""
+
+    name: str
+    description: str
+    pictures: tuple[Picture, ...]
+    budget: Table
+    saturation: str
+
+
+@dataclass(frozen=True)
+class LightSection:
+    """Panels and chart."""
+
+    panels: tuple[SensorPanel, ...]
+    chart: Markup
+
+
+def light_section(
+    sensors: Sequence[Sensor], footage: Footage, all_: Sequence[Exposed]
+) -> LightSection:
+    """Section of these sensors at all light levels."""
+    panels = tuple(
+        _panel(sensor, footage, [each for each in all_ if each.budget.sensor.name == sensor.name])
+        for sensor in sensors
+    )
+    names = [sensor.name for sensor in sensors]
+    return LightSection(panels, signal_chart([each.budget for each in all_], names))
+
+
+def describe(sensor: Sensor) -> str:
+    """A sensor in one sentence, from its parameters."""
+    best = int(np.argmax(sensor.efficiency.values))
+    efficiency, peak_nm = sensor.efficiency.values[best], sensor.efficiency.wavelengths_nm[best]
+    flat = len(set(sensor.efficiency.values)) == 1
+    detection = f"it detects {percent(efficiency)} of the photons on it"
+    if not flat:
+        detection = (
+            f"it detects at most {percent(efficiency)} of the photons on it, at {peak_nm:g} nm"
+        )
+    recovery = _RECOVERY[sensor.dead_time.kind].format(_time(sensor.dead_time.dead_time_s))
+    return (
+        f"Pixels of {1e6 * sensor.pitch_m:g} µm, {percent(sensor.fill_factor)} of their area "
+        f"sensitive; {detection}; {recovery}; {_time(sensor.exposure_s)} exposure; "
+        f"a counter holds {sensor.counter_capacity:,}."
+    )
+
+
+def _time(seconds: float) -> str:
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
+        if seconds >= 0.999 * size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{1e9 * seconds:.3g} ns"
+
+
+def _panel(sensor: Sensor, footage: Footage, all_: Sequence[Exposed]) -> SensorPanel:
+    radiance = Picture(
+        RADIANCE_FILM, "The scene's light, tone-mapped", "radiance", len(footage.selection.frames)
+    )
+    return SensorPanel(
+        sensor.name,
+        describe(sensor),
+        (radiance, *(_counts_film(each) for each in all_)),
+        Table(
+            f"Photon budget of {sensor.name}",
+            _COLUMNS,
+            tuple(_budget_row(each.budget) for each in all_),
+        ),
+        _saturation(sensor, [each.budget for each in all_]),
+    )
+
+
+def _counts_film(exposed: Exposed) -> Picture:
+    budget, counts = exposed.budget, exposed.counts.astype(np.float64)
+    white = max(float(np.percentile(counts, _WHITE_PERCENTILE)), 1.0)
+    scale = gray_scale(white)
+    images = [
+        scale.picture(frame, full) for frame, full in zip(counts, exposed.saturated, strict=True)
+    ]
+    legend = scale.legend(
+        "0", f"≥ {number(white)} counts", "full" if exposed.saturated.any() else ""
+    )
+    name = level_name(budget.level)
+    return film(images, name, f"Counts of {budget.sensor.name} at {name}", legend)
+
+
+def _budget_row(budget: Budget) -> tuple[str, ...]:
+    return (
+        level_title(budget.level),
+        number(budget.photons),
+        number(budget.detected),
+        number(budget.dark_counts),
+        number(budget.expected),
+        number(budget.signal_to_noise[1]),
+        percent(budget.saturated_fraction),
+    )
+
+
+def _saturation(sensor: Sensor, budgets: Sequence[Budget]) -> str:
+    shares = [
+        f"{percent(each.saturated_fraction)} at {level_name(each.level)}"
+        for each in budgets
+        if each.saturated_fraction > 0
+    ]
+    if not shares:
+        return ""
+    return (
+        f"Full counters ({sensor.counter_capacity:,} counts): {enumerate_words(shares)} of all "
+        "readings. They are lower bounds, orange in the pictures."
+    )

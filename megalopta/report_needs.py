@@ -1,0 +1,157 @@
+"""Section "Photons that motion needs": error curves and N_2b of the photon benchmark."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from megalopta.dataset import Dataset
+from megalopta.errors import UserError
+from megalopta.flow.methods import METHODS
+from megalopta.flow.threshold import Threshold
+from megalopta.report_budget import Budget
+from megalopta.report_charts import Curve, Need, error_chart, need_chart
+from megalopta.report_detectors import ACCURATE
+from megalopta.report_parts import Table
+
+Record = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A chart and what stands above it."""
+
+    title: str
+    svg: Markup
+
+
+@dataclass(frozen=True)
+class NeedSection:
+    """Charts and thresholds of the photon benchmark.
+
+    Attributes
+    ----------
+    curves : tuple of Chart
+        One per frame size and metric.
+    needs : tuple of Chart
+        One per frame size.
+    table : Table
+        Thresholds with their intervals.
+    repeats, warm_up, confidence_percent, dark_counts : number
+        How they were measured.
+    """
+
+    curves: tuple[Chart, ...]
+    needs: tuple[Chart, ...]
+    table: Table
+    repeats: int
+    warm_up: int
+    confidence_percent: float
+    dark_counts: float
+
+
+def series(method: str) -> int:
+    """Number of a method's color and marker, the same in all charts."""
+    return list(METHODS).index(method)
+
+
+def read_benchmark(dataset: Dataset) -> Record:
+    """The photon benchmark, from benchmark.json."""
+    path = dataset.result("benchmark.json")
+    try:
+        return dict(json.loads(path.read_text("utf-8")))
+    except (OSError, ValueError) as problem:
+        raise UserError(f"{path}: {problem}; run megalopta bench again with --redo") from None
+
+
+def need_section(benchmark: Record, budgets: Sequence[Budget]) -> NeedSection:
+    """Section of a finished benchmark, beside what the sensors detect."""
+    curves, settings = benchmark["curves"], benchmark["settings"]
+    shapes = list(dict.fromkeys(tuple(curve["shape"]) for curve in curves))
+    return NeedSection(
+        curves=tuple(
+            _curve_chart(_select(curves, shape, metric), shape, metric)
+            for shape in shapes
+            for metric in settings["metrics"]
+        ),
+        needs=tuple(
+            _need_chart(_select(curves, shape), shape, budgets)
+            for shape in shapes
+            if 2 in settings["bits"]
+        ),
+        table=_threshold_table(curves, shapes, settings["metrics"]),
+        repeats=settings["repeats"],
+        warm_up=benchmark["warm_up"],
+        confidence_percent=100 * settings["confidence"],
+        dark_counts=settings["dark_counts"],
+    )
+
+
+def two_bit(curve: Record) -> Threshold | None:
+    """N_2b of a curve, if it was asked for."""
+    fields = curve["thresholds"].get("N_2b")
+    return Threshold(**fields) if fields else None
+
+
+def _select(
+    curves: Sequence[Record], shape: tuple[int, ...], metric: str | None = None
+) -> list[Record]:
+    return [
+        curve
+        for curve in curves
+        if tuple(curve["shape"]) == shape and metric in (None, curve["metric"])
+    ]
+
+
+def _size(shape: Sequence[int]) -> str:
+    return f"{shape[1]} × {shape[0]}"
+
+
+def _curve_chart(curves: Sequence[Record], shape: tuple[int, ...], metric: str) -> Chart:
+    title = f"{_size(shape)} pixels, {metric} error"
+    drawn = [_curve(curve) for curve in curves]
+    name = f"curve-{shape[0]}-{metric}"
+    text = f"Error over photons per frame at {title}, one curve per detector"
+    return Chart(title, error_chart(drawn, name, ACCURATE, text))
+
+
+def _curve(curve: Record) -> Curve:
+    fluxes, errors, spread = (
+        np.array(curve[field], np.float64) for field in ("fluxes", "errors", "standard_errors")
+    )
+    return Curve(series(curve["method"]), fluxes, errors, spread)
+
+
+def _need_chart(
+    curves: Sequence[Record], shape: tuple[int, ...], budgets: Sequence[Budget]
+) -> Chart:
+    thresholds: dict[str, dict[str, Threshold]] = {}
+    for curve in curves:
+        if threshold := two_bit(curve):
+            thresholds.setdefault(curve["method"], {})[curve["metric"]] = threshold
+    needs = [Need(method, series(method), each) for method, each in thresholds.items()]
+    title = f"{_size(shape)} pixels"
+    text = f"Photons per frame that each detector needs at {title}, and what the sensors detect"
+    return Chart(title, need_chart(needs, budgets, f"need-{shape[0]}", text))
+
+
+def _threshold_table(
+    curves: Sequence[Record], shapes: Sequence[tuple[int, ...]], metrics: Sequence[str]
+) -> Table:
+    cells = {
+        (curve["method"], tuple(curve["shape"]), curve["metric"]): str(two_bit(curve) or "–")
+        for curve in curves
+    }
+    methods = dict.fromkeys(curve["method"] for curve in curves)
+    columns = [(shape, metric) for shape in shapes for metric in metrics]
+    return Table(
+        "N_2b in photons per frame",
+        ("Detector", *(f"{_size(shape)}, {metric}" for shape, metric in columns)),
+        tuple(
+            (method, *(cells[method, shape, metric] for shape, metric in columns))
+            for method in methods
+        ),
+    )

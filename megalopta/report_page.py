@@ -1,0 +1,153 @@
+"""All sections of the report, put into the template."""
+
+from dataclasses import dataclass
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from megalopta import info
+from megalopta.configuration import to_yaml
+from megalopta.dataset import STAGES, Dataset
+from megalopta.flow.methods import METHODS
+from megalopta.report_budget import exposed
+from megalopta.report_detectors import DetectorSection, detector_section, read_records
+from megalopta.report_footage import Footage, read_footage
+from megalopta.report_images import data_uri, rgb_picture, stacked
+from megalopta.report_light import LightSection, light_section
+from megalopta.report_motion import MotionSection, motion_section
+from megalopta.report_needs import NeedSection, need_section, read_benchmark, series
+from megalopta.report_summary import (
+    dark_findings,
+    facts,
+    lead,
+    light_finding,
+    motion_findings,
+    need_finding,
+    scene_record,
+    title,
+)
+from megalopta.report_svg import series_css
+from megalopta.report_text import duration
+
+# Faster than this, or slower, a film cannot be followed.
+_PLAYBACK_HZ = (2.0, 25.0)
+_MARKERS = "●■▲▼◆✖"
+
+
+@dataclass(frozen=True)
+class Method:
+    """A method in the legends."""
+
+    name: str
+    label: str
+    color: str
+    marker: str
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Time a stage took, in words and relative to the longest."""
+
+    name: str
+    time: str
+    share_percent: float
+
+
+@dataclass(frozen=True)
+class Sections:
+    """What the finished stages have to show, and one sentence for each finding."""
+
+    motion: MotionSection
+    light: LightSection | None
+    detectors: DetectorSection | None
+    needs: NeedSection | None
+    findings: tuple[str, ...]
+
+
+def page(dataset: Dataset) -> str:
+    """Return the report as HTML."""
+    footage = read_footage(dataset)
+    sections = _sections(dataset, footage)
+    template = _environment().get_template("report.html")
+    return template.render(
+        dataset=dataset,
+        configuration=dataset.configuration,
+        title=title(dataset.configuration),
+        lead=lead(dataset.configuration),
+        facts=facts(dataset, sections.motion),
+        sections=sections,
+        radiance_film=_radiance_film(footage),
+        frames=footage.selection.frames,
+        step=footage.selection.step,
+        start=_start(footage, sections.detectors),
+        playback_hz=_playback_hz(dataset, footage),
+        methods=_methods(dataset),
+        settings=to_yaml(dataset.configuration),
+        versions=info.versions(),
+        scene_record=scene_record(dataset),
+        timings=_timings(dataset),
+    )
+
+
+def _environment() -> Environment:
+    return Environment(
+        loader=PackageLoader("megalopta", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def _sections(dataset: Dataset, footage: Footage) -> Sections:
+    motion, light, detectors, needs = motion_section(footage), None, None, None
+    findings: list[str | None] = []
+    budgets = []
+    if dataset.is_finished("sense"):
+        shown = exposed(dataset, footage)
+        budgets = [each.budget for each in shown]
+        light = light_section(dataset.configuration.sensors, footage, shown)
+        findings += [light_finding(budgets), *dark_findings(budgets)]
+    if dataset.is_finished("flow"):
+        detectors = detector_section(dataset, footage, motion.wheel, read_records(dataset))
+        findings += motion_findings(detectors)
+    if dataset.is_finished("bench"):
+        benchmark = read_benchmark(dataset)
+        needs = need_section(benchmark, budgets)
+        findings.append(need_finding(benchmark))
+    return Sections(motion, light, detectors, needs, tuple(filter(None, findings)))
+
+
+def _radiance_film(footage: Footage) -> str:
+    step = footage.selection.step
+    return data_uri(stacked([rgb_picture(preview[::step, ::step]) for preview in footage.previews]))
+
+
+def _start(footage: Footage, detectors: DetectorSection | None) -> int:
+    """Index of the frame shown first: that of the detectors, or the middle."""
+    frames = footage.selection.frames
+    return frames.index(detectors.frame) if detectors else len(frames) // 2
+
+
+def _playback_hz(dataset: Dataset, footage: Footage) -> float:
+    trajectory = dataset.configuration.trajectory
+    shown_hz = trajectory.frame_rate_hz * len(footage.selection.frames) / trajectory.frames
+    slowest, fastest = _PLAYBACK_HZ
+    return min(max(shown_hz, slowest), fastest)
+
+
+def _methods(dataset: Dataset) -> list[Method]:
+    return [
+        Method(name, METHODS[name].label, series_css(index), _MARKERS[index % len(_MARKERS)])
+        for name in dataset.configuration.methods
+        for index in [series(name)]
+    ]
+
+
+def _timings(dataset: Dataset) -> list[Timing]:
+    timings = dataset.timings()
+    longest = max(timings.values(), default=0) or 1
+    return [
+        Timing(stage, duration(timings[stage]), round(100 * timings[stage] / longest, 1))
+        for stage in STAGES
+        if stage in timings
+    ]

@@ -1,0 +1,61 @@
+"""What sections of the report are made of: pictures and tables, ready for the template."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from PIL import Image
+
+from megalopta.report_images import Legend, data_uri, stacked
+
+RADIANCE_FILM = "var(--radiance)"
+"""The tone-mapped radiance, which is on the page once and shown in several places."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A still picture, or a film that follows the frame slider.
+
+    Attributes
+    ----------
+    source : str
+        Data URI, or the style sheet's variable for the radiance film.
+    alt : str
+        What is to be seen, for those who do not see it.
+    title : str
+        Above or below it, a few words.
+    frames : int
+        Frames of a film, stacked above each other; 0 for a still.
+    legend : Legend, optional
+    """
+
+    source: str
+    alt: str
+    title: str = ""
+    frames: int = 0
+    legend: Legend | None = None
+
+    @property
+    def background(self) -> str:
+        """The source as CSS."""
+        return self.source if self.source == RADIANCE_FILM else f"url({self.source})"
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of text; the first cell of a row is its heading."""
+
+    label: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+def film(
+    images: Sequence[Image.Image], title: str, alt: str, legend: Legend | None = None
+) -> Picture:
+    """Frames as one picture that follows the slider."""
+    return Picture(data_uri(stacked(images)), alt, title, len(images), legend)
+
+
+def still(image: Image.Image, title: str, alt: str, legend: Legend | None = None) -> Picture:
+    """One picture."""
+    return Picture(data_uri(image), alt, title, legend=legend)

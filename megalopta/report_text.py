@@ -1,0 +1,87 @@
+"""Numbers and names in the report as a person writes them."""
+
+import math
+from collections.abc import Sequence
+
+from megalopta.configuration import LightLevel
+from megalopta.flow.threshold import format_flux
+from megalopta.scenes.light import illuminance_of
+
+UNDEFINED = "–"
+
+
+def number(value: float) -> str:
+    """Three digits, thousands with a prefix (12.3k), small numbers with two digits (0.0012)."""
+    if not math.isfinite(value):
+        return UNDEFINED
+    if value == 0:
+        return "0"
+    size = abs(value)
+    if size >= 999.5:
+        return ("-" if value < 0 else "") + format_flux(size)
+    if size >= 99.95:
+        return f"{value:.0f}"
+    if size >= 0.9995:
+        return f"{value:.3g}"
+    return f"{value:.2g}" if size >= 1e-4 else _power_of_ten(value)
+
+
+def percent(fraction: float) -> str:
+    """A fraction as a percentage to two digits; 0 only where it is nothing at all."""
+    if not math.isfinite(fraction):
+        return UNDEFINED
+    if 0 < fraction < 1e-4:
+        return "< 0.01\u00a0%"
+    decimals = max(0, 1 - math.floor(math.log10(100 * fraction))) if 0 < fraction < 0.1 else 0
+    return f"{100 * fraction:.{decimals}f}\u00a0%"
+
+
+def relative_error(value: float | None) -> str:
+    """An error as a percentage, or as a multiple of the answer where it exceeds tenfold."""
+    if value is None or not math.isfinite(value):
+        return UNDEFINED
+    return percent(value) if value < 9.995 else f"{number(value)}×"
+
+
+def duration(seconds: float) -> str:
+    """Seconds, or minutes and seconds."""
+    if seconds < 99.95:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s"
+
+
+def level_name(level: LightLevel) -> str:
+    """A light level's name: "full moon", "10 lux"."""
+    return level.replace("_", "\u00a0") if isinstance(level, str) else lux(level)
+
+
+def level_title(level: LightLevel) -> str:
+    """Name and illuminance of a light level: "full moon, 0.25 lux"."""
+    return (
+        f"{level_name(level)}, {lux(illuminance_of(level))}"
+        if isinstance(level, str)
+        else (level_name(level))
+    )
+
+
+def lux(illuminance_lux: float) -> str:
+    """An illuminance: "10 lux", "0.001 lux"."""
+    return f"{illuminance_lux:g}\u00a0lux"
+
+
+def enumerate_words(words: Sequence[str]) -> str:
+    """Words as part of a sentence: "a, b and c"."""
+    *first, last = words
+    return f"{', '.join(first)} and {last}" if first else last
+
+
+def plural(count: int, noun: str) -> str:
+    """A count and its noun: "1 frame", "2,534 objects"."""
+    return f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s"
+
+
+def _power_of_ten(value: float) -> str:
+    digits, exponent = f"{value:.1e}".split("e")
+    superscript = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"{digits} · 10{superscript}"
