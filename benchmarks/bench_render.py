@@ -1,7 +1,7 @@
 """How much of the render stage is Mitsuba, and whether time and memory stay flat over 200 frames.
 
-Reference: the time inside Mitsuba's own calls (mi.render and the tracing of rays, with the evaluation
-they leave pending), measured in the same run as the stage around them.
+Reference: the time inside Mitsuba's own calls (mi.render and the tracing of rays, with the
+evaluation they leave pending), measured in the same run as the stage around them.
 """
 
 import resource

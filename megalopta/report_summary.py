@@ -66,7 +66,7 @@ def facts(dataset: Dataset, motion: MotionSection) -> list[Fact]:
     return [
         Fact(f"{trajectory.frames}", f"frames of {camera.width} × {camera.height} px"),
         *_scene_facts(configuration, scene_record(dataset)),
-        Fact(f"{motion.objects_seen:,}", "objects that came into view"),
+        Fact(f"{motion.objects_seen:,}", "objects in view, one time or another"),
         Fact(f"{motion.median_speed:.2g}", "px per frame, median speed"),
         Fact(f"{trajectory.frame_rate_hz:g}", "frames per second"),
     ]
