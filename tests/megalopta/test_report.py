@@ -1,0 +1,254 @@
+import re
+import shutil
+import subprocess
+from dataclasses import dataclass, field
+from html import escape
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from megalopta import report_page
+from megalopta.configuration import Configuration
+from megalopta.dataset import Dataset
+from megalopta.errors import UserError
+from megalopta.report import write_report
+from megalopta.report_budget import exposed
+from megalopta.report_footage import read_footage, select
+from megalopta.stages import run_all
+
+SECTIONS = ("light", "motion", "detectors", "photons", "made")
+SENSOR = 'spad<cam> & "co"'
+CONFIGURATION = Configuration.model_validate(
+    {
+        "name": "small_grating",
+        "scene": {"kind": "grating", "cycles_per_frame": 3},
+        "camera": {"width": 36, "height": 30, "fov_deg": 72},
+        "trajectory": {"frames": 16, "rotation_deg_s": 15},
+        "render": {"samples_per_pixel": 4, "max_depth": 2},
+        "light_levels": [0.5, "full_moon"],
+        "sensors": [{"preset": "spadcam", "name": SENSOR}, "ideal"],
+        "benchmark": {"sizes": [20, 30], "fluxes_per_decade": 1, "repeats": 2, "flux_max": 1e8},
+    }
+)
+
+
+@dataclass
+class Page(HTMLParser):
+    """What the tests ask of a page."""
+
+    tags: list[tuple[str, dict[str, str]]] = field(default_factory=list)
+    text: str = ""
+
+    def __post_init__(self) -> None:
+        super().__init__()
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append((tag, {name: value or "" for name, value in attributes}))
+
+    def handle_data(self, data):
+        self.text += data
+
+    def values(self, attribute):
+        return [found[attribute] for _, found in self.tags if attribute in found]
+
+
+def read(path: Path) -> Page:
+    page = Page()
+    page.feed(path.read_text("utf-8"))
+    page.close()
+    page.text = " ".join(page.text.split())
+    return page
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory):
+    return run_all(tmp_path_factory.mktemp("data") / "small", CONFIGURATION)
+
+
+@pytest.fixture(scope="module")
+def page(dataset):
+    return read(write_report(dataset))
+
+
+@pytest.fixture
+def copied(dataset, tmp_path):
+    shutil.copytree(dataset.root, tmp_path / "copy")
+    return Dataset(tmp_path / "copy", dataset.configuration)
+
+
+def test_a_report_has_all_its_sections(page):
+    assert set(SECTIONS) <= set(page.values("id"))
+    assert "To have it here" not in page.text
+
+
+def test_a_report_names_every_method_sensor_and_light_level(page):
+    for name in (*CONFIGURATION.methods, SENSOR, "ideal", "0.5 lux", "full moon, 0.25 lux"):
+        assert name in page.text
+
+
+def test_a_report_needs_nothing_from_outside(dataset, page):
+    links = page.values("src") + page.values("href") + page.values("xlink:href")
+    assert links
+    assert all(link.startswith(("data:", "#")) for link in links)
+    html = (dataset.root / "report.html").read_text("utf-8")
+    assert "://" not in html
+    assert "@import" not in html
+    assert all(url.startswith(("data:", "#")) for url in re.findall(r"url\(([^)]*)\)", html))
+
+
+def test_every_picture_says_what_it_shows(page):
+    pictures = [found for tag, found in page.tags if tag == "img" or found.get("role") == "img"]
+    assert len(pictures) > 50
+    assert all(found.get("alt") or found.get("aria-label") for found in pictures)
+
+
+def test_identifiers_are_unique(page):
+    identifiers = page.values("id")
+    assert len(identifiers) == len(set(identifiers))
+
+
+def test_names_are_escaped(dataset, page):
+    html = (dataset.root / "report.html").read_text("utf-8")
+    assert "<cam>" not in html
+    assert escape(SENSOR, quote=False).split("&amp;")[0] in html
+    assert all(tag != "cam" for tag, _ in page.tags)
+
+
+def test_every_response_and_every_exposure_is_pictured(page):
+    alternatives = set(page.values("alt"))
+    labels = set(page.values("aria-label"))
+    for level in ("0.5\u00a0lux", "full\u00a0moon"):
+        assert f"Counts of {SENSOR} at {level}" in labels
+        assert {f"{method}, {level}" for method in CONFIGURATION.methods} <= alternatives
+    assert {f"{method}, noise-free" for method in CONFIGURATION.methods} <= alternatives
+
+
+def test_there_is_an_error_chart_per_size_and_metric(page):
+    charts = [found for tag, found in page.tags if tag == "svg"]
+    labels = [found["aria-label"] for found in charts]
+    for size in ("24 × 20", "36 × 30"):
+        for metric in ("literal", "ratio"):
+            assert any(f"{size} pixels, {metric} error" in label for label in labels)
+
+
+def test_saturated_readings_are_told(copied):
+    sensor = CONFIGURATION.sensors[0].model_copy(update={"counter_capacity": 20})
+    sensors = (sensor, CONFIGURATION.sensors[1])
+    changed = copied.configuration.model_copy(update={"sensors": sensors})
+    text = read(write_report(run_all(copied.root, changed, redo=True))).text
+    assert "Full counters (20 counts)" in text
+
+
+@pytest.mark.parametrize(
+    ("forgotten", "missing"),
+    [("bench", {"bench"}), ("flow", {"flow"}), ("sense", {"sense", "flow"})],
+)
+def test_a_missing_stage_leaves_a_sentence_on_what_to_run(copied, forgotten, missing):
+    copied.forget(forgotten)
+    page = read(write_report(copied))
+    assert set(SECTIONS) <= set(page.values("id"))
+    for stage in ("sense", "flow", "bench"):
+        assert (f"run megalopta {stage} {copied.root}" in page.text) == (stage in missing)
+
+
+def test_a_dataset_without_frames_is_refused(copied):
+    copied.forget("render")
+    with pytest.raises(UserError, match="'render' is not finished here; run: megalopta render"):
+        write_report(copied)
+
+
+def test_a_damaged_file_is_told_in_one_sentence(copied):
+    copied.result("flow.json").write_text("{")
+    with pytest.raises(UserError, match=r"flow\.json.*run megalopta flow again with --redo"):
+        write_report(copied)
+
+
+def test_the_same_dataset_gives_the_same_report(dataset):
+    first = write_report(dataset).read_bytes()
+    assert write_report(dataset).read_bytes() == first
+
+
+def test_a_failed_report_leaves_the_old_one(dataset, monkeypatch):
+    old = write_report(dataset).read_bytes()
+
+    def fail(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(report_page, "page", fail)
+    with pytest.raises(KeyboardInterrupt):
+        write_report(dataset)
+    assert (dataset.root / "report.html").read_bytes() == old
+    assert not list(dataset.root.glob(".part*"))
+
+
+def test_an_ideal_sensor_detects_every_photon_with_the_noise_of_counting(dataset):
+    """Without dark counts and dead time the signal-to-noise ratio of N counts is √N."""
+    budgets = [each.budget for each in exposed(dataset, read_footage(dataset))]
+    ideal = [budget for budget in budgets if budget.sensor.name == "ideal"]
+    for budget in ideal:
+        assert budget.dark_counts == 0
+        assert budget.detected == pytest.approx(budget.photons, rel=1e-9)
+        assert budget.expected == pytest.approx(budget.photons, rel=0.05)  # over all frames
+    # Levels of 0.5 and 0.25 lux: half the photons.
+    assert ideal[0].photons == pytest.approx(2 * ideal[1].photons, rel=1e-5)
+    ratio = np.array(ideal[0].signal_to_noise) / ideal[1].signal_to_noise
+    np.testing.assert_allclose(ratio, np.sqrt(2), rtol=1e-5)
+
+
+def test_photons_per_frame_are_those_of_all_pixels(dataset):
+    budget = exposed(dataset, read_footage(dataset))[0].budget
+    assert budget.photons_per_frame == pytest.approx(36 * 30 * budget.detected, rel=1e-9)
+
+
+@pytest.mark.parametrize("frames", [2, 3, 16, 1000])
+@pytest.mark.parametrize(("width", "height"), [(36, 30), (640, 480), (1920, 1080)])
+def test_what_is_shown_has_a_next_frame_and_stays_small(frames, width, height):
+    configuration = Configuration.model_validate(
+        {"trajectory": {"frames": frames}, "camera": {"width": width, "height": height}}
+    )
+    selection = select(configuration)
+    assert selection.frames[0] == 0
+    assert selection.frames[-1] <= frames - 2
+    assert list(selection.frames) == sorted(set(selection.frames))
+    shown = selection.pixels(np.zeros((height, width)))
+    assert max(shown.shape) <= 160
+    films = len(configuration.sensors) * len(configuration.light_levels)
+    assert shown.size * len(selection.frames) * films <= 8e6
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="chromium is not installed")
+def test_a_browser_shows_it_without_errors_and_within_400_pixels(dataset, tmp_path):
+    html = write_report(dataset).read_text("utf-8")
+    wrapper = tmp_path / "wrapper.html"
+    wrapper.write_text(
+        f"""<iframe width="400" height="800" srcdoc="{escape(html)}" onload="
+        const page = this.contentDocument, root = page.documentElement;
+        const slider = page.querySelector('.transport input');
+        slider.value = 3;
+        slider.dispatchEvent(new Event('input'));
+        const told = [...page.querySelectorAll('.transport output')].map(each => each.textContent);
+        const overflow = Math.max(root.scrollWidth, page.body.scrollWidth) - root.clientWidth;
+        document.body.insertAdjacentHTML('beforeend',
+          `<p>overflow ${{overflow}} frame ${{root.style.getPropertyValue('--frame')}} ${{told}}</p>`);
+        "></iframe>""",
+        encoding="utf-8",
+    )
+    chromium = subprocess.run(
+        [
+            *("chromium", "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic"),
+            *("--no-first-run", "--disable-background-networking", "--disable-component-update"),
+            *("--disable-sync", "--enable-logging=stderr", "--v=0", "--dump-dom"),
+            f"--user-data-dir={tmp_path / 'profile'}",
+            wrapper.as_uri(),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    assert "CONSOLE" not in chromium.stderr
+    answer = chromium.stdout.rpartition("<p>")[2]
+    assert answer.startswith("overflow 0 frame 3 frame 4 ·")
+    assert answer.count("frame 4 · 0.30 s") == 3

@@ -1,0 +1,118 @@
+import re
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from megalopta.flow.threshold import Threshold
+from megalopta.report_budget import Budget
+from megalopta.report_charts import Curve, Need, error_chart, need_chart, short, signal_chart
+from megalopta.sensor import PRESETS
+
+FLUXES = np.geomspace(1e3, 1e9, 7)
+
+
+def budget(sensor, level, lux, photons_per_frame, ratio=1.0):
+    return Budget(
+        sensor=PRESETS[sensor],
+        level=level,
+        illuminance_lux=lux,
+        photons=1.0,
+        detected=1.0,
+        dark_counts=0.0,
+        expected=1.0,
+        signal_to_noise=(0.5 * ratio, ratio, 2 * ratio),
+        saturated_fraction=0.0,
+        photons_per_frame=photons_per_frame,
+    )
+
+
+BUDGETS = [
+    budget("spadcam", "twilight", 1.0, 1e4),
+    budget("spadcam", "starlight", 1e-3, 10.0, 0.01),
+    budget("ideal", "twilight", 1.0, 1e8, 100.0),
+    budget("ideal", "starlight", 1e-3, 0.0, 0.0),
+]
+
+
+def texts(svg):
+    # What HTML allows beyond XML: xlink without its namespace.
+    root = ElementTree.fromstring(str(svg).replace("xlink:href", "href"))
+    return [element.text for element in root.iter("text")]
+
+
+def crossing(flux):
+    return Threshold("crossing", 0.25, 1e3, 1e9, flux, flux / 1.2, flux * 1.2)
+
+
+def test_charts_carry_their_words_as_text():
+    words = texts(signal_chart(BUDGETS, ["spadcam", "ideal"]))
+    assert {"illuminance (lux)", "signal-to-noise ratio of a pixel", "spadcam", "ideal"} <= {*words}
+
+
+def test_charts_take_the_colors_and_fonts_of_the_page():
+    svg = str(signal_chart(BUDGETS, ["spadcam", "ideal"]))
+    assert "currentColor" in svg
+    assert "var(--rule)" in svg
+    assert "font-family" not in svg
+    assert not re.search("#0[12]0[12]0[12]", svg)
+
+
+def test_charts_need_nothing_from_outside():
+    svg = str(signal_chart(BUDGETS, ["spadcam", "ideal"]))
+    assert "://" not in svg
+    assert "<style" not in svg
+
+
+def test_identifiers_carry_the_name_of_the_chart():
+    curve = Curve(0, FLUXES, 1e3 / FLUXES, 0.1e3 / FLUXES)
+    svg = str(error_chart([curve], "chart-7", 0.25, "a chart"))
+    targets = re.findall(r'(?:url\(#|href="#)([^)"]*)', svg)
+    identifiers = set(re.findall(r'\sid="([^"]*)"', svg))
+    assert targets
+    assert set(targets) <= identifiers
+    assert all(identifier.startswith("chart-7-") for identifier in identifiers)
+
+
+def test_descriptions_are_escaped():
+    svg = str(error_chart([], "chart", 0.25, 'a "chart" <of> errors'))
+    assert 'aria-label="a &#34;chart&#34; &lt;of&gt; errors"' in svg
+
+
+def test_undefined_and_zero_errors_leave_gaps():
+    errors = np.array([np.nan, 3.0, 1.0, 0.3, 0.1, 0.0, 0.0])
+    svg = str(error_chart([Curve(0, FLUXES, errors, errors / 10)], "gaps", 0.25, "gaps"))
+    assert "nan" not in svg
+    assert svg.count("<use") >= 4  # one marker per drawn error, beside those of the ticks
+
+
+def test_needs_name_every_method_sensor_and_light():
+    needs = [Need("BM", 0, {"literal": crossing(1e6), "ratio": crossing(1e5)})]
+    words = texts(need_chart(needs, BUDGETS, "need", "needs"))
+    assert {"BM", "spadcam", "ideal", "twilight", "starlight", "photons per frame"} <= {*words}
+
+
+def test_a_need_beyond_the_measured_range_is_written_out():
+    needs = [
+        Need("EMD", 2, {"literal": Threshold("above", 0.25, 1e3, 1e9)}),
+        Need("IM", 5, {"literal": Threshold("undefined", 0.25, 1e3, 1e9)}),
+        Need("BM", 0, {"literal": Threshold("below", 0.25, 1e3, 1e9)}),
+    ]
+    words = texts(need_chart(needs, [], "need", "needs"))
+    assert {"literal: > 1e9", "literal: undefined", "literal: < 1000"} <= {*words}
+
+
+def test_dollar_signs_are_no_formula():
+    sensor = PRESETS["ideal"].model_copy(update={"name": "a$b$"})
+    shown = [each for each in BUDGETS if each.sensor.name == "ideal"]
+    renamed = [
+        Budget(**{**vars(each), "sensor": sensor}) for each in shown if each.photons_per_frame
+    ]
+    assert "a$b$" in texts(signal_chart(renamed, ["a$b$"]))
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(1e3, "1k"), (1e7, "10M"), (0.01, "0.01"), (1.0, "1"), (100.0, "100")]
+)
+def test_round_numbers_have_no_spare_digits(value, text):
+    assert short(value) == text

@@ -1,0 +1,90 @@
+import base64
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from megalopta.report_images import (
+    GRAY,
+    ORANGE,
+    data_uri,
+    gray_scale,
+    id_picture,
+    map_scale,
+    rgb_picture,
+    stacked,
+)
+
+
+def decoded(uri):
+    kind, _, data = uri.partition(",")
+    assert kind == "data:image/png;base64"
+    with Image.open(io.BytesIO(base64.b64decode(data))) as image:
+        return np.asarray(image.convert("RGB"))
+
+
+def test_counts_go_from_black_to_white_and_saturated_ones_are_orange():
+    counts = np.array([[0.0, 5.0, 10.0, 99.0]])
+    full = np.array([[False, False, False, True]])
+    black, middle, white, saturated = decoded(data_uri(gray_scale(10.0).picture(counts, full)))[0]
+    assert tuple(black) == (0, 0, 0)
+    assert tuple(white) == (255, 255, 255)
+    assert tuple(saturated) == ORANGE
+    # Half the light is gray 255 · 0.5^(1/2.2) = 186; colors are 2.7 apart.
+    assert middle[0] == pytest.approx(186, abs=3)
+    assert len(set(middle)) == 1
+
+
+def test_values_beyond_a_scale_have_the_colors_of_its_ends():
+    scale = map_scale("RdBu_r", -1.0, 1.0, root=3.0)
+    pixels = decoded(data_uri(scale.picture(np.array([[-9.0, -1.0, 1.0, 9.0, np.nan]]))))[0]
+    np.testing.assert_array_equal(pixels[0], pixels[1])
+    np.testing.assert_array_equal(pixels[2], pixels[3])
+    assert tuple(pixels[4]) == GRAY
+
+
+def test_a_scale_with_two_sides_is_symmetric_about_zero():
+    scale = map_scale("RdBu_r", -8.0, 8.0, root=3.0)
+    index = np.asarray(scale.picture(np.array([[-8.0, -1.0, 0.0, 1.0, 8.0]])))[0].astype(int)
+    # The cube root of 1 is half that of 8; colors are whole numbers.
+    np.testing.assert_allclose(index / index[-1], [0, 0.25, 0.5, 0.75, 1], atol=0.01)
+
+
+def test_a_logarithmic_scale_has_equal_steps_for_equal_factors():
+    scale = map_scale("viridis", 1.0, 100.0, logarithmic=True)
+    index = np.asarray(scale.picture(np.array([[1.0, 10.0, 100.0]])))[0].astype(int)
+    assert index[1] - index[0] == pytest.approx(index[2] - index[1], abs=1)
+
+
+def test_a_legend_runs_through_all_colors_of_its_scale():
+    scale = map_scale("viridis", 2.0, 50.0, logarithmic=True)
+    legend = scale.legend("2", "50 m", "sky")
+    bar = decoded(legend.bar)[0]
+    np.testing.assert_array_equal(bar[[0, -1]], scale.colors[[0, -1]])
+    assert (legend.low, legend.high, legend.special) == ("2", "50 m", "sky")
+    assert legend.special_color == "rgb(128, 128, 128)"
+
+
+@pytest.mark.parametrize("kind", ["indexed", "rgb"])
+def test_a_film_holds_its_frames_above_each_other(kind):
+    rng = np.random.default_rng(0)
+    if kind == "rgb":
+        images = [rgb_picture(rng.integers(0, 256, (4, 6, 3), np.uint8)) for _ in range(3)]
+    else:
+        images = [gray_scale(1.0).picture(rng.random((4, 6))) for _ in range(3)]
+    film = decoded(data_uri(stacked(images)))
+    for index, image in enumerate(images):
+        np.testing.assert_array_equal(film[4 * index : 4 * index + 4], image.convert("RGB"))
+
+
+def test_colors_are_true_to_six_bits():
+    pixels = np.random.default_rng(0).integers(0, 256, (20, 20, 3), np.uint8)
+    shown = decoded(data_uri(rgb_picture(pixels)))
+    assert np.abs(shown.astype(int) - pixels).max() <= 3
+
+
+def test_successive_objects_differ_and_the_sky_is_darkest():
+    pixels = decoded(data_uri(id_picture(np.arange(60, dtype=np.uint32).reshape(1, -1))))[0]
+    assert len(np.unique(pixels, axis=0)) == 60
+    assert pixels.sum(axis=1).argmin() == 0
