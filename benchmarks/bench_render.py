@@ -1,6 +1,6 @@
 """How much of the render stage is Mitsuba, and whether time and memory stay flat over 200 frames.
 
-Reference: the time inside Mitsuba's own calls (mi.render and the tracing of rays, with the
+Reference: the time inside Mitsuba's own calls (path tracing and the tracing of rays, with the
 evaluation they leave pending), measured in the same run as the stage around them.
 """
 
@@ -71,8 +71,7 @@ def run(frames: int, overrides: dict[str, str]) -> None:
 
 
 def main() -> None:
-    mi_render = mi.render
-    renderer.mi.render = timed(mi_render)
+    renderer.trace_paths = timed(renderer.trace_paths)
     for name in ("intersect", "blocked"):
         setattr(rays, name, timed(getattr(rays, name)))
     run(24, {})

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from megalopta.flow.threshold import Threshold
 from megalopta.report_budget import Budget
 from megalopta.report_svg import INK, RULE, logarithmic, marker, new_axes, series_color, to_svg
-from megalopta.report_text import level_name, number, percent
+from megalopta.report_text import level_name, percent, short
 
 # On a telephone the page is as wide as this, so that text keeps its size there.
 _WIDTH_PT = 380
@@ -51,14 +51,6 @@ class Need:
     thresholds: Mapping[str, Threshold]
 
 
-def short(value: float) -> str:
-    """A round number without spare digits: 1k, 10M, 0.01."""
-    text = number(value)
-    digits = text.rstrip("kMGT")
-    whole = digits.rstrip("0").rstrip(".") if "." in digits else digits
-    return whole + text[len(digits) :]
-
-
 def signal_chart(budgets: Sequence[Budget], sensors: Sequence[str]) -> Markup:
     """Signal-to-noise ratio of a pixel over illuminance, a line per sensor."""
     figure, axes = new_axes(_WIDTH_PT, 270)
@@ -72,7 +64,7 @@ def signal_chart(budgets: Sequence[Budget], sensors: Sequence[str]) -> Markup:
         style: Style = {"linestyle": _LINES[index % len(_LINES)], "color": INK}
         axes.plot(lux, _drawable(median), marker=marker(index), label=_plain(sensor), **style)
         axes.fill_between(lux, _drawable(low), _drawable(high), color=INK, alpha=0.12, linewidth=0)
-    axes.axhline(1, color=RULE, linewidth=2.5, label="signal = noise", zorder=1)
+    axes.axhline(1, color=INK, linewidth=1, linestyle=":", label="signal = noise")
     logarithmic(axes, "x", _NUMBERS)
     logarithmic(axes, "y", _NUMBERS)
     axes.set(xlabel="illuminance (lux)", ylabel="signal-to-noise ratio of a pixel")

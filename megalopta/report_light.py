@@ -1,5 +1,6 @@
 """Section "From light to counts": the photon budget and the counts as pictures."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,7 +12,7 @@ from megalopta.report_charts import signal_chart
 from megalopta.report_footage import Footage
 from megalopta.report_images import gray_scale
 from megalopta.report_parts import RADIANCE_FILM, Picture, Table, film
-from megalopta.report_text import enumerate_words, level_name, level_title, number, percent
+from megalopta.report_text import enumerate_words, level_name, level_title, number, percent, short
 from megalopta.sensor import Sensor
 
 _COLUMNS = (
@@ -53,15 +54,15 @@ class LightSection:
 
 
 def light_section(
-    sensors: Sequence[Sensor], footage: Footage, all_: Sequence[Exposed]
+    sensors: Sequence[Sensor], footage: Footage, shown: Sequence[Exposed]
 ) -> LightSection:
     """Section of these sensors at all light levels."""
     panels = tuple(
-        _panel(sensor, footage, [each for each in all_ if each.budget.sensor.name == sensor.name])
+        _panel(sensor, footage, [each for each in shown if each.budget.sensor.name == sensor.name])
         for sensor in sensors
     )
     names = [sensor.name for sensor in sensors]
-    return LightSection(panels, signal_chart([each.budget for each in all_], names))
+    return LightSection(panels, signal_chart([each.budget for each in shown], names))
 
 
 def describe(sensor: Sensor) -> str:
@@ -89,32 +90,32 @@ def _time(seconds: float) -> str:
     return f"{1e9 * seconds:.3g} ns"
 
 
-def _panel(sensor: Sensor, footage: Footage, all_: Sequence[Exposed]) -> SensorPanel:
+def _panel(sensor: Sensor, footage: Footage, shown: Sequence[Exposed]) -> SensorPanel:
     radiance = Picture(
         RADIANCE_FILM, "The scene's light, tone-mapped", "radiance", len(footage.selection.frames)
     )
     return SensorPanel(
         sensor.name,
         describe(sensor),
-        (radiance, *(_counts_film(each) for each in all_)),
+        (radiance, *(_counts_film(each) for each in shown)),
         Table(
             f"Photon budget of {sensor.name}",
             _COLUMNS,
-            tuple(_budget_row(each.budget) for each in all_),
+            tuple(_budget_row(each.budget) for each in shown),
         ),
-        _saturation(sensor, [each.budget for each in all_]),
+        _saturation(sensor, [each.budget for each in shown]),
     )
 
 
 def _counts_film(exposed: Exposed) -> Picture:
     budget, counts = exposed.budget, exposed.counts.astype(np.float64)
-    white = max(float(np.percentile(counts, _WHITE_PERCENTILE)), 1.0)
+    white = max(math.ceil(np.percentile(counts, _WHITE_PERCENTILE)), 1)
     scale = gray_scale(white)
     images = [
         scale.picture(frame, full) for frame, full in zip(counts, exposed.saturated, strict=True)
     ]
     legend = scale.legend(
-        "0", f"≥ {number(white)} counts", "full" if exposed.saturated.any() else ""
+        "0", f"≥ {short(white)} counts", "full" if exposed.saturated.any() else ""
     )
     name = level_name(budget.level)
     return film(images, name, f"Counts of {budget.sensor.name} at {name}", legend)

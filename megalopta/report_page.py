@@ -85,6 +85,7 @@ def page(dataset: Dataset) -> str:
         versions=info.versions(),
         scene_record=scene_record(dataset),
         timings=_timings(dataset),
+        total_time=duration(sum(dataset.timings().values())),
     )
 
 

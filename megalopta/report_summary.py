@@ -106,7 +106,7 @@ def dark_findings(budgets: Sequence[Budget]) -> list[str]:
 
 def motion_findings(section: DetectorSection) -> list[str]:
     """How many detectors read motion, per sensor and light level."""
-    return [_motion_finding(group) for group in section.verdicts]
+    return [_motion_finding(group) for group in section.verdicts if group.rows.keys() - {NO_MOTION}]
 
 
 def _motion_finding(group: VerdictGroup) -> str:
@@ -114,8 +114,8 @@ def _motion_finding(group: VerdictGroup) -> str:
     counts = [sum(row[index].kind == "both" for row in rows) for index in range(len(group.levels))]
     if not any(counts):
         return (
-            f"On {group.sensor}, none of the {plural(len(rows), 'motion detector')} stays within "
-            f"{LIMIT} of its noise-free answer at any light level."
+            f"On {group.sensor}, no motion detector stays within {LIMIT} of its noise-free answer "
+            "at any light level."
         )
     parts = [
         f"{count or 'none'} at {level}" for count, level in zip(counts, group.levels, strict=True)

@@ -22,8 +22,16 @@ def number(value: float) -> str:
     if size >= 99.95:
         return f"{value:.0f}"
     if size >= 0.9995:
-        return f"{value:.3g}"
+        return f"{value:.1f}" if size >= 9.995 else f"{value:.2f}"
     return f"{value:.2g}" if size >= 1e-4 else _power_of_ten(value)
+
+
+def short(value: float) -> str:
+    """A round number without spare digits: 1k, 10M, 0.01."""
+    text = number(value)
+    digits = text.rstrip("kMGT")
+    whole = digits.rstrip("0").rstrip(".") if "." in digits else digits
+    return whole + text[len(digits) :]
 
 
 def percent(fraction: float) -> str:
@@ -84,4 +92,4 @@ def plural(count: int, noun: str) -> str:
 def _power_of_ten(value: float) -> str:
     digits, exponent = f"{value:.1e}".split("e")
     superscript = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-    return f"{digits} · 10{superscript}"
+    return f"10{superscript}" if digits == "1.0" else f"{digits} · 10{superscript}"

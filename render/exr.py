@@ -132,8 +132,11 @@ def _write(
     }
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.part")
-    OpenEXR.File(full_header, dict(channels)).write(str(temporary))
-    temporary.replace(path)
+    try:
+        OpenEXR.File(full_header, dict(channels)).write(str(temporary))
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def _read(path: Path) -> tuple[dict[str, object], dict[str, NDArray[np.generic]]]:

@@ -4,7 +4,7 @@ The scene is loaded once; per frame only the pose moves, with a seed of its own,
 would give noise that stands still on the sensor and reads as "no motion".
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import mitsuba as mi
 import numpy as np
@@ -77,6 +77,15 @@ def frame_seed(seed: int, frame: int) -> int:
     return int(np.random.SeedSequence(seed, spawn_key=(frame,)).generate_state(1)[0])
 
 
+def trace_paths(integrator: Any, scene: Any, sensor: Any, seed: int, samples: int) -> Any:
+    """Mitsuba's image, in its type.
+
+    The integrator is called itself: `mi.render` wraps it for differentiation, and that wrapper
+    turns Ctrl-C into a RuntimeError.
+    """
+    return integrator.render(scene, sensor, seed=seed, spp=samples)
+
+
 class SceneRenderer:
     """A loaded scene and a camera, ready to be moved along poses.
 
@@ -113,12 +122,8 @@ class SceneRenderer:
         """
         self._sensor_parameters["to_world"] = sensor_transform(pose)
         self._sensor_parameters.update()
-        image = mi.render(
-            self._scene,
-            sensor=self._sensor,
-            integrator=self._integrator,
-            spp=self.settings.samples_per_pixel,
-            seed=seed,
+        image = trace_paths(
+            self._integrator, self._scene, self._sensor, seed, self.settings.samples_per_pixel
         )
         radiance = np.array(image, dtype=np.float32)
         if not np.isfinite(radiance).all():

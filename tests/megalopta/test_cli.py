@@ -87,7 +87,7 @@ def test_ctrl_c_leaves_whole_files_and_the_next_run_goes_on(tmp_path):
         time.sleep(0.02)
     process.send_signal(signal.SIGINT)
     _, stderr = process.communicate(timeout=30)
-    assert process.returncode == 130
+    assert process.returncode == 130, stderr
     assert "interrupted; every file is whole" in stderr
     assert "Traceback" not in stderr
     assert not files_named(out, "*part*")

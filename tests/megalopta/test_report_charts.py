@@ -2,11 +2,10 @@ import re
 from xml.etree import ElementTree
 
 import numpy as np
-import pytest
 
 from megalopta.flow.threshold import Threshold
 from megalopta.report_budget import Budget
-from megalopta.report_charts import Curve, Need, error_chart, need_chart, short, signal_chart
+from megalopta.report_charts import Curve, Need, error_chart, need_chart, signal_chart
 from megalopta.sensor import PRESETS
 
 FLUXES = np.geomspace(1e3, 1e9, 7)
@@ -109,10 +108,3 @@ def test_dollar_signs_are_no_formula():
         Budget(**{**vars(each), "sensor": sensor}) for each in shown if each.photons_per_frame
     ]
     assert "a$b$" in texts(signal_chart(renamed, ["a$b$"]))
-
-
-@pytest.mark.parametrize(
-    ("value", "text"), [(1e3, "1k"), (1e7, "10M"), (0.01, "0.01"), (1.0, "1"), (100.0, "100")]
-)
-def test_round_numbers_have_no_spare_digits(value, text):
-    assert short(value) == text

@@ -10,6 +10,7 @@ from megalopta.report_text import (
     percent,
     plural,
     relative_error,
+    short,
 )
 
 
@@ -20,7 +21,8 @@ from megalopta.report_text import (
         (0.000499, "0.0005"),
         (1.234e-7, "1.2 · 10⁻⁷"),
         (0.01433, "0.014"),
-        (1, "1"),
+        (1e-5, "10⁻⁵"),
+        (1, "1.00"),
         (2.738, "2.74"),
         (64.44, "64.4"),
         (306.2, "306"),
@@ -32,7 +34,7 @@ from megalopta.report_text import (
         (math.inf, "–"),
     ],
 )
-def test_numbers_have_three_digits_and_small_ones_two(value, text):
+def test_numbers_have_three_digits_and_those_below_one_two(value, text):
     assert number(value) == text
 
 
@@ -70,3 +72,10 @@ def test_words_make_a_sentence():
     assert plural(2534, "object") == "2,534 objects"
     assert duration(4.23) == "4.2 s"
     assert duration(102.3) == "1 min 42 s"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(1e3, "1k"), (1e7, "10M"), (0.01, "0.01"), (1.0, "1"), (100.0, "100")]
+)
+def test_round_numbers_have_no_spare_digits(value, text):
+    assert short(value) == text
