@@ -14,6 +14,7 @@ from megalopta.report_images import gray_scale
 from megalopta.report_parts import RADIANCE_FILM, Picture, Table, film
 from megalopta.report_text import enumerate_words, level_name, level_title, number, percent, short
 from megalopta.sensor import Sensor
+from megalopta.sensor.counter import LARGEST_CAPACITY
 
 _COLUMNS = (
     "Light",
@@ -76,10 +77,12 @@ def describe(sensor: Sensor) -> str:
             f"it detects at most {percent(efficiency)} of the photons on it, at {peak_nm:g} nm"
         )
     recovery = _RECOVERY[sensor.dead_time.kind].format(_time(sensor.dead_time.dead_time_s))
+    counter = f"; a counter holds {sensor.counter_capacity:,}"
+    if sensor.counter_capacity == LARGEST_CAPACITY:
+        counter = ""
     return (
         f"Pixels of {1e6 * sensor.pitch_m:g} µm, {percent(sensor.fill_factor)} of their area "
-        f"sensitive; {detection}; {recovery}; {_time(sensor.exposure_s)} exposure; "
-        f"a counter holds {sensor.counter_capacity:,}."
+        f"sensitive; {detection}; {recovery}; {_time(sensor.exposure_s)} exposure{counter}."
     )
 
 
