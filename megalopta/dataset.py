@@ -79,6 +79,11 @@ class Dataset:
         """Ground truth of a frame."""
         return self.frame("truth", index, "exr")
 
+    @property
+    def scene_record(self) -> Path:
+        """JSON of what was rendered with what: objects, triangles, variant."""
+        return self.root / "radiance" / self.sequence / "scene.json"
+
     def counts(self, sensor: Sensor, level: LightLevel) -> Path:
         """Counts of one sensor at one light level."""
         return self.root / "counts" / self.sequence / f"{exposure_name(sensor, level)}.zarr"

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from megalopta import sintel
+from megalopta import files, sintel
 from megalopta.dataset import Dataset
 from megalopta.progress import progress, say
 from megalopta.render.exr import read_radiance, write_radiance, write_truth
@@ -24,7 +24,13 @@ def render(dataset: Dataset) -> None:
     if missing:
         say("render: building the scene")
         writer = FrameWriter(dataset)
-        say(f"render: {writer.description}")
+        say(f"render: {writer.objects} objects, {writer.triangles:,} triangles; {writer.variant}")
+        record = {
+            "objects": writer.objects,
+            "triangles": writer.triangles,
+            "variant": writer.variant.name,
+        }
+        files.write_json(dataset.scene_record, record)
         with progress("Rendering radiance and truth", len(missing), "frame") as advance:
             for index in missing:
                 writer.write(index)
@@ -41,10 +47,8 @@ class FrameWriter:
         scene = build_scene(settings.scene, settings.light, settings.camera, settings.trajectory)
         self._renderer = SceneRenderer(scene, settings.camera, settings.render)
         self._poses = settings.trajectory.poses()
-        self.description = (
-            f"{len(scene.placements)} objects, {scene.triangle_count:,} triangles; "
-            f"{self._renderer.variant}"
-        )
+        self.objects, self.triangles = len(scene.placements), scene.triangle_count
+        self.variant = self._renderer.variant
 
     def write(self, index: int) -> None:
         """Render one frame; its truth file is written last and marks it as complete."""

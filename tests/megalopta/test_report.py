@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from megalopta import report_page
 from megalopta.configuration import Configuration
 from megalopta.dataset import Dataset
 from megalopta.errors import UserError
+from megalopta.report import page as report_page
 from megalopta.report import write_report
-from megalopta.report_budget import exposed
-from megalopta.report_footage import read_footage, select
+from megalopta.report.budget import exposed
+from megalopta.report.footage import read_footage, select
 from megalopta.stages import run_all
 
 SECTIONS = ("light", "motion", "detectors", "photons", "made")

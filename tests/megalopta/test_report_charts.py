@@ -4,8 +4,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from megalopta.flow.threshold import Threshold
-from megalopta.report_budget import Budget
-from megalopta.report_charts import Curve, Need, error_chart, need_chart, signal_chart
+from megalopta.report.budget import Budget
+from megalopta.report.charts import Curve, Need, error_chart, need_chart, signal_chart
 from megalopta.sensor import PRESETS
 
 FLUXES = np.geomspace(1e3, 1e9, 7)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from megalopta.report_images import (
+from megalopta.report.images import (
     GRAY,
     ORANGE,
     data_uri,

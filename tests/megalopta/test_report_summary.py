@@ -6,17 +6,16 @@ from megalopta import files
 from megalopta.configuration import Configuration
 from megalopta.dataset import Dataset
 from megalopta.flow.threshold import Threshold
-from megalopta.report_budget import Budget
-from megalopta.report_detectors import DetectorSection, Verdict, VerdictGroup
-from megalopta.report_motion import MotionSection, Wheel
-from megalopta.report_summary import (
+from megalopta.report.budget import Budget
+from megalopta.report.detectors import DetectorSection, Verdict, VerdictGroup
+from megalopta.report.motion import MotionSection, Wheel
+from megalopta.report.summary import (
     dark_findings,
     facts,
     lead,
     light_finding,
     motion_findings,
     need_finding,
-    scene_record_path,
     title,
 )
 from megalopta.sensor import PRESETS
@@ -79,7 +78,7 @@ def test_the_lead_tells_what_stands_there():
 def test_objects_and_triangles_are_told_where_the_renderer_noted_them(tmp_path):
     dataset = Dataset(tmp_path, configured())
     assert "triangles" not in [fact.label for fact in facts(dataset, MOTION)]
-    files.write_json(scene_record_path(dataset), {"objects": 2534, "triangles": 1035334})
+    files.write_json(dataset.scene_record, {"objects": 2534, "triangles": 1035334})
     told = {fact.label: fact.value for fact in facts(dataset, MOTION)}
     assert told["triangles"] == "1,035,334"
     assert told["objects"] == "2,534"

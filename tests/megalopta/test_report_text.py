@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from megalopta.report_text import (
+from megalopta.report.text import (
     duration,
     enumerate_words,
     level_title,

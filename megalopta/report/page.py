@@ -8,14 +8,14 @@ from megalopta import info
 from megalopta.configuration import to_yaml
 from megalopta.dataset import STAGES, Dataset
 from megalopta.flow.methods import METHODS
-from megalopta.report_budget import exposed
-from megalopta.report_detectors import DetectorSection, detector_section, read_records
-from megalopta.report_footage import Footage, read_footage
-from megalopta.report_images import data_uri, rgb_picture, stacked
-from megalopta.report_light import LightSection, light_section
-from megalopta.report_motion import MotionSection, motion_section
-from megalopta.report_needs import NeedSection, need_section, read_benchmark, series
-from megalopta.report_summary import (
+from megalopta.report.budget import exposed
+from megalopta.report.detectors import DetectorSection, detector_section, read_records
+from megalopta.report.footage import Footage, read_footage
+from megalopta.report.images import data_uri, rgb_picture, stacked
+from megalopta.report.light import LightSection, light_section
+from megalopta.report.motion import MotionSection, motion_section
+from megalopta.report.needs import NeedSection, need_section, read_benchmark, series
+from megalopta.report.summary import (
     dark_findings,
     facts,
     lead,
@@ -25,8 +25,8 @@ from megalopta.report_summary import (
     scene_record,
     title,
 )
-from megalopta.report_svg import series_css
-from megalopta.report_text import duration
+from megalopta.report.svg import series_css
+from megalopta.report.text import duration
 
 # Faster than this, or slower, a film cannot be followed.
 _PLAYBACK_HZ = (2.0, 25.0)
@@ -67,7 +67,7 @@ def page(dataset: Dataset) -> str:
     """Return the report as HTML."""
     footage = read_footage(dataset)
     sections = _sections(dataset, footage)
-    template = _environment().get_template("report.html")
+    template = _environment().get_template("template.html")
     return template.render(
         dataset=dataset,
         configuration=dataset.configuration,
@@ -91,7 +91,7 @@ def page(dataset: Dataset) -> str:
 
 def _environment() -> Environment:
     return Environment(
-        loader=PackageLoader("megalopta", "."),
+        loader=PackageLoader("megalopta.report", "."),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

@@ -4,17 +4,16 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from megalopta.configuration import Configuration, LightLevel
 from megalopta.dataset import Dataset
 from megalopta.flow.threshold import format_flux
-from megalopta.report_budget import Budget
-from megalopta.report_detectors import ACCURATE, DetectorSection, VerdictGroup
-from megalopta.report_motion import MotionSection
-from megalopta.report_needs import two_bit
-from megalopta.report_text import (
+from megalopta.report.budget import Budget
+from megalopta.report.detectors import ACCURATE, DetectorSection, VerdictGroup
+from megalopta.report.motion import MotionSection
+from megalopta.report.needs import two_bit
+from megalopta.report.text import (
     enumerate_words,
     level_name,
     level_title,
@@ -149,14 +148,9 @@ def need_finding(benchmark: Mapping[str, Any]) -> str | None:
 def scene_record(dataset: Dataset) -> Mapping[str, Any]:
     """What the render stage noted about the scene and the renderer; empty when it did not."""
     try:
-        return dict(json.loads(scene_record_path(dataset).read_text("utf-8")))
+        return dict(json.loads(dataset.scene_record.read_text("utf-8")))
     except (OSError, ValueError):
         return {}
-
-
-def scene_record_path(dataset: Dataset) -> Path:
-    """Where the render stage notes objects, triangles and the variant it rendered with."""
-    return dataset.root / "radiance" / dataset.sequence / "render.json"
 
 
 def _scene_facts(configuration: Configuration, record: Mapping[str, Any]) -> list[Fact]:

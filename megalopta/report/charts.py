@@ -12,9 +12,9 @@ from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
 from megalopta.flow.threshold import Threshold
-from megalopta.report_budget import Budget
-from megalopta.report_svg import INK, RULE, logarithmic, marker, new_axes, series_color, to_svg
-from megalopta.report_text import level_name, percent, short
+from megalopta.report.budget import Budget
+from megalopta.report.svg import INK, RULE, logarithmic, marker, new_axes, series_color, to_svg
+from megalopta.report.text import level_name, percent, short
 
 # On a telephone the page is as wide as this, so that text keeps its size there.
 _WIDTH_PT = 380

@@ -12,10 +12,10 @@ from megalopta.dataset import Dataset
 from megalopta.errors import UserError
 from megalopta.flow.methods import METHODS
 from megalopta.flow.threshold import Threshold
-from megalopta.report_budget import Budget
-from megalopta.report_charts import Curve, Need, error_chart, need_chart
-from megalopta.report_detectors import ACCURATE
-from megalopta.report_parts import Table
+from megalopta.report.budget import Budget
+from megalopta.report.charts import Curve, Need, error_chart, need_chart
+from megalopta.report.detectors import ACCURATE
+from megalopta.report.parts import Table
 
 Record = Mapping[str, Any]
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from megalopta.report_budget import Budget, Exposed
-from megalopta.report_charts import signal_chart
-from megalopta.report_footage import Footage
-from megalopta.report_images import gray_scale
-from megalopta.report_parts import RADIANCE_FILM, Picture, Table, film
-from megalopta.report_text import enumerate_words, level_name, level_title, number, percent, short
+from megalopta.report.budget import Budget, Exposed
+from megalopta.report.charts import signal_chart
+from megalopta.report.footage import Footage
+from megalopta.report.images import gray_scale
+from megalopta.report.parts import RADIANCE_FILM, Picture, Table, film
+from megalopta.report.text import enumerate_words, level_name, level_title, number, percent, short
 from megalopta.sensor import Sensor
 from megalopta.sensor.counter import LARGEST_CAPACITY
 

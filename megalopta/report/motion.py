@@ -10,11 +10,11 @@ from PIL import Image
 
 from megalopta.flow.color_wheel import flow_to_rgb, wheel_legend
 from megalopta.render.truth import Truth
-from megalopta.report_charts import speed_chart
-from megalopta.report_footage import Footage, Selection
-from megalopta.report_images import ORANGE, data_uri, id_picture, map_scale, rgb_picture
-from megalopta.report_parts import Picture, film
-from megalopta.report_text import percent
+from megalopta.report.charts import speed_chart
+from megalopta.report.footage import Footage, Selection
+from megalopta.report.images import ORANGE, data_uri, id_picture, map_scale, rgb_picture
+from megalopta.report.parts import Picture, film
+from megalopta.report.text import percent
 
 _WHEEL_PX = 96
 _FASTEST_PERCENT = 99.0

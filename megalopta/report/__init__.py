@@ -16,7 +16,7 @@ def write_report(dataset: Dataset) -> Path:
     """
     dataset.require("render")
     # Matplotlib takes a second to load: only who wants a report should wait for it.
-    from megalopta.report_page import page
+    from megalopta.report.page import page
 
     path = dataset.root / "report.html"
     files.write_text(path, page(dataset))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from megalopta.configuration import Configuration, LightLevel
 from megalopta.dataset import Dataset
-from megalopta.report_footage import Footage
+from megalopta.report.footage import Footage
 from megalopta.scenes.light import illuminance_of
 from megalopta.sensor import (
     Sensor,

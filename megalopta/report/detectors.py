@@ -18,11 +18,11 @@ from megalopta.flow.color_wheel import flow_to_rgb
 from megalopta.flow.detector import Detector
 from megalopta.flow.methods import METHODS
 from megalopta.flow.truth_error import block_flow
-from megalopta.report_footage import Footage, Selection
-from megalopta.report_images import ColorScale, Legend, map_scale
-from megalopta.report_motion import Wheel
-from megalopta.report_parts import Picture, Table, still
-from megalopta.report_text import UNDEFINED, level_name, number, percent, relative_error
+from megalopta.report.footage import Footage, Selection
+from megalopta.report.images import ColorScale, Legend, map_scale
+from megalopta.report.motion import Wheel
+from megalopta.report.parts import Picture, Table, still
+from megalopta.report.text import UNDEFINED, level_name, number, percent, relative_error
 from megalopta.scenes.light import illuminance_of
 from megalopta.sensor import Sensor
 from megalopta.stage_flow import responses_path

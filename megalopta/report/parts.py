@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from PIL import Image
 
-from megalopta.report_images import Legend, data_uri, stacked
+from megalopta.report.images import Legend, data_uri, stacked
 
 RADIANCE_FILM = "var(--radiance)"
 """The tone-mapped radiance, which is on the page once and shown in several places."""
