@@ -247,10 +247,10 @@ def snr_figure(name: str, diode: str, printed_db: float, note: str) -> Figure:
             "SNR = 20·log10(photocurrent / dark current). From 20 mV to 1 mV (dotted) ours rises "
             f"by {gained:.1f} dB; printed: about {printed_db:.0f} dB{note}. The model allows "
             "23.0 dB to an n = 1 diode and 26.0 dB to a shunt, whatever their size, and to both "
-            "together something between. An error of the bias would explain the rest: were the true bias "
-            f"{1e3 * error:.2f} mV below the one read, the rise would be {printed_db:.0f} dB "
-            "(dashed). One DAC code is 0.81 mV, and the offset could not be measured. This is our "
-            "inference; no constant was chosen to meet the printed number."
+            "together something between. An error of the bias would explain the rest: were the "
+            f"true bias {1e3 * error:.2f} mV below the one read, the rise would be "
+            f"{printed_db:.0f} dB (dashed). One DAC code is 0.81 mV, and the offset could not be "
+            "measured. This is our inference; no constant was chosen to meet the printed number."
         ),
         draw=draw,
         columns=(

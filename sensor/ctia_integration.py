@@ -13,7 +13,9 @@ A·C·drift and κ the share of J that flows at the start,
 
 With a shunt it has none and is integrated by the classical Runge-Kutta method in 64 equal steps of
 each pixel's own, so that a result does not depend on which pixels are computed together. Over a
-full swing at 40 dB the error is below 1e-6 of the swing.
+full swing at 40 dB the error is below 1e-6 of the swing from 1 mV; from 1 µV, where the current
+grows by ten factors of e, it is 6e-5, and from 1 nV 6e-4. At the gain of the built pixel, 130 dB,
+it is at rounding.
 
 A diode that starts in forward bias drives the output against the upper rail, where it stays until a
 drift has brought the current back to zero; the lower rail, s = swing, ends the discharge.
@@ -40,6 +42,7 @@ EARLY, LATE = 0.1, 0.9
 _STEPS = 64
 _NEWTON_STEPS = 100
 _RELATIVE_ERROR = 1e-12
+_LARGE, _TINY = 30.0, 1e-300
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,10 +200,6 @@ def _closed_form(pixel: Pixel, photocurrent_a: Floats, bias: Floats, elapsed: Fl
     high = exponent + np.log(np.maximum(share + (1 - share) * np.exp(-exponent), _TINY))
     risen = slope * np.where(exponent > _LARGE, high, low)
     return np.asarray(gain * (risen - pixel.drift_v_s * elapsed))
-
-
-_LARGE = 30.0
-_TINY = 1e-300
 
 
 def _runge_kutta(pixel: Pixel, photocurrent_a: Floats, bias: Floats, elapsed: Floats) -> Floats:

@@ -61,6 +61,13 @@ def test_discharge_agrees_with_a_general_solver(diode, gain_db, light, drift):
     np.testing.assert_allclose(discharge(one, light, times), expected, atol=3e-6)
 
 
+@pytest.mark.parametrize(("bias", "tolerance"), [(1e-3, 1e-6), (1e-6, 7e-5), (1e-9, 7e-4)])
+def test_error_of_the_integrator_is_the_one_stated(bias, tolerance):
+    one = pixel(SHUNT, 40, bias_v=bias)
+    end = np.log1p(SWING / (one.gain * bias)) * one.gain * 588e3 * FARAD
+    assert abs(discharge(one, 0.0, end) / SWING - 1) < tolerance
+
+
 def test_without_dark_current_the_discharge_is_linear():
     assert discharge(pixel(NONE), 1e-12, 0.2) == pytest.approx(1e-12 * 0.2 / FARAD, rel=1e-12)
     assert discharge(pixel(NONE), 0.0, 0.2) == 0
