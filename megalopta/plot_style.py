@@ -59,7 +59,7 @@ _STYLE: Mapping[Any, Any] = {
 }
 _CAPTION_SIZE = 9.0
 _LINE_IN = 0.168
-_CHARACTERS = 104
+_CHARACTERS = 100
 _MARGIN_IN = 0.12
 
 

@@ -14,8 +14,8 @@ A·C·drift and κ the share of J that flows at the start,
 With a shunt it has none and is integrated by the classical Runge-Kutta method in 64 equal steps of
 each pixel's own, so that a result does not depend on which pixels are computed together. Over a
 full swing at 40 dB the error is below 1e-6 of the swing from 1 mV; from 1 µV, where the current
-grows by ten factors of e, it is 6e-5, and from 1 nV 6e-4. At the gain of the built pixel, 130 dB,
-it is at rounding.
+grows by ten factors of e, it is 6e-5, and from 1 nV 6e-4. Where bias and current change by less
+than a hundredth, as in an exposure of the built pixel at 130 dB, one step is exact to 1e-10.
 
 A diode that starts in forward bias drives the output against the upper rail, where it stays until a
 drift has brought the current back to zero; the lower rail, s = swing, ends the discharge.
@@ -27,6 +27,7 @@ its whole swing as at its start.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from megalopta.sensor.ctia_photodiode import (
     Floats,
@@ -43,6 +44,7 @@ _STEPS = 64
 _NEWTON_STEPS = 100
 _RELATIVE_ERROR = 1e-12
 _LARGE, _TINY = 30.0, 1e-300
+_LITTLE = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,18 +205,38 @@ def _closed_form(pixel: Pixel, photocurrent_a: Floats, bias: Floats, elapsed: Fl
 
 
 def _runge_kutta(pixel: Pixel, photocurrent_a: Floats, bias: Floats, elapsed: Floats) -> Floats:
-    gain, farad = np.asarray(pixel.gain, np.float64), pixel.capacitance_f
-    step = elapsed / _STEPS
-    volts = np.zeros(
-        np.broadcast_shapes(photocurrent_a.shape, bias.shape, elapsed.shape, gain.shape)
-    )
+    brief = _bias_hardly_moves(pixel, bias, elapsed)
+    volts = _steps(pixel, photocurrent_a, bias, elapsed, 1)
+    if brief.all():
+        return volts
+    # by pixel, although both are computed for all: no pixel's result depends on its neighbors
+    return np.where(brief, volts, _steps(pixel, photocurrent_a, bias, elapsed, _STEPS))
+
+
+def _bias_hardly_moves(pixel: Pixel, bias: Floats, elapsed: Floats) -> NDArray[np.bool_]:
+    """Where the law of the diode is so straight over the bias covered that one step is enough."""
+    diode, gain = pixel.diode, np.asarray(pixel.gain, np.float64)
+    junction = diode.saturation_current_a / diode.slope_v * np.exp(-bias / diode.slope_v)
+    conductance = np.asarray(pixel.dark_scale) * (junction + diode.shunt_s)
+    grows = conductance * elapsed / (gain * pixel.capacitance_f)
+    moves = (pixel.drift_v_s * elapsed + pixel.swing_v / gain) / diode.slope_v
+    return np.asarray((grows < _LITTLE) & (moves < _LITTLE))
+
+
+def _steps(
+    pixel: Pixel, photocurrent_a: Floats, bias: Floats, elapsed: Floats, steps: int
+) -> Floats:
+    gain = np.asarray(pixel.gain, np.float64)
+    step = elapsed / steps
+    volts = np.zeros(np.broadcast_shapes(*map(np.shape, (photocurrent_a, bias, elapsed, gain))))
 
     def slope(time: Floats, volts: Floats) -> Floats:
         held = np.minimum(volts, pixel.swing_v)
         moved = bias + pixel.drift_v_s * time + held / gain
-        return (photocurrent_a + reverse_current(pixel.diode, moved, pixel.dark_scale)) / farad
+        dark = reverse_current(pixel.diode, moved, pixel.dark_scale)
+        return np.asarray((photocurrent_a + dark) / pixel.capacitance_f)
 
-    for index in range(_STEPS):
+    for index in range(steps):
         time = index * step
         first = slope(time, volts)
         second = slope(time + step / 2, volts + step / 2 * first)

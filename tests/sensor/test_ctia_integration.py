@@ -68,6 +68,13 @@ def test_error_of_the_integrator_is_the_one_stated(bias, tolerance):
     assert abs(discharge(one, 0.0, end) / SWING - 1) < tolerance
 
 
+def test_one_step_is_enough_for_the_built_pixel():
+    leaky = Photodiode(saturation_current_a=100e-12, shunt_ohm=588.6e3)
+    built = Pixel(leaky, 10e-12, SWING, gain_from_db(130.0), 1e-3, drift_v_s=1.5e-6)
+    expected = by_solver(built, 1e-12, np.array([1e-3, 1e-2]))
+    np.testing.assert_allclose(discharge(built, 1e-12, 1e-2), expected[1], rtol=1e-9)
+
+
 def test_without_dark_current_the_discharge_is_linear():
     assert discharge(pixel(NONE), 1e-12, 0.2) == pytest.approx(1e-12 * 0.2 / FARAD, rel=1e-12)
     assert discharge(pixel(NONE), 0.0, 0.2) == 0
