@@ -283,6 +283,7 @@ def table_3_1() -> Figure:
         draw_table(canvas, head, text, widths=(1.6, 1, 1, 1.25, 1.1))
 
     hours = fine["si"].elapsed_s / 3600
+    over = floor["si"] / 33.8e-15, floor["ingaas"] / 2.25e-12
     return Figure(
         name="table-3.1",
         title="Dark current suppression of the CTIA pixel",
@@ -296,8 +297,9 @@ def table_3_1() -> Figure:
             f"from {1e3 * TYPICAL_OFFSET_V:.1f} mV in pulses of 500 µV with a leak of 1.5 µV/s; "
             f"for Si it takes {hours:.1f} h. The leak of the gate sets both fine values, as the "
             "dissertation says for Si; the last line is the least that a leaking gate allows, "
-            f"{floor['si'] / 33.8e-15:.1f} and {floor['ingaas'] / 2.25e-12:.1f} times what was "
-            "measured."
+            f"{over[0]:.1f} and {over[1]:.1f} times what was measured. It grows with the root of the "
+            f"conductance at zero bias, so that of the real diodes must be {over[0] ** 2:.0f} and "
+            f"{over[1] ** 2:.0f} times smaller than that of the presets."
         ),
         draw=draw,
         columns=(
