@@ -297,7 +297,7 @@ def table_3_1() -> Figure:
             f"from {1e3 * TYPICAL_OFFSET_V:.1f} mV in pulses of 500 µV with a leak of 1.5 µV/s; "
             f"for Si it takes {hours:.1f} h. The leak of the gate sets both fine values, as the "
             "dissertation says for Si; the last line is the least that a leaking gate allows, "
-            f"{over[0]:.1f} and {over[1]:.1f} times what was measured. It grows with the root of the "
+            f"{over[0]:.1f} and {over[1]:.1f} times what was measured. It goes as the root of the "
             f"conductance at zero bias, so that of the real diodes must be {over[0] ** 2:.0f} and "
             f"{over[1] ** 2:.0f} times smaller than that of the presets."
         ),
