@@ -85,8 +85,8 @@ def _pixel_moments(
     rate_hz: Floats, exposure_s: float, effects: AvalancheEffects
 ) -> tuple[Floats, Floats]:
     if _is_simple(effects):
-        arrivals = _open_rate(rate_hz, exposure_s, effects), exposure_s, effects.dead_time
-        return dead_time.expected_counts(*arrivals), dead_time.variance_counts(*arrivals)
+        open_hz = _open_rate(rate_hz, exposure_s, effects)
+        return dead_time.moments(open_hz, exposure_s, effects.dead_time)
     check_arrivals(rate_hz, exposure_s)
     only_afterpulsing = effects.dead_time.kind == "ideal" and not effects.gate.is_on
     if only_afterpulsing and not effects.afterpulsing.table_delays_s:

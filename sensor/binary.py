@@ -93,7 +93,7 @@ def _check_first_event(sensor: Sensor) -> None:
         )
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _pack(
     rng: np.random.Generator,
     p: Floats,
@@ -101,17 +101,14 @@ def _pack(
     packed: NDArray[np.uint8],
 ) -> None:
     rows, columns = p.shape
-    lot = 0
     for row in range(rows):
         for byte in range(packed.shape[1]):
+            first = 8 * (row * packed.shape[1] + byte)
             bits = 0
-            for column in range(8 * byte, 8 * byte + 8):
-                threshold = p[row, column] * 65536.0 if column < columns else 0.0
-                whole = int(threshold)
-                drawn = int(lots[lot])
-                lot += 1
-                is_one = drawn < whole
+            for place in range(min(8, columns - 8 * byte)):
+                threshold = p[row, 8 * byte + place] * 65536.0
+                whole, drawn = int(threshold), int(lots[first + place])
                 if drawn == whole:
-                    is_one = rng.random() < threshold - whole
-                bits = 2 * bits + is_one
+                    drawn -= rng.random() < threshold - whole
+                bits |= (drawn < whole) << (7 - place)
             packed[row, byte] = bits

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, Field, model_validator
 
 from megalopta.sensor import nonparalyzable, paralyzable
+from megalopta.sensor.poisson import draw_poisson
 
 _MOST_ARRIVALS = 1e15
 
@@ -43,7 +44,19 @@ class DeadTime(
 def expected_counts(
     rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime
 ) -> NDArray[np.float64]:
-    """Exact mean number of counts in one exposure.
+    """Exact mean number of counts in one exposure; as `moments`."""
+    return moments(rate_hz, exposure_s, dead_time)[0]
+
+
+def variance_counts(
+    rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime
+) -> NDArray[np.float64]:
+    """Exact variance of the number of counts in one exposure; as `moments`."""
+    return moments(rate_hz, exposure_s, dead_time)[1]
+
+
+def moments(rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime) -> tuple[Floats, Floats]:
+    """Exact mean and variance of the number of counts in one exposure.
 
     Parameters
     ----------
@@ -58,23 +71,20 @@ def expected_counts(
         When a rate or the exposure is negative or not finite.
     """
     arrivals = check_arrivals(rate_hz, exposure_s)
-    mean, _ = _moments(arrivals, exposure_s, dead_time)
-    return mean.reshape(np.shape(rate_hz))
-
-
-def variance_counts(
-    rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime
-) -> NDArray[np.float64]:
-    """Exact variance of the number of counts in one exposure; as `expected_counts`."""
-    arrivals = check_arrivals(rate_hz, exposure_s)
-    _, variance = _moments(arrivals, exposure_s, dead_time)
-    return variance.reshape(np.shape(rate_hz))
+    fraction, is_stationary = dead_time.dead_time_s / exposure_s, dead_time.start == "stationary"
+    if dead_time.kind == "paralyzable":
+        mean, variance = paralyzable.moments(arrivals, fraction, is_stationary)
+    elif dead_time.kind == "nonparalyzable":
+        mean, variance = nonparalyzable.moments(arrivals, fraction, is_stationary)
+    else:
+        mean, variance = arrivals, arrivals
+    return mean.reshape(np.shape(rate_hz)), variance.reshape(np.shape(rate_hz))
 
 
 def draw_counts(
     rng: np.random.Generator, rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime
 ) -> NDArray[np.int64]:
-    """Draw the number of counts in one exposure; as `expected_counts`."""
+    """Draw the number of counts in one exposure; as `moments`."""
     arrivals = check_arrivals(rate_hz, exposure_s)
     fraction, is_stationary = dead_time.dead_time_s / exposure_s, dead_time.start == "stationary"
     if dead_time.kind == "paralyzable":
@@ -82,17 +92,8 @@ def draw_counts(
     elif dead_time.kind == "nonparalyzable":
         counts = nonparalyzable.draw(rng, arrivals, fraction, is_stationary)
     else:
-        counts = rng.poisson(arrivals)
+        counts = draw_poisson(rng, arrivals)
     return counts.reshape(np.shape(rate_hz))
-
-
-def _moments(arrivals: Floats, exposure_s: float, dead_time: DeadTime) -> tuple[Floats, Floats]:
-    fraction, is_stationary = dead_time.dead_time_s / exposure_s, dead_time.start == "stationary"
-    if dead_time.kind == "paralyzable":
-        return paralyzable.moments(arrivals, fraction, is_stationary)
-    if dead_time.kind == "nonparalyzable":
-        return nonparalyzable.moments(arrivals, fraction, is_stationary)
-    return arrivals, arrivals
 
 
 def check_arrivals(rate_hz: ArrayLike, exposure_s: float) -> Floats:

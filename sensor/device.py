@@ -5,6 +5,7 @@ they change what a pixel is, not what happens in an exposure.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from megalopta.sensor import bias, temperature
 from megalopta.sensor.analog_counter import AnalogCounter, AnalogPixels, analog_pixels
 from megalopta.sensor.dark_counts import dark_count_rate
-from megalopta.sensor.measured import load_map
+from megalopta.sensor.measured import MeasuredMaps, load_map
 from megalopta.sensor.model import Sensor
 
 Floats = NDArray[np.float64]
@@ -45,13 +46,25 @@ def fabricate(sensor: Sensor, shape: tuple[int, int]) -> Device:
     ValueError
         When a measured map does not fit, or an efficiency would exceed 1.
     """
+    # files may change, drawn patterns cannot
+    is_drawn = sensor.measured == MeasuredMaps()
+    return _fabricate_once(sensor, shape) if is_drawn else _fabricate(sensor, shape)
+
+
+def _fabricate(sensor: Sensor, shape: tuple[int, int]) -> Device:
     offset = _breakdown_offset(sensor, shape)
     counters = (
         analog_pixels(sensor.counter, shape, sensor.exposure_s, sensor.device_seed)
         if isinstance(sensor.counter, AnalogCounter)
         else None
     )
-    return Device(_efficiency_factor(sensor, offset), _dark_counts_hz(sensor, offset), counters)
+    device = Device(_efficiency_factor(sensor, offset), _dark_counts_hz(sensor, offset), counters)
+    for pattern in (device.efficiency_factor, device.dark_counts_hz, *(counters or ())):
+        pattern.flags.writeable = False
+    return device
+
+
+_fabricate_once = lru_cache(maxsize=8)(_fabricate)
 
 
 def _breakdown_offset(sensor: Sensor, shape: tuple[int, int]) -> Floats:

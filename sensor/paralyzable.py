@@ -78,16 +78,24 @@ def draw(
     rng: np.random.Generator, arrivals: Floats, dead_fraction: float, is_stationary: bool = False
 ) -> NDArray[np.int64]:
     """Draw counts; parameters as for `moments`."""
-    a = arrivals * dead_fraction
-    mean, variance = moments(arrivals, dead_fraction, is_stationary)
-    many = mean > EXACT_UP_TO
-    few = ~many
-    counts = np.empty(arrivals.size, np.int64)
-    counts[few] = _draw_exactly(
-        rng, arrivals[few], a[few], _lower_of_pair(a[few]), dead_fraction, is_stationary
+    # the mean exceeds its stationary value by less than 1
+    many = np.flatnonzero(arrivals * np.exp(arrivals * -dead_fraction) > EXACT_UP_TO - 1)
+    mean, variance = moments(arrivals[many], dead_fraction, is_stationary)
+    is_approximated = mean > EXACT_UP_TO
+    many, mean, variance = many[is_approximated], mean[is_approximated], variance[is_approximated]
+    few = arrivals.copy()
+    few[many] = 0
+    counts: NDArray[np.int64] = _draw_exactly(
+        rng,
+        few,
+        few * dead_fraction,
+        _lower_of_pair(few * dead_fraction),
+        dead_fraction,
+        is_stationary,
     )
-    third = mean[many] * (1 - 3 * a[many] * np.exp(-a[many])) ** 2
-    counts[many] = _draw_normal(rng, mean[many], variance[many], third)
+    a = arrivals[many] * dead_fraction
+    third = mean * (1 - 3 * a * np.exp(-a)) ** 2
+    counts[many] = _draw_normal(rng, mean, variance, third)
     return counts
 
 
@@ -123,6 +131,8 @@ def _draw_exactly(
 ) -> NDArray[np.int64]:
     counts = np.zeros(arrivals.size, np.int64)
     for pixel in range(arrivals.size):
+        if arrivals[pixel] == 0:
+            continue
         dead = lower[pixel]
         # time since the last arrival in mean gaps of the lower rate of the pair
         idle = rng.standard_exponential() if is_stationary else np.inf
