@@ -99,10 +99,11 @@ def _moments_with_light_of_neighbors(
     rate_hz: Floats, exposure_s: float, effects: AvalancheEffects
 ) -> tuple[Floats, Floats]:
     alone = effects._replace(crosstalk=Crosstalk())
+    open_s = exposure_s * open_fraction(effects.gate, exposure_s)
     rate = rate_hz
     mean, variance = _pixel_moments(rate, exposure_s, alone)
     for _ in range(_ROUNDS_OF_CROSSTALK):
-        light = crosstalk.fired_mean(mean, effects.crosstalk) / exposure_s
+        light = crosstalk.fired_mean(mean, effects.crosstalk) / open_s
         before, rate = rate, rate_hz + light
         mean, variance = _pixel_moments(rate, exposure_s, alone)
         if np.allclose(rate, before, rtol=1e-9):
