@@ -62,45 +62,59 @@ def moments(
     is_stationary : bool
         Whether the detector has run for long, rather than being live and idle at the start.
     """
-    a = arrivals * dead_fraction
-    q = np.exp(-a)
-    once, twice = np.maximum(arrivals - a, 0.0), np.maximum(arrivals - 2 * a, 0.0)
-    if is_stationary:
-        mean, pairs = arrivals * q, (q * once) ** 2 / 2
-    else:
-        later = q * _h(once)
-        pairs = later + q**2 * (twice**2 / 2 - _h(twice))
-        mean = -np.expm1(-arrivals) + later
-    return mean, 2 * pairs + mean - mean**2
+    mean, variance = np.empty_like(arrivals), np.empty_like(arrivals)
+    _fill_moments(arrivals, dead_fraction, is_stationary, mean, variance)
+    return mean, variance
 
 
 def draw(
     rng: np.random.Generator, arrivals: Floats, dead_fraction: float, is_stationary: bool = False
 ) -> NDArray[np.int64]:
     """Draw counts; parameters as for `moments`."""
-    # the mean exceeds its stationary value by less than 1
-    many = np.flatnonzero(arrivals * np.exp(arrivals * -dead_fraction) > EXACT_UP_TO - 1)
-    mean, variance = moments(arrivals[many], dead_fraction, is_stationary)
-    is_approximated = mean > EXACT_UP_TO
-    many, mean, variance = many[is_approximated], mean[is_approximated], variance[is_approximated]
-    few = arrivals.copy()
-    few[many] = 0
-    counts: NDArray[np.int64] = _draw_exactly(
-        rng,
-        few,
-        few * dead_fraction,
-        _lower_of_pair(few * dead_fraction),
-        dead_fraction,
-        is_stationary,
-    )
-    a = arrivals[many] * dead_fraction
-    third = mean * (1 - 3 * a * np.exp(-a)) ** 2
-    counts[many] = _draw_normal(rng, mean, variance, third)
+    lower = _lower_of_pair(arrivals * dead_fraction)
+    counts: NDArray[np.int64] = _draw(rng, arrivals, lower, dead_fraction, is_stationary)
     return counts
 
 
-def _h(x: Floats) -> Floats:
-    return x + np.expm1(-x)
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def approximate_count(z: float, mean: float, variance: float, a: float) -> int:
+    """Count at the quantile of a normal number z, for means above `EXACT_UP_TO`."""
+    third_cumulant = mean * (1 - 3 * a * np.exp(-a)) ** 2
+    sigma = np.sqrt(variance - 1 / 12)  # rounding to integers adds the 1/12 again
+    return int(np.rint(mean + sigma * z + third_cumulant / variance * (z**2 - 1) / 6))
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _fill_moments(
+    arrivals: Floats, dead_fraction: float, is_stationary: bool, mean: Floats, variance: Floats
+) -> None:
+    for pixel in range(arrivals.size):
+        mean[pixel], variance[pixel] = _moments(arrivals[pixel], dead_fraction, is_stationary)
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _moments(x: float, dead_fraction: float, is_stationary: bool) -> tuple[float, float]:
+    a = x * dead_fraction
+    q = np.exp(-a)
+    once, twice = max(x - a, 0.0), max(x - 2 * a, 0.0)
+    if is_stationary:
+        mean, pairs = x * q, (q * once) ** 2 / 2
+    else:
+        later = q * _h(once)
+        mean = later + _at_least_one(x)
+        pairs = later + q**2 * (twice**2 / 2 - _h(twice))
+    return mean, 2 * pairs + mean - mean**2
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _at_least_one(x: float) -> float:
+    """Probability of one or more of x expected arrivals; 1 to the last bit beyond 40."""
+    return 1.0 if x > 40 else float(-np.expm1(-x))
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _h(x: float) -> float:
+    return float(x - _at_least_one(x))
 
 
 def _lower_of_pair(a: Floats) -> Floats:
@@ -112,42 +126,43 @@ def _lower_of_pair(a: Floats) -> Floats:
     return lower
 
 
-def _draw_normal(
-    rng: np.random.Generator, mean: Floats, variance: Floats, third_cumulant: Floats
-) -> NDArray[np.int64]:
-    z = rng.standard_normal(mean.size)
-    sigma = np.sqrt(variance - 1 / 12)  # rounding to integers adds the 1/12 again
-    return np.rint(mean + sigma * z + third_cumulant / variance * (z**2 - 1) / 6).astype(np.int64)
-
-
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _draw_exactly(
+def _draw(
     rng: np.random.Generator,
     arrivals: Floats,
-    a: Floats,
     lower: Floats,
     dead_fraction: float,
     is_stationary: bool,
 ) -> NDArray[np.int64]:
     counts = np.zeros(arrivals.size, np.int64)
     for pixel in range(arrivals.size):
-        if arrivals[pixel] == 0:
-            continue
-        dead = lower[pixel]
-        # time since the last arrival in mean gaps of the lower rate of the pair
-        idle = rng.standard_exponential() if is_stationary else np.inf
-        if arrivals[pixel] * a[pixel] < _HARDLY_ANY_LOST and idle > dead:
-            counts[pixel] = _draw_by_loss(rng, arrivals[pixel], dead_fraction)
-        elif is_stationary and a[pixel] > 0:
-            left = arrivals[pixel] * dead / a[pixel]
-            counts[pixel] = _draw_by_arrival(rng, left, dead, idle)
-        else:
-            left = arrivals[pixel] - rng.standard_exponential()
-            if left >= 0 and a[pixel] > 0:
-                left *= dead / a[pixel]  # from here on the lower rate of the pair
-            if left >= 0:
-                counts[pixel] = 1 + _draw_by_arrival(rng, left, dead, 0.0)
+        x = arrivals[pixel]
+        a = x * dead_fraction
+        # the mean exceeds its stationary value by less than 1
+        if x * np.exp(-a) > EXACT_UP_TO - 1:
+            mean, variance = _moments(x, dead_fraction, is_stationary)
+            if mean > EXACT_UP_TO:
+                counts[pixel] = approximate_count(rng.standard_normal(), mean, variance, a)
+                continue
+        if x > 0:
+            counts[pixel] = _draw_exactly(rng, x, a, lower[pixel], is_stationary)
     return counts
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _draw_exactly(
+    rng: np.random.Generator, x: float, a: float, dead: float, is_stationary: bool
+) -> int:
+    """Counts of x arrivals; `dead` is the dead time in mean gaps of the lower rate of the pair."""
+    idle = rng.standard_exponential() if is_stationary else np.inf
+    if x * a < _HARDLY_ANY_LOST and idle > dead:
+        return int(_draw_by_loss(rng, x, a / x))
+    if is_stationary:
+        return int(_draw_by_arrival(rng, x * dead / a, dead, idle))
+    left = x - rng.standard_exponential()
+    if left < 0:
+        return 0
+    return 1 + int(_draw_by_arrival(rng, left * dead / a, dead, 0.0))
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
