@@ -6,13 +6,11 @@ shares no code with the sensor. Streams are fixed. A row fails at |z| >= 5.
 
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
+from megalopta.plot_style import PALETTE, house_style, new_canvas
 from megalopta.sensor import ORDER_OF_EFFECTS
 from megalopta.sensor.check import LARGEST_Z, Row, run_checks
 from megalopta.sensor.check_counting import (
@@ -77,25 +75,27 @@ def draw_pictures(folder: Path) -> list[Path]:
 
 
 def _draw_law(folder: Path, kind: Kind) -> Path:
-    figure = Figure(figsize=(7, 3.6), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots()
-    colors = plt.rcParams["axes.prop_cycle"].by_key()["color"]
-    for a, color in zip((0.01, 0.1, 1.0), colors, strict=False):
-        effects = effects_of(kind, "live", AFTERPULSING)
-        plain, drawn = samples(effects, *operating_point(kind, a, 30), _EXPOSURES_OF_A_PICTURE)
-        n = np.arange(int(max(plain.max(), drawn.max())) + 1)
-        laws = [np.bincount(counts, minlength=n.size) / counts.size for counts in (plain, drawn)]
-        axes.step(n, laws[0], where="mid", color=color, label=f"event by event, r·τ = {a:g}")
-        axes.plot(n, laws[1], ".", color=color, label="frames")
-    axes.set_xlabel("counts per exposure")
-    axes.set_ylabel("probability")
-    axes.set_title(
-        f"{kind}, τ = 1 µs, {AFTERPULSING.mean_carriers:g} carriers of "
-        f"{1e6 * AFTERPULSING.delay_s:g} µs per avalanche",
-        fontsize=10,
-    )
-    axes.legend(fontsize=8, frameon=False)
-    path = folder / f"counts_{kind}.png"
-    figure.savefig(path, dpi=150)
+    traps = f"{AFTERPULSING.mean_carriers:g} carriers of {1e6 * AFTERPULSING.delay_s:g} µs"
+    with house_style():
+        canvas = new_canvas(
+            f"Counts of an exposure, {kind} dead time",
+            f"τ = 1 µs, {traps} per avalanche, live start, 30 counts on average without "
+            f"afterpulses. Steps: event by event; points: as frames are drawn, "
+            f"{_EXPOSURES_OF_A_PICTURE} exposures each.",
+            3.4,
+        )
+        axes = canvas.subplots()
+        for a, color in zip((0.01, 0.1, 1.0), PALETTE, strict=False):
+            effects = effects_of(kind, "live", AFTERPULSING)
+            point = operating_point(kind, a, 30)
+            plain, drawn = samples(effects, *point, _EXPOSURES_OF_A_PICTURE)
+            n = np.arange(int(max(plain.max(), drawn.max())) + 1)
+            law = [np.bincount(each, minlength=n.size) / each.size for each in (plain, drawn)]
+            axes.step(n, law[0], where="mid", color=color, lw=1.2, label=f"r·τ = {a:g}")
+            axes.plot(n, law[1], "o", color=color, ms=3)
+        axes.set_xlabel("Counts per exposure")
+        axes.set_ylabel("Probability")
+        axes.legend()
+        path = folder / f"counts_{kind}.png"
+        canvas.savefig(path)
     return path
