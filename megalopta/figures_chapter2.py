@@ -329,9 +329,9 @@ def table_2_1() -> Figure:
         title="SPADs of the literature, as presets",
         caption=(
             "Printed columns; ours is what the preset of each device measures in 4 s of exposure "
-            "in the dark and under 10⁵ photons per second on the active area. Limits (<, >) are taken "
-            "as values. The efficiency is that of the peak at every wavelength; fill factor and "
-            "dead time are not in the table and stay the user's."
+            "in the dark and under 10⁵ photons per second on the active area. Limits (<, >) are "
+            "taken as values. The efficiency is that of the peak at every wavelength; fill factor "
+            "and dead time are not in the table and stay the user's."
         ),
         draw=draw,
         columns=columns,

@@ -30,8 +30,7 @@ def test_caption_states_the_dissertation_beside_ours(name):
 
 def test_dark_counts_rise_with_bias_until_the_counter_is_full():
     density = dark_density(measure_row())
-    typical = np.median(np.nan_to_num(density), axis=1)
-    assert np.all(np.diff(typical) > 0)
+    assert np.all(np.diff(np.nan_to_num(density).mean(axis=1)) > 0)
     # 319 or 320 counts in 0.1 s on 360 µm²
     assert np.nanmax(density) == pytest.approx(8.87, abs=0.03)
 
