@@ -117,59 +117,61 @@ def _simulate(
 ) -> tuple[NDArray[np.int64], Floats, NDArray[np.int64]]:
     rates = rate_hz.ravel()
     counts = np.zeros(rates.size, np.int64)
-    stamps, places = np.empty(0), np.empty(0, np.int64)
-    kept = 0
+    stamps, places = np.empty(64), np.empty(64, np.int64)
+    kept = 0 if keep_events else -1
     block = rates.size if is_coupled else 1
     columns = rate_hz.shape[1] if is_coupled else 1
     times, owners = np.empty(block + _ROOM), np.empty(block + _ROOM, np.int64)
     blind_until = np.empty(block)
     for first in range(0, rates.size, block):
-        times, owners, stamps, places, kept = _simulate_block(
-            rng,
-            rates[first : first + block],
-            parameters,
-            columns,
-            counts[first : first + block],
-            blind_until,
-            times,
-            owners,
-            stamps,
-            places,
-            kept if keep_events else -1,
-            first,
-        )
+        part = rates[first : first + block]
+        tally = counts[first : first + block]
+        size = _start(rng, part, parameters, blind_until, times, owners)
+        while size > 0:
+            # arrays are made longer here, as numba counts references where they may change
+            if size + _ROOM > times.size:
+                times, owners = _longer(times), _longer(owners)
+            if kept == stamps.size:
+                stamps, places = _longer(stamps), _longer(places)
+            size, kept = _run(
+                rng, part, parameters, columns, tally, blind_until, times, owners, size,
+                stamps, places, kept, first,
+            )  # fmt: skip
     return counts.reshape(rate_hz.shape), stamps[: max(kept, 0)], places[: max(kept, 0)]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _simulate_block(  # type: ignore[no-untyped-def]
-    rng,
-    rates,
-    parameters,
-    columns,
-    counts,
-    blind_until,
-    times,
-    owners,
-    stamps,
-    places,
-    kept,
-    first,
-):
-    """Simulate pixels that may know of each other; `kept` below 0 keeps no events."""
-    tau, exposure = parameters.dead_time_s, parameters.exposure_s
-    is_paralyzable, mean_carriers = parameters.is_paralyzable, parameters.mean_carriers
+def _start(rng, rates, parameters, blind_until, times, owners):  # type: ignore[no-untyped-def]
+    """Fill the heap with the first arrival of every pixel and return its size."""
     gate = parameters.period_s, parameters.width_s, parameters.phase_s
     size = 0
     for pixel in range(rates.size):
         blind_until[pixel] = _first_blind_until(rng, rates[pixel], parameters)
-        since = parameters.start_s if is_paralyzable else blind_until[pixel]
+        since = parameters.start_s if parameters.is_paralyzable else blind_until[pixel]
         if rates[pixel] > 0:
-            arrival = _next_arrival(rng, since, rates[pixel], gate)
+            wait = rng.standard_exponential() / rates[pixel]
+            arrival = _after(since, wait, gate)
             size = _push(times, owners, size, arrival, 3 * pixel + _PHOTON)
+    return size
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _run(  # type: ignore[no-untyped-def]
+    rng, rates, parameters, columns, counts, blind_until, times, owners, size,
+    stamps, places, kept, first,
+):  # fmt: skip
+    """Go on to the end of the exposure, or until an array is too short; return size and kept.
+
+    The size of the heap is 0 at the end. `kept` below 0 keeps no events.
+    """
+    tau, exposure = parameters.dead_time_s, parameters.exposure_s
+    is_paralyzable, mean_carriers = parameters.is_paralyzable, parameters.mean_carriers
+    delay_s, delays = parameters.delay_s, parameters.table_delays_s
+    cumulative = parameters.table_cumulative
+    gate = parameters.period_s, parameters.width_s, parameters.phase_s
     while size > 0 and times[0] < exposure:
-        if size + _ROOM > times.size:
-            times, owners = _longer(times), _longer(owners)
+        if size + _ROOM > times.size or kept == stamps.size:
+            return size, kept
         time, pixel, kind = times[0], owners[0] // 3, owners[0] % 3
         size = _pop(times, owners, size)
         is_live = time >= blind_until[pixel]
@@ -180,18 +182,11 @@ def _simulate_block(  # type: ignore[no-untyped-def]
             if time >= 0:
                 counts[pixel] += 1
                 if kept >= 0:
-                    if kept == stamps.size:
-                        stamps, places = _longer(stamps), _longer(places)
                     stamps[kept], places[kept] = time, first + pixel
                     kept += 1
             if mean_carriers > 0:
                 for _ in range(min(draw_carriers(rng, mean_carriers), _MOST_CARRIERS)):
-                    release = time + draw_delay(
-                        rng,
-                        parameters.delay_s,
-                        parameters.table_delays_s,
-                        parameters.table_cumulative,
-                    )
+                    release = time + draw_delay(rng, delay_s, delays, cumulative)
                     if release >= blind_until[pixel]:
                         size = _push(times, owners, size, release, 3 * pixel + _CARRIER)
             if rates.size > 1:
@@ -201,9 +196,10 @@ def _simulate_block(  # type: ignore[no-untyped-def]
         if kind == _PHOTON:
             # where the dead time is not extended, arrivals in it need not be drawn
             since = time if is_paralyzable else blind_until[pixel]
-            arrival = _next_arrival(rng, since, rates[pixel], gate)
+            wait = rng.standard_exponential() / rates[pixel]
+            arrival = _after(since, wait, gate)
             size = _push(times, owners, size, arrival, 3 * pixel + _PHOTON)
-    return times, owners, stamps, places, kept
+    return 0, kept
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -219,8 +215,8 @@ def _first_blind_until(rng, rate, parameters):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _next_arrival(rng, since, rate, gate):  # type: ignore[no-untyped-def]
-    wait = rng.standard_exponential() / rate
+def _after(since, wait, gate):  # type: ignore[no-untyped-def]
+    """Time at which the gate has been open for so long."""
     if gate[0] == 0:
         return since + wait
     return wall_time(open_time(since, *gate) + wait, *gate)
