@@ -1,11 +1,17 @@
 """The counter in the pixel: it holds so many events and no more.
 
-A digital counter that stops at its capacity, or an analog one whose output has reached the end of
-its swing. A reading at capacity may stand for any larger number, so it is flagged.
+A digital counter of n bits holds 2ⁿ − 1. One more event and it stays there (saturating) or starts
+again at zero (wrapping). A reading that may stand for a larger number is flagged: at capacity where
+it saturates, past it where it wraps. Without that, mean and variance are those of the events.
+
+For the analog counter see `analog_counter`.
 """
+
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, Field
 
 LARGEST_CAPACITY = 2**32 - 1
 """Counts are stored in at most 32 bits."""
@@ -13,23 +19,35 @@ LARGEST_CAPACITY = 2**32 - 1
 Counts = NDArray[np.uint16] | NDArray[np.uint32]
 
 
-def read_counter(events: NDArray[np.int64], capacity: int) -> tuple[Counts, NDArray[np.bool_]]:
-    """Read counters that have seen so many events.
+class DigitalCounter(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """A digital counter."""
 
-    Parameters
-    ----------
-    events : integer array
-    capacity : int
-        The largest count a counter can hold.
+    kind: Literal["digital"] = "digital"
+    """Counts in bits."""
+    capacity: Annotated[int, Field(ge=1, le=LARGEST_CAPACITY)] = LARGEST_CAPACITY
+    """Largest count it can hold (counts): 2ⁿ − 1 for n bits."""
+    overflow: Literal["saturate", "wrap"] = "saturate"
+    """What one event too many does: nothing, or start again at zero."""
 
-    Returns
-    -------
-    counts : uint16 or uint32 array
-        The smaller type that holds the capacity.
-    saturated : bool array
-        Where the counter is full: the count is a lower bound.
-    """
-    held = np.minimum(events, capacity)
-    fits_16_bits = capacity <= np.iinfo(np.uint16).max
-    counts: Counts = held.astype(np.uint16) if fits_16_bits else held.astype(np.uint32)
-    return counts, events >= capacity
+    @classmethod
+    def of_bits(cls, bits: int, overflow: Literal["saturate", "wrap"] = "saturate") -> Self:
+        """Counter of so many bits, 1 to 32."""
+        return cls(capacity=2**bits - 1, overflow=overflow)
+
+
+def read_digital(
+    events: NDArray[np.int64], counter: DigitalCounter
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Counts, and where they are not to be trusted, of counters that have seen so many events."""
+    if counter.overflow == "wrap":
+        return events % (counter.capacity + 1), events > counter.capacity
+    return np.minimum(events, counter.capacity), events >= counter.capacity
+
+
+def empty_counts(shape: tuple[int, ...], capacity: int) -> Counts:
+    """Array for counts, of the smaller unsigned type that holds the capacity."""
+    if capacity <= np.iinfo(np.uint16).max:
+        return np.empty(shape, np.uint16)
+    return np.empty(shape, np.uint32)

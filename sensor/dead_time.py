@@ -1,8 +1,9 @@
 """Dead time: what a detector misses while it recovers from the event before.
 
 Three kinds. `ideal`: none, counts are Poisson. `nonparalyzable` and `paralyzable`: see the modules
-of these names for the laws. In all of them the detector is live and idle when the exposure starts,
-τ is the same for every pixel and every event, and the rate is constant during the exposure.
+of these names for the laws. In all of them τ is the same for every pixel and every event and the
+rate is constant during the exposure. When the exposure starts, the detector is live and idle, or it
+has been running for long (`stationary`) and may be blind.
 """
 
 from typing import Annotated, Literal, Self
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, Field, model_validator
 
 from megalopta.sensor import nonparalyzable, paralyzable
+from megalopta.sensor.poisson import draw_poisson
 
 _MOST_ARRIVALS = 1e15
 
@@ -27,6 +29,8 @@ class DeadTime(
     """No dead time, active quench (lost arrivals do nothing) or passive quench (they extend it)."""
     dead_time_s: Annotated[float, Field(ge=0)] = 0.0
     """Time during which the pixel is blind (s); not used by ideal."""
+    start: Literal["live", "stationary"] = "live"
+    """Pixel at the start of an exposure: live and idle, or as after running for long."""
 
     @model_validator(mode="after")
     def _check_dead_time(self) -> Self:
@@ -40,7 +44,19 @@ class DeadTime(
 def expected_counts(
     rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime
 ) -> NDArray[np.float64]:
-    """Exact mean number of counts in one exposure.
+    """Exact mean number of counts in one exposure; as `moments`."""
+    return moments(rate_hz, exposure_s, dead_time)[0]
+
+
+def variance_counts(
+    rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime
+) -> NDArray[np.float64]:
+    """Exact variance of the number of counts in one exposure; as `moments`."""
+    return moments(rate_hz, exposure_s, dead_time)[1]
+
+
+def moments(rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime) -> tuple[Floats, Floats]:
+    """Exact mean and variance of the number of counts in one exposure.
 
     Parameters
     ----------
@@ -54,31 +70,34 @@ def expected_counts(
     ValueError
         When a rate or the exposure is negative or not finite.
     """
-    arrivals = _arrivals(rate_hz, exposure_s)
-    mean, _ = _MOMENTS[dead_time.kind](arrivals, dead_time.dead_time_s / exposure_s)
-    return mean.reshape(np.shape(rate_hz))
-
-
-def variance_counts(
-    rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime
-) -> NDArray[np.float64]:
-    """Exact variance of the number of counts in one exposure; as `expected_counts`."""
-    arrivals = _arrivals(rate_hz, exposure_s)
-    _, variance = _MOMENTS[dead_time.kind](arrivals, dead_time.dead_time_s / exposure_s)
-    return variance.reshape(np.shape(rate_hz))
+    arrivals = check_arrivals(rate_hz, exposure_s)
+    fraction, is_stationary = dead_time.dead_time_s / exposure_s, dead_time.start == "stationary"
+    if dead_time.kind == "paralyzable":
+        mean, variance = paralyzable.moments(arrivals, fraction, is_stationary)
+    elif dead_time.kind == "nonparalyzable":
+        mean, variance = nonparalyzable.moments(arrivals, fraction, is_stationary)
+    else:
+        mean, variance = arrivals, arrivals
+    return mean.reshape(np.shape(rate_hz)), variance.reshape(np.shape(rate_hz))
 
 
 def draw_counts(
     rng: np.random.Generator, rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime
 ) -> NDArray[np.int64]:
-    """Draw the number of counts in one exposure; as `expected_counts`."""
-    arrivals = _arrivals(rate_hz, exposure_s)
-    counts = _DRAW[dead_time.kind](rng, arrivals, dead_time.dead_time_s / exposure_s)
+    """Draw the number of counts in one exposure; as `moments`."""
+    arrivals = check_arrivals(rate_hz, exposure_s)
+    fraction, is_stationary = dead_time.dead_time_s / exposure_s, dead_time.start == "stationary"
+    if dead_time.kind == "paralyzable":
+        counts = paralyzable.draw(rng, arrivals, fraction, is_stationary)
+    elif dead_time.kind == "nonparalyzable":
+        counts = nonparalyzable.draw(rng, arrivals, fraction, is_stationary)
+    else:
+        counts = draw_poisson(rng, arrivals)
     return counts.reshape(np.shape(rate_hz))
 
 
-def _arrivals(rate_hz: ArrayLike, exposure_s: float) -> Floats:
-    """Mean number of arrivals in the exposure, flat."""
+def check_arrivals(rate_hz: ArrayLike, exposure_s: float) -> Floats:
+    """Mean number of arrivals in the exposure, flat, or refuse them."""
     if not 0 < exposure_s < np.inf:
         raise ValueError(f"exposure_s: {exposure_s}; must be positive and finite (s)")
     rate = np.asarray(rate_hz, np.float64).ravel()
@@ -88,23 +107,3 @@ def _arrivals(rate_hz: ArrayLike, exposure_s: float) -> Floats:
             f"most {_MOST_ARRIVALS / exposure_s:g} Hz ({_MOST_ARRIVALS:g} arrivals an exposure)"
         )
     return rate * exposure_s
-
-
-def _poisson_moments(arrivals: Floats, _: float) -> tuple[Floats, Floats]:
-    return arrivals, arrivals
-
-
-def _draw_poisson(rng: np.random.Generator, arrivals: Floats, _: float) -> NDArray[np.int64]:
-    return rng.poisson(arrivals)
-
-
-_MOMENTS = {
-    "ideal": _poisson_moments,
-    "nonparalyzable": nonparalyzable.moments,
-    "paralyzable": paralyzable.moments,
-}
-_DRAW = {
-    "ideal": _draw_poisson,
-    "nonparalyzable": nonparalyzable.draw,
-    "paralyzable": paralyzable.draw,
-}

@@ -1,22 +1,25 @@
 """One exposure of the sensor: from the radiance of a scene to counts.
 
-The light adds up over the bands, the dark counts join it, dead time takes its share, the counter
-reads. The rate is that of the frame's radiance for the whole exposure: motion blur, if wanted, is
-in the radiance already.
+What happens on the way, and in which order, is the list in `chain`. The rate is that of the frame's
+radiance for the whole exposure: motion blur, if wanted, is in the radiance already.
 
-Every frame has its own random stream, named by seed, sequence and frame number, so the counts of a
-frame do not depend on which others are drawn with it. Draws that must be independent, such as those
-of two light levels, need different names for `sequence`.
+Every frame has its own random streams, named by seed, sequence and frame number, so the counts of a
+frame do not depend on which others are drawn with it, nor on the number of threads. Draws that must
+be independent, such as those of two light levels, need different names for `sequence`.
 """
 
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from megalopta.sensor import dead_time
-from megalopta.sensor.counter import Counts, read_counter
-from megalopta.sensor.dark_counts import dark_count_rate
+from megalopta.sensor.analog_counter import AnalogCounter, read_analog
+from megalopta.sensor.avalanche_counts import count_moments, draw_counts
+from megalopta.sensor.counter import Counts, empty_counts, read_digital
+from megalopta.sensor.device import Device, fabricate
 from megalopta.sensor.efficiency import band_efficiency
 from megalopta.sensor.model import Sensor
 from megalopta.sensor.optics import check_bands, falloff, image_irradiance, photon_flux
@@ -32,11 +35,11 @@ class Exposure:
     Attributes
     ----------
     counts : (T, H, W) uint16 or uint32
-        Detected events per exposure; a lower bound where saturated.
+        Detected events per exposure; not to be trusted where saturated.
     expected : (T, H, W) float64
         Mean number of events that reach the counter: the noise-free twin.
     saturated : (T, H, W) bool
-        Where the counter was full.
+        Where the counter was full, so that the count is a lower bound, or has wrapped.
     """
 
     counts: Counts
@@ -52,6 +55,7 @@ def expose(
     seed: int,
     sequence: str | int,
     first_frame: int = 0,
+    threads: int | None = None,
 ) -> Exposure:
     """Draw the counts of frames of a scene.
 
@@ -67,15 +71,19 @@ def expose(
         Name of what is drawn; the counts of a frame are a function of seed, sequence and frame.
     first_frame : int
         Number of the first of these frames in the sequence.
+    threads : int, optional
+        How many frames to draw at the same time; by default as many as there are cores.
 
     Raises
     ------
     ValueError
-        When the radiance is negative, not finite or of the wrong shape, or a band reaches outside
-        the efficiency curve.
+        When the radiance is negative, not finite or of the wrong shape, a band reaches outside
+        the efficiency curve, or the sensor's device cannot be made.
     """
     rate = detection_rate(radiance, bands_nm, sensor)
-    return expose_rate(rate, sensor, seed=seed, sequence=sequence, first_frame=first_frame)
+    return expose_rate(
+        rate, sensor, seed=seed, sequence=sequence, first_frame=first_frame, threads=threads
+    )
 
 
 def expose_rate(
@@ -85,16 +93,71 @@ def expose_rate(
     seed: int,
     sequence: str | int,
     first_frame: int = 0,
+    threads: int | None = None,
 ) -> Exposure:
     """Draw the counts of frames whose detection rate is known, (T, H, W) in Hz; as `expose`."""
-    events_hz = _with_dark_counts(detections_hz, sensor)
-    events = np.empty(events_hz.shape, np.int64)
-    for frame, rate in enumerate(events_hz):
-        rng = generator(seed, "exposure", sequence, first_frame + frame)
-        events[frame] = dead_time.draw_counts(rng, rate, sensor.exposure_s, sensor.dead_time)
-    counts, saturated = read_counter(events, sensor.counter_capacity)
-    expected = dead_time.expected_counts(events_hz, sensor.exposure_s, sensor.dead_time)
-    return Exposure(counts, expected, saturated)
+    rate, device = checked_rate(detections_hz, sensor)
+    exposure = Exposure(
+        empty_counts(rate.shape, sensor.counter.capacity),
+        np.empty(rate.shape),
+        np.empty(rate.shape, np.bool_),
+    )
+
+    def expose_frame(frame: int) -> None:
+        key = sequence, first_frame + frame
+        arrivals_hz = rate[frame] + device.dark_counts_hz
+        rng = generator(seed, "exposure", *key)
+        effects = sensor.avalanche_effects
+        events = draw_counts(rng, arrivals_hz, sensor.exposure_s, effects)
+        readout = _read_counters(events, sensor, device, lambda: generator(seed, "readout", *key))
+        exposure.counts[frame], exposure.saturated[frame] = readout
+        exposure.expected[frame], _ = count_moments(arrivals_hz, sensor.exposure_s, effects)
+
+    over_frames(expose_frame, len(rate), threads)
+    return exposure
+
+
+def over_frames(task: Callable[[int], None], frames: int, threads: int | None = None) -> None:
+    """Run a task for every frame number, in threads; it must write to places of its own."""
+    workers = min(threads or os.cpu_count() or 1, frames)
+    if workers <= 1:
+        for frame in range(frames):
+            task(frame)
+        return
+    with ThreadPoolExecutor(workers) as pool:
+        for _ in pool.map(task, range(frames)):
+            pass
+
+
+def checked_rate(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, Device]:
+    """Rate as (frames, rows, columns) and the device that sees it, or refuse the rate.
+
+    Raises
+    ------
+    ValueError
+        When the rate has another shape, is negative or not finite.
+    """
+    rate = np.asarray(detections_hz, np.float64)
+    if rate.ndim != 3:
+        raise ValueError(f"detections_hz: shape {rate.shape}; give (frames, rows, columns)")
+    if rate.size and not (rate.min() >= 0 and rate.max() < np.inf):
+        raise ValueError(
+            f"detections_hz: from {rate.min():g} to {rate.max():g}; must be finite and not negative"
+        )
+    _, rows, columns = rate.shape
+    return rate, fabricate(sensor, (rows, columns))
+
+
+def _read_counters(
+    events: NDArray[np.int64],
+    sensor: Sensor,
+    device: Device,
+    noise: Callable[[], np.random.Generator],
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    if isinstance(sensor.counter, AnalogCounter):
+        assert device.counters is not None
+        return read_analog(noise(), events, sensor.counter, device.counters, sensor.exposure_s)
+    return read_digital(events, sensor.counter)
 
 
 def photon_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> Floats:
@@ -104,15 +167,16 @@ def photon_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> Flo
 
 
 def detection_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> Floats:
-    """Photons per second that each pixel would detect without dead time, (T, H, W); as `expose`."""
+    """Photons per second that each pixel would detect if always live, (T, H, W); as `expose`."""
     flux = _flux_per_radiance(bands_nm, sensor) * band_efficiency(sensor.efficiency, bands_nm)
-    return _sum_over_bands(radiance, sensor.active_area_m2 * flux, sensor)
+    rate = _sum_over_bands(radiance, sensor.active_area_m2 * flux, sensor)
+    _, rows, columns = rate.shape
+    return rate * fabricate(sensor, (rows, columns)).efficiency_factor
 
 
 def expected_counts(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> Floats:
-    """Exact mean number of events per exposure, (T, H, W), dark counts included; as `expose`."""
-    events_hz = _with_dark_counts(detection_rate(radiance, bands_nm, sensor), sensor)
-    return dead_time.expected_counts(events_hz, sensor.exposure_s, sensor.dead_time)
+    """Mean number of events per exposure, (T, H, W), dark counts included; as `expose`."""
+    return _moments(detection_rate(radiance, bands_nm, sensor), sensor)[0]
 
 
 def signal_to_noise(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> Floats:
@@ -120,25 +184,22 @@ def signal_to_noise(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) ->
 
     The signal is what the light adds to the expected count: less than the detections where dead
     time matters, negative where a paralyzable pixel reads less than in the dark, 0 where nothing is
-    counted at all. Saturation of the counter is not included.
+    counted at all. What the counter does is not included.
     """
     light_hz = detection_rate(radiance, bands_nm, sensor)
-    exposure_s, law = sensor.exposure_s, sensor.dead_time
-    events_hz, dark_hz = (_with_dark_counts(rate, sensor) for rate in (light_hz, 0 * light_hz))
-    signal = dead_time.expected_counts(events_hz, exposure_s, law)
-    signal -= dead_time.expected_counts(dark_hz, exposure_s, law)
-    noise = np.sqrt(dead_time.variance_counts(events_hz, exposure_s, law))
+    mean, variance = _moments(light_hz, sensor)
+    signal, noise = mean - _moments(0 * light_hz[:1], sensor)[0], np.sqrt(variance)
     return np.divide(signal, noise, out=np.zeros_like(signal), where=noise > 0)
 
 
-def _with_dark_counts(detections_hz: ArrayLike, sensor: Sensor) -> Floats:
-    rate = np.asarray(detections_hz, np.float64)
-    if rate.ndim != 3:
-        raise ValueError(f"detections_hz: shape {rate.shape}; give (frames, rows, columns)")
-    _, rows, columns = rate.shape
-    return rate + dark_count_rate(
-        sensor.dark_counts, (rows, columns), sensor.active_area_m2, sensor.device_seed
-    )
+def _moments(detections_hz: Floats, sensor: Sensor) -> tuple[Floats, Floats]:
+    rate, device = checked_rate(detections_hz, sensor)
+    mean, variance = np.empty(rate.shape), np.empty(rate.shape)
+    for frame, frame_hz in enumerate(rate):
+        mean[frame], variance[frame] = count_moments(
+            frame_hz + device.dark_counts_hz, sensor.exposure_s, sensor.avalanche_effects
+        )
+    return mean, variance
 
 
 def _flux_per_radiance(bands_nm: ArrayLike, sensor: Sensor) -> Floats:

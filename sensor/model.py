@@ -1,14 +1,23 @@
 """Everything that describes one image sensor, as plain frozen data."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, model_validator
 
-from megalopta.sensor.counter import LARGEST_CAPACITY
+from megalopta.sensor.afterpulsing import Afterpulsing
+from megalopta.sensor.analog_counter import AnalogCounter
+from megalopta.sensor.avalanches import AvalancheEffects
+from megalopta.sensor.bias import Bias
+from megalopta.sensor.counter import DigitalCounter
+from megalopta.sensor.crosstalk import Crosstalk
 from megalopta.sensor.dark_counts import DarkCounts
 from megalopta.sensor.dead_time import DeadTime
 from megalopta.sensor.efficiency import Efficiency
+from megalopta.sensor.gating import Gate
+from megalopta.sensor.jitter import Jitter
+from megalopta.sensor.measured import MeasuredMaps
 from megalopta.sensor.optics import Lens
+from megalopta.sensor.temperature import Temperature
 
 
 class Sensor(
@@ -30,14 +39,55 @@ class Sensor(
     """The lens in front of it."""
     efficiency: Efficiency
     """Photon detection efficiency of the light-sensitive area over wavelength."""
+    bias: Bias = Bias()
+    """Excess bias and breakdown mismatch, which move efficiency and dark counts; off by default."""
+    temperature: Temperature = Temperature()
+    """Temperature, which moves dark counts; by default that at which they were given."""
     dark_counts: DarkCounts = DarkCounts()
     """Events without light; off by default."""
+    measured: MeasuredMaps = MeasuredMaps()
+    """Measured maps of the pixels of one device, in place of drawn ones; none by default."""
+    gate: Gate = Gate()
+    """Periodic window of sensitivity; always open by default."""
     dead_time: DeadTime = DeadTime()
     """Recovery after an event; none by default."""
-    counter_capacity: Annotated[int, Field(ge=1, le=LARGEST_CAPACITY)] = LARGEST_CAPACITY
-    """Largest count a pixel can hold (counts); a pixel that reaches it is flagged as saturated."""
+    afterpulsing: Afterpulsing = Afterpulsing()
+    """Events fired by carriers of earlier ones; off by default."""
+    crosstalk: Crosstalk = Crosstalk()
+    """Events fired by those of neighboring pixels; off by default."""
+    jitter: Jitter = Jitter()
+    """Scatter of the time stamps of events; none by default."""
+    counter: Annotated[DigitalCounter | AnalogCounter, Field(discriminator="kind")] = (
+        DigitalCounter()
+    )
+    """What counts the events in the pixel; by default one that is practically never full."""
     device_seed: int = 0
-    """Which device of this kind: fixes the pattern of dark counts (any integer, 0 included)."""
+    """Which device of this kind: fixes the pattern of its pixels (any integer, 0 included)."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _accept_capacity_alone(cls, values: Any) -> Any:
+        # the short form of a saturating digital counter
+        if not isinstance(values, dict) or "counter_capacity" not in values:
+            return values
+        capacity = values["counter_capacity"]
+        others = {name: value for name, value in values.items() if name != "counter_capacity"}
+        try:
+            return others | {"counter": DigitalCounter(capacity=capacity)}
+        except ValueError as error:
+            raise ValueError(
+                f"counter_capacity: {capacity}; give a whole number of counts, 1 to 2³² − 1"
+            ) from error
+
+    @property
+    def counter_capacity(self) -> int:
+        """Largest count a pixel can hold."""
+        return self.counter.capacity
+
+    @property
+    def avalanche_effects(self) -> AvalancheEffects:
+        """What decides which avalanches occur."""
+        return AvalancheEffects(self.dead_time, self.afterpulsing, self.gate, self.crosstalk)
 
     @property
     def pixel_area_m2(self) -> float:

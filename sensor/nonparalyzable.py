@@ -1,8 +1,9 @@
 """Non-paralyzable dead time (active quench): every counted event blinds the detector for τ.
 
 Poisson arrivals of rate r; an arrival inside the dead time is lost without effect. The detector is
-live and idle when the exposure T starts. Everything depends on the mean number of arrivals x = r·T
-and on a = r·τ. The n-th count comes after n exponential waits and n − 1 dead times, so
+live and idle when the exposure T starts, unless said otherwise. Everything depends on the mean
+number of arrivals x = r·T and on a = r·τ. The n-th count comes after n exponential waits and n − 1
+dead times, so
 
     P(N >= n) = P(n, x − (n−1)·a)               P: regularized lower incomplete gamma function
 
@@ -18,6 +19,11 @@ line is the exact answer. With g = a/(1+a) it is, for live start,
     mean g·T/τ + g²/2            variance g·(1−g)²·T/τ + g²·(3/2 − 8g/3 + 5g²/4)
 
 whose leading terms are r·T/(1+r·τ) (dissertation Eq. 2.6) and r·T/(1+r·τ)³.
+
+A detector that has run for long is live at the start with probability 1/(1+a) and else blind for a
+time that is uniform up to τ. Then the mean is g·T/τ for every T, and with the live-start mean m(T)
+
+    E[N(N−1)] = 2·(g/τ)·∫₀^(T−τ) m(t) dt ,    settled: variance g·(1−g)²·T/τ + g² − 4g³/3 + g⁴/2
 
 Bound on β: the poles z (in units of 1/τ) obey (z+a)·e^z = a; with z = −β + iθ and |θ| > π this
 gives a²·e^(2β) = (a−β)² + θ² > (a−β)² + π², hence (a²+a)·(e^(2β)−1) > π².
@@ -35,7 +41,9 @@ _SHORTEST_LEAP = 16
 Floats = NDArray[np.float64]
 
 
-def moments(arrivals: Floats, dead_fraction: float) -> tuple[Floats, Floats]:
+def moments(
+    arrivals: Floats, dead_fraction: float, is_stationary: bool = False
+) -> tuple[Floats, Floats]:
     """Exact mean and variance of the counts.
 
     Parameters
@@ -44,12 +52,16 @@ def moments(arrivals: Floats, dead_fraction: float) -> tuple[Floats, Floats]:
         Mean number of arrivals in the exposure, r·T.
     dead_fraction : float
         Dead time over exposure, τ/T.
+    is_stationary : bool
+        Whether the detector has run for long, rather than being live and idle at the start.
     """
     a = arrivals * dead_fraction
-    mean, variance = _settled_moments(1 / dead_fraction, a / (1 + a))
+    settled = _settled_stationary_moments if is_stationary else _settled_moments
+    mean, variance = settled(1 / dead_fraction, a / (1 + a))
     # β·T/τ < 45, solved for a + a²; the smaller of the two keeps the exponential finite
     early = a + a**2 > np.pi**2 / np.expm1(min(2 * _SETTLED * dead_fraction, 700.0))
-    mean[early], variance[early] = _summed_moments(arrivals[early], a[early], mean[early])
+    summed = _summed_stationary_moments if is_stationary else _summed_moments
+    mean[early], variance[early] = summed(arrivals[early], a[early], mean[early])
     return mean, variance
 
 
@@ -57,6 +69,10 @@ def _settled_moments(exposure: float, g: Floats) -> tuple[Floats, Floats]:
     mean = g * exposure + g**2 / 2
     variance = g * (1 - g) ** 2 * exposure + g**2 * (3 / 2 - 8 * g / 3 + 5 * g**2 / 4)
     return mean, variance
+
+
+def _settled_stationary_moments(exposure: float, g: Floats) -> tuple[Floats, Floats]:
+    return g * exposure, g * (1 - g) ** 2 * exposure + g**2 * (1 - 4 * g / 3 + g**2 / 2)
 
 
 def _summed_moments(arrivals: Floats, a: Floats, near: Floats) -> tuple[Floats, Floats]:
@@ -72,28 +88,47 @@ def _summed_moments(arrivals: Floats, a: Floats, near: Floats) -> tuple[Floats, 
     return certain + mean, square - mean**2
 
 
-def draw(rng: np.random.Generator, arrivals: Floats, dead_fraction: float) -> NDArray[np.int64]:
+def _summed_stationary_moments(arrivals: Floats, a: Floats, near: Floats) -> tuple[Floats, Floats]:
+    # ∫ P(n, y) dy up to y is y·P(n, y) − n·P(n+1, y); summed over n as above
+    after_dead_time = np.maximum(arrivals - a, 0.0)
+    certain = np.maximum(np.floor(near) - _TAIL, 0.0)
+    integral = certain * after_dead_time - certain * ((certain - 1) * a + certain + 1) / 2
+    for extra in range(1, 2 * _TAIL + 2):
+        count = certain + extra
+        waited = np.maximum(after_dead_time - (count - 1) * a, 0.0)
+        integral += waited * gammainc(count, waited) - count * gammainc(count + 1, waited)
+    mean = arrivals / (1 + a)
+    return mean, 2 * integral / (1 + a) + mean - mean**2
+
+
+def draw(
+    rng: np.random.Generator, arrivals: Floats, dead_fraction: float, is_stationary: bool = False
+) -> NDArray[np.int64]:
     """Draw counts from the exact law; parameters as for `moments`.
 
     Leaps over many counts at a time (the sum of n exponential waits is a gamma variate), so the
     cost hardly grows with the count. The idea is the gamma method for Poisson variates of Ahrens
     and Dieter, Computing 12, 223 (1974).
     """
-    counts: NDArray[np.int64] = _draw(rng, arrivals, arrivals * dead_fraction)
+    counts: NDArray[np.int64] = _draw(rng, arrivals, arrivals * dead_fraction, is_stationary)
     return counts
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def _draw(rng: np.random.Generator, arrivals: Floats, a: Floats) -> NDArray[np.int64]:
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _draw(
+    rng: np.random.Generator, arrivals: Floats, a: Floats, is_stationary: bool
+) -> NDArray[np.int64]:
     counts = np.zeros(arrivals.size, np.int64)
     for pixel in range(arrivals.size):
         left = arrivals[pixel] - rng.standard_exponential()
+        if is_stationary and rng.random() * (1 + a[pixel]) < a[pixel]:
+            left -= a[pixel] * rng.random()
         if left >= 0:
             counts[pixel] = 1 + _later_counts(rng, left, a[pixel])
     return counts
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _later_counts(rng: np.random.Generator, left: float, a: float) -> int:
     """Counts in the time left after a count; all times in mean waits."""
     counts = 0
@@ -113,13 +148,13 @@ def _later_counts(rng: np.random.Generator, left: float, a: float) -> int:
     return counts
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _safe_leap(left: float, a: float) -> int:
     expected = left / (1 + a)
     return int(expected - 1.5 * np.sqrt(expected))
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _counts_inside(rng: np.random.Generator, left: float, a: float, leap: int, waits: float) -> int:
     """Counts in the time left, given that count `leap` comes later, after `waits` of waiting.
 

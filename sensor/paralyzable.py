@@ -12,12 +12,24 @@ with x₁ = max(x − a, 0), x₂ = max(x − 2a, 0) and h(x) = x − 1 + e^(−
 For T > τ the mean is r·(T−τ)·q + 1 − q; for T ≫ τ it is r·T·q (dissertation Eq. 2.5) and the
 variance m·(1 − 2·a·q). The mean rate peaks at r = 1/τ: a bright pixel can read dark.
 
+A detector that has run for long saw its last arrival an exponential time before the start. Then
+
+    E[N] = x·q        E[N(N−1)/2] = q²·x₁²/2
+
+for every T.
+
 After a count, the chance of another is nothing for one dead time and then λ = r·q per second for
 ever, and this fixes the law of all the gaps between counts. So two rates with the same r·e^(−rτ)
-differ only in the wait for the first arrival. A pixel beyond the peak (a > 1) is drawn with the
-lower rate of its pair, whose arrivals outnumber its counts by at most e.
+differ only in the wait for the first arrival, and not at all after running for long. A pixel beyond
+the peak (a > 1) is drawn with the lower rate of its pair, whose arrivals outnumber its counts by at
+most e.
 
-Draws are exact, arrival by arrival, up to 100 expected counts. Beyond, they are normal with the
+Draws are exact up to 100 expected counts: where hardly any arrival is lost (x·a < ½), from the law
+of the number m of close arrivals among n, whose gaps are those of n uniform numbers,
+
+    P(m | n) = C(n−1, m)·Σ_i (−1)^i·C(m, i)·(1 − (n−1−m+i)·τ/T)^n
+
+and else arrival by arrival. Beyond 100, they are normal with the
 exact mean and variance and a Cornish–Fisher term for the third cumulant m·(1 − 3b)², b = a·q, that
 of the large-T law log E[z^N] → (T/τ)·W(b·(z−1)), W being Lambert's function. The total variation
 distance to the exact law is then below 4e-4.
@@ -28,13 +40,17 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.special import lambertw
 
+_HARDLY_ANY_LOST = 0.5
+
 EXACT_UP_TO = 100.0
 """Expected counts above which draws are normal with a skewness term."""
 
 Floats = NDArray[np.float64]
 
 
-def moments(arrivals: Floats, dead_fraction: float) -> tuple[Floats, Floats]:
+def moments(
+    arrivals: Floats, dead_fraction: float, is_stationary: bool = False
+) -> tuple[Floats, Floats]:
     """Exact mean and variance of the counts.
 
     Parameters
@@ -43,31 +59,62 @@ def moments(arrivals: Floats, dead_fraction: float) -> tuple[Floats, Floats]:
         Mean number of arrivals in the exposure, r·T.
     dead_fraction : float
         Dead time over exposure, τ/T.
+    is_stationary : bool
+        Whether the detector has run for long, rather than being live and idle at the start.
     """
-    a = arrivals * dead_fraction
-    q = np.exp(-a)
-    once, twice = np.maximum(arrivals - a, 0.0), np.maximum(arrivals - 2 * a, 0.0)
-    later = q * _h(once)
-    pairs = later + q**2 * (twice**2 / 2 - _h(twice))
-    mean = -np.expm1(-arrivals) + later
-    return mean, 2 * pairs + mean - mean**2
+    mean, variance = np.empty_like(arrivals), np.empty_like(arrivals)
+    _fill_moments(arrivals, dead_fraction, is_stationary, mean, variance)
+    return mean, variance
 
 
-def draw(rng: np.random.Generator, arrivals: Floats, dead_fraction: float) -> NDArray[np.int64]:
+def draw(
+    rng: np.random.Generator, arrivals: Floats, dead_fraction: float, is_stationary: bool = False
+) -> NDArray[np.int64]:
     """Draw counts; parameters as for `moments`."""
-    a = arrivals * dead_fraction
-    mean, variance = moments(arrivals, dead_fraction)
-    many = mean > EXACT_UP_TO
-    few = ~many
-    counts = np.empty(arrivals.size, np.int64)
-    counts[few] = _draw_by_arrival(rng, arrivals[few], a[few], _lower_of_pair(a[few]))
-    third = mean[many] * (1 - 3 * a[many] * np.exp(-a[many])) ** 2
-    counts[many] = _draw_normal(rng, mean[many], variance[many], third)
+    lower = _lower_of_pair(arrivals * dead_fraction)
+    counts: NDArray[np.int64] = _draw(rng, arrivals, lower, dead_fraction, is_stationary)
     return counts
 
 
-def _h(x: Floats) -> Floats:
-    return x + np.expm1(-x)
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def approximate_count(z: float, mean: float, variance: float, a: float) -> int:
+    """Count at the quantile of a normal number z, for means above `EXACT_UP_TO`."""
+    third_cumulant = mean * (1 - 3 * a * np.exp(-a)) ** 2
+    sigma = np.sqrt(variance - 1 / 12)  # rounding to integers adds the 1/12 again
+    return int(np.rint(mean + sigma * z + third_cumulant / variance * (z**2 - 1) / 6))
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _fill_moments(
+    arrivals: Floats, dead_fraction: float, is_stationary: bool, mean: Floats, variance: Floats
+) -> None:
+    for pixel in range(arrivals.size):
+        mean[pixel], variance[pixel] = _moments(arrivals[pixel], dead_fraction, is_stationary)
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _moments(x: float, dead_fraction: float, is_stationary: bool) -> tuple[float, float]:
+    a = x * dead_fraction
+    q = np.exp(-a)
+    once, twice = max(x - a, 0.0), max(x - 2 * a, 0.0)
+    if is_stationary:
+        mean, pairs = x * q, (q * once) ** 2 / 2
+    else:
+        later = q * _h(once)
+        mean = later + _at_least_one(x)
+        pairs = later + q**2 * (twice**2 / 2 - _h(twice))
+    return mean, 2 * pairs + mean - mean**2
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _at_least_one(x: float) -> float:
+    """Probability of one or more of x expected arrivals; 1 to the last bit beyond 40."""
+    return 1.0 if x > 40 else float(-np.expm1(-x))
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _h(x: float) -> float:
+    return float(x - _at_least_one(x))
 
 
 def _lower_of_pair(a: Floats) -> Floats:
@@ -79,30 +126,74 @@ def _lower_of_pair(a: Floats) -> Floats:
     return lower
 
 
-def _draw_normal(
-    rng: np.random.Generator, mean: Floats, variance: Floats, third_cumulant: Floats
-) -> NDArray[np.int64]:
-    z = rng.standard_normal(mean.size)
-    sigma = np.sqrt(variance - 1 / 12)  # rounding to integers adds the 1/12 again
-    return np.rint(mean + sigma * z + third_cumulant / variance * (z**2 - 1) / 6).astype(np.int64)
-
-
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def _draw_by_arrival(
-    rng: np.random.Generator, arrivals: Floats, a: Floats, lower: Floats
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _draw(
+    rng: np.random.Generator,
+    arrivals: Floats,
+    lower: Floats,
+    dead_fraction: float,
+    is_stationary: bool,
 ) -> NDArray[np.int64]:
     counts = np.zeros(arrivals.size, np.int64)
     for pixel in range(arrivals.size):
-        left = arrivals[pixel] - rng.standard_exponential()
-        if left < 0:
-            continue
-        counts[pixel] = 1
-        dead = lower[pixel]
-        if a[pixel] > 0:
-            left *= dead / a[pixel]  # from here on in mean gaps of the lower rate of the pair
-        gap = rng.standard_exponential()
-        while gap <= left:
-            counts[pixel] += gap > dead
-            left -= gap
-            gap = rng.standard_exponential()
+        x = arrivals[pixel]
+        a = x * dead_fraction
+        # the mean exceeds its stationary value by less than 1
+        if x * np.exp(-a) > EXACT_UP_TO - 1:
+            mean, variance = _moments(x, dead_fraction, is_stationary)
+            if mean > EXACT_UP_TO:
+                counts[pixel] = approximate_count(rng.standard_normal(), mean, variance, a)
+                continue
+        if x > 0:
+            counts[pixel] = _draw_exactly(rng, x, a, lower[pixel], is_stationary)
     return counts
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _draw_exactly(
+    rng: np.random.Generator, x: float, a: float, dead: float, is_stationary: bool
+) -> int:
+    """Counts of x arrivals; `dead` is the dead time in mean gaps of the lower rate of the pair."""
+    idle = rng.standard_exponential() if is_stationary else np.inf
+    if x * a < _HARDLY_ANY_LOST and idle > dead:
+        return int(_draw_by_loss(rng, x, a / x))
+    if is_stationary:
+        return int(_draw_by_arrival(rng, x * dead / a, dead, idle))
+    left = x - rng.standard_exponential()
+    if left < 0:
+        return 0
+    return 1 + int(_draw_by_arrival(rng, left * dead / a, dead, 0.0))
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _draw_by_arrival(rng: np.random.Generator, left: float, dead: float, idle: float) -> int:
+    """Counts in the time left, the last arrival being `idle` ago; times in mean gaps."""
+    counts = 0
+    gap = rng.standard_exponential()
+    while gap <= left:
+        counts += gap + idle > dead
+        left -= gap
+        idle = 0.0
+        gap = rng.standard_exponential()
+    return counts
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _draw_by_loss(rng: np.random.Generator, arrivals: float, dead_fraction: float) -> int:
+    """Counts from a live start: arrivals less those that come too close after another."""
+    n = rng.poisson(arrivals)
+    if n < 2:
+        return int(n)
+    left = rng.random()
+    ways = 1.0
+    for lost in range(n):
+        probability, sign = 0.0, 1.0
+        for closer in range(lost + 1):
+            alive = 1 - (n - 1 - lost + closer) * dead_fraction
+            probability += sign * max(alive, 0.0) ** n
+            sign *= -(lost - closer) / (closer + 1)
+        left -= ways * probability
+        if left < 0:
+            return int(n - lost)
+        ways *= (n - 1 - lost) / (lost + 1)
+    return 1

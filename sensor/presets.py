@@ -3,9 +3,10 @@
 `ideal` has the pixel, lens and exposure of `spadcam`, so that what differs is the device alone: all
 the light on the pixel is counted, nothing else is.
 
-`spadcam` follows the device sheet of dissertation §2.4 at 13.58 V anode voltage (about 1.2 V excess
-bias). Measured there: pitch, active area, dark counts of one row of 16 pixels, "peak efficiency
-below 1 % at 450 nm", quenching, counter step. Chosen here, because it is not given:
+`spadcam` follows the device sheet of dissertation §2.4 at 13.58 V anode voltage, which is 1.18 V
+excess bias (13.40 V is about 1 V there). Measured there: pitch, active area, dark counts of one row
+of 16 pixels, "peak efficiency below 1 % at 450 nm", quenching, breakdown spread, counter step and
+leakage. Chosen here, because it is not given:
 
 - the spectral shape: absorption of silicon in 0.4 µm under a dead surface of 0.1 µm. Only the
   height at 450 nm rests on a measurement, and that is an upper limit. The motion bench of §2.4.8
@@ -13,19 +14,102 @@ below 1 % at 450 nm", quenching, counter step. Chosen here, because it is not gi
   this curve has 0.13 %; how much light reached the chip there is not known;
 - dead time 1 µs: §2.4.1 says that recovery exceeds this;
 - the lens: the thesis lights the bare die;
+- dependence on bias, which the thesis shows as curves without numbers: counting sets in at 1 V
+  excess, where the measurements begin; dark counts grow e-fold in 0.12 V, so that breakdown
+  mismatch makes most of the spread of ordinary pixels; efficiency saturates over 0.2 V, which puts
+  the best bias inside the measured range;
 - dark counts: five numbers of the row (mean 1.77, median 0.93, σ 1.77 Hz/µm², 11 of 16 pixels
-  below 1.5, σ 0.32 among these) fix the mixture. Its bulk mean of 0.735 is within the standard
-  error of the 0.71 of those 11 pixels.
+  below 1.5, σ 0.32 among these), met with mismatch included, fix the mixture;
+- read noise 1 mV and 12 bits of the ADC; the swing follows from 320 counts of 10 mV.
+
+The devices of Table 2.1 have the efficiency and dark counts printed there, at the bias printed
+there. Only the peak of the efficiency is given: these presets have it at all wavelengths, so use
+them near that wavelength. Fill factor, dead time, mismatch and counter are not in the table; they
+have fill factor 1 (pitch² is the active area) and no other effect. A limit ("<5k", ">1k") is taken
+as the value.
 """
 
-from megalopta.sensor.counter import LARGEST_CAPACITY
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from megalopta.sensor.analog_counter import AnalogCounter
+from megalopta.sensor.bias import Bias
 from megalopta.sensor.dark_counts import DarkCounts
 from megalopta.sensor.dead_time import DeadTime
 from megalopta.sensor.efficiency import Efficiency
+from megalopta.sensor.measured import with_hashes
 from megalopta.sensor.model import Sensor
 from megalopta.sensor.optics import Lens
 
 _LENS = Lens(f_number=1.4, transmission=0.9)
+
+
+@dataclass(frozen=True)
+class TableDevice:
+    """One column of Table 2.1, as printed.
+
+    Attributes
+    ----------
+    reference : str
+        First author and number in the thesis's bibliography.
+    node : str
+        CMOS process.
+    dark_counts_hz : float
+        Dark count rate at room temperature, Hz.
+    limit : str
+        "<" or ">" where the table gives a limit of the dark count rate.
+    excess_bias_v : float
+        Excess bias of both measurements, V.
+    active_area_um2 : float
+        Light-sensitive area, µm².
+    density_hz_um2 : float
+        Dark count rate per area as the table prints it, Hz/µm².
+    peak_efficiency : float
+        Largest detection probability, 0 to 1.
+    peak_nm : float
+        Wavelength of it, nm.
+    """
+
+    reference: str
+    node: str
+    dark_counts_hz: float
+    limit: str
+    excess_bias_v: float
+    active_area_um2: float
+    density_hz_um2: float
+    peak_efficiency: float
+    peak_nm: float
+
+
+TABLE_2_1: dict[str, TableDevice] = {
+    "niclass-800nm": TableDevice("Niclass [72]", "0.8 µm", 350, "", 5, 38, 9.2, 0.12, 635),
+    "niclass-350nm": TableDevice("Niclass [71]", "0.35 µm", 750, "", 3.3, 78, 9.6, 0.36, 465),
+    "mandai-180nm": TableDevice("Mandai [73]", "180 nm", 5e3, "<", 4, 78, 64, 0.36, 600),
+    "gersbach-130nm-5v": TableDevice("Gersbach [74]", "130 nm", 11e3, "", 5, 58, 190, 0.36, 480),
+    "gersbach-130nm-2v": TableDevice("Gersbach [74]", "130 nm", 220, "", 2, 58, 3.8, 0.26, 480),
+    "richardson-130nm": TableDevice("Richardson [75]", "130 nm", 25, "", 1.4, 50, 0.5, 0.28, 500),
+    "webster-130nm": TableDevice("Webster [70]", "130 nm", 1e3, ">", 12, 50, 20, 0.72, 560),
+}
+"""Columns of Table 2.1 by the name of their preset."""
+
+
+def _table_preset(name: str, device: TableDevice) -> Sensor:
+    density = device.dark_counts_hz / device.active_area_um2
+    return Sensor(
+        name=name,
+        source=f"Berkovich, dissertation (2017), Table 2.1: {device.reference}, {device.node}",
+        pitch_m=device.active_area_um2**0.5 * 1e-6,
+        fill_factor=1.0,
+        exposure_s=0.1,
+        lens=_LENS,
+        efficiency=Efficiency(wavelengths_nm=(200.0, 1100.0), values=(device.peak_efficiency,) * 2),
+        bias=Bias(excess_v=device.excess_bias_v, reference_v=device.excess_bias_v),
+        dark_counts=DarkCounts(bulk_mean_hz_um2=density),
+    )
+
 
 PRESETS: dict[str, Sensor] = {
     "ideal": Sensor(
@@ -36,7 +120,6 @@ PRESETS: dict[str, Sensor] = {
         exposure_s=0.1,
         lens=_LENS,
         efficiency=Efficiency(wavelengths_nm=(200.0, 2000.0), values=(1.0, 1.0)),
-        counter_capacity=LARGEST_CAPACITY,
     ),
     "spadcam": Sensor(
         name="spadcam",
@@ -55,16 +138,31 @@ PRESETS: dict[str, Sensor] = {
                 *(0.0026, 0.0019, 0.0013, 0.0006, 0.0002, 0.00005, 0.0),
             ),
         ),
+        bias=Bias(
+            excess_v=1.18,
+            reference_v=1.18,
+            onset_v=1.0,
+            efficiency_scale_v=0.2,
+            dark_efold_v=0.12,
+            breakdown_sigma_v=0.042,
+        ),
         dark_counts=DarkCounts(
-            bulk_mean_hz_um2=0.735,
-            bulk_sigma_hz_um2=0.32,
-            hot_fraction=0.31,
-            hot_mean_hz_um2=4.06,
-            hot_sigma_hz_um2=1.5,
+            bulk_mean_hz_um2=0.765,
+            bulk_sigma_hz_um2=0.2,
+            hot_fraction=0.276,
+            hot_mean_hz_um2=4.0,
+            hot_sigma_hz_um2=0.2,
         ),
         dead_time=DeadTime(kind="paralyzable", dead_time_s=1e-6),
-        counter_capacity=320,
+        counter=AnalogCounter(
+            step_v=10e-3,
+            leak_v_s=7.2e-3,
+            leak_sigma_v_s=0.69e-3,
+            read_noise_v=1e-3,
+            adc_bits=12,
+        ),
     ),
+    **{name: _table_preset(name, device) for name, device in TABLE_2_1.items()},
 }
 
 
@@ -79,3 +177,37 @@ def preset(name: str) -> Sensor:
     if name not in PRESETS:
         raise ValueError(f"sensor {name!r}: no such preset; choose from {', '.join(PRESETS)}")
     return PRESETS[name]
+
+
+def load_sensor(path: Path) -> Sensor:
+    """Read a sensor, such as a measured device, from a YAML file.
+
+    The file has the fields of `Sensor`; with `preset` the rest is taken from there. Paths of
+    measured maps are relative to the file.
+
+    Raises
+    ------
+    ValueError
+        When the file or a map is missing, or a field is unknown or impossible.
+    """
+    try:
+        values = yaml.safe_load(path.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ValueError(f"{path}: cannot be read as YAML: {error}") from error
+    if not isinstance(values, dict):
+        raise ValueError(f"{path}: a sensor is a mapping of fields to values")
+    values["measured"] = with_hashes(values.get("measured", {}), path.parent)
+    base = preset(values.pop("preset")).model_dump() if "preset" in values else {}
+    return Sensor.model_validate(_merged(base, values))
+
+
+def _merged(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    """Changes inside a nested mapping keep its other fields, unless `kind` changes."""
+    result = dict(base)
+    for name, value in changes.items():
+        old = base.get(name)
+        if isinstance(value, dict) and isinstance(old, dict):
+            is_same_kind = value.get("kind", old.get("kind")) == old.get("kind")
+            value = _merged(old, value) if is_same_kind else value
+        result[name] = value
+    return result

@@ -116,13 +116,6 @@ def test_paralyzable_draws_follow_the_exact_law_below_the_switch_over(a, counts)
     assert_follows(sampled("paralyzable", a, arrivals), paralyzable_law(a, arrivals, 256))
 
 
-class Quantiles(np.random.Generator):
-    """Gives the quantiles of the normal distribution in place of random draws."""
-
-    def standard_normal(self, size):
-        return ndtri((np.arange(size) + 0.5) / size)
-
-
 def assert_follows(counts, p):
     """Pearson's test with at least 10 expected in every bin; false alarm 1e-6."""
     assert p.sum() == pytest.approx(1, abs=1e-9)
@@ -138,10 +131,10 @@ def assert_follows(counts, p):
 @pytest.mark.parametrize("a", [1e-3, 0.1, 0.3, 1.0, 2.0, 5.0])
 def test_paralyzable_normal_draws_are_within_4e4_of_the_exact_law_at_the_switch_over(a):
     arrivals = (paralyzable.EXACT_UP_TO + 0.1) * np.exp(a)
-    draws = 1_000_000
-    rate = np.full(draws, a)
-    counts = draw_counts(Quantiles(np.random.SFC64(0)), rate, arrivals / a, law("paralyzable"))
-    drawn = np.bincount(counts, minlength=256) / draws
+    quantiles = ndtri((np.arange(1_000_000) + 0.5) / 1_000_000)
+    moments = mean_and_variance("paralyzable", a, arrivals)
+    counts = [paralyzable.approximate_count(z, *moments, a) for z in quantiles]
+    drawn = np.bincount(counts, minlength=256) / quantiles.size
     distance = np.abs(drawn - paralyzable_law(a, arrivals, 256)).sum() / 2
     # each of about 120 bins is known to 1e-6
     assert distance < 4e-4 + 1.2e-4
@@ -187,6 +180,61 @@ def test_exposure_shorter_than_the_dead_time_counts_at_most_once():
         np.testing.assert_allclose(
             variance_counts(rate, 0.9, law(kind)), mean * (1 - mean), rtol=1e-9
         )
+
+
+def stationary(kind):
+    return DeadTime(kind=kind, dead_time_s=1.0, start="stationary")
+
+
+def integral_of_reached(n, x):
+    """∫ P(n, y) dy from 0 to x for the incomplete gamma function; 0 for negative x."""
+    x = np.maximum(x, 0)
+    return x * gammainc(n, x) - n * gammainc(n + 1, x)
+
+
+def stationary_nonparalyzable_law(a, arrivals, largest):
+    """P(N = 0 … largest): the wait for the first event is that left of a gap in equilibrium."""
+    n = np.arange(1, largest + 2)
+    later = integral_of_reached(n, arrivals - n * a)
+    sooner = integral_of_reached(n[1:] - 1, arrivals - (n[1:] - 1) * a)
+    reached = (np.concatenate(([arrivals], sooner)) - later) / (1 + a)
+    return -np.diff(np.concatenate(([1.0], reached)))
+
+
+@pytest.mark.parametrize("a", [1e-3, 0.1, 1.0, 5.0, 40.0])
+@pytest.mark.parametrize("dead_times", [0.3, 1.7, 4.2, 30.5, 1e3])
+def test_stationary_nonparalyzable_moments_are_those_of_the_exact_law(a, dead_times):
+    arrivals = a * dead_times
+    largest = int(min(dead_times + 1, arrivals + 10 * arrivals**0.5 + 40))
+    p = stationary_nonparalyzable_law(a, arrivals, largest)
+    n = np.arange(p.size)
+    law_of = [a], dead_times, stationary("nonparalyzable")
+    # the oracle is a difference of integrals of up to a·dead_times, good to 1e-13 of these
+    assert expected_counts(*law_of)[0] == pytest.approx((p * n).sum(), rel=1e-9)
+    mean = a / (1 + a) * dead_times
+    assert expected_counts(*law_of)[0] == pytest.approx(mean, rel=1e-12)
+    variance = (p * (n - mean) ** 2).sum()
+    assert variance_counts(*law_of)[0] == pytest.approx(variance, rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize(("a", "arrivals"), [(0.05, 3.0), (0.02, 40.0), (1.0, 60.0), (5.0, 90.0)])
+def test_stationary_nonparalyzable_draws_follow_the_exact_law(a, arrivals):
+    p = stationary_nonparalyzable_law(a, arrivals, int(arrivals / a) + 1)
+    rate = np.full(DRAWS, a)
+    drawn = draw_counts(generator(4), rate, arrivals / a, stationary("nonparalyzable"))
+    assert_follows(drawn, p)
+
+
+@pytest.mark.parametrize("a", [0.01, 0.3, 1.0, 4.0])
+@pytest.mark.parametrize("dead_times", [0.5, 1.5, 20.0])
+def test_stationary_paralyzable_draws_have_the_closed_form_moments(a, dead_times):
+    law_of = np.full(DRAWS, a), dead_times, stationary("paralyzable")
+    counts = draw_counts(generator(5), *law_of)
+    mean, variance = expected_counts(*law_of)[0], variance_counts(*law_of)[0]
+    assert mean == pytest.approx(a * dead_times * np.exp(-a), rel=1e-12)
+    assert abs(counts.mean() - mean) < 5 * np.sqrt(variance / DRAWS)
+    squares = (counts - mean) ** 2
+    assert abs(squares.mean() - variance) < 5 * squares.std() / np.sqrt(DRAWS)
 
 
 @pytest.mark.parametrize("a", RATE_TIMES_DEAD_TIME)

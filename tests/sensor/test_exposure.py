@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from megalopta.sensor import (
+    Bias,
     DarkCounts,
     DeadTime,
     Efficiency,
@@ -15,6 +16,7 @@ from megalopta.sensor import (
     preset,
     signal_to_noise,
 )
+from megalopta.sensor.counter import DigitalCounter
 
 BANDS = np.array([[400.0, 475.0], [475.0, 550.0], [550.0, 600.0], [620.0, 700.0]])
 RNG = np.random.default_rng(0)
@@ -66,7 +68,7 @@ def test_same_seed_same_bytes_and_any_other_name_other_counts():
 
 @pytest.mark.parametrize("name", SENSORS)
 def test_counts_scatter_about_the_noise_free_twin(name):
-    sensor = SENSORS[name].model_copy(update={"counter_capacity": 65535})
+    sensor = SENSORS[name].model_copy(update={"counter": DigitalCounter()})
     exposure = expose_frames(sensor)
     # the sum over all pixels and frames; dead time only lowers the variance below the mean
     z = (exposure.counts - exposure.expected).sum() / np.sqrt(exposure.expected.sum())
@@ -123,9 +125,9 @@ def test_dark_frame_shows_the_dark_counts_of_the_device():
 
 def test_full_counter_is_flagged_and_the_twin_keeps_the_true_mean():
     exposure = expose_frames(SENSORS["spadcam"], 1e5 * RADIANCE)
-    assert exposure.counts.max() == 320
+    assert exposure.counts.max() in (319, 320)  # leakage takes up to a step of the swing
     assert exposure.counts.dtype == np.uint16
-    np.testing.assert_array_equal(exposure.saturated, exposure.counts == 320)
+    np.testing.assert_array_equal(exposure.saturated, exposure.counts >= 319)
     assert exposure.expected.max() > 400
 
 
@@ -148,6 +150,7 @@ def test_dark_counts_are_noise_and_not_signal():
     sensor = SENSORS["spadcam"].model_copy(
         update={
             "dead_time": DeadTime(),
+            "bias": Bias(),
             "dark_counts": DarkCounts(bulk_mean_hz_um2=2.0),
         }
     )

@@ -2,13 +2,28 @@ import numpy as np
 import pytest
 
 from megalopta.sensor import PRESETS, Sensor, preset
+from megalopta.sensor.afterpulsing import Afterpulsing
+from megalopta.sensor.analog_counter import AnalogCounter
+from megalopta.sensor.bias import Bias
+from megalopta.sensor.counter import DigitalCounter
+from megalopta.sensor.crosstalk import Crosstalk
 from megalopta.sensor.dark_counts import DarkCounts
 from megalopta.sensor.dead_time import DeadTime
 from megalopta.sensor.efficiency import Efficiency
+from megalopta.sensor.gating import Gate
+from megalopta.sensor.jitter import Jitter
+from megalopta.sensor.measured import MapFile, MeasuredMaps
 from megalopta.sensor.optics import Lens
+from megalopta.sensor.presets import TABLE_2_1
+from megalopta.sensor.temperature import Temperature
+
+MODELS = [
+    *(Sensor, Lens, Efficiency, Bias, Temperature, DarkCounts, MapFile, MeasuredMaps, Gate),
+    *(DeadTime, Afterpulsing, Crosstalk, Jitter, DigitalCounter, AnalogCounter),
+]
 
 
-@pytest.mark.parametrize("model", [Sensor, Lens, Efficiency, DarkCounts, DeadTime])
+@pytest.mark.parametrize("model", MODELS)
 def test_every_parameter_is_documented(model):
     assert [name for name, field in model.model_fields.items() if not field.description] == []
 
@@ -35,6 +50,30 @@ def test_ideal_sensor_differs_from_spadcam_only_as_a_device():
     ideal, spadcam = preset("ideal"), preset("spadcam")
     for shared in ("pitch_m", "exposure_s", "lens"):
         assert getattr(ideal, shared) == getattr(spadcam, shared)
+
+
+@pytest.mark.parametrize("name", TABLE_2_1)
+def test_devices_of_the_literature_have_the_printed_figures(name):
+    sensor, device = preset(name), TABLE_2_1[name]
+    area_um2 = sensor.active_area_m2 / 1e-12
+    assert area_um2 == pytest.approx(device.active_area_um2)
+    density = sensor.dark_counts.bulk_mean_hz_um2
+    assert density * area_um2 == pytest.approx(device.dark_counts_hz)
+    assert density == pytest.approx(device.density_hz_um2, rel=0.025)  # printed with two digits
+    assert max(sensor.efficiency.values) == device.peak_efficiency
+    assert sensor.bias.excess_v == device.excess_bias_v
+
+
+def test_spadcam_counts_as_its_device_sheet_says():
+    sensor = preset("spadcam")
+    assert sensor.counter_capacity == 320
+    assert sensor.counter.leak_v_s == 7.2e-3
+    assert sensor.bias.breakdown_sigma_v == 0.042
+
+
+def test_short_form_of_a_saturating_counter_is_understood():
+    values = preset("ideal").model_dump(exclude={"counter"}) | {"counter_capacity": 255}
+    assert Sensor.model_validate(values).counter == DigitalCounter(capacity=255)
 
 
 def test_unknown_preset_is_refused_with_the_known_ones():

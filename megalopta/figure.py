@@ -1,0 +1,51 @@
+"""A figure of the dissertation, made again from the models: its picture, caption and numbers."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from matplotlib.figure import Figure as Canvas
+
+Cell: TypeAlias = float | str
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One reproduced figure or table.
+
+    Attributes
+    ----------
+    name : str
+        As on the command line and in file names: "fig-3.2", "table-3.1".
+    title : str
+        What is shown, in one line.
+    caption : str
+        How it was made, and our numbers beside those printed in the dissertation, or why the model
+        cannot give them.
+    draw : function
+        Adds axes to an empty matplotlib figure of the house style and draws on them.
+    columns : tuple of str
+        Names of the columns of the numbers behind the picture, with unit: "time_s", "output_v".
+    rows : tuple of tuples
+        One value per column; NaN where there is none.
+    height_in : float
+        Height of the drawing, without title and caption (inches); it is 7 inches wide.
+    """
+
+    name: str
+    title: str
+    caption: str
+    draw: Callable[[Canvas], None]
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    height_in: float = 4.0
+
+    def __post_init__(self) -> None:
+        """Refuse a table with ragged rows."""
+        for row in self.rows:
+            if len(row) != len(self.columns):
+                raise ValueError(f"{self.name}: row {row} does not fit columns {self.columns}")
+
+
+Registry: TypeAlias = Mapping[str, Callable[[], Figure]]
+"""Name of a figure to the function that computes it; nothing is computed before it is called."""

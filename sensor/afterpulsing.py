@@ -1,0 +1,139 @@
+"""Afterpulsing: carriers that an avalanche leaves in traps and that fire the pixel again later.
+
+Every counted avalanche fills a Poisson number of traps, of mean p < 1. Each carrier is released
+after a random delay, exponential or tabulated, and fires the pixel if it is live then; a carrier
+released during the dead time, or outside the gate, is lost without effect. An avalanche fired by a
+carrier fills traps like any other, so afterpulses have afterpulses. Arrivals that only extend a
+paralyzable dead time fill no traps: the pixel is not recharged, little charge flows.
+
+Without dead time this is a Hawkes process: on average 1/(1−p) counts per primary. For exponential
+delays of mean d the numbers of counts N and of filled traps n are Markov, and their means and
+covariances obey linear differential equations, with r the primary rate and β = 1/d:
+
+    n'   = r·p − β·(1−p)·n                    N'    = r + β·n
+    v_nn' = r·(p+p²) + β·(1−p+p²)·n − 2β(1−p)·v_nn
+    v_nN' = r·p − β·(1−p)·n + β·v_nn − β(1−p)·v_nN
+    v_NN' = r + β·n + 2β·v_nN
+
+solved here by the matrix exponential. All are proportional to r. For long exposures the mean is
+r·T/(1−p) and the variance r·T/(1−p)³.
+
+Source: dissertation §2.3.2; Hawkes, Biometrika 58, 83 (1971).
+"""
+
+from itertools import pairwise
+from typing import Annotated, Self
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+from pydantic import BaseModel, Field, model_validator
+from scipy.linalg import expm
+
+Floats = NDArray[np.float64]
+
+
+class Afterpulsing(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """Trapped carriers and when they come out; off by default."""
+
+    mean_carriers: Annotated[float, Field(ge=0, le=0.95)] = 0.0
+    """Mean number of carriers an avalanche leaves in traps (0: no afterpulsing)."""
+    delay_s: Annotated[float, Field(gt=0)] = 50e-9
+    """Mean of the exponential time to release (s); not used with a table."""
+    table_delays_s: tuple[Annotated[float, Field(ge=0)], ...] = ()
+    """Points of a measured distribution of the delay, increasing (s); empty: exponential."""
+    table_cumulative: tuple[Annotated[float, Field(ge=0, le=1)], ...] = ()
+    """Fraction of carriers released up to each of these points, from 0 to 1, not decreasing."""
+
+    @model_validator(mode="after")
+    def _check_table(self) -> Self:
+        delays, cumulative = self.table_delays_s, self.table_cumulative
+        if len(delays) != len(cumulative):
+            raise ValueError(
+                f"afterpulsing: {len(delays)} table_delays_s for {len(cumulative)} "
+                "table_cumulative; give one fraction per delay"
+            )
+        if not delays:
+            return self
+        if any(b <= a for a, b in pairwise(delays)) or any(b < a for a, b in pairwise(cumulative)):
+            raise ValueError(
+                "afterpulsing: table_delays_s must increase, table_cumulative not fall"
+            )
+        if len(delays) < 2 or (cumulative[0], cumulative[-1]) != (0, 1):
+            raise ValueError(
+                f"afterpulsing.table_cumulative: {list(cumulative)}; must go from 0 to 1"
+            )
+        return self
+
+    @property
+    def is_on(self) -> bool:
+        """Whether avalanches leave any carriers."""
+        return self.mean_carriers > 0
+
+    @property
+    def memory_s(self) -> float:
+        """Time after which a pixel has forgotten its past but for a part in e²⁰, s."""
+        delay = self.table_delays_s[-1] if self.table_delays_s else self.delay_s
+        return 20 * delay / (1 - self.mean_carriers)
+
+
+def moments(
+    primaries_hz: ArrayLike, exposure_s: float, afterpulsing: Afterpulsing, stationary: bool
+) -> tuple[Floats, Floats]:
+    """Exact mean and variance of the counts of an exposure, without dead time.
+
+    Parameters
+    ----------
+    primaries_hz : array of any shape
+        Rate of photons and dark counts.
+    exposure_s : float
+    afterpulsing : Afterpulsing
+        With exponential delay.
+    stationary : bool
+        Whether traps are filled as after a long time, rather than empty, when the exposure starts.
+    """
+    p, release_hz = afterpulsing.mean_carriers, 1 / afterpulsing.delay_s
+    decay, filled = release_hz * (1 - p), release_hz * (1 - p + p**2)
+    # state: n, v_nn, v_nN, N, v_NN and the constant 1, for one primary per second
+    system = np.array(
+        [
+            [-decay, 0, 0, 0, 0, p],
+            [filled, -2 * decay, 0, 0, 0, p + p**2],
+            [-decay, release_hz, -decay, 0, 0, p],
+            [release_hz, 0, 0, 0, 0, 1],
+            [release_hz, 0, 2 * release_hz, 0, 0, 1],
+            [0, 0, 0, 0, 0, 0],
+        ]
+    )
+    state = np.zeros(6)
+    state[5] = 1
+    if stationary:
+        state[0] = p / decay
+        state[1] = (p + p**2 + filled * state[0]) / (2 * decay)
+    mean, variance = (expm(system * exposure_s) @ state)[3:5]
+    primaries = np.asarray(primaries_hz, np.float64)
+    return primaries * mean, primaries * variance
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def draw_carriers(rng: np.random.Generator, mean: float) -> int:
+    """Number of carriers an avalanche leaves in traps (Poisson, small mean)."""
+    carriers, product, limit = 0, rng.random(), np.exp(-mean)
+    while product > limit:
+        product *= rng.random()
+        carriers += 1
+    return carriers
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def draw_delay(
+    rng: np.random.Generator, delay_s: float, table_delays_s: Floats, table_cumulative: Floats
+) -> float:
+    """Time from avalanche to release of one carrier, s; exponential if the table is empty."""
+    if table_delays_s.size == 0:
+        exponential: float = delay_s * rng.standard_exponential()
+        return exponential
+    tabulated: float = np.interp(rng.random(), table_cumulative, table_delays_s)
+    return tabulated

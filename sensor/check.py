@@ -1,0 +1,116 @@
+"""Every effect of a SPAD array held against its closed form or a plain event simulation.
+
+Streams are fixed, so the result is always the same; a change of the code that is right draws other
+numbers. Each row then fails with probability 6e-7 (|z| >= 5), the table with about 5e-5.
+"""
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2, norm
+
+LARGEST_Z = 5.0
+
+Floats = NDArray[np.float64]
+Counts = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One comparison.
+
+    Attributes
+    ----------
+    term : str
+        The effect.
+    quantity : str
+        What is compared, with unit.
+    expected, measured : float
+    z : float
+        Difference in standard errors; where nothing is random, in tolerances times 5.
+    """
+
+    term: str
+    quantity: str
+    expected: float
+    measured: float
+    z: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether the difference can be chance."""
+        return abs(self.z) < LARGEST_Z
+
+
+Check = Callable[[], Iterator[Row]]
+
+
+def run_checks(checks: tuple[Check, ...], threads: int = 2) -> list[Row]:
+    """Run checks in threads and return their rows in the order of the checks."""
+    with ThreadPoolExecutor(threads) as pool:
+        return [row for rows in pool.map(lambda check: list(check()), checks) for row in rows]
+
+
+def mean_row(term: str, quantity: str, expected: float, sample: Floats | Counts) -> Row:
+    """Compare the mean of independent draws with a number."""
+    error = float(sample.std()) / sample.size**0.5
+    return Row(term, quantity, expected, float(sample.mean()), _z(sample.mean() - expected, error))
+
+
+def variance_row(term: str, quantity: str, expected: float, sample: Floats | Counts) -> Row:
+    """Compare the variance of independent draws with a number."""
+    squares = (sample - sample.mean()) ** 2
+    error = float(squares.std()) / sample.size**0.5
+    return Row(
+        term, quantity, expected, float(squares.mean()), _z(squares.mean() - expected, error)
+    )
+
+
+def exact_row(term: str, quantity: str, expected: float, measured: float, tolerance: float) -> Row:
+    """Compare two numbers that should agree to within a tolerance."""
+    z = LARGEST_Z * (measured - expected) / tolerance
+    return Row(term, quantity, expected, measured, float(z))
+
+
+def two_sample_z(first: Counts, second: Counts) -> tuple[float, float, float]:
+    """Z of the difference in mean, in variance and in law of two samples of counts."""
+    n, m = first.size, second.size
+    deviations = [(sample - sample.mean()) ** 2 for sample in (first, second)]
+    mean_error = (first.var() / n + second.var() / m) ** 0.5
+    variance_error = (deviations[0].var() / n + deviations[1].var() / m) ** 0.5
+    return (
+        _z(second.mean() - first.mean(), mean_error),
+        _z(deviations[1].mean() - deviations[0].mean(), variance_error),
+        law_z(first, second),
+    )
+
+
+def law_z(first: Counts, second: Counts) -> float:
+    """Pearson's test of homogeneity, bins of 20 or more, as the z of the same probability."""
+    size = int(max(first.max(), second.max())) + 1
+    table = np.array([np.bincount(sample, minlength=size) for sample in (first, second)])
+    # neighboring counts share a bin until it holds enough
+    bins = (np.cumsum(table.sum(0)) - table.sum(0)) // 40
+    table = np.array([np.bincount(bins, row) for row in table])
+    table = table[:, table.sum(0) >= 20]
+    if table.shape[1] < 2:
+        return 0.0
+    expected = table.sum(1, keepdims=True) * table.sum(0) / table.sum()
+    statistic = ((table - expected) ** 2 / expected).sum()
+    return float(norm.isf(max(chi2.sf(statistic, table.shape[1] - 1), 1e-300)))
+
+
+def total_variation(first: Counts, second: Counts) -> float:
+    """Total variation distance between the histograms of two samples of counts."""
+    size = int(max(first.max(), second.max())) + 1
+    p, q = (np.bincount(sample, minlength=size) / sample.size for sample in (first, second))
+    return float(np.abs(p - q).sum() / 2)
+
+
+def _z(difference: float, error: float) -> float:
+    if error == 0:
+        return 0.0 if difference == 0 else np.inf
+    return float(difference / error)

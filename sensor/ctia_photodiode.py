@@ -1,0 +1,113 @@
+"""The photodiode of a CTIA pixel: ideal diode with a shunt resistance.
+
+    I_D(V) = I_s·(exp(V/(n·k·T/q)) − 1) + V/R_shunt          V = forward bias
+
+The pixel works at a small reverse bias, so functions here take the reverse bias and give the
+current that discharges the pixel: positive in reverse, negative in forward bias, where the pixel
+"can no longer discharge".
+
+Near zero bias the net current vanishes, its noise does not: two currents, I_s one way and
+I_s·exp(−V_r/w) the other, cancel on average only, and the shunt has its thermal noise. That is
+white, and its equivalent current, 2·q·I_eq in A²/Hz, is
+
+    I_eq = I_s·(1 + exp(−V_r/w)) + 2·k·T/(q·R_shunt)
+
+Source: dissertation §3.2.1 and §3.3; the noise is that of any p-n junction (van der Ziel). Left
+out: generation in the depletion region, tunneling through traps and breakdown, which make the
+reverse current of a real diode rise faster than this law can; capacitance of the junction; 1/f
+noise. The saturation current is that at the temperature given and is not scaled with it.
+"""
+
+from typing import Annotated, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field
+
+BOLTZMANN_J_K = 1.380649e-23
+ELEMENTARY_CHARGE_C = 1.602176634e-19
+
+Floats: TypeAlias = NDArray[np.float64]
+Reals: TypeAlias = float | NDArray[np.float64]
+
+# from the smaller of the two bounds below, eight reach double precision at any ratio of currents
+_NEWTON_STEPS = 12
+
+
+class Photodiode(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """Current law of a photodiode in the dark."""
+
+    saturation_current_a: Annotated[float, Field(ge=0)] = 0.0
+    """Reverse saturation current at the temperature given (A); 0: no junction current."""
+    ideality: Annotated[float, Field(ge=1, le=2)] = 1.0
+    """Ideality factor n of the junction (1 to 2)."""
+    temperature_k: Annotated[float, Field(gt=0)] = 300.0
+    """Temperature of the junction (K)."""
+    shunt_ohm: Annotated[float, Field(gt=0)] | None = None
+    """Resistance in parallel to the junction (Ω); none: no shunt."""
+
+    @property
+    def slope_v(self) -> float:
+        """n·k·T/q: the bias that changes the forward current by a factor e (V)."""
+        return self.ideality * BOLTZMANN_J_K * self.temperature_k / ELEMENTARY_CHARGE_C
+
+    @property
+    def shunt_s(self) -> float:
+        """Conductance of the shunt (S)."""
+        return 0.0 if self.shunt_ohm is None else 1 / self.shunt_ohm
+
+    @property
+    def zero_bias_s(self) -> float:
+        """Conductance at zero bias (S): I_s/(n·k·T/q) + 1/R_shunt."""
+        return self.saturation_current_a / self.slope_v + self.shunt_s
+
+
+def reverse_current(diode: Photodiode, reverse_bias_v: Reals, scale: Reals = 1.0) -> Floats:
+    """Dark current that discharges the pixel, A; negative in forward bias.
+
+    Parameters
+    ----------
+    diode : Photodiode
+    reverse_bias_v : array
+        V; negative: forward.
+    scale : array
+        Factor on all dark current, each pixel's own.
+    """
+    bias = np.asarray(reverse_bias_v, np.float64)
+    # a forward bias of some 0.7 V means more current than any amplifier takes: infinite is right
+    with np.errstate(over="ignore"):
+        junction = -diode.saturation_current_a * np.expm1(-bias / diode.slope_v)
+    return np.asarray(scale * (junction + diode.shunt_s * bias))
+
+
+def noise_current(diode: Photodiode, reverse_bias_v: Reals, scale: Reals = 1.0) -> Floats:
+    """Current whose full shot noise equals the noise of the dark diode, A; as `reverse_current`."""
+    forward = np.exp(-np.asarray(reverse_bias_v, np.float64) / diode.slope_v)
+    thermal = 2 * BOLTZMANN_J_K * diode.temperature_k / ELEMENTARY_CHARGE_C * diode.shunt_s
+    return np.asarray(scale * (diode.saturation_current_a * (1 + forward) + thermal))
+
+
+def open_circuit_voltage(diode: Photodiode, photocurrent_a: Reals, scale: Reals = 1.0) -> Floats:
+    """Forward bias at which the diode's own current cancels the photocurrent, V.
+
+    By Newton's method on a convex function from above, which converges from one side. Infinite for
+    a diode that conducts nothing in the dark.
+    """
+    photocurrent = np.asarray(photocurrent_a, np.float64)
+    slope, factor = diode.slope_v, np.asarray(scale, np.float64)
+    saturation, shunt = factor * diode.saturation_current_a, factor * diode.shunt_s
+    if diode.zero_bias_s == 0:
+        return np.full(np.broadcast_shapes(photocurrent.shape, saturation.shape), np.inf)
+    if diode.saturation_current_a == 0:
+        return np.asarray(photocurrent / shunt)
+    voltage = np.asarray(slope * np.log1p(photocurrent / saturation))
+    if diode.shunt_ohm is None:
+        return voltage
+    voltage = np.minimum(voltage, photocurrent / shunt)
+    for _ in range(_NEWTON_STEPS):
+        excess = saturation * np.expm1(voltage / slope) + shunt * voltage - photocurrent
+        steepness = saturation / slope * np.exp(voltage / slope) + shunt
+        voltage = voltage - excess / steepness
+    return voltage

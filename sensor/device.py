@@ -1,0 +1,100 @@
+"""One device of a kind: the fixed pattern of its pixels, the same in every frame, run and machine.
+
+Drawn from the device seed, or read from measured maps. Bias, mismatch and temperature act here:
+they change what a pixel is, not what happens in an exposure.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.sensor import bias, temperature
+from megalopta.sensor.analog_counter import AnalogCounter, AnalogPixels, analog_pixels
+from megalopta.sensor.dark_counts import dark_count_rate
+from megalopta.sensor.measured import MeasuredMaps, load_map
+from megalopta.sensor.model import Sensor
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Device:
+    """Pixels of one device.
+
+    Attributes
+    ----------
+    efficiency_factor : (H, W) float64
+        Detection efficiency relative to the sensor's curve.
+    dark_counts_hz : (H, W) float64
+        Dark count rate at this bias and temperature.
+    counters : AnalogPixels or None
+        Steps and leaks of analog counters.
+    """
+
+    efficiency_factor: Floats
+    dark_counts_hz: Floats
+    counters: AnalogPixels | None
+
+
+def fabricate(sensor: Sensor, shape: tuple[int, int]) -> Device:
+    """Make the device that a sensor describes, with (rows, columns) pixels.
+
+    Raises
+    ------
+    ValueError
+        When a measured map does not fit, or an efficiency would exceed 1.
+    """
+    # files may change, drawn patterns cannot
+    is_drawn = sensor.measured == MeasuredMaps()
+    return _fabricate_once(sensor, shape) if is_drawn else _fabricate(sensor, shape)
+
+
+def _fabricate(sensor: Sensor, shape: tuple[int, int]) -> Device:
+    offset = _breakdown_offset(sensor, shape)
+    counters = (
+        analog_pixels(sensor.counter, shape, sensor.exposure_s, sensor.device_seed)
+        if isinstance(sensor.counter, AnalogCounter)
+        else None
+    )
+    device = Device(_efficiency_factor(sensor, offset), _dark_counts_hz(sensor, offset), counters)
+    for pattern in (device.efficiency_factor, device.dark_counts_hz, *(counters or ())):
+        pattern.flags.writeable = False
+    return device
+
+
+_fabricate_once = lru_cache(maxsize=8)(_fabricate)
+
+
+def _breakdown_offset(sensor: Sensor, shape: tuple[int, int]) -> Floats:
+    measured = sensor.measured.breakdown
+    if measured is not None:
+        return load_map(measured, shape, "measured.breakdown", lowest=-np.finfo(float).max)
+    return bias.breakdown_offset(sensor.bias, shape, sensor.device_seed)
+
+
+def _efficiency_factor(sensor: Sensor, offset: Floats) -> Floats:
+    factor = bias.efficiency_factor(sensor.bias, offset)
+    measured = sensor.measured.efficiency
+    if measured is not None:
+        factor = factor * load_map(measured, offset.shape, "measured.efficiency")
+    largest = float(factor.max(initial=0)) * max(sensor.efficiency.values)
+    if largest > 1:
+        raise ValueError(
+            f"efficiency: {largest:g} in the best pixel; lower efficiency.values, "
+            "measured.efficiency or bias.excess_v so that it is at most 1"
+        )
+    return factor
+
+
+def _dark_counts_hz(sensor: Sensor, offset: Floats) -> Floats:
+    measured = sensor.measured.dark_counts
+    if measured is not None:
+        rate = load_map(measured, offset.shape, "measured.dark_counts")
+    else:
+        rate = dark_count_rate(
+            sensor.dark_counts, offset.shape, sensor.active_area_m2, sensor.device_seed
+        )
+    warmth = temperature.dark_count_factor(sensor.temperature)
+    return rate * bias.dark_count_factor(sensor.bias, offset) * warmth

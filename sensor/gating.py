@@ -1,0 +1,81 @@
+"""Gating: the pixel is sensitive only in a periodic window.
+
+Outside the window the bias is below breakdown: photons, dark carriers and trapped carriers fire
+nothing and start no dead time. A dead time that has started runs on. Time spent open is therefore
+the clock of the arrivals; `open_time` and `wall_time` convert between the clocks.
+
+Without dead time counts are Poisson with mean and variance r·(open time in the exposure).
+
+Source: dissertation §2.3.2.
+"""
+
+from typing import Annotated, Self
+
+import numpy as np
+from numba import njit
+from pydantic import BaseModel, Field, model_validator
+
+
+class Gate(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """The periodic window; always open by default."""
+
+    period_s: Annotated[float, Field(gt=0)] | None = None
+    """Time from one opening to the next (s); none: not gated."""
+    width_s: Annotated[float, Field(gt=0)] | None = None
+    """Time for which the window is open (s), at most the period."""
+    phase_s: Annotated[float, Field(ge=0)] = 0.0
+    """Time of the first opening after the start of the exposure (s), below the period."""
+
+    @model_validator(mode="after")
+    def _check_window(self) -> Self:
+        if (self.period_s is None) != (self.width_s is None):
+            raise ValueError("gate: period_s and width_s belong together; give both or none")
+        if self.period_s is None or self.width_s is None:
+            return self
+        if self.width_s > self.period_s or self.phase_s >= self.period_s:
+            raise ValueError(
+                f"gate: width_s {self.width_s:g} and phase_s {self.phase_s:g} must fit into the "
+                f"period_s {self.period_s:g}"
+            )
+        return self
+
+    @property
+    def is_on(self) -> bool:
+        """Whether the pixel is ever closed."""
+        return self.width_s != self.period_s
+
+
+def open_fraction(gate: Gate, exposure_s: float) -> float:
+    """Fraction of the exposure for which the window is open."""
+    if gate.period_s is None or gate.width_s is None:
+        return 1.0
+    window = gate.period_s, gate.width_s, gate.phase_s
+    return float(open_time(exposure_s, *window) - open_time(0.0, *window)) / exposure_s
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def open_time(time_s: float, period_s: float, width_s: float, phase_s: float) -> float:
+    """Time spent open between the first opening and a time, s; period 0: not gated."""
+    if period_s == 0:
+        return time_s
+    cycle = np.floor((time_s - phase_s) / period_s)
+    opened: float = cycle * width_s + min(time_s - phase_s - cycle * period_s, width_s)
+    return opened
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def wall_time(open_s: float, period_s: float, width_s: float, phase_s: float) -> float:
+    """Time at which so much time has been spent open, s: the inverse of `open_time`."""
+    if period_s == 0:
+        return open_s
+    cycle = np.floor(open_s / width_s)
+    time: float = phase_s + cycle * period_s + (open_s - cycle * width_s)
+    return time
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def is_open(time_s: float, period_s: float, width_s: float, phase_s: float) -> bool:
+    """Whether the window is open."""
+    return bool(period_s == 0 or (time_s - phase_s) % period_s < width_s)

@@ -1,0 +1,37 @@
+import io
+
+import pytest
+from rich.console import Console
+
+from megalopta import check_physics
+from megalopta.sensor.check import Row
+
+GOOD, BAD = Row("gate", "counts", 3.0, 3.1, 0.4), Row("jitter", "variance", 1.0, 2.0, 17.0)
+
+
+@pytest.fixture
+def console():
+    return Console(file=io.StringIO(), width=140)
+
+
+@pytest.mark.parametrize(("rows", "verdict"), [([GOOD], True), ([GOOD, BAD], False)])
+def test_outcome_and_table_tell_whether_all_passed(console, monkeypatch, rows, verdict):
+    monkeypatch.setattr(check_physics, "run_checks", lambda checks: rows)
+    assert check_physics.run_check_physics(console=console) is verdict
+    text = console.file.getvalue()
+    assert f"{len(rows)} comparisons, {len(rows) - 1} failed" in text
+    assert ("NO" in text) is not verdict
+
+
+def test_table_prints_the_order_of_effects(console, monkeypatch):
+    monkeypatch.setattr(check_physics, "run_checks", lambda checks: [GOOD])
+    check_physics.run_check_physics(console=console)
+    assert "lens → efficiency → bias → temperature" in console.file.getvalue()
+
+
+def test_pictures_are_written_where_asked(console, monkeypatch, tmp_path):
+    monkeypatch.setattr(check_physics, "run_checks", lambda checks: [GOOD])
+    monkeypatch.setattr(check_physics, "_EXPOSURES_OF_A_PICTURE", 1000)
+    check_physics.run_check_physics(tmp_path / "plots", console)
+    names = sorted(path.name for path in (tmp_path / "plots").iterdir())
+    assert names == ["counts_ideal.png", "counts_nonparalyzable.png", "counts_paralyzable.png"]

@@ -1,0 +1,137 @@
+import hashlib
+
+import numpy as np
+import pytest
+import yaml
+
+from megalopta.sensor import Bias, Efficiency, Temperature, expose_rate, load_sensor, preset
+from megalopta.sensor.device import fabricate
+
+SHAPE = (6, 9)
+RNG = np.random.default_rng(0)
+MAPS = {
+    "dark_counts": RNG.uniform(0, 500, SHAPE),
+    "efficiency": RNG.uniform(0.8, 1.2, SHAPE),
+    "breakdown": RNG.normal(0, 0.04, SHAPE),
+}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name, values in MAPS.items():
+        np.save(tmp_path / f"{name}.npy", values)
+    write(tmp_path, {"preset": "spadcam", "name": "mine", "measured": maps(*MAPS)})
+    return tmp_path
+
+
+def maps(*names):
+    return {name: {"path": f"{name}.npy"} for name in names}
+
+
+def write(folder, values):
+    (folder / "device.yaml").write_text(yaml.safe_dump(values))
+
+
+def load(folder):
+    return load_sensor(folder / "device.yaml")
+
+
+def test_measured_maps_take_the_place_of_drawn_patterns(folder):
+    write(
+        folder,
+        {
+            "preset": "spadcam",
+            "measured": maps("dark_counts", "efficiency"),
+            "bias": {"breakdown_sigma_v": 0},
+        },
+    )
+    device = fabricate(load(folder), SHAPE)
+    np.testing.assert_allclose(device.dark_counts_hz, MAPS["dark_counts"], rtol=1e-12)
+    np.testing.assert_allclose(device.efficiency_factor, MAPS["efficiency"], rtol=1e-12)
+
+
+def test_measured_breakdown_moves_both_others(folder):
+    sensor = load(folder)
+    device = fabricate(sensor, SHAPE)
+    lift = np.exp(-MAPS["breakdown"] / sensor.bias.dark_efold_v)
+    np.testing.assert_allclose(device.dark_counts_hz, MAPS["dark_counts"] * lift, rtol=1e-12)
+
+
+def test_yaml_of_a_device_changes_only_what_it_names(folder):
+    write(folder, {"preset": "spadcam", "name": "mine", "counter": {"step_v": 0.03}})
+    sensor, spadcam = load(folder), preset("spadcam")
+    assert sensor.counter.step_v == 0.03
+    assert sensor.counter.leak_v_s == spadcam.counter.leak_v_s
+    assert sensor.efficiency == spadcam.efficiency
+
+
+def test_record_of_a_measured_device_carries_its_hashes_and_survives_json(folder):
+    sensor = load(folder)
+    content = (folder / "breakdown.npy").read_bytes()
+    assert sensor.measured.breakdown.sha256 == hashlib.sha256(content).hexdigest()
+    assert type(sensor).model_validate_json(sensor.model_dump_json()) == sensor
+
+
+def test_map_that_changed_since_is_refused(folder):
+    sensor = load(folder)
+    np.save(folder / "breakdown.npy", MAPS["breakdown"] + 1e-6)
+    with pytest.raises(ValueError, match=r"measured\.breakdown: .* has changed"):
+        fabricate(sensor, SHAPE)
+
+
+def test_map_of_another_size_is_refused(folder):
+    with pytest.raises(ValueError, match=r"shape \(6, 9\), the image \(9, 6\)"):
+        fabricate(load(folder), (9, 6))
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (np.full(SHAPE, -1.0), "below 0 or not finite"),
+        (np.full(SHAPE, np.nan), "below 0 or not finite"),
+        (np.full(SHAPE, "x"), "plain numbers"),
+        (np.full(SHAPE, {}, object), "plain numbers"),
+    ],
+)
+def test_impossible_map_is_refused(folder, values, message):
+    np.save(folder / "dark_counts.npy", values, allow_pickle=True)
+    with pytest.raises(ValueError, match=rf"measured\.dark_counts: .*{message}"):
+        fabricate(load(folder), SHAPE)
+
+
+def test_missing_files_are_refused(folder):
+    with pytest.raises(ValueError, match="cannot be read as YAML"):
+        load_sensor(folder / "none.yaml")
+    (folder / "efficiency.npy").unlink()
+    with pytest.raises(ValueError, match="does not exist; give the path"):
+        load(folder)
+
+
+def test_efficiency_above_one_in_the_best_pixel_is_refused():
+    sensor = preset("spadcam").model_copy(
+        update={"efficiency": Efficiency(wavelengths_nm=(400, 700), values=(0.95, 0.95))}
+    )
+    with pytest.raises(ValueError, match=r"efficiency: 1\.\d+ in the best pixel; lower"):
+        fabricate(sensor, (64, 64))
+
+
+def test_pattern_is_the_same_in_every_frame_and_run_and_cannot_be_changed():
+    sensor = preset("spadcam")
+    first = fabricate(sensor, (8, 8)).dark_counts_hz
+    np.testing.assert_array_equal(fabricate(sensor.model_copy(), (8, 8)).dark_counts_hz, first)
+    expected = expose_rate(np.zeros((3, 8, 8)), sensor, seed=0, sequence="s").expected
+    assert np.ptp(expected, axis=0).max() == 0
+    with pytest.raises(ValueError, match="read-only"):
+        first[0, 0] = 1
+
+
+def test_cooling_lowers_the_dark_counts_of_every_pixel_alike():
+    sensor = preset("spadcam")
+    cold = sensor.model_copy(update={"temperature": Temperature(celsius=2.0)})
+    ratio = fabricate(cold, (8, 8)).dark_counts_hz / fabricate(sensor, (8, 8)).dark_counts_hz
+    np.testing.assert_allclose(ratio, 0.25)
+
+
+def test_bias_off_leaves_the_dark_counts_drawn():
+    sensor = preset("spadcam").model_copy(update={"bias": Bias()})
+    assert np.all(fabricate(sensor, (8, 8)).efficiency_factor == 1)
