@@ -20,7 +20,8 @@ from megalopta.report import write_report
 from megalopta.stages import STAGES, run_all, run_stage
 
 _DEMO = "do everything: render, sense, flow, bench and a report to open in a browser"
-_OWN_OPTIONS = ("--out", "--redo", "--help", "-h", "--version")
+_OWN_OPTIONS = ("--out", "--redo", "--plots", "--help", "-h", "--version")
+_WITHOUT_SETTINGS = ("report", "info", "check", "reproduce")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -39,12 +40,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _run(arguments: Sequence[str]) -> None:
     own, overrides = split_overrides(arguments, _OWN_OPTIONS)
     options = _parser().parse_args(own)
-    if options.verb in ("info", "report") and overrides:
+    if options.verb in _WITHOUT_SETTINGS and overrides:
         raise UserError(f"{options.verb} has no setting --{next(iter(overrides))}")
     if options.verb == "info":
         print(describe())
     elif options.verb == "report":
         print(write_report(open_dataset(options.dataset)))
+    elif options.verb == "check":
+        _check_physics(options.plots)
+    elif options.verb == "reproduce":
+        _reproduce(options.figures, options.out)
     elif options.verb == "demo":
         dataset = run_all(options.out, load(options.configuration, overrides), options.redo)
         print(write_report(dataset))
@@ -55,6 +60,20 @@ def _run(arguments: Sequence[str]) -> None:
         stored = to_yaml(open_dataset(options.dataset).configuration)
         configuration = parse(stored, str(options.dataset), overrides)
         run_stage(options.dataset, configuration, options.verb, options.redo)
+
+
+def _check_physics(plots: Path | None) -> None:
+    from megalopta.check_physics import run_check_physics
+
+    if not run_check_physics(plots):
+        sys.exit(1)
+
+
+def _reproduce(names: Sequence[str], out: Path) -> None:
+    from megalopta.reproduce import FIGURES, reproduce
+
+    for path in reproduce(list(FIGURES) if names == ["all"] else names, out):
+        print(path)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -80,7 +99,20 @@ def _parser() -> argparse.ArgumentParser:
     for verb in ("sense", "flow", "bench"):
         _add_dataset(_add_verb(verbs, verb, STAGES[verb].purpose, has_settings=True))
     report = "write report.html, one file without outside links, from what a dataset holds"
-    _add_dataset(_add_verb(verbs, "report", report, has_settings=False))
+    _add_dataset(_add_verb(verbs, "report", report))
+    check = _add_verb(
+        verbs, "check", "prove every sensor effect against theory or an event-by-event simulation"
+    )
+    check.add_argument("what", choices=["physics"], help="what to prove")
+    check.add_argument("--plots", type=Path, help="folder for pictures of the counting laws")
+    drawing = "draw figures and tables of the dissertation again, as PNG, SVG and CSV"
+    reproduction = _add_verb(verbs, "reproduce", drawing)
+    reproduction.add_argument(
+        "figures", nargs="+", metavar="FIGURE", help="such as fig-2.9 or table-3.1, or all"
+    )
+    reproduction.add_argument(
+        "--out", type=Path, default=Path("out/figures"), help="folder (default: out/figures)"
+    )
     _add_verb(verbs, "info", "show versions, the rendering variant and what would make it faster")
     return parser
 

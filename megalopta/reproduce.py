@@ -11,13 +11,14 @@ from pathlib import Path
 
 from megalopta.errors import UserError
 from megalopta.figure import Cell, Figure, Registry
+from megalopta.figures_chapter2 import CHAPTER_2
 from megalopta.figures_chapter3 import CHAPTER_3
 from megalopta.files import whole_file
 from megalopta.plot_style import house_style, new_canvas
 
 __all__ = ["FIGURES", "Figure", "reproduce"]
 
-FIGURES: Registry = {**CHAPTER_3}
+FIGURES: Registry = {**CHAPTER_2, **CHAPTER_3}
 
 
 def reproduce(names: Sequence[str], out: Path) -> list[Path]:

@@ -16,6 +16,7 @@ from megalopta.report import page as report_page
 from megalopta.report import write_report
 from megalopta.report.budget import exposed
 from megalopta.report.footage import read_footage, select
+from megalopta.sensor import DigitalCounter
 from megalopta.stages import run_all
 
 SECTIONS = ("light", "motion", "detectors", "photons", "made")
@@ -134,7 +135,7 @@ def test_there_is_an_error_chart_per_size_and_metric(page):
 
 
 def test_saturated_readings_are_told(copied):
-    sensor = CONFIGURATION.sensors[0].model_copy(update={"counter_capacity": 20})
+    sensor = CONFIGURATION.sensors[0].model_copy(update={"counter": DigitalCounter(capacity=20)})
     sensors = (sensor, CONFIGURATION.sensors[1])
     changed = copied.configuration.model_copy(update={"sensors": sensors})
     text = read(write_report(run_all(copied.root, changed, redo=True))).text
