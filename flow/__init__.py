@@ -22,7 +22,7 @@ from megalopta.flow.detector import Detector
 from megalopta.flow.error import ErrorSums, error_sums
 from megalopta.flow.flo import read_flo, write_flo
 from megalopta.flow.methods import METHODS, method
-from megalopta.flow.photons import draw_counts, mean_counts
+from megalopta.flow.photons import draw_counts
 from megalopta.flow.resize import resize
 from megalopta.flow.threshold import Threshold, threshold
 from megalopta.flow.truth_error import TruthError, block_flow, truth_error
@@ -40,7 +40,6 @@ __all__ = [
     "draw_counts",
     "error_sums",
     "flow_to_rgb",
-    "mean_counts",
     "method",
     "photon_benchmark",
     "read_flo",

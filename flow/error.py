@@ -53,10 +53,6 @@ class ErrorSums:
             return self.relative * responds, self.scored * responds
         return self.deviation, self.magnitude
 
-    def per_frame(self, metric: Metric) -> FloatArray:
-        """Return the error of each frame, (T,); NaN where the ideal response is zero."""
-        return quotient(*self.parts(metric))
-
     def of_sequence(self, metric: Metric) -> float:
         """Return the error over all frames; NaN when the ideal response is zero everywhere."""
         numerator, denominator = self.parts(metric)

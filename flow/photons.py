@@ -1,9 +1,8 @@
-"""A clean sequence at a given total photon flux, and photon counts drawn from it.
+"""What scales a clean sequence to a photon flux, and photon counts drawn from mean counts.
 
 Thesis §4.2: mean counts λ = F·I/ΣI + dark counts, counts ~ Poisson(λ), with the flux F in photons
-per frame. ΣI is here the mean over the sequence, so that a scene that grows darker does; for one
-image, or a scene of constant brightness, there is no difference. Dark counts are given per pixel
-of the original image and grow with the area of a resized pixel.
+per frame. ΣI is here `brightness`, the mean over the sequence, so that a scene that grows darker
+does; for one image, or a scene of constant brightness, there is no difference.
 
 Every frame is drawn from a stream of its own, named by the seed, the caller's key and the number
 of the frame, so the counts of a frame do not depend on how the sequence is cut. Different fluxes
@@ -36,35 +35,6 @@ def brightness(frames: NDArray[Any]) -> float:
     if mean == 0:
         raise ValueError("frames are black: there is nothing to scale to a photon flux")
     return mean
-
-
-def mean_counts(
-    frames: NDArray[Any], flux: float, dark_counts: float = 0.0, pixel_area: float = 1.0
-) -> NDArray[np.float64]:
-    """Return the mean counts per pixel and frame of a clean sequence.
-
-    Parameters
-    ----------
-    frames : (T, H, W)
-        Any quantity proportional to the light, 0 or more.
-    flux : float
-        Photons per frame, mean over the sequence.
-    dark_counts : float
-        Dark counts per frame and pixel of the original image.
-    pixel_area : float
-        Area of a pixel of `frames` in pixels of the original image.
-
-    Raises
-    ------
-    ValueError
-        When the frames are no light, or flux or dark counts are negative.
-    """
-    if not (flux >= 0 and dark_counts >= 0 and pixel_area > 0):
-        raise ValueError(
-            f"flux {flux:g}, dark_counts {dark_counts:g}, pixel_area {pixel_area:g}: give flux and"
-            " dark counts of 0 or more and a positive area"
-        )
-    return frames * (flux / brightness(frames)) + dark_counts * pixel_area
 
 
 def draw_counts(

@@ -5,7 +5,7 @@ import pytest
 
 from megalopta.flow.block_matching import BlockMatching
 from megalopta.flow.correlation import ElementaryMotionDetector
-from megalopta.flow.error import combine, error_sums
+from megalopta.flow.error import combine, error_sums, quotient
 from megalopta.flow.image_interpolation import ImageInterpolation
 
 PIXELS = ElementaryMotionDetector()
@@ -16,11 +16,15 @@ def responses(seed, shape=(5, 20, 30)):
     return np.random.default_rng(seed).normal(size=shape)
 
 
+def per_frame(sums, metric):
+    return quotient(*sums.parts(metric))
+
+
 def test_literal_error_is_equation_4_5():
     ideal, noisy = responses(0), responses(1)
     expected = [np.mean(np.abs((i - s) / i)[1:-1, 1:-1]) for i, s in zip(ideal, noisy, strict=True)]
     sums = error_sums(PIXELS, ideal, noisy)
-    np.testing.assert_allclose(sums.per_frame("literal"), expected, rtol=1e-12)
+    np.testing.assert_allclose(per_frame(sums, "literal"), expected, rtol=1e-12)
     assert sums.of_sequence("literal") == pytest.approx(np.mean(expected), rel=1e-12)
 
 
@@ -28,7 +32,7 @@ def test_ratio_error_is_the_quotient_of_the_sums():
     ideal, noisy = responses(0)[:, 1:-1, 1:-1], responses(1)[:, 1:-1, 1:-1]
     sums = error_sums(PIXELS, responses(0), responses(1))
     np.testing.assert_allclose(
-        sums.per_frame("ratio"),
+        per_frame(sums, "ratio"),
         np.abs(ideal - noisy).sum(axis=(1, 2)) / np.abs(ideal).sum(axis=(1, 2)),
     )
     assert sums.of_sequence("ratio") == pytest.approx(
@@ -48,7 +52,7 @@ def test_a_zero_ideal_response_is_floored_in_literal_and_harmless_in_ratio():
 def test_a_frame_without_any_ideal_response_has_no_error():
     ideal = np.stack([np.zeros((4, 4)), np.ones((4, 4))])
     sums = error_sums(PIXELS, ideal, ideal + 0.5)
-    np.testing.assert_array_equal(sums.per_frame("literal"), (np.nan, 0.5))
+    np.testing.assert_array_equal(per_frame(sums, "literal"), (np.nan, 0.5))
     assert sums.of_sequence("literal") == 0.5
     assert np.isnan(error_sums(PIXELS, ideal[:1], ideal[1:]).of_sequence("literal"))
 
@@ -94,9 +98,8 @@ def test_sums_of_chunks_combine_to_those_of_the_whole():
     ideal, noisy = responses(0), responses(1)
     whole = error_sums(PIXELS, ideal, noisy)
     parts = [error_sums(PIXELS, ideal[i : i + 2], noisy[i : i + 2]) for i in (0, 2, 4)]
-    np.testing.assert_array_equal(
-        combine(parts, np.concatenate).per_frame("literal"), whole.per_frame("literal")
-    )
+    combined = combine(parts, np.concatenate)
+    np.testing.assert_array_equal(combined.parts("literal"), whole.parts("literal"))
 
 
 def test_responses_of_different_shape_are_refused():
