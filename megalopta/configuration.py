@@ -77,16 +77,22 @@ class Configuration(
     @field_validator("name")
     @classmethod
     def _name_is_a_folder(cls, name: str) -> str:
-        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]*", name):
-            raise ValueError(f"{name!r} cannot name a folder: use letters, digits, - and _")
-        return name
+        return _folder_name(name)
+
+    @field_validator("light_levels", mode="before")
+    @classmethod
+    def _lux_are_numbers(cls, levels: Any) -> Any:
+        # YAML reads 1e-3, without a decimal point, as text.
+        if isinstance(levels, str) or not isinstance(levels, Sequence):
+            return levels
+        return tuple(_number_if_it_is_one(level) for level in levels)
 
     @field_validator("light_levels")
     @classmethod
     def _levels_are_known(cls, levels: tuple[LightLevel, ...]) -> tuple[LightLevel, ...]:
         for level in levels:
             illuminance_of(level)
-        if len(set(map(str, levels))) < len(levels):
+        if len(set(map(level_text, levels))) < len(levels):
             raise ValueError(f"{list(levels)}: each level once")
         return levels
 
@@ -110,7 +116,7 @@ class Configuration(
         check_sample_count(self.camera, self.render)
         if self.trajectory.frames < 2:
             raise ValueError("trajectory.frames 1: motion needs at least 2 frames")
-        names = [sensor.name for sensor in self.sensors]
+        names = [_folder_name(sensor.name) for sensor in self.sensors]
         if len(set(names)) < len(names):
             raise ValueError(f"sensors {names}: give each sensor a name of its own")
         period = 1 / self.trajectory.frame_rate_hz
@@ -123,6 +129,24 @@ class Configuration(
                     f"use at most {period:g}"
                 )
         return self
+
+
+def level_text(level: LightLevel) -> str:
+    """A light level as text, such as "starlight" or "0.05lux"."""
+    return level if isinstance(level, str) else f"{level:.12g}lux"
+
+
+def _folder_name(name: str) -> str:
+    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]*", name):
+        raise ValueError(f"{name!r} cannot name a folder: use letters, digits, - and _")
+    return name
+
+
+def _number_if_it_is_one(level: Any) -> Any:
+    try:
+        return float(level) if isinstance(level, str) else level
+    except ValueError:
+        return level
 
 
 def _resolve_sensor(sensor: Any) -> Any:
@@ -159,7 +183,7 @@ def load(source: str, overrides: Mapping[str, str] | None = None) -> Configurati
     Parameters
     ----------
     source : str
-        Name of a built-in configuration or path of a YAML file.
+        Name of a built-in configuration, path of a YAML file, or a dataset's folder.
     overrides : mapping, optional
         Field path, such as "scene.trees", to a value in YAML.
 
@@ -171,7 +195,8 @@ def load(source: str, overrides: Mapping[str, str] | None = None) -> Configurati
     if source in built_in_names():
         text = resources.files("megalopta").joinpath(f"{source}.yaml").read_text("utf-8")
     else:
-        text = _read_file(Path(source))
+        path = Path(source)
+        text = _read_file(path / "dataset.yaml" if path.is_dir() else path)
     return parse(text, source, overrides)
 
 
@@ -182,6 +207,8 @@ def parse(text: str, source: str, overrides: Mapping[str, str] | None = None) ->
         values = {}
     if not isinstance(values, dict):
         raise UserError(f"{source}: a configuration is a mapping of keys to values")
+    if "configuration" in values:  # a dataset.yaml
+        values = values["configuration"]
     configuration = _validated(values, source)
     if not overrides:
         return configuration

@@ -24,7 +24,13 @@ import yaml
 from pydantic import ValidationError
 
 from megalopta import __version__, files
-from megalopta.configuration import Configuration, LightLevel, differences, to_yaml
+from megalopta.configuration import (
+    Configuration,
+    LightLevel,
+    differences,
+    level_text,
+    to_yaml,
+)
 from megalopta.errors import UserError, one_sentence
 from megalopta.sensor import Sensor
 
@@ -117,36 +123,50 @@ class Dataset:
         return any(path.exists() for path in self.stage_folders(stage))
 
     def is_finished(self, stage: str) -> bool:
-        """Whether a stage was finished with this configuration."""
+        """Whether a stage was finished with this configuration and its files are there."""
         fingerprint = stage_hash(self.configuration, stage)
         return any(
-            line["stage"] == stage
-            and line["sequence"] == self.sequence
-            and line["configuration"] == fingerprint
+            (line["stage"], line["sequence"], line["configuration"])
+            == (stage, self.sequence, fingerprint)
+            and all((self.root / name).exists() for name in line["files"])
             for line in self.manifest()
         )
 
     def require(self, stage: str) -> None:
-        """Refuse to go on when an earlier stage is not finished."""
+        """Refuse to go on when a stage is not finished with this configuration."""
         if not self.is_finished(stage):
+            target = f"{self.root} --out {self.root}" if stage == "render" else self.root
             raise UserError(
-                f"{self.root}: stage {stage!r} is not finished here; "
-                f"run: megalopta {stage} {self.root}"
+                f"{self.root}: stage {stage!r} is not finished with this configuration; "
+                f"run first: megalopta {stage} {target}"
             )
 
     def manifest(self) -> list[dict[str, Any]]:
         """Lines of the manifest: sequence, stage, configuration hash, file hashes."""
         path = self.root / "manifest.jsonl"
-        if not path.exists():
-            return []
-        return [json.loads(line) for line in path.read_text("utf-8").splitlines() if line]
+        lines = path.read_text("utf-8").splitlines() if path.exists() else []
+        try:
+            return [dict(json.loads(line)) for line in lines if line]
+        except (ValueError, TypeError):
+            raise UserError(f"{path} is damaged; restore it, or render into a new folder") from None
 
     def timings(self) -> dict[str, float]:
-        """Seconds that each finished stage took."""
+        """Seconds spent on each stage, interrupted runs included."""
         path = self.root / "timings.json"
-        return dict(json.loads(path.read_text("utf-8"))) if path.exists() else {}
+        try:
+            return dict(json.loads(path.read_text("utf-8"))) if path.exists() else {}
+        except (ValueError, TypeError):
+            raise UserError(f"{path} is damaged; remove it, it holds nothing but times") from None
 
-    def finish(self, stage: str, seconds: float) -> None:
+    def add_time(self, stage: str, seconds: float) -> None:
+        """Add to the time spent on a stage."""
+        total = self.timings().get(stage, 0.0) + seconds
+        self._write_timings({**self.timings(), stage: round(total, 3)})
+
+    def _write_timings(self, timings: Mapping[str, float]) -> None:
+        files.write_json(self.root / "timings.json", timings)
+
+    def finish(self, stage: str) -> None:
         """Enter a finished stage, with the hashes of its files, into the manifest."""
         line = {
             "sequence": self.sequence,
@@ -159,7 +179,6 @@ class Dataset:
             },
         }
         self._write_manifest([*self._manifest_without(stage), line])
-        files.write_json(self.root / "timings.json", {**self.timings(), stage: round(seconds, 3)})
 
     def forget(self, stage: str) -> None:
         """Remove a stage's output and that of every stage that needs it."""
@@ -167,7 +186,8 @@ class Dataset:
             if stage in STAGE_NEEDS[later]:
                 self.forget(later)
         self._write_manifest(self._manifest_without(stage))
-        for path in self.stage_folders(stage):
+        self._write_timings({name: t for name, t in self.timings().items() if name != stage})
+        for path in (*self.stage_folders(stage), self.root / "report.html"):
             files.remove(path)
 
     def _manifest_without(self, stage: str) -> list[dict[str, Any]]:
@@ -202,20 +222,8 @@ def begin_stage(
     needs must be finished. With `redo`, this stage's output and whatever disagrees is removed
     first.
     """
-    new = _agreed(root, configuration, stage, redo)
-    for needed in STAGE_NEEDS[stage]:
-        new.require(needed)
-    return new
-
-
-def _agreed(root: Path, configuration: Configuration, stage: str, redo: bool) -> Dataset:
     new = Dataset(root, configuration)
-    if not (root / "dataset.yaml").exists():
-        if root.exists() and (not root.is_dir() or any(root.iterdir())):
-            raise UserError(f"{root} exists and is no dataset; choose a new folder")
-        _write_configuration(new)
-        return new
-    old = open_dataset(root)
+    old = _existing(root) or new
     stale = [
         other
         for other in STAGES
@@ -223,22 +231,52 @@ def _agreed(root: Path, configuration: Configuration, stage: str, redo: bool) ->
         and stage_configuration(old.configuration, other)
         != stage_configuration(configuration, other)
     ]
+    changes = _changes(old, new, stale)
     if stale and not redo:
-        changes = differences(_union(old.configuration, stale), _union(configuration, stale))
-        more = f" and {len(changes) - 3} more" if len(changes) > 3 else ""
         raise UserError(
             f"{root} holds {' and '.join(stale)} output of another configuration "
-            f"({'; '.join(changes[:3])}{more}); choose another folder, or add --redo to replace it"
+            f"({changes}); choose another folder, or add --redo to replace it"
         )
-    for other in [*stale, *([stage] if redo else [])]:
+    doomed = _with_dependents([*stale, *([stage] if redo else [])])
+    for needed in STAGE_NEEDS[stage]:
+        if needed in doomed:
+            raise UserError(
+                f"{root}: --redo of {stage!r} alone would remove the {needed!r} output, which "
+                f"disagrees ({changes}); run with --redo first: megalopta {needed}"
+            )
+        new.require(needed)
+    for other in doomed:
         old.forget(other)
     _write_configuration(new)
     return new
 
 
+def _existing(root: Path) -> Dataset | None:
+    if (root / "dataset.yaml").exists():
+        return open_dataset(root)
+    if root.exists() and (not root.is_dir() or any(root.iterdir())):
+        raise UserError(f"{root} exists and is no dataset; choose a new folder")
+    return None
+
+
+def _with_dependents(stages: Sequence[str]) -> list[str]:
+    """Stages and all that need one of them, in order."""
+    doomed: set[str] = set()
+    for stage in STAGES:
+        if stage in stages or doomed.intersection(STAGE_NEEDS[stage]):
+            doomed.add(stage)
+    return [stage for stage in STAGES if stage in doomed]
+
+
+def _changes(old: Dataset, new: Dataset, stages: Sequence[str]) -> str:
+    changes = differences(_union(old.configuration, stages), _union(new.configuration, stages))
+    more = f" and {len(changes) - 3} more" if len(changes) > 3 else ""
+    return "; ".join(changes[:3]) + more
+
+
 def exposure_name(sensor: Sensor, level: LightLevel) -> str:
     """Name of the counts of one sensor at one light level, such as "spadcam-starlight"."""
-    return f"{sensor.name}-{level if isinstance(level, str) else f'{level:g}lux'}"
+    return f"{sensor.name}-{level_text(level)}"
 
 
 def stage_configuration(configuration: Configuration, stage: str) -> dict[str, Any]:

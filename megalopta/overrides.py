@@ -39,7 +39,7 @@ def split_overrides(
         if argument.startswith("--") and name not in options:
             words = found.setdefault(name.removeprefix("--").replace("-", "_"), [])
             words += [value] if equals else []
-        elif argument in options:
+        elif name in options:
             own.append(argument)
             words = own
         else:

@@ -1,41 +1,59 @@
 """The render stage: scene to radiance and ground truth of every frame, on disk."""
 
+import math
+
 import numpy as np
 
 from megalopta import files, sintel
+from megalopta.configuration import Configuration
 from megalopta.dataset import Dataset
-from megalopta.progress import progress, say
+from megalopta.errors import UserError
+from megalopta.progress import Advance, progress, say
 from megalopta.render.exr import read_radiance, write_radiance, write_truth
 from megalopta.render.renderer import SceneRenderer, frame_seed
 from megalopta.scenes.build import build_scene
 from megalopta.scenes.color import encode_srgb, linear_srgb
 from megalopta.scenes.grating import Grating
 from megalopta.scenes.light import planckian
+from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectrum import flat
 
 # The brightest tenth of the first frame, mostly sky, may be shown as pure white.
 _WHITE_PERCENTILE = 90.0
 
 
+# Frames rendered a second time, with other seeds, to measure the renderer's noise.
+_NOISE_FRAMES = 2
+
+
 def render(dataset: Dataset) -> None:
     """Render what is not there yet; a frame is there when its truth file is."""
     frames = range(dataset.configuration.trajectory.frames)
     missing = [index for index in frames if not dataset.truth(index).exists()]
-    if missing:
+    if missing or not dataset.scene_record.exists():
         say("render: building the scene")
         writer = FrameWriter(dataset)
         say(f"render: {writer.objects} objects, {writer.triangles:,} triangles; {writer.variant}")
-        record = {
-            "objects": writer.objects,
-            "triangles": writer.triangles,
-            "variant": writer.variant.name,
-        }
-        files.write_json(dataset.scene_record, record)
-        with progress("Rendering radiance and truth", len(missing), "frame") as advance:
+        steps = len(missing) + _NOISE_FRAMES
+        with progress("Rendering radiance and truth", steps, "frame") as advance:
             for index in missing:
                 writer.write(index)
                 advance()
+            record = {
+                "objects": writer.objects,
+                "triangles": writer.triangles,
+                "variant": writer.variant.name,
+                "monte_carlo": writer.monte_carlo_noise(advance),
+            }
+        files.write_json(dataset.scene_record, record)
     _write_previews(dataset)
+
+
+def _build(settings: Configuration) -> Scene:
+    try:
+        return build_scene(settings.scene, settings.light, settings.camera, settings.trajectory)
+    except ValueError as problem:
+        raise UserError(f"scene: {problem}") from None
 
 
 class FrameWriter:
@@ -44,7 +62,7 @@ class FrameWriter:
     def __init__(self, dataset: Dataset) -> None:
         self._dataset = dataset
         settings = dataset.configuration
-        scene = build_scene(settings.scene, settings.light, settings.camera, settings.trajectory)
+        scene = _build(settings)
         self._renderer = SceneRenderer(scene, settings.camera, settings.render)
         self._poses = settings.trajectory.poses()
         self.objects, self.triangles = len(scene.placements), scene.triangle_count
@@ -67,6 +85,36 @@ class FrameWriter:
         camera_path = dataset.frame("training/camdata_left", index, "cam")
         sintel.write_camera(camera_path, settings.camera, pose)
         write_truth(dataset.truth(index), truth)
+
+    def monte_carlo_noise(self, advance: Advance) -> dict[str, float]:
+        """Noise of the rendering, from frames rendered twice (sum over bands).
+
+        Returns
+        -------
+        dict
+            median_relative: σ/mean of a pixel, median over pixels; rms_over_mean: RMS of the noise
+            over the mean radiance; equivalent_photons_per_pixel: Poisson counts that scatter as
+            much as the median pixel.
+        """
+        settings = self._dataset.configuration
+        count = settings.trajectory.frames
+        pairs = []
+        for index in np.linspace(0, count - 1, _NOISE_FRAMES).astype(int).tolist():
+            first, _ = read_radiance(self._dataset.radiance(index))
+            seed = frame_seed(settings.seed, count + index)
+            second = self._renderer.radiance(self._poses[index], seed)
+            pairs.append([first.sum(axis=-1), second.sum(axis=-1)])
+            advance()
+        a, b = np.array(pairs, dtype=np.float64).swapaxes(0, 1)
+        mean, difference = (a + b) / 2, np.abs(a - b) / math.sqrt(2)
+        lit = mean > 0
+        # The median of |N(0, 1)| is 0.6745.
+        median = float(np.median(difference[lit] / mean[lit]) / 0.6745) if lit.any() else 0.0
+        return {
+            "median_relative": median,
+            "rms_over_mean": float(np.sqrt((difference**2).mean()) / max(mean.mean(), 1e-300)),
+            "equivalent_photons_per_pixel": 1 / max(median, 1e-6) ** 2,
+        }
 
 
 def _write_previews(dataset: Dataset) -> None:

@@ -1,7 +1,8 @@
 """The sense stage: radiance to photon counts of every sensor at every light level, on disk.
 
-Light is additive, so a scene under the same light made k times as bright has k times the radiance:
-one rendering serves all levels. The color of the light stays that of the rendered level.
+Light is additive, so a scene under the same light made k times as bright has k times the radiance,
+in every band for itself: one rendering serves all levels. What stays is where the light comes from:
+a full moon sensed from a rendering under an overcast sky casts no shadows.
 """
 
 import numpy as np
@@ -13,7 +14,10 @@ from megalopta.dataset import Dataset, exposure_name
 from megalopta.errors import UserError
 from megalopta.frames import read_radiance_frames
 from megalopta.progress import progress
-from megalopta.scenes.light import illuminance_of
+from megalopta.scenes.grating import Grating
+from megalopta.scenes.light import LEVELS, illuminance_of, planckian
+from megalopta.scenes.photometry import luminous
+from megalopta.scenes.spectrum import Spectrum
 from megalopta.sensor import Exposure, Sensor, StoredCounts, expose, read_counts, write_counts
 
 # Frames held in memory at once, as radiance.
@@ -44,15 +48,33 @@ def read_exposure(dataset: Dataset, sensor: Sensor, level: LightLevel) -> Stored
         raise UserError(f"{problem}; sense again with --redo") from None
 
 
-def light_scale(configuration: Configuration, level: LightLevel) -> float:
-    """How many times brighter a level is than the rendered light."""
-    return illuminance_of(level) / configuration.light.resolved().illuminance_lux
+def light_scale(configuration: Configuration, level: LightLevel) -> NDArray[np.float64]:
+    """Factor (B,) per band from the rendered light to a level.
+
+    A named level has its own color temperature (Planckian, flat within a band); a level in lux, and
+    a scene that glows by itself, keep the color that was rendered.
+    """
+    rendered = configuration.light.resolved()
+    bands = configuration.render.bands_nm
+    ratio = np.full(len(bands), illuminance_of(level) / rendered.illuminance_lux)
+    glows = isinstance(configuration.scene, Grating)
+    if glows or not isinstance(level, str) or level == configuration.light.level:
+        return ratio
+    before = planckian(rendered.color_temperature_k)
+    after = planckian(LEVELS[level].color_temperature_k)
+    per_lux = [_band_mean(after, band) / _band_mean(before, band) for band in bands]
+    return np.asarray(ratio * np.array(per_lux) * (luminous(before) / luminous(after)))
+
+
+def _band_mean(spectrum: Spectrum, band: tuple[float, float]) -> float:
+    grid = np.linspace(*band, 129)
+    return float(np.trapezoid(spectrum(grid), grid) / (band[1] - band[0]))
 
 
 def _expose_sequence(dataset: Dataset, sensor: Sensor, level: LightLevel) -> None:
     configuration = dataset.configuration
     sequence = f"{dataset.sequence}/{exposure_name(sensor, level)}"
-    scale = np.float32(light_scale(configuration, level))
+    scale = light_scale(configuration, level).astype(np.float32)
     chunks = [
         expose(
             radiance * scale,

@@ -9,8 +9,9 @@ from megalopta.configuration import Configuration
 from megalopta.dataset import Dataset, begin_stage
 from megalopta.errors import UserError
 from megalopta.flow import METHODS
-from megalopta.flow.benchmark_settings import checked_warm_up
+from megalopta.flow.benchmark_settings import checked_warm_up, default_warm_up
 from megalopta.progress import say
+from megalopta.render import choose_variant
 from megalopta.stage_bench import bench
 from megalopta.stage_flow import measure_flow
 from megalopta.stage_render import render
@@ -37,8 +38,19 @@ class Stage:
 
 
 def _check_flow(settings: Configuration) -> None:
+    frames = settings.trajectory.frames
     for name in settings.methods:
         METHODS[name].start((settings.camera.height, settings.camera.width))
+        warm_up = default_warm_up(frames, [METHODS[name]])
+        if frames - warm_up < 2:
+            raise ValueError(
+                f"trajectory.frames {frames} leaves fewer than two to score after the {warm_up} "
+                f"in which {name} settles: use at least {warm_up + 2}, or leave it out of methods"
+            )
+
+
+def _check_render(settings: Configuration) -> None:
+    choose_variant(settings.render.backend)
 
 
 def _check_bench(settings: Configuration) -> None:
@@ -47,7 +59,9 @@ def _check_bench(settings: Configuration) -> None:
 
 
 STAGES: Mapping[str, Stage] = {
-    "render": Stage("render a scene to spectral-radiance EXRs with exact ground truth", render),
+    "render": Stage(
+        "render a scene to spectral-radiance EXRs with exact ground truth", render, _check_render
+    ),
     "sense": Stage("expose every sensor at every light level: photon counts to Zarr", sense),
     "flow": Stage(
         "run the motion detectors on the counts and compare with the truth",
@@ -71,8 +85,11 @@ def run_stage(root: Path, configuration: Configuration, name: str, redo: bool = 
         say(f"{name}: {root} has it already")
         return dataset
     start = time.perf_counter()
-    stage.work(dataset)
-    dataset.finish(name, time.perf_counter() - start)
+    try:
+        stage.work(dataset)
+    finally:
+        dataset.add_time(name, time.perf_counter() - start)
+    dataset.finish(name)
     return dataset
 
 

@@ -28,6 +28,12 @@ def test_a_single_value_for_a_list_makes_a_list_of_one():
     assert changed.methods == ("BM",)
 
 
+def test_levels_in_lux_are_read_however_they_are_written():
+    assert parse("light_levels: [1e-3, 0.05, starlight]", "x").light_levels == (
+        0.001, 0.05, "starlight",
+    )  # fmt: skip
+
+
 def test_another_kind_of_scene_starts_afresh():
     changed = load("demo", {"scene.kind": "grating", "scene.cycles_per_frame": "5"})
     assert changed.scene.kind == "grating"
@@ -59,6 +65,8 @@ def test_sensors_are_given_by_preset_with_changes():
         ("render: {bands_nm: [[2500, 2600]]}", "2600"),
         ("sensors: [ideal, ideal]", "name of its own"),
         ("name: ../up", "cannot name a folder"),
+        ("sensors: [{preset: ideal, name: ../../up}]", "'../../up' cannot name a folder"),
+        ("light_levels: [0.1, 1e-1]", "each level once"),
         ("seed: abc", "seed: .*valid integer.*, got 'abc'"),
         ("- a", "a configuration is a mapping"),
         ("a: [", "not valid YAML"),

@@ -19,6 +19,12 @@ def test_several_words_make_a_list_and_negative_numbers_are_values():
     assert overrides == {"light_levels": "[starlight, 0.5]", "a": "-3"}
 
 
+def test_an_own_option_ends_a_setting_also_with_an_equals_sign():
+    own, overrides = split_overrides(["demo", "--seed", "3", "--out=/x"], OWN)
+    assert own == ["demo", "--out=/x"]
+    assert overrides == {"seed": "3"}
+
+
 def test_a_setting_without_value_is_refused():
     with pytest.raises(UserError, match="--scene.trees: needs a value"):
         split_overrides(["--scene.trees"], OWN)

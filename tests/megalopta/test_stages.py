@@ -8,13 +8,18 @@ import numpy as np
 import pytest
 import zarr
 
+from megalopta.configuration import load
 from megalopta.dataset import STAGES as ORDER
 from megalopta.dataset import open_dataset
 from megalopta.errors import UserError
 from megalopta.flow.flo import read_flo
 from megalopta.render.exr import read_radiance, read_truth
+from megalopta.scenes.light import planckian
+from megalopta.scenes.photometry import luminous
+from megalopta.scenes.spectrum import Spectrum
 from megalopta.sensor import expected_counts, read_counts
 from megalopta.stage_render import FrameWriter
+from megalopta.stage_sense import light_scale
 from megalopta.stages import run_all, run_stage
 
 
@@ -137,7 +142,7 @@ def test_an_interrupted_rendering_goes_on_to_the_same_bytes(copy, monkeypatch, t
     root = tmp_path / "broken"
     with pytest.raises(KeyboardInterrupt):
         run_all(root, copy.configuration)
-    assert not [path for path in root.rglob("*") if "part" in path.name]
+    assert not [path for path in root.rglob("*") if path.name.startswith(".")]
     monkeypatch.undo()
     run_all(root, copy.configuration)
     assert content(root) == content(copy.root)
@@ -163,8 +168,76 @@ def test_redo_replaces_what_disagrees_and_keeps_the_rest(copy):
     assert dataset.is_finished("sense")
 
 
+def test_redo_of_a_later_stage_never_takes_the_rendering_with_it(copy):
+    before = content(copy.root)
+    changed = copy.configuration.model_copy(update={"seed": 9})
+    with pytest.raises(UserError, match=r"would remove the 'render' output, .*seed: 0 → 9"):
+        run_stage(copy.root, changed, "flow", redo=True)
+    assert content(copy.root) == before
+
+
+def test_a_dataset_is_made_again_from_its_own_description(copy, tmp_path):
+    again = load(str(copy.root))
+    assert again == copy.configuration
+    run_all(tmp_path / "again", again)
+    assert content(tmp_path / "again") == content(copy.root)
+
+
+def test_a_missing_file_makes_its_stage_unfinished(copy):
+    copy.truth(4).unlink()
+    assert not copy.is_finished("render")
+    run_stage(copy.root, copy.configuration, "render")
+    assert copy.is_finished("render")
+
+
+def test_damaged_bookkeeping_is_named(copy):
+    (copy.root / "manifest.jsonl").write_text("{half")
+    with pytest.raises(UserError, match=r"manifest\.jsonl is damaged"):
+        run_stage(copy.root, copy.configuration, "bench")
+
+
+def test_sequences_shorter_than_a_filter_are_refused(tiny, tmp_path):
+    short = tiny.model_copy(update={"trajectory": tiny.trajectory.model_copy(update={"frames": 6})})
+    with pytest.raises(UserError, match="EMD settles: use at least 15"):
+        run_all(tmp_path / "data", short)
+    assert not (tmp_path / "data").exists()
+
+
+def test_a_scene_that_cannot_be_built_is_a_users_mistake(tiny, tmp_path):
+    scene = tiny.scene.model_copy(update={"cycles_per_frame": 4.25})
+    open_seam = tiny.model_copy(update={"scene": scene})
+    with pytest.raises(UserError, match=r"scene: .*does not close"):
+        run_stage(tmp_path / "data", open_seam, "render")
+
+
+def test_noise_of_the_rendering_is_measured(finished):
+    record = json.loads(finished.scene_record.read_text())
+    # Four pixels wide bars at one sample: noise, but far less than the signal.
+    assert 1e-3 < record["monte_carlo"]["median_relative"] < 0.5
+    assert record["objects"] == 1
+
+
+def test_named_levels_bring_their_color_and_their_illuminance():
+    settings = load("demo", {"render.bands_nm": "[[380, 770]]"})
+    bands = tuple((float(a), float(a + 10)) for a in range(380, 770, 10))
+    fine = settings.model_copy(
+        update={"render": settings.render.model_copy(update={"bands_nm": bands})}
+    )
+    before = planckian(9000)
+    after = np.array([before(np.mean(band)) for band in bands]) * light_scale(fine, "starlight")
+    spectrum = Spectrum(tuple(float(np.mean(band)) for band in bands), tuple(after))
+    # One band per 10 nm: the band means follow the Planckian to within 0.1 %.
+    ratio = luminous(spectrum) / luminous(before)
+    assert ratio == pytest.approx(1e-3, rel=2e-3)
+    expected = planckian(4500)
+    shape = after / [expected(np.mean(band)) for band in bands]
+    np.testing.assert_allclose(shape, shape.mean(), rtol=2e-3)
+
+
 def test_a_stage_needs_the_ones_before_it(tiny, tmp_path):
-    with pytest.raises(UserError, match="stage 'render' is not finished .*run: megalopta render"):
+    with pytest.raises(
+        UserError, match="stage 'render' is not finished .*run first: megalopta render"
+    ):
         run_stage(tmp_path / "new", tiny, "sense")
 
 
