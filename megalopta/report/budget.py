@@ -85,7 +85,7 @@ def _exposed(
     configuration: Configuration, footage: Footage, stored: StoredCounts, level: LightLevel
 ) -> Exposed:
     exposure, frames = stored.exposure, list(footage.selection.frames)
-    light = footage.radiance * np.float32(light_scale(configuration, level))
+    light = footage.radiance * np.asarray(light_scale(configuration, level), np.float32)
     return Exposed(
         _budget(configuration, light, stored, level),
         footage.selection.pixels(exposure.counts[frames]),

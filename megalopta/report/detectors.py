@@ -13,7 +13,7 @@ from PIL import Image
 from megalopta.configuration import LightLevel
 from megalopta.dataset import Dataset
 from megalopta.errors import UserError
-from megalopta.flow.blocks import block_grid
+from megalopta.flow.block_detector import BlockDetector
 from megalopta.flow.color_wheel import flow_to_rgb
 from megalopta.flow.detector import Detector
 from megalopta.flow.methods import METHODS
@@ -125,10 +125,12 @@ def _frame_shown(selection: Selection, frames: int, warm_up: int) -> int:
 def _true_blocks(
     methods: Sequence[str], footage: Footage, frame: int, wheel: Wheel
 ) -> Picture | None:
-    if all(METHODS[name].gives != "velocity" for name in methods):
+    detectors = (METHODS[name] for name in methods)
+    detector = next((each for each in detectors if isinstance(each, BlockDetector)), None)
+    if detector is None:
         return None
     truth = footage.truths[footage.selection.frames.index(frame)]
-    grid = block_grid(truth.depth.shape)
+    grid = detector.grid(truth.depth.shape)
     flow = block_flow(truth.flow_forward[np.newaxis], grid, truth.occluded_forward[np.newaxis])[0]
     image = Image.fromarray(flow_to_rgb(flow, wheel.max_speed))
     return still(image, "true motion per block", "True flow averaged over blocks")
@@ -284,7 +286,7 @@ def _verdicts(sensor: str, levels: Sequence[LightLevel], records: Sequence[Recor
 def _verdict(errors: Mapping[str, float | None]) -> Verdict:
     ratio, literal = errors["ratio"], errors["literal"]
     if ratio is None or literal is None:
-        return Verdict("undefined", "no motion in the noise-free answer")
+        return Verdict("undefined", "no motion in any scored frame of the noise-free answer")
     accurate = (ratio < ACCURATE, literal < ACCURATE)
     kind = {(True, True): "both", (True, False): "ratio", (False, True): "literal"}
     text = f"ratio {relative_error(ratio)}, literal {relative_error(literal)}"

@@ -1,6 +1,7 @@
 """Section "Photons that motion needs": error curves and N_2b of the photon benchmark."""
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,6 +17,7 @@ from megalopta.report.budget import Budget
 from megalopta.report.charts import Curve, Need, error_chart, need_chart
 from megalopta.report.detectors import ACCURATE
 from megalopta.report.parts import Table
+from megalopta.report.text import enumerate_words, short
 
 Record = Mapping[str, Any]
 
@@ -40,8 +42,10 @@ class NeedSection:
         One per frame size.
     table : Table
         Thresholds with their intervals.
-    repeats, warm_up, confidence_percent, dark_counts : number
+    repeats, warm_up, confidence_percent : number
         How they were measured.
+    dark_counts : str
+        Per frame and pixel at each frame size.
     """
 
     curves: tuple[Chart, ...]
@@ -50,7 +54,7 @@ class NeedSection:
     repeats: int
     warm_up: int
     confidence_percent: float
-    dark_counts: float
+    dark_counts: str
 
 
 def series(method: str) -> int:
@@ -86,7 +90,7 @@ def need_section(benchmark: Record, budgets: Sequence[Budget]) -> NeedSection:
         repeats=settings["repeats"],
         warm_up=benchmark["warm_up"],
         confidence_percent=100 * settings["confidence"],
-        dark_counts=settings["dark_counts"],
+        dark_counts=_dark_counts(settings["dark_counts"], benchmark["frames"][1:], shapes),
     )
 
 
@@ -108,6 +112,19 @@ def _select(
 
 def _size(shape: Sequence[int]) -> str:
     return f"{shape[1]} × {shape[0]}"
+
+
+def _dark_counts(
+    per_original_pixel: float, original: Sequence[int], shapes: Sequence[tuple[int, ...]]
+) -> str:
+    """Dark counts of a pixel at each size: a setting per original pixel, times the area ratio."""
+    pixels = math.prod(original)
+    return enumerate_words(
+        [
+            f"{short(per_original_pixel * pixels / math.prod(shape))} at {_size(shape)} px"
+            for shape in shapes
+        ]
+    )
 
 
 def _curve_chart(curves: Sequence[Record], shape: tuple[int, ...], metric: str) -> Chart:

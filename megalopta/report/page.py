@@ -15,6 +15,7 @@ from megalopta.report.images import data_uri, rgb_picture, stacked
 from megalopta.report.light import LightSection, light_section
 from megalopta.report.motion import MotionSection, motion_section
 from megalopta.report.needs import NeedSection, need_section, read_benchmark, series
+from megalopta.report.rendering import render_noise
 from megalopta.report.summary import (
     dark_findings,
     facts,
@@ -65,7 +66,7 @@ class Sections:
 
 def page(dataset: Dataset) -> str:
     """Return the report as HTML."""
-    footage = read_footage(dataset)
+    footage, record = read_footage(dataset), scene_record(dataset)
     sections = _sections(dataset, footage)
     template = _environment().get_template("template.html")
     return template.render(
@@ -83,7 +84,8 @@ def page(dataset: Dataset) -> str:
         methods=_methods(dataset),
         settings=to_yaml(dataset.configuration),
         versions=info.versions(),
-        scene_record=scene_record(dataset),
+        scene_record=record,
+        render_noise=render_noise(record),
         timings=_timings(dataset),
         total_time=duration(sum(dataset.timings().values())),
     )

@@ -1,3 +1,4 @@
+import json
 import re
 import shutil
 import subprocess
@@ -20,7 +21,7 @@ from megalopta.sensor import DigitalCounter
 from megalopta.stages import run_all
 
 SECTIONS = ("light", "motion", "detectors", "photons", "made")
-SENSOR = 'spad<cam> & "co"'
+SENSOR = "spad_cam-1"
 CONFIGURATION = Configuration.model_validate(
     {
         "name": "small_grating",
@@ -75,8 +76,9 @@ def page(dataset):
 
 @pytest.fixture
 def copied(dataset, tmp_path):
-    shutil.copytree(dataset.root, tmp_path / "copy")
-    return Dataset(tmp_path / "copy", dataset.configuration)
+    root = tmp_path / 'copy<cam> & "co"'
+    shutil.copytree(dataset.root, root)
+    return Dataset(root, dataset.configuration)
 
 
 def test_a_report_has_all_its_sections(page):
@@ -110,10 +112,12 @@ def test_identifiers_are_unique(page):
     assert len(identifiers) == len(set(identifiers))
 
 
-def test_names_are_escaped(dataset, page):
-    html = (dataset.root / "report.html").read_text("utf-8")
-    assert "<cam>" not in html
-    assert escape(SENSOR, quote=False).split("&amp;")[0] in html
+def test_the_path_of_a_dataset_is_escaped(copied):
+    copied.forget("bench")
+    path = write_report(copied)
+    assert "copy&lt;cam&gt; &amp;" in path.read_text("utf-8")
+    page = read(path)
+    assert str(copied.root) in page.text
     assert all(tag != "cam" for tag, _ in page.tags)
 
 
@@ -140,6 +144,28 @@ def test_saturated_readings_are_told(copied):
     changed = copied.configuration.model_copy(update={"sensors": sensors})
     text = read(write_report(run_all(copied.root, changed, redo=True))).text
     assert "Full counters (20 counts)" in text
+
+
+def test_dark_counts_of_the_benchmark_grow_with_the_area_of_its_pixels(page):
+    # 0.1 per pixel of 36 × 30 is 0.225 on a pixel of 24 × 20.
+    assert "0.23 at 24 × 20 px and 0.1 at 36 × 30 px" in page.text
+
+
+@pytest.mark.parametrize(("relative", "caution"), [(0.05, False), (0.2, True), (None, False)])
+def test_noise_of_the_rendering_is_told_wherever_noise_free_is(copied, relative, caution):
+    record = json.loads(copied.scene_record.read_text())
+    record.pop("monte_carlo", None)
+    if relative:
+        photons = 1 / relative**2
+        record["monte_carlo"] = {
+            "median_relative": relative,
+            "rms_over_mean": 2 * relative,
+            "equivalent_photons_per_pixel": photons,
+        }
+    copied.scene_record.write_text(json.dumps(record))
+    text = read(write_report(copied)).text
+    assert text.count("The rendering itself is as noisy as") == (3 if relative else 0)
+    assert text.count("Caution, a noisy rendering.") == (3 if caution else 0)
 
 
 @pytest.mark.parametrize(
