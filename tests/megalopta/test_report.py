@@ -182,7 +182,7 @@ def test_a_missing_stage_leaves_a_sentence_on_what_to_run(copied, forgotten, mis
 
 def test_a_dataset_without_frames_is_refused(copied):
     copied.forget("render")
-    with pytest.raises(UserError, match="'render' is not finished here; run: megalopta render"):
+    with pytest.raises(UserError, match="'render' is not finished .*run first: megalopta render"):
         write_report(copied)
 
 
