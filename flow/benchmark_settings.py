@@ -14,7 +14,9 @@ from megalopta.flow.resize import ResizeKind, resized_shape
 THESIS_WARM_UP = 30
 
 
-class BenchmarkSettings(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+class BenchmarkSettings(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
     """What is measured, and how closely."""
 
     flux_min: Annotated[float, Field(gt=0)] = 1e3

@@ -1,5 +1,20 @@
-"""`python -m megalopta` is the command line."""
+"""The command `megalopta`, and `python -m megalopta`.
 
-from megalopta.cli import main
+Loading what the command line needs takes a second or two; Ctrl-C in it is no reason for a
+traceback.
+"""
 
-main()
+import sys
+
+
+def main() -> None:
+    """Load and run the command line."""
+    try:
+        from megalopta import cli
+    except KeyboardInterrupt:
+        sys.exit(130)
+    cli.main()
+
+
+if __name__ == "__main__":
+    main()

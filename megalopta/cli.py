@@ -28,12 +28,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit."""
     try:
         _run(sys.argv[1:] if arguments is None else arguments)
-    except UserError as error:
+    except (UserError, OSError) as error:
         print(f"megalopta: {error}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
-        message = "interrupted; every file is whole, and the same command goes on from there"
-        say(f"megalopta: {message}")
+        say(
+            "megalopta: interrupted; every file is whole, and the same command, without --redo, "
+            "goes on from there"
+        )
         sys.exit(130)
 
 

@@ -155,7 +155,7 @@ def _resolve_sensor(sensor: Any) -> Any:
     if not isinstance(sensor, Mapping) or "preset" not in sensor:
         return sensor
     name = sensor["preset"]
-    if name not in PRESETS:
+    if not isinstance(name, str) or name not in PRESETS:
         raise ValueError(f"preset {name!r} is unknown: use one of {', '.join(PRESETS)}")
     changes = {key: value for key, value in sensor.items() if key != "preset"}
     return _merged(PRESETS[name].model_dump(mode="json"), changes)
@@ -249,7 +249,9 @@ def _leaves(values: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 def _read_file(path: Path) -> str:
     try:
         return path.read_text("utf-8")
-    except (OSError, UnicodeDecodeError):
+    except UnicodeDecodeError:
+        raise UserError(f"{path}: not a text file in UTF-8; give a YAML file") from None
+    except OSError:
         names = ", ".join(built_in_names())
         raise UserError(
             f"{path}: no such configuration; give a YAML file or one of {names}"

@@ -178,7 +178,8 @@ class Dataset:
                 for path in sorted(_files_in(self.stage_folders(stage)))
             },
         }
-        self._write_manifest([*self._manifest_without(stage), line])
+        lines = [*self._manifest_without(stage), line]
+        self._write_manifest(sorted(lines, key=lambda each: STAGES.index(each["stage"])))
 
     def forget(self, stage: str) -> None:
         """Remove a stage's output and that of every stage that needs it."""

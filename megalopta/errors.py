@@ -1,10 +1,13 @@
 """A user's mistake, told in one sentence."""
 
+from collections.abc import Iterator
 from difflib import get_close_matches
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
+
+Location = tuple[int | str, ...]
 
 
 class UserError(Exception):
@@ -14,7 +17,7 @@ class UserError(Exception):
 def one_sentence(error: ValidationError, model: type[BaseModel]) -> str:
     """The first problem of a failed validation of `model`: field, value and remedy."""
     problem = error.errors(include_url=False)[0]
-    place = ".".join(map(str, problem["loc"]))
+    place = ".".join(map(str, _typed_path(model, problem["loc"])))
     message = problem["msg"].removeprefix("Value error, ")
     if problem["type"] == "extra_forbidden":
         known = _fields_at(model, problem["loc"][:-1])
@@ -23,14 +26,36 @@ def one_sentence(error: ValidationError, model: type[BaseModel]) -> str:
         return f"{place}: unknown key; {hint}"
     if problem["type"] == "missing":
         return f"{place}: missing; give a value"
+    if problem["type"] == "union_tag_not_found":
+        return f"{place}: say which kind it is, with the key 'kind'"
+    if problem["type"] == "union_tag_invalid":
+        context = problem["ctx"]
+        return f"{place}: kind {context['tag']!r} is unknown; use {context['expected_tags']}"
+    if problem["type"] == "too_short":
+        return f"{place}: empty; give at least one"
     if problem["type"] == "value_error":
         return f"{place}: {message}" if place else message
     return f"{place}: {message[0].lower()}{message[1:]}, got {problem['input']!r}"
 
 
-def _fields_at(model: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:
-    """Names of the fields a model has at a location inside it, as pydantic reports locations."""
+def _fields_at(model: type[BaseModel], location: Location) -> list[str]:
+    """Names of the fields a model has at a location inside it."""
+    *_, (_, candidates) = _walk(model, location)
+    return sorted({name for candidate in candidates for name in candidate.model_fields})
+
+
+def _typed_path(model: type[BaseModel], location: Location) -> list[int | str]:
+    """A location as a user writes it: without the tags of unions, which pydantic inserts."""
+    steps = list(_walk(model, location))[1:]
+    return [step for step, (is_tag, _) in zip(location, steps, strict=True) if not is_tag]
+
+
+def _walk(
+    model: type[BaseModel], location: Location
+) -> Iterator[tuple[bool, list[type[BaseModel]]]]:
+    """Follow a location: whether each step is a union's tag, and the models it leads to."""
     candidates: list[type[BaseModel]] = [model]
+    yield False, candidates
     for step in location:
         inner = [
             found
@@ -38,10 +63,11 @@ def _fields_at(model: type[BaseModel], location: tuple[int | str, ...]) -> list[
             if step in candidate.model_fields
             for found in _models_in(candidate.model_fields[str(step)].annotation)
         ]
-        # Steps that name no field are list indices and tags of a union.
+        is_field = any(step in candidate.model_fields for candidate in candidates)
         tagged = [candidate for candidate in candidates if _tag(candidate) == step]
+        # Steps that are neither field nor tag are list indices, or unknown keys.
         candidates = inner or tagged or candidates
-    return sorted({name for candidate in candidates for name in candidate.model_fields})
+        yield bool(tagged) and not is_field, candidates
 
 
 def _tag(model: type[BaseModel]) -> Any:

@@ -25,19 +25,23 @@ def read_truth_frames(dataset: Dataset) -> Iterator[Truth]:
         try:
             yield read_truth(dataset.truth(index))
         except (OSError, ValueError) as problem:
-            raise UserError(f"{problem}; render it again with --redo") from None
+            raise UserError(f"{problem}; {_remedy(dataset)}") from None
 
 
 def _read_radiance(dataset: Dataset, index: int) -> NDArray[np.float32]:
     try:
         radiance, bands = read_radiance(dataset.radiance(index))
     except (OSError, ValueError) as problem:
-        raise UserError(f"{problem}; render it again with --redo") from None
+        raise UserError(f"{problem}; {_remedy(dataset)}") from None
     camera = dataset.configuration.camera
     expected = dataset.configuration.render.bands_nm
     if bands != expected or radiance.shape[:2] != (camera.height, camera.width):
         raise UserError(
-            f"{dataset.radiance(index)} does not have the image size or bands that dataset.yaml "
-            "says; render it again with --redo"
+            f"{dataset.radiance(index)} has not the image size or bands that dataset.yaml "
+            f"says; {_remedy(dataset)}"
         )
     return radiance
+
+
+def _remedy(dataset: Dataset) -> str:
+    return f"remove the file and run: megalopta render {dataset.root} --out {dataset.root}"

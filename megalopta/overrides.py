@@ -37,7 +37,10 @@ def split_overrides(
     for argument in arguments:
         name, equals, value = argument.partition("=")
         if argument.startswith("--") and name not in options:
-            words = found.setdefault(name.removeprefix("--").replace("-", "_"), [])
+            path = name.removeprefix("--").replace("-", "_")
+            if path in found:
+                raise UserError(f"{name}: given twice; several values follow one another")
+            words = found[path] = []
             words += [value] if equals else []
         elif name in options:
             own.append(argument)

@@ -1,6 +1,7 @@
 """The render stage: scene to radiance and ground truth of every frame, on disk."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 
@@ -27,9 +28,11 @@ _NOISE_FRAMES = 2
 
 
 def render(dataset: Dataset) -> None:
-    """Render what is not there yet; a frame is there when its truth file is."""
+    """Render the frames of which any file is not there yet."""
     frames = range(dataset.configuration.trajectory.frames)
-    missing = [index for index in frames if not dataset.truth(index).exists()]
+    missing = [
+        index for index in frames if not all(path.exists() for path in _frame_files(dataset, index))
+    ]
     if missing or not dataset.scene_record.exists():
         say("render: building the scene")
         writer = FrameWriter(dataset)
@@ -47,6 +50,14 @@ def render(dataset: Dataset) -> None:
             }
         files.write_json(dataset.scene_record, record)
     _write_previews(dataset)
+
+
+def _frame_files(dataset: Dataset, index: int) -> list[Path]:
+    kinds = [("depth", "dpt"), ("camdata_left", "cam")]
+    if index + 1 < dataset.configuration.trajectory.frames:
+        kinds += [("flow", "flo"), ("occlusions", "png"), ("invalid", "png")]
+    training = [dataset.frame(f"training/{kind}", index, suffix) for kind, suffix in kinds]
+    return [dataset.radiance(index), dataset.truth(index), *training]
 
 
 def _build(settings: Configuration) -> Scene:
@@ -69,7 +80,7 @@ class FrameWriter:
         self.variant = self._renderer.variant
 
     def write(self, index: int) -> None:
-        """Render one frame; its truth file is written last and marks it as complete."""
+        """Render one frame to all its files."""
         dataset, pose = self._dataset, self._poses[index]
         settings = dataset.configuration
         radiance = self._renderer.radiance(pose, frame_seed(settings.seed, index))

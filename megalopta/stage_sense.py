@@ -44,8 +44,11 @@ def read_exposure(dataset: Dataset, sensor: Sensor, level: LightLevel) -> Stored
     """Counts of one sensor at one light level. Raises UserError when they cannot be read."""
     try:
         return read_counts(dataset.counts(sensor, level))
-    except (OSError, ValueError) as problem:
-        raise UserError(f"{problem}; sense again with --redo") from None
+    except (OSError, ValueError, KeyError, RuntimeError) as problem:
+        again = f"megalopta sense {dataset.root} --redo"
+        raise UserError(
+            f"{dataset.counts(sensor, level)} cannot be read ({problem}); run: {again}"
+        ) from None
 
 
 def light_scale(configuration: Configuration, level: LightLevel) -> NDArray[np.float64]:

@@ -56,7 +56,9 @@ GROUND_STEP_M, GROUND_NEAR_M = 0.4, 10.0
 """Grid of the ground's mesh up to a distance from the path (m)."""
 
 
-class Forest(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+class Forest(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
     """A mixed stand of trees with undergrowth on gently rolling ground."""
 
     kind: Literal["forest"] = "forest"

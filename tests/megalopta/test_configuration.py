@@ -51,7 +51,7 @@ def test_sensors_are_given_by_preset_with_changes():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("scene: {kind: forest, treees: 5}", r"scene\.forest\.treees: unknown key; did you mean 'trees'"),
+        ("scene: {kind: forest, treees: 5}", r": scene\.treees: unknown key; did you mean 'trees'"),
         ("camrea: {}", "camrea: unknown key; did you mean 'camera'"),
         ("sensors: [{preset: spadcam, exposure_s: -1}]", r"sensors\.0\.exposure_s: .*greater than 0, got -1"),
         ("sensors: [spadcan]", "'spadcan' is unknown: use one of"),
@@ -64,6 +64,11 @@ def test_sensors_are_given_by_preset_with_changes():
         ("trajectory: {frame_rate_hz: 100}", "use at most 0.01"),
         ("render: {bands_nm: [[2500, 2600]]}", "2600"),
         ("sensors: [ideal, ideal]", "name of its own"),
+        ("scene: {trees: 5}", "scene: say which kind it is, with the key 'kind'"),
+        ("scene: {kind: desert}", "scene: kind 'desert' is unknown; use 'forest', 'grating'"),
+        ("scene: {kind: forest, trees: -1}", r": scene\.trees: .*greater than 0, got -1"),
+        ("sensors: []", "sensors: empty; give at least one"),
+        ("sensors: [{preset: [spadcam]}]", "is unknown: use one of"),
         ("name: ../up", "cannot name a folder"),
         ("sensors: [{preset: ideal, name: ../../up}]", "'../../up' cannot name a folder"),
         ("light_levels: [0.1, 1e-1]", "each level once"),

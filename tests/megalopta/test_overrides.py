@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import pytest
 
 from megalopta.configuration import load
@@ -25,6 +27,11 @@ def test_an_own_option_ends_a_setting_also_with_an_equals_sign():
     assert overrides == {"seed": "3"}
 
 
+def test_a_setting_given_twice_is_refused():
+    with pytest.raises(UserError, match="--seed: given twice"):
+        split_overrides(["--seed", "1", "--seed", "2"], OWN)
+
+
 def test_a_setting_without_value_is_refused():
     with pytest.raises(UserError, match="--scene.trees: needs a value"):
         split_overrides(["--scene.trees"], OWN)
@@ -36,4 +43,7 @@ def test_help_lists_every_setting_with_a_meaning():
     meanings = [line for line in text.splitlines() if line.startswith("      ")]
     assert len(entries) > 50
     assert len(meanings) >= len(entries)
+    assert not [
+        a for a, b in pairwise(text.splitlines()) if a.startswith("  --") and b.startswith("  --")
+    ]
     assert any(line.startswith("  --camera.fov-deg 75") for line in entries)
