@@ -54,6 +54,9 @@ class Need:
 def signal_chart(budgets: Sequence[Budget], sensors: Sequence[str]) -> Markup:
     """Signal-to-noise ratio of a pixel over illuminance, a line per sensor."""
     figure, axes = new_axes(_WIDTH_PT, 270)
+    # Before anything is drawn: with nothing above zero to show, the axes keep their first limits.
+    logarithmic(axes, "x", _NUMBERS)
+    logarithmic(axes, "y", _NUMBERS)
     for index, sensor in enumerate(sensors):
         own = sorted(
             (each for each in budgets if each.sensor.name == sensor),
@@ -65,8 +68,6 @@ def signal_chart(budgets: Sequence[Budget], sensors: Sequence[str]) -> Markup:
         axes.plot(lux, _drawable(median), marker=marker(index), label=_plain(sensor), **style)
         axes.fill_between(lux, _drawable(low), _drawable(high), color=INK, alpha=0.12, linewidth=0)
     axes.axhline(1, color=INK, linewidth=1, linestyle=":", label="signal = noise")
-    logarithmic(axes, "x", _NUMBERS)
-    logarithmic(axes, "y", _NUMBERS)
     axes.set(xlabel="illuminance (lux)", ylabel="signal-to-noise ratio of a pixel")
     axes.legend(loc="upper left", frameon=False)
     return to_svg(figure, "signal", "Signal-to-noise ratio of a pixel over illuminance")
