@@ -50,8 +50,8 @@ def write_radiance(
             f"radiance of shape {radiance.shape} for {len(bands_nm)} bands: give (H, W, bands)"
         )
     channels = {
-        _channel_name(band): np.ascontiguousarray(radiance[..., index], np.float32)
-        for index, band in enumerate(bands_nm)
+        name: np.ascontiguousarray(radiance[..., index], np.float32)
+        for index, name in enumerate(channel_names(bands_nm))
     }
     edges = " ".join(f"{lower!r}-{upper!r}" for lower, upper in np.asarray(bands_nm).tolist())
     header = {
@@ -75,7 +75,7 @@ def read_radiance(path: Path) -> tuple[NDArray[np.float32], tuple[tuple[float, f
     try:
         pairs = [edge.split("-") for edge in str(header["bandEdgesNm"]).split()]
         bands = tuple((float(lower), float(upper)) for lower, upper in pairs)
-        planes = [channels[_channel_name(band)] for band in bands]
+        planes = [channels[name] for name in channel_names(bands)]
     except (KeyError, ValueError):
         raise ValueError(
             f"{path} is not a spectral-radiance EXR of this layout (bandEdgesNm and channels "
@@ -116,6 +116,29 @@ def read_truth(path: Path) -> Truth:
     for field in ("occluded_forward", "occluded_backward"):
         fields[field] = fields[field][..., 0].astype(bool)
     return Truth(**fields)
+
+
+def channel_names(bands_nm: Bands) -> list[str]:
+    """Name of the channel of each band, after its center.
+
+    Raises
+    ------
+    ValueError
+        When two bands share a center, and so a channel.
+    """
+    names = [_channel_name(band) for band in bands_nm]
+    for name in names:
+        if names.count(name) > 1:
+            first, second, *_ = (
+                f"{lower:g}-{upper:g}"
+                for (lower, upper), other in zip(bands_nm, names, strict=True)
+                if other == name
+            )
+            raise ValueError(
+                f"bands_nm: {first} and {second} nm share a center, which names the channel "
+                f"{name}; move an edge of one"
+            )
+    return names
 
 
 def _channel_name(band: tuple[float, float]) -> str:

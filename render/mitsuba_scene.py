@@ -33,7 +33,7 @@ def load_scene(scene: Scene, meshes: Sequence[MergedMesh]) -> Any:
     return mi.load_dict({"type": "scene", **lights, **shapes})
 
 
-def load_sensor(camera: PerspectiveCamera, bands_nm: Bands, sampler: str) -> Any:
+def load_sensor(camera: PerspectiveCamera, bands_nm: Bands, sampler: str, samples: int) -> Any:
     """Return a perspective sensor with one film channel per band; the pose is set later."""
     film: dict[str, Any] = {
         "type": "specfilm",
@@ -58,7 +58,7 @@ def load_sensor(camera: PerspectiveCamera, bands_nm: Bands, sampler: str) -> Any
             "near_clip": 1e-3,
             "far_clip": 1e5,
             "film": film,
-            "sampler": {"type": sampler, "sample_count": 1},
+            "sampler": {"type": sampler, "sample_count": samples},
         }
     )
 
@@ -130,8 +130,8 @@ def _emission(emission: Emission) -> dict[str, Any]:
 
 
 def _bitmap(values: NDArray[np.float32]) -> dict[str, Any]:
-    # Mitsuba counts rows from v = 1 downward.
-    image = np.ascontiguousarray(values[::-1, :, None], dtype=np.float32)
+    # Mitsuba's first row is v = 0, as ours.
+    image = np.ascontiguousarray(values[..., None], dtype=np.float32)
     return {"type": "bitmap", "bitmap": mi.Bitmap(image), "raw": True, "wrap_mode": "repeat"}
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, model_validator
 
+from megalopta.render.exr import channel_names
 from megalopta.render.merge import merge
 from megalopta.render.mitsuba_scene import load_scene, load_sensor, sensor_transform
 from megalopta.render.truth import TriangleTable, Truth, frame_truth
@@ -28,8 +29,9 @@ class RenderSettings(
     """How radiance is computed."""
 
     samples_per_pixel: Annotated[int, Field(ge=1)] = 25
-    """Light paths per pixel and frame. Multijittered sampling rounds up to a product of two near
-    factors."""
+    """Light paths per pixel and frame. Samplers round up: multijitter to a product of two near
+    factors, orthogonal to the square of a prime, ldsampler to a power of four; independent takes
+    any number."""
 
     max_depth: Annotated[int, Field(ge=1)] = 4
     """Longest path in surface hits plus one: 2 is direct light, each more one bounce."""
@@ -57,18 +59,32 @@ class RenderSettings(
                     f"bands_nm: [{lower:g}, {upper:g}] is not a band between 100 and 4000 nm; "
                     "give the lower edge first"
                 )
+        channel_names(self.bands_nm)
         return self
 
 
-def check_sample_count(camera: PerspectiveCamera, settings: RenderSettings) -> None:
-    """Refuse more samples a frame than one pass can number (2³²)."""
-    count = camera.width * camera.height * settings.samples_per_pixel
-    if count >= MAXIMUM_SAMPLES:
-        most = (MAXIMUM_SAMPLES - 1) // (camera.width * camera.height)
+def check_sample_count(
+    camera: PerspectiveCamera, settings: RenderSettings, rounded: int | None = None
+) -> None:
+    """Refuse more samples a frame than one pass can number (2³²).
+
+    Parameters
+    ----------
+    camera : PerspectiveCamera
+    settings : RenderSettings
+    rounded : int, optional
+        Samples per pixel that the sampler makes of those asked for; by default the same.
+    """
+    asked, pixels = settings.samples_per_pixel, camera.width * camera.height
+    samples = rounded or asked
+    if samples * pixels >= MAXIMUM_SAMPLES:
+        is_rounded = samples != asked
+        made = f", which {settings.sampler} rounds up to {samples}," if is_rounded else ""
         raise ValueError(
-            f"samples_per_pixel {settings.samples_per_pixel} at {camera.width} × {camera.height} "
-            f"pixels makes {count} samples a frame, and one pass holds fewer than 2³²: "
-            f"use at most {most}"
+            f"samples_per_pixel {asked}{made} at {camera.width} × {camera.height} pixels makes "
+            f"{samples * pixels} samples a frame, and one pass holds fewer than 2³²: "
+            f"use at most {(MAXIMUM_SAMPLES - 1) // pixels}"
+            + (", counted after rounding" if is_rounded else "")
         )
 
 
@@ -97,6 +113,18 @@ class SceneRenderer:
         Image size and field of view.
     settings : RenderSettings
         Samples, bands, backend.
+
+    Attributes
+    ----------
+    samples_per_pixel : int
+        Light paths per pixel as the sampler rounds them.
+    variant : Variant
+        The Mitsuba variant in use.
+
+    Raises
+    ------
+    ValueError
+        When a frame has more samples than one pass can number.
     """
 
     def __init__(self, scene: Scene, camera: PerspectiveCamera, settings: RenderSettings) -> None:
@@ -105,10 +133,14 @@ class SceneRenderer:
         self.settings = settings
         self.variant: Variant = choose_variant(settings.backend)
         activate(self.variant)
+        self._sensor = load_sensor(
+            camera, settings.bands_nm, settings.sampler, settings.samples_per_pixel
+        )
+        self.samples_per_pixel = int(self._sensor.sampler().sample_count())
+        check_sample_count(camera, settings, self.samples_per_pixel)
         meshes = merge(scene)
         self._scene = load_scene(scene, meshes)
         self._table = TriangleTable.of(meshes)
-        self._sensor = load_sensor(camera, settings.bands_nm, settings.sampler)
         self._sensor_parameters = mi.traverse(self._sensor)
         self._integrator = mi.load_dict({"type": "path", "max_depth": settings.max_depth})
 
@@ -123,7 +155,7 @@ class SceneRenderer:
         self._sensor_parameters["to_world"] = sensor_transform(pose)
         self._sensor_parameters.update()
         image = trace_paths(
-            self._integrator, self._scene, self._sensor, seed, self.settings.samples_per_pixel
+            self._integrator, self._scene, self._sensor, seed, self.samples_per_pixel
         )
         radiance = np.array(image, dtype=np.float32)
         if not np.isfinite(radiance).all():

@@ -75,6 +75,13 @@ def test_foreign_broken_and_missing_files_are_refused_by_name(tmp_path):
         read_truth(tmp_path / "none.exr")
 
 
+def test_bands_that_would_share_a_channel_are_refused(tmp_path):
+    bands = ((400, 500), (500, 600), (425, 475))
+    with pytest.raises(ValueError, match=r"400-500 and 425-475 nm share a center"):
+        write_radiance(tmp_path / "a.exr", np.zeros((2, 2, 3), np.float32), bands)
+    assert not (tmp_path / "a.exr").exists()
+
+
 def test_bands_must_match_the_last_axis(tmp_path):
     with pytest.raises(ValueError, match="3 bands"):
         write_radiance(tmp_path / "a.exr", np.zeros((2, 2, 4), np.float32), BANDS)

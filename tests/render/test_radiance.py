@@ -97,6 +97,25 @@ def test_more_samples_than_one_pass_numbers_are_refused_with_the_largest_that_fi
     check_sample_count(camera, RenderSettings(samples_per_pixel=4095))
 
 
+@pytest.mark.parametrize(
+    ("sampler", "effective"), [("independent", 4095), ("orthogonal", 4489), ("ldsampler", 4096)]
+)
+def test_the_limit_holds_for_the_samples_that_the_sampler_makes(sampler, effective):
+    camera = PerspectiveCamera(width=1024, height=1024)
+    settings = RenderSettings(samples_per_pixel=4095, sampler=sampler)
+    scene = Scene({}, {}, (), Lighting(flat(1.0)))
+    if effective < 4096:
+        assert SceneRenderer(scene, camera, settings).samples_per_pixel == effective
+    else:
+        with pytest.raises(ValueError, match=rf"{sampler} rounds up to {effective}, .* most 4095"):
+            SceneRenderer(scene, camera, settings)
+
+
+def test_bands_that_would_share_a_channel_are_refused_before_rendering():
+    with pytest.raises(ValueError, match="400-500 and 425-475 nm share a center"):
+        RenderSettings(bands_nm=((400, 500), (425, 475)))
+
+
 def test_bands_with_swapped_edges_are_refused():
     with pytest.raises(ValueError, match=r"\[500, 400\] is not a band"):
         RenderSettings(bands_nm=((500, 400),))
