@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Literal
 
 MINIMUM_LLVM = 19
+_FIRST_UNTRIED_LLVM = 17
 
 Backend = Literal["auto", "cuda", "llvm", "scalar"]
 
@@ -49,11 +50,6 @@ class Variant:
     name: str
     reason: str
     advice: str = ""
-
-    @property
-    def is_scalar(self) -> bool:
-        """Whether Mitsuba handles one ray at a time."""
-        return self.name.startswith("scalar")
 
     def __str__(self) -> str:
         return f"{self.name} ({self.reason})" + (f"; {self.advice}" if self.advice else "")
@@ -120,24 +116,40 @@ def find_llvm() -> tuple[str, str]:
     """
     asked = os.environ.get("DRJIT_LIBLLVM_PATH")
     candidates = [Path(asked)] if asked else sorted(_llvm_libraries(), key=_newest_first)
+    refusals = []
     for library in candidates:
         version = llvm_version(library)
         if version and version[0] >= MINIMUM_LLVM:
             return str(library), ".".join(map(str, version))
-    where = f"DRJIT_LIBLLVM_PATH={asked}" if asked else "libLLVM"
-    if candidates:
-        return "", f"{where} is older than {MINIMUM_LLVM}, which would abort the process"
-    return "", "no libLLVM found"
+        refusals.append(f"{library} {_refusal(version)}")
+    if asked:
+        return "", f"DRJIT_LIBLLVM_PATH: {refusals[0]}"
+    return "", refusals[0] if refusals else "no libLLVM found"
 
 
 def llvm_version(library: Path) -> tuple[int, int, int] | None:
-    """Ask a library for its LLVM version; None where it cannot be loaded or predates LLVM 16."""
+    """Ask a library for its LLVM version.
+
+    None where it cannot be loaded, zeros where it tells none, as before LLVM 16.
+    """
     numbers = tuple(ctypes.c_uint() for _ in range(3))
     try:
         ctypes.CDLL(str(library)).LLVMGetVersion(*map(ctypes.byref, numbers))
-    except (OSError, AttributeError):
+    except OSError:
         return None
+    except AttributeError:
+        return 0, 0, 0
     return numbers[0].value, numbers[1].value, numbers[2].value
+
+
+def _refusal(version: tuple[int, int, int] | None) -> str:
+    if version is None:
+        return "cannot be loaded as a library"
+    if version == (0, 0, 0):
+        return "tells no LLVM version, as before LLVM 16, which would abort the process"
+    if version[0] < _FIRST_UNTRIED_LLVM:
+        return f"is LLVM {version[0]}, which would abort the process"
+    return f"is LLVM {version[0]}, which is untried"
 
 
 def has_cuda_device() -> bool:

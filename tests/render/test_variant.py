@@ -1,3 +1,4 @@
+import _ctypes
 import os
 import subprocess
 import sys
@@ -70,6 +71,28 @@ def test_llvm_is_let_in_by_the_version_it_reports(monkeypatch, no_cache, version
     monkeypatch.setattr(variant, "llvm_version", lambda _: version)
     monkeypatch.setattr(variant, "has_cuda_device", lambda: False)
     assert choose_variant().name == expected
+
+
+@pytest.mark.parametrize(
+    ("version", "clause"),
+    [
+        (None, "cannot be loaded as a library"),
+        ((0, 0, 0), "tells no LLVM version.* would abort the process"),
+        ((16, 0, 6), "is LLVM 16, which would abort the process"),
+        ((18, 1, 0), "is LLVM 18, which is untried"),
+    ],
+)
+def test_a_refused_library_is_named_with_what_is_wrong(monkeypatch, no_cache, version, clause):
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/somewhere/libLLVM.so")
+    monkeypatch.setattr(variant, "llvm_version", lambda _: version)
+    with pytest.raises(ValueError, match=f"DRJIT_LIBLLVM_PATH: /somewhere/libLLVM.so {clause}"):
+        choose_variant("llvm")
+
+
+def test_a_file_that_is_no_library_has_no_version_and_another_library_tells_none(tmp_path):
+    (tmp_path / "libLLVM.so").write_text("no library")
+    assert llvm_version(tmp_path / "libLLVM.so") is None
+    assert llvm_version(Path(_ctypes.__file__)) == (0, 0, 0)
 
 
 def test_the_newest_library_is_asked_first():
