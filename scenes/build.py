@@ -21,11 +21,11 @@ def build_scene(
 ) -> Scene:
     """Build what a camera on a trajectory will see.
 
-    A forest keeps its trunks clear of the camera's path; a grating surrounds the camera's first
-    position and glows as brightly as a sky of the light's illuminance.
+    A forest keeps its trunks clear of the camera's path; a grating surrounds the camera, which
+    may only turn, and glows as brightly as a sky of the light's illuminance.
     """
     if isinstance(description, Grating):
         lux = light.resolved().illuminance_lux
-        return build_grating(description, camera, trajectory.position_m, lux)
+        return build_grating(description, camera, trajectory, lux)
     path = trajectory.poses()[:, :2, 3]
     return replace(build_forest(description, path), lighting=light.lighting())

@@ -2,7 +2,8 @@
 
 One frame of grating spans the horizontal field of view, counted in azimuth along the wall and in
 the same angular measure up the wall. Columns of a perspective image are not equidistant in azimuth,
-so "f cycles per frame" is met over the whole frame and exceeded at its center.
+so "f cycles per frame" is met over the whole frame and exceeded at its center. The wall is just as
+high as a level camera on the axis sees, so the camera may only turn about the vertical.
 """
 
 import math
@@ -21,6 +22,7 @@ from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.photometry import luminous
 from megalopta.scenes.scene import Asset, Emission, Material, Placement, Scene
 from megalopta.scenes.spectrum import flat
+from megalopta.scenes.trajectory import Trajectory
 
 _RADIUS_M = 10.0
 _TEXELS = 4096
@@ -50,19 +52,21 @@ class Grating(
 def build_grating(
     grating: Grating,
     camera: PerspectiveCamera,
-    center_m: tuple[float, float, float],
+    trajectory: Trajectory,
     illuminance_lux: float,
 ) -> Scene:
-    """The glowing cylinder around a point (m).
+    """The glowing cylinder around a camera that turns in place.
 
     Its mean luminance is that of a uniform sky of the given illuminance, its spectrum is flat.
 
     Raises
     ------
     ValueError
-        When the moving part does not close around the cylinder, or the camera cannot resolve it.
+        When the moving part does not close around the cylinder, the camera cannot resolve it, or
+        the trajectory looks past the wall.
     """
     fov = math.radians(camera.fov_deg)
+    _check_trajectory(trajectory)
     _check_frequency(grating, camera)
     half_height = 1.05 * camera.height / (2 * camera.focal_length_px)
     u = (np.arange(_TEXELS) + 0.5) / _TEXELS
@@ -78,7 +82,7 @@ def build_grating(
     radiance = illuminance_lux / math.pi / luminous(flat(1.0))
     wall = open_cylinder(_RADIUS_M, 2 * half_height * _RADIUS_M)
     to_world = np.eye(4)
-    to_world[:3, 3] = center_m
+    to_world[:3, 3] = trajectory.position_m
     return Scene(
         materials={"grating": Material(flat(0.0), None, Emission(radiance, pattern.astype("f4")))},
         assets={"wall": Asset({"grating": wall})},
@@ -86,13 +90,35 @@ def build_grating(
     )
 
 
+def _check_trajectory(trajectory: Trajectory) -> None:
+    height = trajectory.position_m[2]
+    if trajectory.look_at_m[2] != height:
+        raise ValueError(
+            f"trajectory.look_at_m {trajectory.look_at_m} is not level with position_m, so the "
+            f"camera would look past the grating: give it the height {height:g}"
+        )
+    if any(trajectory.up[:2]) or trajectory.up[2] < 0:
+        raise ValueError(
+            f"trajectory.up {trajectory.up} tilts the camera, which would look past the grating: "
+            "use (0, 0, 1)"
+        )
+    if any(trajectory.velocity_m_s):
+        raise ValueError(
+            f"trajectory.velocity_m_s {trajectory.velocity_m_s} takes the camera off the axis of "
+            "the grating: use (0, 0, 0) and turn with rotation_deg_s"
+        )
+
+
 def _check_frequency(grating: Grating, camera: PerspectiveCamera) -> None:
     cycles = moving_cycles(grating.cycles_per_frame, grating.variant)
     around = cycles * 360 / camera.fov_deg
-    if cycles > camera.width / 2:
+    # The pixel at the center spans the largest angle.
+    most = math.radians(camera.fov_deg) * camera.focal_length_px / 2
+    if cycles > most:
         raise ValueError(
             f"scene.cycles_per_frame {grating.cycles_per_frame:g}: {cycles:.3g} cycles over "
-            f"{camera.width} columns are beyond half a cycle per pixel; use a lower frequency"
+            f"{camera.width} columns are beyond half a cycle per pixel at the image center; "
+            f"use at most {grating.cycles_per_frame * most / cycles:.4g}"
         )
     if abs(around - round(around)) > 1e-6:
         closing = grating.cycles_per_frame * round(around) / around

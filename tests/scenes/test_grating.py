@@ -6,7 +6,9 @@ import pytest
 from megalopta.assets_gen.grating import open_cylinder, sine_grating
 from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.grating import Grating, build_grating
+from megalopta.scenes.trajectory import Trajectory
 
+TURNING = Trajectory(rotation_deg_s=15)
 CAMERA = PerspectiveCamera(width=120, height=120, fov_deg=72)
 
 
@@ -27,7 +29,7 @@ def test_cylinder_faces_its_axis():
 
 
 def test_pattern_has_the_asked_contrast_and_closes_around_the_cylinder():
-    scene = build_grating(Grating(contrast=0.6, cycles_per_frame=4), CAMERA, (0, 0, 0), 1.0)
+    scene = build_grating(Grating(contrast=0.6, cycles_per_frame=4), CAMERA, TURNING, 1.0)
     pattern = scene.materials["grating"].emission.pattern
     assert pattern.max() == pytest.approx(1.6, abs=1e-3)
     assert pattern.min() == pytest.approx(0.4, abs=1e-3)
@@ -37,9 +39,25 @@ def test_pattern_has_the_asked_contrast_and_closes_around_the_cylinder():
 
 def test_a_frequency_that_does_not_close_is_refused_with_one_that_does():
     with pytest.raises(ValueError, match=r"does not close: use 4\.2$"):
-        build_grating(Grating(cycles_per_frame=4.25), CAMERA, (0, 0, 0), 1.0)
+        build_grating(Grating(cycles_per_frame=4.25), CAMERA, TURNING, 1.0)
 
 
-def test_a_frequency_beyond_nyquist_is_refused():
-    with pytest.raises(ValueError, match="half a cycle per pixel"):
-        build_grating(Grating(cycles_per_frame=100), CAMERA, (0, 0, 0), 1.0)
+def test_a_frequency_beyond_nyquist_at_the_image_center_is_refused():
+    # Mean pixel: half a cycle at 60. Center pixel: 60 · fov / (2·tan(fov/2)) = 51.89.
+    with pytest.raises(ValueError, match=r"half a cycle per pixel.*use at most 51\.89$"):
+        build_grating(Grating(cycles_per_frame=52), CAMERA, TURNING, 1.0)
+    build_grating(Grating(cycles_per_frame=51.8), CAMERA, TURNING, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "remedy"),
+    [
+        ({"look_at_m": (10, 0, 1.0)}, r"look_at_m \(10.* give it the height 1\.5"),
+        ({"up": (0, 0.1, 1)}, r"up \(0.* use \(0, 0, 1\)"),
+        ({"up": (0, 0, -1)}, r"up \(0.* use \(0, 0, 1\)"),
+        ({"velocity_m_s": (0, 0, 0.1)}, r"velocity_m_s \(0.* turn with rotation_deg_s"),
+    ],
+)
+def test_a_trajectory_that_looks_past_the_wall_is_refused(change, remedy):
+    with pytest.raises(ValueError, match=remedy):
+        build_grating(Grating(), CAMERA, Trajectory(**change), 1.0)
