@@ -16,6 +16,8 @@ from megalopta.sensor import nonparalyzable, paralyzable
 from megalopta.sensor.poisson import draw_poisson
 
 _MOST_ARRIVALS = 1e15
+# Far below any detector's; denormal times have no finite inverse.
+_SHORTEST_S = 1e-15
 
 Floats = NDArray[np.float64]
 
@@ -28,15 +30,16 @@ class DeadTime(
     kind: Literal["ideal", "nonparalyzable", "paralyzable"] = "ideal"
     """No dead time, active quench (lost arrivals do nothing) or passive quench (they extend it)."""
     dead_time_s: Annotated[float, Field(ge=0)] = 0.0
-    """Time during which the pixel is blind (s); not used by ideal."""
+    """Time during which the pixel is blind (s), at least 1e-15; not used by ideal."""
     start: Literal["live", "stationary"] = "live"
     """Pixel at the start of an exposure: live and idle, or as after running for long."""
 
     @model_validator(mode="after")
     def _check_dead_time(self) -> Self:
-        if self.kind != "ideal" and self.dead_time_s == 0:
+        if self.kind != "ideal" and self.dead_time_s < _SHORTEST_S:
             raise ValueError(
-                f"dead_time.dead_time_s: 0 with kind {self.kind!r}; give a time or use kind 'ideal'"
+                f"dead_time.dead_time_s: {self.dead_time_s:g} is below {_SHORTEST_S:g} s "
+                f"with kind {self.kind!r}; give a time or use kind 'ideal'"
             )
         return self
 
