@@ -49,6 +49,14 @@ def test_charts_carry_their_words_as_text():
     assert {"illuminance (lux)", "signal-to-noise ratio of a pixel", "spadcam", "ideal"} <= {*words}
 
 
+def test_a_chart_of_pixels_without_any_signal_is_still_a_chart():
+    dark = [
+        budget("ideal", "twilight", 1.0, 0.0, 0.0),
+        budget("ideal", "starlight", 1e-3, 0.0, 0.0),
+    ]
+    assert "illuminance (lux)" in texts(signal_chart(dark, ["ideal"]))
+
+
 def test_charts_take_the_colors_and_fonts_of_the_page():
     svg = str(signal_chart(BUDGETS, ["spadcam", "ideal"]))
     assert "currentColor" in svg
