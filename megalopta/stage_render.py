@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from megalopta import files, sintel
 from megalopta.configuration import Configuration
@@ -19,8 +20,10 @@ from megalopta.scenes.light import planckian
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectrum import flat
 
-# The brightest tenth of the first frame, mostly sky, may be shown as pure white.
+# White in the previews: the brightest tenth of the first frame, or less where an open sky would
+# leave the ground in the dark.
 _WHITE_PERCENTILE = 90.0
+_WHITE_OVER_MEDIAN = 8.0
 
 
 # Frames rendered a second time, with other seeds, to measure the renderer's noise.
@@ -128,6 +131,11 @@ class FrameWriter:
         }
 
 
+def _white_level(linear: NDArray[np.float64]) -> float:
+    bright, middle = np.percentile(linear, [_WHITE_PERCENTILE, 50])
+    return float(min(bright, _WHITE_OVER_MEDIAN * middle)) or float(linear.max()) or 1.0
+
+
 def _write_previews(dataset: Dataset) -> None:
     """Tone-mapped radiance, all frames exposed alike, after the first."""
     configuration = dataset.configuration
@@ -137,6 +145,6 @@ def _write_previews(dataset: Dataset) -> None:
     exposure = None
     for index in range(configuration.trajectory.frames):
         linear = linear_srgb(*read_radiance(dataset.radiance(index)), white)
-        exposure = exposure or float(np.percentile(linear, _WHITE_PERCENTILE)) or 1.0
+        exposure = exposure or _white_level(linear)
         image = encode_srgb(linear / exposure)
         sintel.write_png(dataset.frame("training/clean", index, "png"), image)

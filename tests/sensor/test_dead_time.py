@@ -305,3 +305,8 @@ def test_impossible_exposure_is_refused(exposure_s):
 def test_dead_time_of_zero_is_refused_with_the_way_out():
     with pytest.raises(ValueError, match="kind 'paralyzable'; give a time or use kind 'ideal'"):
         DeadTime(kind="paralyzable")
+
+
+def test_a_dead_time_too_short_to_divide_by_is_refused():
+    with pytest.raises(ValueError, match="below 1e-15 s"):
+        DeadTime(kind="paralyzable", dead_time_s=1e-320)
