@@ -6,6 +6,7 @@ radiance = renderer.radiance(poses[0], seed=frame_seed(0, 0))
 truth = renderer.truth(poses, 0)
 """
 
+from megalopta.render import silence  # noqa: F401  # before all that loads Dr.Jit
 from megalopta.render.exr import read_radiance, read_truth, write_radiance, write_truth
 from megalopta.render.renderer import RenderSettings, SceneRenderer, frame_seed
 from megalopta.render.truth import Truth, out_of_view

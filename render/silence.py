@@ -1,0 +1,24 @@
+"""Load Dr.Jit without its complaint on standard error where there is no libLLVM.
+
+It writes a line of its own on import, past Python; the choice of variant says the same, with the
+remedy. Imported before anything else of this folder.
+"""
+
+import os
+import sys
+
+
+def _load_silently() -> None:
+    sys.stderr.flush()
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        import drjit  # noqa: F401
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
+
+
+if "drjit" not in sys.modules:
+    _load_silently()
