@@ -181,15 +181,13 @@ class Dataset:
         lines = [*self._manifest_without(stage), line]
         self._write_manifest(sorted(lines, key=lambda each: STAGES.index(each["stage"])))
 
-    def forget(self, stage: str) -> None:
-        """Remove a stage's output and that of every stage that needs it."""
-        for later in STAGES:
-            if stage in STAGE_NEEDS[later]:
-                self.forget(later)
-        self._write_manifest(self._manifest_without(stage))
-        self._write_timings({name: t for name, t in self.timings().items() if name != stage})
-        for path in (*self.stage_folders(stage), self.root / "report.html"):
-            files.remove(path)
+    def forget(self, *stages: str) -> None:
+        """Remove the output of stages and of every stage that needs them."""
+        for stage in _with_dependents(stages):
+            self._write_manifest(self._manifest_without(stage))
+            self._write_timings({name: t for name, t in self.timings().items() if name != stage})
+            for path in (*self.stage_folders(stage), self.root / "report.html"):
+                files.remove(path)
 
     def _manifest_without(self, stage: str) -> list[dict[str, Any]]:
         mine = (stage, self.sequence)
@@ -246,8 +244,7 @@ def begin_stage(
                 f"disagrees ({changes}); run with --redo first: megalopta {needed}"
             )
         new.require(needed)
-    for other in doomed:
-        old.forget(other)
+    old.forget(*doomed)
     _write_configuration(new)
     return new
 

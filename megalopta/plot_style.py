@@ -12,7 +12,6 @@ from typing import Any
 
 import matplotlib
 from cycler import cycler
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Canvas
 from matplotlib.typing import LineStyleType
@@ -105,20 +104,6 @@ def new_canvas(title: str, caption: str, height_in: float) -> Canvas:
         linespacing=1.3,
     )
     return canvas
-
-
-def label_curve(axes: Axes, x: float, y: float, text: str, color: str, *, ha: str = "left") -> None:
-    """Write the name of a curve beside it, in its color."""
-    axes.annotate(
-        text,
-        (x, y),
-        xytext=({"left": 6, "right": -6}.get(ha, 0), 0),
-        textcoords="offset points",
-        ha=ha,
-        va="center",
-        color=color,
-        fontsize=10.5,
-    )
 
 
 def draw_table(

@@ -18,7 +18,7 @@ from megalopta import files
 from megalopta.configuration import LightLevel
 from megalopta.dataset import Dataset, exposure_name
 from megalopta.flow.benchmark_settings import default_warm_up
-from megalopta.flow.blocks import block_grid
+from megalopta.flow.block_detector import BlockDetector
 from megalopta.flow.detector import Detector
 from megalopta.flow.error import METRICS, error_sums
 from megalopta.flow.methods import METHODS
@@ -89,8 +89,8 @@ def _compare(
         "warm_up_frames": warm_up,
         "error": {metric: _number(sums.of_sequence(metric)) for metric in METRICS},
     }
-    if detector.gives == "velocity":
-        truth = block_flow(flow, block_grid(flow.shape[1:3]), occluded)
+    if isinstance(detector, BlockDetector):
+        truth = block_flow(flow, detector.grid(flow.shape[1:3]), occluded)
         record["truth"] = {
             "ideal": _numbers(asdict(truth_error(ideal, truth))),
             "counts": _numbers(asdict(truth_error(noisy, truth))),
