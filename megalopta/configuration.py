@@ -16,7 +16,7 @@ from pydantic import BaseModel, Field, ValidationError, field_validator, model_v
 from megalopta.errors import UserError, one_sentence
 from megalopta.flow.benchmark_settings import BenchmarkSettings
 from megalopta.flow.methods import METHODS
-from megalopta.render.renderer import RenderSettings, check_sample_count
+from megalopta.render.settings import RenderSettings, check_sample_count
 from megalopta.scenes.build import SceneDescription
 from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.forest import Forest

@@ -12,7 +12,8 @@ from megalopta.dataset import Dataset
 from megalopta.errors import UserError
 from megalopta.progress import Advance, progress, say
 from megalopta.render.exr import read_radiance, write_radiance, write_truth
-from megalopta.render.renderer import SceneRenderer, frame_seed
+from megalopta.render.renderer import SceneRenderer
+from megalopta.render.settings import frame_seed
 from megalopta.scenes.build import build_scene
 from megalopta.scenes.color import encode_srgb, linear_srgb
 from megalopta.scenes.grating import Grating

@@ -8,7 +8,8 @@ truth = renderer.truth(poses, 0)
 
 from megalopta.render import silence  # noqa: F401  # before all that loads Dr.Jit
 from megalopta.render.exr import read_radiance, read_truth, write_radiance, write_truth
-from megalopta.render.renderer import RenderSettings, SceneRenderer, frame_seed
+from megalopta.render.renderer import SceneRenderer
+from megalopta.render.settings import RenderSettings, frame_seed
 from megalopta.render.truth import Truth, out_of_view
 from megalopta.render.variant import Variant, choose_variant
 

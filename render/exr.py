@@ -7,18 +7,17 @@ not know, stand in the header as `bandEdgesNm`, the unit in `emissiveUnits`.
 A file appears whole or not at all.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
+from megalopta.render.bands import Bands, channel_names
 from megalopta.render.truth import Truth
 
 RADIANCE_UNIT = "W.m^-2.sr^-1.nm^-1"
-
-Bands = Sequence[tuple[float, float]]
 
 _TRUTH_CHANNELS: Mapping[str, tuple[str, ...]] = {
     "depth": ("depth.Z",),
@@ -116,33 +115,6 @@ def read_truth(path: Path) -> Truth:
     for field in ("occluded_forward", "occluded_backward"):
         fields[field] = fields[field][..., 0].astype(bool)
     return Truth(**fields)
-
-
-def channel_names(bands_nm: Bands) -> list[str]:
-    """Name of the channel of each band, after its center.
-
-    Raises
-    ------
-    ValueError
-        When two bands share a center, and so a channel.
-    """
-    names = [_channel_name(band) for band in bands_nm]
-    for name in names:
-        if names.count(name) > 1:
-            first, second, *_ = (
-                f"{lower:g}-{upper:g}"
-                for (lower, upper), other in zip(bands_nm, names, strict=True)
-                if other == name
-            )
-            raise ValueError(
-                f"bands_nm: {first} and {second} nm share a center, which names the channel "
-                f"{name}; move an edge of one"
-            )
-    return names
-
-
-def _channel_name(band: tuple[float, float]) -> str:
-    return f"S0.{(band[0] + band[1]) / 2:.3f}nm".replace(".", ",").replace("S0,", "S0.")
 
 
 def _write(

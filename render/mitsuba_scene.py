@@ -12,12 +12,11 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.render.bands import Bands
 from megalopta.render.merge import MergedMesh
 from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.scene import Emission, Lighting, Material, Scene
 from megalopta.scenes.spectrum import Spectrum
-
-Bands = Sequence[tuple[float, float]]
 
 # Mitsuba's spectra are zero beyond their table; ours go on at the end values.
 _SPECTRUM_LIMITS_NM = (100.0, 4000.0)

@@ -128,7 +128,7 @@ def frame_truth(
     forward, occluded_forward = _toward(scene, camera, points, next_pose)
     backward, occluded_backward = _toward(scene, camera, points, previous_pose)
     return Truth(
-        depth=(hits.distance * axes[:, 2]).reshape(shape).astype(np.float32),
+        depth=camera.depth(hits.distance.reshape(shape)).astype(np.float32),
         normal=normal.reshape(*shape, 3).astype(np.float32),
         object_id=table.object_id[rows].reshape(shape),
         flow_forward=forward,
@@ -153,8 +153,7 @@ def _toward(
     if pose is None:
         return np.full((*shape, 2), np.nan, np.float32), np.zeros(shape, bool)
     vectors = points.seen_from(pose[:3, 3])
-    target = camera.project(vectors @ pose[:3, :3])
-    flow = target.reshape(*shape, 2) - camera.pixel_centers()
+    flow = camera.displacement((vectors @ pose[:3, :3]).reshape(*shape, 3))
     length = np.linalg.norm(vectors, axis=1)
     distance = np.where(np.isinf(points.distance), np.inf, length)
     hidden = rays.is_hidden(scene, pose[:3, 3], vectors / length[:, None], distance)

@@ -14,12 +14,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Literal
+
+from megalopta.render.settings import Backend
 
 MINIMUM_LLVM = 19
 _FIRST_UNTRIED_LLVM = 17
-
-Backend = Literal["auto", "cuda", "llvm", "scalar"]
 
 _LIBRARY_FOLDERS = {
     "linux": (

@@ -57,3 +57,11 @@ class PerspectiveCamera(
         nearest = 1e-5 * np.linalg.norm(points, axis=-1, keepdims=True)
         z = np.where(points[..., 2:] > nearest, points[..., 2:], np.nan)
         return points[..., :2] / z * self.focal_length_px + [self.width / 2, self.height / 2]
+
+    def displacement(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Way in px (H, W, 2) from each pixel center to where its point (H, W, 3) is seen."""
+        return self.project(points) - self.pixel_centers()
+
+    def depth(self, distance: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Depth (H, W) along the optical axis, m, of the distances (H, W) that pixels see."""
+        return distance * self.directions()[..., 2]

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.render.renderer import RenderSettings, SceneRenderer
+from megalopta.render.renderer import SceneRenderer
+from megalopta.render.settings import RenderSettings
 from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.scene import Asset, Emission, Material, Placement, Scene
 from megalopta.scenes.spectrum import flat

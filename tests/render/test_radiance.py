@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.render.renderer import RenderSettings, SceneRenderer, check_sample_count, frame_seed
+from megalopta.render.renderer import SceneRenderer
+from megalopta.render.settings import RenderSettings, check_sample_count, frame_seed
 from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.scene import Lighting, Material, Scene, Sun, Texture
 from megalopta.scenes.spectrum import Spectrum, flat

@@ -5,7 +5,8 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from megalopta.render.renderer import RenderSettings, SceneRenderer
+from megalopta.render.renderer import SceneRenderer
+from megalopta.render.settings import RenderSettings
 from megalopta.render.truth import out_of_view
 from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.scene import Asset, Lighting, Material, Placement, Scene

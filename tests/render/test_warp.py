@@ -5,7 +5,8 @@ import pytest
 import trimesh
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from megalopta.render.renderer import RenderSettings, SceneRenderer
+from megalopta.render.renderer import SceneRenderer
+from megalopta.render.settings import RenderSettings
 from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.grating import Grating, build_grating
 from megalopta.scenes.scene import Asset, Emission, Material, Placement, Scene
