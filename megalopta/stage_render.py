@@ -17,7 +17,6 @@ from megalopta.render.settings import frame_seed
 from megalopta.scenes.build import build_scene
 from megalopta.scenes.color import encode_srgb, linear_srgb
 from megalopta.scenes.grating import Grating
-from megalopta.scenes.light import planckian
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectrum import flat
 
@@ -141,8 +140,7 @@ def _write_previews(dataset: Dataset) -> None:
     """Tone-mapped radiance, all frames exposed alike, after the first."""
     configuration = dataset.configuration
     is_grating = isinstance(configuration.scene, Grating)
-    light = configuration.light.resolved()
-    white = flat(1.0) if is_grating else planckian(light.color_temperature_k)
+    white = flat(1.0) if is_grating else configuration.light.resolved().spectrum()
     exposure = None
     for index in range(configuration.trajectory.frames):
         linear = linear_srgb(*read_radiance(dataset.radiance(index)), white)

@@ -15,8 +15,7 @@ from megalopta.errors import UserError
 from megalopta.frames import read_radiance_frames
 from megalopta.progress import progress
 from megalopta.scenes.grating import Grating
-from megalopta.scenes.light import LEVELS, illuminance_of, planckian
-from megalopta.scenes.photometry import luminous
+from megalopta.scenes.light import LEVELS, illuminance_of
 from megalopta.scenes.spectrum import Spectrum
 from megalopta.sensor import Exposure, Sensor, StoredCounts, expose, read_counts, write_counts
 
@@ -54,23 +53,20 @@ def read_exposure(dataset: Dataset, sensor: Sensor, level: LightLevel) -> Stored
 def light_scale(configuration: Configuration, level: LightLevel) -> NDArray[np.float64]:
     """Factor (B,) per band from the rendered light to a level.
 
-    A named level has its own color temperature (Planckian, flat within a band); a level in lux, and
-    a scene that glows by itself, keep the color that was rendered.
+    A named level has its own spectrum (taken as flat within a band); a level in lux, and a scene
+    that glows by itself, keep the color that was rendered.
     """
     rendered = configuration.light.resolved()
     bands = configuration.render.bands_nm
-    ratio = np.full(len(bands), illuminance_of(level) / rendered.illuminance_lux)
     glows = isinstance(configuration.scene, Grating)
     if glows or not isinstance(level, str) or level == configuration.light.level:
-        return ratio
-    before = planckian(rendered.color_temperature_k)
-    after = planckian(LEVELS[level].color_temperature_k)
-    per_lux = [_band_mean(after, band) / _band_mean(before, band) for band in bands]
-    return np.asarray(ratio * np.array(per_lux) * (luminous(before) / luminous(after)))
+        return np.full(len(bands), illuminance_of(level) / rendered.illuminance_lux)
+    before, after = rendered.spectrum(), LEVELS[level].spectrum()
+    return np.array([_band_mean(after, band) / _band_mean(before, band) for band in bands])
 
 
 def _band_mean(spectrum: Spectrum, band: tuple[float, float]) -> float:
-    grid = np.linspace(*band, 129)
+    grid = np.linspace(*band, 1025)  # airglow has a corner every 20 nm
     return float(np.trapezoid(spectrum(grid), grid) / (band[1] - band[0]))
 
 

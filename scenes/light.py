@@ -2,8 +2,13 @@
 
 The level fixes what an unshaded horizontal plane receives. A share of it comes from the disc of sun
 or moon, the rest from a uniform sky; both have a Planckian spectrum. Levels after the dissertation,
-§1.1; color temperatures are typical measured values. Real skies have gradients, clouds and airglow
-lines, which this model leaves out.
+§1.1; color temperatures are typical measured values. Real skies have gradients and clouds, which
+this model leaves out.
+
+The level `airglow` has the measured spectrum of a moonless sky in place of a Planckian: use it
+beyond 900 nm, where such a sky is twenty times as bright as `starlight` says. The moon is too
+bright there, by a factor of 2.7 at 0.8 to 1.7 µm: 200 mlux of moonlight come with 600 µW/m² (Krieg
+2021, doi:10.1038/s41598-021-98060-2), and with 1600 from a Planckian of 4100 K.
 """
 
 import math
@@ -12,15 +17,16 @@ from dataclasses import dataclass
 from typing import Annotated, Literal, get_args
 
 import numpy as np
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, model_validator
 from scipy.constants import c, h, k
 
+from megalopta.scenes.airglow import AIRGLOW
 from megalopta.scenes.photometry import luminous
 from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectrum import Spectrum
 
 LevelName = Literal[
-    "daylight", "twilight", "full_moon", "quarter_moon", "starlight", "overcast_night"
+    "daylight", "twilight", "full_moon", "quarter_moon", "starlight", "airglow", "overcast_night"
 ]
 
 
@@ -32,15 +38,21 @@ class Level:
     ----------
     illuminance_lux : float
         On an unshaded horizontal plane.
-    color_temperature_k : float
-        Of sky and disc.
+    color_temperature_k : float or None
+        Of sky and disc; None: the spectrum of airglow.
     disc_fraction : float
         Share of the illuminance that comes from the disc of sun or moon.
     """
 
     illuminance_lux: float
-    color_temperature_k: float
+    color_temperature_k: float | None
     disc_fraction: float
+
+    def spectrum(self) -> Spectrum:
+        """Irradiance of an unshaded horizontal plane, W·m⁻²·nm⁻¹."""
+        temperature = self.color_temperature_k
+        shape = AIRGLOW if temperature is None else planckian(temperature)
+        return shape.scaled(self.illuminance_lux / luminous(shape))
 
 
 LEVELS: Mapping[str, Level] = {
@@ -49,6 +61,8 @@ LEVELS: Mapping[str, Level] = {
     "full_moon": Level(0.25, 4100.0, 0.8),
     "quarter_moon": Level(1e-2, 4100.0, 0.8),
     "starlight": Level(1e-3, 4500.0, 0.0),
+    # three digits, for people to read: 0.02 % off the table
+    "airglow": Level(round(math.pi * luminous(AIRGLOW), 6), None, 0.0),
     "overcast_night": Level(1e-4, 4500.0, 0.0),
 }
 
@@ -65,7 +79,7 @@ class Light(
     """Illuminance of an unshaded horizontal plane (lux); None takes the level's."""
 
     color_temperature_k: Annotated[float, Field(ge=1000, le=40000)] | None = None
-    """Temperature of the Planckian spectrum (K); None takes the level's."""
+    """Temperature of the Planckian spectrum (K); None takes the level's, airglow has none."""
 
     disc_fraction: Annotated[float, Field(ge=0, le=1)] | None = None
     """Share of the illuminance from the disc of sun or moon; None takes the level's."""
@@ -75,6 +89,16 @@ class Light(
 
     disc_elevation_deg: Annotated[float, Field(gt=0, le=90)] = 50.0
     """Height of the disc above the horizon (degrees)."""
+
+    @model_validator(mode="after")
+    def _airglow_keeps_its_spectrum(self) -> "Light":
+        for field in ("color_temperature_k", "disc_fraction"):
+            if self.level == "airglow" and getattr(self, field) is not None:
+                raise ValueError(
+                    f"{field} {getattr(self, field):g}: level 'airglow' has a spectrum of its own "
+                    "and no disc; leave it out, or choose another level"
+                )
+        return self
 
     def resolved(self) -> Level:
         """The level with all overrides applied."""
@@ -88,8 +112,7 @@ class Light(
     def lighting(self) -> Lighting:
         """Sky radiance and disc irradiance that give the level's illuminance."""
         level = self.resolved()
-        shape = planckian(level.color_temperature_k)
-        horizontal = shape.scaled(level.illuminance_lux / luminous(shape))
+        horizontal = level.spectrum()
         elevation = math.radians(self.disc_elevation_deg)
         azimuth = math.radians(self.disc_azimuth_deg)
         direction = (

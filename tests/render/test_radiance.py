@@ -7,6 +7,8 @@ import trimesh
 from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings, check_sample_count, frame_seed
 from megalopta.scenes.camera import PerspectiveCamera
+from megalopta.scenes.light import Light
+from megalopta.scenes.reflectance import LEAF_LIGHT
 from megalopta.scenes.scene import Lighting, Material, Scene, Sun, Texture
 from megalopta.scenes.spectrum import Spectrum, flat
 from megalopta.scenes.trajectory import Trajectory
@@ -20,15 +22,15 @@ LOOKING_DOWN = Trajectory(
 ).poses()[0]
 
 
-def band_means(spectrum):
+def band_means(spectrum, bands=BANDS):
     """Independent of the renderer: fine midpoint sums."""
-    grids = [np.linspace(a, b, 20001) for a, b in BANDS]
+    grids = [np.linspace(a, b, 20001) for a, b in bands]
     return np.array([spectrum(0.5 * (grid[1:] + grid[:-1])).mean() for grid in grids])
 
 
-def mean_radiance(scene, samples=64, width=160):
+def mean_radiance(scene, samples=64, width=160, bands=BANDS):
     camera = PerspectiveCamera(width=width, height=width, fov_deg=40)
-    settings = RenderSettings(samples_per_pixel=samples, bands_nm=BANDS)
+    settings = RenderSettings(samples_per_pixel=samples, bands_nm=bands)
     image = SceneRenderer(scene, camera, settings).radiance(LOOKING_DOWN, seed=1)
     return image.mean(axis=(0, 1), dtype=np.float64)
 
@@ -45,6 +47,16 @@ def test_diffuse_plane_under_uniform_sky_returns_reflectance_times_irradiance_ov
     scene = Scene({"thing": Material(leaf)}, assets, placements, Lighting(flat(2e-9)))
     expected = band_means(leaf) * 2e-9  # E = πL, so ρE/π = ρL
     np.testing.assert_allclose(mean_radiance(scene), expected, rtol=5e-3)
+
+
+def test_diffuse_plane_under_airglow_returns_reflectance_times_irradiance_over_pi(ground):
+    # Mitsuba's own range ends at 830 nm; lines and water bands make both factors uneven.
+    bands = tuple((float(a), float(a + 160)) for a in range(900, 1700, 160))
+    _, assets, placements = placed(ground)
+    sky = Light(level="airglow").lighting()
+    scene = Scene({"thing": Material(LEAF_LIGHT)}, assets, placements, sky)
+    expected = band_means(lambda nm: LEAF_LIGHT(nm) * sky.sky(nm), bands)
+    np.testing.assert_allclose(mean_radiance(scene, bands=bands), expected, rtol=5e-3)
 
 
 def test_diffuse_plane_under_the_sun_follows_the_cosine_law(ground):

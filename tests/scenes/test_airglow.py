@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from megalopta.scenes.airglow import AIRGLOW, airglow_lighting
+from megalopta.scenes.airglow import AIRGLOW
+from megalopta.scenes.light import Light
 
 ARCSEC2_SR = (np.pi / 180 / 3600) ** 2
 PHOTON_J_M = 1.98644586e-25
@@ -46,13 +47,26 @@ def test_table_covers_the_short_wave_infrared():
     assert AIRGLOW.wavelengths_nm[-1] >= 1700
 
 
-def test_lighting_scales_with_strength_and_has_no_disc():
-    lighting = airglow_lighting(2.0)
-    assert lighting.sun is None
-    np.testing.assert_allclose(lighting.sky.values, 2 * np.array(AIRGLOW.values), rtol=1e-15)
+def test_sky_has_the_measured_brightness_in_the_visible():
+    # Patat (2003) at the effective wavelengths; the zero points are those of Bessell et al. (1998)
+    for wavelength_nm, magnitudes, zero_point in (
+        (438, 22.6, 6.32e-8),
+        (545, 21.6, 3.631e-8),
+        (641, 20.9, 2.177e-8),
+        (798, 19.7, 1.126e-8),
+    ):
+        radiance = AIRGLOW(wavelength_nm) * 1000 * ARCSEC2_SR  # W·m⁻²·µm⁻¹·arcsec⁻²
+        # three digits of the table
+        assert -2.5 * np.log10(radiance / zero_point) == pytest.approx(magnitudes, abs=0.003)
 
 
-@pytest.mark.parametrize("strength", [0.0, -1.0, float("inf"), float("nan")])
-def test_impossible_strength_is_refused(strength):
-    with pytest.raises(ValueError, match="airglow strength"):
-        airglow_lighting(strength)
+def test_darkest_part_between_the_bands_is_near_the_measured_continuum():
+    # Nguyen et al. (2016): 5330 nW·m⁻²·sr⁻¹ = λ·L at 1191.3 nm. A mean over 20 nm holds lines too.
+    continuum = 5330e-9 / 1191.3
+    assert 1 < AIRGLOW(1190) / continuum < 2.5
+
+
+def test_level_airglow_is_this_sky():
+    sky = Light(level="airglow").lighting()
+    assert sky.sun is None
+    np.testing.assert_allclose(sky.sky.values, AIRGLOW.values, rtol=1e-3)  # of three digits in lux

@@ -24,6 +24,17 @@ def test_overrides_replace_parts_of_a_level():
     assert math.pi * luminous(light.lighting().sky) == pytest.approx(3.0)
 
 
+def test_airglow_can_be_stronger_but_not_of_another_color():
+    usual, strong = (
+        Light(level="airglow", illuminance_lux=lux).lighting().sky(1600.0)
+        for lux in (None, 1.638e-3)
+    )
+    assert strong == pytest.approx(2 * usual, rel=1e-9)
+    for field, value in (("color_temperature_k", 4000.0), ("disc_fraction", 0.5)):
+        with pytest.raises(ValueError, match=f"{field} .*spectrum of its own"):
+            Light.model_validate({"level": "airglow", field: value})
+
+
 def test_disc_direction_is_a_unit_vector_toward_azimuth_and_elevation():
     sun = Light(level="daylight", disc_azimuth_deg=90, disc_elevation_deg=30).lighting().sun
     np.testing.assert_allclose(sun.direction, [0, math.cos(math.pi / 6), 0.5], atol=1e-12)

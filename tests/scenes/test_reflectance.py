@@ -5,7 +5,7 @@ from megalopta.assets_gen.species import BUSHES, TREES
 from megalopta.scenes import reflectance
 from megalopta.scenes.spectrum import Spectrum
 
-WAVELENGTHS_NM = np.arange(380, 1001)
+WAVELENGTHS_NM = np.arange(380, 1701)
 NAMED = {name: s for name, s in vars(reflectance).items() if isinstance(s, Spectrum)}
 PAIRS = [*reflectance.BARK.values(), *reflectance.LEAF.values(), reflectance.GROUND]
 GREEN = [pair for kind, pair in reflectance.LEAF.items() if kind != "litter"]
@@ -26,18 +26,32 @@ def test_the_two_reflectances_of_a_texture_are_valid_and_differ_in_every_band(pa
 
 @pytest.mark.parametrize("pair", GREEN)
 def test_green_leaves_have_a_green_peak_and_a_red_edge_at_700_nm(pair):
+    red_edge = np.arange(680, 801)
     for spectrum in pair:
         green, red, near_infrared = spectrum([550, 670, 800])
         assert green > 2 * red and near_infrared > 5 * red
         half = (red + near_infrared) / 2
-        assert 700 < np.interp(half, spectrum(WAVELENGTHS_NM[300:]), WAVELENGTHS_NM[300:]) < 740
+        assert 700 < np.interp(half, spectrum(red_edge), red_edge) < 740
         assert spectrum(690) < half < spectrum(750)
+
+
+@pytest.mark.parametrize("pair", GREEN)
+def test_water_in_green_leaves_absorbs_at_1200_and_1450_nm(pair):
+    for spectrum in pair:
+        weak, strong = spectrum([1090, 1200, 1270]), spectrum([1270, 1450, 1660])
+        assert 0.8 < weak[1] / weak[0] < weak[1] / weak[2] < 1
+        assert strong[1] < 0.5 * strong[0] and strong[1] < 0.55 * strong[2]
 
 
 def test_bark_soil_and_litter_brighten_toward_the_infrared():
     for pair in (*reflectance.BARK.values(), reflectance.GROUND):
         for spectrum in pair:
-            assert np.all(np.diff(spectrum(WAVELENGTHS_NM)) >= 0)
+            assert np.all(np.diff(spectrum(np.arange(380, 1001))) >= 0)
+
+
+def test_dry_litter_shows_the_band_of_water_less_than_moist_soil():
+    soil, litter = (spectrum(1450) / spectrum(1300) for spectrum in reflectance.GROUND)
+    assert soil < 0.85 < litter < 1
 
 
 def test_every_woody_kind_has_bark_and_leaves():
