@@ -28,11 +28,9 @@ def brute_force_counts(
     """Counts of so many exposures of one pixel; no crosstalk."""
     dead_time, traps, gate, _ = effects
     tau = 0.0 if dead_time.kind == "ideal" else dead_time.dead_time_s
-    is_stationary = dead_time.start == "stationary"
-    run_up = _DEAD_TIMES_TO_FORGET * tau + traps.memory_s * traps.is_on if is_stationary else 0.0
     counts: NDArray[np.int64] = _simulate(
         rng,
-        (rate_hz, exposure_s, run_up, tau),
+        (rate_hz, exposure_s, run_up_s(effects), tau),
         dead_time.kind == "paralyzable",
         (traps.mean_carriers, traps.delay_s),
         (np.array(traps.table_delays_s), np.array(traps.table_cumulative)),
@@ -40,6 +38,15 @@ def brute_force_counts(
         exposures,
     )
     return counts
+
+
+def run_up_s(effects: AvalancheEffects) -> float:
+    """Time simulated before the exposure, s."""
+    dead_time, traps = effects.dead_time, effects.afterpulsing
+    if dead_time.start == "live":
+        return 0.0
+    tau = 0.0 if dead_time.kind == "ideal" else dead_time.dead_time_s
+    return _DEAD_TIMES_TO_FORGET * tau + traps.memory_s * traps.is_on
 
 
 @njit(cache=True, nogil=True)
@@ -71,7 +78,8 @@ def _simulate(rng, times, extends, traps, table, gate, exposures):  # type: igno
             if not avalanche:
                 continue
             counts[index] += now >= 0
-            for _ in range(rng.poisson(traps[0])):
+            filled = rng.poisson(traps[0]) if traps[0] > 0 else 0
+            for _ in range(filled):
                 if table[0].size > 0:
                     delay = np.interp(rng.random(), table[1], table[0])
                 else:

@@ -103,13 +103,6 @@ def law_z(first: Counts, second: Counts) -> float:
     return float(norm.isf(max(chi2.sf(statistic, table.shape[1] - 1), 1e-300)))
 
 
-def total_variation(first: Counts, second: Counts) -> float:
-    """Total variation distance between the histograms of two samples of counts."""
-    size = int(max(first.max(), second.max())) + 1
-    p, q = (np.bincount(sample, minlength=size) / sample.size for sample in (first, second))
-    return float(np.abs(p - q).sum() / 2)
-
-
 def _z(difference: float, error: float) -> float:
     if error == 0:
         return 0.0 if difference == 0 else np.inf

@@ -1,13 +1,9 @@
 """Counting statistics against `brute_force`: dead time, afterpulsing, gating, alone and together.
 
 Rates r·τ of 0.01, 0.1, 1 and 5, mean counts of 1, 30 and 300, a live and a stationary start. A row
-shows the worst of these twelve. `python -m megalopta.sensor.check_counting 1000000` prints the
-total variation distance at each of them for so many exposures, points of more than 4e9 arrivals
-left out. Two samples of one law differ by chance, at 300 counts by 5e-3 for 1e6 exposures and half
-of that for 4e6; the level is printed beside.
+shows the worst of these twelve. How close the laws are is measured by `check_distances`.
 """
 
-import sys
 from collections.abc import Iterator
 from functools import partial
 from itertools import product
@@ -19,7 +15,7 @@ from megalopta.sensor.afterpulsing import Afterpulsing
 from megalopta.sensor.avalanche_counts import draw_counts
 from megalopta.sensor.avalanches import AvalancheEffects
 from megalopta.sensor.brute_force import brute_force_counts
-from megalopta.sensor.check import Check, Counts, Row, total_variation, two_sample_z
+from megalopta.sensor.check import Check, Counts, Row, two_sample_z
 from megalopta.sensor.crosstalk import Crosstalk
 from megalopta.sensor.dead_time import DeadTime
 from megalopta.sensor.gating import Gate
@@ -28,7 +24,6 @@ from megalopta.sensor.randomness import generator
 RATE_TIMES_DEAD_TIME = (0.01, 0.1, 1.0, 5.0)
 MEAN_COUNTS = (1.0, 30.0, 300.0)
 DEAD_TIME_S = 1e-6
-_MOST_ARRIVALS = 4e9
 AFTERPULSING = Afterpulsing(mean_carriers=0.2, delay_s=2e-6)
 GATE = Gate(period_s=7e-6, width_s=3e-6, phase_s=5e-6)
 
@@ -103,27 +98,3 @@ def _worst_rows(term: str, effects: AvalancheEffects, kind: Kind, arrivals: floa
         )
     for kind_of_row in zip(*rows, strict=True):
         yield max(kind_of_row, key=lambda row: abs(row.z))
-
-
-def print_distances(exposures: int) -> None:
-    """Total variation distance between frames and brute force, and what chance alone would give."""
-    kinds: tuple[Kind, ...] = ("ideal", "nonparalyzable", "paralyzable")
-    starts: tuple[Start, ...] = ("live", "stationary")
-    points = product(kinds, starts, (0.0, 0.2), RATE_TIMES_DEAD_TIME, MEAN_COUNTS)
-    for kind, start, p, a, counts in points:
-        effects = effects_of(kind, start, AFTERPULSING.model_copy(update={"mean_carriers": p}))
-        rate, exposure = operating_point(kind, a, counts)
-        if rate * exposure * exposures > _MOST_ARRIVALS:
-            continue
-        plain, drawn = samples(effects, rate, exposure, exposures)
-        share = np.bincount(plain) / exposures
-        chance = float(np.sqrt(share * (1 - share) / (np.pi * exposures)).sum())
-        print(
-            f"{kind:15}{start:11} p {p:<4}r·τ {a:<5}{counts:4g} counts"
-            f"  distance {total_variation(plain, drawn):.1e}  by chance {chance:.1e}",
-            flush=True,
-        )
-
-
-if __name__ == "__main__":
-    print_distances(int(sys.argv[1]))
