@@ -176,7 +176,7 @@ def _run(  # type: ignore[no-untyped-def]
         size = _pop(times, owners, size)
         is_live = time >= blind_until[pixel]
         if is_paralyzable and kind != _CARRIER:
-            blind_until[pixel] = time + tau
+            blind_until[pixel] = max(blind_until[pixel], time + tau)
         if is_live and (kind == _PHOTON or is_open(time, *gate)):
             blind_until[pixel] = time + tau
             if time >= 0:
@@ -198,6 +198,11 @@ def _run(  # type: ignore[no-untyped-def]
             since = time if is_paralyzable else blind_until[pixel]
             wait = rng.standard_exponential() / rates[pixel]
             arrival = _after(since, wait, gate)
+            # photons that only extend the dead time need not go through the heap
+            while is_paralyzable and arrival < min(blind_until[pixel], exposure):
+                blind_until[pixel] = arrival + tau
+                wait = rng.standard_exponential() / rates[pixel]
+                arrival = _after(arrival, wait, gate)
             size = _push(times, owners, size, arrival, 3 * pixel + _PHOTON)
     return 0, kept
 
