@@ -22,8 +22,9 @@ from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.forest import Forest
 from megalopta.scenes.light import Light, illuminance_of
 from megalopta.scenes.trajectory import Trajectory
-from megalopta.sensor import PRESETS, Sensor
+from megalopta.sensor import IMAGE_SENSORS, ImageSensor
 from megalopta.sensor.efficiency import band_efficiency
+from megalopta.sensor.presets import merged
 
 LightLevel = float | str
 
@@ -62,11 +63,12 @@ class Configuration(
     )
     """Levels to sense at, by name or in lux: the rendered light is scaled, its color kept."""
 
-    sensors: Annotated[tuple[Sensor, ...], Field(min_length=1)] = (
-        PRESETS["spadcam"],
-        PRESETS["ideal"],
+    sensors: Annotated[tuple[ImageSensor, ...], Field(min_length=1)] = (
+        IMAGE_SENSORS["spadcam"],
+        IMAGE_SENSORS["ideal"],
     )
-    """Sensors to expose. In YAML a preset's name, or a mapping with `preset` and changes to it."""
+    """Sensors to expose. In YAML a preset's name, or a mapping with `preset` and changes to it, or
+    one of `kind` spad or ctia with all of its fields."""
 
     methods: Annotated[tuple[str, ...], Field(min_length=1)] = tuple(METHODS)
     """Motion detectors to run."""
@@ -152,21 +154,15 @@ def _number_if_it_is_one(level: Any) -> Any:
 def _resolve_sensor(sensor: Any) -> Any:
     if isinstance(sensor, str):
         sensor = {"preset": sensor}
-    if not isinstance(sensor, Mapping) or "preset" not in sensor:
+    if not isinstance(sensor, Mapping):
         return sensor
+    if "preset" not in sensor:
+        return {"kind": "spad", **sensor}
     name = sensor["preset"]
-    if not isinstance(name, str) or name not in PRESETS:
-        raise ValueError(f"preset {name!r} is unknown: use one of {', '.join(PRESETS)}")
+    if not isinstance(name, str) or name not in IMAGE_SENSORS:
+        raise ValueError(f"preset {name!r} is unknown: use one of {', '.join(IMAGE_SENSORS)}")
     changes = {key: value for key, value in sensor.items() if key != "preset"}
-    return _merged(PRESETS[name].model_dump(mode="json"), changes)
-
-
-def _merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    result = dict(base)
-    for key, value in changes.items():
-        both = isinstance(value, Mapping) and isinstance(base.get(key), Mapping)
-        result[key] = _merged(base[key], value) if both else value
-    return result
+    return merged(IMAGE_SENSORS[name].model_dump(mode="json"), changes)
 
 
 def built_in_names() -> list[str]:

@@ -32,7 +32,7 @@ from megalopta.configuration import (
     to_yaml,
 )
 from megalopta.errors import UserError, one_sentence
-from megalopta.sensor import Sensor
+from megalopta.sensor import ImageSensor
 
 # Which parts of the configuration a stage's output depends on, beside those of the stages before
 # it.
@@ -90,7 +90,7 @@ class Dataset:
         """JSON of what was rendered with what: objects, triangles, variant."""
         return self.root / "radiance" / self.sequence / "scene.json"
 
-    def counts(self, sensor: Sensor, level: LightLevel) -> Path:
+    def counts(self, sensor: ImageSensor, level: LightLevel) -> Path:
         """Counts of one sensor at one light level."""
         return self.root / "counts" / self.sequence / f"{exposure_name(sensor, level)}.zarr"
 
@@ -272,7 +272,7 @@ def _changes(old: Dataset, new: Dataset, stages: Sequence[str]) -> str:
     return "; ".join(changes[:3]) + more
 
 
-def exposure_name(sensor: Sensor, level: LightLevel) -> str:
+def exposure_name(sensor: ImageSensor, level: LightLevel) -> str:
     """Name of the counts of one sensor at one light level, such as "spadcam-starlight"."""
     return f"{sensor.name}-{level_text(level)}"
 

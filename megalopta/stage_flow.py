@@ -25,7 +25,7 @@ from megalopta.flow.methods import METHODS
 from megalopta.flow.truth_error import block_flow, truth_error
 from megalopta.frames import read_truth_frames
 from megalopta.progress import progress
-from megalopta.sensor import Sensor, StoredCounts
+from megalopta.sensor import ImageSensor, StoredCounts
 from megalopta.stage_sense import exposures, read_exposure
 
 Record = dict[str, Any]
@@ -51,7 +51,7 @@ def measure_flow(dataset: Dataset) -> None:
     files.write_json(dataset.result("flow.json"), records)
 
 
-def responses_path(dataset: Dataset, sensor: Sensor, level: LightLevel) -> Path:
+def responses_path(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> Path:
     """Zarr group with one array METHOD (to counts) and METHOD-ideal (to their twin) per method."""
     return dataset.result("responses") / f"{exposure_name(sensor, level)}.zarr"
 

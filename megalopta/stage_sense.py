@@ -1,4 +1,6 @@
-"""The sense stage: radiance to photon counts of every sensor at every light level, on disk.
+"""The sense stage: radiance to the readings of every sensor at every light level, on disk.
+
+A SPAD array reads counts, an array of CTIA pixels electrons.
 
 Light is additive, so a scene under the same light made k times as bright has k times the radiance,
 in every band for itself: one rendering serves all levels. What stays is where the light comes from:
@@ -17,7 +19,14 @@ from megalopta.progress import progress
 from megalopta.scenes.grating import Grating
 from megalopta.scenes.light import LEVELS, illuminance_of
 from megalopta.scenes.spectrum import Spectrum
-from megalopta.sensor import Exposure, Sensor, StoredCounts, expose, read_counts, write_counts
+from megalopta.sensor import (
+    Exposure,
+    ImageSensor,
+    StoredCounts,
+    expose_image,
+    read_counts,
+    write_counts,
+)
 
 # Frames held in memory at once, as radiance.
 _CHUNK_FRAMES = 16
@@ -33,13 +42,13 @@ def sense(dataset: Dataset) -> None:
     _write_final_images(dataset)
 
 
-def exposures(dataset: Dataset) -> list[tuple[Sensor, LightLevel]]:
+def exposures(dataset: Dataset) -> list[tuple[ImageSensor, LightLevel]]:
     """Every sensor at every light level."""
     settings = dataset.configuration
     return [(sensor, level) for sensor in settings.sensors for level in settings.light_levels]
 
 
-def read_exposure(dataset: Dataset, sensor: Sensor, level: LightLevel) -> StoredCounts:
+def read_exposure(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> StoredCounts:
     """Counts of one sensor at one light level. Raises UserError when they cannot be read."""
     try:
         return read_counts(dataset.counts(sensor, level))
@@ -70,18 +79,19 @@ def _band_mean(spectrum: Spectrum, band: tuple[float, float]) -> float:
     return float(np.trapezoid(spectrum(grid), grid) / (band[1] - band[0]))
 
 
-def _expose_sequence(dataset: Dataset, sensor: Sensor, level: LightLevel) -> None:
+def _expose_sequence(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> None:
     configuration = dataset.configuration
     sequence = f"{dataset.sequence}/{exposure_name(sensor, level)}"
     scale = light_scale(configuration, level).astype(np.float32)
     chunks = [
-        expose(
+        expose_image(
             radiance * scale,
             configuration.render.bands_nm,
             sensor,
             seed=configuration.seed,
             sequence=sequence,
             first_frame=first,
+            frame_period_s=1 / configuration.trajectory.frame_rate_hz,
         )
         for first, radiance in read_radiance_frames(dataset, _CHUNK_FRAMES)
     ]

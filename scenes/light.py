@@ -105,7 +105,7 @@ class Light(
         named = LEVELS[self.level]
         return Level(
             _first(self.illuminance_lux, named.illuminance_lux),
-            _first(self.color_temperature_k, named.color_temperature_k),
+            self.color_temperature_k or named.color_temperature_k,
             _first(self.disc_fraction, named.disc_fraction),
         )
 

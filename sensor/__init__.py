@@ -4,6 +4,14 @@
     exposure = expose(radiance, bands_nm, sensor, seed=0, sequence="forest")
     exposure.counts, exposure.expected, exposure.saturated
 
+Light to volts, at 0.9 to 1.7 µm: an array of photodiodes with CTIA pixels.
+
+    sensor = ctia_preset("ctia_ingaas_quiet")
+    reading = expose_ctia(radiance, bands_nm, sensor, seed=0, sequence="forest")
+    reading.volts, reading.expected, reading.saturated
+
+`expose_image` takes either sensor and gives counts or electrons.
+
 Radiance is (T, H, W, B), W·m⁻²·sr⁻¹·nm⁻¹, bands_nm is (B, 2). Neither a renderer nor its files are
 needed: any video in these units will do.
 """
@@ -16,6 +24,22 @@ from megalopta.sensor.chain import ORDER_OF_EFFECTS, Effect, without
 from megalopta.sensor.counter import DigitalCounter
 from megalopta.sensor.counts_store import StoredCounts, read_counts, write_counts
 from megalopta.sensor.crosstalk import Crosstalk
+from megalopta.sensor.ctia_array import (
+    CtiaExposure,
+    expose_ctia,
+    expose_photocurrent,
+    photocurrent,
+    reading_current,
+    reading_electrons,
+    reading_moments,
+)
+from megalopta.sensor.ctia_bias import DacBias, FixedBias, FloatingGateBias
+from megalopta.sensor.ctia_calibration import Measurement, calibrate, leak_floor
+from megalopta.sensor.ctia_integration import Pixel, discharge, estimate_current
+from megalopta.sensor.ctia_noise import CtiaNoise
+from megalopta.sensor.ctia_photodiode import Photodiode
+from megalopta.sensor.ctia_presets import CTIA_PRESETS, PHOTODIODES, ctia_preset
+from megalopta.sensor.ctia_sensor import CtiaSensor
 from megalopta.sensor.dark_counts import DarkCounts
 from megalopta.sensor.dead_time import DeadTime
 from megalopta.sensor.efficiency import Efficiency
@@ -30,6 +54,15 @@ from megalopta.sensor.exposure import (
     signal_to_noise,
 )
 from megalopta.sensor.gating import Gate
+from megalopta.sensor.image_sensor import (
+    IMAGE_SENSORS,
+    ImageSensor,
+    detected_photons,
+    expected_reading,
+    expose_image,
+    incident_photons,
+    reading_signal_to_noise,
+)
 from megalopta.sensor.jitter import Jitter
 from megalopta.sensor.measured import MapFile, MeasuredMaps
 from megalopta.sensor.model import Sensor
@@ -39,12 +72,19 @@ from megalopta.sensor.randomness import generator
 from megalopta.sensor.temperature import Temperature
 
 __all__ = [
+    "CTIA_PRESETS",
+    "IMAGE_SENSORS",
     "ORDER_OF_EFFECTS",
+    "PHOTODIODES",
     "PRESETS",
     "Afterpulsing",
     "AnalogCounter",
     "Bias",
     "Crosstalk",
+    "CtiaExposure",
+    "CtiaNoise",
+    "CtiaSensor",
+    "DacBias",
     "DarkCounts",
     "DeadTime",
     "DigitalCounter",
@@ -52,25 +92,47 @@ __all__ = [
     "Efficiency",
     "Events",
     "Exposure",
+    "FixedBias",
+    "FloatingGateBias",
     "Gate",
+    "ImageSensor",
     "Jitter",
     "Lens",
     "MapFile",
     "MeasuredMaps",
+    "Measurement",
+    "Photodiode",
+    "Pixel",
     "Sensor",
     "StoredCounts",
     "Temperature",
+    "calibrate",
+    "ctia_preset",
+    "detected_photons",
     "detection_rate",
+    "discharge",
+    "estimate_current",
     "expected_counts",
+    "expected_reading",
     "expose",
     "expose_binary",
+    "expose_ctia",
     "expose_events",
+    "expose_image",
+    "expose_photocurrent",
     "expose_rate",
     "generator",
+    "incident_photons",
+    "leak_floor",
     "load_sensor",
+    "photocurrent",
     "photon_rate",
     "preset",
     "read_counts",
+    "reading_current",
+    "reading_electrons",
+    "reading_moments",
+    "reading_signal_to_noise",
     "signal_to_noise",
     "without",
     "write_counts",

@@ -1,8 +1,9 @@
 """Counts on disk: one Zarr v3 group per sequence and sensor.
 
-Arrays `counts`, `expected` and `saturated`, each (frame, row, column) in chunks of whole frames.
-The attributes hold what made them: sensor, exposure, seed, sequence, illuminance. A store is
-written under a temporary name and renamed, so it is there whole or not at all.
+Arrays `counts`, `expected` and `saturated`, each (frame, row, column) in chunks of whole frames,
+with its unit as an attribute: counts, or electrons of a sensor that integrates. The attributes of
+the group hold what made them: sensor, exposure, seed, sequence, illuminance. A store is written
+under a temporary name and renamed, so it is there whole or not at all.
 """
 
 import shutil
@@ -15,10 +16,12 @@ from uuid import uuid4
 import numpy as np
 import zarr
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 
 from megalopta.sensor.exposure import Exposure
-from megalopta.sensor.model import Sensor
+from megalopta.sensor.image_sensor import ImageSensor
 
+_IMAGE_SENSOR: TypeAdapter[ImageSensor] = TypeAdapter(ImageSensor)
 _FORMAT = "megalopta counts"
 _CHUNK_BYTES = 4 * 2**20
 
@@ -30,7 +33,7 @@ class StoredCounts:
     Attributes
     ----------
     exposure : Exposure
-    sensor : Sensor
+    sensor : Sensor or CtiaSensor
     seed : int
     sequence : str or int
     illuminance_lux : float or None
@@ -40,7 +43,7 @@ class StoredCounts:
     """
 
     exposure: Exposure
-    sensor: Sensor
+    sensor: ImageSensor
     seed: int
     sequence: str | int
     illuminance_lux: float | None = None
@@ -87,7 +90,7 @@ def read_counts(path: Path) -> StoredCounts:
         raise ValueError(f"{path}: a Zarr group, but not one of counts; give a folder of counts")
     return StoredCounts(
         Exposure(*(np.asarray(group[name]) for name in ("counts", "expected", "saturated"))),
-        Sensor.model_validate(attributes["sensor"]),
+        _IMAGE_SENSOR.validate_python(attributes["sensor"]),
         *(attributes[name] for name in ("seed", "sequence", "illuminance_lux", "extra")),
     )
 
@@ -104,9 +107,10 @@ def _write_group(path: Path, stored: StoredCounts) -> None:
     }
     group = zarr.open_group(path, mode="w", zarr_format=3, attributes=attributes)
     exposure = stored.exposure
-    _write_frames(group, "counts", exposure.counts, "counts per exposure")
-    _write_frames(group, "expected", exposure.expected, "mean counts per exposure")
-    _write_frames(group, "saturated", exposure.saturated, "true where the counter was full")
+    unit = stored.sensor.unit
+    _write_frames(group, "counts", exposure.counts, f"{unit} per exposure")
+    _write_frames(group, "expected", exposure.expected, f"mean {unit} per exposure")
+    _write_frames(group, "saturated", exposure.saturated, "true where the pixel was full")
 
 
 def _write_frames(group: zarr.Group, name: str, frames: NDArray[Any], unit: str) -> None:

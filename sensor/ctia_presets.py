@@ -21,10 +21,10 @@ saturate, 100 ms for the others. Chosen here, because it is not given: the sprea
 100 µV, and the lens.
 """
 
-from megalopta.sensor.ctia_array import CtiaSensor
 from megalopta.sensor.ctia_bias import FloatingGateBias
 from megalopta.sensor.ctia_noise import CtiaNoise
 from megalopta.sensor.ctia_photodiode import Photodiode
+from megalopta.sensor.ctia_sensor import CtiaSensor
 from megalopta.sensor.efficiency import Efficiency
 from megalopta.sensor.optics import Lens
 

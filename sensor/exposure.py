@@ -35,14 +35,15 @@ class Exposure:
     Attributes
     ----------
     counts : (T, H, W) uint16 or uint32
-        Detected events per exposure; not to be trusted where saturated.
+        Detected events per exposure; not to be trusted where saturated. From a sensor that
+        integrates (`image_sensor`): electrons, float32.
     expected : (T, H, W) float64
         Mean number of events that reach the counter: the noise-free twin.
     saturated : (T, H, W) bool
         Where the counter was full, so that the count is a lower bound, or has wrapped.
     """
 
-    counts: Counts
+    counts: Counts | NDArray[np.float32]
     expected: Floats
     saturated: NDArray[np.bool_]
 

@@ -1,6 +1,6 @@
 """Everything that describes one image sensor, as plain frozen data."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BaseModel, Field, model_validator
 
@@ -25,6 +25,11 @@ class Sensor(
 ):
     """A single-photon image sensor behind a lens; the number of pixels is that of the image."""
 
+    unit: ClassVar[str] = "counts"
+    """What its readings are in."""
+
+    kind: Literal["spad"] = "spad"
+    """Names this kind of image sensor."""
     name: Annotated[str, Field(min_length=1)]
     """What the sensor is called in files and reports."""
     source: str = ""

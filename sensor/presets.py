@@ -198,16 +198,16 @@ def load_sensor(path: Path) -> Sensor:
         raise ValueError(f"{path}: a sensor is a mapping of fields to values")
     values["measured"] = with_hashes(values.get("measured", {}), path.parent)
     base = preset(values.pop("preset")).model_dump() if "preset" in values else {}
-    return Sensor.model_validate(_merged(base, values))
+    return Sensor.model_validate(merged(base, values))
 
 
-def _merged(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+def merged(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
     """Changes inside a nested mapping keep its other fields, unless `kind` changes."""
     result = dict(base)
     for name, value in changes.items():
         old = base.get(name)
         if isinstance(value, dict) and isinstance(old, dict):
             is_same_kind = value.get("kind", old.get("kind")) == old.get("kind")
-            value = _merged(old, value) if is_same_kind else value
+            value = merged(old, value) if is_same_kind else value
         result[name] = value
     return result

@@ -1,7 +1,8 @@
 """The photon budget: what reaches a pixel in one exposure and what the sensor makes of it.
 
-Photons, detections and the signal-to-noise ratio are computed from the radiance of the frames that
-the report shows, expected counts and saturation from everything that was stored.
+Readings are counts, or electrons of a sensor that integrates. Photons, detections and the
+signal-to-noise ratio are computed from the radiance of the frames that the report shows, expected
+readings and saturation from everything that was stored.
 """
 
 from dataclasses import dataclass
@@ -14,12 +15,12 @@ from megalopta.dataset import Dataset
 from megalopta.report.footage import Footage
 from megalopta.scenes.light import illuminance_of
 from megalopta.sensor import (
-    Sensor,
+    ImageSensor,
     StoredCounts,
-    detection_rate,
-    expected_counts,
-    photon_rate,
-    signal_to_noise,
+    detected_photons,
+    expected_reading,
+    incident_photons,
+    reading_signal_to_noise,
 )
 from megalopta.stage_sense import exposures, light_scale, read_exposure
 
@@ -33,31 +34,31 @@ class Budget:
 
     Attributes
     ----------
-    sensor : Sensor
+    sensor : Sensor or CtiaSensor
     level : LightLevel
     illuminance_lux : float
     photons : float
         That fall on a pixel, per exposure.
     detected : float
         Of these, without dead time.
-    dark_counts : float
-        Counts per pixel and exposure in the dark.
+    dark : float
+        Reading of a pixel in the dark.
     expected : float
-        Mean of the noise-free twin, dark counts included, before saturation.
+        Mean of the noise-free twin, what is read in the dark included; of counts before saturation.
     signal_to_noise : (low, median, high)
         Of single pixels: 5th, 50th and 95th percentile.
     saturated_fraction : float
-        Readings at the counter's capacity.
+        Readings of full pixels.
     photons_per_frame : float
         Detected photons summed over the frame.
     """
 
-    sensor: Sensor
+    sensor: ImageSensor
     level: LightLevel
     illuminance_lux: float
     photons: float
     detected: float
-    dark_counts: float
+    dark: float
     expected: float
     signal_to_noise: tuple[float, float, float]
     saturated_fraction: float
@@ -100,15 +101,16 @@ def _budget(
     level: LightLevel,
 ) -> Budget:
     sensor, bands = stored.sensor, configuration.render.bands_nm
-    detected = detection_rate(light, bands, sensor) * sensor.exposure_s
-    low, median, high = np.percentile(signal_to_noise(light, bands, sensor), _SPREAD_PERCENT)
+    detected = detected_photons(light, bands, sensor)
+    ratio = reading_signal_to_noise(light, bands, sensor)
+    low, median, high = np.percentile(ratio, _SPREAD_PERCENT)
     return Budget(
         sensor=sensor,
         level=level,
         illuminance_lux=illuminance_of(level),
-        photons=float(photon_rate(light, bands, sensor).mean() * sensor.exposure_s),
+        photons=float(incident_photons(light, bands, sensor).mean()),
         detected=float(detected.mean()),
-        dark_counts=float(expected_counts(0 * light[:1], bands, sensor).mean()),
+        dark=float(expected_reading(0 * light[:1], bands, sensor).mean()),
         expected=float(stored.exposure.expected.mean()),
         signal_to_noise=(float(low), float(median), float(high)),
         saturated_fraction=float(stored.exposure.saturated.mean()),

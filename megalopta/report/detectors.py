@@ -24,7 +24,7 @@ from megalopta.report.motion import Wheel
 from megalopta.report.parts import Picture, Table, still
 from megalopta.report.text import UNDEFINED, level_name, number, percent, relative_error
 from megalopta.scenes.light import illuminance_of
-from megalopta.sensor import Sensor
+from megalopta.sensor import ImageSensor
 from megalopta.stage_flow import responses_path
 
 ACCURATE = 0.25
@@ -138,7 +138,7 @@ def _true_blocks(
 
 def _sensor_responses(
     dataset: Dataset,
-    sensor: Sensor,
+    sensor: ImageSensor,
     frame: int,
     selection: Selection,
     wheel: Wheel,
@@ -158,7 +158,7 @@ def _sensor_responses(
     )
 
 
-def _open(dataset: Dataset, sensor: Sensor, level: LightLevel) -> Any:
+def _open(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> Any:
     path = responses_path(dataset, sensor, level)
     try:
         return zarr.open_group(path, mode="r")

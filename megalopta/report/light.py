@@ -13,22 +13,18 @@ from megalopta.report.footage import Footage
 from megalopta.report.images import gray_scale
 from megalopta.report.parts import RADIANCE_FILM, Picture, Table, film
 from megalopta.report.text import enumerate_words, level_name, level_title, number, percent, short
-from megalopta.sensor import Sensor
+from megalopta.sensor import CtiaSensor, ImageSensor
 from megalopta.sensor.counter import LARGEST_CAPACITY
 
-_COLUMNS = (
-    "Light",
-    "Photons on the pixel",
-    "Detected",
-    "Dark counts",
-    "Expected counts",
-    "Signal-to-noise",
-    "Saturated",
-)
 _RECOVERY = {
     "ideal": "no dead time",
     "nonparalyzable": "dead time {} (non-paralyzable)",
     "paralyzable": "dead time {} (paralyzable)",
+}
+_BIAS = {
+    "fixed": "the bias of its diodes is not trimmed",
+    "dac": "a converter sets the bias of each diode (non-adaptive)",
+    "floating_gate": "a floating gate trims the bias of each diode (adaptive)",
 }
 
 # As the preview of the radiance: the brightest tenth may be shown as pure white.
@@ -55,7 +51,7 @@ class LightSection:
 
 
 def light_section(
-    sensors: Sequence[Sensor], footage: Footage, shown: Sequence[Exposed]
+    sensors: Sequence[ImageSensor], footage: Footage, shown: Sequence[Exposed]
 ) -> LightSection:
     """Section of these sensors at all light levels."""
     panels = tuple(
@@ -66,24 +62,32 @@ def light_section(
     return LightSection(panels, signal_chart([each.budget for each in shown], names))
 
 
-def describe(sensor: Sensor) -> str:
+def describe(sensor: ImageSensor) -> str:
     """A sensor in one sentence, from its parameters."""
+    return (
+        f"Pixels of {1e6 * sensor.pitch_m:.3g} µm, {percent(sensor.fill_factor)} of their area "
+        f"sensitive; {_detection(sensor)}; {_time(sensor.exposure_s)} exposure; "
+        f"{_readout(sensor)}."
+    )
+
+
+def _detection(sensor: ImageSensor) -> str:
     best = int(np.argmax(sensor.efficiency.values))
     efficiency, peak_nm = sensor.efficiency.values[best], sensor.efficiency.wavelengths_nm[best]
     flat = len(set(sensor.efficiency.values)) == 1
-    detection = f"it detects {percent(efficiency)} of the photons on it"
-    if not flat:
-        detection = (
-            f"it detects at most {percent(efficiency)} of the photons on it, at {peak_nm:g} nm"
-        )
+    if flat:
+        return f"it detects {percent(efficiency)} of the photons on it"
+    return f"it detects at most {percent(efficiency)} of the photons on it, at {peak_nm:g} nm"
+
+
+def _readout(sensor: ImageSensor) -> str:
+    if isinstance(sensor, CtiaSensor):
+        farad = f"{1e12 * sensor.capacitance_f:g} pF"
+        return f"it integrates on {farad}, {sensor.swing_v:g} V at most; {_BIAS[sensor.bias.kind]}"
     recovery = _RECOVERY[sensor.dead_time.kind].format(_time(sensor.dead_time.dead_time_s))
-    counter = f"; a counter holds {sensor.counter_capacity:,}"
     if sensor.counter_capacity == LARGEST_CAPACITY:
-        counter = ""
-    return (
-        f"Pixels of {1e6 * sensor.pitch_m:g} µm, {percent(sensor.fill_factor)} of their area "
-        f"sensitive; {detection}; {recovery}; {_time(sensor.exposure_s)} exposure{counter}."
-    )
+        return recovery
+    return f"{recovery}; a counter holds {sensor.counter_capacity:,}"
 
 
 def _time(seconds: float) -> str:
@@ -93,7 +97,7 @@ def _time(seconds: float) -> str:
     return f"{1e9 * seconds:.3g} ns"
 
 
-def _panel(sensor: Sensor, footage: Footage, shown: Sequence[Exposed]) -> SensorPanel:
+def _panel(sensor: ImageSensor, footage: Footage, shown: Sequence[Exposed]) -> SensorPanel:
     radiance = Picture(
         RADIANCE_FILM, "The scene's light, tone-mapped", "radiance", len(footage.selection.frames)
     )
@@ -103,10 +107,22 @@ def _panel(sensor: Sensor, footage: Footage, shown: Sequence[Exposed]) -> Sensor
         (radiance, *(_counts_film(each) for each in shown)),
         Table(
             f"Photon budget of {sensor.name}",
-            _COLUMNS,
+            _columns(sensor),
             tuple(_budget_row(each.budget) for each in shown),
         ),
         _saturation(sensor, [each.budget for each in shown]),
+    )
+
+
+def _columns(sensor: ImageSensor) -> tuple[str, ...]:
+    return (
+        "Light",
+        "Photons on the pixel",
+        "Detected",
+        f"Dark {sensor.unit}",
+        f"Expected {sensor.unit}",
+        "Signal-to-noise",
+        "Saturated",
     )
 
 
@@ -118,10 +134,11 @@ def _counts_film(exposed: Exposed) -> Picture:
         scale.picture(frame, full) for frame, full in zip(counts, exposed.saturated, strict=True)
     ]
     legend = scale.legend(
-        "0", f"≥ {short(white)} counts", "full" if exposed.saturated.any() else ""
+        "0", f"≥ {short(white)} {budget.sensor.unit}", "full" if exposed.saturated.any() else ""
     )
     name = level_name(budget.level)
-    return film(images, name, f"Counts of {budget.sensor.name} at {name}", legend)
+    unit = budget.sensor.unit.capitalize()
+    return film(images, name, f"{unit} of {budget.sensor.name} at {name}", legend)
 
 
 def _budget_row(budget: Budget) -> tuple[str, ...]:
@@ -129,14 +146,14 @@ def _budget_row(budget: Budget) -> tuple[str, ...]:
         level_title(budget.level),
         number(budget.photons),
         number(budget.detected),
-        number(budget.dark_counts),
+        number(budget.dark),
         number(budget.expected),
         number(budget.signal_to_noise[1]),
         percent(budget.saturated_fraction),
     )
 
 
-def _saturation(sensor: Sensor, budgets: Sequence[Budget]) -> str:
+def _saturation(sensor: ImageSensor, budgets: Sequence[Budget]) -> str:
     shares = [
         f"{percent(each.saturated_fraction)} at {level_name(each.level)}"
         for each in budgets
@@ -144,7 +161,12 @@ def _saturation(sensor: Sensor, budgets: Sequence[Budget]) -> str:
     ]
     if not shares:
         return ""
+    full = (
+        f"Full pixels ({sensor.swing_v:g} V)"
+        if isinstance(sensor, CtiaSensor)
+        else f"Full counters ({sensor.counter_capacity:,} counts)"
+    )
     return (
-        f"Full counters ({sensor.counter_capacity:,} counts): {enumerate_words(shares)} of all "
-        "readings. They are lower bounds, orange in the pictures."
+        f"{full}: {enumerate_words(shares)} of all readings. They are lower bounds, orange in the "
+        "pictures."
     )

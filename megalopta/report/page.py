@@ -31,6 +31,7 @@ from megalopta.report.text import duration
 
 # Faster than this, or slower, a film cannot be followed.
 _PLAYBACK_HZ = (2.0, 25.0)
+_RED_END_NM = 700.0
 _MARKERS = "●■▲▼◆✖"
 
 
@@ -82,6 +83,8 @@ def page(dataset: Dataset) -> str:
         start=_start(footage, sections.detectors),
         playback_hz=_playback_hz(dataset, footage),
         methods=_methods(dataset),
+        visible=min(dataset.configuration.render.bands_nm)[0] < _RED_END_NM,
+        units=sorted({sensor.unit for sensor in dataset.configuration.sensors}),
         settings=to_yaml(dataset.configuration),
         versions=info.versions(),
         scene_record=record,

@@ -53,8 +53,9 @@ def lead(configuration: Configuration) -> str:
     levels = plural(len(configuration.light_levels), "light level")
     return (
         f"{_scene(configuration.scene)} {_camera(configuration.trajectory)} Every frame is "
-        "rendered as spectral radiance, together with its exact motion. The light becomes photon "
-        f"counts on {sensors} at {levels}, and motion detectors try to read the motion back."
+        "rendered as spectral radiance, together with its exact motion. The light becomes "
+        f"{_readings(configuration)} on {sensors} at {levels}, and motion detectors try to read "
+        "the motion back."
     )
 
 
@@ -75,6 +76,13 @@ def light_finding(budgets: Sequence[Budget]) -> str:
     """How much light there is, from the brightest to the darkest level."""
     ranked = sorted(budgets, key=lambda each: each.illuminance_lux)
     sensors = list(dict.fromkeys(each.sensor.name for each in budgets))
+    if ranked[0].level == ranked[-1].level:
+        ratios = [f"{number(each.signal_to_noise[1])} on {each.sensor.name}" for each in budgets]
+        return (
+            f"At {level_name(ranked[0].level)}, {number(budgets[0].photons)} photons per frame "
+            f"fall on a pixel of {sensors[0]}; a pixel's median signal-to-noise ratio is "
+            f"{enumerate_words(ratios)}."
+        )
     spans = []
     for sensor in sensors:
         own = [each for each in ranked if each.sensor.name == sensor]
@@ -90,15 +98,13 @@ def light_finding(budgets: Sequence[Budget]) -> str:
 
 
 def dark_findings(budgets: Sequence[Budget]) -> list[str]:
-    """From which light on a sensor counts more dark counts than photons."""
+    """From which light on a sensor reads more dark counts or electrons than photons."""
     darkest_first = sorted(budgets, key=lambda each: each.illuminance_lux)
-    brightest = {
-        each.sensor.name: each for each in darkest_first if each.dark_counts > each.detected
-    }
+    brightest = {each.sensor.name: each for each in darkest_first if each.dark > each.detected}
     return [
-        f"On {name}, dark counts outnumber the detected photons at {level_name(budget.level)} "
-        f"({number(budget.dark_counts)} to {number(budget.detected)} per pixel and frame) and "
-        "below."
+        f"On {name}, dark {budget.sensor.unit} outnumber the detected photons at "
+        f"{level_name(budget.level)} ({number(budget.dark)} to {number(budget.detected)} per pixel "
+        "and frame) and below."
         for name, budget in brightest.items()
     ]
 
@@ -158,6 +164,12 @@ def _scene_facts(configuration: Configuration, record: Mapping[str, Any]) -> lis
     trees = [Fact(f"{scene.trees:,}", "trees")] if isinstance(scene, Forest) else []
     counted = [Fact(f"{record[key]:,}", key) for key in ("objects", "triangles") if key in record]
     return trees + counted
+
+
+def _readings(configuration: Configuration) -> str:
+    units = {"counts": "photon counts", "electrons": "electrons"}
+    found = {sensor.unit for sensor in configuration.sensors}
+    return " or ".join(words for unit, words in units.items() if unit in found)
 
 
 def _span(levels: Sequence[LightLevel]) -> str:

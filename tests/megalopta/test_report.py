@@ -215,7 +215,7 @@ def test_an_ideal_sensor_detects_every_photon_with_the_noise_of_counting(dataset
     budgets = [each.budget for each in exposed(dataset, read_footage(dataset))]
     ideal = [budget for budget in budgets if budget.sensor.name == "ideal"]
     for budget in ideal:
-        assert budget.dark_counts == 0
+        assert budget.dark == 0
         assert budget.detected == pytest.approx(budget.photons, rel=1e-9)
         assert budget.expected == pytest.approx(budget.photons, rel=0.05)  # over all frames
     # Levels of 0.5 and 0.25 lux: half the photons.

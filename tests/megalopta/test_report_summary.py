@@ -26,7 +26,7 @@ BUDGET = Budget(
     illuminance_lux=1.0,
     photons=3e4,
     detected=14.0,
-    dark_counts=64.0,
+    dark=64.0,
     expected=78.0,
     signal_to_noise=(0.1, 0.48, 2.0),
     saturated_fraction=0.0,
@@ -92,6 +92,14 @@ def test_the_light_finding_goes_from_bright_to_dark_whatever_the_order():
     assert "From twilight to starlight" in told
     assert "from 30.0k to 30.0 per frame" in told
     assert "0.48 to 0.0005 on spadcam" in told
+
+
+def test_a_single_light_is_told_without_a_span():
+    told = light_finding([BUDGET, replace(BUDGET, sensor=PRESETS["ideal"])])
+    assert told == (
+        "At twilight, 30.0k photons per frame fall on a pixel of spadcam; a pixel's median "
+        "signal-to-noise ratio is 0.48 on spadcam and 0.48 on ideal."
+    )
 
 
 def test_dark_counts_are_told_from_the_brightest_light_that_they_drown():

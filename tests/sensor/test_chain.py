@@ -27,7 +27,7 @@ ALL_ON = preset("spadcam").model_copy(
         "measured": MeasuredMaps(dark_counts=MapFile(path="x.npy")),
     }
 )
-NO_EFFECT = {"name", "source", "pitch_m", "fill_factor", "exposure_s", "device_seed"}
+NO_EFFECT = {"kind", "name", "source", "pitch_m", "fill_factor", "exposure_s", "device_seed"}
 
 
 def test_list_names_every_effect_of_a_sensor_once():

@@ -3,18 +3,18 @@ import pytest
 
 from megalopta.scenes.airglow import AIRGLOW
 from megalopta.sensor.ctia_array import (
-    CtiaSensor,
     expose_ctia,
     expose_photocurrent,
     photocurrent,
-    pixels,
     reading_current,
     reading_electrons,
+    reading_moments,
 )
 from megalopta.sensor.ctia_bias import DacBias, FixedBias, FloatingGateBias
 from megalopta.sensor.ctia_noise import CtiaNoise
 from megalopta.sensor.ctia_photodiode import ELEMENTARY_CHARGE_C, Photodiode, reverse_current
 from megalopta.sensor.ctia_presets import CTIA_PRESETS, PHOTODIODES, ctia_preset
+from megalopta.sensor.ctia_sensor import CtiaSensor, pixels
 from megalopta.sensor.efficiency import Efficiency
 from megalopta.sensor.optics import PLANCK_TIMES_LIGHT_SPEED, Lens
 
@@ -113,6 +113,30 @@ def test_gate_leak_makes_later_frames_darker_in_signal_by_more_dark_current():
     dark = np.zeros((200, 3, 3))
     expected = expose_photocurrent(dark, QUIET, seed=0, sequence="").expected
     assert np.all(np.diff(expected, axis=0) > 0)
+
+
+def test_a_longer_frame_period_ages_the_gate_faster():
+    dark = np.zeros((3, 3, 3))
+    fast = expose_photocurrent(dark, QUIET, seed=0, sequence="").expected
+    slow = expose_photocurrent(dark, QUIET, seed=0, sequence="", frame_period_s=0.2).expected
+    np.testing.assert_array_equal(slow[1], fast[2])
+
+
+def test_readings_scatter_with_the_stated_mean_and_variance():
+    one_kind = QUIET.model_copy(update={"dark_sigma": 0.0, "gain_sigma_db": 0.0})
+    light = np.full((400, 20, 20), 3e-13)
+    # every frame a first frame: nothing ages
+    draws = np.array(
+        [
+            expose_photocurrent(frame[np.newaxis], one_kind, seed=seed, sequence="").volts[0]
+            for seed, frame in enumerate(light)
+        ]
+    )
+    mean, variance = reading_moments(light[:1], one_kind)
+    z = (draws - mean) / np.sqrt(variance)
+    # |z| < 5, false alarm 6e-7; variance of a sample variance of nearly normal noise: 2/count
+    assert abs(z.mean()) < 5 / np.sqrt(z.size)
+    assert abs(z.var() - 1) < 5 * np.sqrt(2 / z.size)
 
 
 def test_saturated_readings_are_flagged_and_hold_the_swing():
