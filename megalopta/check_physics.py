@@ -24,6 +24,11 @@ from megalopta.sensor.check_counting import (
 from megalopta.sensor.check_terms import TERM_CHECKS
 
 _EXPOSURES_OF_A_PICTURE = 100_000
+_DEAD_TIMES: dict[Kind, str] = {
+    "ideal": "no dead time",
+    "nonparalyzable": "non-paralyzable dead time",
+    "paralyzable": "paralyzable dead time",
+}
 
 
 def run_check_physics(plots: Path | None = None, console: Console | None = None) -> bool:
@@ -75,13 +80,17 @@ def draw_pictures(folder: Path) -> list[Path]:
 
 
 def _draw_law(folder: Path, kind: Kind) -> Path:
-    traps = f"{AFTERPULSING.mean_carriers:g} carriers of {1e6 * AFTERPULSING.delay_s:g} µs"
+    traps = (
+        f"Each avalanche traps {AFTERPULSING.mean_carriers:g} carriers, released after "
+        f"{1e6 * AFTERPULSING.delay_s:g} µs on average"
+    )
     with house_style():
         canvas = new_canvas(
-            f"Counts of an exposure, {kind} dead time",
-            f"τ = 1 µs, {traps} per avalanche, live start, 30 counts on average without "
-            f"afterpulses. Steps: event by event; points: as frames are drawn, "
-            f"{_EXPOSURES_OF_A_PICTURE} exposures each.",
+            f"Counts of an exposure, {_DEAD_TIMES[kind]}",
+            f"{traps}; live start; 30 counts on average without afterpulses. r is the rate of "
+            f"arrivals, τ = 1 µs{' only a unit here' if kind == 'ideal' else ' the dead time'}. "
+            "Steps: event by event; points: as frames are drawn, "
+            f"{_EXPOSURES_OF_A_PICTURE:,} exposures each.",
             3.4,
         )
         axes = canvas.subplots()

@@ -12,13 +12,14 @@ from pathlib import Path
 from megalopta.errors import UserError
 from megalopta.figure import Cell, Figure, Registry
 from megalopta.figures_chapter2 import CHAPTER_2
-from megalopta.figures_chapter3 import CHAPTER_3
+from megalopta.figures_chapter3_pixel import CTIA_PIXEL
+from megalopta.figures_chapter3_suppression import CTIA_SUPPRESSION
 from megalopta.files import whole_file
 from megalopta.plot_style import house_style, new_canvas
 
 __all__ = ["FIGURES", "Figure", "reproduce"]
 
-FIGURES: Registry = {**CHAPTER_2, **CHAPTER_3}
+FIGURES: Registry = {**CHAPTER_2, **CTIA_PIXEL, **CTIA_SUPPRESSION}
 
 
 def reproduce(names: Sequence[str], out: Path) -> list[Path]:

@@ -3,10 +3,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from megalopta.figures_chapter3 import CHAPTER_3, bias_error
+from megalopta.figures_chapter3_pixel import CTIA_PIXEL
+from megalopta.figures_chapter3_suppression import CTIA_SUPPRESSION, bias_error
 from megalopta.plot_style import house_style, new_canvas
 from megalopta.sensor.ctia_photodiode import Photodiode, reverse_current
 from megalopta.sensor.ctia_presets import PHOTODIODES
+
+CHAPTER_3 = {**CTIA_PIXEL, **CTIA_SUPPRESSION}
 
 
 @cache
