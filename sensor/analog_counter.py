@@ -13,8 +13,10 @@ the array is known. A count at the capacity of its pixel is flagged, as is a pix
 keeps off the bottom.
 
 The error of a reading, before it is rounded to whole counts, has mean 0 and variance
-(σ_read² + LSB²/12)/step²; the leak between reset and readout is constant and the time to read the
-array (12.8 µs) is neglected.
+(σ_read² + LSB²/12)/step². There are no counts below 0, so an empty pixel reads
+Σ_{k≥1} P(error ≥ k − ½) on average: nothing to speak of where the read noise is a tenth of a step,
+0.16 at half a step. The leak between reset and readout is constant and the time to read the array
+(12.8 µs) is neglected.
 
 Source: dissertation §2.4.2.
 """
@@ -25,11 +27,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, model_validator
-from scipy.special import ndtri
 
-from megalopta.sensor.randomness import pixel_uniforms
+from megalopta.sensor.randomness import pixel_normals
 
 _LARGEST_CAPACITY = 65535
+# More than any `pixel_normals`.
+_LARGEST_Z = 9
 
 Floats = NDArray[np.float64]
 
@@ -67,17 +70,26 @@ class AnalogCounter(
                 f"counter: step_v {self.step_v:g}, swing_v {self.swing_v:g}, supply_v "
                 f"{self.supply_v:g}; a step must fit into the swing, the swing into the supply"
             )
-        if self.step_sigma_v > self.step_v / 5 or self.capacity > _LARGEST_CAPACITY:
+        for field, mean, sigma in (
+            ("step_sigma_v", self.step_v, self.step_sigma_v),
+            ("leak_sigma_v_s", self.leak_v_s, self.leak_sigma_v_s),
+        ):
+            if sigma * _LARGEST_Z > mean:
+                raise ValueError(
+                    f"counter.{field}: {sigma:g} about a mean of {mean:g}; use at most "
+                    f"{mean / _LARGEST_Z:g}, so that no pixel's is negative"
+                )
+        if self.capacity > _LARGEST_CAPACITY:
             raise ValueError(
-                f"counter: step_v {self.step_v:g}, step_sigma_v {self.step_sigma_v:g}; the step "
-                f"must be 5 sigma above zero and more than {self.swing_v / _LARGEST_CAPACITY:g}"
+                f"counter.step_v: {self.step_v:g} makes {self.capacity} counts; at most "
+                f"{_LARGEST_CAPACITY} are stored: make it larger or lower swing_v"
             )
         return self
 
     @property
     def capacity(self) -> int:
         """Largest count of a pixel of nominal step without leak."""
-        return int(self.swing_v / self.step_v * (1 + 1e-9))
+        return _capacity(self.swing_v, self.step_v)
 
     @property
     def lsb_v(self) -> float:
@@ -100,15 +112,21 @@ def analog_pixels(
     Raises
     ------
     ValueError
-        When leakage alone empties a counter during the exposure.
+        When leakage alone empties a counter during the exposure, or a pixel's step is so small
+        that its counts cannot be stored.
     """
     step = _scattered(counter.step_v, counter.step_sigma_v, shape, device_seed, "counter step")
     leak = _scattered(counter.leak_v_s, counter.leak_sigma_v_s, shape, device_seed, "counter leak")
-    leaked = np.maximum(leak, 0.0) * exposure_s
+    leaked = leak * exposure_s
     if leaked.size and leaked.max() + step.max() > counter.swing_v:
         raise ValueError(
             f"exposure_s: {exposure_s:g}; by then leakage has taken {leaked.max():g} V of the "
             f"counter.swing_v {counter.swing_v:g}; expose for less or lower counter.leak_v_s"
+        )
+    if step.size and _capacity(counter.swing_v, float(step.min())) > _LARGEST_CAPACITY:
+        raise ValueError(
+            f"counter.step_v: {step.min():g} in the pixel of the smallest step makes more than "
+            f"{_LARGEST_CAPACITY} counts; make it larger or lower counter.step_sigma_v"
         )
     return AnalogPixels(step, leaked)
 
@@ -138,12 +156,16 @@ def error_variance(counter: AnalogCounter) -> float:
     return (counter.read_noise_v**2 + counter.lsb_v**2 / 12) / counter.step_v**2
 
 
+def _capacity(swing_v: float, step_v: float) -> int:
+    return int(swing_v / step_v * (1 + 1e-9))
+
+
 def _scattered(
     mean: float, sigma: float, shape: tuple[int, int], device_seed: int, purpose: str
 ) -> Floats:
     if sigma == 0:
         return np.full(shape, mean)
-    return np.asarray(mean + sigma * ndtri(pixel_uniforms(shape, device_seed, purpose) + 2.0**-54))
+    return mean + sigma * pixel_normals(shape, device_seed, purpose)
 
 
 def _spread(pixels: AnalogPixels, shape: tuple[int, ...]) -> tuple[Floats, Floats]:

@@ -16,18 +16,21 @@ where it was fitted. Their ratio, the thesis's signal-to-noise ratio, is largest
 
 whatever the flux, and below every bias at which efficiency is largest. δ is normal.
 
+A map measured on a device holds each pixel's mismatch already. It is multiplied by the factor from
+the reference bias to this one at the pixel's own δ, 1 at the reference bias.
+
 Source: dissertation §2.4.4 to §2.4.7. An `efficiency_scale_v` or `dark_efold_v` of none switches
 that dependence off.
 """
 
+from collections.abc import Callable
 from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, Field, model_validator
-from scipy.special import ndtri
 
-from megalopta.sensor.randomness import pixel_uniforms
+from megalopta.sensor.randomness import pixel_normals
 
 Floats = NDArray[np.float64]
 
@@ -57,16 +60,26 @@ class Bias(
                 f"bias.onset_v: {self.onset_v:g} is not below reference_v {self.reference_v:g}, "
                 "where the efficiency curve holds; lower it"
             )
+        scales = self.efficiency_scale_v, self.dark_efold_v
+        if self.is_on and self.onset_v == 0 and scales == (None, None):
+            raise ValueError(
+                f"bias: excess_v {self.excess_v:g}, reference_v {self.reference_v:g}, "
+                f"breakdown_sigma_v {self.breakdown_sigma_v:g}, but nothing depends on bias; give "
+                "efficiency_scale_v, dark_efold_v or onset_v"
+            )
         return self
+
+    @property
+    def is_on(self) -> bool:
+        """Whether a pixel is anywhere but at the reference bias."""
+        return self.excess_v != self.reference_v or self.breakdown_sigma_v > 0
 
 
 def breakdown_offset(bias: Bias, shape: tuple[int, int], device_seed: int) -> Floats:
     """Breakdown voltage of every pixel of a device above the nominal one, V, (rows, columns)."""
     if bias.breakdown_sigma_v == 0:
         return np.zeros(shape)
-    rank = pixel_uniforms(shape, device_seed, "breakdown voltage")
-    # the middle of the uniform's step of 2⁻⁵³, which keeps the quantile finite
-    return np.asarray(bias.breakdown_sigma_v * ndtri(rank + 2.0**-54))
+    return bias.breakdown_sigma_v * pixel_normals(shape, device_seed, "breakdown voltage")
 
 
 def efficiency_factor(bias: Bias, breakdown_offset_v: ArrayLike) -> Floats:
@@ -79,18 +92,27 @@ def efficiency_factor(bias: Bias, breakdown_offset_v: ArrayLike) -> Floats:
     return np.asarray(trigger / _reference_trigger(bias))
 
 
-def largest_efficiency_factor(bias: Bias) -> float:
-    """Efficiency at very high bias relative to that at the reference bias."""
-    return 1.0 if bias.efficiency_scale_v is None else 1 / _reference_trigger(bias)
-
-
 def dark_count_factor(bias: Bias, breakdown_offset_v: ArrayLike) -> Floats:
     """Dark count rate relative to that at the reference bias."""
     excess = bias.excess_v - np.asarray(breakdown_offset_v, np.float64)
     is_sensitive = excess > bias.onset_v
     if bias.dark_efold_v is None:
         return np.asarray(is_sensitive, np.float64)
-    return np.where(is_sensitive, np.exp((excess - bias.reference_v) / bias.dark_efold_v), 0.0)
+    with np.errstate(over="ignore"):  # `fabricate` refuses what is not finite
+        growth = np.exp((excess - bias.reference_v) / bias.dark_efold_v)
+    return np.where(is_sensitive, growth, 0.0)
+
+
+def since_measurement(
+    factor: Callable[[Bias, ArrayLike], Floats], bias: Bias, breakdown_offset_v: ArrayLike
+) -> Floats:
+    """What one of the factors above does to a map measured at the reference bias.
+
+    The measurement stands, with factor 1, in a pixel that is below the onset at that bias.
+    """
+    at_reference = bias.model_copy(update={"excess_v": bias.reference_v})
+    now, then = (factor(each, breakdown_offset_v) for each in (bias, at_reference))
+    return np.divide(now, then, out=np.ones_like(now), where=then > 0)
 
 
 def best_excess_bias(bias: Bias) -> float:

@@ -12,7 +12,6 @@ from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import BaseModel, Field
-from scipy.special import ndtri
 
 from megalopta.sensor.ctia_bias import Bias, FixedBias, drift_rate, trimmed_bias
 from megalopta.sensor.ctia_integration import Pixel, gain_from_db
@@ -21,7 +20,7 @@ from megalopta.sensor.ctia_photodiode import Floats, Photodiode
 from megalopta.sensor.efficiency import Efficiency
 from megalopta.sensor.model import Sensor
 from megalopta.sensor.optics import Lens
-from megalopta.sensor.randomness import pixel_uniforms
+from megalopta.sensor.randomness import pixel_normals
 
 
 class CtiaSensor(
@@ -100,9 +99,7 @@ def pixels(sensor: CtiaSensor, shape: tuple[int, int]) -> Pixel:
 
 
 def _normal(sensor: CtiaSensor, shape: tuple[int, int], purpose: str) -> Floats:
-    rank = pixel_uniforms(shape, sensor.device_seed, f"ctia {purpose}")
-    # 0 is a possible rank and has no quantile; 1 is not
-    return np.asarray(ndtri(np.maximum(rank, 2.0**-54)))
+    return pixel_normals(shape, sensor.device_seed, f"ctia {purpose}")
 
 
 def _log_normal(relative_sigma: float, standard: Floats) -> Floats:

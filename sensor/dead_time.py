@@ -15,7 +15,7 @@ from pydantic import BaseModel, Field, model_validator
 from megalopta.sensor import nonparalyzable, paralyzable
 from megalopta.sensor.poisson import draw_poisson
 
-_MOST_ARRIVALS = 1e15
+MOST_ARRIVALS = 1e15
 # Far below any detector's; denormal times have no finite inverse.
 _SHORTEST_S = 1e-15
 
@@ -104,9 +104,9 @@ def check_arrivals(rate_hz: ArrayLike, exposure_s: float) -> Floats:
     if not 0 < exposure_s < np.inf:
         raise ValueError(f"exposure_s: {exposure_s}; must be positive and finite (s)")
     rate = np.asarray(rate_hz, np.float64).ravel()
-    if rate.size and not (rate.min() >= 0 and rate.max() * exposure_s <= _MOST_ARRIVALS):
+    if rate.size and not (rate.min() >= 0 and rate.max() * exposure_s <= MOST_ARRIVALS):
         raise ValueError(
             f"rate_hz: from {rate.min():g} to {rate.max():g}; must be finite, not negative, and at "
-            f"most {_MOST_ARRIVALS / exposure_s:g} Hz ({_MOST_ARRIVALS:g} arrivals an exposure)"
+            f"most {MOST_ARRIVALS / exposure_s:g} Hz ({MOST_ARRIVALS:g} arrivals an exposure)"
         )
     return rate * exposure_s

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from megalopta.sensor import bias, temperature
 from megalopta.sensor.analog_counter import AnalogCounter, AnalogPixels, analog_pixels
 from megalopta.sensor.dark_counts import dark_count_rate
+from megalopta.sensor.dead_time import MOST_ARRIVALS
 from megalopta.sensor.measured import MeasuredMaps, load_map
 from megalopta.sensor.model import Sensor
 
@@ -44,7 +45,8 @@ def fabricate(sensor: Sensor, shape: tuple[int, int]) -> Device:
     Raises
     ------
     ValueError
-        When a measured map does not fit, or an efficiency would exceed 1.
+        When a measured map does not fit, an efficiency would exceed 1, or dark counts would be
+        beyond all measure.
     """
     # files may change, drawn patterns cannot
     is_drawn = sensor.measured == MeasuredMaps()
@@ -75,10 +77,12 @@ def _breakdown_offset(sensor: Sensor, shape: tuple[int, int]) -> Floats:
 
 
 def _efficiency_factor(sensor: Sensor, offset: Floats) -> Floats:
-    factor = bias.efficiency_factor(sensor.bias, offset)
     measured = sensor.measured.efficiency
-    if measured is not None:
-        factor = factor * load_map(measured, offset.shape, "measured.efficiency")
+    if measured is None:
+        factor = bias.efficiency_factor(sensor.bias, offset)
+    else:
+        factor = load_map(measured, offset.shape, "measured.efficiency")
+        factor *= bias.since_measurement(bias.efficiency_factor, sensor.bias, offset)
     largest = float(factor.max(initial=0)) * max(sensor.efficiency.values)
     if largest > 1:
         raise ValueError(
@@ -90,11 +94,20 @@ def _efficiency_factor(sensor: Sensor, offset: Floats) -> Floats:
 
 def _dark_counts_hz(sensor: Sensor, offset: Floats) -> Floats:
     measured = sensor.measured.dark_counts
-    if measured is not None:
-        rate = load_map(measured, offset.shape, "measured.dark_counts")
+    if measured is None:
+        area_m2, seed = sensor.active_area_m2, sensor.device_seed
+        rate = dark_count_rate(sensor.dark_counts, offset.shape, area_m2, seed)
+        rate *= bias.dark_count_factor(sensor.bias, offset)
     else:
-        rate = dark_count_rate(
-            sensor.dark_counts, offset.shape, sensor.active_area_m2, sensor.device_seed
+        rate = load_map(measured, offset.shape, "measured.dark_counts")
+        rate *= bias.since_measurement(bias.dark_count_factor, sensor.bias, offset)
+    with np.errstate(invalid="ignore"):
+        rate *= temperature.dark_count_factor(sensor.temperature)
+    largest = float(rate.max(initial=0))
+    if not largest * sensor.exposure_s <= MOST_ARRIVALS:
+        raise ValueError(
+            f"dark_counts: {largest:g} Hz in the worst pixel at bias.excess_v "
+            f"{sensor.bias.excess_v:g} and temperature.celsius {sensor.temperature.celsius:g}; "
+            f"lower these, at most {MOST_ARRIVALS / sensor.exposure_s:g} Hz can be drawn"
         )
-    warmth = temperature.dark_count_factor(sensor.temperature)
-    return rate * bias.dark_count_factor(sensor.bias, offset) * warmth
+    return rate

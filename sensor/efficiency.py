@@ -6,8 +6,8 @@ photons, for a spectrum that is flat inside the band,
     PDE_b = ∫ PDE(λ)·λ dλ / ∫ λ dλ
 
 The integrand is a parabola between the points of the curve, for which Simpson's rule is exact, so
-no point is lost however narrow or wide the band. Dependence on excess bias is not modeled: the
-curve holds at one operating point.
+no point is lost however narrow or wide the band. The curve holds at one operating point; `bias`
+scales it elsewhere, alike at all wavelengths.
 """
 
 from itertools import pairwise

@@ -39,7 +39,7 @@ class MeasuredMaps(BaseModel, frozen=True, extra="forbid", use_attribute_docstri
     dark_counts: MapFile | None = None
     """Dark count rate of every pixel (Hz) at the reference bias and temperature."""
     efficiency: MapFile | None = None
-    """Efficiency of every pixel relative to the curve."""
+    """Efficiency of every pixel relative to the curve, at the reference bias."""
     breakdown: MapFile | None = None
     """Breakdown voltage of every pixel above the nominal one (V)."""
 

@@ -13,6 +13,7 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 _TILE = 64
 
@@ -55,6 +56,12 @@ def pixel_uniforms(shape: tuple[int, int], seed: int, *key: str | int) -> NDArra
         tile = generator(seed, *key, top // _TILE, left // _TILE).random((_TILE, _TILE))
         field[top : top + _TILE, left : left + _TILE] = tile
     return field[:rows, :columns]
+
+
+def pixel_normals(shape: tuple[int, int], seed: int, *key: str | int) -> NDArray[np.float64]:
+    """Return one standard normal number per pixel, |z| < 8.3; as `pixel_uniforms`."""
+    # 0 is a possible uniform number and has no quantile; 1 is not
+    return np.asarray(ndtri(np.maximum(pixel_uniforms(shape, seed, *key), 2.0**-54)))
 
 
 def _encode(part: str | int) -> bytes:

@@ -9,6 +9,7 @@ hardly depends on temperature. Cooling by 30 to 40 K lowers the rate by one to t
 
 from typing import Annotated
 
+import numpy as np
 from pydantic import BaseModel, Field
 
 
@@ -17,9 +18,9 @@ class Temperature(
 ):
     """Temperature of the chip; by default that at which the dark counts were given."""
 
-    celsius: Annotated[float, Field(gt=-273.15)] = 20.0
+    celsius: Annotated[float, Field(gt=-273.15, le=1000)] = 20.0
     """Temperature of the chip (°C)."""
-    reference_celsius: Annotated[float, Field(gt=-273.15)] = 20.0
+    reference_celsius: Annotated[float, Field(gt=-273.15, le=1000)] = 20.0
     """Temperature at which the dark count rates hold (°C)."""
     dcr_doubling_k: Annotated[float, Field(gt=0)] = 9.0
     """Rise in temperature that doubles the dark count rate (K)."""
@@ -28,4 +29,5 @@ class Temperature(
 def dark_count_factor(temperature: Temperature) -> float:
     """Dark count rate relative to that at the reference temperature."""
     rise = temperature.celsius - temperature.reference_celsius
-    return float(2.0 ** (rise / temperature.dcr_doubling_k))
+    with np.errstate(over="ignore"):  # `fabricate` refuses what is not finite
+        return float(np.exp2(rise / temperature.dcr_doubling_k))

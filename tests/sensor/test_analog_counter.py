@@ -1,6 +1,8 @@
 import numpy as np
 import pytest
+from scipy.stats import norm
 
+from megalopta.sensor import DarkCounts, expose_rate, preset
 from megalopta.sensor.analog_counter import AnalogCounter, analog_pixels, read_analog
 from megalopta.sensor.randomness import generator
 
@@ -59,17 +61,51 @@ def test_leak_that_empties_the_counter_is_refused():
         analog_pixels(SPREAD, (4, 4), 1000.0, 0)
 
 
+def test_pixel_whose_counts_cannot_be_stored_is_refused():
+    nearly = AnalogCounter(step_v=3.2 / 65000, step_sigma_v=3.2 / 65000 / 9)
+    with pytest.raises(ValueError, match=r"smallest step makes more than 65535 counts; make it"):
+        analog_pixels(nearly, (128, 128), 0.1, 0)
+
+
+@pytest.mark.parametrize("in_steps", [0.1, 0.5, 3.0])
+def test_empty_pixels_read_high_by_what_would_be_below_zero(in_steps):
+    noisy = AnalogCounter(step_v=10e-3, read_noise_v=10e-3 * in_steps)
+    counts, _ = read(noisy, np.zeros((300, 300), np.int64))
+    mean = norm.sf((np.arange(1, 60) - 0.5) / in_steps).sum()
+    # false alarm 6e-7; at a tenth of a step one in 40 runs would see a count
+    assert abs(counts.mean() - mean) <= 5 * max(counts.std(), mean**0.5) / 300
+
+
+def test_read_noise_is_fresh_in_every_frame():
+    sensor = preset("spadcam").model_copy(update={"dark_counts": DarkCounts()})
+    noisy = sensor.counter.model_copy(update={"read_noise_v": 10e-3})
+    dark = np.zeros((2, 64, 64))
+    counts = expose_rate(
+        dark, sensor.model_copy(update={"counter": noisy}), seed=0, sequence="s"
+    ).counts.astype(float)
+    # 4096 pixels of two independent frames are uncorrelated to 1/64; false alarm 6e-7
+    assert abs(np.corrcoef(counts.reshape(2, -1))[0, 1]) < 5 / 64
+
+
+def test_counter_at_the_bottom_is_flagged_whatever_noise_makes_of_its_reading():
+    noisy = AnalogCounter(step_v=10e-3, read_noise_v=50e-3)
+    counts, saturated = read(noisy, np.full((50, 50), 400))
+    assert np.mean(counts < noisy.capacity) > 0.3
+    assert saturated.all()
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
         {"step_v": -1.0},
         {"step_v": 4.0},
         {"step_v": 0.01, "swing_v": 3.4},
-        {"step_v": 0.01, "step_sigma_v": 0.01},
+        {"step_v": 0.01, "step_sigma_v": 0.0012},
+        {"step_v": 0.01, "leak_v_s": 1e-3, "leak_sigma_v_s": 5e-3},
         {"step_v": 1e-6},
         {"step_v": 0.01, "adc_bits": 0},
     ],
 )
 def test_impossible_counter_is_refused(wrong):
-    with pytest.raises(ValueError, match=r"step_v|swing_v|adc_bits"):
+    with pytest.raises(ValueError, match=r"step_v|swing_v|adc_bits|step_sigma_v|leak_sigma_v_s"):
         AnalogCounter(**wrong)

@@ -7,7 +7,7 @@ from megalopta.sensor.bias import (
     breakdown_offset,
     dark_count_factor,
     efficiency_factor,
-    largest_efficiency_factor,
+    since_measurement,
 )
 from megalopta.sensor.presets import preset
 
@@ -43,8 +43,20 @@ def test_nothing_is_counted_below_the_onset():
 
 
 def test_efficiency_saturates_and_dark_counts_do_not():
-    assert efficiency_factor(at(50.0), 0.0) == pytest.approx(largest_efficiency_factor(SPADCAM))
+    at_reference = 1 - np.exp(-(SPADCAM.reference_v - SPADCAM.onset_v) / SPADCAM.efficiency_scale_v)
+    assert efficiency_factor(at(20.0), 0.0) == pytest.approx(1 / at_reference)
     assert dark_count_factor(at(SPADCAM.excess_v + 0.12), 0.0) == pytest.approx(np.e)
+
+
+@pytest.mark.parametrize("factor", [efficiency_factor, dark_count_factor])
+def test_factor_since_a_measurement_leads_from_the_reference_to_this_bias(factor):
+    raised = at(SPADCAM.excess_v + 0.1)
+    np.testing.assert_allclose(
+        factor(SPADCAM, OFFSETS) * since_measurement(factor, raised, OFFSETS),
+        factor(raised, OFFSETS),
+        rtol=1e-12,
+    )
+    assert np.all(since_measurement(factor, SPADCAM, [*OFFSETS, 1.0]) == 1)
 
 
 def test_best_bias_is_where_the_ratio_peaks():
@@ -70,3 +82,11 @@ def test_breakdown_voltages_belong_to_the_device():
 def test_onset_above_the_reference_is_refused():
     with pytest.raises(ValueError, match=r"bias\.onset_v: 2 is not below"):
         Bias(onset_v=2.0)
+
+
+@pytest.mark.parametrize("shift", [{"excess_v": 3.0}, {"breakdown_sigma_v": 0.05}])
+def test_a_shift_that_moves_nothing_is_refused(shift):
+    with pytest.raises(ValueError, match="nothing depends on bias; give efficiency_scale_v"):
+        Bias(**shift)
+    assert Bias(**shift, dark_efold_v=0.1).is_on
+    assert not Bias(excess_v=5.0, reference_v=5.0).is_on

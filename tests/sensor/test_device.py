@@ -36,25 +36,58 @@ def load(folder):
     return load_sensor(folder / "device.yaml")
 
 
-def test_measured_maps_take_the_place_of_drawn_patterns(folder):
-    write(
-        folder,
-        {
-            "preset": "spadcam",
-            "measured": maps("dark_counts", "efficiency"),
-            "bias": {"breakdown_sigma_v": 0},
-        },
-    )
+@pytest.mark.parametrize("measured", [("dark_counts", "efficiency"), tuple(MAPS)])
+@pytest.mark.parametrize("sigma", [0, 0.042])
+def test_at_the_reference_bias_a_device_is_as_measured(folder, measured, sigma):
+    bias = {"breakdown_sigma_v": sigma}
+    write(folder, {"preset": "spadcam", "measured": maps(*measured), "bias": bias})
     device = fabricate(load(folder), SHAPE)
-    np.testing.assert_allclose(device.dark_counts_hz, MAPS["dark_counts"], rtol=1e-12)
-    np.testing.assert_allclose(device.efficiency_factor, MAPS["efficiency"], rtol=1e-12)
+    np.testing.assert_array_equal(device.dark_counts_hz, MAPS["dark_counts"])
+    np.testing.assert_array_equal(device.efficiency_factor, MAPS["efficiency"])
 
 
-def test_measured_breakdown_moves_both_others(folder):
+def test_measured_breakdown_moves_what_is_drawn(folder):
+    write(folder, {"preset": "spadcam", "measured": maps("breakdown")})
+    drawn = preset("spadcam").model_copy(update={"bias": Bias()})
+    lift = np.exp(-MAPS["breakdown"] / preset("spadcam").bias.dark_efold_v)
+    np.testing.assert_allclose(
+        fabricate(load(folder), SHAPE).dark_counts_hz,
+        fabricate(drawn, SHAPE).dark_counts_hz * lift,
+        rtol=1e-12,
+    )
+
+
+def test_measured_efficiency_saturates_sooner_where_breakdown_is_low(folder):
     sensor = load(folder)
-    device = fabricate(sensor, SHAPE)
-    lift = np.exp(-MAPS["breakdown"] / sensor.bias.dark_efold_v)
-    np.testing.assert_allclose(device.dark_counts_hz, MAPS["dark_counts"] * lift, rtol=1e-12)
+    model = sensor.bias
+    raised = model.model_copy(update={"excess_v": model.excess_v + 0.1})
+    device = fabricate(sensor.model_copy(update={"bias": raised}), SHAPE)
+    ratio = device.efficiency_factor / MAPS["efficiency"]
+    now, then = (
+        1 - np.exp(-(v - MAPS["breakdown"] - model.onset_v) / model.efficiency_scale_v)
+        for v in (raised.excess_v, model.reference_v)
+    )
+    np.testing.assert_allclose(ratio, now / then, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("bias", "temperature"),
+    [
+        ({"excess_v": 100.0}, {}),
+        ({}, {"celsius": 1000.0, "dcr_doubling_k": 1.0}),
+        ({}, {"celsius": 500.0, "dcr_doubling_k": 1e-3}),
+    ],
+)
+def test_dark_counts_beyond_all_measure_are_refused_with_what_makes_them(bias, temperature):
+    spadcam = preset("spadcam")
+    hot = spadcam.model_copy(
+        update={
+            "bias": spadcam.bias.model_copy(update=bias),
+            "temperature": Temperature(**temperature),
+        }
+    )
+    with pytest.raises(ValueError, match=r"dark_counts: .* at bias\.excess_v .*celsius .*; lower"):
+        fabricate(hot, SHAPE)
 
 
 def test_yaml_of_a_device_changes_only_what_it_names(folder):

@@ -18,3 +18,8 @@ def test_cooling_by_30_to_40_kelvin_gains_one_to_two_decades():
 def test_temperature_below_absolute_zero_is_refused():
     with pytest.raises(ValueError, match="celsius"):
         Temperature(celsius=-300)
+
+
+def test_temperature_at_which_no_chip_works_is_refused():
+    with pytest.raises(ValueError, match="celsius"):
+        Temperature(celsius=1e5)
