@@ -172,8 +172,11 @@ def start(pixel: Pixel, photocurrent_a: Reals) -> tuple[Floats, Floats]:
     At once where current flows in the right direction; never (infinite) where the diode is in
     forward bias and nothing drifts.
     """
-    balance = -open_circuit_voltage(pixel.diode, photocurrent_a, pixel.dark_scale)
     bias = np.asarray(pixel.bias_v, np.float64)
+    if np.all(bias >= 0):  # the balance, which takes a Newton iteration, is never above 0
+        shape = np.broadcast_shapes(*map(np.shape, (photocurrent_a, bias, pixel.dark_scale)))
+        return np.zeros(shape), np.broadcast_to(bias, shape)
+    balance = -open_circuit_voltage(pixel.diode, photocurrent_a, pixel.dark_scale)
     short = np.maximum(balance - bias, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         wait = np.where(short > 0, short / pixel.drift_v_s, 0.0)
