@@ -11,7 +11,14 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import yaml
-from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from megalopta.errors import UserError, one_sentence
 from megalopta.flow.benchmark_settings import BenchmarkSettings
@@ -23,8 +30,10 @@ from megalopta.scenes.forest import Forest
 from megalopta.scenes.light import Light, illuminance_of
 from megalopta.scenes.trajectory import Trajectory
 from megalopta.sensor import IMAGE_SENSORS, ImageSensor
+from megalopta.sensor.change import merged
 from megalopta.sensor.efficiency import band_efficiency
-from megalopta.sensor.presets import merged
+from megalopta.sensor.measured import with_hashes
+from megalopta.sensor.presets import load_sensor
 
 LightLevel = float | str
 
@@ -67,8 +76,9 @@ class Configuration(
         IMAGE_SENSORS["spadcam"],
         IMAGE_SENSORS["ideal"],
     )
-    """Sensors to expose. In YAML a preset's name, or a mapping with `preset` and changes to it, or
-    one of `kind` spad or ctia with all of its fields."""
+    """Sensors to expose. In YAML a preset's name, a mapping with `preset` and changes to it, one of
+    `kind` spad or ctia with all of its fields, or the path of a measured device's YAML file. Paths
+    are relative to the file that they stand in; on the command line, to the working folder."""
 
     methods: Annotated[tuple[str, ...], Field(min_length=1)] = tuple(METHODS)
     """Motion detectors to run."""
@@ -100,10 +110,11 @@ class Configuration(
 
     @field_validator("sensors", mode="before")
     @classmethod
-    def _sensors_by_preset(cls, sensors: Any) -> Any:
+    def _sensors_by_preset(cls, sensors: Any, validation: ValidationInfo) -> Any:
         if isinstance(sensors, str) or not isinstance(sensors, Sequence):
             return sensors
-        return tuple(_resolve_sensor(sensor) for sensor in sensors)
+        folder = (validation.context or {}).get("folder", Path())
+        return tuple(_resolve_sensor(sensor, folder) for sensor in sensors)
 
     @field_validator("methods")
     @classmethod
@@ -151,11 +162,15 @@ def _number_if_it_is_one(level: Any) -> Any:
         return level
 
 
-def _resolve_sensor(sensor: Any) -> Any:
+def _resolve_sensor(sensor: Any, folder: Path) -> Any:
+    if isinstance(sensor, str) and sensor.endswith((".yaml", ".yml")):
+        return load_sensor(folder / sensor)
     if isinstance(sensor, str):
         sensor = {"preset": sensor}
     if not isinstance(sensor, Mapping):
         return sensor
+    if "measured" in sensor:
+        sensor = {**sensor, "measured": with_hashes(sensor["measured"], folder)}
     if "preset" not in sensor:
         return {"kind": "spad", **sensor}
     name = sensor["preset"]
@@ -190,14 +205,22 @@ def load(source: str, overrides: Mapping[str, str] | None = None) -> Configurati
     """
     if source in built_in_names():
         text = resources.files("megalopta").joinpath(f"{source}.yaml").read_text("utf-8")
-    else:
-        path = Path(source)
-        text = _read_file(path / "dataset.yaml" if path.is_dir() else path)
-    return parse(text, source, overrides)
+        return parse(text, source, overrides)
+    path = Path(source)
+    path = path / "dataset.yaml" if path.is_dir() else path
+    return parse(_read_file(path), source, overrides, path.parent)
 
 
-def parse(text: str, source: str, overrides: Mapping[str, str] | None = None) -> Configuration:
-    """Configuration from YAML text; `source` names it in errors. Raises UserError."""
+def parse(
+    text: str,
+    source: str,
+    overrides: Mapping[str, str] | None = None,
+    folder: Path = Path(),
+) -> Configuration:
+    """Configuration from YAML text; `source` names it in errors. Raises UserError.
+
+    Paths in the text are relative to `folder`, those in overrides to the working folder.
+    """
     values = _safe_yaml(text, source)
     if values is None:
         values = {}
@@ -205,13 +228,13 @@ def parse(text: str, source: str, overrides: Mapping[str, str] | None = None) ->
         raise UserError(f"{source}: a configuration is a mapping of keys to values")
     if "configuration" in values:  # a dataset.yaml
         values = values["configuration"]
-    configuration = _validated(values, source)
+    configuration = _validated(values, source, folder)
     if not overrides:
         return configuration
     changed = configuration.model_dump(mode="json")
     for path, value in overrides.items():
         _set(changed, path, _safe_yaml(value, f"--{path}"))
-    return _validated(changed, "command line")
+    return _validated(changed, "command line", Path())
 
 
 def to_yaml(configuration: BaseModel) -> str:
@@ -262,9 +285,9 @@ def _safe_yaml(text: str, source: str) -> Any:
         raise UserError(f"{source}: not valid YAML: {first_line}") from None
 
 
-def _validated(values: Any, source: str) -> Configuration:
+def _validated(values: Any, source: str, folder: Path) -> Configuration:
     try:
-        return Configuration.model_validate(values)
+        return Configuration.model_validate(values, context={"folder": folder})
     except ValidationError as error:
         raise UserError(f"{source}: {one_sentence(error, Configuration)}") from None
 

@@ -21,6 +21,7 @@ from megalopta.sensor.analog_counter import AnalogCounter
 from megalopta.sensor.bias import Bias
 from megalopta.sensor.binary import expose_binary
 from megalopta.sensor.chain import ORDER_OF_EFFECTS, Effect, without
+from megalopta.sensor.change import changed
 from megalopta.sensor.counter import DigitalCounter
 from megalopta.sensor.counts_store import StoredCounts, read_counts, write_counts
 from megalopta.sensor.crosstalk import Crosstalk
@@ -107,6 +108,7 @@ __all__ = [
     "StoredCounts",
     "Temperature",
     "calibrate",
+    "changed",
     "ctia_preset",
     "detected_photons",
     "detection_rate",

@@ -1,18 +1,18 @@
 """The effects of a sensor in the order in which they act: one list, for readers and programs.
 
-Light is an array of rates as far as "dark counts", a set of avalanches up to "jitter", and a number
-in a counter after that. The effects on avalanches act on each other in time and are simulated
-together wherever more than one is on.
+There are rates of arrivals as far as "temperature", avalanches up to "jitter", and a number in a
+counter after that. The effects on avalanches act on each other in time and are simulated together
+wherever more than one is on.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-
-from pydantic import BaseModel
+from typing import Any
 
 from megalopta.sensor.afterpulsing import Afterpulsing
 from megalopta.sensor.analog_counter import AnalogCounter
 from megalopta.sensor.bias import Bias
+from megalopta.sensor.change import changed
 from megalopta.sensor.counter import LARGEST_CAPACITY, DigitalCounter
 from megalopta.sensor.crosstalk import Crosstalk
 from megalopta.sensor.dark_counts import DarkCounts, mean_density
@@ -36,92 +36,100 @@ class Effect:
         Field of `Sensor` that holds its parameters.
     statement : str
         What it does, for a reader.
-    off : BaseModel
-        Parameters with which it does nothing (the lens: a perfect one without falloff).
     is_on : callable
         Whether it does something in a given sensor.
+    off : callable
+        Changes to a given sensor with which it does nothing (the lens: a perfect one).
     """
 
     field: str
     statement: str
-    off: BaseModel
     is_on: Callable[[Sensor], bool]
+    off: Callable[[Sensor], dict[str, Any]]
+
+
+def _efficiency_off(sensor: Sensor) -> dict[str, Any]:
+    bias = sensor.bias
+    has_other = bias.dark_efold_v is not None or bias.onset_v > 0
+    return {
+        "efficiency": Efficiency(wavelengths_nm=(1.0, 1e6), values=(1.0, 1.0)),
+        "bias": {"efficiency_scale_v": None} if has_other else Bias(),
+        "measured": {"efficiency": None},
+    }
 
 
 ORDER_OF_EFFECTS: tuple[Effect, ...] = (
     Effect(
         "lens",
         "radiance becomes photons per second on the pixel",
-        Lens(),
         lambda _: True,
+        lambda _: {"lens": Lens()},
     ),
     Effect(
         "efficiency",
         "a fraction of the photons on the active area, by wavelength, starts an avalanche",
-        Efficiency(wavelengths_nm=(1.0, 1e6), values=(1.0, 1.0)),
-        lambda sensor: min(sensor.efficiency.values) < 1,
+        lambda s: min(s.efficiency.values) < 1 or s.measured.efficiency is not None,
+        _efficiency_off,
     ),
     Effect(
-        "bias",
-        "excess bias and its mismatch scale efficiency and dark counts of each pixel",
-        Bias(),
-        lambda sensor: sensor.bias != Bias(),
-    ),
-    Effect(
-        "temperature",
-        "temperature scales the dark counts",
-        Temperature(),
-        lambda sensor: sensor.temperature.celsius != sensor.temperature.reference_celsius,
+        "dark_counts",
+        "carriers that are no photons' arrive too, in every pixel at a rate of its own",
+        lambda s: mean_density(s.dark_counts) > 0 or s.measured.dark_counts is not None,
+        lambda _: {"dark_counts": DarkCounts(), "measured": {"dark_counts": None}},
     ),
     Effect(
         "measured",
         "measured maps replace drawn patterns of efficiency, dark counts and breakdown",
-        MeasuredMaps(),
-        lambda sensor: sensor.measured != MeasuredMaps(),
+        lambda s: s.measured != MeasuredMaps(),
+        lambda _: {"measured": MeasuredMaps()},
     ),
     Effect(
-        "dark_counts",
-        "carriers that are no photons' join the photons that would be detected",
-        DarkCounts(),
-        lambda sensor: mean_density(sensor.dark_counts) > 0,
+        "bias",
+        "excess bias and its mismatch scale efficiency and dark counts of each pixel",
+        lambda s: s.bias.is_on or s.measured.breakdown is not None,
+        lambda _: {"bias": Bias(), "measured": {"breakdown": None}},
+    ),
+    Effect(
+        "temperature",
+        "temperature scales the dark counts",
+        lambda s: s.temperature.celsius != s.temperature.reference_celsius,
+        lambda _: {"temperature": Temperature()},
     ),
     Effect(
         "gate",
         "what arrives outside the window is lost",
-        Gate(),
-        lambda sensor: sensor.gate.is_on,
+        lambda s: s.gate.is_on,
+        lambda _: {"gate": Gate()},
     ),
     Effect(
         "dead_time",
         "what arrives while the pixel recovers is lost",
-        DeadTime(),
-        lambda sensor: sensor.dead_time.kind != "ideal",
+        lambda s: s.dead_time.kind != "ideal",
+        lambda _: {"dead_time": DeadTime()},
     ),
     Effect(
         "afterpulsing",
         "avalanches fill traps whose carriers arrive later",
-        Afterpulsing(),
-        lambda sensor: sensor.afterpulsing.is_on,
+        lambda s: s.afterpulsing.is_on,
+        lambda _: {"afterpulsing": Afterpulsing()},
     ),
     Effect(
         "crosstalk",
         "avalanches send light to neighboring pixels",
-        Crosstalk(),
-        lambda sensor: sensor.crosstalk.is_on,
+        lambda s: s.crosstalk.is_on,
+        lambda _: {"crosstalk": Crosstalk()},
     ),
     Effect(
         "jitter",
         "time stamps of events scatter (event streams only)",
-        Jitter(),
-        lambda sensor: sensor.jitter.is_on,
+        lambda s: s.jitter.is_on,
+        lambda _: {"jitter": Jitter()},
     ),
     Effect(
         "counter",
         "avalanches are counted, as far as the counter goes, and read (frames only)",
-        DigitalCounter(),
-        lambda sensor: (
-            isinstance(sensor.counter, AnalogCounter) or sensor.counter.capacity < LARGEST_CAPACITY
-        ),
+        lambda s: isinstance(s.counter, AnalogCounter) or s.counter.capacity < LARGEST_CAPACITY,
+        lambda _: {"counter": DigitalCounter()},
     ),
 )
 """First to last."""
@@ -130,6 +138,9 @@ ORDER_OF_EFFECTS: tuple[Effect, ...] = (
 def without(sensor: Sensor, field: str) -> Sensor:
     """Return the sensor with one effect switched off.
 
+    Without "efficiency", every photon on the active area is detected, wherever a pixel's bias is
+    above the onset. Without "dark_counts", measured ones are off too.
+
     Raises
     ------
     ValueError
@@ -137,12 +148,11 @@ def without(sensor: Sensor, field: str) -> Sensor:
     """
     for effect in ORDER_OF_EFFECTS:
         if effect.field == field:
-            return sensor.model_copy(update={field: effect.off})
+            return changed(sensor, **effect.off(sensor))
     known = ", ".join(effect.field for effect in ORDER_OF_EFFECTS)
     raise ValueError(f"effect {field!r}: no such effect; choose from {known}")
 
 
-def describe(sensor: Sensor) -> list[str]:
-    """One line per effect that is on, in order."""
-    active = [effect for effect in ORDER_OF_EFFECTS if effect.is_on(sensor)]
-    return [f"{effect.field}: {effect.statement}" for effect in active]
+def active_effects(sensor: Sensor) -> tuple[str, ...]:
+    """Names of the effects that are on, in order."""
+    return tuple(effect.field for effect in ORDER_OF_EFFECTS if effect.is_on(sensor))

@@ -75,7 +75,7 @@ def load_map(file: MapFile, shape: tuple[int, int], field: str, lowest: float = 
 
 
 def with_hashes(maps: Any, folder: Path) -> Any:
-    """Make the paths of a `measured` mapping absolute and add the hashes of the files."""
+    """Make the paths of a `measured` mapping absolute and add the hashes of files without one."""
     if not isinstance(maps, Mapping):
         return maps
     return {name: _with_hash(file, folder) for name, file in maps.items()}
@@ -85,6 +85,8 @@ def _with_hash(file: Any, folder: Path) -> Any:
     if not isinstance(file, Mapping) or "path" not in file:
         return file
     path = (folder / str(file["path"])).resolve()
+    if file.get("sha256"):
+        return {**file, "path": str(path)}
     if not path.is_file():
         raise ValueError(f"measured: {path} does not exist; give the path of a .npy file")
-    return {"sha256": hashlib.sha256(path.read_bytes()).hexdigest(), **file, "path": str(path)}
+    return {**file, "path": str(path), "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}

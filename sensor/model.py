@@ -1,6 +1,6 @@
 """Everything that describes one image sensor, as plain frozen data."""
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import BaseModel, Field, model_validator
 
@@ -13,7 +13,7 @@ from megalopta.sensor.crosstalk import Crosstalk
 from megalopta.sensor.dark_counts import DarkCounts
 from megalopta.sensor.dead_time import DeadTime
 from megalopta.sensor.efficiency import Efficiency
-from megalopta.sensor.gating import Gate
+from megalopta.sensor.gating import Gate, open_fraction
 from megalopta.sensor.jitter import Jitter
 from megalopta.sensor.measured import MeasuredMaps
 from megalopta.sensor.optics import Lens
@@ -67,22 +67,17 @@ class Sensor(
     )
     """What counts the events in the pixel; by default one that is practically never full."""
     device_seed: int = 0
-    """Which device of this kind: fixes the pattern of its pixels (any integer, 0 included)."""
+    """Which device of this kind: fixes the pattern of its pixels (any integer, 0 included). Where
+    two sensors share it, pixels at the same place rank alike in each of their patterns."""
 
-    @model_validator(mode="before")
-    @classmethod
-    def _accept_capacity_alone(cls, values: Any) -> Any:
-        # the short form of a saturating digital counter
-        if not isinstance(values, dict) or "counter_capacity" not in values:
-            return values
-        capacity = values["counter_capacity"]
-        others = {name: value for name, value in values.items() if name != "counter_capacity"}
-        try:
-            return others | {"counter": DigitalCounter(capacity=capacity)}
-        except ValueError as error:
+    @model_validator(mode="after")
+    def _check_gate(self) -> Self:
+        if open_fraction(self.gate, self.exposure_s) == 0:
             raise ValueError(
-                f"counter_capacity: {capacity}; give a whole number of counts, 1 to 2³² − 1"
-            ) from error
+                f"gate: it does not open in an exposure_s of {self.exposure_s:g}; lower phase_s "
+                f"{self.gate.phase_s:g} or expose for longer"
+            )
+        return self
 
     @property
     def counter_capacity(self) -> int:

@@ -1,3 +1,6 @@
+import hashlib
+
+import numpy as np
 import pytest
 import yaml
 
@@ -46,6 +49,52 @@ def test_sensors_are_given_by_preset_with_changes():
     assert cold.dark_counts.bulk_mean_hz_um2 == 0.1
     assert cold.dark_counts.hot_fraction > 0  # the rest of the preset stays
     assert cold.counter_capacity == 320
+
+
+@pytest.fixture
+def measured(tmp_path):
+    np.save(tmp_path / "dark.npy", np.ones((4, 4)))
+    device = {
+        "preset": "spadcam",
+        "name": "mine",
+        "measured": {"dark_counts": {"path": "dark.npy"}},
+    }
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(device))
+    (tmp_path / "night.yaml").write_text(yaml.safe_dump({"sensors": ["mine.yaml"]}))
+    (tmp_path / "inline.yaml").write_text(yaml.safe_dump({"sensors": [device]}))
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", ["night.yaml", "inline.yaml"])
+def test_measured_device_is_found_beside_the_configuration_and_hashed(measured, name):
+    (sensor,) = load(str(measured / name)).sensors
+    file = sensor.measured.dark_counts
+    assert sensor.name == "mine"
+    assert file.path == str(measured / "dark.npy")
+    assert file.sha256 == hashlib.sha256((measured / "dark.npy").read_bytes()).hexdigest()
+
+
+def test_measured_device_on_the_command_line_is_found_from_the_working_folder(
+    measured, monkeypatch
+):
+    monkeypatch.chdir(measured)
+    (sensor,) = load("demo", {"sensors": "mine.yaml"}).sensors
+    assert sensor.measured.dark_counts.path == str(measured / "dark.npy")
+
+
+def test_record_of_a_measured_device_can_be_read_without_its_map(measured):
+    configuration = load(str(measured / "night.yaml"))
+    (measured / "dark.npy").unlink()
+    assert parse(to_yaml(configuration), "again") == configuration
+
+
+def test_missing_map_and_missing_device_are_named(measured):
+    (measured / "dark.npy").unlink()
+    with pytest.raises(UserError, match=r"dark\.npy does not exist; give the path"):
+        load(str(measured / "inline.yaml"))
+    (measured / "mine.yaml").unlink()
+    with pytest.raises(UserError, match=r"mine\.yaml: cannot be read as YAML"):
+        load(str(measured / "night.yaml"))
 
 
 @pytest.mark.parametrize(

@@ -132,6 +132,23 @@ def test_impossible_map_is_refused(folder, values, message):
         fabricate(load(folder), SHAPE)
 
 
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"preset": "spadcam", "exposure": 1}, "exposure: no such field"),
+        ({"preset": "spadcam", "exposure_s": -1}, "exposure_s: .* greater than 0, got -1"),
+        ({"preset": "spadcam", "bias": {"onset_v": 2}}, r"bias\.onset_v: 2 is not below"),
+        ({"name": "mine"}, "pitch_m: missing"),
+        ({"preset": ["spadcam"]}, "no such preset"),
+    ],
+)
+def test_impossible_device_is_refused_in_one_sentence(folder, values, message):
+    write(folder, values)
+    with pytest.raises(ValueError, match=message) as refusal:
+        load_sensor(str(folder / "device.yaml"))
+    assert "\n" not in str(refusal.value)
+
+
 def test_missing_files_are_refused(folder):
     with pytest.raises(ValueError, match="cannot be read as YAML"):
         load_sensor(folder / "none.yaml")
