@@ -6,6 +6,7 @@ the group hold what made them: sensor, exposure, seed, sequence, illuminance. A 
 under a temporary name and renamed, so it is there whole or not at all.
 """
 
+import operator
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -50,7 +51,7 @@ class StoredCounts:
     extra: Mapping[str, Any] = field(default_factory=dict)
 
 
-def write_counts(path: Path, stored: StoredCounts) -> None:
+def write_counts(path: str | Path, stored: StoredCounts) -> None:
     """Write counts as a new store.
 
     Raises
@@ -58,6 +59,7 @@ def write_counts(path: Path, stored: StoredCounts) -> None:
     FileExistsError
         When something of this name exists.
     """
+    path = Path(path)
     if path.exists():
         raise FileExistsError(f"{path}: exists already; remove it or choose another name")
     temporary = path.with_name(f".{path.name}.{uuid4().hex}")
@@ -69,7 +71,7 @@ def write_counts(path: Path, stored: StoredCounts) -> None:
         raise
 
 
-def read_counts(path: Path) -> StoredCounts:
+def read_counts(path: str | Path) -> StoredCounts:
     """Read a store that `write_counts` wrote.
 
     Raises
@@ -77,8 +79,9 @@ def read_counts(path: Path) -> StoredCounts:
     FileNotFoundError
         When there is nothing of this name.
     ValueError
-        When it is something else.
+        When it is something else, or lacks a part.
     """
+    path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such counts store")
     try:
@@ -88,20 +91,24 @@ def read_counts(path: Path) -> StoredCounts:
     attributes: dict[str, Any] = dict(group.attrs)
     if attributes.get("format") != _FORMAT:
         raise ValueError(f"{path}: a Zarr group, but not one of counts; give a folder of counts")
-    return StoredCounts(
-        Exposure(*(np.asarray(group[name]) for name in ("counts", "expected", "saturated"))),
-        _IMAGE_SENSOR.validate_python(attributes["sensor"]),
-        *(attributes[name] for name in ("seed", "sequence", "illuminance_lux", "extra")),
-    )
+    try:
+        return StoredCounts(
+            Exposure(*(np.asarray(group[name]) for name in ("counts", "expected", "saturated"))),
+            _IMAGE_SENSOR.validate_python(attributes["sensor"]),
+            *(attributes[name] for name in ("seed", "sequence", "illuminance_lux", "extra")),
+        )
+    except KeyError as missing:
+        raise ValueError(f"{path}: lacks {missing}; write the counts again") from missing
 
 
 def _write_group(path: Path, stored: StoredCounts) -> None:
+    sequence = stored.sequence
     attributes: dict[str, Any] = {
         "format": _FORMAT,
         "sensor": stored.sensor.model_dump(mode="json"),
         "exposure_s": stored.sensor.exposure_s,
-        "seed": stored.seed,
-        "sequence": stored.sequence,
+        "seed": operator.index(stored.seed),
+        "sequence": sequence if isinstance(sequence, str) else operator.index(sequence),
         "illuminance_lux": stored.illuminance_lux,
         "extra": dict(stored.extra),
     }

@@ -28,12 +28,14 @@ class Events:
     Attributes
     ----------
     frame : (N,) int64
-        Frame that the avalanche belongs to, from 0.
+        Number in the sequence of the frame that the avalanche belongs to.
     time_s : (N,) float64
         Time stamp from the start of that frame's exposure, s.
     row, column : (N,) int64
         The pixel.
     shape : (frames, rows, columns)
+    first_frame : int
+        Number in the sequence of the first frame.
     """
 
     frame: NDArray[np.int64]
@@ -41,6 +43,7 @@ class Events:
     row: NDArray[np.int64]
     column: NDArray[np.int64]
     shape: tuple[int, int, int]
+    first_frame: int = 0
 
 
 def expose_events(
@@ -71,23 +74,25 @@ def expose_events(
         streams[frame] = stamps[order], pixels[order]
 
     over_frames(expose_frame, len(rate), threads)
-    return _joined(streams, rate.shape)
+    return _joined(streams, rate.shape, first_frame)
 
 
 def histogram(events: Events) -> NDArray[np.int64]:
     """Events per pixel and frame, (frames, rows, columns)."""
     _, rows, columns = events.shape
-    flat = (events.frame * rows + events.row) * columns + events.column
+    flat = ((events.frame - events.first_frame) * rows + events.row) * columns + events.column
     return np.bincount(flat, minlength=int(np.prod(events.shape))).reshape(events.shape)
 
 
 def _joined(
-    streams: list[tuple[NDArray[np.float64], NDArray[np.int64]]], shape: tuple[int, ...]
+    streams: list[tuple[NDArray[np.float64], NDArray[np.int64]]],
+    shape: tuple[int, ...],
+    first_frame: int,
 ) -> Events:
     frames, rows, columns = shape
     lengths = [times.size for times, _ in streams]
     times = np.concatenate([np.empty(0), *(times for times, _ in streams)])
     pixels = np.concatenate([np.empty(0, np.int64), *(pixels for _, pixels in streams)])
     row, column = np.divmod(pixels, max(columns, 1))
-    frame = np.repeat(np.arange(frames), lengths)
-    return Events(frame, times, row, column, (frames, rows, columns))
+    frame = np.repeat(np.arange(first_frame, first_frame + frames), lengths)
+    return Events(frame, times, row, column, (frames, rows, columns), first_frame)

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from megalopta.sensor.analog_counter import AnalogCounter, read_analog
 from megalopta.sensor.avalanche_counts import count_moments, draw_counts
 from megalopta.sensor.counter import Counts, empty_counts, read_digital
+from megalopta.sensor.dead_time import MOST_ARRIVALS
 from megalopta.sensor.device import Device, fabricate
 from megalopta.sensor.efficiency import band_efficiency
 from megalopta.sensor.model import Sensor
@@ -73,13 +74,15 @@ def expose(
     first_frame : int
         Number of the first of these frames in the sequence.
     threads : int, optional
-        How many frames to draw at the same time; by default as many as there are cores.
+        How many frames to draw at the same time, 1 or more; by default as many as there are cores.
 
     Raises
     ------
     ValueError
-        When the radiance is negative, not finite or of the wrong shape, a band reaches outside
-        the efficiency curve, or the sensor's device cannot be made.
+        When the radiance is negative, not finite, too bright or of the wrong shape, a band reaches
+        outside the efficiency curve, or the sensor's device cannot be made.
+    TypeError
+        When the sensor is none, or seed or sequence names nothing.
     """
     rate = detection_rate(radiance, bands_nm, sensor)
     return expose_rate(
@@ -120,6 +123,8 @@ def expose_rate(
 
 def over_frames(task: Callable[[int], None], frames: int, threads: int | None = None) -> None:
     """Run a task for every frame number, in threads; it must write to places of its own."""
+    if threads is not None and threads < 1:
+        raise ValueError(f"threads: {threads}; give 1 or more, or none for all cores")
     workers = min(threads or os.cpu_count() or 1, frames)
     if workers <= 1:
         for frame in range(frames):
@@ -136,14 +141,17 @@ def checked_rate(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, Devi
     Raises
     ------
     ValueError
-        When the rate has another shape, is negative or not finite.
+        When the rate has another shape, is negative, not finite or too high to be drawn.
     """
+    _check_sensor(sensor)
     rate = np.asarray(detections_hz, np.float64)
     if rate.ndim != 3:
         raise ValueError(f"detections_hz: shape {rate.shape}; give (frames, rows, columns)")
-    if rate.size and not (rate.min() >= 0 and rate.max() < np.inf):
+    most = MOST_ARRIVALS / sensor.exposure_s
+    if rate.size and not (rate.min() >= 0 and rate.max() <= most):
         raise ValueError(
-            f"detections_hz: from {rate.min():g} to {rate.max():g}; must be finite and not negative"
+            f"detections_hz: from {rate.min():g} to {rate.max():g}; must be finite, not negative "
+            f"and at most {most:g} Hz ({MOST_ARRIVALS:g} an exposure)"
         )
     _, rows, columns = rate.shape
     return rate, fabricate(sensor, (rows, columns))
@@ -172,7 +180,14 @@ def detection_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> 
     flux = _flux_per_radiance(bands_nm, sensor) * band_efficiency(sensor.efficiency, bands_nm)
     rate = _sum_over_bands(radiance, sensor.active_area_m2 * flux, sensor)
     _, rows, columns = rate.shape
-    return rate * fabricate(sensor, (rows, columns)).efficiency_factor
+    rate *= fabricate(sensor, (rows, columns)).efficiency_factor
+    brightest = float(rate.max(initial=0)) * sensor.exposure_s
+    if not brightest <= MOST_ARRIVALS:
+        raise ValueError(
+            f"radiance: so bright that a pixel detects {brightest:g} photons an exposure; at most "
+            f"{MOST_ARRIVALS:g} can be drawn: check its unit, W·m⁻²·sr⁻¹·nm⁻¹"
+        )
+    return rate
 
 
 def expected_counts(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> Floats:
@@ -205,6 +220,7 @@ def _moments(detections_hz: Floats, sensor: Sensor) -> tuple[Floats, Floats]:
 
 def _flux_per_radiance(bands_nm: ArrayLike, sensor: Sensor) -> Floats:
     """Photons·m⁻²·s⁻¹ on the axis for a radiance of 1 in each band."""
+    _check_sensor(sensor)
     irradiance = image_irradiance(np.ones(len(check_bands(bands_nm))), sensor.lens)
     return photon_flux(irradiance, bands_nm)
 
@@ -219,8 +235,15 @@ def _sum_over_bands(radiance: ArrayLike, weights: Floats, sensor: Sensor) -> Flo
     return total * falloff(sensor.lens, (rows, columns))
 
 
+def _check_sensor(sensor: Sensor) -> None:
+    if not isinstance(sensor, Sensor):
+        raise TypeError(f"sensor: {sensor!r} is no Sensor; give one, such as preset('spadcam')")
+
+
 def _check_radiance(radiance: ArrayLike, bands: int) -> NDArray[np.floating]:
     values = np.asarray(radiance)
+    if values.dtype.kind not in "fiu":
+        raise ValueError(f"radiance: {values.dtype} values; give real numbers")
     if values.ndim != 4 or values.shape[3] != bands:
         raise ValueError(
             f"radiance: shape {values.shape}; give (frames, rows, columns, {bands}), the last axis "

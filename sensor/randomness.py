@@ -65,6 +65,12 @@ def pixel_normals(shape: tuple[int, int], seed: int, *key: str | int) -> NDArray
 
 
 def _encode(part: str | int) -> bytes:
-    text = part if isinstance(part, str) else str(operator.index(part))
+    try:
+        text = part if isinstance(part, str) else str(operator.index(part))
+    except TypeError:
+        raise TypeError(
+            f"{part!r} cannot name random numbers; give a whole number as seed and frame, a whole "
+            "number or text as sequence"
+        ) from None
     body = text.encode()
     return f"{'s' if isinstance(part, str) else 'i'}{len(body)}:".encode() + body

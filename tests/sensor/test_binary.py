@@ -1,7 +1,16 @@
 import numpy as np
 import pytest
 
-from megalopta.sensor import Crosstalk, DarkCounts, DeadTime, expose_binary, expose_rate, preset
+from megalopta.sensor import (
+    Crosstalk,
+    DarkCounts,
+    DeadTime,
+    Gate,
+    changed,
+    expose_binary,
+    expose_rate,
+    preset,
+)
 from megalopta.sensor.binary import draw_binary, unpack
 from megalopta.sensor.counter import DigitalCounter
 from megalopta.sensor.randomness import generator
@@ -44,6 +53,14 @@ def test_bits_agree_with_a_counter_of_one_bit():
     counts = expose_rate(rate, sensor, seed=1, sequence="a").counts
     error = np.sqrt((bits.var() + counts.var()) / bits.size)
     assert abs(bits.mean() - counts.mean()) < 5 * error  # false alarm 6e-7
+
+
+def test_bits_are_ones_as_often_as_the_open_gate_lets_them():
+    gate = Gate(period_s=1e-2, width_s=2e-3, phase_s=5e-3)
+    sensor = changed(IDEAL, gate=gate)
+    bits = unpack(expose_binary(np.full((40, 50, 50), 30.0), sensor, seed=1, sequence="a"), 50)
+    p = 1 - np.exp(-30.0 * 10 * 2e-3)  # ten openings in 0.1 s
+    assert abs(bits.mean() - p) < 5 * np.sqrt(p * (1 - p) / bits.size)  # false alarm 6e-7
 
 
 def test_frames_have_the_same_bytes_drawn_alone_or_among_others():

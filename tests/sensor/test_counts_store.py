@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import zarr
@@ -57,6 +59,27 @@ def test_existing_store_is_not_overwritten(tmp_path, stored):
 def test_missing_store_is_named(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"nothing\.zarr: no such counts store"):
         read_counts(tmp_path / "nothing.zarr")
+
+
+@pytest.mark.parametrize("part", ["expected", "saturated"])
+def test_store_that_lacks_an_array_is_refused_with_its_name(tmp_path, stored, part):
+    write_counts(tmp_path / "s.zarr", stored)
+    del zarr.open_group(tmp_path / "s.zarr")[part]
+    with pytest.raises(ValueError, match=rf"s\.zarr: lacks '{part}'; write the counts again"):
+        read_counts(tmp_path / "s.zarr")
+
+
+def test_store_that_lacks_an_attribute_is_refused_with_its_name(tmp_path, stored):
+    write_counts(tmp_path / "s.zarr", stored)
+    del zarr.open_group(tmp_path / "s.zarr").attrs["seed"]
+    with pytest.raises(ValueError, match=r"s\.zarr: lacks 'seed'"):
+        read_counts(tmp_path / "s.zarr")
+
+
+def test_paths_may_be_text_and_names_numpy_integers(tmp_path, stored):
+    path = str(tmp_path / "s.zarr")
+    write_counts(path, replace(stored, seed=np.int64(3), sequence=np.int32(4)))
+    assert (read_counts(path).seed, read_counts(path).sequence) == (3, 4)
 
 
 def test_something_else_is_refused(tmp_path):

@@ -1,7 +1,15 @@
 import numpy as np
 import pytest
 
-from megalopta.sensor import Crosstalk, DeadTime, Gate, Jitter, expose_events, preset
+from megalopta.sensor import (
+    Crosstalk,
+    DeadTime,
+    Gate,
+    Jitter,
+    changed,
+    expose_events,
+    preset,
+)
 from megalopta.sensor.events import histogram
 
 IDEAL = preset("ideal")
@@ -55,8 +63,17 @@ def test_jitter_moves_time_stamps_and_nothing_else():
 
 def test_frames_have_the_same_events_drawn_alone_or_among_others():
     whole, alone = draw(threads=2), draw(RATE[4:5], first_frame=4, threads=1)
-    assert whole.time_s[whole.frame == 4].tobytes() == alone.time_s.tobytes()
-    assert whole.row[whole.frame == 4].tobytes() == alone.row.tobytes()
+    for name in ("frame", "time_s", "row", "column"):
+        part = getattr(whole, name)[whole.frame == 4]
+        assert part.tobytes() == getattr(alone, name).tobytes()
+    np.testing.assert_array_equal(histogram(alone), histogram(whole)[4:5])
+
+
+def test_dark_counts_of_the_device_are_among_the_events():
+    sensor = changed(IDEAL, dark_counts={"bulk_mean_hz_um2": 0.5})
+    events = draw(np.zeros((20, 5, 7)), sensor)
+    mean = 0.5 * 3600 * IDEAL.exposure_s * 20 * 35
+    assert abs(events.time_s.size - mean) < 5 * np.sqrt(mean)  # Poisson; false alarm 6e-7
 
 
 def test_darkness_gives_an_empty_stream():

@@ -15,8 +15,10 @@ from megalopta.sensor import (
     photon_rate,
     preset,
     signal_to_noise,
+    without,
 )
 from megalopta.sensor.counter import DigitalCounter
+from megalopta.sensor.device import fabricate
 
 BANDS = np.array([[400.0, 475.0], [475.0, 550.0], [550.0, 600.0], [620.0, 700.0]])
 RNG = np.random.default_rng(0)
@@ -115,6 +117,14 @@ def test_lens_falloff_darkens_the_corners():
     assert rate[0, 0] / rate[5, 5] == pytest.approx((1 + 2 * (10 / 11) ** 2) ** -2, rel=1e-12)
 
 
+def test_detection_rate_has_the_mismatch_of_the_device():
+    sensor = SENSORS["spadcam"]
+    factor = fabricate(sensor, RADIANCE.shape[1:3]).efficiency_factor
+    assert np.ptp(factor) > 0.1
+    flat = detection_rate(RADIANCE, BANDS, without(sensor, "bias"))
+    np.testing.assert_allclose(detection_rate(RADIANCE, BANDS, sensor), flat * factor, rtol=1e-12)
+
+
 def test_dark_frame_shows_the_dark_counts_of_the_device():
     sensor = SENSORS["spadcam"].model_copy(update={"dead_time": DeadTime()})
     dark = expected_counts(np.zeros((2, 64, 64, 4)), BANDS, sensor)
@@ -171,6 +181,39 @@ def test_impossible_radiance_is_refused_with_its_place(bad):
     radiance[3, 2, 1, 0] = bad
     with pytest.raises(ValueError, match=r"radiance: .* \[3, 2, 1, 0\]"):
         expose_frames(SENSORS["ideal"], radiance)
+
+
+def test_complex_radiance_is_refused():
+    with pytest.raises(ValueError, match=r"radiance: complex128 values; give real numbers"):
+        expose_frames(SENSORS["ideal"], RADIANCE.astype(complex))
+
+
+def test_radiance_too_bright_to_be_drawn_is_refused_by_its_name():
+    with pytest.raises(ValueError, match=r"radiance: so bright that a pixel detects \S+ photons"):
+        expose_frames(SENSORS["ideal"], np.full((1, 2, 2, 4), 1e30))
+
+
+def test_rate_too_high_to_be_drawn_is_refused_by_its_name():
+    with pytest.raises(ValueError, match=r"detections_hz: .* at most 1e\+16 Hz"):
+        expose_rate(np.full((1, 2, 2), 1e17), SENSORS["ideal"], seed=0, sequence="x")
+
+
+@pytest.mark.parametrize("function", [expose_frames, lambda s: expected_counts(RADIANCE, BANDS, s)])
+def test_name_in_place_of_a_sensor_is_refused_with_the_remedy(function):
+    with pytest.raises(TypeError, match=r"sensor: 'spadcam' is no Sensor; .*preset"):
+        function("spadcam")
+
+
+@pytest.mark.parametrize("threads", [0, -3])
+def test_no_threads_are_refused(threads):
+    with pytest.raises(ValueError, match=f"threads: {threads}; give 1 or more"):
+        expose_frames(SENSORS["ideal"], threads=threads)
+
+
+@pytest.mark.parametrize("place", [{"seed": 0.5}, {"sequence": None}])
+def test_seed_and_sequence_that_name_nothing_are_refused(place):
+    with pytest.raises(TypeError, match=r"(0\.5|None) cannot name random numbers; give a whole"):
+        expose_frames(SENSORS["ideal"], **place)
 
 
 @pytest.mark.parametrize("shape", [(12, 15, 4), (2, 12, 15, 3), (2, 12, 15)])

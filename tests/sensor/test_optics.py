@@ -52,6 +52,15 @@ def test_falloff_at_the_edge_of_the_field_is_the_cosine_to_the_fourth():
     assert row[0] == pytest.approx(np.cos(np.radians(30)) ** 4, rel=1e-4)
 
 
+def test_falloff_goes_by_the_angle_in_every_direction():
+    # 3 rows of 9 columns over 60°: pixel centers at known tangents of the angle
+    factor = falloff(Lens(falloff_fov_deg=60.0), (3, 9))
+    pixel = 2 * np.tan(np.radians(30)) / 9
+    for row, column in np.ndindex(3, 9):
+        angle = np.arctan(np.hypot(row - 1, column - 4) * pixel)
+        assert factor[row, column] == pytest.approx(np.cos(angle) ** 4, rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("bands", "message"),
     [
