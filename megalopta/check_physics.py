@@ -12,7 +12,7 @@ from rich.table import Table
 
 from megalopta.plot_style import PALETTE, house_style, new_canvas
 from megalopta.sensor import ORDER_OF_EFFECTS
-from megalopta.sensor.check import LARGEST_Z, Row, run_checks
+from megalopta.sensor.check import LARGEST_Z, Row, false_alarm, run_checks
 from megalopta.sensor.check_counting import (
     AFTERPULSING,
     Kind,
@@ -47,9 +47,10 @@ def run_check_physics(plots: Path | None = None, console: Console | None = None)
     rows = run_checks((*counting_checks(), *TERM_CHECKS))
     console.print(table_of(rows))
     failed = sum(not row.passed for row in rows)
+    comparisons = sum(row.comparisons for row in rows)
     console.print(
-        f"{len(rows)} comparisons, {failed} failed; a right program fails one of them with "
-        f"probability {len(rows) * 6e-7:.0e}",
+        f"{len(rows)} rows, {failed} failed; behind them are {comparisons} comparisons, of which a "
+        f"right program fails any with a probability of at most {false_alarm(rows):.0e}",
         highlight=False,
     )
     if plots is not None:

@@ -1,12 +1,13 @@
 """Every effect of a SPAD array held against its closed form or a plain event simulation.
 
 Streams are fixed, so the result is always the same; a change of the code that is right draws other
-numbers. Each row then fails with probability 6e-7 (|z| >= 5), the table with about 5e-5.
+numbers. Each comparison then fails with probability 6e-7 (|z| >= 5). A row may be the worst of
+several comparisons; `false_alarm` counts them all.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ Counts = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Row:
-    """One comparison.
+    """One comparison, or the worst of several.
 
     Attributes
     ----------
@@ -31,6 +32,8 @@ class Row:
     expected, measured : float
     z : float
         Difference in standard errors; where nothing is random, in tolerances times 5.
+    comparisons : int
+        Of how many comparisons this is the worst.
     """
 
     term: str
@@ -38,6 +41,7 @@ class Row:
     expected: float
     measured: float
     z: float
+    comparisons: int = 1
 
     @property
     def passed(self) -> bool:
@@ -52,6 +56,17 @@ def run_checks(checks: tuple[Check, ...], threads: int = 2) -> list[Row]:
     """Run checks in threads and return their rows in the order of the checks."""
     with ThreadPoolExecutor(threads) as pool:
         return [row for rows in pool.map(lambda check: list(check()), checks) for row in rows]
+
+
+def false_alarm(rows: Sequence[Row]) -> float:
+    """Probability, at most, that a right program fails any of the comparisons behind the rows."""
+    return float(2 * norm.sf(LARGEST_Z) * sum(row.comparisons for row in rows))
+
+
+def worst(rows: Sequence[Row]) -> Row:
+    """Row farthest off, which stands for all of them."""
+    largest = max(rows, key=lambda row: abs(row.z))
+    return replace(largest, comparisons=sum(row.comparisons for row in rows))
 
 
 def mean_row(term: str, quantity: str, expected: float, sample: Floats | Counts) -> Row:

@@ -15,7 +15,7 @@ from megalopta.sensor.afterpulsing import Afterpulsing
 from megalopta.sensor.avalanche_counts import draw_counts
 from megalopta.sensor.avalanches import AvalancheEffects
 from megalopta.sensor.brute_force import brute_force_counts
-from megalopta.sensor.check import Check, Counts, Row, two_sample_z
+from megalopta.sensor.check import Check, Counts, Row, two_sample_z, worst
 from megalopta.sensor.crosstalk import Crosstalk
 from megalopta.sensor.dead_time import DeadTime
 from megalopta.sensor.gating import Gate
@@ -97,4 +97,4 @@ def _worst_rows(term: str, effects: AvalancheEffects, kind: Kind, arrivals: floa
             )
         )
     for kind_of_row in zip(*rows, strict=True):
-        yield max(kind_of_row, key=lambda row: abs(row.z))
+        yield worst(kind_of_row)

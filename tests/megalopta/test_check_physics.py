@@ -4,7 +4,7 @@ import pytest
 from rich.console import Console
 
 from megalopta import check_physics
-from megalopta.sensor.check import Row
+from megalopta.sensor.check import Row, worst
 
 GOOD, BAD = Row("gate", "counts", 3.0, 3.1, 0.4), Row("jitter", "variance", 1.0, 2.0, 17.0)
 
@@ -19,8 +19,19 @@ def test_outcome_and_table_tell_whether_all_passed(console, monkeypatch, rows, v
     monkeypatch.setattr(check_physics, "run_checks", lambda checks: rows)
     assert check_physics.run_check_physics(console=console) is verdict
     text = console.file.getvalue()
-    assert f"{len(rows)} comparisons, {len(rows) - 1} failed" in text
+    assert f"{len(rows)} rows, {len(rows) - 1} failed" in text
     assert ("NO" in text) is not verdict
+
+
+def test_printed_false_alarm_counts_every_comparison_behind_a_row(console, monkeypatch):
+    rows = [GOOD, worst([GOOD] * 12), worst([GOOD, worst([GOOD] * 4)])]
+    monkeypatch.setattr(check_physics, "run_checks", lambda checks: rows)
+    check_physics.run_check_physics(console=console)
+    text = console.file.getvalue()
+    assert "3 rows, 0 failed" in text
+    assert "18 comparisons" in text
+    # 18 times P(|z| >= 5) = 5.733e-7
+    assert "at most 1e-05" in " ".join(text.split())
 
 
 def test_table_prints_the_order_of_effects(console, monkeypatch):

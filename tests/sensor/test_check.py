@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from megalopta.sensor import check_counting
-from megalopta.sensor.check import exact_row, law_z, mean_row, two_sample_z
+from megalopta.sensor.check import Row, exact_row, false_alarm, law_z, mean_row, two_sample_z
 from megalopta.sensor.check_counting import counting_checks, effects_of, samples
 from megalopta.sensor.check_distances import GRID, Point, compare, measure
 from megalopta.sensor.check_terms import TERM_CHECKS
@@ -71,6 +71,16 @@ def test_laws_that_share_mean_and_variance_are_told_apart():
     poisson = rng.poisson(9.0, 50_000)
     normal = np.rint(rng.normal(9.0, np.sqrt(9 - 1 / 12), 50_000)).clip(0).astype(int)
     assert law_z(poisson, rng.poisson(9.0, 50_000)) < 5 < law_z(poisson, normal)
+
+
+def test_worst_row_of_a_check_stands_for_its_twelve_points():
+    assert [row.comparisons for row in COUNTING[0]()] == [12, 12, 12]
+
+
+def test_false_alarm_adds_up_five_sigma_of_every_comparison():
+    rows = [Row("x", "y", 0.0, 0.0, 0.0, comparisons) for comparisons in (1, 12, 27)]
+    # two-sided probability of 5 σ from tables
+    assert false_alarm(rows) == pytest.approx(40 * 5.733e-7, rel=1e-4)
 
 
 def test_constant_samples_pass_only_where_they_are_right():
