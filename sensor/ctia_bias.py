@@ -7,10 +7,12 @@ V_P and its offset the cathode, so the reverse bias is V_P + offset − code·LS
 Adaptive (Fig. 3.1b, §3.3.3): a floating gate in the amplifier trims the offset itself, which is
 then the bias. A tunneling pulse of 1 ms at 14.15 V raises the gate by about 500 µV; the gate leaks
 back at 1.5 µV/s, and the offset moves by about 1 mV per °C (simulated, there). Pulses go one way
-only: they lower the reverse bias, the leak raises it again.
+only: they lower the reverse bias, the leak raises it again. Before them the chip is erased by
+ultraviolet light, which puts every gate where pulses are needed; how far is not printed.
 
 Both are trimmed to the smallest reverse bias that is not below a target, for a diode in forward
-bias cannot discharge the pixel. What remains is spread evenly over one step.
+bias cannot discharge the pixel. What remains is spread evenly over one step. A gate that starts
+below the target stays there, as no pulse can help it.
 
 Assumed: one volt on the gate is one volt of offset (the dissertation compares the two directly but
 could not measure it), a step does not depend on the gate's voltage, it grows in proportion to the
@@ -73,6 +75,8 @@ class FloatingGateBias(
     """Rise of the reverse bias as the gate leaks (V/s)."""
     drift_v_k: float = 1e-3
     """Rise of the reverse bias with temperature (V/K)."""
+    erased_v: Annotated[float, Field(ge=0)] = 0.1
+    """Reverse bias that the erased gate adds to the offset, before the first pulse (V)."""
     target_v: float = 0.0
     """Right after calibration the reverse bias is the smallest that is not below this (V)."""
     age_s: Annotated[float, Field(ge=0)] = 0.0
@@ -142,7 +146,8 @@ def trimmed_bias(bias: Bias, offset_v: Reals) -> Floats:
         return offset + bias.reverse_bias_v
     if isinstance(bias, DacBias):
         return dac_bias(bias, best_code(bias, offset), offset)
-    trimmed = bias.target_v + np.mod(offset - bias.target_v, bias.step_v)
+    above = offset + bias.erased_v - bias.target_v
+    trimmed = bias.target_v + np.where(above < 0, above, np.mod(above, bias.step_v))
     return gate_bias(bias, trimmed, wait_s=bias.age_s, warming_k=bias.warming_k)
 
 

@@ -11,6 +11,7 @@ from megalopta.sensor.ctia_bias import (
     gate_bias,
     trimmed_bias,
 )
+from megalopta.sensor.ctia_presets import TYPICAL_OFFSET_V
 
 OFFSETS = np.random.default_rng(0).normal(18.7e-3, 10e-3, 5000)
 
@@ -38,6 +39,21 @@ def test_trimmed_bias_is_spread_evenly_over_one_step_above_the_target(bias):
     assert np.all((left >= -1e-9) & (left < 1 + 1e-9))
     # mean of 5000 uniforms: |z| < 5, false alarm 6e-7
     assert abs(left.mean() - 0.5) < 5 * np.sqrt(1 / 12 / left.size)
+
+
+def test_floating_gate_is_where_pulses_one_by_one_leave_it():
+    gate = FloatingGateBias(erased_v=20e-3, target_v=2e-3)
+    left = trimmed_bias(gate, OFFSETS)
+    expected = OFFSETS + gate.erased_v
+    for _ in range(200):
+        expected -= gate.step_v * (expected - gate.step_v >= gate.target_v)
+    np.testing.assert_allclose(left, expected, atol=1e-12)
+    assert np.any(left < gate.target_v)
+
+
+def test_no_pixel_of_a_million_starts_below_the_target():
+    lowest = TYPICAL_OFFSET_V - 9 * 10e-3  # no pixel is drawn 9 σ from the mean
+    assert trimmed_bias(FloatingGateBias(), lowest) >= 0
 
 
 def test_pulse_of_1_ms_is_500_uv():
