@@ -10,6 +10,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from megalopta.files import made_folder
 from megalopta.plot_style import PALETTE, house_style, new_canvas
 from megalopta.sensor import ORDER_OF_EFFECTS
 from megalopta.sensor.check import LARGEST_Z, Row, false_alarm, run_checks
@@ -40,7 +41,13 @@ def run_check_physics(plots: Path | None = None, console: Console | None = None)
         Folder for pictures of the counting laws.
     console : rich Console, optional
         Where to print.
+
+    Raises
+    ------
+    UserError
+        When the folder is a file; nothing is checked then.
     """
+    plots = plots and made_folder(plots)
     console = console or Console()
     order = " → ".join(effect.field for effect in ORDER_OF_EFFECTS)
     console.print(f"order of effects: {order}", highlight=False)
@@ -54,7 +61,6 @@ def run_check_physics(plots: Path | None = None, console: Console | None = None)
         highlight=False,
     )
     if plots is not None:
-        plots.mkdir(parents=True, exist_ok=True)
         for path in draw_pictures(plots):
             console.print(f"wrote {path}", highlight=False)
     return failed == 0

@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from megalopta.errors import UserError
+
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
@@ -19,6 +21,21 @@ def whole_file(path: Path) -> Iterator[Path]:
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def made_folder(path: Path) -> Path:
+    """Make a folder, unless it is there, before anything is computed for it.
+
+    Raises
+    ------
+    UserError
+        When there is a file of this name on the way.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError):
+        raise UserError(f"{path}: a file is in the way; give the path of a folder") from None
+    return path
 
 
 def write_text(path: Path, text: str) -> None:

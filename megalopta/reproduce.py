@@ -14,7 +14,7 @@ from megalopta.figure import Cell, Figure, Registry
 from megalopta.figures_chapter2 import CHAPTER_2
 from megalopta.figures_chapter3_pixel import CTIA_PIXEL
 from megalopta.figures_chapter3_suppression import CTIA_SUPPRESSION
-from megalopta.files import whole_file
+from megalopta.files import made_folder, whole_file
 from megalopta.plot_style import house_style, new_canvas
 
 __all__ = ["FIGURES", "Figure", "reproduce"]
@@ -40,12 +40,13 @@ def reproduce(names: Sequence[str], out: Path) -> list[Path]:
     Raises
     ------
     UserError
-        When a name is unknown or none is given; nothing is written then.
+        When a name is unknown, none is given or the folder is a file; nothing is written then.
     """
     if not names:
         raise UserError(f"reproduce: name at least one figure of {', '.join(FIGURES)}")
     for name in names:
         _check_name(name)
+    made_folder(out)
     return [path for name in names for path in write_figure(FIGURES[name](), out)]
 
 

@@ -4,6 +4,7 @@ import pytest
 from rich.console import Console
 
 from megalopta import check_physics
+from megalopta.errors import UserError
 from megalopta.sensor.check import Row, worst
 
 GOOD, BAD = Row("gate", "counts", 3.0, 3.1, 0.4), Row("jitter", "variance", 1.0, 2.0, 17.0)
@@ -37,7 +38,17 @@ def test_printed_false_alarm_counts_every_comparison_behind_a_row(console, monke
 def test_table_prints_the_order_of_effects(console, monkeypatch):
     monkeypatch.setattr(check_physics, "run_checks", lambda checks: [GOOD])
     check_physics.run_check_physics(console=console)
-    assert "lens → efficiency → bias → temperature" in console.file.getvalue()
+    assert (
+        "lens → efficiency → dark_counts → measured → bias → temperature → gate"
+        in console.file.getvalue()
+    )
+
+
+def test_file_in_place_of_the_folder_is_refused_before_anything_is_checked(monkeypatch, tmp_path):
+    (tmp_path / "plots").touch()
+    monkeypatch.setattr(check_physics, "run_checks", lambda checks: pytest.fail("checked"))
+    with pytest.raises(UserError, match="plots: a file is in the way; give the path of a folder"):
+        check_physics.run_check_physics(tmp_path / "plots")
 
 
 def test_pictures_are_written_where_asked(console, monkeypatch, tmp_path):

@@ -83,6 +83,13 @@ def test_unknown_name_is_refused_with_the_closest_before_anything_is_written(tmp
     assert not out.exists()
 
 
+@pytest.mark.parametrize("name", ["out", "out/deeper"])
+def test_file_in_place_of_the_folder_is_refused_before_anything_is_drawn(tmp_path, name):
+    (tmp_path / "out").touch()
+    with pytest.raises(UserError, match="a file is in the way; give the path of a folder"):
+        reproduce(["fig-2.9"], tmp_path / name)
+
+
 def test_no_name_is_refused_with_the_list(tmp_path):
     with pytest.raises(UserError, match=r"fig-3\.2, fig-3\.5"):
         reproduce([], tmp_path)
