@@ -35,7 +35,7 @@ def effects_of(
     kind: Kind, start: Start, afterpulsing: Afterpulsing, gate: Gate | None = None
 ) -> AvalancheEffects:
     """Dead time of 1 µs and what goes with it."""
-    law = DeadTime(kind=kind, dead_time_s=DEAD_TIME_S, start=start)
+    law = DeadTime(kind=kind, dead_time_s=DEAD_TIME_S * (kind != "ideal"), start=start)
     return AvalancheEffects(law, afterpulsing, gate or Gate(), Crosstalk())
 
 

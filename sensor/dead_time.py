@@ -30,12 +30,17 @@ class DeadTime(
     kind: Literal["ideal", "nonparalyzable", "paralyzable"] = "ideal"
     """No dead time, active quench (lost arrivals do nothing) or passive quench (they extend it)."""
     dead_time_s: Annotated[float, Field(ge=0)] = 0.0
-    """Time during which the pixel is blind (s), at least 1e-15; not used by ideal."""
+    """Time during which the pixel is blind (s), at least 1e-15; 0 with ideal."""
     start: Literal["live", "stationary"] = "live"
     """Pixel at the start of an exposure: live and idle, or as after running for long."""
 
     @model_validator(mode="after")
     def _check_dead_time(self) -> Self:
+        if self.kind == "ideal" and self.dead_time_s > 0:
+            raise ValueError(
+                f"dead_time.dead_time_s: {self.dead_time_s:g} does nothing with kind 'ideal'; use "
+                "kind 'nonparalyzable' or 'paralyzable', or leave the time out"
+            )
         if self.kind != "ideal" and self.dead_time_s < _SHORTEST_S:
             raise ValueError(
                 f"dead_time.dead_time_s: {self.dead_time_s:g} is below {_SHORTEST_S:g} s "
@@ -80,7 +85,7 @@ def moments(rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime) -> tuple
     elif dead_time.kind == "nonparalyzable":
         mean, variance = nonparalyzable.moments(arrivals, fraction, is_stationary)
     else:
-        mean, variance = arrivals, arrivals
+        mean, variance = arrivals, arrivals.copy()
     return mean.reshape(np.shape(rate_hz)), variance.reshape(np.shape(rate_hz))
 
 

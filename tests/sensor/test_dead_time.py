@@ -22,7 +22,7 @@ DRAWS = 200_000
 
 
 def law(kind, dead_time_s=1.0):
-    return DeadTime(kind=kind, dead_time_s=dead_time_s)
+    return DeadTime(kind=kind, dead_time_s=0 if kind == "ideal" else dead_time_s)
 
 
 def mean_and_variance(kind, a, arrivals):
@@ -310,3 +310,8 @@ def test_dead_time_of_zero_is_refused_with_the_way_out():
 def test_a_dead_time_too_short_to_divide_by_is_refused():
     with pytest.raises(ValueError, match="below 1e-15 s"):
         DeadTime(kind="paralyzable", dead_time_s=1e-320)
+
+
+def test_time_that_does_nothing_is_refused():
+    with pytest.raises(ValueError, match="1e-06 does nothing with kind 'ideal'; use kind"):
+        DeadTime(dead_time_s=1e-6)
