@@ -1,7 +1,8 @@
 """`megalopta check physics`: every effect of the sensor against theory, as a table.
 
-The rows come from `megalopta.sensor`: closed forms, and a plain event-by-event simulation that
-shares no code with the sensor. Streams are fixed. A row fails at |z| >= 5.
+The rows come from `megalopta.sensor`: closed forms, integrals and differential equations left to
+SciPy, and a plain event-by-event simulation that shares no code with the sensor. Streams are fixed.
+A row fails at |z| >= 5.
 """
 
 from pathlib import Path
@@ -22,7 +23,7 @@ from megalopta.sensor.check_counting import (
     operating_point,
     samples,
 )
-from megalopta.sensor.check_terms import TERM_CHECKS
+from megalopta.sensor.checks import EFFECT_CHECKS
 
 _EXPOSURES_OF_A_PICTURE = 100_000
 _DEAD_TIMES: dict[Kind, str] = {
@@ -51,7 +52,7 @@ def run_check_physics(plots: Path | None = None, console: Console | None = None)
     console = console or Console()
     order = " → ".join(effect.field for effect in ORDER_OF_EFFECTS)
     console.print(f"order of effects: {order}", highlight=False)
-    rows = run_checks((*counting_checks(), *TERM_CHECKS))
+    rows = run_checks((*counting_checks(), *EFFECT_CHECKS))
     console.print(table_of(rows))
     failed = sum(not row.passed for row in rows)
     comparisons = sum(row.comparisons for row in rows)

@@ -7,18 +7,34 @@ always or never.
 import numpy as np
 import pytest
 
-from megalopta.sensor import check_counting
+from megalopta.sensor import (
+    bias,
+    binary,
+    check_counting,
+    check_ctia_bias,
+    ctia_array,
+    ctia_calibration,
+    ctia_integration,
+    ctia_noise,
+    exposure,
+)
 from megalopta.sensor.check import Row, exact_row, false_alarm, law_z, mean_row, two_sample_z
+from megalopta.sensor.check_binary import check_gated_bits
 from megalopta.sensor.check_counting import counting_checks, effects_of, samples
+from megalopta.sensor.check_ctia import check_ctia_discharge, check_ctia_noise
+from megalopta.sensor.check_ctia_bias import check_gate_leak, check_pulse_loop, check_trimming
 from megalopta.sensor.check_distances import GRID, Point, compare, measure
-from megalopta.sensor.check_terms import TERM_CHECKS
+from megalopta.sensor.check_measured import check_measured_maps
+from megalopta.sensor.check_optics import check_falloff, check_lens
+from megalopta.sensor.checks import EFFECT_CHECKS
+from megalopta.sensor.optics import falloff
 from megalopta.sensor.randomness import generator
 
 COUNTING = counting_checks(arrivals=1e5)
 
 
-@pytest.mark.parametrize("check", TERM_CHECKS, ids=lambda check: check.__name__)
-def test_effects_agree_with_their_closed_forms(check):
+@pytest.mark.parametrize("check", EFFECT_CHECKS, ids=lambda check: check.__name__)
+def test_effects_agree_with_theory(check):
     assert [row for row in check() if not row.passed] == []
 
 
@@ -56,6 +72,28 @@ def test_chance_level_is_the_distance_of_samples_of_one_law():
     # the normal law for rare counts makes it high by up to 2 %
     assert measured.mean() == pytest.approx(distances[0].by_chance, rel=0.02, abs=5 * error)
     assert measured.std() == pytest.approx(distances[0].error, rel=0.3)
+
+
+WRONG = [
+    (exposure, "image_irradiance", lambda L, lens: np.pi * L / (4 * lens.f_number**2), check_lens),
+    (exposure, "falloff", lambda lens, shape: falloff(lens, (1, shape[1])), check_falloff),
+    (bias, "since_measurement", lambda factor, *at: factor(*at), check_measured_maps),
+    (binary, "open_fraction", lambda gate, exposure_s: 3 / 7, check_gated_bits),
+    (ctia_integration, "_STEPS", 4, check_ctia_discharge),
+    (ctia_noise, "_poisson_charge", lambda rng, charge: 0 * charge, check_ctia_noise),
+    (ctia_noise, "_reset_variance", lambda noise, pixel: 0.0, check_ctia_noise),
+    (check_ctia_bias, "trimmed_bias", lambda b, v: np.mod(v, b.step_v), check_trimming),
+    (ctia_calibration, "_WORTHWHILE", 0.9, check_pulse_loop),
+    (ctia_array, "_aged", lambda pixel, age_s: pixel, check_gate_leak),
+]
+
+
+@pytest.mark.parametrize(
+    ("module", "name", "wrong", "check"), WRONG, ids=[name for _, name, *_ in WRONG]
+)
+def test_a_wrong_law_is_noticed(monkeypatch, module, name, wrong, check):
+    monkeypatch.setattr(module, name, wrong)
+    assert not all(row.passed for row in check())
 
 
 def test_a_dead_time_one_percent_too_long_is_noticed():
