@@ -14,6 +14,7 @@ from megalopta.report.images import gray_scale
 from megalopta.report.parts import RADIANCE_FILM, Picture, Table, film
 from megalopta.report.text import enumerate_words, level_name, level_title, number, percent, short
 from megalopta.sensor import CtiaSensor, ImageSensor
+from megalopta.sensor.chain import active_effects
 from megalopta.sensor.counter import LARGEST_CAPACITY
 
 _RECOVERY = {
@@ -67,7 +68,7 @@ def describe(sensor: ImageSensor) -> str:
     return (
         f"Pixels of {1e6 * sensor.pitch_m:.3g} µm, {percent(sensor.fill_factor)} of their area "
         f"sensitive; {_detection(sensor)}; {_time(sensor.exposure_s)} exposure; "
-        f"{_readout(sensor)}."
+        f"{_readout(sensor)}.{_effects(sensor)}"
     )
 
 
@@ -88,6 +89,13 @@ def _readout(sensor: ImageSensor) -> str:
     if sensor.counter_capacity == LARGEST_CAPACITY:
         return recovery
     return f"{recovery}; a counter holds {sensor.counter_capacity:,}"
+
+
+def _effects(sensor: ImageSensor) -> str:
+    if isinstance(sensor, CtiaSensor):
+        return ""
+    names = [field.replace("_", " ") for field in active_effects(sensor)]
+    return f" Modeled, in this order: {enumerate_words(names)}."
 
 
 def _time(seconds: float) -> str:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from megalopta.sensor import DarkCounts, expose_rate, preset
+from megalopta.sensor import DarkCounts, changed, expose_rate, preset
 from megalopta.sensor.analog_counter import AnalogCounter, analog_pixels, read_analog
 from megalopta.sensor.randomness import generator
 
@@ -36,7 +36,7 @@ def test_calibration_undoes_step_and_leak_of_every_pixel():
 
 
 def test_uncalibrated_counts_show_the_mismatch_of_the_steps():
-    counts, saturated = read(SPREAD.model_copy(update={"calibrated": False}))
+    counts, saturated = read(changed(SPREAD, calibrated=False))
     usable = (RAMP == 200) & ~saturated
     # 3 % of 200 counts; 50 pixels know their spread to 10 %
     assert counts[usable].std() == pytest.approx(6.0, rel=0.5)
@@ -45,7 +45,7 @@ def test_uncalibrated_counts_show_the_mismatch_of_the_steps():
 def test_leak_without_calibration_reads_as_counts_of_its_own():
     leaky = AnalogCounter(step_v=1e-3, leak_v_s=0.1, leak_sigma_v_s=0.01)
     dark = np.zeros((100, 100), np.int64)
-    counts, _ = read(leaky.model_copy(update={"calibrated": False}), dark)
+    counts, _ = read(changed(leaky, calibrated=False), dark)
     assert np.abs(counts - 0).max() <= 6  # spread of 1 mV, one step, about the mean that is known
     np.testing.assert_array_equal(read(leaky, dark)[0], 0)
 
@@ -77,12 +77,12 @@ def test_empty_pixels_read_high_by_what_would_be_below_zero(in_steps):
 
 
 def test_read_noise_is_fresh_in_every_frame():
-    sensor = preset("spadcam").model_copy(update={"dark_counts": DarkCounts()})
-    noisy = sensor.counter.model_copy(update={"read_noise_v": 10e-3})
+    sensor = changed(preset("spadcam"), dark_counts=DarkCounts())
+    noisy = changed(sensor.counter, read_noise_v=10e-3)
     dark = np.zeros((2, 64, 64))
-    counts = expose_rate(
-        dark, sensor.model_copy(update={"counter": noisy}), seed=0, sequence="s"
-    ).counts.astype(float)
+    counts = expose_rate(dark, changed(sensor, counter=noisy), seed=0, sequence="s").counts.astype(
+        float
+    )
     # 4096 pixels of two independent frames are uncorrelated to 1/64; false alarm 6e-7
     assert abs(np.corrcoef(counts.reshape(2, -1))[0, 1]) < 5 / 64
 

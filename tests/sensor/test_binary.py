@@ -41,12 +41,11 @@ def test_packing_is_that_of_numpy_along_the_width_most_significant_bit_first():
 
 
 def test_bits_agree_with_a_counter_of_one_bit():
-    sensor = IDEAL.model_copy(
-        update={
-            "counter": DigitalCounter(capacity=1),
-            "dark_counts": DarkCounts(bulk_mean_hz_um2=1e-3),
-            "dead_time": DeadTime(kind="paralyzable", dead_time_s=1e-3),
-        }
+    sensor = changed(
+        IDEAL,
+        counter=DigitalCounter(capacity=1),
+        dark_counts=DarkCounts(bulk_mean_hz_um2=1e-3),
+        dead_time=DeadTime(kind="paralyzable", dead_time_s=1e-3),
     )
     rate = np.full((40, 50, 50), 8.0)
     bits = unpack(expose_binary(rate, sensor, seed=1, sequence="a"), 50)
@@ -82,4 +81,4 @@ def test_frames_have_the_same_bytes_drawn_alone_or_among_others():
 )
 def test_bits_that_depend_on_more_than_the_rate_are_refused(update, message):
     with pytest.raises(ValueError, match=message):
-        expose_binary(np.ones((1, 2, 2)), IDEAL.model_copy(update=update), seed=0, sequence="s")
+        expose_binary(np.ones((1, 2, 2)), changed(IDEAL, **update), seed=0, sequence="s")

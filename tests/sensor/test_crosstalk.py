@@ -33,9 +33,8 @@ def test_mean_solves_its_linear_equation_edges_included():
     np.testing.assert_allclose(mean(light, talk), exact, rtol=1e-12)
 
 
-def test_variance_of_the_whole_array_is_that_of_the_cascades():
-    # sums over the pixels of variances leave out covariances, so compare one bright pixel's own:
-    # primaries, and those that come back after two steps, seen to second order in c = p/4
+def test_variance_of_a_lone_bright_pixel_has_what_comes_back_from_its_neighbors():
+    # primaries, and those that come back after two steps, to second order in c = p/4
     talk = Crosstalk(probability=0.04)
     own = variance(POINT, talk)[12, 12]
     assert own == pytest.approx(1 + 3 * 4 * 0.01**2, abs=1e-5)

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from megalopta.sensor.change import changed
 from megalopta.sensor.dark_counts import DarkCounts, dark_count_rate, density_variance, mean_density
 from megalopta.sensor.device import fabricate
 from megalopta.sensor.presets import preset
@@ -40,7 +41,7 @@ def test_variance_over_devices_matches_closed_form(dark_counts):
 def test_spadcam_pixels_have_the_measured_statistics():
     # dissertation §2.4.7; sampling error over a million pixels is below 0.005, the fit's below 0.01
     sensor = preset("spadcam")
-    devices = [sensor.model_copy(update={"device_seed": seed}) for seed in range(1000)]
+    devices = [changed(sensor, device_seed=seed) for seed in range(1000)]
     rates = np.concatenate([fabricate(each, (32, 32)).dark_counts_hz.ravel() for each in devices])
     values = rates / (sensor.active_area_m2 / UM2)
     assert values.mean() == pytest.approx(1.77, abs=0.015)

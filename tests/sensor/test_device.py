@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 import yaml
 
-from megalopta.sensor import Bias, Efficiency, Temperature, expose_rate, load_sensor, preset
+from megalopta.sensor import (
+    Bias,
+    Efficiency,
+    Temperature,
+    changed,
+    expose_rate,
+    load_sensor,
+    preset,
+)
 from megalopta.sensor.device import fabricate
 
 SHAPE = (6, 9)
@@ -48,7 +56,7 @@ def test_at_the_reference_bias_a_device_is_as_measured(folder, measured, sigma):
 
 def test_measured_breakdown_moves_what_is_drawn(folder):
     write(folder, {"preset": "spadcam", "measured": maps("breakdown")})
-    drawn = preset("spadcam").model_copy(update={"bias": Bias()})
+    drawn = changed(preset("spadcam"), bias=Bias())
     lift = np.exp(-MAPS["breakdown"] / preset("spadcam").bias.dark_efold_v)
     np.testing.assert_allclose(
         fabricate(load(folder), SHAPE).dark_counts_hz,
@@ -60,8 +68,8 @@ def test_measured_breakdown_moves_what_is_drawn(folder):
 def test_measured_efficiency_saturates_sooner_where_breakdown_is_low(folder):
     sensor = load(folder)
     model = sensor.bias
-    raised = model.model_copy(update={"excess_v": model.excess_v + 0.1})
-    device = fabricate(sensor.model_copy(update={"bias": raised}), SHAPE)
+    raised = changed(model, excess_v=model.excess_v + 0.1)
+    device = fabricate(changed(sensor, bias=raised), SHAPE)
     ratio = device.efficiency_factor / MAPS["efficiency"]
     now, then = (
         1 - np.exp(-(v - MAPS["breakdown"] - model.onset_v) / model.efficiency_scale_v)
@@ -79,13 +87,7 @@ def test_measured_efficiency_saturates_sooner_where_breakdown_is_low(folder):
     ],
 )
 def test_dark_counts_beyond_all_measure_are_refused_with_what_makes_them(bias, temperature):
-    spadcam = preset("spadcam")
-    hot = spadcam.model_copy(
-        update={
-            "bias": spadcam.bias.model_copy(update=bias),
-            "temperature": Temperature(**temperature),
-        }
-    )
+    hot = changed(preset("spadcam"), bias=bias, temperature=temperature)
     with pytest.raises(ValueError, match=r"dark_counts: .* at bias\.excess_v .*celsius .*; lower"):
         fabricate(hot, SHAPE)
 
@@ -158,9 +160,8 @@ def test_missing_files_are_refused(folder):
 
 
 def test_efficiency_above_one_in_the_best_pixel_is_refused():
-    sensor = preset("spadcam").model_copy(
-        update={"efficiency": Efficiency(wavelengths_nm=(400, 700), values=(0.95, 0.95))}
-    )
+    flat = Efficiency(wavelengths_nm=(400, 700), values=(0.95, 0.95))
+    sensor = changed(preset("spadcam"), efficiency=flat)
     with pytest.raises(ValueError, match=r"efficiency: 1\.\d+ in the best pixel; lower"):
         fabricate(sensor, (64, 64))
 
@@ -168,7 +169,7 @@ def test_efficiency_above_one_in_the_best_pixel_is_refused():
 def test_pattern_is_the_same_in_every_frame_and_run_and_cannot_be_changed():
     sensor = preset("spadcam")
     first = fabricate(sensor, (8, 8)).dark_counts_hz
-    np.testing.assert_array_equal(fabricate(sensor.model_copy(), (8, 8)).dark_counts_hz, first)
+    np.testing.assert_array_equal(fabricate(changed(sensor), (8, 8)).dark_counts_hz, first)
     expected = expose_rate(np.zeros((3, 8, 8)), sensor, seed=0, sequence="s").expected
     assert np.ptp(expected, axis=0).max() == 0
     with pytest.raises(ValueError, match="read-only"):
@@ -177,11 +178,11 @@ def test_pattern_is_the_same_in_every_frame_and_run_and_cannot_be_changed():
 
 def test_cooling_lowers_the_dark_counts_of_every_pixel_alike():
     sensor = preset("spadcam")
-    cold = sensor.model_copy(update={"temperature": Temperature(celsius=2.0)})
+    cold = changed(sensor, temperature=Temperature(celsius=2.0))
     ratio = fabricate(cold, (8, 8)).dark_counts_hz / fabricate(sensor, (8, 8)).dark_counts_hz
     np.testing.assert_allclose(ratio, 0.25)
 
 
 def test_bias_off_leaves_the_dark_counts_drawn():
-    sensor = preset("spadcam").model_copy(update={"bias": Bias()})
+    sensor = changed(preset("spadcam"), bias=Bias())
     assert np.all(fabricate(sensor, (8, 8)).efficiency_factor == 1)

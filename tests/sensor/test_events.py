@@ -43,7 +43,7 @@ def test_histogram_counts_every_event_once_in_its_pixel():
 
 def test_no_two_events_of_a_pixel_are_closer_than_the_dead_time():
     law = DeadTime(kind="nonparalyzable", dead_time_s=1e-3)
-    sensor = IDEAL.model_copy(update={"dead_time": law, "crosstalk": Crosstalk(probability=0.2)})
+    sensor = changed(IDEAL, dead_time=law, crosstalk=Crosstalk(probability=0.2))
     events = draw(np.full((2, 4, 4), 2000.0), sensor)
     key = (events.frame * 4 + events.row) * 4 + events.column
     order = np.lexsort((events.time_s, key))
@@ -54,8 +54,7 @@ def test_no_two_events_of_a_pixel_are_closer_than_the_dead_time():
 
 def test_jitter_moves_time_stamps_and_nothing_else():
     still, shaken = (
-        draw(sensor=IDEAL.model_copy(update={"jitter": jitter}))
-        for jitter in (Jitter(), Jitter(sigma_s=1e-4))
+        draw(sensor=changed(IDEAL, jitter=jitter)) for jitter in (Jitter(), Jitter(sigma_s=1e-4))
     )
     np.testing.assert_array_equal(histogram(still), histogram(shaken))
     assert np.any(still.time_s != shaken.time_s)
@@ -84,7 +83,7 @@ def test_darkness_gives_an_empty_stream():
 
 def test_events_fall_into_the_open_gate():
     gate = Gate(period_s=1e-2, width_s=2e-3, phase_s=9e-3)
-    events = draw(sensor=IDEAL.model_copy(update={"gate": gate}))
+    events = draw(sensor=changed(IDEAL, gate=gate))
     assert events.time_s.size > 0
     assert np.all((events.time_s - 9e-3) % 1e-2 < 2e-3 * (1 + 1e-9))
 

@@ -8,6 +8,7 @@ from megalopta.sensor import (
     Efficiency,
     Lens,
     Sensor,
+    changed,
     detection_rate,
     expected_counts,
     expose,
@@ -26,8 +27,8 @@ RADIANCE = RNG.uniform(0, 2e-9, (40, 12, 15, 4)).astype(np.float32)
 SENSORS = {
     "ideal": preset("ideal"),
     "spadcam": preset("spadcam"),
-    "nonparalyzable": preset("spadcam").model_copy(
-        update={"dead_time": DeadTime(kind="nonparalyzable", dead_time_s=1e-3)}
+    "nonparalyzable": changed(
+        preset("spadcam"), dead_time=DeadTime(kind="nonparalyzable", dead_time_s=1e-3)
     ),
 }
 
@@ -70,7 +71,7 @@ def test_same_seed_same_bytes_and_any_other_name_other_counts():
 
 @pytest.mark.parametrize("name", SENSORS)
 def test_counts_scatter_about_the_noise_free_twin(name):
-    sensor = SENSORS[name].model_copy(update={"counter": DigitalCounter()})
+    sensor = changed(SENSORS[name], counter=DigitalCounter())
     exposure = expose_frames(sensor)
     # the sum over all pixels and frames; dead time only lowers the variance below the mean
     z = (exposure.counts - exposure.expected).sum() / np.sqrt(exposure.expected.sum())
@@ -111,7 +112,7 @@ def test_detection_rate_is_linear_and_additive_over_bands():
 
 
 def test_lens_falloff_darkens_the_corners():
-    sensor = SENSORS["ideal"].model_copy(update={"lens": Lens(falloff_fov_deg=90.0)})
+    sensor = changed(SENSORS["ideal"], lens=Lens(falloff_fov_deg=90.0))
     rate = detection_rate(np.full((1, 11, 11, 4), 1e-9), BANDS, sensor)[0]
     # corner pixel center at tan θ = √2·10/11
     assert rate[0, 0] / rate[5, 5] == pytest.approx((1 + 2 * (10 / 11) ** 2) ** -2, rel=1e-12)
@@ -126,7 +127,7 @@ def test_detection_rate_has_the_mismatch_of_the_device():
 
 
 def test_dark_frame_shows_the_dark_counts_of_the_device():
-    sensor = SENSORS["spadcam"].model_copy(update={"dead_time": DeadTime()})
+    sensor = changed(SENSORS["spadcam"], dead_time=DeadTime())
     dark = expected_counts(np.zeros((2, 64, 64, 4)), BANDS, sensor)
     np.testing.assert_array_equal(dark[0], dark[1])
     # 1.77 Hz/µm² on 360 µm² for 0.1 s; standard error of the mean over the pixels is 1.0
@@ -157,12 +158,11 @@ def test_ideal_signal_to_noise_is_the_square_root_of_the_counts():
 
 
 def test_dark_counts_are_noise_and_not_signal():
-    sensor = SENSORS["spadcam"].model_copy(
-        update={
-            "dead_time": DeadTime(),
-            "bias": Bias(),
-            "dark_counts": DarkCounts(bulk_mean_hz_um2=2.0),
-        }
+    sensor = changed(
+        SENSORS["spadcam"],
+        dead_time=DeadTime(),
+        bias=Bias(),
+        dark_counts=DarkCounts(bulk_mean_hz_um2=2.0),
     )
     dark = 2.0 * 360 * sensor.exposure_s
     signal = detection_rate(RADIANCE, BANDS, sensor) * sensor.exposure_s
