@@ -1,12 +1,15 @@
 """Speed of drawing counts per core, each against a reference measured in the same run.
 
-Frames of 240 × 240 pixels whose mean counts spread by a factor of 3. The first two lines, and the
-last, compare with NumPy's `Generator.poisson` on the same means and bit generator (1 means as
-fast); "by event" with a plain event-by-event simulation in numba; "binary" with
-`Generator.binomial(1, p)`. Medians of alternating repeats, one thread, but for "two threads", which
-is the speed with two threads over that with one.
+Frames of 240 × 240 pixels whose mean counts spread by a factor of 3. "poisson" compares with
+NumPy's `Generator.poisson` on the same means and bit generator (1 means as fast), and so does
+"radiance to counts"; "by event" with a plain event-by-event simulation in numba; "binary" with
+`Generator.binomial(1, p)`. "floor" compares with what cannot be left out, done by NumPy: for ideal
+counts two random numbers each (one below 10 counts), for SPADCAM a Poisson count and a random
+number each, for binary frames 16 random bits a pixel, from rates an `expm1` as well. Medians of
+alternating repeats in processor time of one thread; "two threads" is the speed by the clock with
+two threads over that with one and means something on an idle machine with two cores only.
 
-Floors: ideal 0.9, SPADCAM 0.2, SPADCAM at 300 counts by event 20, binary 10.
+Least wanted: ideal 0.9, SPADCAM 0.2, SPADCAM at 300 counts by event 20, binary 10, two threads 1.8.
 """
 
 import time
@@ -16,6 +19,8 @@ import numpy as np
 
 from megalopta.sensor import (
     Afterpulsing,
+    DarkCounts,
+    Sensor,
     expose,
     expose_binary,
     expose_rate,
@@ -23,7 +28,6 @@ from megalopta.sensor import (
 )
 from megalopta.sensor.binary import draw_binary
 from megalopta.sensor.brute_force import brute_force_counts
-from megalopta.sensor.device import fabricate
 from megalopta.sensor.randomness import generator
 
 SHAPE = (4, 240, 240)
@@ -31,37 +35,55 @@ REPEATS = 7
 MEAN_COUNTS = (1, 10, 30, 90, 300)
 
 
-def ratio(ours: Callable[[], object], reference: Callable[[], object]) -> float:
+def ratio(
+    ours: Callable[[], object],
+    reference: Callable[[], object],
+    clock: Callable[[], float] = time.process_time,
+) -> float:
     """Speed of ours over the reference's."""
     ours(), reference()
-    seconds = np.array([(clock(ours), clock(reference)) for _ in range(REPEATS)])
+    seconds = np.array([(timed(ours, clock), timed(reference, clock)) for _ in range(REPEATS)])
     medians = np.median(seconds, axis=0)
     return float(medians[1] / medians[0])
 
 
-def clock(call: Callable[[], object]) -> float:
-    start = time.perf_counter()
+def timed(call: Callable[[], object], clock: Callable[[], float]) -> float:
+    start = clock()
     call()
-    return time.perf_counter() - start
+    return clock() - start
 
 
-def light(mean_counts: float, name: str) -> np.ndarray:
-    """Detection rates that give so many counts on average, dark counts included."""
-    sensor = preset(name)
-    shape = np.random.default_rng(0).uniform(0.5, 1.5, SHAPE) * mean_counts / sensor.exposure_s
-    return np.maximum(shape - fabricate(sensor, SHAPE[1:]).dark_counts_hz, 0.0)
+def bench_sensor(name: str) -> Sensor:
+    """Return the preset without its dark counts; SPADCAM has 60 a frame, whatever the light."""
+    return preset(name).model_copy(update={"dark_counts": DarkCounts()})
+
+
+def light(mean_counts: float, sensor: Sensor) -> np.ndarray:
+    """Detection rates that give so many counts on average."""
+    return np.random.default_rng(0).uniform(0.5, 1.5, SHAPE) * mean_counts / sensor.exposure_s
 
 
 def frames_over_poisson(name: str, mean_counts: float) -> float:
-    sensor, rate, rng = preset(name), light(mean_counts, name), generator(0)
+    sensor, rng = bench_sensor(name), generator(0)
+    rate = light(mean_counts, sensor)
     draw = lambda: expose_rate(rate, sensor, seed=0, sequence="bench", threads=1)  # noqa: E731
     means = draw().expected
     return ratio(draw, lambda: rng.poisson(means))
 
 
+def frames_over_floor(name: str, mean_counts: float) -> float:
+    sensor, rng = bench_sensor(name), generator(0)
+    rate = light(mean_counts, sensor)
+    draw = lambda: expose_rate(rate, sensor, seed=0, sequence="bench", threads=1)  # noqa: E731
+    means = draw().expected
+    if name == "ideal":
+        return ratio(draw, lambda: rng.random(rate.size * (1 if mean_counts < 10 else 2)))
+    return ratio(draw, lambda: (rng.poisson(means), rng.random(rate.size)))
+
+
 def frames_by_event(name: str, mean_counts: float, **effects: object) -> float:
-    sensor, rng = preset(name).model_copy(update=effects), generator(0)
-    rate = light(mean_counts, name)
+    sensor, rng = bench_sensor(name).model_copy(update=effects), generator(0)
+    rate = light(mean_counts, sensor)
     pixel_hz, pixels = mean_counts / sensor.exposure_s, rate.size
     return ratio(
         lambda: expose_rate(rate, sensor, seed=0, sequence="bench", threads=1),
@@ -72,26 +94,46 @@ def frames_by_event(name: str, mean_counts: float, **effects: object) -> float:
 
 
 def two_threads(name: str) -> float:
-    sensor, rate = preset(name), light(30, name)
+    sensor = bench_sensor(name)
+    rate = light(30, sensor)
     return ratio(
         lambda: expose_rate(rate, sensor, seed=0, sequence="bench", threads=2),
         lambda: expose_rate(rate, sensor, seed=0, sequence="bench", threads=1),
+        time.perf_counter,
     )
 
 
-def binary_over_binomial(p: float) -> tuple[float, float]:
-    """Of the draw from given probabilities, and of the whole step from rates to packed frames."""
-    chances = np.random.default_rng(0).uniform(0.5 * p, min(1.5 * p, 1), SHAPE[1:])
+def two_threads_binary() -> float:
+    sensor = bench_sensor("ideal")
+    rate = np.tile(light(0.2, sensor), (8, 1, 1))
+    return ratio(
+        lambda: expose_binary(rate, sensor, seed=0, sequence="bench", threads=2),
+        lambda: expose_binary(rate, sensor, seed=0, sequence="bench", threads=1),
+        time.perf_counter,
+    )
+
+
+def binary_over_binomial(p: float) -> list[float]:
+    """Of the draw from given probabilities, and of the whole step from rates to packed frames.
+
+    The third and fourth number compare the two with their floors.
+    """
+    chances = np.random.default_rng(0).uniform(0.5 * p, min(1.5 * p, 1), SHAPE)
     rng, sensor = generator(0), preset("ideal")
-    rates = np.broadcast_to(-np.log1p(-chances) / sensor.exposure_s, SHAPE)
-    frames = np.broadcast_to(chances, SHAPE)
-    return (
-        ratio(lambda: draw_binary(rng, chances), lambda: rng.binomial(1, chances)),
-        ratio(
-            lambda: expose_binary(rates, sensor, seed=0, sequence="bench", threads=1),
-            lambda: rng.binomial(1, frames),
-        ),
-    )
+    rates = -np.log1p(-chances) / sensor.exposure_s
+    draw = lambda: [draw_binary(rng, frame) for frame in chances]  # noqa: E731
+    expose_all = lambda: expose_binary(rates, sensor, seed=0, sequence="bench", threads=1)  # noqa: E731
+    binomial = lambda: [rng.binomial(1, frame) for frame in chances]  # noqa: E731
+    words = lambda: [  # noqa: E731
+        rng.integers(0, 2**64, frame.size // 4, np.uint64, endpoint=False) for frame in chances
+    ]
+    exponentials = np.empty(SHAPE[1:])
+    return [
+        ratio(draw, binomial),
+        ratio(expose_all, binomial),
+        ratio(draw, words),
+        ratio(expose_all, lambda: (words(), [np.expm1(f, out=exponentials) for f in chances])),
+    ]
 
 
 def scene_over_poisson(name: str) -> float:
@@ -111,21 +153,30 @@ if __name__ == "__main__":
     line("mean counts", list(MEAN_COUNTS))
     for name in ("ideal", "spadcam"):
         line(f"{name}, poisson", [frames_over_poisson(name, mean) for mean in MEAN_COUNTS])
+        line(f"{name}, floor", [frames_over_floor(name, mean) for mean in MEAN_COUNTS])
     line("spadcam, by event", [frames_by_event("spadcam", mean) for mean in MEAN_COUNTS])
     traps = Afterpulsing(mean_carriers=0.1, delay_s=1e-5)
     line(
         "with afterpulsing, by event",
         [frames_by_event("spadcam", mean, afterpulsing=traps) for mean in MEAN_COUNTS],
     )
+    binary = np.transpose([binary_over_binomial(p) for p in (0.02, 0.2, 0.6)])
+    for name, values in zip(
+        (
+            "binary, binomial (p .02 .2 .6)",
+            "rates to packed frames, binomial",
+            "binary, floor",
+            "rates to packed frames, floor",
+        ),
+        binary,
+        strict=True,
+    ):
+        line(name, list(values))
     line(
-        "binary, binomial (p .02 .2 .6)",
-        [binary_over_binomial(p)[0] for p in (0.02, 0.2, 0.6)],
+        "radiance to counts, ideal, spadcam",
+        [scene_over_poisson(name) for name in ("ideal", "spadcam")],
     )
     line(
-        "rates to packed frames, the same",
-        [binary_over_binomial(p)[1] for p in (0.02, 0.2, 0.6)],
-    )
-    line("two threads, ideal and spadcam", [two_threads(name) for name in ("ideal", "spadcam")])
-    line(
-        "radiance to counts, the same", [scene_over_poisson(name) for name in ("ideal", "spadcam")]
+        "two threads, the same and binary",
+        [*(two_threads(name) for name in ("ideal", "spadcam")), two_threads_binary()],
     )

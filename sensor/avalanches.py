@@ -48,11 +48,16 @@ class _Parameters(NamedTuple):
     is_stationary: bool
     mean_carriers: float
     delay_s: float
-    table_delays_s: Floats
-    table_cumulative: Floats
     period_s: float
     width_s: float
     phase_s: float
+
+
+class _Tables(NamedTuple):
+    """The parameters that are arrays: numba counts a reference to each wherever they are passed."""
+
+    delays_s: Floats
+    cumulative: Floats
     neighborhood: Floats
 
 
@@ -62,7 +67,7 @@ def simulate_counts(
     """Counts of one exposure of a (rows, columns) frame of arrival rates."""
     counts: NDArray[np.int64]
     counts, _, _ = _simulate(
-        rng, rate_hz, _parameters(exposure_s, effects), effects.crosstalk.is_on, False
+        rng, rate_hz, *_parameters(exposure_s, effects), effects.crosstalk.is_on, False
     )
     return counts
 
@@ -75,16 +80,16 @@ def simulate_events(
     Ordered by pixel and then time, or with crosstalk by time.
     """
     _, times, pixels = _simulate(
-        rng, rate_hz, _parameters(exposure_s, effects), effects.crosstalk.is_on, True
+        rng, rate_hz, *_parameters(exposure_s, effects), effects.crosstalk.is_on, True
     )
     return times, pixels
 
 
-def _parameters(exposure_s: float, effects: AvalancheEffects) -> _Parameters:
+def _parameters(exposure_s: float, effects: AvalancheEffects) -> tuple[_Parameters, _Tables]:
     dead_time, afterpulsing, gate, crosstalk = effects
     is_stationary = dead_time.start == "stationary"
     dead_time_s = 0.0 if dead_time.kind == "ideal" else dead_time.dead_time_s
-    return _Parameters(
+    parameters = _Parameters(
         exposure_s,
         -_memory_s(dead_time_s, effects) if is_stationary else 0.0,
         dead_time_s,
@@ -92,13 +97,16 @@ def _parameters(exposure_s: float, effects: AvalancheEffects) -> _Parameters:
         is_stationary,
         afterpulsing.mean_carriers,
         afterpulsing.delay_s,
-        np.array(afterpulsing.table_delays_s, np.float64),
-        np.array(afterpulsing.table_cumulative, np.float64),
         gate.period_s or 0.0,
         gate.width_s or 0.0,
         gate.phase_s,
+    )
+    tables = _Tables(
+        np.array(afterpulsing.table_delays_s, np.float64),
+        np.array(afterpulsing.table_cumulative, np.float64),
         neighborhood(crosstalk),
     )
+    return parameters, tables
 
 
 def _memory_s(dead_time_s: float, effects: AvalancheEffects) -> float:
@@ -112,6 +120,7 @@ def _simulate(
     rng: np.random.Generator,
     rate_hz: Floats,
     parameters: _Parameters,
+    tables: _Tables,
     is_coupled: bool,
     keep_events: bool,
 ) -> tuple[NDArray[np.int64], Floats, NDArray[np.int64]]:
@@ -127,14 +136,14 @@ def _simulate(
         part = rates[first : first + block]
         tally = counts[first : first + block]
         size = _start(rng, part, parameters, blind_until, times, owners)
-        while size > 0:
+        while size > 0 and times[0] < parameters.exposure_s:
             # arrays are made longer here, as numba counts references where they may change
             if size + _ROOM > times.size:
                 times, owners = _longer(times), _longer(owners)
             if kept == stamps.size:
                 stamps, places = _longer(stamps), _longer(places)
             size, kept = _run(
-                rng, part, parameters, columns, tally, blind_until, times, owners, size,
+                rng, part, parameters, tables, columns, tally, blind_until, times, owners, size,
                 stamps, places, kept, first,
             )  # fmt: skip
     return counts.reshape(rate_hz.shape), stamps[: max(kept, 0)], places[: max(kept, 0)]
@@ -157,7 +166,7 @@ def _start(rng, rates, parameters, blind_until, times, owners):  # type: ignore[
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _run(  # type: ignore[no-untyped-def]
-    rng, rates, parameters, columns, counts, blind_until, times, owners, size,
+    rng, rates, parameters, tables, columns, counts, blind_until, times, owners, size,
     stamps, places, kept, first,
 ):  # fmt: skip
     """Go on to the end of the exposure, or until an array is too short; return size and kept.
@@ -166,8 +175,7 @@ def _run(  # type: ignore[no-untyped-def]
     """
     tau, exposure = parameters.dead_time_s, parameters.exposure_s
     is_paralyzable, mean_carriers = parameters.is_paralyzable, parameters.mean_carriers
-    delay_s, delays = parameters.delay_s, parameters.table_delays_s
-    cumulative = parameters.table_cumulative
+    delay_s, (delays, cumulative, neighborhood) = parameters.delay_s, tables
     gate = parameters.period_s, parameters.width_s, parameters.phase_s
     while size > 0 and times[0] < exposure:
         if size + _ROOM > times.size or kept == stamps.size:
@@ -191,7 +199,7 @@ def _run(  # type: ignore[no-untyped-def]
                         size = _push(times, owners, size, release, 3 * pixel + _CARRIER)
             if rates.size > 1:
                 size = _push_crosstalk(
-                    rng, times, owners, size, time, pixel, rates.size, columns, parameters
+                    rng, times, owners, size, time, pixel, rates.size, columns, neighborhood
                 )
         if kind == _PHOTON:
             # where the dead time is not extended, arrivals in it need not be drawn
@@ -229,11 +237,11 @@ def _after(since, wait, gate):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _push_crosstalk(  # type: ignore[no-untyped-def]
-    rng, times, owners, size, time, pixel, pixels, columns, parameters
+    rng, times, owners, size, time, pixel, pixels, columns, neighborhood
 ):
     for down in range(-1, 2):
         for right in range(-1, 2):
-            weight = parameters.neighborhood[1 + down, 1 + right]
+            weight = neighborhood[1 + down, 1 + right]
             row, column = pixel // columns + down, pixel % columns + right
             is_inside = 0 <= row < pixels // columns and 0 <= column < columns
             if is_inside and weight > 0 and rng.random() < weight:
