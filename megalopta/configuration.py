@@ -21,11 +21,14 @@ from megalopta.scenes.build import SceneDescription
 from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.forest import Forest
 from megalopta.scenes.light import Light, illuminance_of
-from megalopta.scenes.trajectory import Trajectory
+from megalopta.scenes.trajectory import CameraPath, Trajectory
 from megalopta.sensor import PRESETS, Sensor
 from megalopta.sensor.efficiency import band_efficiency
 
 LightLevel = float | str
+
+# Longer ones, such as a recorded path, are cut where two configurations are compared.
+_LONGEST_VALUE = 60
 
 
 class Configuration(
@@ -48,7 +51,7 @@ class Configuration(
     camera: PerspectiveCamera = PerspectiveCamera()
     """Image size and field of view."""
 
-    trajectory: Trajectory = Trajectory()
+    trajectory: CameraPath = Trajectory()
     """How the camera moves."""
 
     render: RenderSettings = RenderSettings()
@@ -229,10 +232,15 @@ def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
     """Lines "path: old → new" for every value that differs between two dumped configurations."""
     before, after = dict(_leaves(old)), dict(_leaves(new))
     return [
-        f"{path}: {before.get(path, 'absent')} → {after.get(path, 'absent')}"
+        f"{path}: {_brief(before.get(path, 'absent'))} → {_brief(after.get(path, 'absent'))}"
         for path in {**before, **after}
         if before.get(path, ...) != after.get(path, ...)
     ]
+
+
+def _brief(value: Any) -> str:
+    text = str(value)
+    return text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]!r}…"
 
 
 def _leaves(values: Any, path: str = "") -> Iterator[tuple[str, Any]]:

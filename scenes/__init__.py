@@ -12,14 +12,23 @@ from megalopta.scenes.forest import Forest
 from megalopta.scenes.grating import Grating
 from megalopta.scenes.light import Light
 from megalopta.scenes.scene import Scene
-from megalopta.scenes.trajectory import Trajectory
+from megalopta.scenes.trajectory import CameraPath, Trajectory
+from megalopta.scenes.trajectory_hover import Hover
+from megalopta.scenes.trajectory_orbit import Orbit
+from megalopta.scenes.trajectory_recorded import Recorded
+from megalopta.scenes.trajectory_spline import Spline
 
 __all__ = [
+    "CameraPath",
     "Forest",
     "Grating",
+    "Hover",
     "Light",
+    "Orbit",
     "PerspectiveCamera",
+    "Recorded",
     "Scene",
+    "Spline",
     "Trajectory",
     "build_scene",
 ]

@@ -10,14 +10,14 @@ from megalopta.scenes.forest import Forest, build_forest
 from megalopta.scenes.grating import Grating, build_grating
 from megalopta.scenes.light import Light
 from megalopta.scenes.scene import Scene
-from megalopta.scenes.trajectory import Trajectory
+from megalopta.scenes.trajectory import CameraPath, Trajectory
 
 SceneDescription = Annotated[Forest | Grating, Field(discriminator="kind")]
 """Any scene that can be described in a configuration; `kind` tells which."""
 
 
 def build_scene(
-    description: SceneDescription, light: Light, camera: PerspectiveCamera, trajectory: Trajectory
+    description: SceneDescription, light: Light, camera: PerspectiveCamera, trajectory: CameraPath
 ) -> Scene:
     """Build what a camera on a trajectory will see.
 
@@ -25,6 +25,11 @@ def build_scene(
     may only turn, and glows as brightly as a sky of the light's illuminance.
     """
     if isinstance(description, Grating):
+        if not isinstance(trajectory, Trajectory):
+            raise ValueError(
+                f"trajectory.kind {trajectory.kind!r}: a grating surrounds a camera that turns in "
+                "place; use 'steady'"
+            )
         lux = light.resolved().illuminance_lux
         return build_grating(description, camera, trajectory, lux)
     path = trajectory.poses()[:, :2, 3]
