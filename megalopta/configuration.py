@@ -21,6 +21,7 @@ from megalopta.scenes.build import SceneDescription
 from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.forest import Forest
 from megalopta.scenes.light import Light, illuminance_of
+from megalopta.scenes.objects import MovingObject
 from megalopta.scenes.trajectory import CameraPath, Trajectory
 from megalopta.sensor import PRESETS, Sensor
 from megalopta.sensor.efficiency import band_efficiency
@@ -44,6 +45,9 @@ class Configuration(
 
     scene: SceneDescription = Forest()
     """What stands there."""
+
+    objects: tuple[MovingObject, ...] = ()
+    """Boxes and balls put into the scene, at rest or on paths of their own."""
 
     light: Light = Light()
     """The light that the scene is rendered under."""

@@ -81,6 +81,42 @@ def _lights(lighting: Lighting) -> dict[str, Any]:
     return lights
 
 
+def gather(shapes: Sequence[Any]) -> Any:
+    """Return a scene of loaded shapes, in their order, to trace rays through."""
+    return mi.load_dict(
+        {"type": "scene", **{f"mesh_{index:03d}": shape for index, shape in enumerate(shapes)}}
+    )
+
+
+def bare_mesh(vertices: NDArray[np.float32], faces: NDArray[np.uint32]) -> Any:
+    """Load a mesh of vertices (V, 3) and faces (F, 3) without any material."""
+    loaded = mi.Mesh("bare", len(vertices), len(faces))
+    buffers = mi.traverse(loaded)
+    buffers["vertex_positions"] = vertices.ravel()
+    buffers["faces"] = faces.ravel()
+    buffers.update()
+    return loaded
+
+
+def move_meshes(
+    scene: Any,
+    vertices: Mapping[int, NDArray[np.float32]],
+    normals: Mapping[int, NDArray[np.float32]] | None = None,
+) -> None:
+    """Give some of a scene's meshes, by their index, other vertices and normals (V, 3)."""
+    shapes = scene.shapes()
+    for index, positions in vertices.items():
+        buffers = mi.traverse(shapes[index])
+        buffers["vertex_positions"] = positions.ravel()
+        buffers.update()
+    for index, directions in (normals or {}).items():
+        # Only now: with new positions Mitsuba computes normals of its own.
+        buffers = mi.traverse(shapes[index])
+        buffers["vertex_normals"] = directions.ravel()
+        buffers.update()
+    scene.parameters_changed([])
+
+
 def _mesh(name: str, mesh: MergedMesh, materials: Mapping[str, Material]) -> Any:
     material = materials[mesh.material]
     properties = mi.Properties()

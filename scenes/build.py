@@ -1,5 +1,6 @@
 """Scene description to scene: shapes planted or drawn, light added."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated
 
@@ -9,6 +10,7 @@ from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.forest import Forest, build_forest
 from megalopta.scenes.grating import Grating, build_grating
 from megalopta.scenes.light import Light
+from megalopta.scenes.objects import MovingObject, with_objects
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.trajectory import CameraPath, Trajectory
 
@@ -17,13 +19,24 @@ SceneDescription = Annotated[Forest | Grating, Field(discriminator="kind")]
 
 
 def build_scene(
-    description: SceneDescription, light: Light, camera: PerspectiveCamera, trajectory: CameraPath
+    description: SceneDescription,
+    light: Light,
+    camera: PerspectiveCamera,
+    trajectory: CameraPath,
+    objects: Sequence[MovingObject] = (),
 ) -> Scene:
-    """Build what a camera on a trajectory will see.
+    """Build what a camera on a trajectory will see, with objects of the user's own.
 
     A forest keeps its trunks clear of the camera's path; a grating surrounds the camera, which
     may only turn, and glows as brightly as a sky of the light's illuminance.
     """
+    scene = _surroundings(description, light, camera, trajectory)
+    return with_objects(replace(scene, origin_m=trajectory.origin_m), objects)
+
+
+def _surroundings(
+    description: SceneDescription, light: Light, camera: PerspectiveCamera, trajectory: CameraPath
+) -> Scene:
     if isinstance(description, Grating):
         if not isinstance(trajectory, Trajectory):
             raise ValueError(
