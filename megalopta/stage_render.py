@@ -15,6 +15,7 @@ from megalopta.render.exr import read_radiance, write_radiance, write_truth
 from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import frame_seed
 from megalopta.scenes.build import build_scene
+from megalopta.scenes.camera import Camera, PerspectiveCamera
 from megalopta.scenes.color import encode_srgb, linear_srgb
 from megalopta.scenes.grating import Grating
 from megalopta.scenes.light import planckian
@@ -57,7 +58,9 @@ def render(dataset: Dataset) -> None:
 
 
 def _frame_files(dataset: Dataset, index: int) -> list[Path]:
-    kinds = [("depth", "dpt"), ("camdata_left", "cam")]
+    kinds = [("depth", "dpt")]
+    if isinstance(dataset.configuration.camera, PerspectiveCamera):
+        kinds += [("camdata_left", "cam")]
     if index + 1 < dataset.configuration.trajectory.frames:
         kinds += [("flow", "flo"), ("occlusions", "png"), ("invalid", "png")]
     training = [dataset.frame(f"training/{kind}", index, suffix) for kind, suffix in kinds]
@@ -69,6 +72,15 @@ def _build(settings: Configuration) -> Scene:
         return build_scene(settings.scene, settings.light, settings.camera, settings.trajectory)
     except ValueError as problem:
         raise UserError(f"scene: {problem}") from None
+
+
+def _view(camera: Camera, pose: NDArray[np.float64]) -> dict[str, str]:
+    """Camera and pose as EXR attributes, for any camera; a .cam file holds only a pinhole."""
+    return {
+        "camera": camera.model_dump_json(),
+        "cameraToWorld": " ".join(f"{number!r}" for number in pose.ravel().tolist()),
+        "depthMeaning": camera.depth_meaning,
+    }
 
 
 class FrameWriter:
@@ -95,11 +107,13 @@ class FrameWriter:
         }
         write_radiance(dataset.radiance(index), radiance, settings.render.bands_nm, attributes)
         if index + 1 < len(self._poses):
-            sintel.write_flow(dataset.root / "training", dataset.sequence, index, truth)
+            root, wraps = dataset.root / "training", settings.camera.wraps
+            sintel.write_flow(root, dataset.sequence, index, truth, wraps)
         sintel.write_depth(dataset.frame("training/depth", index, "dpt"), truth.depth)
-        camera_path = dataset.frame("training/camdata_left", index, "cam")
-        sintel.write_camera(camera_path, settings.camera, pose)
-        write_truth(dataset.truth(index), truth)
+        if isinstance(settings.camera, PerspectiveCamera):
+            camera_path = dataset.frame("training/camdata_left", index, "cam")
+            sintel.write_camera(camera_path, settings.camera, pose)
+        write_truth(dataset.truth(index), truth, _view(settings.camera, pose))
 
     def monte_carlo_noise(self, advance: Advance) -> dict[str, float]:
         """Noise of the rendering, from frames rendered twice (sum over bands).

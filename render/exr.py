@@ -30,7 +30,7 @@ _TRUTH_CHANNELS: Mapping[str, tuple[str, ...]] = {
 }
 
 _TRUTH_ATTRIBUTES = {
-    "depthUnit": "m along the optical axis, inf for the sky",
+    "depthUnit": "m, inf for the sky",
     "flowUnit": "px of this image, u right, v down, NaN where undefined",
     "normalAxes": "world, toward the camera, NaN for the sky",
     "objectIdMeaning": "1-based index of the placement, 0 for the sky",
@@ -84,7 +84,7 @@ def read_radiance(path: Path) -> tuple[NDArray[np.float32], tuple[tuple[float, f
 
 
 def write_truth(path: Path, truth: Truth, attributes: Mapping[str, str] | None = None) -> None:
-    """Write the ground truth of one frame."""
+    """Write the ground truth of one frame, with attributes for its header."""
     channels: dict[str, NDArray[np.float32] | NDArray[np.uint32]] = {}
     for field, names in _TRUTH_CHANNELS.items():
         values = getattr(truth, field)

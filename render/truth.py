@@ -5,8 +5,8 @@ flow is where the other camera sees P, minus the pixel center. Points at infinit
 rotation alone. Whether the other camera sees P is decided by a visibility ray, not by comparing
 depths, which misjudges more pixels than are truly hidden.
 
-Flow is in px of the stored image, +x right, +y down; NaN where the other camera has the point
-behind it. The world is at rest: only the camera moves.
+Flow is in px of the stored image, +x right, +y down; NaN where the other camera has no
+image of the point, as behind a pinhole. The world is at rest: only the camera moves.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from megalopta.render import rays
 from megalopta.render.merge import MergedMesh
-from megalopta.scenes.camera import PerspectiveCamera
+from megalopta.scenes.camera import Camera
 
 Float64 = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ class Truth:
     Attributes
     ----------
     depth : (H, W) float32
-        Distance along the optical axis, m; infinite for the sky.
+        Distance along the optical axis, in panoramas along the ray, m; infinite for the sky.
     normal : (H, W, 3) float32
         Geometric unit normal in world axes, toward the camera; NaN for the sky.
     object_id : (H, W) uint32
@@ -110,7 +110,7 @@ class SurfacePoints:
 def frame_truth(
     scene: Any,
     table: TriangleTable,
-    camera: PerspectiveCamera,
+    camera: Camera,
     pose: Float64,
     next_pose: Float64 | None,
     previous_pose: Float64 | None,
@@ -138,16 +138,20 @@ def frame_truth(
     )
 
 
-def out_of_view(flow: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Whether a pixel's point (H, W) leaves the image along its flow (H, W, 2), or has no flow."""
+def out_of_view(flow: NDArray[np.float32], wraps: bool = False) -> NDArray[np.bool_]:
+    """Whether a pixel's point (H, W) leaves the image along its flow (H, W, 2), or has no flow.
+
+    An image that wraps around has no left and right edge to leave by.
+    """
     height, width = flow.shape[:2]
     x = np.arange(width) + 0.5 + flow[..., 0]
     y = np.arange(height)[:, None] + 0.5 + flow[..., 1]
-    return np.asarray(~((x >= 0) & (x <= width) & (y >= 0) & (y <= height)))
+    inside = np.isfinite(x) if wraps else (x >= 0) & (x <= width)
+    return np.asarray(~(inside & (y >= 0) & (y <= height)))
 
 
 def _toward(
-    scene: Any, camera: PerspectiveCamera, points: SurfacePoints, pose: Float64 | None
+    scene: Any, camera: Camera, points: SurfacePoints, pose: Float64 | None
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     shape = camera.height, camera.width
     if pose is None:

@@ -7,14 +7,18 @@ World coordinates are right-handed meters with z up. Nothing here knows a render
 """
 
 from megalopta.scenes.build import build_scene
-from megalopta.scenes.camera import PerspectiveCamera
+from megalopta.scenes.camera import Camera, PerspectiveCamera
 from megalopta.scenes.forest import Forest
 from megalopta.scenes.grating import Grating
 from megalopta.scenes.light import Light
+from megalopta.scenes.panorama import CylindricalCamera, EquirectangularCamera
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.trajectory import Trajectory
 
 __all__ = [
+    "Camera",
+    "CylindricalCamera",
+    "EquirectangularCamera",
     "Forest",
     "Grating",
     "Light",

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from megalopta.scenes.camera import PerspectiveCamera
+from megalopta.scenes.camera import Camera
 from megalopta.scenes.forest import Forest, build_forest
 from megalopta.scenes.grating import Grating, build_grating
 from megalopta.scenes.light import Light
@@ -17,7 +17,7 @@ SceneDescription = Annotated[Forest | Grating, Field(discriminator="kind")]
 
 
 def build_scene(
-    description: SceneDescription, light: Light, camera: PerspectiveCamera, trajectory: Trajectory
+    description: SceneDescription, light: Light, camera: Camera, trajectory: Trajectory
 ) -> Scene:
     """Build what a camera on a trajectory will see.
 
