@@ -16,9 +16,9 @@ from pydantic import BaseModel, Field, ValidationError, field_validator, model_v
 from megalopta.errors import UserError, one_sentence
 from megalopta.flow.benchmark_settings import BenchmarkSettings
 from megalopta.flow.methods import METHODS
-from megalopta.render.settings import RenderSettings, check_sample_count
+from megalopta.render.settings import RenderSettings
 from megalopta.scenes.build import SceneDescription
-from megalopta.scenes.camera import PerspectiveCamera
+from megalopta.scenes.camera import Camera, PerspectiveCamera
 from megalopta.scenes.forest import Forest
 from megalopta.scenes.light import Light, illuminance_of
 from megalopta.scenes.objects import MovingObject
@@ -52,8 +52,8 @@ class Configuration(
     light: Light = Light()
     """The light that the scene is rendered under."""
 
-    camera: PerspectiveCamera = PerspectiveCamera()
-    """Image size and field of view."""
+    camera: Camera = PerspectiveCamera()
+    """Projection, image size and field of view."""
 
     trajectory: CameraPath = Trajectory()
     """How the camera moves."""
@@ -120,7 +120,6 @@ class Configuration(
 
     @model_validator(mode="after")
     def _parts_fit(self) -> "Configuration":
-        check_sample_count(self.camera, self.render)
         if self.trajectory.frames < 2:
             raise ValueError("trajectory.frames 1: motion needs at least 2 frames")
         names = [_folder_name(sensor.name) for sensor in self.sensors]

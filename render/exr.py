@@ -29,10 +29,12 @@ _TRUTH_CHANNELS: Mapping[str, tuple[str, ...]] = {
     "flow_backward": ("backward.u", "backward.v"),
     "occluded_forward": ("forward.occluded",),
     "occluded_backward": ("backward.occluded",),
+    "out_of_view_forward": ("forward.outOfView",),
+    "out_of_view_backward": ("backward.outOfView",),
 }
 
 _TRUTH_ATTRIBUTES = {
-    "depthUnit": "m along the optical axis, inf for the sky",
+    "depthUnit": "m, inf for the sky",
     "flowUnit": "px of this image, u right, v down, NaN where undefined",
     "normalAxes": "world, toward the camera, NaN for the sky",
     "objectIdMeaning": "1-based index of the placement, 0 for the sky",
@@ -138,8 +140,9 @@ def read_truth(path: Path) -> Truth:
         raise ValueError(f"{path} is not a truth EXR: {missing} is missing") from None
     for field in ("depth", "object_id", "kind_id"):
         fields[field] = fields[field][..., 0]
-    for field in ("occluded_forward", "occluded_backward"):
-        fields[field] = fields[field][..., 0].astype(bool)
+    for flag in ("occluded", "out_of_view"):
+        for field in (f"{flag}_forward", f"{flag}_backward"):
+            fields[field] = fields[field][..., 0].astype(bool)
     fields["position"] = fields["position"].astype(np.float64) + origin
     return Truth(**fields)
 

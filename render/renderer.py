@@ -12,13 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from megalopta.render.geometry import Geometry
 from megalopta.render.merge import MovingMesh, merge
-from megalopta.render.mitsuba_scene import load_scene, load_sensor, move_meshes, sensor_transform
-from megalopta.render.settings import RenderSettings, check_sample_count
+from megalopta.render.mitsuba_scene import aim, load_scene, load_sensor, move_meshes
+from megalopta.render.passes import plan_passes
+from megalopta.render.settings import RenderSettings
 from megalopta.render.truth import Flow, Truth, TruthTracer
 from megalopta.render.variant import Variant, activate, choose_variant
 from megalopta.render.views import Instant
-from megalopta.scenes.camera import PerspectiveCamera
+from megalopta.scenes.camera import Camera
 from megalopta.scenes.scene import Scene
+
+# One second's work or two on a small machine, so that Ctrl-C is soon answered.
+SAMPLES_PER_PASS = {"cuda": 2**24, "llvm": 2**21, "scalar": 2**19}
 
 
 def trace_paths(integrator: Any, scene: Any, sensor: Any, seed: int, samples: int) -> Any:
@@ -37,8 +41,8 @@ class SceneRenderer:
     ----------
     scene : Scene
         What to render.
-    camera : PerspectiveCamera
-        Image size and field of view.
+    camera : Camera
+        Projection, image size and field of view.
     settings : RenderSettings
         Samples, bands, backend.
 
@@ -48,24 +52,21 @@ class SceneRenderer:
         Light paths per pixel as the sampler rounds them.
     variant : Variant
         The Mitsuba variant in use.
-
-    Raises
-    ------
-    ValueError
-        When a frame has more samples than one pass can number.
     """
 
-    def __init__(self, scene: Scene, camera: PerspectiveCamera, settings: RenderSettings) -> None:
-        check_sample_count(camera, settings)
+    def __init__(self, scene: Scene, camera: Camera, settings: RenderSettings) -> None:
         self.camera = camera
         self.settings = settings
         self.variant: Variant = choose_variant(settings.backend)
         activate(self.variant)
+        family = self.variant.name.partition("_")[0]
+        most = settings.samples_per_pass or SAMPLES_PER_PASS[family]
+        self._passes = plan_passes(camera.width, camera.height, settings.samples_per_pixel, most)
         self._sensor = load_sensor(
-            camera, settings.bands_nm, settings.sampler, settings.samples_per_pixel
+            camera, settings.bands_nm, settings.sampler, self._passes.samples, self._passes.rows
         )
-        self.samples_per_pixel = int(self._sensor.sampler().sample_count())
-        check_sample_count(camera, settings, self.samples_per_pixel)
+        self._samples = int(self._sensor.sampler().sample_count())
+        self.samples_per_pixel = self._samples * self._passes.repeats
         meshes = merge(scene)
         self._scene = load_scene(scene, meshes)
         self._moving = {
@@ -97,12 +98,16 @@ class SceneRenderer:
             When the renderer returns a value that is not finite.
         """
         self._move_to(time_s)
-        self._sensor_parameters["to_world"] = sensor_transform(self._local(pose))
-        self._sensor_parameters.update()
-        image = trace_paths(
-            self._integrator, self._scene, self._sensor, seed, self.samples_per_pixel
-        )
-        radiance = np.array(image, dtype=np.float32)
+        local = self._local(pose)
+
+        def trace(first_row: int, pass_seed: int) -> NDArray[np.float32]:
+            aim(self._sensor_parameters, self.camera, local, first_row, self._passes.rows)
+            image = trace_paths(
+                self._integrator, self._scene, self._sensor, pass_seed, self._samples
+            )
+            return np.array(image, dtype=np.float32)
+
+        radiance = self._passes.render(trace, seed).astype(np.float32)
         if not np.isfinite(radiance).all():
             raise FloatingPointError(
                 "the renderer returned radiance that is not finite: look for NaN in textures, "

@@ -6,8 +6,8 @@ infinity (the sky) move by rotation alone. Whether the other camera sees P is de
 visibility ray against the geometry of that time, not by comparing depths, which misjudges more
 pixels than are truly hidden.
 
-Flow is in px of the stored image, +x right, +y down; NaN where the other camera has the point
-behind it. The other frame may be any of the sequence.
+Flow is in px of the stored image, +x right, +y down; NaN where the other camera has no image of the
+point, as behind a pinhole. The other frame may be any of the sequence.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from megalopta.render.geometry import Geometry, Surface
 from megalopta.render.views import View
-from megalopta.scenes.camera import PerspectiveCamera
+from megalopta.scenes.camera import Camera
 from megalopta.scenes.scene import Scene
 
 Float64 = NDArray[np.float64]
@@ -33,15 +33,13 @@ class Flow:
         Way (x, y) in px; NaN where undefined.
     occluded : (H, W) bool
         Whether something stands between the point and the other frame's camera.
+    out_of_view : (H, W) bool
+        Whether the point leaves the image, or has no flow.
     """
 
     displacement: NDArray[np.float32]
     occluded: NDArray[np.bool_]
-
-    @property
-    def out_of_view(self) -> NDArray[np.bool_]:
-        """Whether the point leaves the image (H, W), or has no flow."""
-        return out_of_view(self.displacement)
+    out_of_view: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -51,7 +49,7 @@ class Truth:
     Attributes
     ----------
     depth : (H, W) float32
-        Distance along the optical axis, m; infinite for the sky.
+        Distance along the optical axis, in panoramas along the ray, m; infinite for the sky.
     position : (H, W, 3) float64
         World position of what the pixel center sees, m; NaN for the sky.
     normal : (H, W, 3) float32
@@ -65,6 +63,8 @@ class Truth:
         everywhere when there is no such frame.
     occluded_forward, occluded_backward : (H, W) bool
         Whether something stands between the point and the camera of the next or previous frame.
+    out_of_view_forward, out_of_view_backward : (H, W) bool
+        Whether the point leaves the image, or has no flow.
     """
 
     depth: NDArray[np.float32]
@@ -76,6 +76,8 @@ class Truth:
     flow_backward: NDArray[np.float32]
     occluded_forward: NDArray[np.bool_]
     occluded_backward: NDArray[np.bool_]
+    out_of_view_forward: NDArray[np.bool_]
+    out_of_view_backward: NDArray[np.bool_]
 
 
 class TruthTracer:
@@ -87,11 +89,11 @@ class TruthTracer:
         The scene.
     geometry : Geometry
         Its merged meshes, loaded.
-    camera : PerspectiveCamera
+    camera : Camera
         Where the pixel centers look.
     """
 
-    def __init__(self, scene: Scene, geometry: Geometry, camera: PerspectiveCamera) -> None:
+    def __init__(self, scene: Scene, geometry: Geometry, camera: Camera) -> None:
         self._geometry = geometry
         self._camera = camera
         self._origin = np.asarray(scene.origin_m)
@@ -117,6 +119,8 @@ class TruthTracer:
             flow_backward=backward.displacement,
             occluded_forward=forward.occluded,
             occluded_backward=backward.occluded,
+            out_of_view_forward=forward.out_of_view,
+            out_of_view_backward=backward.out_of_view,
         )
 
     def flow(self, view: View, other: View) -> Flow:
@@ -132,7 +136,8 @@ class TruthTracer:
     def _flow(self, surface: Surface, other: View | None) -> Flow:
         shape = self._camera.height, self._camera.width
         if other is None:
-            return Flow(np.full((*shape, 2), np.nan, np.float32), np.zeros(shape, bool))
+            nowhere = np.full((*shape, 2), np.nan, np.float32)
+            return Flow(nowhere, np.zeros(shape, bool), np.ones(shape, bool))
         points = self._geometry.carried(surface, other.time_s)
         eyes = other.seeing(self._camera, points, surface.is_sky)
         way = np.where(surface.is_sky[:, None], points, points - eyes.origin)
@@ -142,12 +147,17 @@ class TruthTracer:
         hidden = self._geometry.is_hidden(
             eyes.origin, way / length[:, None], distance, other.time_s
         )
-        return Flow(displacement.astype(np.float32), hidden.reshape(shape))
+        flow = displacement.astype(np.float32)
+        return Flow(flow, hidden.reshape(shape), out_of_view(flow, self._camera.wraps))
 
 
-def out_of_view(flow: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Whether a pixel's point (H, W) leaves the image along its flow (H, W, 2), or has no flow."""
+def out_of_view(flow: NDArray[np.float32], wraps: bool = False) -> NDArray[np.bool_]:
+    """Whether a pixel's point (H, W) leaves the image along its flow (H, W, 2), or has no flow.
+
+    An image that wraps around has no left and right edge to leave by.
+    """
     height, width = flow.shape[:2]
     x = np.arange(width) + 0.5 + flow[..., 0]
     y = np.arange(height)[:, None] + 0.5 + flow[..., 1]
-    return np.asarray(~((x >= 0) & (x <= width) & (y >= 0) & (y <= height)))
+    inside = np.isfinite(x) if wraps else (x >= 0) & (x <= width)
+    return np.asarray(~(inside & (y >= 0) & (y <= height)))

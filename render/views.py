@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.scenes.camera import PerspectiveCamera
+from megalopta.scenes.camera import Camera
 
 Float64 = NDArray[np.float64]
 
@@ -45,10 +45,10 @@ class View(Protocol):
     def time_s(self) -> float:
         """Time of the scene, whatever the shutter does."""
 
-    def pixels(self, camera: PerspectiveCamera) -> Eyes:
+    def pixels(self, camera: Camera) -> Eyes:
         """Eyes of the H·W pixels."""
 
-    def seeing(self, camera: PerspectiveCamera, points: Float64, is_sky: NDArray[np.bool_]) -> Eyes:
+    def seeing(self, camera: Camera, points: Float64, is_sky: NDArray[np.bool_]) -> Eyes:
         """Eyes that see points (N, 3), which are directions where they are of the sky."""
 
 
@@ -67,10 +67,10 @@ class Instant:
     time_s: float
     pose: Float64
 
-    def pixels(self, camera: PerspectiveCamera) -> Eyes:
+    def pixels(self, camera: Camera) -> Eyes:
         """Eyes of the H·W pixels."""
         return Eyes(self.pose[:3, 3], self.pose[:3, :3])
 
-    def seeing(self, camera: PerspectiveCamera, points: Float64, is_sky: NDArray[np.bool_]) -> Eyes:
+    def seeing(self, camera: Camera, points: Float64, is_sky: NDArray[np.bool_]) -> Eyes:
         """Eyes that see points (N, 3): the same for all."""
         return self.pixels(camera)

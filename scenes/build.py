@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from megalopta.scenes.camera import PerspectiveCamera
+from megalopta.scenes.camera import Camera
 from megalopta.scenes.forest import Forest, build_forest
 from megalopta.scenes.grating import Grating, build_grating
 from megalopta.scenes.light import Light
@@ -21,7 +21,7 @@ SceneDescription = Annotated[Forest | Grating, Field(discriminator="kind")]
 def build_scene(
     description: SceneDescription,
     light: Light,
-    camera: PerspectiveCamera,
+    camera: Camera,
     trajectory: CameraPath,
     objects: Sequence[MovingObject] = (),
 ) -> Scene:
@@ -35,7 +35,7 @@ def build_scene(
 
 
 def _surroundings(
-    description: SceneDescription, light: Light, camera: PerspectiveCamera, trajectory: CameraPath
+    description: SceneDescription, light: Light, camera: Camera, trajectory: CameraPath
 ) -> Scene:
     if isinstance(description, Grating):
         if not isinstance(trajectory, Trajectory):

@@ -28,6 +28,8 @@ def some_truth():
         flow_backward=-flow,
         occluded_forward=rng.random((h, w)) < 0.5,
         occluded_backward=rng.random((h, w)) < 0.5,
+        out_of_view_forward=rng.random((h, w)) < 0.5,
+        out_of_view_backward=rng.random((h, w)) < 0.5,
     )
 
 
