@@ -23,12 +23,13 @@ from pydantic import (
 from megalopta.errors import UserError, one_sentence
 from megalopta.flow.benchmark_settings import BenchmarkSettings
 from megalopta.flow.methods import METHODS
-from megalopta.render.settings import RenderSettings, check_sample_count
+from megalopta.render.settings import RenderSettings
 from megalopta.scenes.build import SceneDescription
-from megalopta.scenes.camera import PerspectiveCamera
+from megalopta.scenes.camera import Camera, PerspectiveCamera
 from megalopta.scenes.forest import Forest
 from megalopta.scenes.light import Light, illuminance_of
-from megalopta.scenes.trajectory import Trajectory
+from megalopta.scenes.objects import MovingObject
+from megalopta.scenes.trajectory import CameraPath, Trajectory
 from megalopta.sensor import IMAGE_SENSORS, ImageSensor
 from megalopta.sensor.change import merged
 from megalopta.sensor.efficiency import band_efficiency
@@ -36,6 +37,9 @@ from megalopta.sensor.measured import with_hashes
 from megalopta.sensor.presets import load_sensor
 
 LightLevel = float | str
+
+# Longer ones, such as a recorded path, are cut where two configurations are compared.
+_LONGEST_VALUE = 60
 
 
 class Configuration(
@@ -52,13 +56,16 @@ class Configuration(
     scene: SceneDescription = Forest()
     """What stands there."""
 
+    objects: tuple[MovingObject, ...] = ()
+    """Boxes and balls put into the scene, at rest or on paths of their own."""
+
     light: Light = Light()
     """The light that the scene is rendered under."""
 
-    camera: PerspectiveCamera = PerspectiveCamera()
-    """Image size and field of view."""
+    camera: Camera = PerspectiveCamera()
+    """Projection, image size and field of view."""
 
-    trajectory: Trajectory = Trajectory()
+    trajectory: CameraPath = Trajectory()
     """How the camera moves."""
 
     render: RenderSettings = RenderSettings()
@@ -126,7 +133,6 @@ class Configuration(
 
     @model_validator(mode="after")
     def _parts_fit(self) -> "Configuration":
-        check_sample_count(self.camera, self.render)
         if self.trajectory.frames < 2:
             raise ValueError("trajectory.frames 1: motion needs at least 2 frames")
         names = [_folder_name(sensor.name) for sensor in self.sensors]
@@ -248,10 +254,15 @@ def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
     """Lines "path: old → new" for every value that differs between two dumped configurations."""
     before, after = dict(_leaves(old)), dict(_leaves(new))
     return [
-        f"{path}: {before.get(path, 'absent')} → {after.get(path, 'absent')}"
+        f"{path}: {_brief(before.get(path, 'absent'))} → {_brief(after.get(path, 'absent'))}"
         for path in {**before, **after}
         if before.get(path, ...) != after.get(path, ...)
     ]
+
+
+def _brief(value: Any) -> str:
+    text = str(value)
+    return text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]!r}…"
 
 
 def _leaves(values: Any, path: str = "") -> Iterator[tuple[str, Any]]:

@@ -37,7 +37,7 @@ from megalopta.sensor import ImageSensor
 # Which parts of the configuration a stage's output depends on, beside those of the stages before
 # it.
 STAGE_FIELDS: Mapping[str, tuple[str, ...]] = {
-    "render": ("name", "seed", "scene", "light", "camera", "trajectory", "render"),
+    "render": ("name", "seed", "scene", "objects", "light", "camera", "trajectory", "render"),
     "sense": ("light_levels", "sensors"),
     "flow": ("methods",),
     "bench": ("methods", "benchmark"),

@@ -34,7 +34,10 @@ def write_depth(path: Path, depth: NDArray[np.float32]) -> None:
 
 
 def write_camera(path: Path, camera: PerspectiveCamera, pose: NDArray[np.float64]) -> None:
-    """Write a .cam file: intrinsics (3, 3) and world-to-camera extrinsics (3, 4), float64."""
+    """Write a .cam file: intrinsics (3, 3) and world-to-camera extrinsics (3, 4), float64.
+
+    The format knows only the pinhole.
+    """
     intrinsics = camera.intrinsics - [[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]]
     extrinsics = np.linalg.inv(pose)[:3]
     with whole_file(path) as temporary, temporary.open("wb") as file:
@@ -43,14 +46,15 @@ def write_camera(path: Path, camera: PerspectiveCamera, pose: NDArray[np.float64
         file.write(np.ascontiguousarray(extrinsics, "<f8").tobytes())
 
 
-def write_flow(root: Path, sequence: str, index: int, truth: Truth) -> None:
+def write_flow(root: Path, sequence: str, index: int, truth: Truth, wraps: bool) -> None:
     """Write forward flow (.flo) of a frame, with the masks of unmatched and of undefined pixels.
 
-    Unmatched ("occlusions") means hidden in the next frame or outside of it.
+    Unmatched ("occlusions") means hidden in the next frame or outside of it, which an image that
+    wraps around is not to the left or right.
     """
     name = f"frame_{index + 1:04d}"
     undefined = np.asarray(np.isnan(truth.flow_forward).any(axis=-1))
-    unmatched: NDArray[np.bool_] = truth.occluded_forward | out_of_view(truth.flow_forward)
+    unmatched: NDArray[np.bool_] = truth.occluded_forward | out_of_view(truth.flow_forward, wraps)
     flow_path = root / "flow" / sequence / f"{name}.flo"
     flow_path.parent.mkdir(parents=True, exist_ok=True)
     write_flo(flow_path, truth.flow_forward)

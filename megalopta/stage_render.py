@@ -1,7 +1,9 @@
 """The render stage: scene to radiance and ground truth of every frame, on disk."""
 
+import json
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,7 @@ from megalopta.render.exr import read_radiance, write_radiance, write_truth
 from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import frame_seed
 from megalopta.scenes.build import build_scene
+from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.color import encode_srgb, linear_srgb
 from megalopta.scenes.grating import Grating
 from megalopta.scenes.scene import Scene
@@ -45,18 +48,15 @@ def render(dataset: Dataset) -> None:
             for index in missing:
                 writer.write(index)
                 advance()
-            record = {
-                "objects": writer.objects,
-                "triangles": writer.triangles,
-                "variant": writer.variant.name,
-                "monte_carlo": writer.monte_carlo_noise(advance),
-            }
+            record = {**writer.record(), "monte_carlo": writer.monte_carlo_noise(advance)}
         files.write_json(dataset.scene_record, record)
     _write_previews(dataset)
 
 
 def _frame_files(dataset: Dataset, index: int) -> list[Path]:
-    kinds = [("depth", "dpt"), ("camdata_left", "cam")]
+    kinds = [("depth", "dpt")]
+    if isinstance(dataset.configuration.camera, PerspectiveCamera):
+        kinds += [("camdata_left", "cam")]
     if index + 1 < dataset.configuration.trajectory.frames:
         kinds += [("flow", "flo"), ("occlusions", "png"), ("invalid", "png")]
     training = [dataset.frame(f"training/{kind}", index, suffix) for kind, suffix in kinds]
@@ -65,7 +65,13 @@ def _frame_files(dataset: Dataset, index: int) -> list[Path]:
 
 def _build(settings: Configuration) -> Scene:
     try:
-        return build_scene(settings.scene, settings.light, settings.camera, settings.trajectory)
+        return build_scene(
+            settings.scene,
+            settings.light,
+            settings.camera,
+            settings.trajectory,
+            settings.objects,
+        )
     except ValueError as problem:
         raise UserError(f"scene: {problem}") from None
 
@@ -79,26 +85,56 @@ class FrameWriter:
         scene = _build(settings)
         self._renderer = SceneRenderer(scene, settings.camera, settings.render)
         self._poses = settings.trajectory.poses()
+        self._times_s = settings.trajectory.times_s
+        self._kinds, self._origin_m = scene.kinds, scene.origin_m
+        self._motions = {
+            str(index + 1): placement.motion.record()
+            for index, placement in enumerate(scene.placements)
+            if placement.motion
+        }
         self.objects, self.triangles = len(scene.placements), scene.triangle_count
         self.variant = self._renderer.variant
 
+    def record(self) -> dict[str, Any]:
+        """What was rendered, for the scene's record: counts, names of kinds, motions by object."""
+        return {
+            "objects": self.objects,
+            "triangles": self.triangles,
+            "variant": self.variant.name,
+            "kinds": list(self._kinds),
+            "motions": self._motions,
+        }
+
+    def _view(self, index: int) -> dict[str, str]:
+        """Attributes of a truth file: camera, pose, time and names, so that it explains itself."""
+        camera = self._dataset.configuration.camera
+        return {
+            "camera": camera.model_dump_json(),
+            "cameraToWorld": " ".join(map(repr, self._poses[index].ravel().tolist())),
+            "depthMeaning": camera.depth_meaning,
+            "kindNames": json.dumps(self._kinds),
+            "timeSeconds": repr(float(self._times_s[index])),
+        }
+
     def write(self, index: int) -> None:
         """Render one frame to all its files."""
-        dataset, pose = self._dataset, self._poses[index]
+        dataset, pose, time = self._dataset, self._poses[index], float(self._times_s[index])
         settings = dataset.configuration
-        radiance = self._renderer.radiance(pose, frame_seed(settings.seed, index))
-        truth = self._renderer.truth(self._poses, index)
+        radiance = self._renderer.radiance(pose, frame_seed(settings.seed, index), time)
+        truth = self._renderer.truth(self._poses, index, self._times_s)
         attributes = {
             "illuminanceLux": f"{settings.light.resolved().illuminance_lux:g}",
-            "timeSeconds": f"{settings.trajectory.times_s[index]:.9g}",
+            "timeSeconds": f"{time:.9g}",
         }
         write_radiance(dataset.radiance(index), radiance, settings.render.bands_nm, attributes)
         if index + 1 < len(self._poses):
-            sintel.write_flow(dataset.root / "training", dataset.sequence, index, truth)
+            root, wraps = dataset.root / "training", settings.camera.wraps
+            sintel.write_flow(root, dataset.sequence, index, truth, wraps)
         sintel.write_depth(dataset.frame("training/depth", index, "dpt"), truth.depth)
-        camera_path = dataset.frame("training/camdata_left", index, "cam")
-        sintel.write_camera(camera_path, settings.camera, pose)
-        write_truth(dataset.truth(index), truth)
+        if isinstance(settings.camera, PerspectiveCamera):
+            camera_path = dataset.frame("training/camdata_left", index, "cam")
+            sintel.write_camera(camera_path, settings.camera, pose)
+        write_truth(dataset.truth(index), truth, self._origin_m, self._view(index))
 
     def monte_carlo_noise(self, advance: Advance) -> dict[str, float]:
         """Noise of the rendering, from frames rendered twice (sum over bands).
@@ -116,7 +152,7 @@ class FrameWriter:
         for index in np.linspace(0, count - 1, _NOISE_FRAMES).astype(int).tolist():
             first, _ = read_radiance(self._dataset.radiance(index))
             seed = frame_seed(settings.seed, count + index)
-            second = self._renderer.radiance(self._poses[index], seed)
+            second = self._renderer.radiance(self._poses[index], seed, self._times_s[index])
             pairs.append([first.sum(axis=-1), second.sum(axis=-1)])
             advance()
         a, b = np.array(pairs, dtype=np.float64).swapaxes(0, 1)

@@ -10,10 +10,11 @@ from megalopta.render import silence  # noqa: F401  # before all that loads Dr.J
 from megalopta.render.exr import read_radiance, read_truth, write_radiance, write_truth
 from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings, frame_seed
-from megalopta.render.truth import Truth, out_of_view
+from megalopta.render.truth import Flow, Truth, out_of_view
 from megalopta.render.variant import Variant, choose_variant
 
 __all__ = [
+    "Flow",
     "RenderSettings",
     "SceneRenderer",
     "Truth",

@@ -7,7 +7,7 @@ not know, stand in the header as `bandEdgesNm`, the unit in `emissiveUnits`.
 A file appears whole or not at all.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,19 +21,25 @@ RADIANCE_UNIT = "W.m^-2.sr^-1.nm^-1"
 
 _TRUTH_CHANNELS: Mapping[str, tuple[str, ...]] = {
     "depth": ("depth.Z",),
+    "position": ("position.X", "position.Y", "position.Z"),
     "normal": ("normal.X", "normal.Y", "normal.Z"),
     "object_id": ("objectId",),
+    "kind_id": ("kindId",),
     "flow_forward": ("forward.u", "forward.v"),
     "flow_backward": ("backward.u", "backward.v"),
     "occluded_forward": ("forward.occluded",),
     "occluded_backward": ("backward.occluded",),
+    "out_of_view_forward": ("forward.outOfView",),
+    "out_of_view_backward": ("backward.outOfView",),
 }
 
 _TRUTH_ATTRIBUTES = {
-    "depthUnit": "m along the optical axis, inf for the sky",
+    "depthUnit": "m, inf for the sky",
     "flowUnit": "px of this image, u right, v down, NaN where undefined",
     "normalAxes": "world, toward the camera, NaN for the sky",
     "objectIdMeaning": "1-based index of the placement, 0 for the sky",
+    "kindIdMeaning": "1-based index into kindNames, 0 for the sky",
+    "positionUnit": "m, world axes, relative to positionOrigin, NaN for the sky",
 }
 
 
@@ -83,15 +89,36 @@ def read_radiance(path: Path) -> tuple[NDArray[np.float32], tuple[tuple[float, f
     return np.stack(planes, axis=-1).astype(np.float32, copy=False), bands
 
 
-def write_truth(path: Path, truth: Truth, attributes: Mapping[str, str] | None = None) -> None:
-    """Write the ground truth of one frame."""
+def write_truth(
+    path: Path,
+    truth: Truth,
+    origin_m: Sequence[float] = (0, 0, 0),
+    attributes: Mapping[str, str] | None = None,
+) -> None:
+    """Write the ground truth of one frame.
+
+    Parameters
+    ----------
+    path : Path
+        File.
+    truth : Truth
+        What is known.
+    origin_m : (x, y, z)
+        World position near the camera. Positions are stored relative to it, so that their float32
+        is precise far from the world's origin, too.
+    attributes : mapping, optional
+        More for the header.
+    """
+    origin = np.asarray(origin_m, dtype=np.float64)
     channels: dict[str, NDArray[np.float32] | NDArray[np.uint32]] = {}
     for field, names in _TRUTH_CHANNELS.items():
         values = getattr(truth, field)
         values = values.astype(np.uint32) if values.dtype == bool else values
+        values = (values - origin).astype(np.float32) if field == "position" else values
         planes = values.reshape(*values.shape[:2], len(names))
         channels |= {name: np.ascontiguousarray(planes[..., i]) for i, name in enumerate(names)}
-    _write(path, channels, {**_TRUTH_ATTRIBUTES, **(attributes or {})})
+    header = {"positionOrigin": " ".join(map(repr, origin.tolist())), **(attributes or {})}
+    _write(path, channels, {**_TRUTH_ATTRIBUTES, **header})
 
 
 def read_truth(path: Path) -> Truth:
@@ -102,19 +129,28 @@ def read_truth(path: Path) -> Truth:
     ValueError
         When the file is no EXR or not a truth file of this layout.
     """
-    _, channels = _read(path)
+    header, channels = _read(path)
     try:
         fields = {
             field: np.stack([channels[name] for name in names], axis=-1)
             for field, names in _TRUTH_CHANNELS.items()
         }
+        origin = np.array([float(number) for number in str(header["positionOrigin"]).split()])
     except KeyError as missing:
-        raise ValueError(f"{path} is not a truth EXR: channel {missing} is missing") from None
-    for field in ("depth", "object_id"):
+        raise ValueError(f"{path} is not a truth EXR: {missing} is missing") from None
+    for field in ("depth", "object_id", "kind_id"):
         fields[field] = fields[field][..., 0]
-    for field in ("occluded_forward", "occluded_backward"):
-        fields[field] = fields[field][..., 0].astype(bool)
+    for flag in ("occluded", "out_of_view"):
+        for field in (f"{flag}_forward", f"{flag}_backward"):
+            fields[field] = fields[field][..., 0].astype(bool)
+    fields["position"] = fields["position"].astype(np.float64) + origin
     return Truth(**fields)
+
+
+def read_truth_header(path: Path) -> dict[str, str]:
+    """Read the text attributes of a truth file: camera, pose, names of kinds, time."""
+    header, _ = _read(path)
+    return {name: value for name, value in header.items() if isinstance(value, str)}
 
 
 def _write(

@@ -2,27 +2,48 @@
 
 Merging, not instancing: in Mitsuba's vectorized variants every instance is compiled as its own
 callable, and a hundred of them already cost seconds per frame.
+
+What moves has meshes of its own, after those at rest, whose vertices follow from the time.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from megalopta.scenes.motion import Motion
 from megalopta.scenes.scene import Placement, Scene
+
+Float32 = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class MovingPart:
+    """A run of vertices that belong to one moving object.
+
+    Attributes
+    ----------
+    vertices : slice
+        Which vertices.
+    motion : Motion
+        How they move.
+    """
+
+    vertices: slice
+    motion: Motion
 
 
 @dataclass(frozen=True)
 class MergedMesh:
-    """All triangles of one material, in world coordinates.
+    """All triangles of one material, in meters relative to the scene's `origin_m`.
 
     Attributes
     ----------
     material : str
         Key into `Scene.materials`.
     vertices : (V, 3) float32
-        World position, m.
+        Positions, m; of moving objects at time 0.
     faces : (F, 3) uint32
         Vertex indices.
     normals : (V, 3) float32 or None
@@ -34,40 +55,75 @@ class MergedMesh:
     """
 
     material: str
-    vertices: NDArray[np.float32]
+    vertices: Float32
     faces: NDArray[np.uint32]
-    normals: NDArray[np.float32] | None
+    normals: Float32 | None
     uv: NDArray[np.float32] | None
     object_id: NDArray[np.uint32]
 
-    def face_normals(self) -> NDArray[np.float64]:
-        """Geometric unit normals (F, 3), as float64."""
-        corners = self.vertices.astype(np.float64)[self.faces]
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        length = np.linalg.norm(normals, axis=1, keepdims=True)
-        return np.asarray(normals / np.maximum(length, 1e-300))
+
+@dataclass(frozen=True)
+class MovingMesh(MergedMesh):
+    """A merged mesh of objects that move.
+
+    Attributes
+    ----------
+    placed : (V, 3) float64
+        World positions of the objects as placed, m.
+    placed_normals : (V, 3) float64 or None
+        Shading normals of the objects as placed.
+    parts : tuple of MovingPart
+        All vertices, in order.
+    origin_m : (x, y, z)
+        The scene's local origin.
+    """
+
+    placed: NDArray[np.float64]
+    placed_normals: NDArray[np.float64] | None
+    parts: tuple[MovingPart, ...]
+    origin_m: tuple[float, float, float]
+
+    def vertices_at(self, time_s: float) -> Float32:
+        """Positions (V, 3) at a time, m, relative to the local origin."""
+        moved = [part.motion.carry(self.placed[part.vertices], time_s) for part in self.parts]
+        return _local(np.concatenate(moved), self.origin_m)
+
+    def normals_at(self, time_s: float) -> Float32 | None:
+        """Shading normals (V, 3) at a time; None where every face is flat."""
+        if self.placed_normals is None:
+            return None
+        turned = [
+            part.motion.turn(self.placed_normals[part.vertices], self.placed[part.vertices], time_s)
+            for part in self.parts
+        ]
+        return np.concatenate(turned).astype(np.float32)
 
 
 def merge(scene: Scene) -> list[MergedMesh]:
-    """One mesh per material and smoothness, in a fixed order."""
-    groups: dict[tuple[str, bool], list[tuple[int, Placement, trimesh.Trimesh]]] = {}
+    """One mesh per material, smoothness and whether it moves; those at rest come first."""
+    groups: dict[tuple[bool, str, bool], list[tuple[int, Placement, trimesh.Trimesh]]] = {}
     for index, placement in enumerate(scene.placements):
         for material, mesh in scene.assets[placement.asset].parts.items():
-            key = material, bool(mesh.metadata.get("smooth"))
+            moves = placement.motion is not None
+            key = moves, material, bool(mesh.metadata.get("smooth"))
             groups.setdefault(key, []).append((index + 1, placement, mesh))
     return [_merge_group(scene, *key, groups[key]) for key in sorted(groups)]
 
 
 def _merge_group(
-    scene: Scene, material: str, smooth: bool, parts: list[tuple[int, Placement, trimesh.Trimesh]]
+    scene: Scene,
+    moves: bool,
+    material: str,
+    smooth: bool,
+    members: list[tuple[int, Placement, trimesh.Trimesh]],
 ) -> MergedMesh:
-    vertices, faces, normals, uvs, ids = [], [], [], [], []
+    vertices, faces, normals, uvs, ids, parts = [], [], [], [], [], []
     definition = scene.materials[material]
     needs_uv = definition.texture is not None or (
         definition.emission is not None and definition.emission.pattern is not None
     )
     offset = 0
-    for object_id, placement, mesh in parts:
+    for object_id, placement, mesh in members:
         rotation = placement.to_world[:3, :3]
         vertices.append(mesh.vertices @ rotation.T + placement.to_world[:3, 3])
         faces.append(np.asarray(mesh.faces) + offset)
@@ -77,15 +133,34 @@ def _merge_group(
             normals.append(turned / np.linalg.norm(turned, axis=1, keepdims=True))
         if needs_uv:
             uvs.append(_uv(mesh, material, placement.asset))
-        offset += len(mesh.vertices)
-    return MergedMesh(
+        following = offset + len(mesh.vertices)
+        if placement.motion is not None:
+            parts.append(MovingPart(slice(offset, following), placement.motion))
+        offset = following
+    placed = np.concatenate(vertices)
+    placed_normals = np.concatenate(normals) if smooth else None
+    merged = MergedMesh(
         material,
-        np.concatenate(vertices).astype(np.float32),
+        _local(placed, scene.origin_m),
         np.concatenate(faces).astype(np.uint32),
-        np.concatenate(normals).astype(np.float32) if smooth else None,
+        None if placed_normals is None else placed_normals.astype(np.float32),
         np.concatenate(uvs).astype(np.float32) if needs_uv else None,
         np.concatenate(ids),
     )
+    if not moves:
+        return merged
+    moving = MovingMesh(
+        **vars(merged),
+        placed=placed,
+        placed_normals=placed_normals,
+        parts=tuple(parts),
+        origin_m=scene.origin_m,
+    )
+    return replace(moving, vertices=moving.vertices_at(0.0), normals=moving.normals_at(0.0))
+
+
+def _local(points: NDArray[np.float64], origin_m: tuple[float, float, float]) -> Float32:
+    return np.asarray(points - np.asarray(origin_m), dtype=np.float32)
 
 
 def _uv(mesh: trimesh.Trimesh, material: str, asset: str) -> NDArray[np.float64]:

@@ -5,6 +5,7 @@ film channel is the integral of radiance against a box of height 1/width, so tha
 mean in W·m⁻²·sr⁻¹·nm⁻¹.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -14,7 +15,10 @@ from numpy.typing import NDArray
 
 from megalopta.render.bands import Bands
 from megalopta.render.merge import MergedMesh
-from megalopta.scenes.camera import PerspectiveCamera
+from megalopta.render.panorama_sensor import NAME as PANORAMA
+from megalopta.render.panorama_sensor import register_panorama
+from megalopta.scenes.camera import Camera, PerspectiveCamera
+from megalopta.scenes.panorama import CylindricalCamera
 from megalopta.scenes.scene import Emission, Lighting, Material, Scene
 from megalopta.scenes.spectrum import Spectrum
 
@@ -32,12 +36,15 @@ def load_scene(scene: Scene, meshes: Sequence[MergedMesh]) -> Any:
     return mi.load_dict({"type": "scene", **lights, **shapes})
 
 
-def load_sensor(camera: PerspectiveCamera, bands_nm: Bands, sampler: str, samples: int) -> Any:
-    """Return a perspective sensor with one film channel per band; the pose is set later."""
+def load_sensor(camera: Camera, bands_nm: Bands, sampler: str, samples: int, rows: int) -> Any:
+    """Return a sensor for strips of `rows` image rows, with one film channel per band.
+
+    It sees nothing useful before it is aimed.
+    """
     film: dict[str, Any] = {
         "type": "specfilm",
         "width": camera.width,
-        "height": camera.height,
+        "height": rows,
         "component_format": "float32",
         # The only filter that is bit-reproducible in vectorized variants, and a pixel is a box.
         "rfilter": {"type": "box"},
@@ -51,15 +58,47 @@ def load_sensor(camera: PerspectiveCamera, bands_nm: Bands, sampler: str, sample
         }
     return mi.load_dict(
         {
+            **_optics(camera),
+            "film": film,
+            "sampler": {"type": sampler, "sample_count": samples},
+        }
+    )
+
+
+def aim(
+    parameters: Any, camera: Camera, pose: NDArray[np.float64], first_row: int, rows: int
+) -> None:
+    """Bring a sensor, by its `mi.traverse` parameters, to a pose (4, 4) and a strip of rows."""
+    parameters["to_world"] = sensor_transform(pose)
+    if isinstance(camera, PerspectiveCamera):
+        center = (camera.height / 2 - first_row) / rows
+        parameters["principal_point_offset_y"] = 0.5 - center
+    else:
+        lower, upper = camera.heights
+        per_row = (upper - lower) / camera.height
+        parameters["upper"] = upper - first_row * per_row
+        parameters["lower"] = upper - (first_row + rows) * per_row
+    parameters.update()
+
+
+def _optics(camera: Camera) -> dict[str, Any]:
+    if isinstance(camera, PerspectiveCamera):
+        return {
             "type": "perspective",
             "fov": camera.fov_deg,
             "fov_axis": "x",
             "near_clip": 1e-3,
             "far_clip": 1e5,
-            "film": film,
-            "sampler": {"type": sampler, "sample_count": samples},
         }
-    )
+    register_panorama(mi.variant())
+    lower, upper = camera.heights
+    return {
+        "type": PANORAMA,
+        "fov": math.radians(camera.fov_deg),
+        "lower": lower,
+        "upper": upper,
+        "is_cylinder": isinstance(camera, CylindricalCamera),
+    }
 
 
 def sensor_transform(pose: NDArray[np.float64]) -> Any:
@@ -79,6 +118,42 @@ def _lights(lighting: Lighting) -> dict[str, Any]:
             "irradiance": _spectrum(lighting.sun.irradiance),
         }
     return lights
+
+
+def gather(shapes: Sequence[Any]) -> Any:
+    """Return a scene of loaded shapes, in their order, to trace rays through."""
+    return mi.load_dict(
+        {"type": "scene", **{f"mesh_{index:03d}": shape for index, shape in enumerate(shapes)}}
+    )
+
+
+def bare_mesh(vertices: NDArray[np.float32], faces: NDArray[np.uint32]) -> Any:
+    """Load a mesh of vertices (V, 3) and faces (F, 3) without any material."""
+    loaded = mi.Mesh("bare", len(vertices), len(faces))
+    buffers = mi.traverse(loaded)
+    buffers["vertex_positions"] = vertices.ravel()
+    buffers["faces"] = faces.ravel()
+    buffers.update()
+    return loaded
+
+
+def move_meshes(
+    scene: Any,
+    vertices: Mapping[int, NDArray[np.float32]],
+    normals: Mapping[int, NDArray[np.float32]] | None = None,
+) -> None:
+    """Give some of a scene's meshes, by their index, other vertices and normals (V, 3)."""
+    shapes = scene.shapes()
+    for index, positions in vertices.items():
+        buffers = mi.traverse(shapes[index])
+        buffers["vertex_positions"] = positions.ravel()
+        buffers.update()
+    for index, directions in (normals or {}).items():
+        # Only now: with new positions Mitsuba computes normals of its own.
+        buffers = mi.traverse(shapes[index])
+        buffers["vertex_normals"] = directions.ravel()
+        buffers.update()
+    scene.parameters_changed([])
 
 
 def _mesh(name: str, mesh: MergedMesh, materials: Mapping[str, Material]) -> Any:

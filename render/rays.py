@@ -5,6 +5,7 @@ are off by up to 1e-2 px; distances along our own rays keep float32's full accur
 take one ray per call, vectorized ones all at once.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,7 +39,7 @@ class Hits:
 
 
 def nearest_hits(scene: Any, origin: Float64, directions: Float64) -> Hits:
-    """Nearest hit of rays from one origin (3,) along unit directions (N, 3)."""
+    """Nearest hit of rays from one origin (3,) or N of them, along unit directions (N, 3)."""
     distance, mesh, triangle = intersect(scene, origin, directions)
     return Hits(
         np.array(distance, dtype=np.float64),
@@ -50,7 +51,7 @@ def nearest_hits(scene: Any, origin: Float64, directions: Float64) -> Hits:
 def is_hidden(
     scene: Any, origin: Float64, directions: Float64, distances: Float64
 ) -> NDArray[np.bool_]:
-    """Whether anything is nearer than `distances` (N,) along directions (N, 3) from origin (3,)."""
+    """Whether anything is nearer than distances (N,) along directions (N, 3) from the origin(s)."""
     limits = np.minimum(distances * (1 - VISIBILITY_MARGIN), np.finfo(np.float32).max)
     return np.array(blocked(scene, origin, directions, limits), dtype=bool)
 
@@ -60,8 +61,7 @@ def intersect(scene: Any, origin: Float64, directions: Float64) -> tuple[Any, An
     if not _is_scalar():
         hits = scene.ray_intersect_preliminary(_rays(origin, directions), coherent=True)
         return hits.t, hits.shape_index, hits.prim_index
-    start = mi.Point3f(origin.tolist())
-    hits = [scene.ray_intersect_preliminary(mi.Ray3f(start, d)) for d in directions.tolist()]
+    hits = [scene.ray_intersect_preliminary(ray) for ray in _single_rays(origin, directions)]
     return (
         [hit.t for hit in hits],
         # Where nothing was hit these are arbitrary 32-bit numbers.
@@ -76,9 +76,8 @@ def blocked(scene: Any, origin: Float64, directions: Float64, limits: Float64) -
         rays = _rays(origin, directions)
         rays.maxt = mi.Float(limits)
         return scene.ray_test(rays, coherent=True)
-    start = mi.Point3f(origin.tolist())
-    pairs = zip(directions.tolist(), limits.tolist(), strict=True)
-    return [scene.ray_test(mi.Ray3f(mi.Ray3f(start, d), maxt=limit)) for d, limit in pairs]
+    pairs = zip(_single_rays(origin, directions), limits.tolist(), strict=True)
+    return [scene.ray_test(mi.Ray3f(ray, maxt=limit)) for ray, limit in pairs]
 
 
 def _is_scalar() -> bool:
@@ -86,4 +85,11 @@ def _is_scalar() -> bool:
 
 
 def _rays(origin: Float64, directions: Float64) -> Any:
-    return mi.Ray3f(mi.Point3f(*origin.tolist()), mi.Vector3f(np.ascontiguousarray(directions.T)))
+    start, along = (np.ascontiguousarray(part.T) for part in (np.atleast_2d(origin), directions))
+    return mi.Ray3f(mi.Point3f(start), mi.Vector3f(along))
+
+
+def _single_rays(origin: Float64, directions: Float64) -> Iterator[Any]:
+    starts = np.broadcast_to(origin, directions.shape).tolist()
+    for start, direction in zip(starts, directions.tolist(), strict=True):
+        yield mi.Ray3f(mi.Point3f(start), mi.Vector3f(direction))

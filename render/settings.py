@@ -6,12 +6,8 @@ import numpy as np
 from pydantic import BaseModel, Field, model_validator
 
 from megalopta.render.bands import channel_names
-from megalopta.scenes.camera import PerspectiveCamera
 
 Backend = Literal["auto", "cuda", "llvm", "scalar"]
-
-# Dr.Jit numbers the samples of one pass with 32 bits and crashes beyond.
-MAXIMUM_SAMPLES = 2**32
 
 
 class RenderSettings(
@@ -42,6 +38,11 @@ class RenderSettings(
     backend: Backend = "auto"
     """Mitsuba variant family; auto takes cuda, else llvm, else scalar."""
 
+    samples_per_pass: Annotated[int, Field(ge=1, le=2**28)] | None = None
+    """Most light paths of a frame traced at once: Ctrl-C waits for them. By default one or two
+    seconds' work, 2¹⁹ in scalar, 2²¹ in llvm and 2²⁴ in cuda mode. How a frame is divided is part
+    of what seeds its noise."""
+
     @model_validator(mode="after")
     def _bands_are_intervals(self) -> "RenderSettings":
         for lower, upper in self.bands_nm:
@@ -52,31 +53,6 @@ class RenderSettings(
                 )
         channel_names(self.bands_nm)
         return self
-
-
-def check_sample_count(
-    camera: PerspectiveCamera, settings: RenderSettings, rounded: int | None = None
-) -> None:
-    """Refuse more samples a frame than one pass can number (2³²).
-
-    Parameters
-    ----------
-    camera : PerspectiveCamera
-    settings : RenderSettings
-    rounded : int, optional
-        Samples per pixel that the sampler makes of those asked for; by default the same.
-    """
-    asked, pixels = settings.samples_per_pixel, camera.width * camera.height
-    samples = rounded or asked
-    if samples * pixels >= MAXIMUM_SAMPLES:
-        is_rounded = samples != asked
-        made = f", which {settings.sampler} rounds up to {samples}," if is_rounded else ""
-        raise ValueError(
-            f"samples_per_pixel {asked}{made} at {camera.width} × {camera.height} pixels makes "
-            f"{samples * pixels} samples a frame, and one pass holds fewer than 2³²: "
-            f"use at most {(MAXIMUM_SAMPLES - 1) // pixels}"
-            + (", counted after rounding" if is_rounded else "")
-        )
 
 
 def frame_seed(seed: int, frame: int) -> int:

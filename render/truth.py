@@ -1,26 +1,45 @@
 """Ground truth of one frame from rays through the pixel centers.
 
-A surface point P = o + t·d is found with t from the renderer's own geometry and d in float64; its
-flow is where the other camera sees P, minus the pixel center. Points at infinity (the sky) move by
-rotation alone. Whether the other camera sees P is decided by a visibility ray, not by comparing
-depths, which misjudges more pixels than are truly hidden.
+A surface point P is found by the renderer's own geometry, in float64 (`geometry`); its flow is
+where the other camera sees P as it is at the other frame's time, minus the pixel center. Points at
+infinity (the sky) move by rotation alone. Whether the other camera sees P is decided by a
+visibility ray against the geometry of that time, not by comparing depths, which misjudges more
+pixels than are truly hidden.
 
-Flow is in px of the stored image, +x right, +y down; NaN where the other camera has the point
-behind it. The world is at rest: only the camera moves.
+Flow is in px of the stored image, +x right, +y down; NaN where the other camera has no image of the
+point, as behind a pinhole. The other frame may be any of the sequence.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.render import rays
-from megalopta.render.merge import MergedMesh
-from megalopta.scenes.camera import PerspectiveCamera
+from megalopta.render.geometry import Geometry, Surface
+from megalopta.render.views import View
+from megalopta.scenes.camera import Camera
+from megalopta.scenes.scene import Scene
 
 Float64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Flow:
+    """Where the points that one frame sees are in another (H, W).
+
+    Attributes
+    ----------
+    displacement : (H, W, 2) float32
+        Way (x, y) in px; NaN where undefined.
+    occluded : (H, W) bool
+        Whether something stands between the point and the other frame's camera.
+    out_of_view : (H, W) bool
+        Whether the point leaves the image, or has no flow.
+    """
+
+    displacement: NDArray[np.float32]
+    occluded: NDArray[np.bool_]
+    out_of_view: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -30,131 +49,115 @@ class Truth:
     Attributes
     ----------
     depth : (H, W) float32
-        Distance along the optical axis, m; infinite for the sky.
+        Distance along the optical axis, in panoramas along the ray, m; infinite for the sky.
+    position : (H, W, 3) float64
+        World position of what the pixel center sees, m; NaN for the sky.
     normal : (H, W, 3) float32
         Geometric unit normal in world axes, toward the camera; NaN for the sky.
     object_id : (H, W) uint32
         Index into `Scene.placements` plus one; 0 for the sky.
+    kind_id : (H, W) uint32
+        Index into `Scene.kinds` plus one; 0 for the sky.
     flow_forward, flow_backward : (H, W, 2) float32
         Displacement (x, y) in px to the next and to the previous frame; NaN where undefined,
         everywhere when there is no such frame.
     occluded_forward, occluded_backward : (H, W) bool
         Whether something stands between the point and the camera of the next or previous frame.
+    out_of_view_forward, out_of_view_backward : (H, W) bool
+        Whether the point leaves the image, or has no flow.
     """
 
     depth: NDArray[np.float32]
+    position: NDArray[np.float64]
     normal: NDArray[np.float32]
     object_id: NDArray[np.uint32]
+    kind_id: NDArray[np.uint32]
     flow_forward: NDArray[np.float32]
     flow_backward: NDArray[np.float32]
     occluded_forward: NDArray[np.bool_]
     occluded_backward: NDArray[np.bool_]
+    out_of_view_forward: NDArray[np.bool_]
+    out_of_view_backward: NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
-class TriangleTable:
-    """Object id and geometric normal of every triangle, over all meshes in loading order.
+class TruthTracer:
+    """Traces the truth of a scene's frames.
 
-    Row 0 stands for "nothing was hit".
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    geometry : Geometry
+        Its merged meshes, loaded.
+    camera : Camera
+        Where the pixel centers look.
     """
 
-    first: NDArray[np.int64]
-    object_id: NDArray[np.uint32]
-    normal: NDArray[np.float32]
+    def __init__(self, scene: Scene, geometry: Geometry, camera: Camera) -> None:
+        self._geometry = geometry
+        self._camera = camera
+        self._origin = np.asarray(scene.origin_m)
+        kind_ids = {kind: index + 1 for index, kind in enumerate(scene.kinds)}
+        kinds = [0, *(kind_ids[placement.kind] for placement in scene.placements)]
+        self._kind_of_object = np.array(kinds, np.uint32)
+        self._axes = camera.directions().reshape(-1, 3)
 
-    @classmethod
-    def of(cls, meshes: Sequence[MergedMesh]) -> "TriangleTable":
-        """Collect the table of merged meshes."""
-        sizes = [1, *(len(mesh.faces) for mesh in meshes)]
-        normals = [mesh.face_normals().astype(np.float32) for mesh in meshes]
-        return cls(
-            np.cumsum(sizes),
-            np.concatenate([np.zeros(1, np.uint32), *(mesh.object_id for mesh in meshes)]),
-            np.concatenate([np.full((1, 3), np.nan, np.float32), *normals]),
+    def truth(self, view: View, following: View | None, previous: View | None) -> Truth:
+        """Ground truth of a frame, with flow toward the next and the previous one, if any."""
+        shape = self._camera.height, self._camera.width
+        surface, distance = self._see(view)
+        object_id = self._geometry.object_id[surface.triangle].reshape(shape)
+        position = np.where(surface.is_sky[:, None], np.nan, surface.points + self._origin)
+        forward, backward = self._flow(surface, following), self._flow(surface, previous)
+        return Truth(
+            depth=self._camera.depth(distance.reshape(shape)).astype(np.float32),
+            position=position.reshape(*shape, 3),
+            normal=surface.normal.reshape(*shape, 3).astype(np.float32),
+            object_id=object_id,
+            kind_id=self._kind_of_object[object_id],
+            flow_forward=forward.displacement,
+            flow_backward=backward.displacement,
+            occluded_forward=forward.occluded,
+            occluded_backward=backward.occluded,
+            out_of_view_forward=forward.out_of_view,
+            out_of_view_backward=backward.out_of_view,
         )
 
-    def rows(self, hits: rays.Hits) -> NDArray[np.int64]:
-        """Row of each hit; 0 where nothing was hit."""
-        hit = np.isfinite(hits.distance)
-        rows = np.zeros(len(hit), dtype=np.int64)
-        rows[hit] = self.first[hits.mesh[hit]] + hits.triangle[hit]
-        return rows
+    def flow(self, view: View, other: View) -> Flow:
+        """Where the points that one frame sees are in another frame."""
+        return self._flow(self._see(view)[0], other)
+
+    def _see(self, view: View) -> tuple[Surface, Float64]:
+        eyes = view.pixels(self._camera)
+        surface = self._geometry.seen(eyes.origin, eyes.to_world(self._axes), view.time_s)
+        distance = np.linalg.norm(surface.points - eyes.origin, axis=-1)
+        return surface, np.where(surface.is_sky, np.inf, distance)
+
+    def _flow(self, surface: Surface, other: View | None) -> Flow:
+        shape = self._camera.height, self._camera.width
+        if other is None:
+            nowhere = np.full((*shape, 2), np.nan, np.float32)
+            return Flow(nowhere, np.zeros(shape, bool), np.ones(shape, bool))
+        points = self._geometry.carried(surface, other.time_s)
+        eyes = other.seeing(self._camera, points, surface.is_sky)
+        way = np.where(surface.is_sky[:, None], points, points - eyes.origin)
+        displacement = self._camera.displacement(eyes.to_camera(way).reshape(*shape, 3))
+        length = np.linalg.norm(way, axis=-1)
+        distance = np.where(surface.is_sky, np.inf, length)
+        hidden = self._geometry.is_hidden(
+            eyes.origin, way / length[:, None], distance, other.time_s
+        )
+        flow = displacement.astype(np.float32)
+        return Flow(flow, hidden.reshape(shape), out_of_view(flow, self._camera.wraps))
 
 
-@dataclass(frozen=True)
-class SurfacePoints:
-    """What the pixel centers see: N directions from one origin, and how far each sees.
+def out_of_view(flow: NDArray[np.float32], wraps: bool = False) -> NDArray[np.bool_]:
+    """Whether a pixel's point (H, W) leaves the image along its flow (H, W, 2), or has no flow.
 
-    Attributes
-    ----------
-    origin : (3,)
-        Camera position, m.
-    directions : (N, 3)
-        Unit vectors, world axes.
-    distance : (N,)
-        Distance to the surface, m; infinite for the sky.
+    An image that wraps around has no left and right edge to leave by.
     """
-
-    origin: Float64
-    directions: Float64
-    distance: Float64
-
-    def seen_from(self, origin: Float64) -> Float64:
-        """Vectors (N, 3) from another origin to the points; directions for points at infinity."""
-        at_infinity = np.isinf(self.distance)[:, None]
-        reach = np.where(at_infinity, 1.0, self.distance[:, None])
-        offset = np.where(at_infinity, 0.0, self.origin - origin)
-        return np.asarray(offset + reach * self.directions)
-
-
-def frame_truth(
-    scene: Any,
-    table: TriangleTable,
-    camera: PerspectiveCamera,
-    pose: Float64,
-    next_pose: Float64 | None,
-    previous_pose: Float64 | None,
-) -> Truth:
-    """Ground truth of the frame seen from `pose`, toward its neighbors' poses (4, 4), if any."""
-    shape = camera.height, camera.width
-    axes = camera.directions().reshape(-1, 3)
-    directions = axes @ pose[:3, :3].T
-    hits = rays.nearest_hits(scene, pose[:3, 3], directions)
-    points = SurfacePoints(pose[:3, 3], directions, hits.distance)
-    rows = table.rows(hits)
-    normal = table.normal[rows]
-    normal = normal * np.sign(np.einsum("ij,ij->i", normal, -directions))[:, None]
-
-    forward, occluded_forward = _toward(scene, camera, points, next_pose)
-    backward, occluded_backward = _toward(scene, camera, points, previous_pose)
-    return Truth(
-        depth=camera.depth(hits.distance.reshape(shape)).astype(np.float32),
-        normal=normal.reshape(*shape, 3).astype(np.float32),
-        object_id=table.object_id[rows].reshape(shape),
-        flow_forward=forward,
-        flow_backward=backward,
-        occluded_forward=occluded_forward,
-        occluded_backward=occluded_backward,
-    )
-
-
-def out_of_view(flow: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Whether a pixel's point (H, W) leaves the image along its flow (H, W, 2), or has no flow."""
     height, width = flow.shape[:2]
     x = np.arange(width) + 0.5 + flow[..., 0]
     y = np.arange(height)[:, None] + 0.5 + flow[..., 1]
-    return np.asarray(~((x >= 0) & (x <= width) & (y >= 0) & (y <= height)))
-
-
-def _toward(
-    scene: Any, camera: PerspectiveCamera, points: SurfacePoints, pose: Float64 | None
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    shape = camera.height, camera.width
-    if pose is None:
-        return np.full((*shape, 2), np.nan, np.float32), np.zeros(shape, bool)
-    vectors = points.seen_from(pose[:3, 3])
-    flow = camera.displacement((vectors @ pose[:3, :3]).reshape(*shape, 3))
-    length = np.linalg.norm(vectors, axis=1)
-    distance = np.where(np.isinf(points.distance), np.inf, length)
-    hidden = rays.is_hidden(scene, pose[:3, 3], vectors / length[:, None], distance)
-    return flow.astype(np.float32), hidden.reshape(shape)
+    inside = np.isfinite(x) if wraps else (x >= 0) & (x <= width)
+    return np.asarray(~(inside & (y >= 0) & (y <= height)))

@@ -7,19 +7,32 @@ World coordinates are right-handed meters with z up. Nothing here knows a render
 """
 
 from megalopta.scenes.build import build_scene
-from megalopta.scenes.camera import PerspectiveCamera
+from megalopta.scenes.camera import Camera, PerspectiveCamera
 from megalopta.scenes.forest import Forest
 from megalopta.scenes.grating import Grating
 from megalopta.scenes.light import Light
+from megalopta.scenes.panorama import CylindricalCamera, EquirectangularCamera
 from megalopta.scenes.scene import Scene
-from megalopta.scenes.trajectory import Trajectory
+from megalopta.scenes.trajectory import CameraPath, Trajectory
+from megalopta.scenes.trajectory_hover import Hover
+from megalopta.scenes.trajectory_orbit import Orbit
+from megalopta.scenes.trajectory_recorded import Recorded
+from megalopta.scenes.trajectory_spline import Spline
 
 __all__ = [
+    "Camera",
+    "CameraPath",
+    "CylindricalCamera",
+    "EquirectangularCamera",
     "Forest",
     "Grating",
+    "Hover",
     "Light",
+    "Orbit",
     "PerspectiveCamera",
+    "Recorded",
     "Scene",
+    "Spline",
     "Trajectory",
     "build_scene",
 ]

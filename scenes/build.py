@@ -1,30 +1,48 @@
 """Scene description to scene: shapes planted or drawn, light added."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated
 
 from pydantic import Field
 
-from megalopta.scenes.camera import PerspectiveCamera
+from megalopta.scenes.camera import Camera
 from megalopta.scenes.forest import Forest, build_forest
 from megalopta.scenes.grating import Grating, build_grating
 from megalopta.scenes.light import Light
+from megalopta.scenes.objects import MovingObject, with_objects
 from megalopta.scenes.scene import Scene
-from megalopta.scenes.trajectory import Trajectory
+from megalopta.scenes.trajectory import CameraPath, Trajectory
 
 SceneDescription = Annotated[Forest | Grating, Field(discriminator="kind")]
 """Any scene that can be described in a configuration; `kind` tells which."""
 
 
 def build_scene(
-    description: SceneDescription, light: Light, camera: PerspectiveCamera, trajectory: Trajectory
+    description: SceneDescription,
+    light: Light,
+    camera: Camera,
+    trajectory: CameraPath,
+    objects: Sequence[MovingObject] = (),
 ) -> Scene:
-    """Build what a camera on a trajectory will see.
+    """Build what a camera on a trajectory will see, with objects of the user's own.
 
     A forest keeps its trunks clear of the camera's path; a grating surrounds the camera, which
     may only turn, and glows as brightly as a sky of the light's illuminance.
     """
+    scene = _surroundings(description, light, camera, trajectory)
+    return with_objects(replace(scene, origin_m=trajectory.origin_m), objects)
+
+
+def _surroundings(
+    description: SceneDescription, light: Light, camera: Camera, trajectory: CameraPath
+) -> Scene:
     if isinstance(description, Grating):
+        if not isinstance(trajectory, Trajectory):
+            raise ValueError(
+                f"trajectory.kind {trajectory.kind!r}: a grating surrounds a camera that turns in "
+                "place; use 'steady'"
+            )
         lux = light.resolved().illuminance_lux
         return build_grating(description, camera, trajectory, lux)
     path = trajectory.poses()[:, :2, 3]

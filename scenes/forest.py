@@ -31,6 +31,7 @@ from megalopta.assets_gen.undergrowth import grow_fern, grow_grass, grow_herbs, 
 from megalopta.scenes.reflectance import BARK, GROUND, LEAF
 from megalopta.scenes.scene import Asset, Material, Placement, Scene, Texture
 from megalopta.scenes.spectrum import Spectrum
+from megalopta.scenes.sway import Wind, swaying
 
 FloatArray = NDArray[np.float64]
 
@@ -81,6 +82,9 @@ class Forest(
     """Least distance from the camera's path to the middle of a trunk (m)."""
     relief_m: Annotated[float, Field(ge=0, le=3)] = 0.6
     """Root mean square height of the rolling land beside the path (m)."""
+
+    wind: Wind | None = None
+    """Wind that makes trees and bushes sway; null is calm."""
 
     @field_validator("mix")
     @classmethod
@@ -159,6 +163,8 @@ def build_forest(forest: Forest, path_xy: ArrayLike) -> Scene:
     plants = sorted({placement.asset for placement in placements[1:]})
     assets = {name: _plant_asset(forest.seed, name) for name in plants}
     assets["ground"] = _ground_asset(terrain, path, edge_m)
+    if forest.wind:
+        placements = tuple(swaying(placements, assets, WOODY, forest.wind))
     return Scene(_materials(forest.seed, assets), assets, placements)
 
 

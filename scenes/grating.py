@@ -18,7 +18,7 @@ from megalopta.assets_gen.grating import (
     open_cylinder,
     sine_grating,
 )
-from megalopta.scenes.camera import PerspectiveCamera
+from megalopta.scenes.camera import Camera
 from megalopta.scenes.photometry import luminous
 from megalopta.scenes.scene import Asset, Emission, Material, Placement, Scene
 from megalopta.scenes.spectrum import flat
@@ -26,6 +26,7 @@ from megalopta.scenes.trajectory import Trajectory
 
 _RADIUS_M = 10.0
 _TEXELS = 4096
+_STEEPEST_TANGENT = 6.0
 
 
 class Grating(
@@ -51,7 +52,7 @@ class Grating(
 
 def build_grating(
     grating: Grating,
-    camera: PerspectiveCamera,
+    camera: Camera,
     trajectory: Trajectory,
     illuminance_lux: float,
 ) -> Scene:
@@ -67,10 +68,12 @@ def build_grating(
     """
     fov = math.radians(camera.fov_deg)
     _check_trajectory(trajectory)
+    _check_height(camera)
     _check_frequency(grating, camera)
-    half_height = 1.05 * camera.height / (2 * camera.focal_length_px)
+    half_height = 1.05 * camera.steepest_tangent
     u = (np.arange(_TEXELS) + 0.5) / _TEXELS
-    v = 2 * half_height * u[: _TEXELS // 4] * 4 - half_height
+    rows = math.ceil(_TEXELS * half_height / math.pi)  # as fine as around
+    v = half_height * ((2 * np.arange(rows) + 1) / rows - 1)
     pattern = sine_grating(
         x=-u[None, :] * 2 * math.pi / fov,
         y=v[:, None] / fov,
@@ -109,7 +112,17 @@ def _check_trajectory(trajectory: Trajectory) -> None:
         )
 
 
-def _check_frequency(grating: Grating, camera: PerspectiveCamera) -> None:
+def _check_height(camera: Camera) -> None:
+    if camera.steepest_tangent > _STEEPEST_TANGENT:
+        limit = math.floor(math.degrees(math.atan(_STEEPEST_TANGENT)))
+        raise ValueError(
+            f"the grating's cylinder ends {limit}° above and below the horizon and the "
+            f"{camera.kind} camera looks past it: take a smaller field of view, in a panorama "
+            f"camera.lower_deg -{limit} and camera.upper_deg {limit}"
+        )
+
+
+def _check_frequency(grating: Grating, camera: Camera) -> None:
     cycles = moving_cycles(grating.cycles_per_frame, grating.variant)
     around = cycles * 360 / camera.fov_deg
     # The pixel at the center spans the largest angle.

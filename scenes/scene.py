@@ -1,7 +1,8 @@
 """A scene as plain frozen data: materials, shapes, where they stand and what lights them.
 
 World coordinates are right-handed meters with z up. Nothing here knows the renderer: `render`
-merges the placed meshes by material and keeps the table from a triangle back to its object.
+merges the placed meshes by material and keeps the table from a triangle back to its object. It
+computes in float32, so coordinates are handed to it relative to `Scene.origin_m`.
 
 An object id is the position in `Scene.placements` plus one; 0 means that nothing was hit.
 """
@@ -13,6 +14,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from megalopta.scenes.motion import Motion
 from megalopta.scenes.spectrum import Spectrum
 
 
@@ -93,11 +95,14 @@ class Placement:
         What it is to a person: "beech", "fern", "ground".
     to_world : (4, 4) float64
         Rotation, uniform scale and translation (m).
+    motion : Motion, optional
+        How the object, so placed, moves or bends with time; None where it is at rest.
     """
 
     asset: str
     kind: str
     to_world: NDArray[np.float64]
+    motion: Motion | None = None
 
 
 @dataclass(frozen=True)
@@ -146,12 +151,16 @@ class Scene:
         The objects; object id = index + 1.
     lighting : Lighting, optional
         None where only the surfaces emit.
+    origin_m : (x, y, z)
+        A point near the camera. The renderer's coordinates are relative to it, so that they are
+        precise also far from the world's origin.
     """
 
     materials: Mapping[str, Material]
     assets: Mapping[str, Asset]
     placements: tuple[Placement, ...]
     lighting: Lighting | None = None
+    origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         """Refuse dangling names."""
@@ -162,6 +171,16 @@ class Scene:
             missing = asset.parts.keys() - self.materials.keys()
             if missing:
                 raise ValueError(f"asset {name!r}: no material {sorted(missing)} in the scene")
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Names of all kinds of objects, sorted; kind id = index + 1."""
+        return tuple(sorted({placement.kind for placement in self.placements}))
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether any object moves."""
+        return any(placement.motion for placement in self.placements)
 
     @property
     def triangle_count(self) -> int:

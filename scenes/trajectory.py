@@ -1,28 +1,27 @@
-"""Where the camera is at each frame: turning in place, moving along a line, or both at once.
+"""The camera's path: steady, orbit, spline, recorded or hover; `kind` tells which.
 
-A pose is a (4, 4) matrix from camera axes (+x right, +y down, +z forward) to world meters.
+Steady, the default, turns in place, moves along a line, or both at once.
 """
 
-from typing import Annotated
+import math
+from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import BaseModel, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 from scipy.spatial.transform import Rotation
 
-Vector = tuple[float, float, float]
+from megalopta.scenes.path import Float64, Path, Vector, check_view, looking, steady_unless_told
+from megalopta.scenes.trajectory_hover import Hover
+from megalopta.scenes.trajectory_orbit import Orbit
+from megalopta.scenes.trajectory_recorded import Recorded
+from megalopta.scenes.trajectory_spline import Spline
 
 
-class Trajectory(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class Trajectory(Path, frozen=True):
     """Steady rotation about `up` together with steady translation; either rate may be zero."""
 
-    frames: Annotated[int, Field(ge=1)] = 32
-    """Number of frames."""
-
-    frame_rate_hz: Annotated[float, Field(gt=0)] = 10.0
-    """Frames per second (Hz)."""
+    kind: Literal["steady"] = "steady"
+    """Which path this is: steady, orbit, spline, recorded or hover."""
 
     position_m: Vector = (0.0, 0.0, 1.5)
     """Camera position at the first frame (x, y, z in m; z is up)."""
@@ -41,44 +40,30 @@ class Trajectory(
 
     @model_validator(mode="after")
     def _view_is_defined(self) -> "Trajectory":
-        view = np.subtract(self.look_at_m, self.position_m)
-        if not np.any(view):
-            raise ValueError(
-                f"look_at_m {self.look_at_m} equals position_m: move one of them to define a view"
-            )
-        lengths = np.linalg.norm(view) * np.linalg.norm(self.up)
-        if np.linalg.norm(np.cross(view, self.up)) <= 1e-6 * lengths:
-            raise ValueError(
-                f"up {self.up} is parallel to the view from position_m {self.position_m} to "
-                f"look_at_m {self.look_at_m}: tilt one of them"
-            )
+        check_view(self.position_m, self.look_at_m, self.up)
         return self
 
-    @property
-    def times_s(self) -> NDArray[np.float64]:
-        """Time of each frame (T,), s."""
-        return np.arange(self.frames) / self.frame_rate_hz
-
-    def poses(self) -> NDArray[np.float64]:
-        """Camera-to-world matrices (T, 4, 4).
-
-        Positions are rounded to float32, the renderer's precision: the stored pose is the pose that
-        was rendered, also far from the origin.
-        """
-        times = self.times_s
+    def course(self, times_s: Float64) -> tuple[Float64, Float64]:
+        """Positions (n, 3), m, and rotations (n, 3, 3), camera axes to world."""
         up = np.asarray(self.up) / np.linalg.norm(self.up)
-        angles = np.radians(self.rotation_deg_s) * times
+        angles = np.radians(self.rotation_deg_s) * times_s
         turns = Rotation.from_rotvec(angles[:, None] * up).as_matrix()
-        poses = np.tile(np.eye(4), (self.frames, 1, 1))
-        poses[:, :3, :3] = turns @ _orientation(np.subtract(self.look_at_m, self.position_m), up)
-        positions = np.asarray(self.position_m) + times[:, None] * np.asarray(self.velocity_m_s)
-        poses[:, :3, 3] = positions.astype(np.float32)
-        return poses
+        first = looking(np.subtract(self.look_at_m, self.position_m)[None], up)
+        positions = np.asarray(self.position_m) + times_s[:, None] * np.asarray(self.velocity_m_s)
+        return positions, turns @ first
+
+    def __str__(self) -> str:
+        """What the camera does."""
+        speed, turn = math.hypot(*self.velocity_m_s), self.rotation_deg_s
+        side = "left" if turn > 0 else "right"
+        turning = f"turns {side} by {abs(turn):g}° per second" if turn else ""
+        moving = f"moves at {speed:.3g} m per second" if speed else ""
+        return " and ".join(part for part in (turning, moving) if part) or "stands still"
 
 
-def _orientation(view: NDArray[np.float64], up: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotation matrix (3, 3) whose columns are the camera axes: right, down, forward."""
-    forward = view / np.linalg.norm(view)
-    right = np.cross(forward, up)
-    right /= np.linalg.norm(right)
-    return np.column_stack([right, np.cross(forward, right), forward])
+CameraPath = Annotated[
+    Trajectory | Orbit | Spline | Recorded | Hover,
+    Field(discriminator="kind"),
+    BeforeValidator(steady_unless_told),
+]
+"""Any path of the camera in a configuration; without `kind`, a steady one."""

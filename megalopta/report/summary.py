@@ -1,7 +1,6 @@
 """The report's opening: what was seen, in words and numbers, and what came out."""
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -24,7 +23,6 @@ from megalopta.report.text import (
 from megalopta.scenes.forest import Forest
 from megalopta.scenes.grating import Grating
 from megalopta.scenes.light import illuminance_of
-from megalopta.scenes.trajectory import Trajectory
 
 NO_MOTION = "IM"
 """The yardstick among the methods: it measures brightness."""
@@ -52,7 +50,7 @@ def lead(configuration: Configuration) -> str:
     sensors = enumerate_words([sensor.name for sensor in configuration.sensors])
     levels = plural(len(configuration.light_levels), "light level")
     return (
-        f"{_scene(configuration.scene)} {_camera(configuration.trajectory)} Every frame is "
+        f"{_scene(configuration.scene)} The camera {configuration.trajectory}. Every frame is "
         "rendered as spectral radiance, together with its exact motion. The light becomes "
         f"{_readings(configuration)} on {sensors} at {levels}, and motion detectors try to read "
         "the motion back."
@@ -186,12 +184,3 @@ def _scene(scene: Forest | Grating) -> str:
         )
     species = enumerate_words([name for name, share in scene.mix.items() if share > 0])
     return f"A forest of {scene.trees:,} trees ({species}), {scene.density_per_ha:g} per hectare."
-
-
-def _camera(trajectory: Trajectory) -> str:
-    speed, turn = math.hypot(*trajectory.velocity_m_s), trajectory.rotation_deg_s
-    side = "left" if turn > 0 else "right"
-    turning = f"turns {side} by {abs(turn):g}° per second" if turn else ""
-    moving = f"moves at {speed:.3g} m per second" if speed else ""
-    motion = " and ".join(part for part in (turning, moving) if part) or "stands still"
-    return f"The camera {motion}."

@@ -7,6 +7,7 @@ import pytest
 from megalopta.render.exr import read_radiance, read_truth, write_radiance, write_truth
 from megalopta.render.truth import Truth
 
+ORIGIN = (1000.0, -3.0, 1.0)
 BANDS = ((900.0, 1000.0), (400.0, 450.5), (450.5, 500.0))
 
 
@@ -18,12 +19,17 @@ def some_truth():
     depth = np.full((h, w), np.inf, np.float32)
     return Truth(
         depth=depth,
+        # As stored: a float32 about the origin.
+        position=rng.normal(size=(h, w, 3)).astype(np.float32) + np.array(ORIGIN),
         normal=rng.normal(size=(h, w, 3)).astype(np.float32),
         object_id=rng.integers(0, 2**32, (h, w), dtype=np.uint32),
+        kind_id=rng.integers(0, 9, (h, w), dtype=np.uint32),
         flow_forward=flow,
         flow_backward=-flow,
         occluded_forward=rng.random((h, w)) < 0.5,
         occluded_backward=rng.random((h, w)) < 0.5,
+        out_of_view_forward=rng.random((h, w)) < 0.5,
+        out_of_view_backward=rng.random((h, w)) < 0.5,
     )
 
 
@@ -47,7 +53,7 @@ def test_header_states_unit_bands_and_given_attributes(tmp_path):
 
 def test_truth_returns_bit_for_bit_with_nan_and_infinity(tmp_path):
     truth = some_truth()
-    write_truth(tmp_path / "t.exr", truth)
+    write_truth(tmp_path / "t.exr", truth, ORIGIN)
     read = read_truth(tmp_path / "t.exr")
     for field in fields(Truth):
         before, after = getattr(truth, field.name), getattr(read, field.name)

@@ -13,7 +13,7 @@ from megalopta.scenes.scene import Asset, Lighting, Material, Placement, Scene
 from megalopta.scenes.spectrum import flat
 from megalopta.scenes.trajectory import Trajectory
 
-from .conftest import placed, quad
+from .conftest import placed, quad, sphere_cap
 
 CAMERA = PerspectiveCamera(width=96, height=72, fov_deg=70)
 SETTINGS = RenderSettings(samples_per_pixel=1, bands_nm=((500, 600),))
@@ -84,28 +84,6 @@ def sphere_distance(center, radius):
             return (-b - np.sqrt(b**2 - a * c)) / a
 
     return along
-
-
-def sphere_cap(center, radius, toward):
-    """The side of a sphere that faces a point, in triangles so fine that facets do not matter.
-
-    With steps of 0.003 rad a facet lies at most radius · 1.2e-6 below the sphere.
-    """
-    angles = np.arange(-0.75, 0.7501, 0.003)
-    u, v = np.meshgrid(angles, angles)
-    local = np.stack([np.tan(u), np.tan(v), np.ones_like(u)], axis=-1)
-    local /= np.linalg.norm(local, axis=-1, keepdims=True)
-    axis = (toward - center) / np.linalg.norm(toward - center)
-    side = np.cross(axis, [0, 0, 1.0])
-    side /= np.linalg.norm(side)
-    frame = np.stack([side, np.cross(axis, side), axis])
-    n = len(angles)
-    a = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
-    faces = np.concatenate(
-        [np.column_stack([a, a + 1, a + n]), np.column_stack([a + 1, a + n + 1, a + n])]
-    )
-    vertices = center + radius * local.reshape(-1, 3) @ frame
-    return trimesh.Trimesh(vertices, faces, process=False)
 
 
 @pytest.mark.parametrize("trajectory", [BOTH, TURNING, MOVING], ids=["both", "turn", "move"])

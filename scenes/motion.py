@@ -1,0 +1,144 @@
+"""How objects move: rigid bodies on their own paths, and what any motion has to tell.
+
+A motion carries a point of the object as it was placed to where it is at a time, and back.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field, model_validator
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
+
+Float64 = NDArray[np.float64]
+Vector = tuple[float, float, float]
+
+
+class Motion(Protocol):
+    """What any motion has to tell; points are in world meters."""
+
+    def carry(self, points: Float64, time_s: float) -> Float64:
+        """Where points (n, 3) of the object as placed are at a time."""
+
+    def undo(self, points: Float64, time_s: float) -> Float64:
+        """Where points (n, 3) of a time are on the object as placed."""
+
+    def turn(self, normals: Float64, points: Float64, time_s: float) -> Float64:
+        """Unit normals (n, 3) at a time of those at points (n, 3) as placed."""
+
+    def record(self) -> dict[str, Any]:
+        """The motion in numbers, for a file."""
+
+
+class _Spinning(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """A steady spin of a body about its own center."""
+
+    spin_deg_s: float = 0.0
+    """Turning rate about the object's center (degrees/s)."""
+
+    spin_axis: Vector = (0.0, 0.0, 1.0)
+    """Axis of the spin (x, y, z of any length), counterclockwise seen against it."""
+
+    @model_validator(mode="after")
+    def _axis_has_a_direction(self) -> "_Spinning":
+        if not any(self.spin_axis):
+            raise ValueError("spin_axis (0, 0, 0) has no direction; give an axis such as (0, 0, 1)")
+        return self
+
+    def rotation(self, time_s: float) -> Rotation:
+        """Orientation at a time, relative to that at 0."""
+        axis = np.asarray(self.spin_axis) / np.linalg.norm(self.spin_axis)
+        return Rotation.from_rotvec(np.radians(self.spin_deg_s) * time_s * axis)
+
+    def shift(self, time_s: float) -> Float64:
+        """Way (3,) from the place at time 0, m."""
+        raise NotImplementedError
+
+
+class Drift(_Spinning, frozen=True):
+    """Steady velocity and spin; both may be zero."""
+
+    kind: Literal["steady"] = "steady"
+    """Which motion this is: steady or spline."""
+
+    velocity_m_s: Vector = (0.0, 0.0, 0.0)
+    """Velocity (x, y, z in m/s)."""
+
+    def shift(self, time_s: float) -> Float64:
+        """Way (3,) from the place at time 0, m."""
+        return np.asarray(self.velocity_m_s) * time_s
+
+
+class Tour(_Spinning, frozen=True):
+    """A smooth curve through given ways from the object's place, at rest before and after it."""
+
+    kind: Literal["spline"] = "spline"
+    """Which motion this is: steady or spline."""
+
+    times_s: Annotated[tuple[float, ...], Field(min_length=2)]
+    """Times at which the object reaches each way (s)."""
+
+    ways_m: Annotated[tuple[Vector, ...], Field(min_length=2)]
+    """Ways from the object's position, one for each time (x, y, z in m)."""
+
+    @model_validator(mode="after")
+    def _times_fit(self) -> "Tour":
+        if len(self.times_s) != len(self.ways_m):
+            raise ValueError(
+                f"times_s has {len(self.times_s)} entries and ways_m {len(self.ways_m)}; give one "
+                "time for each way"
+            )
+        if any(np.diff(self.times_s) <= 0):
+            raise ValueError(f"times_s {self.times_s} does not grow; sort by time")
+        return self
+
+    @cached_property
+    def _curve(self) -> CubicSpline:
+        return CubicSpline(self.times_s, self.ways_m, bc_type="clamped")
+
+    def shift(self, time_s: float) -> Float64:
+        """Way (3,) from the place at time 0, m."""
+        return np.asarray(self._curve(np.clip(time_s, self.times_s[0], self.times_s[-1])))
+
+
+ObjectMotion = Annotated[Drift | Tour, Field(discriminator="kind")]
+"""Any motion of a rigid object in a configuration; `kind` tells which."""
+
+
+@dataclass(frozen=True)
+class RigidMotion:
+    """A body that keeps its shape: it turns about a point of its own, which moves.
+
+    Attributes
+    ----------
+    center_m : (x, y, z)
+        The point, at time 0.
+    course : Drift or Tour
+        How it moves, and the body turns about it.
+    """
+
+    center_m: Vector
+    course: Drift | Tour
+
+    def carry(self, points: Float64, time_s: float) -> Float64:
+        """Where points (n, 3) of the object as placed are at a time."""
+        turned = self.course.rotation(time_s).apply(points - self.center_m)
+        return np.asarray(turned + (self.center_m + self.course.shift(time_s)))
+
+    def undo(self, points: Float64, time_s: float) -> Float64:
+        """Where points (n, 3) of a time are on the object as placed."""
+        offset = points - (self.center_m + self.course.shift(time_s))
+        return np.asarray(self.course.rotation(time_s).inv().apply(offset) + self.center_m)
+
+    def turn(self, normals: Float64, points: Float64, time_s: float) -> Float64:
+        """Unit normals (n, 3) at a time."""
+        return np.asarray(self.course.rotation(time_s).apply(normals))
+
+    def record(self) -> dict[str, Any]:
+        """The motion in numbers, for a file."""
+        return {"center_m": list(self.center_m), **self.course.model_dump(mode="json")}

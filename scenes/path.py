@@ -1,0 +1,116 @@
+"""What every path of the camera has: frames, times, and a pose for any time.
+
+A pose is a (4, 4) matrix from camera axes (+x right, +y down, +z forward) to world meters. The
+renderer computes in float32 about a local origin, `origin_m`; positions are rounded to that, so
+that the stored pose is the pose that was rendered, also a kilometer from the world's origin.
+"""
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import BaseModel, Field
+
+Float64 = NDArray[np.float64]
+Vector = tuple[float, float, float]
+
+
+class Path(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """Frames at a steady rate along a path that is known at any time."""
+
+    frames: Annotated[int, Field(ge=1)] = 32
+    """Number of frames."""
+
+    frame_rate_hz: Annotated[float, Field(gt=0)] = 10.0
+    """Frames per second (Hz)."""
+
+    @property
+    def times_s(self) -> Float64:
+        """Time of each frame (T,), s; the first is at 0."""
+        return np.arange(self.frames) / self.frame_rate_hz
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first frame to the last; of a single frame, its period (s)."""
+        return max(self.frames - 1, 1) / self.frame_rate_hz
+
+    @property
+    def origin_m(self) -> Vector:
+        """Whole meters near the middle of the frames' positions (x, y, z)."""
+        positions, _ = self.course(self.times_s)
+        # Adding 0 makes an ordinary zero of a negative one.
+        x, y, z = (np.round((positions.min(axis=0) + positions.max(axis=0)) / 2) + 0.0).tolist()
+        return x, y, z
+
+    def pose_at(self, times_s: ArrayLike) -> Float64:
+        """Camera-to-world matrices (n, 4, 4) at times (n,), s."""
+        positions, rotations = self.course(np.asarray(times_s, dtype=float))
+        poses = np.tile(np.eye(4), (len(positions), 1, 1))
+        poses[:, :3, :3] = rotations
+        poses[:, :3, 3] = rounded_about(positions, self.origin_m)
+        return poses
+
+    def poses(self) -> Float64:
+        """Camera-to-world matrices (T, 4, 4) of the frames."""
+        return self.pose_at(self.times_s)
+
+    def course(self, times_s: Float64) -> tuple[Float64, Float64]:
+        """Positions (n, 3), m, and rotations (n, 3, 3), camera axes to world, before rounding."""
+        raise NotImplementedError
+
+    def __str__(self) -> str:
+        """What the camera does, as the end of a sentence that begins with "The camera"."""
+        raise NotImplementedError
+
+
+def rounded_about(positions: Float64, origin_m: ArrayLike) -> Float64:
+    """Positions (..., 3) whose distance from an origin is a float32, as the renderer's are."""
+    origin = np.asarray(origin_m)
+    return np.asarray((positions - origin).astype(np.float32) + origin)
+
+
+def looking(views: Float64, up: ArrayLike) -> Float64:
+    """Rotations (n, 3, 3) whose columns are the camera axes right, down and forward.
+
+    Parameters
+    ----------
+    views : (n, 3) array
+        Directions of view, of any length.
+    up : (3,) array_like
+        Direction that is up in the image.
+    """
+    forward = views / np.linalg.norm(views, axis=-1, keepdims=True)
+    right = np.cross(forward, np.asarray(up, dtype=float))
+    right /= np.linalg.norm(right, axis=-1, keepdims=True)
+    return np.stack([right, np.cross(forward, right), forward], axis=-1)
+
+
+def check_view(position_m: Vector, look_at_m: Vector, up: Vector) -> None:
+    """Refuse, with ValueError, a view that has no direction or stands upright."""
+    view = np.subtract(look_at_m, position_m)
+    if not np.any(view):
+        raise ValueError(
+            f"look_at_m {look_at_m} equals position_m: move one of them to define a view"
+        )
+    if is_upright(view, up):
+        raise ValueError(
+            f"up {up} is parallel to the view from position_m {position_m} to "
+            f"look_at_m {look_at_m}: tilt one of them"
+        )
+
+
+def is_upright(views: Float64, up: ArrayLike) -> bool:
+    """Whether any of the views (..., 3) is zero or parallel to `up`, so that it has no horizon."""
+    across = np.linalg.norm(np.cross(views, np.asarray(up, dtype=float)), axis=-1)
+    lengths = np.linalg.norm(views, axis=-1) * np.linalg.norm(up)
+    return bool(np.any(across <= 1e-6 * lengths))
+
+
+def steady_unless_told(values: Any) -> Any:
+    """Fill in `kind: steady` where a mapping tells no kind."""
+    if isinstance(values, Mapping) and "kind" not in values:
+        return {**values, "kind": "steady"}
+    return values

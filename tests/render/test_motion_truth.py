@@ -1,0 +1,342 @@
+"""Truth of moving and bending objects, and far from the world's origin, against closed forms.
+
+The oracle intersects rays with ideal planes, spheres and boxes in float64 and carries the points
+with rotations of its own; no meshes, no renderer.
+"""
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.ndimage import map_coordinates
+from scipy.spatial.transform import Rotation
+
+from megalopta.render.renderer import SceneRenderer
+from megalopta.render.settings import RenderSettings
+from megalopta.scenes.camera import PerspectiveCamera
+from megalopta.scenes.motion import Drift, RigidMotion, Tour
+from megalopta.scenes.scene import Asset, Lighting, Material, Placement, Scene
+from megalopta.scenes.spectrum import flat
+from megalopta.scenes.sway import Sway
+from megalopta.scenes.trajectory import Trajectory
+
+from .conftest import quad, sphere_cap
+
+CAMERA = PerspectiveCamera(width=120, height=90, fov_deg=70)
+SETTINGS = RenderSettings(samples_per_pixel=1, bands_nm=((500, 600),))
+FAR = np.array([1000.0, -400.0, 30.0])
+TIMES = np.array([0.0, 0.1, 0.2])
+
+
+def path_at(offset):
+    return Trajectory(
+        frames=3,
+        position_m=tuple(np.array([0.5, -1.0, 2.0]) + offset),
+        look_at_m=tuple(np.array([8.0, 2.0, 0.5]) + offset),
+        rotation_deg_s=25.0,
+        velocity_m_s=(2.0, -1.0, 0.7),
+    )
+
+
+def scene_of(path, *things):
+    """Things are (mesh, motion)."""
+    names = [f"thing{index}" for index in range(len(things))]
+    return Scene(
+        {name: Material(flat(0.5)) for name in names},
+        {name: Asset({name: mesh}) for name, (mesh, _) in zip(names, things, strict=True)},
+        tuple(
+            Placement(name, name, np.eye(4), motion)
+            for name, (_, motion) in zip(names, things, strict=True)
+        ),
+        Lighting(flat(1e-9)),
+        path.origin_m,
+    )
+
+
+def at(position, distance, directions):
+    """Points along rays; anything where the distance is infinite."""
+    return position + np.where(np.isfinite(distance), distance, 1.0)[..., None] * directions
+
+
+class Oracle:
+    """Rays and projection, built from a path's numbers, with positions rounded as documented."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def frame(self, index):
+        view = np.subtract(self.path.look_at_m, self.path.position_m)
+        turn = Rotation.from_euler("z", self.path.rotation_deg_s * TIMES[index], degrees=True)
+        forward = turn.apply(view / np.linalg.norm(view))
+        right = np.cross(forward, [0, 0, 1])
+        right /= np.linalg.norm(right)
+        exact = np.array(self.path.position_m) + TIMES[index] * np.array(self.path.velocity_m_s)
+        origin = np.array(self.path.origin_m)
+        position = (exact - origin).astype(np.float32) + origin
+        return position, np.stack([right, np.cross(forward, right), forward])
+
+    def rays(self, index):
+        position, axes = self.frame(index)
+        focal = CAMERA.width / 2 / np.tan(np.radians(CAMERA.fov_deg) / 2)
+        x = (np.arange(CAMERA.width) + 0.5 - CAMERA.width / 2) / focal
+        y = (np.arange(CAMERA.height) + 0.5 - CAMERA.height / 2) / focal
+        grid = np.dstack([*np.meshgrid(x, y), np.ones((CAMERA.height, CAMERA.width))])
+        return position, grid @ axes
+
+    def displacement(self, index, points):
+        position, axes = self.frame(index)
+        seen = (points - position) @ axes.T
+        focal = CAMERA.width / 2 / np.tan(np.radians(CAMERA.fov_deg) / 2)
+        image = seen[..., :2] / seen[..., 2:] * focal + [CAMERA.width / 2, CAMERA.height / 2]
+        columns, rows = np.meshgrid(np.arange(CAMERA.width) + 0.5, np.arange(CAMERA.height) + 0.5)
+        return image - np.dstack([columns, rows])
+
+
+def plane_hit(height):
+    def distance(position, directions):
+        with np.errstate(divide="ignore"):
+            distance = (height - position[2]) / directions[..., 2]
+        # The quad ends 500 m away; no other surface comes near.
+        return np.where((distance > 0) & (distance < 480), distance, np.inf)
+
+    return distance
+
+
+def sphere_hit(center, radius):
+    def distance(position, directions):
+        a = (directions**2).sum(-1)
+        b = directions @ (position - center)
+        c = ((position - center) ** 2).sum() - radius**2
+        with np.errstate(invalid="ignore"):
+            return np.nan_to_num((-b - np.sqrt(b**2 - a * c)) / a, nan=np.inf)
+
+    return distance
+
+
+def box_hit(half, center, turn):
+    """First hit on a box by the slab method, in the box's axes."""
+
+    def distance(position, directions):
+        start, along = turn.inv().apply(position - center), directions @ turn.as_matrix()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            sides = (np.array([-half, half])[:, None, None] - start) / along
+        near, far = sides.min(axis=0).max(axis=-1), sides.max(axis=0).min(axis=-1)
+        return np.where((near <= far) & (near > 0), near, np.inf)
+
+    return distance
+
+
+SPIN = {"spin_deg_s": 90.0, "spin_axis": (1.0, 2.0, -0.5)}
+VELOCITY = np.array([-1.5, 2.0, 0.8])
+AXIS = np.array(SPIN["spin_axis"]) / np.linalg.norm(SPIN["spin_axis"])
+
+
+def spin_at(time):
+    return Rotation.from_rotvec(np.radians(90.0) * time * AXIS)
+
+
+@pytest.mark.parametrize("offset", [np.zeros(3), FAR], ids=["near", "1 km away"])
+def test_plane_sphere_and_moving_box_are_analytic_within_1e_4_px(offset):
+    path, oracle = path_at(offset), Oracle(path_at(offset))
+    ground = quad(500.0 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) + offset)
+    ball, box_center = np.array([7.0, 3.6, 1.0]) + offset, np.array([5.5, 0.6, 1.2]) + offset
+    cap = sphere_cap(ball, 1.0, oracle.frame(1)[0])
+    half = np.array([0.6, 0.4, 0.8])
+    box = trimesh.creation.box(2 * half)
+    box.apply_translation(box_center)
+    motion = RigidMotion(tuple(box_center), Drift(velocity_m_s=tuple(VELOCITY), **SPIN))
+    scene = scene_of(path, (ground, None), (cap, None), (box, motion))
+    renderer = SceneRenderer(scene, CAMERA, SETTINGS)
+    truth = renderer.truth(path.poses(), 1, TIMES)
+
+    position, directions = oracle.rays(1)
+    center = box_center + VELOCITY * TIMES[1]
+    distances = np.stack(
+        [
+            plane_hit(offset[2])(position, directions),
+            sphere_hit(ball, 1.0)(position, directions),
+            box_hit(half, center, spin_at(TIMES[1]))(position, directions),
+        ]
+    )
+    seen = np.where(np.isfinite(distances).any(axis=0), distances.argmin(axis=0) + 1, 0)
+    # Outlines of the cap's facets, and the ground beyond 480 m, may differ.
+    assert (truth.object_id == seen).mean() > 0.98
+    for flow, other in ((truth.flow_forward, 2), (truth.flow_backward, 0)):
+        for thing, least in ((1, 3000), (2, 150), (3, 300)):
+            where = (truth.object_id == thing) & (seen == thing)
+            assert where.sum() > least
+            points = at(position, distances[thing - 1], directions)
+            if thing == 3:
+                step = spin_at(TIMES[other] - TIMES[1])
+                turned = step.apply((points - center).reshape(-1, 3)).reshape(points.shape)
+                points = turned + box_center + VELOCITY * TIMES[other]
+            error = flow - oracle.displacement(other, points)
+            assert np.abs(error[where]).max() < 1e-4
+    boxed = truth.object_id == 3
+    exact = at(position, distances[2], directions)
+    np.testing.assert_allclose(truth.position[boxed], exact[boxed], atol=2e-6)
+
+
+@pytest.mark.parametrize("offset", [np.zeros(3), FAR], ids=["near", "1 km away"])
+def test_no_flag_of_occlusion_by_a_moving_box_is_wrong(offset):
+    path, oracle = path_at(offset), Oracle(path_at(offset))
+    ground = quad(500.0 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) + offset)
+    center, half = np.array([5.5, 0.6, 1.2]) + offset, np.array([0.6, 0.4, 0.8])
+    box = trimesh.creation.box(2 * half)
+    box.apply_translation(center)
+    motion = RigidMotion(tuple(center), Drift(velocity_m_s=tuple(3 * VELOCITY), **SPIN))
+    renderer = SceneRenderer(scene_of(path, (ground, None), (box, motion)), CAMERA, SETTINGS)
+    truth = renderer.truth(path.poses(), 1, TIMES)
+    position, directions = oracle.rays(1)
+    points = at(position, plane_hit(offset[2])(position, directions), directions)
+    for flags, other in ((truth.occluded_forward, 2), (truth.occluded_backward, 0)):
+        eye, _ = oracle.frame(other)
+        then = center + 3 * VELOCITY * TIMES[other]
+        hit = box_hit(half, then, spin_at(TIMES[other]))(eye, points - eye)
+        on_ground = truth.object_id == 1
+        assert (hit < 1)[on_ground].sum() > 100
+        assert ((hit < 1) == flags)[on_ground].all()
+
+
+def test_flow_between_frames_far_apart_is_analytic_and_agrees_with_neighbors():
+    path, oracle = path_at(np.zeros(3)), Oracle(path_at(np.zeros(3)))
+    ground = quad(500.0 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]))
+    renderer = SceneRenderer(scene_of(path, (ground, None)), CAMERA, SETTINGS)
+    poses = path.poses()
+    flow = renderer.flow(poses, 0, 2)
+    position, directions = oracle.rays(0)
+    distance = plane_hit(0.0)(position, directions)
+    points = at(position, distance, directions)
+    truth = renderer.truth(poses, 0)
+    on_ground = np.isfinite(distance) & (truth.object_id == 1)
+    assert on_ground.mean() > 0.5
+    error = flow.displacement - oracle.displacement(2, points)
+    assert np.abs(error[on_ground]).max() < 1e-4
+    np.testing.assert_array_equal(renderer.flow(poses, 0, 1).displacement, truth.flow_forward)
+
+
+def test_an_object_on_a_spline_is_where_its_ways_say():
+    ways = ((0.0, 0.0, 0.0), (0.3, 0.4, -0.1), (0.1, 0.9, 0.2))
+    tour = Tour(times_s=tuple(TIMES), ways_m=ways)
+    path = Trajectory(frames=3, position_m=(0, 0, 0), look_at_m=(5, 0, 0))
+    wall = quad(np.array([[5, -9, -9], [5, 9, -9], [5, 9, 9], [5, -9, 9.0]]))
+    motion = RigidMotion((5.0, 0.0, 0.0), tour)
+    renderer = SceneRenderer(scene_of(path, (wall, motion)), CAMERA, SETTINGS)
+    truth = renderer.truth(path.poses(), 1, TIMES)
+    focal = CAMERA.width / 2 / np.tan(np.radians(CAMERA.fov_deg) / 2)
+    np.testing.assert_allclose(truth.depth, 5.3, rtol=1e-6)
+    first, second = np.array(ways[1]), np.array(ways[2])
+    # A plane parallel to the image: everything shifts and scales alike; the middle is at the axis.
+    middle = truth.flow_forward[44:46, 59:61].mean(axis=(0, 1))
+    expected = -focal * (second - first)[1:] / (5 + second[0])
+    np.testing.assert_allclose(middle, expected, atol=1e-4)
+
+
+def swaying_pole():
+    """A rough pole of small triangles, as tall as a young tree."""
+    pole = trimesh.creation.cylinder(0.25, 6.0, sections=24)
+    pole.apply_translation([6, 0, 3])
+    pole = pole.subdivide_to_size(0.2)
+    sway = Sway((6.0, 0.0, 0.0), 6.0, (0.6, 0.8), 0.4, 0.8, (0.3, 2.0))
+    return pole, sway
+
+
+def test_flow_of_a_swaying_tree_is_that_of_its_bending():
+    path = path_at(np.zeros(3))
+    pole, sway = swaying_pole()
+    renderer = SceneRenderer(scene_of(path, (pole, sway)), CAMERA, SETTINGS)
+    truth = renderer.truth(path.poses(), 1, TIMES)
+    seen = truth.object_id == 1
+    assert seen.sum() > 200
+
+    def top(time):
+        angle = 2 * np.pi * 0.8 * time
+        along, across = 0.4 * np.sin(angle + 0.3), 0.16 * np.sin(1.13 * angle + 2.0)
+        return np.array([0.6 * along - 0.8 * across, 0.8 * along + 0.6 * across])
+
+    points = truth.position[seen]
+    bend = (points[:, 2:] / 6) ** 2
+    oracle = Oracle(path)
+    for flow, other in ((truth.flow_forward, 2), (truth.flow_backward, 0)):
+        then = truth.position.copy()
+        then[seen, :2] += bend * (top(TIMES[other]) - top(TIMES[1]))
+        error = (flow - oracle.displacement(other, then))[seen]
+        # Between its vertices, 0.2 m apart at most, a bent edge is straight: off by up to
+        # (0.2/6)²/4 · 0.4 m of sway, 1e-4 m, which is 2e-3 px at 5 m.
+        assert np.linalg.norm(error, axis=-1).max() < 4e-3
+        assert np.linalg.norm(flow[seen], axis=-1).min() > 0.5
+
+
+def test_forward_and_backward_flow_of_a_swaying_wall_compose_to_zero():
+    # A smooth surface that bends: the backward flow of the next frame, read where the forward flow
+    # leads, leads back.
+    path = Trajectory(frames=2, position_m=(0, 0, 1.5), look_at_m=(4, 0, 1.7), rotation_deg_s=5,
+                      velocity_m_s=(0.4, 0.2, 0))  # fmt: skip
+    wall = quad(np.array([[4, -4, -1], [4, 4, -1], [4, 4, 5], [4, -4, 5.0]])).subdivide_to_size(0.1)
+    sway = Sway((4.0, 0.0, -1.0), 6.0, (0.6, 0.8), 0.5, 0.8, (0.3, 2.0))
+    renderer = SceneRenderer(scene_of(path, (wall, sway)), CAMERA, SETTINGS)
+    first, second = (renderer.truth(path.poses(), i, path.times_s) for i in (0, 1))
+    x = np.arange(CAMERA.width) + first.flow_forward[..., 0]
+    y = np.arange(CAMERA.height)[:, None] + first.flow_forward[..., 1]
+    inside = (x > 4) & (x < CAMERA.width - 5) & (y > 4) & (y < CAMERA.height - 5)
+    inside &= ~first.occluded_forward & (first.object_id == 1)
+    assert inside.sum() > 5000
+    back = np.stack(
+        [
+            map_coordinates(
+                second.flow_backward[..., i].astype(float), [y[inside], x[inside]], order=3
+            )
+            for i in (0, 1)
+        ],
+        axis=-1,
+    )
+    residual = np.linalg.norm(first.flow_forward[inside] + back, axis=-1)
+    assert np.percentile(residual, 99) < 1e-3
+
+
+def test_shading_normals_of_a_bending_surface_stay_perpendicular_to_it():
+    rng = np.random.default_rng(4)
+    sway = Sway((1.0, 2.0, 0.0), 8.0, (0.6, 0.8), 0.7, 0.3, (1.0, 2.0))
+    points = rng.uniform([0, 0, 0], [3, 3, 8], (50, 3))
+    normals = rng.normal(size=(50, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    for _ in range(2):
+        tangent = np.cross(normals, rng.normal(size=(50, 3)))
+        step = sway.carry(points + 1e-6 * tangent, 0.7) - sway.carry(points - 1e-6 * tangent, 0.7)
+        cosine = (sway.turn(normals, points, 0.7) * step).sum(axis=1) / 2e-6
+        np.testing.assert_allclose(cosine, 0, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        swaying_pole()[1],
+        RigidMotion((1.0, 2.0, 3.0), Drift(velocity_m_s=(1, 2, 3), **SPIN)),
+        RigidMotion((1.0, 2.0, 3.0), Tour(times_s=(0, 1), ways_m=((0, 0, 0), (1, 2, 3)), **SPIN)),
+    ],
+    ids=["sway", "steady", "spline"],
+)  # fmt: skip
+def test_undoing_a_motion_returns_the_points(motion):
+    points = np.random.default_rng(1).uniform(0, 5, (20, 3))
+    np.testing.assert_allclose(motion.undo(motion.carry(points, 0.7), 0.7), points, atol=1e-12)
+
+
+def test_moving_objects_move_in_the_image_as_well():
+    # A dark box crosses a bright sky; the image is dark where the truth sees the box.
+    path = Trajectory(frames=3, position_m=(0, 0, 0), look_at_m=(5, 0, 0))
+    box = trimesh.creation.box((1, 1, 1))
+    box.apply_translation([5, -1, 0])
+    motion = RigidMotion((5.0, -1.0, 0.0), Drift(velocity_m_s=(0, 9.0, 0)))
+    renderer = SceneRenderer(scene_of(path, (box, motion)), CAMERA, SETTINGS)
+    for frame in (0, 2, 1):
+        image = renderer.radiance(path.poses()[frame], 1, TIMES[frame])[..., 0]
+        boxed = renderer.truth(path.poses(), frame, TIMES).object_id == 1
+        assert boxed.sum() > 100
+        # One sample a pixel, anywhere in it: they may differ along the outline, one pixel wide.
+        assert ((image < 0.9e-9) != boxed).sum() < 60
+
+
+def test_times_are_asked_for_where_things_move():
+    path = path_at(np.zeros(3))
+    renderer = SceneRenderer(scene_of(path, swaying_pole()), CAMERA, SETTINGS)
+    with pytest.raises(ValueError, match="times_s is missing: objects move"):
+        renderer.truth(path.poses(), 1)

@@ -1,0 +1,238 @@
+"""Panoramas against the pinhole, against geometry worked out here, and against themselves turned."""
+
+import drjit as dr
+import numpy as np
+import pytest
+from scipy.ndimage import map_coordinates
+from scipy.spatial.transform import Rotation
+
+from megalopta.render.renderer import SceneRenderer
+from megalopta.render.settings import RenderSettings
+from megalopta.render.truth import out_of_view
+from megalopta.scenes.camera import PerspectiveCamera
+from megalopta.scenes.panorama import CylindricalCamera, EquirectangularCamera
+from megalopta.scenes.scene import Asset, Lighting, Material, Placement, Scene
+from megalopta.scenes.spectrum import flat
+from megalopta.scenes.trajectory import Trajectory
+
+from .conftest import glowing_room, placed
+from .test_truth import plane_distance, sphere_cap, sphere_distance
+
+SPHERE = EquirectangularCamera(width=144, height=72)
+CYLINDER = CylindricalCamera(width=144, height=60, lower_deg=-50, upper_deg=45)
+SECTOR = CylindricalCamera(width=100, height=60, fov_deg=150, lower_deg=-50, upper_deg=30)
+PINHOLE = PerspectiveCamera(width=48, height=36, fov_deg=60)
+PANORAMAS = pytest.mark.parametrize(
+    "camera", [SPHERE, CYLINDER, SECTOR], ids=["sphere", "cylinder", "sector"]
+)
+ROOM = Trajectory(frames=3, position_m=(0.3, -0.2, 0.4), look_at_m=(3, 1, 0.9))
+MOVING = Trajectory(
+    frames=3,
+    position_m=(0.5, -1.0, 2.0),
+    look_at_m=(8.0, 2.0, 0.0),
+    rotation_deg_s=25.0,
+    velocity_m_s=(2.0, -1.0, 0.7),
+)
+
+
+def renderer_of(camera, scene, samples=16, **settings):
+    settings = RenderSettings(
+        samples_per_pixel=samples, bands_nm=((500, 600),), max_depth=2, **settings
+    )
+    return SceneRenderer(scene, camera, settings)
+
+
+def gray(*meshes):
+    names = [f"thing{index}" for index in range(len(meshes))]
+    return Scene(
+        {name: Material(flat(0.5)) for name in names},
+        {name: Asset({name: mesh}) for name, mesh in zip(names, meshes, strict=True)},
+        tuple(Placement(name, name, np.eye(4)) for name in names),
+        Lighting(flat(1e-9)),
+    )
+
+
+@pytest.mark.parametrize("backend", ["auto", "scalar"])
+@pytest.mark.parametrize("camera", [SPHERE, CYLINDER, SECTOR, PINHOLE], ids=lambda c: c.kind)
+def test_uniform_radiance_is_uniform_in_every_camera(camera, backend):
+    sky = Scene({}, {}, (), Lighting(flat(2e-9)))
+    image = renderer_of(camera, sky, 4, backend=backend).radiance(ROOM.poses()[0], 1)
+    # Flat light in one band has no noise at all: float32 rounding remains.
+    np.testing.assert_allclose(image, 2e-9, rtol=1e-5)
+
+
+@pytest.mark.parametrize("backend", ["auto", "scalar"])
+def test_an_upward_panorama_sees_the_lambertian_ground_darker_than_the_sky(ground, backend):
+    materials, assets, placements = placed(ground)
+    scene = Scene(materials, assets, placements, Lighting(flat(2e-9)))
+    level = Trajectory(position_m=(0, 0, 2), look_at_m=(1, 0, 2)).poses()[0]
+    camera = EquirectangularCamera(width=36, height=36)
+    image = renderer_of(camera, scene, 25, backend=backend).radiance(level, 1)[..., 0]
+    np.testing.assert_allclose(image[:18], 2e-9, rtol=1e-5)
+    # Reflectance 0.5 under a uniform sky, from the horizon's row on; paths have noise.
+    np.testing.assert_allclose(image[18:].mean(), 1e-9, rtol=5e-3)
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [
+        EquirectangularCamera(width=720, height=180, lower_deg=-45, upper_deg=45),
+        CylindricalCamera(width=720, height=230),
+    ],
+    ids=lambda camera: camera.kind,
+)
+def test_a_panorama_resampled_is_the_perspective_view(camera):
+    pose = ROOM.poses()[0]
+    panorama = renderer_of(camera, glowing_room(), 16).radiance(pose, 1)[..., 0]
+    view = renderer_of(PINHOLE, glowing_room(), 256).radiance(pose, 2)[..., 0]
+    # Each pixel of the pinhole is the mean over 4 × 4 directions inside of it.
+    fine = PINHOLE.model_copy(update={"width": 4 * PINHOLE.width, "height": 4 * PINHOLE.height})
+    x, y = np.moveaxis(camera.project(fine.directions()), -1, 0) - 0.5
+    values = map_coordinates(panorama, [y, x], order=3, mode="grid-wrap")
+    resampled = values.reshape(PINHOLE.height, 4, PINHOLE.width, 4).mean(axis=(1, 3))
+    # Noise of both images and interpolation leave 0.6 % of the contrast; edges of the room are
+    # not smooth and left out as the worst twentieth.
+    difference = np.abs(resampled - view) / view.std()
+    assert np.quantile(difference, 0.95) < 0.02
+    assert np.median(np.abs(resampled[:, ::-1] - view) / view.std()) > 0.3
+    assert np.median(np.abs(resampled[::-1] - view) / view.std()) > 0.3
+
+
+@pytest.mark.parametrize("camera", [SPHERE, CYLINDER], ids=["sphere", "cylinder"])
+def test_turning_by_whole_columns_rolls_the_panorama_without_a_seam(camera):
+    columns = 37
+    turn = np.eye(4)
+    turn[:3, :3] = Rotation.from_euler("z", 360 * columns / camera.width, degrees=True).as_matrix()
+    pose = ROOM.model_copy(update={"look_at_m": (3, 1, 0.4)}).poses()[0]  # level
+    turned = pose.copy()
+    turned[:3, :3] = turn[:3, :3] @ pose[:3, :3]
+    room = renderer_of(camera, glowing_room(), 64)
+    first, second, after = (
+        room.radiance(p, seed)[..., 0] for seed, p in enumerate((pose, pose, turned))
+    )
+    rolled = np.roll(first, columns, axis=1)
+    noise = np.abs(second - first)
+    # Medians of 8000 pixels of equal distribution differ by 3 %; the limits are 6 times that.
+    assert 0.8 < np.median(np.abs(after - rolled)) / np.median(noise) < 1.25
+    # The columns beside the seam, which now lie inside the image, and those that became the seam.
+    for column in (0, camera.width - 1, columns, columns - 1):
+        error = np.abs(after - rolled)[:, column]
+        assert np.median(error) < 3 * np.median(noise)
+    assert np.median(np.abs(after - first)) > 30 * np.median(noise)
+
+
+@pytest.mark.parametrize("camera", [SPHERE, CYLINDER], ids=["sphere", "cylinder"])
+def test_turning_by_whole_columns_is_an_integer_flow_everywhere(camera):
+    turning = MOVING.model_copy(
+        update={
+            "velocity_m_s": (0.0, 0.0, 0.0),
+            "look_at_m": (8.0, 2.0, 2.0),
+            "rotation_deg_s": 5 * 360 / camera.width * MOVING.frame_rate_hz,
+        }
+    )
+    truth = renderer_of(camera, glowing_room(), 1).truth(turning.poses(), 1)
+    np.testing.assert_allclose(truth.flow_forward[..., 0], 5, atol=1e-6)  # left turn: to the right
+    np.testing.assert_allclose(truth.flow_backward[..., 0], -5, atol=1e-6)
+    np.testing.assert_allclose(truth.flow_forward[..., 1], 0, atol=1e-6)
+    assert not truth.occluded_forward.any()
+    assert not out_of_view(truth.flow_forward, wraps=True).any()
+    assert out_of_view(truth.flow_forward)[:, -5:].all()
+
+
+def geometry(camera, trajectory, frame):
+    """Camera position and its axes right, down, forward, from the angles, not from the poses."""
+    view = np.subtract(trajectory.look_at_m, trajectory.position_m)
+    time = frame / trajectory.frame_rate_hz
+    turn = Rotation.from_euler("z", trajectory.rotation_deg_s * time, degrees=True)
+    forward = turn.apply(view / np.linalg.norm(view))
+    right = np.cross(forward, [0, 0, 1])
+    right /= np.linalg.norm(right)
+    position = np.asarray(trajectory.position_m) + time * np.asarray(trajectory.velocity_m_s)
+    return position, np.array([right, np.cross(forward, right), forward])
+
+
+def rays(camera, axes):
+    """Directions through the pixel centers by spherical coordinates; not of unit length."""
+    azimuth = np.radians(camera.fov_deg) * ((np.arange(camera.width) + 0.5) / camera.width - 0.5)
+    lower, upper = np.radians([camera.lower_deg, camera.upper_deg])
+    share = (np.arange(camera.height) + 0.5)[:, None] / camera.height
+    if camera.kind == "cylindrical":
+        elevation = np.arctan(np.tan(upper) + share * (np.tan(lower) - np.tan(upper)))
+    else:
+        elevation = upper + share * (lower - upper)
+    level = (
+        np.cos(elevation) * np.stack(np.broadcast_arrays(np.sin(azimuth), np.cos(azimuth)))[:, None]
+    )
+    right, forward = level
+    down = np.broadcast_to(-np.sin(elevation), right.shape)
+    return np.stack([right, down, forward], axis=-1) @ axes, elevation
+
+
+def analytic_flow(camera, trajectory, frame, other, distance_along):
+    position, axes = geometry(camera, trajectory, frame)
+    directions, elevation = rays(camera, axes)
+    points = position + distance_along(position, directions)[..., None] * directions
+    position, axes = geometry(camera, trajectory, other)
+    x, y, z = np.moveaxis((points - position) @ axes.T, -1, 0)
+    column = (np.arctan2(x, z) / np.radians(camera.fov_deg) + 0.5) * camera.width
+    tangents = -y / np.hypot(x, z)
+    lower, upper = np.radians([camera.lower_deg, camera.upper_deg])
+    if camera.kind == "cylindrical":
+        share = (np.tan(upper) - tangents) / (np.tan(upper) - np.tan(lower))
+    else:
+        share = (upper - np.arctan(tangents)) / (upper - lower)
+    u = column - np.arange(camera.width) - 0.5
+    if camera.fov_deg == 360:
+        u -= camera.width * np.round(u / camera.width)
+    v = share * camera.height - np.arange(camera.height)[:, None] - 0.5
+    return np.stack([u, v], axis=-1), elevation
+
+
+@PANORAMAS
+@pytest.mark.parametrize("surface", ["plane", "ball"])
+def test_flow_of_a_panorama_is_analytic_within_1e_4_px(camera, surface, ground):
+    center = np.array([4.0, 1.2, 0.8])
+    if surface == "plane":
+        mesh, distance = ground, plane_distance
+    else:
+        mesh = sphere_cap(center, 2.0, np.asarray(MOVING.position_m))
+        distance = sphere_distance(center, 2.0)
+    truth = renderer_of(camera, gray(mesh), 1).truth(MOVING.poses(), 1)
+    seen = truth.object_id == 1
+    assert seen.sum() > 100
+    for flow, other in ((truth.flow_forward, 2), (truth.flow_backward, 0)):
+        expected, elevation = analytic_flow(camera, MOVING, 1, other, distance)
+        error = np.abs(flow - expected)
+        error[..., 0] *= np.cos(elevation)  # columns crowd at the poles
+        assert error[seen].max() < 1e-4
+
+
+def test_panoramic_depth_is_the_distance_along_the_ray(ground):
+    truth = renderer_of(SPHERE, gray(ground), 1).truth(MOVING.poses(), 0)
+    position, axes = geometry(SPHERE, MOVING, 0)
+    expected = plane_distance(position, rays(SPHERE, axes)[0])
+    seen = truth.object_id == 1
+    np.testing.assert_allclose(truth.depth[seen], expected[seen], rtol=1e-5)
+    assert np.isinf(truth.depth[~seen]).all()
+
+
+def test_nothing_is_compiled_for_further_poses_and_strips():
+    room = renderer_of(SPHERE, glowing_room(), 4, samples_per_pass=4 * 144 * 20)
+    if not room.variant.name.startswith("llvm"):
+        pytest.skip("kernels are looked at in LLVM mode")
+    first, *others = MOVING.poses()
+    room.radiance(first, 0)
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        for seed, pose in enumerate(others):
+            room.radiance(pose, seed)
+        kernels = dr.kernel_history([dr.KernelType.JIT])
+    assert len(kernels) >= 8  # two frames of four strips
+    assert all(kernel["cache_hit"] for kernel in kernels)
+
+
+def test_the_same_seed_gives_the_same_panorama():
+    room = renderer_of(SPHERE, glowing_room(), 4)
+    pose = ROOM.poses()[0]
+    first, again, other = (room.radiance(pose, seed).tobytes() for seed in (5, 5, 6))
+    assert first == again != other

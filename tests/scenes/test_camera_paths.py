@@ -1,0 +1,201 @@
+"""Orbit, spline, recorded and hover: where they go, and what they have in common."""
+
+import numpy as np
+import pytest
+from pydantic import TypeAdapter, ValidationError
+from scipy.spatial.transform import Rotation, Slerp
+
+from megalopta.scenes.trajectory import CameraPath, Trajectory
+from megalopta.scenes.trajectory_hover import Hover
+from megalopta.scenes.trajectory_orbit import Orbit
+from megalopta.scenes.trajectory_recorded import Recorded
+from megalopta.scenes.trajectory_spline import Spline
+
+RNG = np.random.default_rng(5)
+KNOTS = np.array([3.0, 3.4, 4.1, 5.0, 5.2, 6.5])
+PLACES = RNG.normal(size=(6, 3))
+TURNS = Rotation.from_rotvec(RNG.normal(scale=0.7, size=(6, 3)))
+
+
+def recording(knots=KNOTS, places=PLACES, turns=TURNS):
+    rows = np.column_stack([knots, places, turns.as_quat()])
+    return "t,x,y,z,qx,qy,qz,qw\n" + "\n".join(",".join(map(repr, row)) for row in rows.tolist())
+
+
+PATHS = {
+    "steady": Trajectory(rotation_deg_s=20, velocity_m_s=(1, 2, 0.5)),
+    "orbit": Orbit(height_m=2.0, rate_deg_s=-40),
+    "spline": Spline(points_m=((0, 0, 1), (2, 1, 1.5), (3, 4, 2)), up=(0, 0.1, 1)),
+    "recorded": Recorded(csv=recording(), frames=30),
+    "hover": Hover(seed=2),
+}
+
+
+@pytest.mark.parametrize("path", PATHS.values(), ids=PATHS.keys())
+def test_poses_are_rigid_and_right_handed(path):
+    rotations = path.poses()[:, :3, :3]
+    products = rotations @ rotations.swapaxes(1, 2)
+    np.testing.assert_allclose(products - np.eye(3), 0, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(rotations), 1, atol=1e-12)
+
+
+@pytest.mark.parametrize("path", PATHS.values(), ids=PATHS.keys())
+def test_a_pose_between_frames_is_the_pose_of_that_time(path):
+    # The same path at ten times the frame rate has the frames' poses and those between.
+    fine = path.model_copy(update={"frames": 10 * (path.frames - 1) + 1, "frame_rate_hz": 100.0})
+    if isinstance(path, Recorded):
+        fine = fine.model_copy(update={"frames": path.frames, "frame_rate_hz": 10.0})
+    np.testing.assert_allclose(fine.pose_at(path.times_s), path.poses(), atol=1e-6)
+    between = path.pose_at([0.25, 0.35])
+    np.testing.assert_allclose(between, fine.pose_at([0.25, 0.35]), atol=1e-6)
+
+
+@pytest.mark.parametrize("path", PATHS.values(), ids=PATHS.keys())
+def test_positions_are_float32_about_the_local_origin(path):
+    offsets = path.poses()[:, :3, 3] - path.origin_m
+    assert np.abs(offsets).max() < 10
+    np.testing.assert_array_equal(offsets, offsets.astype(np.float32))
+
+
+def test_far_from_the_world_s_origin_positions_keep_their_precision():
+    near, far = (
+        Trajectory(position_m=(x, 0.1, 1.5), look_at_m=(x + 5, 0.1, 1.5), velocity_m_s=(0.3, 0, 0))
+        for x in (0.0, 1000.0)
+    )
+    shift = far.poses()[:, :3, 3] - near.poses()[:, :3, 3]
+    # float32 of 1000 m would be off by up to 3e-5 m.
+    np.testing.assert_allclose(shift - [1000, 0, 0], 0, atol=3e-7)
+
+
+def test_an_orbit_keeps_its_radius_and_its_point_in_the_image_center():
+    path = Orbit(center_m=(3, 4, 1), radius_m=6, height_m=2.5, rate_deg_s=30, frames=11)
+    position, forward = path.poses()[:, :3, 3], path.poses()[:, :3, 2]
+    np.testing.assert_allclose(np.hypot(*(position[:, :2] - [3, 4]).T), 6, atol=1e-6)
+    np.testing.assert_allclose(position[:, 2], 3.5, atol=1e-6)
+    distance = np.hypot(6, 2.5)
+    np.testing.assert_allclose(
+        position + distance * forward, np.tile([3, 4, 1], (11, 1)), atol=1e-5
+    )
+    # A second at 30°/s, counterclockwise from 180°.
+    np.testing.assert_allclose(position[-1, :2], [3 - 6 * np.cos(np.pi / 6), 4 - 3], atol=1e-6)
+
+
+def test_a_spline_passes_through_its_points_and_looks_along_itself():
+    points = ((0, 0, 1), (2, 0, 1), (2, 3, 1), (5, 3, 2))
+    path = Spline(points_m=points, frames=9, frame_rate_hz=2)
+    times = np.cumsum([0, 2, 3, np.sqrt(10)]) / (5 + np.sqrt(10)) * 4
+    np.testing.assert_allclose(path.pose_at(times)[:, :3, 3], points, atol=1e-6)
+    middle = np.linspace(0.1, 3.9, 50)
+    step = path.course(middle + 1e-5)[0] - path.course(middle - 1e-5)[0]
+    along = step / np.linalg.norm(step, axis=1, keepdims=True)
+    np.testing.assert_allclose(path.pose_at(middle)[:, :3, 2], along, atol=1e-6)
+
+
+def test_a_spline_s_acceleration_has_no_jumps():
+    path = Spline(points_m=((0, 0, 1), (2, 0, 1), (2, 3, 1), (5, 3, 2), (4, 1, 1)), frames=31)
+    fine = np.linspace(0.01, 2.99, 3000)
+    acceleration = np.diff(path.course(fine)[0], 2, axis=0) / (fine[1] - fine[0]) ** 2
+    # Linear between points: steps shrink with the sampling, a jump would not.
+    assert np.abs(np.diff(acceleration, axis=0)).max() < 0.02 * np.ptp(acceleration)
+
+
+def test_a_spline_can_keep_a_point_in_view():
+    path = Spline(points_m=((0, 0, 1), (2, 0, 1), (2, 3, 1)), look_at_m=(9, 9, 0), frames=5)
+    poses = path.poses()
+    view = [9, 9, 0] - poses[:, :3, 3]
+    unit = view / np.linalg.norm(view, axis=1, keepdims=True)
+    np.testing.assert_allclose(poses[:, :3, 2], unit, atol=1e-6)
+
+
+def test_a_recording_is_slerp_between_its_orientations_and_passes_its_positions():
+    path = Recorded(csv=recording(), frames=2)
+    times = np.linspace(0, 3.5, 41)
+    expected = Slerp(KNOTS, TURNS)(times + 3.0).as_matrix()
+    np.testing.assert_allclose(path.pose_at(times)[:, :3, :3], expected, atol=1e-12)
+    np.testing.assert_allclose(path.pose_at(KNOTS - 3)[:, :3, 3], PLACES, atol=1e-6)
+
+
+def test_a_recording_of_a_cubic_curve_is_reproduced():
+    t = np.linspace(0, 2, 9)
+    curve = np.column_stack([t**3 - t, 2 * t**2, 1 - t])
+    path = Recorded(csv=recording(t, curve, Rotation.identity(9)), frames=21)
+    times = path.times_s
+    exact = np.column_stack([times**3 - times, 2 * times**2, 1 - times])
+    np.testing.assert_allclose(path.poses()[:, :3, 3], exact, atol=1e-6)
+
+
+def test_a_recording_is_read_from_its_file_and_kept_in_the_configuration(tmp_path):
+    file = tmp_path / "path.csv"
+    file.write_text(recording())
+    path = Recorded(csv=str(file), frames=10)
+    file.unlink()
+    again = Recorded.model_validate(path.model_dump(mode="json"))
+    assert again == path
+    np.testing.assert_array_equal(again.poses(), path.poses())
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("0,0,0,0,0,0,0\n1,0,0,0,0,0,0,1", r"line 1: '0,0,0,0,0,0,0' is not the 8 numbers t,x"),
+        ("t,x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n1,0,0,nan,0,0,0,1", "line 3: .* is not the 8"),
+        ("0,0,0,0,0,0,0,1\n0,0,0,0,0,0,0,1", "line 2: t 0 s does not grow"),
+        ("0,0,0,0,0,0,0,1\n1,0,0,0,0,0,1,1", r"line 2: the quaternion .* has norm 1\.41"),
+        ("0,0,0,0,0,0,0,1\n", "1 poses; a path needs at least 2"),
+        ("\n", "0 poses"),
+    ],
+)  # fmt: skip
+def test_a_broken_recording_is_refused_with_its_line(text, words, tmp_path):
+    file = tmp_path / "path.csv"
+    file.write_text(text)
+    with pytest.raises(ValidationError, match=rf"path\.csv: {words}"):
+        Recorded(csv=str(file), frames=2)
+
+
+def test_more_frames_than_were_recorded_are_refused():
+    with pytest.raises(ValidationError, match=r"lasts 3\.5 s, .* to 4\.4 s: use at most 31 frames"):
+        Recorded(csv=recording(), frames=40, start_s=0.5)
+    Recorded(csv=recording(), frames=31, start_s=0.5)
+
+
+def test_hover_has_its_amplitude_and_nothing_beyond_its_bandwidth():
+    path = Hover(position_m=(0, 0, 2), look_at_m=(5, 0, 2), jitter_m=0.04, jitter_deg=0.5,
+                 bandwidth_hz=3.0, frames=4096, frame_rate_hz=20)  # fmt: skip
+    poses = path.poses()
+    offset = poses[:, :3, 3] - [0, 0, 2]
+    turn = Rotation.from_matrix(poses[0, :3, :3].T @ poses[:, :3, :3])
+    # 600 periods of the band: the cross terms of 48 waves leave a few percent.
+    np.testing.assert_allclose(np.sqrt((offset**2).mean(axis=0)), 0.04, rtol=0.1)
+    middle = Rotation.from_matrix([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
+    angles = (middle.inv() * Rotation.from_matrix(poses[:, :3, :3])).as_rotvec(degrees=True)
+    np.testing.assert_allclose(np.sqrt((angles**2).mean(axis=0)), 0.5, rtol=0.1)
+    window = np.hanning(len(offset))[:, None]
+    power = np.abs(np.fft.rfft(offset * window, axis=0)) ** 2
+    frequency = np.fft.rfftfreq(len(offset), 1 / 20)
+    assert power[frequency > 3.05].sum() < 1e-6 * power.sum()
+    assert len(turn) == 4096
+
+
+def test_hover_differs_between_seeds_and_repeats_with_one():
+    poses = [Hover(seed=seed).poses() for seed in (0, 0, 1)]
+    np.testing.assert_array_equal(poses[0], poses[1])
+    assert np.abs(poses[0] - poses[2]).max() > 1e-3
+
+
+def test_a_path_without_a_kind_is_steady_and_others_are_named():
+    adapter = TypeAdapter(CameraPath)
+    assert adapter.validate_python({"rotation_deg_s": 3}) == Trajectory(rotation_deg_s=3)
+    assert adapter.validate_python({"kind": "orbit", "radius_m": 2}) == Orbit(radius_m=2)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"points_m": ((0, 0, 0), (0, 0, 0), (1, 0, 0))}, "follows itself"),
+        ({"points_m": ((0, 0, 0), (0, 0, 5))}, "parallel to the view somewhere on the way"),
+        ({"points_m": ((0, 0, 0), (2, 0, 0)), "look_at_m": (0, 0, 0)}, "the view has no direction"),
+    ],
+)  # fmt: skip
+def test_a_spline_without_a_view_is_refused(settings, words):
+    with pytest.raises(ValidationError, match=words):
+        Spline(**settings)
