@@ -24,7 +24,6 @@ from megalopta.report.text import (
 from megalopta.scenes.forest import Forest
 from megalopta.scenes.grating import Grating
 from megalopta.scenes.light import illuminance_of
-from megalopta.scenes.trajectory import Trajectory
 
 NO_MOTION = "IM"
 """The yardstick among the methods: it measures brightness."""
@@ -52,7 +51,7 @@ def lead(configuration: Configuration) -> str:
     sensors = enumerate_words([sensor.name for sensor in configuration.sensors])
     levels = plural(len(configuration.light_levels), "light level")
     return (
-        f"{_scene(configuration.scene)} {_camera(configuration.trajectory)} Every frame is "
+        f"{_scene(configuration.scene)} {_motion(configuration)} Every frame is "
         "rendered as spectral radiance, together with its exact motion. The light becomes photon "
         f"counts on {sensors} at {levels}, and motion detectors try to read the motion back."
     )
@@ -176,10 +175,11 @@ def _scene(scene: Forest | Grating) -> str:
     return f"A forest of {scene.trees:,} trees ({species}), {scene.density_per_ha:g} per hectare."
 
 
-def _camera(trajectory: Trajectory) -> str:
+def _motion(configuration: Configuration) -> str:
+    trajectory, kind = configuration.trajectory, configuration.camera.kind
     speed, turn = math.hypot(*trajectory.velocity_m_s), trajectory.rotation_deg_s
     side = "left" if turn > 0 else "right"
     turning = f"turns {side} by {abs(turn):g}° per second" if turn else ""
     moving = f"moves at {speed:.3g} m per second" if speed else ""
     motion = " and ".join(part for part in (turning, moving) if part) or "stands still"
-    return f"The camera {motion}."
+    return f"The {'' if kind == 'perspective' else f'{kind} '}camera {motion}."
