@@ -20,6 +20,7 @@ from megalopta.report.text import (
     percent,
     plural,
 )
+from megalopta.scenes.camera import Camera
 from megalopta.scenes.forest import Forest
 from megalopta.scenes.grating import Grating
 from megalopta.scenes.light import illuminance_of
@@ -50,7 +51,8 @@ def lead(configuration: Configuration) -> str:
     sensors = enumerate_words([sensor.name for sensor in configuration.sensors])
     levels = plural(len(configuration.light_levels), "light level")
     return (
-        f"{_scene(configuration.scene)} The camera {configuration.trajectory}. Every frame is "
+        f"{_scene(configuration.scene)} The {_camera(configuration.camera)} "
+        f"{configuration.trajectory}. Every frame is "
         "rendered as spectral radiance, together with its exact motion. The light becomes "
         f"{_readings(configuration)} on {sensors} at {levels}, and motion detectors try to read "
         "the motion back."
@@ -184,3 +186,7 @@ def _scene(scene: Forest | Grating) -> str:
         )
     species = enumerate_words([name for name, share in scene.mix.items() if share > 0])
     return f"A forest of {scene.trees:,} trees ({species}), {scene.density_per_ha:g} per hectare."
+
+
+def _camera(camera: Camera) -> str:
+    return "camera" if camera.kind == "perspective" else f"{camera.kind} camera"
