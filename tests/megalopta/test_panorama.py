@@ -66,7 +66,9 @@ def test_detectors_find_the_motion_of_a_panorama(finished):
 
 
 def test_the_report_of_a_panorama_is_written(finished):
-    assert "The cylindrical camera turns left" in write_report(finished).read_text("utf-8")
+    report = write_report(finished).read_text("utf-8")
+    assert "The cylindrical camera turns left" in report
+    assert "Depth is measured along the ray" in report
 
 
 def test_a_grating_is_refused_to_a_camera_that_sees_the_zenith(tmp_path):
