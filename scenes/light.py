@@ -5,10 +5,8 @@ or moon, the rest from a uniform sky; both have a Planckian spectrum. Levels aft
 §1.1; color temperatures are typical measured values. Real skies have gradients and clouds, which
 this model leaves out.
 
-The level `airglow` has the measured spectrum of a moonless sky in place of a Planckian: use it
-beyond 900 nm, where such a sky is twenty times as bright as `starlight` says. The moon is too
-bright there, by a factor of 2.7 at 0.8 to 1.7 µm: 200 mlux of moonlight come with 600 µW/m² (Krieg
-2021, doi:10.1038/s41598-021-98060-2), and with 1600 from a Planckian of 4100 K.
+Moon and airglow have spectra of their own in place of a Planckian. Use `airglow` for a moonless sky
+beyond 900 nm, where it is twenty times as bright as `starlight` says.
 """
 
 import math
@@ -16,12 +14,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal, get_args
 
-import numpy as np
 from pydantic import BaseModel, Field, model_validator
-from scipy.constants import c, h, k
 
 from megalopta.scenes.airglow import AIRGLOW
+from megalopta.scenes.moonlight import MOONLIGHT
 from megalopta.scenes.photometry import luminous
+from megalopta.scenes.planckian import planckian
 from megalopta.scenes.scene import Lighting, Sun
 from megalopta.scenes.spectrum import Spectrum
 
@@ -38,32 +36,30 @@ class Level:
     ----------
     illuminance_lux : float
         On an unshaded horizontal plane.
-    color_temperature_k : float or None
-        Of sky and disc; None: the spectrum of airglow.
+    shape : Spectrum
+        Of sky and disc, in any unit.
     disc_fraction : float
         Share of the illuminance that comes from the disc of sun or moon.
     """
 
     illuminance_lux: float
-    color_temperature_k: float | None
+    shape: Spectrum
     disc_fraction: float
 
     def spectrum(self) -> Spectrum:
         """Irradiance of an unshaded horizontal plane, W·m⁻²·nm⁻¹."""
-        temperature = self.color_temperature_k
-        shape = AIRGLOW if temperature is None else planckian(temperature)
-        return shape.scaled(self.illuminance_lux / luminous(shape))
+        return self.shape.scaled(self.illuminance_lux / luminous(self.shape))
 
 
 LEVELS: Mapping[str, Level] = {
-    "daylight": Level(1e5, 6500.0, 0.8),
-    "twilight": Level(1.0, 9000.0, 0.0),
-    "full_moon": Level(0.25, 4100.0, 0.8),
-    "quarter_moon": Level(1e-2, 4100.0, 0.8),
-    "starlight": Level(1e-3, 4500.0, 0.0),
+    "daylight": Level(1e5, planckian(6500), 0.8),
+    "twilight": Level(1.0, planckian(9000), 0.0),
+    "full_moon": Level(0.25, MOONLIGHT, 0.8),
+    "quarter_moon": Level(1e-2, MOONLIGHT, 0.8),
+    "starlight": Level(1e-3, planckian(4500), 0.0),
     # three digits, for people to read: 0.02 % off the table
-    "airglow": Level(round(math.pi * luminous(AIRGLOW), 6), None, 0.0),
-    "overcast_night": Level(1e-4, 4500.0, 0.0),
+    "airglow": Level(round(math.pi * luminous(AIRGLOW), 6), AIRGLOW, 0.0),
+    "overcast_night": Level(1e-4, planckian(4500), 0.0),
 }
 
 
@@ -79,7 +75,7 @@ class Light(
     """Illuminance of an unshaded horizontal plane (lux); None takes the level's."""
 
     color_temperature_k: Annotated[float, Field(ge=1000, le=40000)] | None = None
-    """Temperature of the Planckian spectrum (K); None takes the level's, airglow has none."""
+    """Temperature of the Planckian spectrum (K); None takes the level's. Not for airglow."""
 
     disc_fraction: Annotated[float, Field(ge=0, le=1)] | None = None
     """Share of the illuminance from the disc of sun or moon; None takes the level's."""
@@ -102,10 +98,10 @@ class Light(
 
     def resolved(self) -> Level:
         """The level with all overrides applied."""
-        named = LEVELS[self.level]
+        named, temperature_k = LEVELS[self.level], self.color_temperature_k
         return Level(
             _first(self.illuminance_lux, named.illuminance_lux),
-            self.color_temperature_k or named.color_temperature_k,
+            named.shape if temperature_k is None else planckian(temperature_k),
             _first(self.disc_fraction, named.disc_fraction),
         )
 
@@ -125,15 +121,6 @@ class Light(
             sky=horizontal.scaled((1 - level.disc_fraction) / math.pi),
             sun=Sun(direction, facing) if level.disc_fraction else None,
         )
-
-
-def planckian(temperature_k: float) -> Spectrum:
-    """Relative spectrum of a black body at 300 to 2000 nm, largest value 1 (Planck's law)."""
-    wavelengths_nm = np.concatenate([np.arange(300, 800, 10), np.arange(800, 2001, 50)])
-    meters = wavelengths_nm * 1e-9
-    values = meters**-5 / np.expm1(h * c / (meters * k * temperature_k))
-    values /= values.max()
-    return Spectrum(tuple(map(float, wavelengths_nm)), tuple(map(float, values)))
 
 
 def illuminance_of(level: str | float) -> float:

@@ -14,8 +14,8 @@ from megalopta.dataset import open_dataset
 from megalopta.errors import UserError
 from megalopta.flow.flo import read_flo
 from megalopta.render.exr import read_radiance, read_truth
-from megalopta.scenes.light import planckian
 from megalopta.scenes.photometry import luminous
+from megalopta.scenes.planckian import planckian
 from megalopta.scenes.spectrum import Spectrum
 from megalopta.sensor import expected_counts, read_counts
 from megalopta.stage_render import FrameWriter

@@ -1,8 +1,8 @@
 import numpy as np
 
 from megalopta.scenes.color import encode_srgb, linear_srgb, matching_functions
-from megalopta.scenes.light import planckian
 from megalopta.scenes.photometry import luminous_efficiency
+from megalopta.scenes.planckian import planckian
 from megalopta.scenes.spectrum import Spectrum, flat
 
 BANDS = tuple((float(a), float(a + 50)) for a in range(400, 700, 50))

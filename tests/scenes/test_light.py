@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.constants import sigma
 
-from megalopta.scenes.light import LEVELS, Light, illuminance_of, planckian
+from megalopta.scenes.light import LEVELS, Light, illuminance_of
 from megalopta.scenes.photometry import luminous, luminous_efficiency
+from megalopta.scenes.planckian import planckian
 from megalopta.scenes.spectrum import Spectrum, flat
 
 
