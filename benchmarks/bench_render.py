@@ -22,7 +22,7 @@ from megalopta.dataset import begin_stage
 from megalopta.render import rays, renderer
 from megalopta.scenes.build import build_scene
 from megalopta.scenes.camera import PerspectiveCamera
-from megalopta.scenes.panorama import EquirectangularCamera
+from megalopta.scenes.panoramic_camera import EquirectangularCamera
 from megalopta.stage_render import FrameWriter
 
 inside = 0.0

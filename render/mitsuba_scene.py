@@ -18,7 +18,7 @@ from megalopta.render.merge import MergedMesh
 from megalopta.render.panorama_sensor import NAME as PANORAMA
 from megalopta.render.panorama_sensor import register_panorama
 from megalopta.scenes.camera import Camera, PerspectiveCamera
-from megalopta.scenes.panorama import CylindricalCamera
+from megalopta.scenes.panoramic_camera import CylindricalCamera
 from megalopta.scenes.scene import Emission, Lighting, Material, Scene
 from megalopta.scenes.spectrum import Spectrum
 

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, Field
 
-from megalopta.scenes.panorama import CylindricalCamera, EquirectangularCamera
+from megalopta.scenes.panoramic_camera import CylindricalCamera, EquirectangularCamera
 from megalopta.scenes.pixels import SINGULAR_RAD, Float64, pixel_centers
 
 

@@ -10,7 +10,7 @@ from megalopta.configuration import load
 from megalopta.errors import UserError
 from megalopta.render.exr import read_radiance, read_truth
 from megalopta.report import write_report
-from megalopta.scenes.panorama import CylindricalCamera
+from megalopta.scenes.panoramic_camera import CylindricalCamera
 from megalopta.stages import run_all, run_stage
 
 from .conftest import TINY

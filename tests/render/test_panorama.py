@@ -10,7 +10,7 @@ from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
 from megalopta.render.truth import out_of_view
 from megalopta.scenes.camera import PerspectiveCamera
-from megalopta.scenes.panorama import CylindricalCamera, EquirectangularCamera
+from megalopta.scenes.panoramic_camera import CylindricalCamera, EquirectangularCamera
 from megalopta.scenes.scene import Asset, Lighting, Material, Placement, Scene
 from megalopta.scenes.spectrum import flat
 from megalopta.scenes.trajectory import Trajectory

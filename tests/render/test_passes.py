@@ -10,7 +10,7 @@ from megalopta.render.passes import pass_seed, plan_passes
 from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
 from megalopta.scenes.camera import PerspectiveCamera
-from megalopta.scenes.panorama import CylindricalCamera, EquirectangularCamera
+from megalopta.scenes.panoramic_camera import CylindricalCamera, EquirectangularCamera
 from megalopta.scenes.trajectory import Trajectory
 
 from .conftest import glowing_room

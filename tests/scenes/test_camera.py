@@ -3,7 +3,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from megalopta.scenes.camera import Camera, PerspectiveCamera
-from megalopta.scenes.panorama import CylindricalCamera, EquirectangularCamera
+from megalopta.scenes.panoramic_camera import CylindricalCamera, EquirectangularCamera
 
 CAMERA = PerspectiveCamera(width=40, height=30, fov_deg=90)
 SPHERE = EquirectangularCamera(width=72, height=36)

@@ -6,7 +6,7 @@ import pytest
 from megalopta.assets_gen.grating import open_cylinder, sine_grating
 from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.grating import Grating, build_grating
-from megalopta.scenes.panorama import CylindricalCamera, EquirectangularCamera
+from megalopta.scenes.panoramic_camera import CylindricalCamera, EquirectangularCamera
 from megalopta.scenes.trajectory import Trajectory
 
 TURNING = Trajectory(rotation_deg_s=15)
