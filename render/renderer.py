@@ -10,6 +10,8 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.render.environment import PanoramaView
+from megalopta.render.illuminance import Illuminance, LightMeter, LightSurvey
 from megalopta.render.merge import merge
 from megalopta.render.mitsuba_scene import load_scene, load_sensor, sensor_transform
 from megalopta.render.settings import RenderSettings, check_sample_count
@@ -50,7 +52,7 @@ class SceneRenderer:
     Raises
     ------
     ValueError
-        When a frame has more samples than one pass can number.
+        When a frame has more samples than one pass can number, or a panorama cannot be read.
     """
 
     def __init__(self, scene: Scene, camera: PerspectiveCamera, settings: RenderSettings) -> None:
@@ -67,6 +69,13 @@ class SceneRenderer:
         meshes = merge(scene)
         self._scene = load_scene(scene, meshes)
         self._table = TriangleTable.of(meshes)
+        self._lighting = scene.lighting
+        self._panorama = None
+        if scene.environment:
+            self._panorama = PanoramaView(
+                scene.environment, camera, settings.bands_nm, settings.samples_per_pixel
+            )
+            self.samples_per_pixel = self._panorama.samples_per_pixel
         self._sensor_parameters = mi.traverse(self._sensor)
         self._integrator = mi.load_dict({"type": "path", "max_depth": settings.max_depth})
 
@@ -78,6 +87,8 @@ class SceneRenderer:
         FloatingPointError
             When the renderer returns a value that is not finite.
         """
+        if self._panorama:
+            return self._panorama.radiance(pose)
         self._sensor_parameters["to_world"] = sensor_transform(pose)
         self._sensor_parameters.update()
         image = trace_paths(
@@ -90,6 +101,16 @@ class SceneRenderer:
                 "spectra or vertices"
             )
         return radiance
+
+    def light_survey(self, positions: NDArray[np.float64]) -> LightSurvey | None:
+        """Illuminance above and below camera positions (N, 3); None where only surfaces emit."""
+        if self._panorama:
+            position = tuple(positions.mean(axis=0).tolist())
+            return LightSurvey(Illuminance(position, self._panorama.illuminance(), 0.0), ())
+        if self._lighting is None:
+            return None
+        meter = LightMeter(self._scene, self._lighting.sun, self.settings.max_depth)
+        return meter.survey(positions)
 
     def truth(self, poses: NDArray[np.float64], frame: int) -> Truth:
         """Ground truth of one frame of a sequence of poses (T, 4, 4)."""

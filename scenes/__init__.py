@@ -11,6 +11,7 @@ from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.forest import Forest
 from megalopta.scenes.grating import Grating
 from megalopta.scenes.light import Light
+from megalopta.scenes.panorama import Panorama
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.trajectory import Trajectory
 
@@ -18,6 +19,7 @@ __all__ = [
     "Forest",
     "Grating",
     "Light",
+    "Panorama",
     "PerspectiveCamera",
     "Scene",
     "Trajectory",

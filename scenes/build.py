@@ -9,10 +9,11 @@ from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.forest import Forest, build_forest
 from megalopta.scenes.grating import Grating, build_grating
 from megalopta.scenes.light import Light
+from megalopta.scenes.panorama import Panorama, build_panorama
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.trajectory import Trajectory
 
-SceneDescription = Annotated[Forest | Grating, Field(discriminator="kind")]
+SceneDescription = Annotated[Forest | Grating | Panorama, Field(discriminator="kind")]
 """Any scene that can be described in a configuration; `kind` tells which."""
 
 
@@ -24,6 +25,8 @@ def build_scene(
     A forest keeps its trunks clear of the camera's path; a grating surrounds the camera, which
     may only turn, and glows as brightly as a sky of the light's illuminance.
     """
+    if isinstance(description, Panorama):
+        return build_panorama(description, light.resolved())
     if isinstance(description, Grating):
         lux = light.resolved().illuminance_lux
         return build_grating(description, camera, trajectory, lux)

@@ -1,9 +1,9 @@
 """Outdoor light in absolute units: named levels from daylight to an overcast night, or any lux.
 
 The level fixes what an unshaded horizontal plane receives. A share of it comes from the disc of sun
-or moon, the rest from a uniform sky; both have a Planckian spectrum. Levels after the dissertation,
-§1.1; color temperatures are typical measured values. Real skies have gradients and clouds, which
-this model leaves out.
+or moon, 0.53° wide, the rest from a uniform sky; both have a Planckian spectrum. Levels after the
+dissertation, §1.1; color temperatures are typical measured values. Real skies have gradients and
+clouds, which this model leaves out.
 
 The level `airglow` has the measured spectrum of a moonless sky in place of a Planckian: use it
 beyond 900 nm, where such a sky is twenty times as bright as `starlight` says. The moon is too
