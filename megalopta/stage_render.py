@@ -155,7 +155,7 @@ def _say_illuminance(light: Mapping[str, Any] | None) -> None:
 
 
 def _say_noise(settings: Configuration, noise: Mapping[str, Any] | None) -> None:
-    if not noise:
+    if not noise or not noise["median_relative"]:
         return
     typical = noise["median_relative"]
     say(f"render: error of a pixel {typical:.2%} (median), from independent renderings")

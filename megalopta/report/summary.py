@@ -67,7 +67,7 @@ def facts(dataset: Dataset, motion: MotionSection) -> list[Fact]:
     return [
         Fact(f"{trajectory.frames}", f"frames of {camera.width} × {camera.height} px"),
         *_scene_facts(configuration, dataset.read_scene_record()),
-        Fact(f"{motion.objects_seen:,}", "objects in view, one time or another"),
+        *_seen_facts(motion.objects_seen),
         Fact(f"{motion.median_speed:.2g}", "px per frame, median speed"),
         Fact(f"{trajectory.frame_rate_hz:g}", "frames per second"),
     ]
@@ -155,8 +155,12 @@ def need_finding(benchmark: Mapping[str, Any]) -> str | None:
 def _scene_facts(configuration: Configuration, record: Mapping[str, Any]) -> list[Fact]:
     scene = configuration.scene
     trees = [Fact(f"{scene.trees:,}", "trees")] if isinstance(scene, Forest) else []
-    counted = [Fact(f"{record[key]:,}", key) for key in ("objects", "triangles") if key in record]
+    counted = [Fact(f"{record[key]:,}", key) for key in ("objects", "triangles") if record.get(key)]
     return trees + counted + _light_facts(record)
+
+
+def _seen_facts(objects: int) -> list[Fact]:
+    return [Fact(f"{objects:,}", "objects in view, one time or another")] if objects else []
 
 
 def _light_facts(record: Mapping[str, Any]) -> list[Fact]:
