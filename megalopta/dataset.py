@@ -87,8 +87,15 @@ class Dataset:
 
     @property
     def scene_record(self) -> Path:
-        """JSON of what was rendered with what: objects, triangles, variant."""
+        """JSON of what was rendered with what: objects, triangles, variant, light and noise."""
         return self.root / "radiance" / self.sequence / "scene.json"
+
+    def read_scene_record(self) -> dict[str, Any]:
+        """Read what the render stage noted; empty when it did not."""
+        try:
+            return dict(json.loads(self.scene_record.read_text("utf-8")))
+        except (OSError, ValueError):
+            return {}
 
     def counts(self, sensor: ImageSensor, level: LightLevel) -> Path:
         """Counts of one sensor at one light level."""

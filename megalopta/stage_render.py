@@ -1,7 +1,8 @@
 """The render stage: scene to radiance and ground truth of every frame, on disk."""
 
 import json
-import math
+from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,10 @@ from megalopta import files, sintel
 from megalopta.configuration import Configuration
 from megalopta.dataset import Dataset
 from megalopta.errors import UserError
-from megalopta.progress import Advance, progress, say
+from megalopta.noise_record import ATTRIBUTE, noise_record
+from megalopta.progress import progress, say
 from megalopta.render.exr import read_radiance, write_radiance, write_truth
+from megalopta.render.noise import MEASURED_EVERY, RenderNoise, render_once, render_until
 from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import frame_seed
 from megalopta.scenes.build import build_scene
@@ -28,9 +31,8 @@ from megalopta.scenes.spectrum import flat
 _WHITE_PERCENTILE = 90.0
 _WHITE_OVER_MEDIAN = 8.0
 
-
-# Frames rendered a second time, with other seeds, to measure the renderer's noise.
-_NOISE_FRAMES = 2
+# Points below the camera's path where the illuminance is measured.
+_LIGHT_METERS = 9
 
 
 def render(dataset: Dataset) -> None:
@@ -43,13 +45,18 @@ def render(dataset: Dataset) -> None:
         say("render: building the scene")
         writer = FrameWriter(dataset)
         say(f"render: {writer.objects} objects, {writer.triangles:,} triangles; {writer.variant}")
-        steps = len(missing) + _NOISE_FRAMES
-        with progress("Rendering radiance and truth", steps, "frame") as advance:
+        with progress("Rendering radiance and truth", len(missing), "frame") as advance:
             for index in missing:
                 writer.write(index)
                 advance()
-            record = {**writer.record(), "monte_carlo": writer.monte_carlo_noise(advance)}
+        record: dict[str, Any] = {
+            **writer.record(),
+            "illuminance": writer.illuminance(),
+            "monte_carlo": noise_record(dataset, writer.samples_per_pixel),
+        }
         files.write_json(dataset.scene_record, record)
+        _say_illuminance(record["illuminance"])
+        _say_noise(dataset.configuration, record["monte_carlo"])
     _write_previews(dataset)
 
 
@@ -76,6 +83,13 @@ def _build(settings: Configuration) -> Scene:
         raise UserError(f"scene: {problem}") from None
 
 
+def _load(scene: Scene, settings: Configuration) -> SceneRenderer:
+    try:
+        return SceneRenderer(scene, settings.camera, settings.render)
+    except ValueError as problem:
+        raise UserError(f"render: {problem}") from None
+
+
 class FrameWriter:
     """Renders single frames of a dataset's sequence to their files."""
 
@@ -83,7 +97,7 @@ class FrameWriter:
         self._dataset = dataset
         settings = dataset.configuration
         scene = _build(settings)
-        self._renderer = SceneRenderer(scene, settings.camera, settings.render)
+        self._renderer = _load(scene, settings)
         self._poses = settings.trajectory.poses()
         self._times_s = settings.trajectory.times_s
         self._kinds, self._origin_m = scene.kinds, scene.origin_m
@@ -94,6 +108,7 @@ class FrameWriter:
         }
         self.objects, self.triangles = len(scene.placements), scene.triangle_count
         self.variant = self._renderer.variant
+        self.samples_per_pixel = self._renderer.samples_per_pixel
 
     def record(self) -> dict[str, Any]:
         """What was rendered, for the scene's record: counts, names of kinds, motions by object."""
@@ -120,12 +135,14 @@ class FrameWriter:
         """Render one frame to all its files."""
         dataset, pose, time = self._dataset, self._poses[index], float(self._times_s[index])
         settings = dataset.configuration
-        radiance = self._renderer.radiance(pose, frame_seed(settings.seed, index), time)
+        radiance, noise = self._radiance(index)
         truth = self._renderer.truth(self._poses, index, self._times_s)
         attributes = {
             "illuminanceLux": f"{settings.light.resolved().illuminance_lux:g}",
             "timeSeconds": f"{time:.9g}",
         }
+        if noise:
+            attributes[ATTRIBUTE] = noise.to_json()
         write_radiance(dataset.radiance(index), radiance, settings.render.bands_nm, attributes)
         if index + 1 < len(self._poses):
             root, wraps = dataset.root / "training", settings.camera.wraps
@@ -136,35 +153,59 @@ class FrameWriter:
             sintel.write_camera(camera_path, settings.camera, pose)
         write_truth(dataset.truth(index), truth, self._origin_m, self._view(index))
 
-    def monte_carlo_noise(self, advance: Advance) -> dict[str, float]:
-        """Noise of the rendering, from frames rendered twice (sum over bands).
-
-        Returns
-        -------
-        dict
-            median_relative: σ/mean of a pixel, median over pixels; rms_over_mean: RMS of the noise
-            over the mean radiance; equivalent_photons_per_pixel: Poisson counts that scatter as
-            much as the median pixel.
-        """
-        settings = self._dataset.configuration
-        count = settings.trajectory.frames
-        pairs = []
-        for index in np.linspace(0, count - 1, _NOISE_FRAMES).astype(int).tolist():
-            first, _ = read_radiance(self._dataset.radiance(index))
-            seed = frame_seed(settings.seed, count + index)
-            second = self._renderer.radiance(self._poses[index], seed, self._times_s[index])
-            pairs.append([first.sum(axis=-1), second.sum(axis=-1)])
-            advance()
-        a, b = np.array(pairs, dtype=np.float64).swapaxes(0, 1)
-        mean, difference = (a + b) / 2, np.abs(a - b) / math.sqrt(2)
-        lit = mean > 0
-        # The median of |N(0, 1)| is 0.6745.
-        median = float(np.median(difference[lit] / mean[lit]) / 0.6745) if lit.any() else 0.0
+    def illuminance(self) -> dict[str, Any] | None:
+        """Measured lux in the open and below the camera's path; None for a scene that glows."""
+        frames = np.unique(np.linspace(0, len(self._poses) - 1, _LIGHT_METERS).astype(int))
+        survey = self._renderer.light_survey(self._poses[frames, :3, 3])
+        if survey is None:
+            return None
         return {
-            "median_relative": median,
-            "rms_over_mean": float(np.sqrt((difference**2).mean()) / max(mean.mean(), 1e-300)),
-            "equivalent_photons_per_pixel": 1 / max(median, 1e-6) ** 2,
+            "requested_lux": self._dataset.configuration.light.resolved().illuminance_lux,
+            "unshaded_lux": survey.unshaded.lux,
+            "unshaded_standard_error_lux": survey.unshaded.standard_error_lux,
+            "ground": [asdict(point) for point in survey.ground],
         }
+
+    def _radiance(self, index: int) -> tuple[NDArray[np.float32], RenderNoise | None]:
+        settings = self._dataset.configuration
+
+        def render_pass(number: int) -> NDArray[np.float32]:
+            seed = frame_seed(settings.seed, index, number)
+            return self._renderer.radiance(self._poses[index], seed, float(self._times_s[index]))
+
+        target = settings.render.target_error
+        if target is None:
+            return render_once(render_pass, measured=index % MEASURED_EVERY == 0)
+        return render_until(render_pass, target, settings.render.max_passes)
+
+
+def _say_illuminance(light: Mapping[str, Any] | None) -> None:
+    if not light:
+        return
+    text = f"{light['requested_lux']:.4g} lux requested, {light['unshaded_lux']:.4g} measured"
+    ground = [point["lux"] for point in light["ground"]]
+    if ground:
+        text += (
+            f" in the open and {np.mean(ground):.3g} on the ground below the camera "
+            f"({min(ground):.2g} to {max(ground):.2g} along its path)"
+        )
+    say(f"render: {text}")
+
+
+def _say_noise(settings: Configuration, noise: Mapping[str, Any] | None) -> None:
+    if not noise or not noise["median_relative"]:
+        return
+    typical = noise["median_relative"]
+    say(f"render: error of a pixel {typical:.2%} (median), from independent renderings")
+    target = settings.render.target_error
+    worst = max(noise["median_relative_of_frames"])
+    if target is not None and worst > target:
+        missed = sum(error > target for error in noise["median_relative_of_frames"])
+        say(
+            f"render: {missed} of {settings.trajectory.frames} frames did not meet target_error "
+            f"{target:g} in {settings.render.max_passes} passes, the worst has {worst:.2g}: raise "
+            "render.max_passes or render.samples_per_pixel"
+        )
 
 
 def _white_level(linear: NDArray[np.float64]) -> float:

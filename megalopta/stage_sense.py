@@ -15,7 +15,8 @@ from megalopta.configuration import Configuration, LightLevel
 from megalopta.dataset import Dataset, exposure_name
 from megalopta.errors import UserError
 from megalopta.frames import read_radiance_frames
-from megalopta.progress import progress
+from megalopta.noise_warning import noise_share, noise_warning
+from megalopta.progress import progress, say
 from megalopta.scenes.grating import Grating
 from megalopta.scenes.light import LEVELS, illuminance_of
 from megalopta.scenes.spectrum import Spectrum
@@ -35,11 +36,22 @@ _CHUNK_FRAMES = 16
 def sense(dataset: Dataset) -> None:
     """Expose what is not there yet."""
     missing = [pair for pair in exposures(dataset) if not dataset.counts(*pair).exists()]
+    _warn_of_noise(dataset)
     with progress("Exposing sensors", len(missing), "exposure") as advance:
         for sensor, level in missing:
             _expose_sequence(dataset, sensor, level)
             advance()
     _write_final_images(dataset)
+
+
+def _warn_of_noise(dataset: Dataset) -> None:
+    settings, noise = dataset.configuration, dataset.read_scene_record().get("monte_carlo") or {}
+    if "covariance" not in noise:
+        return
+    for sensor, level in exposures(dataset):
+        share = noise_share(noise, settings, sensor, light_scale(settings, level))
+        if warning := noise_warning(noise, settings, sensor, level, share):
+            say(f"sense: {warning}")
 
 
 def exposures(dataset: Dataset) -> list[tuple[ImageSensor, LightLevel]]:

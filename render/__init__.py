@@ -7,7 +7,13 @@ truth = renderer.truth(poses, 0)
 """
 
 from megalopta.render import silence  # noqa: F401  # before all that loads Dr.Jit
-from megalopta.render.exr import read_radiance, read_truth, write_radiance, write_truth
+from megalopta.render.exr import (
+    read_attributes,
+    read_radiance,
+    read_truth,
+    write_radiance,
+    write_truth,
+)
 from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings, frame_seed
 from megalopta.render.truth import Flow, Truth, out_of_view
@@ -22,6 +28,7 @@ __all__ = [
     "choose_variant",
     "frame_seed",
     "out_of_view",
+    "read_attributes",
     "read_radiance",
     "read_truth",
     "write_radiance",

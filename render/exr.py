@@ -89,6 +89,12 @@ def read_radiance(path: Path) -> tuple[NDArray[np.float32], tuple[tuple[float, f
     return np.stack(planes, axis=-1).astype(np.float32, copy=False), bands
 
 
+def read_attributes(path: Path) -> dict[str, str]:
+    """Read the text attributes in the header of a file. Raises ValueError when it is no EXR."""
+    header, _ = _read(path, header_only=True)
+    return {name: value for name, value in header.items() if isinstance(value, str)}
+
+
 def write_truth(
     path: Path,
     truth: Truth,
@@ -170,11 +176,15 @@ def _write(
         temporary.unlink(missing_ok=True)
 
 
-def _read(path: Path) -> tuple[dict[str, object], dict[str, NDArray[np.generic]]]:
+def _read(
+    path: Path, header_only: bool = False
+) -> tuple[dict[str, object], dict[str, NDArray[np.generic]]]:
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such file")
     try:
-        with OpenEXR.File(str(path), separate_channels=True) as file:
+        with OpenEXR.File(str(path), separate_channels=True, header_only=header_only) as file:
+            if header_only:
+                return dict(file.header()), {}
             pixels = {name: np.array(channel.pixels) for name, channel in file.channels().items()}
             return dict(file.header()), pixels
     except Exception as problem:  # OpenEXR raises RuntimeError, TypeError and others alike

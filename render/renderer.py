@@ -10,7 +10,9 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from megalopta.render.environment import PanoramaView
 from megalopta.render.geometry import Geometry
+from megalopta.render.illuminance import Illuminance, LightMeter, LightSurvey
 from megalopta.render.merge import MovingMesh, merge
 from megalopta.render.mitsuba_scene import aim, load_scene, load_sensor, move_meshes
 from megalopta.render.passes import plan_passes
@@ -52,6 +54,11 @@ class SceneRenderer:
         Light paths per pixel as the sampler rounds them.
     variant : Variant
         The Mitsuba variant in use.
+
+    Raises
+    ------
+    ValueError
+        When a panorama cannot be read.
     """
 
     def __init__(self, scene: Scene, camera: Camera, settings: RenderSettings) -> None:
@@ -75,6 +82,13 @@ class SceneRenderer:
         self._time_s = 0.0
         self._origin = np.asarray(scene.origin_m)
         self._tracer = TruthTracer(scene, Geometry(meshes, self._scene), camera)
+        self._lighting = scene.lighting
+        self._panorama = None
+        if scene.environment:
+            self._panorama = PanoramaView(
+                scene.environment, camera, settings.bands_nm, settings.samples_per_pixel
+            )
+            self.samples_per_pixel = self._panorama.samples_per_pixel
         self._sensor_parameters = mi.traverse(self._sensor)
         self._integrator = mi.load_dict({"type": "path", "max_depth": settings.max_depth})
 
@@ -97,6 +111,8 @@ class SceneRenderer:
         FloatingPointError
             When the renderer returns a value that is not finite.
         """
+        if self._panorama:
+            return self._panorama.radiance(pose)
         self._move_to(time_s)
         local = self._local(pose)
 
@@ -114,6 +130,16 @@ class SceneRenderer:
                 "spectra or vertices"
             )
         return radiance
+
+    def light_survey(self, positions: NDArray[np.float64]) -> LightSurvey | None:
+        """Illuminance above and below camera positions (N, 3); None where only surfaces emit."""
+        if self._panorama:
+            position = tuple(positions.mean(axis=0).tolist())
+            return LightSurvey(Illuminance(position, self._panorama.illuminance(), 0.0), ())
+        if self._lighting is None:
+            return None
+        meter = LightMeter(self._scene, self._lighting.sun, self.settings.max_depth)
+        return meter.survey(positions - self._origin)
 
     def truth(
         self, poses: NDArray[np.float64], frame: int, times_s: ArrayLike | None = None

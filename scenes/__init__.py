@@ -11,6 +11,7 @@ from megalopta.scenes.camera import Camera, PerspectiveCamera
 from megalopta.scenes.forest import Forest
 from megalopta.scenes.grating import Grating
 from megalopta.scenes.light import Light
+from megalopta.scenes.panorama import Panorama
 from megalopta.scenes.panoramic_camera import CylindricalCamera, EquirectangularCamera
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.trajectory import CameraPath, Trajectory
@@ -29,6 +30,7 @@ __all__ = [
     "Hover",
     "Light",
     "Orbit",
+    "Panorama",
     "PerspectiveCamera",
     "Recorded",
     "Scene",

@@ -11,10 +11,11 @@ from megalopta.scenes.forest import Forest, build_forest
 from megalopta.scenes.grating import Grating, build_grating
 from megalopta.scenes.light import Light
 from megalopta.scenes.objects import MovingObject, with_objects
+from megalopta.scenes.panorama import Panorama, build_panorama
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.trajectory import CameraPath, Trajectory
 
-SceneDescription = Annotated[Forest | Grating, Field(discriminator="kind")]
+SceneDescription = Annotated[Forest | Grating | Panorama, Field(discriminator="kind")]
 """Any scene that can be described in a configuration; `kind` tells which."""
 
 
@@ -37,6 +38,8 @@ def build_scene(
 def _surroundings(
     description: SceneDescription, light: Light, camera: Camera, trajectory: CameraPath
 ) -> Scene:
+    if isinstance(description, Panorama):
+        return build_panorama(description, light.resolved())
     if isinstance(description, Grating):
         if not isinstance(trajectory, Trajectory):
             raise ValueError(

@@ -1,9 +1,9 @@
 """Outdoor light in absolute units: named levels from daylight to an overcast night, or any lux.
 
 The level fixes what an unshaded horizontal plane receives. A share of it comes from the disc of sun
-or moon, the rest from a uniform sky; both have a Planckian spectrum. Levels after the dissertation,
-§1.1; color temperatures are typical measured values. Real skies have gradients and clouds, which
-this model leaves out.
+or moon, 0.53° wide, the rest from a uniform sky; both have a Planckian spectrum. Levels after the
+dissertation, §1.1; color temperatures are typical measured values. Real skies have gradients and
+clouds, which this model leaves out.
 
 Moon and airglow have spectra of their own in place of a Planckian. Use `airglow` for a moonless sky
 beyond 900 nm, where it is twenty times as bright as `starlight` says.

@@ -14,6 +14,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from megalopta.scenes.hashed_file import HashedFile
 from megalopta.scenes.motion import Motion
 from megalopta.scenes.spectrum import Spectrum
 
@@ -107,18 +108,38 @@ class Placement:
 
 @dataclass(frozen=True)
 class Sun:
-    """A distant disc treated as a point: sun or moon.
+    """A distant disc, evenly bright: sun or moon. It casts light and is not itself seen.
 
     Attributes
     ----------
     direction : (x, y, z)
-        Unit vector from the scene toward the disc.
+        Unit vector from the scene toward the center of the disc.
     irradiance : Spectrum
         On a plane facing the disc, W·m⁻²·nm⁻¹.
+    angular_diameter_deg : float
+        As seen from the scene; 0 is a point. Sun and moon: 0.53.
     """
 
     direction: tuple[float, float, float]
     irradiance: Spectrum
+    angular_diameter_deg: float = 0.53
+
+    def points(self, count: int) -> NDArray[np.float64]:
+        """Unit vectors (count, 3) toward points that share the disc evenly, on a sunflower spiral.
+
+        References
+        ----------
+        Vogel (1979), Mathematical Biosciences 44:179.
+        """
+        axis = np.asarray(self.direction)
+        across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+        across /= np.linalg.norm(across)
+        index = np.arange(count)
+        radius = np.tan(np.radians(self.angular_diameter_deg) / 2) * np.sqrt((index + 0.5) / count)
+        angle = index * np.pi * (3 - np.sqrt(5))
+        offset = np.outer(np.cos(angle), across) + np.outer(np.sin(angle), np.cross(axis, across))
+        points = axis + radius[:, None] * offset
+        return np.asarray(points / np.linalg.norm(points, axis=1, keepdims=True))
 
 
 @dataclass(frozen=True)
@@ -138,6 +159,29 @@ class Lighting:
 
 
 @dataclass(frozen=True)
+class Environment:
+    """A photographed panorama at infinity, seen in place of a uniform sky.
+
+    Attributes
+    ----------
+    file : HashedFile
+        Equirectangular picture in linear sRGB (HDR, EXR) or sRGB-coded (PNG): its center column
+        lies in direction +x, azimuth grows to the left, row 0 is the zenith.
+    turn_deg : float
+        Turns it counterclockwise about z.
+    spectra : (red, green, blue)
+        Spectrum of one unit of each primary, in any unit.
+    illuminance_lux : float
+        That its upper half gives to a horizontal plane.
+    """
+
+    file: HashedFile
+    turn_deg: float
+    spectra: tuple[Spectrum, Spectrum, Spectrum]
+    illuminance_lux: float
+
+
+@dataclass(frozen=True)
 class Scene:
     """Everything that is rendered, but for the camera.
 
@@ -154,6 +198,8 @@ class Scene:
     origin_m : (x, y, z)
         A point near the camera. The renderer's coordinates are relative to it, so that they are
         precise also far from the world's origin.
+    environment : Environment, optional
+        Stands alone: it lights no objects.
     """
 
     materials: Mapping[str, Material]
@@ -161,9 +207,14 @@ class Scene:
     placements: tuple[Placement, ...]
     lighting: Lighting | None = None
     origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    environment: Environment | None = None
 
     def __post_init__(self) -> None:
-        """Refuse dangling names."""
+        """Refuse dangling names and objects before a panorama."""
+        if self.environment and (self.placements or self.lighting):
+            raise ValueError(
+                "scene: an environment lights no objects; leave out placements and lighting"
+            )
         for placement in self.placements:
             if placement.asset not in self.assets:
                 raise ValueError(f"placement of {placement.asset!r}: no such asset in the scene")

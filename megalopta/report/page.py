@@ -23,7 +23,6 @@ from megalopta.report.summary import (
     light_finding,
     motion_findings,
     need_finding,
-    scene_record,
     title,
 )
 from megalopta.report.svg import series_css
@@ -67,7 +66,7 @@ class Sections:
 
 def page(dataset: Dataset) -> str:
     """Return the report as HTML."""
-    footage, record = read_footage(dataset), scene_record(dataset)
+    footage, record = read_footage(dataset), dataset.read_scene_record()
     sections = _sections(dataset, footage)
     template = _environment().get_template("template.html")
     return template.render(

@@ -1,8 +1,8 @@
 """The report's opening: what was seen, in words and numbers, and what came out."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from megalopta.configuration import Configuration, LightLevel
@@ -24,6 +24,7 @@ from megalopta.scenes.camera import Camera
 from megalopta.scenes.forest import Forest
 from megalopta.scenes.grating import Grating
 from megalopta.scenes.light import illuminance_of
+from megalopta.scenes.panorama import Panorama
 
 NO_MOTION = "IM"
 """The yardstick among the methods: it measures brightness."""
@@ -65,8 +66,8 @@ def facts(dataset: Dataset, motion: MotionSection) -> list[Fact]:
     camera, trajectory = configuration.camera, configuration.trajectory
     return [
         Fact(f"{trajectory.frames}", f"frames of {camera.width} × {camera.height} px"),
-        *_scene_facts(configuration, scene_record(dataset)),
-        Fact(f"{motion.objects_seen:,}", "objects in view, one time or another"),
+        *_scene_facts(configuration, dataset.read_scene_record()),
+        *_seen_facts(motion.objects_seen),
         Fact(f"{motion.median_speed:.2g}", "px per frame, median speed"),
         Fact(f"{trajectory.frame_rate_hz:g}", "frames per second"),
     ]
@@ -151,19 +152,27 @@ def need_finding(benchmark: Mapping[str, Any]) -> str | None:
     )
 
 
-def scene_record(dataset: Dataset) -> Mapping[str, Any]:
-    """What the render stage noted about the scene and the renderer; empty when it did not."""
-    try:
-        return dict(json.loads(dataset.scene_record.read_text("utf-8")))
-    except (OSError, ValueError):
-        return {}
-
-
 def _scene_facts(configuration: Configuration, record: Mapping[str, Any]) -> list[Fact]:
     scene = configuration.scene
     trees = [Fact(f"{scene.trees:,}", "trees")] if isinstance(scene, Forest) else []
-    counted = [Fact(f"{record[key]:,}", key) for key in ("objects", "triangles") if key in record]
-    return trees + counted
+    counted = [Fact(f"{record[key]:,}", key) for key in ("objects", "triangles") if record.get(key)]
+    return trees + counted + _light_facts(record)
+
+
+def _seen_facts(objects: int) -> list[Fact]:
+    return [Fact(f"{objects:,}", "objects in view, one time or another")] if objects else []
+
+
+def _light_facts(record: Mapping[str, Any]) -> list[Fact]:
+    """Illuminance as the renderer measured it at the light that was rendered."""
+    light = record.get("illuminance")
+    if not light:
+        return []
+    facts = [Fact(f"{light['unshaded_lux']:.3g} lux", "measured in the open, as rendered")]
+    if light["ground"]:
+        mean = sum(point["lux"] for point in light["ground"]) / len(light["ground"])
+        facts.append(Fact(f"{mean:.2g} lux", "measured on the ground below the camera"))
+    return facts
 
 
 def _readings(configuration: Configuration) -> str:
@@ -178,7 +187,9 @@ def _span(levels: Sequence[LightLevel]) -> str:
     return f"from {level_name(levels[0])} to {level_name(levels[-1])}"
 
 
-def _scene(scene: Forest | Grating) -> str:
+def _scene(scene: Forest | Grating | Panorama) -> str:
+    if isinstance(scene, Panorama):
+        return f"A photographed panorama, {Path(scene.file.path).name}."
     if isinstance(scene, Grating):
         return (
             f"A sine grating of contrast {scene.contrast:g}, {scene.cycles_per_frame:g} cycles "

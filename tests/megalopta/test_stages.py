@@ -216,6 +216,9 @@ def test_noise_of_the_rendering_is_measured(finished):
     # Four pixels wide bars at one sample: noise, but far less than the signal.
     assert 1e-3 < record["monte_carlo"]["median_relative"] < 0.5
     assert record["objects"] == 1
+    assert record["monte_carlo"]["measured_frames"] == [0, 16]
+    assert len(record["monte_carlo"]["median_relative_of_frames"]) == 18
+    assert record["illuminance"] is None  # the grating glows by itself
 
 
 def test_named_levels_bring_their_color_and_their_illuminance():

@@ -1,0 +1,77 @@
+"""Whether the rendering's noise is well below the shot noise of an exposure.
+
+Compared are variances of a pixel's reading, averaged over the image: that of the rendering, from
+the covariance of the bands' noise and what the sensor makes of each band, and that of Poisson
+arrivals, light and dark counts together. A tenth makes the noise of the counts 5 % larger than the
+light's own.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.configuration import Configuration, LightLevel, level_text
+from megalopta.sensor import ImageSensor, detected_photons, expected_reading
+
+LIMIT = 0.1
+"""Largest share of the shot noise's variance that goes without a warning."""
+
+
+def noise_share(
+    noise: Mapping[str, Any],
+    settings: Configuration,
+    sensor: ImageSensor,
+    scale: NDArray[np.float64],
+) -> float:
+    """Variance of the rendering's noise over that of the shot noise.
+
+    Parameters
+    ----------
+    noise : mapping
+        `monte_carlo` of the scene record.
+    settings : Configuration
+        Of the dataset.
+    sensor : Sensor or CtiaSensor
+    scale : (B,)
+        Factor from the rendered light to the exposed, per band.
+    """
+    bands = settings.render.bands_nm
+    one_band_each = np.diag(scale)[:, None, None, :]
+    photons = detected_photons(one_band_each, bands, sensor).ravel()
+    dark = np.zeros((1, settings.camera.height, settings.camera.width, len(bands)))
+    arrivals = photons @ np.array(noise["mean"]) + expected_reading(dark, bands, sensor).mean()
+    variance = photons @ np.array(noise["covariance"]) @ photons
+    return float(variance / max(arrivals, 1e-300))
+
+
+def noise_warning(
+    noise: Mapping[str, Any],
+    settings: Configuration,
+    sensor: ImageSensor,
+    level: LightLevel,
+    share: float,
+) -> str | None:
+    """One sentence where the rendering is too noisy for an exposure; None where it is not.
+
+    The samples named are enough: variance falls at least as fast as their number grows.
+    """
+    if share <= LIMIT:
+        return None
+    remedy = f"render.target_error {noise['median_relative'] * math.sqrt(LIMIT / share):.2g}"
+    if settings.render.target_error is None:
+        now = max(noise["samples_per_pixel"])
+        remedy = f"render.samples_per_pixel {_two_digits(now * share / LIMIT)} (now {now})"
+    return (
+        f"{sensor.name} at {level_text(level)}: the rendering's own noise is "
+        f"{math.sqrt(share):.2g} times the shot noise, up to {math.sqrt(LIMIT):.1g} is harmless; "
+        f"{remedy} would do"
+    )
+
+
+def _two_digits(samples: float) -> int:
+    """Round up to two digits."""
+    step = int(10 ** max(math.floor(math.log10(samples)) - 1, 0))
+    return math.ceil(samples / step) * step

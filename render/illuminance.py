@@ -1,0 +1,156 @@
+"""The illuminance that a scene really gets, measured with the scene's own light and shadows.
+
+A light meter is a small horizontal plate: Mitsuba's irradiance meter gathers light paths from it,
+weighted with V(λ). These paths meet everything but the disc of sun or moon, whose part comes from
+visibility rays toward points of the disc. Paths are as long as in the frames, so that the meter and
+the frames miss the same light.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.render import rays
+from megalopta.scenes.photometry import (
+    MAXIMUM_EFFICACY_LM_W,
+    luminous,
+    luminous_efficiency,
+)
+from megalopta.scenes.scene import Sun
+
+Float64 = NDArray[np.float64]
+
+_PLATE_M = 0.01
+# Above what lies below the camera: clear of it, below the blades of grass.
+_CLEARANCE_M = 0.02
+_SAMPLES = 1024
+_REPEATS = 4
+_DISC_POINTS = 64
+_V_NM = np.arange(380.0, 771.0, 10.0)
+
+
+@dataclass(frozen=True)
+class Illuminance:
+    """Lux on a horizontal plane.
+
+    Attributes
+    ----------
+    position_m : (x, y, z)
+    lux : float
+    standard_error_lux : float
+        Of the light paths.
+    """
+
+    position_m: tuple[float, float, float]
+    lux: float
+    standard_error_lux: float
+
+
+@dataclass(frozen=True)
+class LightSurvey:
+    """What a scene gets, in the open and below a camera's path.
+
+    Attributes
+    ----------
+    unshaded : Illuminance
+        Above everything.
+    ground : tuple of Illuminance
+        Just above what lies below the camera; empty where nothing does.
+    """
+
+    unshaded: Illuminance
+    ground: tuple[Illuminance, ...]
+
+
+class LightMeter:
+    """Measures in a loaded scene.
+
+    Parameters
+    ----------
+    scene : mitsuba.Scene
+        Loaded in the active variant, a spectral one.
+    sun : Sun or None
+        The scene's.
+    max_depth : int
+        Longest path in surface hits plus one, as for frames.
+    """
+
+    def __init__(self, scene: Any, sun: Sun | None, max_depth: int) -> None:
+        self._scene = scene
+        self._sun = sun
+        self._integrator = mi.load_dict({"type": "path", "max_depth": max_depth})
+
+    def survey(self, positions: Float64) -> LightSurvey:
+        """Measure above and below camera positions (N, 3), m."""
+        below = [point for each in positions if (point := self._below(each)) is not None]
+        return LightSurvey(
+            self.measure(self._above_all(positions.mean(axis=0)), seed=0),
+            tuple(self.measure(point, seed=1 + index) for index, point in enumerate(below)),
+        )
+
+    def measure(self, position: Float64, seed: int) -> Illuminance:
+        """Illuminance of a horizontal plane at a position (3,), m."""
+        plate = _plate(position)  # must live as long as its sensor, which does not hold it
+        meter = plate.sensor()
+        lux = np.array(
+            [
+                np.array(self._integrator.render(self._scene, meter, seed=_REPEATS * seed + k))
+                for k in range(_REPEATS)
+            ],
+            np.float64,
+        )
+        return Illuminance(
+            tuple(position.tolist()),
+            float(lux.mean()) + self._from_disc(position),
+            float(lux.std(ddof=1) / np.sqrt(_REPEATS)),
+        )
+
+    def _below(self, position: Float64) -> Float64 | None:
+        hits = rays.nearest_hits(self._scene, position, np.array([[0.0, 0.0, -1.0]]))
+        distance = float(hits.distance[0])
+        drop = np.array([0, 0, max(distance - _CLEARANCE_M, 0)])
+        return position - drop if np.isfinite(distance) else None
+
+    def _above_all(self, position: Float64) -> Float64:
+        box = self._scene.bbox()
+        top = float(box.max.z) if box.valid() else position[2]
+        return np.array([position[0], position[1], max(position[2], top) + 1])
+
+    def _from_disc(self, position: Float64) -> float:
+        if self._sun is None:
+            return 0.0
+        toward = self._sun.points(_DISC_POINTS)
+        hidden = rays.is_hidden(self._scene, position, toward, np.full(_DISC_POINTS, np.inf))
+        cosine = np.where(hidden, 0, np.maximum(toward[:, 2], 0)).mean()
+        return float(luminous(self._sun.irradiance) * cosine)
+
+
+def _plate(position: Float64) -> Any:
+    weights = MAXIMUM_EFFICACY_LM_W * luminous_efficiency(_V_NM)
+    film = {
+        "type": "specfilm",
+        "width": 1,
+        "height": 1,
+        "component_format": "float32",
+        "rfilter": {"type": "box"},
+        "lux": {
+            "type": "spectrum",
+            "value": list(zip(_V_NM.tolist(), weights.tolist(), strict=True)),
+        },
+    }
+    to_world = np.diag([_PLATE_M, _PLATE_M, 1, 1])
+    to_world[:3, 3] = position
+    return mi.load_dict(
+        {
+            "type": "rectangle",
+            "to_world": mi.ScalarTransform4f(to_world.tolist()),
+            "meter": {
+                "type": "irradiancemeter",
+                "film": film,
+                "sampler": {"type": "multijitter", "sample_count": _SAMPLES},
+            },
+        }
+    )

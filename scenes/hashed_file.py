@@ -1,0 +1,56 @@
+"""A file that a scene is made from, with the hash of its content.
+
+The hash is taken when the file is first named, and a file that has changed since is refused, so
+that what was made from it stays what it was.
+"""
+
+import hashlib
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BaseModel, Field, model_validator
+
+
+class HashedFile(BaseModel, frozen=True, extra="forbid", use_attribute_docstrings=True):
+    """A file by path and content; a plain path will do, and gets its hash."""
+
+    path: str
+    """Where it is, relative to the folder that the program runs in."""
+
+    sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+    """Hash of its content, filled in; another content is refused."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _hash_what_has_none(cls, values: Any) -> Any:
+        if isinstance(values, str | Path):
+            values = {"path": str(values)}
+        if not isinstance(values, dict) or "sha256" in values or "path" not in values:
+            return values
+        return {**values, "sha256": hashlib.sha256(_content(str(values["path"]))).hexdigest()}
+
+    def read(self) -> bytes:
+        """Content of the file.
+
+        Raises
+        ------
+        ValueError
+            When it cannot be read or has changed.
+        """
+        content = _content(self.path)
+        if hashlib.sha256(content).hexdigest() != self.sha256:
+            raise ValueError(
+                f"{self.path} has changed since it was first used; restore it, or name it anew"
+            )
+        return content
+
+
+def _content(path: str) -> bytes:
+    try:
+        return Path(path).read_bytes()
+    except OSError as problem:
+        reason = (problem.strerror or str(problem)).lower()
+        raise ValueError(
+            f"{path} cannot be read ({reason}); give the path of a file, relative to the folder "
+            "that the program runs in"
+        ) from None

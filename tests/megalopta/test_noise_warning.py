@@ -1,0 +1,55 @@
+import numpy as np
+import pytest
+
+from megalopta.configuration import load
+from megalopta.noise_warning import LIMIT, noise_share, noise_warning
+from megalopta.sensor import IMAGE_SENSORS, detected_photons, expected_reading
+
+SETTINGS = load(
+    "demo", {"camera.width": "200", "camera.height": "200", "render.target_error": "null"}
+)
+BANDS = SETTINGS.render.bands_nm
+MEAN = 1e-9 * np.array([4.0, 3.0, 2.0, 1.0])
+NOISE = 1e-10 * np.array([[3, 0, 0, 0], [-1, 2, 0, 0], [0, -1, 2, 0], [0, 0, -1, 1]])
+RECORD = {
+    "mean": MEAN.tolist(),
+    "covariance": (NOISE @ NOISE.T).tolist(),
+    "median_relative": 0.05,
+    "samples_per_pixel": [49, 49],
+}
+
+
+@pytest.mark.parametrize("name", ["ideal", "spadcam"])
+def test_share_is_that_of_noisy_light_run_through_the_sensor(name):
+    sensor = IMAGE_SENSORS[name]
+    scale = np.array([1.0, 2.0, 0.5, 3.0])
+    share = noise_share(RECORD, SETTINGS, sensor, scale)
+    normal = np.random.default_rng(3).standard_normal((1, 400, 400, 4))
+    pixels = (normal @ NOISE.T + MEAN) * scale
+    # One pixel a frame: the lens has no falloff there.
+    readings = detected_photons(pixels.reshape(-1, 1, 1, 4), BANDS, sensor)
+    dark = expected_reading(np.zeros((1, 200, 200, 4)), BANDS, sensor).mean()
+    # 160 000 draws know a variance to 0.35 % (σ).
+    assert share == pytest.approx(readings.var() / (readings.mean() + dark), rel=0.02)
+
+
+def test_brighter_light_needs_a_cleaner_rendering():
+    # Shot noise has a variance like the light, the rendering's noise one like its square.
+    sensor, one = IMAGE_SENSORS["ideal"], np.ones(4)
+    dim, bright = (noise_share(RECORD, SETTINGS, sensor, factor * one) for factor in (1, 100))
+    assert bright == pytest.approx(100 * dim, rel=1e-9)
+
+
+def test_warning_names_samples_that_are_enough_and_harmless_noise_goes_unmentioned():
+    sensor = IMAGE_SENSORS["ideal"]
+    assert noise_warning(RECORD, SETTINGS, sensor, "twilight", LIMIT) is None
+    text = noise_warning(RECORD, SETTINGS, sensor, 0.5, 4 * LIMIT)
+    assert text.startswith("ideal at 0.5lux: the rendering's own noise is 0.63 times")
+    assert "render.samples_per_pixel 200 (now 49) would do" in text  # 4 × 49 in two digits
+
+
+def test_warning_of_an_adaptive_rendering_names_the_error_to_aim_at():
+    render = SETTINGS.render.model_copy(update={"target_error": 0.05})
+    adaptive = SETTINGS.model_copy(update={"render": render})
+    text = noise_warning(RECORD, adaptive, IMAGE_SENSORS["ideal"], "twilight", 4 * LIMIT)
+    assert "render.target_error 0.025 would do" in text

@@ -1,0 +1,123 @@
+"""Light, noise and panorama as a user of the stages meets them."""
+
+import json
+
+import numpy as np
+import OpenEXR
+import pytest
+import trimesh
+
+from megalopta.configuration import load, parse
+from megalopta.errors import UserError
+from megalopta.render import read_attributes, read_radiance
+from megalopta.scenes.scene import Asset, Material, Placement, Scene
+from megalopta.scenes.spectrum import flat
+from megalopta.stages import run_stage
+
+SMALL = {
+    "camera.width": "24",
+    "camera.height": "24",
+    "trajectory.frames": "3",
+    "render.bands_nm": "[[450, 550], [550, 650]]",
+    "sensors": "[ideal]",
+    "light_levels": "[twilight]",
+}
+FEW = {"render.samples_per_pixel": "4", "render.max_depth": "2"}
+
+
+@pytest.fixture
+def yard(monkeypatch):
+    """A plane under the light in place of the forest, which takes long to grow."""
+
+    def build(description, light, camera, trajectory):
+        plane = trimesh.Trimesh(
+            100.0 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]),
+            [[0, 1, 2], [0, 2, 3]],
+            process=False,
+        )
+        placement = Placement("plane", "ground", np.eye(4))
+        materials, assets = {"gray": Material(flat(0.5))}, {"plane": Asset({"gray": plane})}
+        return Scene(materials, assets, (placement,), light.lighting())
+
+    monkeypatch.setattr("megalopta.stage_render.build_scene", build)
+
+
+@pytest.fixture
+def picture(tmp_path):
+    path = tmp_path / "sky.exr"
+
+    def write(seed):
+        values = np.random.default_rng(seed).gamma(0.5, size=(16, 32, 3)).astype(np.float32)
+        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+        OpenEXR.File(header, {"RGB": values}).write(str(path))
+        return parse(f"scene: {{kind: panorama, file: {path}}}", "test", SMALL)
+
+    return write
+
+
+def test_a_panorama_renders_with_the_requested_light(picture, tmp_path):
+    dataset = run_stage(tmp_path / "data", picture(1), "render")
+    record = json.loads(dataset.scene_record.read_text())
+    # The measuring rays cross texels of a very rough picture.
+    assert record["illuminance"]["unshaded_lux"] == pytest.approx(1.0, rel=0.01)
+    assert record["monte_carlo"]["median_relative"] == 0
+    run_stage(tmp_path / "data", dataset.configuration, "sense")
+
+
+def test_a_panorama_whose_file_changed_is_another_configuration(picture, tmp_path):
+    first = picture(1)
+    run_stage(tmp_path / "data", first, "render")
+    second = picture(2)
+    with pytest.raises(UserError, match=r"another configuration \(scene\.file\.sha256: "):
+        run_stage(tmp_path / "data", second, "render")
+    with pytest.raises(UserError, match=r"sky\.exr has changed since it was first used"):
+        run_stage(tmp_path / "other", first, "render")
+
+
+def test_a_panorama_can_be_chosen_on_the_command_line(picture):
+    chosen = picture(1).scene
+    path = chosen.file.path
+    assert load("demo", {"scene.kind": "panorama", "scene.file": path}).scene == chosen
+
+
+def test_a_missing_panorama_is_a_users_mistake():
+    with pytest.raises(UserError, match=r"scene\.file: gone\.hdr cannot be read \(no such file"):
+        parse("scene: {kind: panorama, file: gone.hdr}", "test")
+
+
+def test_frames_are_rendered_to_the_stated_error_and_say_so(yard, tmp_path):
+    settings = load(
+        "demo", {**SMALL, **FEW, "render.target_error": "0.02", "render.max_passes": "99"}
+    )
+    dataset = run_stage(tmp_path / "data", settings, "render")
+    record = json.loads(dataset.scene_record.read_text())["monte_carlo"]
+    assert record["measured_frames"] == [0, 1, 2]
+    for frame, samples in enumerate(record["samples_per_pixel"]):
+        noise = json.loads(read_attributes(dataset.radiance(frame))["monteCarlo"])
+        assert noise["median_relative"] <= 0.02
+        assert samples == 4 * noise["passes"]
+    # A frame alone comes out the same.
+    image = read_radiance(dataset.radiance(2))[0]
+    for path in (dataset.radiance(2), dataset.scene_record):
+        path.unlink()
+    (dataset.root / "manifest.jsonl").unlink()
+    run_stage(tmp_path / "data", settings, "render")
+    np.testing.assert_array_equal(read_radiance(dataset.radiance(2))[0], image)
+
+
+def test_a_target_out_of_reach_is_told(yard, tmp_path, capsys):
+    changes = {"render.target_error": "1e-4", "render.max_passes": "2"}
+    run_stage(tmp_path / "data", load("demo", {**SMALL, **FEW, **changes}), "render")
+    told = " ".join(capsys.readouterr().err.split())
+    assert "3 of 3 frames did not meet target_error 0.0001 in 2 passes" in told
+
+
+def test_light_and_noise_are_told_and_warned_of(yard, tmp_path, capsys):
+    settings = load("demo", {**SMALL, **FEW, "light_levels": "[1000]"})
+    run_stage(tmp_path / "data", settings, "render")
+    told = " ".join(capsys.readouterr().err.split())
+    assert "render: 1 lux requested, 1 measured in the open and 1 on the ground" in told
+    assert "render: error of a pixel" in told
+    run_stage(tmp_path / "data", settings, "sense")
+    told = " ".join(capsys.readouterr().err.split())
+    assert "sense: ideal at 1000lux: the rendering's own noise is" in told

@@ -1,0 +1,96 @@
+import math
+
+import numpy as np
+import pytest
+
+from megalopta.render import RenderSettings, SceneRenderer
+from megalopta.scenes import Light, PerspectiveCamera, Trajectory
+from megalopta.scenes.light import LEVELS
+from megalopta.scenes.photometry import luminous_efficiency
+from megalopta.scenes.scene import Asset, Lighting, Material, Placement, Scene, Sun
+from megalopta.scenes.spectrum import flat
+
+from .conftest import quad
+
+# Elements of 10 nm over V(λ).
+V_BANDS = tuple((float(a), float(a + 10)) for a in range(380, 770, 10))
+
+
+def scene_of(meshes, lighting):
+    """One gray material and one object per (mesh, reflectance)."""
+    materials = {str(i): Material(flat(reflectance)) for i, (_, reflectance) in enumerate(meshes)}
+    assets = {str(i): Asset({str(i): mesh}) for i, (mesh, _) in enumerate(meshes)}
+    placements = tuple(Placement(name, name, np.eye(4)) for name in assets)
+    return Scene(materials, assets, placements, lighting)
+
+
+def survey(scene, *positions):
+    settings = RenderSettings(bands_nm=((500, 600),), max_depth=3)
+    renderer = SceneRenderer(scene, PerspectiveCamera(width=4, height=4), settings)
+    return renderer.light_survey(np.array(positions, np.float64))
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_unshaded_ground_gets_the_illuminance_of_every_named_level(level, ground):
+    lighting = Light(level=level).lighting()
+    measured = survey(scene_of([(ground, 0.3)], lighting), (0, 0, 1.5))
+    lux = LEVELS[level].illuminance_lux
+    # Required: 2 %. 4096 paths of an even sky, and 64 points for the disc, leave far less.
+    assert measured.unshaded.lux == pytest.approx(lux, rel=1e-3)
+    assert measured.ground[0].lux == pytest.approx(lux, rel=1e-3)
+    assert measured.ground[0].position_m == pytest.approx((0, 0, 0.02), abs=1e-5)
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_light_on_rendered_ground_has_the_illuminance_of_every_named_level(level, ground):
+    scene = scene_of([(ground, 0.5)], Light(level=level).lighting())
+    look_down = Trajectory(frames=2, position_m=(0, 0, 2), look_at_m=(0, 0, 0), up=(1, 0, 0))
+    settings = RenderSettings(bands_nm=V_BANDS, samples_per_pixel=64, max_depth=2)
+    renderer = SceneRenderer(scene, PerspectiveCamera(width=48, height=48, fov_deg=30), settings)
+    radiance = renderer.radiance(look_down.poses()[0], seed=3).mean(axis=(0, 1), dtype=np.float64)
+    efficiency = [
+        np.trapezoid(luminous_efficiency(np.linspace(*band, 21)), dx=0.5) for band in V_BANDS
+    ]
+    lux = 683 * math.pi / 0.5 * radiance @ efficiency
+    # 147 000 paths of four wavelengths: σ of about 0.3 %.
+    assert lux == pytest.approx(LEVELS[level].illuminance_lux, rel=0.02)
+
+
+def test_a_black_wall_takes_half_the_sky(ground):
+    wall = quad(np.array([[0, -1e4, 0], [0, 1e4, 0], [0, 1e4, 1e4], [0, -1e4, 1e4]]))
+    sky = Light(level="twilight").lighting()
+    measured = survey(scene_of([(ground, 0.3), (wall, 0.0)], sky), (0.1, 0, 1.5))
+    # What the 10 km leave open is below 1e-4; 4096 stratified paths on an edge: σ below 0.4 %.
+    assert measured.ground[0].lux == pytest.approx(0.5, abs=0.02)
+    assert measured.unshaded.lux == pytest.approx(1.0, rel=1e-3)
+
+
+def test_a_roof_takes_the_light_of_sky_and_sun(ground):
+    roof = quad(1e4 * np.array([[-1, -1, 3e-4], [1, -1, 3e-4], [1, 1, 3e-4], [-1, 1, 3e-4]]))
+    light = Light(level="daylight").lighting()
+    measured = survey(scene_of([(ground, 0.3), (roof, 0.3)], light), (0, 0, 1.5))
+    assert measured.ground[0].lux < 1e-3 * measured.unshaded.lux
+
+
+def test_edge_of_a_shadow_is_as_soft_as_the_disc_of_the_sun_makes_it(ground):
+    height = 10.0  # of a roof that ends at x = 0
+    roof = quad(
+        np.array([[-50, -50, height], [0, -50, height], [0, 50, height], [-50, 50, height]])
+    )
+    overhead = Lighting(flat(0.0), Sun((0.0, 0.0, 1.0), flat(1.0)))
+    scene = scene_of([(ground, 0.5), (roof, 0.0)], overhead)
+    camera = PerspectiveCamera(width=32, height=32, fov_deg=math.degrees(2 * math.atan(0.08 / 5)))
+    settings = RenderSettings(bands_nm=((500, 600),), samples_per_pixel=256, max_depth=2)
+    look_down = Trajectory(frames=2, position_m=(0, 0, 5), look_at_m=(0, 0, 0), up=(0, 1, 0))
+    image = SceneRenderer(scene, camera, settings).radiance(look_down.poses()[0], seed=0)[..., 0]
+    profile = image.mean(axis=0, dtype=np.float64) * math.pi / 0.5
+    # Share of a disc of radius 1 beyond a chord at −x: its segment's area over π.
+    x = ((np.arange(32) + 0.5) / 16 - 1) * 0.08 / (height * math.tan(math.radians(0.265)))
+    chord = np.clip(x, -1, 1)
+    share = 0.5 + (chord * np.sqrt(1 - chord**2) + np.arcsin(chord)) / math.pi
+    # A chord cuts off a number of 64 points that is right to about 2.
+    np.testing.assert_allclose(profile, share, atol=0.04)
+
+
+def test_a_scene_without_light_from_outside_has_nothing_to_measure(ground):
+    assert survey(scene_of([(ground, 0.3)], None), (0, 0, 1.5)) is None

@@ -1,0 +1,98 @@
+import numpy as np
+import pytest
+
+from megalopta.render import RenderSettings, SceneRenderer, frame_seed
+from megalopta.render.noise import Passes, RenderNoise, render_once, render_until
+from megalopta.scenes import Light, PerspectiveCamera, Trajectory
+from megalopta.scenes.scene import Scene
+
+from .conftest import placed
+
+MEAN = np.array([3.0, 1.0])
+COVARIANCE = np.array([[0.04, -0.006], [-0.006, 0.01]])
+SIGMA = np.sqrt(COVARIANCE.sum())
+
+
+def gaussian_pass(number):
+    """200 × 200 pixels of known noise."""
+    rng = np.random.default_rng([7, number])
+    return rng.multivariate_normal(MEAN, COVARIANCE, (200, 200)).astype(np.float32)
+
+
+def passes(count):
+    result = Passes()
+    for number in range(count):
+        result.add(gaussian_pass(number))
+    return result
+
+
+@pytest.mark.parametrize("count", [2, 3, 8])
+@pytest.mark.parametrize("averaged", [1, 8])
+def test_scatter_of_passes_gives_the_known_noise(count, averaged):
+    noise = passes(count).noise(averaged)
+    # 40 000 pixels: the median of |N(0, 1)| is known to 0.6 % (σ), the variance to 0.7 %; five σ.
+    # Dividing by the pixel's own mean adds less than 0.3 %.
+    sigma = SIGMA / np.sqrt(averaged)
+    assert noise.median_relative == pytest.approx(sigma / MEAN.sum(), rel=0.035)
+    assert noise.rms_over_mean == pytest.approx(sigma / MEAN.sum(), rel=0.02)
+    scale = np.sqrt(np.outer(*2 * [COVARIANCE.diagonal()])) / averaged
+    difference = np.abs(np.array(noise.covariance) - COVARIANCE / averaged) / scale
+    assert difference.max() < 5 * np.sqrt(2 / 40_000)
+    np.testing.assert_allclose(noise.mean, MEAN, rtol=3e-3)
+
+
+def test_mean_of_passes_is_their_mean():
+    expected = np.mean([gaussian_pass(number) for number in range(5)], axis=0)
+    np.testing.assert_allclose(passes(5).mean, expected, rtol=1e-6)
+
+
+def test_a_single_pass_is_unchanged_by_being_measured():
+    plain, nothing = render_once(gaussian_pass, measured=False)
+    image, noise = render_once(gaussian_pass, measured=True)
+    assert nothing is None
+    assert image.tobytes() == plain.tobytes() == gaussian_pass(0).tobytes()
+    assert noise == passes(2).noise(averaged=1)
+
+
+def test_passes_stop_at_the_first_that_meets_the_target():
+    sigma = SIGMA / MEAN.sum()
+    image, noise = render_until(gaussian_pass, sigma / np.sqrt(5.5), 100)
+    assert noise.passes == 6  # σ/√5 is 5 % above the target, σ/√6 4 % below; known to 0.6 %
+    np.testing.assert_array_equal(image, passes(6).mean)
+
+
+def test_passes_stop_at_the_cap_and_never_before_the_second():
+    assert render_until(gaussian_pass, 1e-6, 3)[1].passes == 3
+    assert render_until(gaussian_pass, 0.9, 3)[1].passes == 2
+
+
+def test_black_frames_have_no_noise():
+    noise = render_until(lambda _: np.zeros((4, 4, 2), np.float32), 0.1, 5)[1]
+    assert (noise.passes, noise.median_relative, noise.rms_over_mean) == (2, 0.0, 0.0)
+
+
+def test_noise_survives_its_text():
+    noise = passes(2).noise(1)
+    assert RenderNoise.from_json(noise.to_json()) == noise
+
+
+def test_seeds_of_passes_do_not_collide_with_those_of_frames():
+    seeds = {frame_seed(0, frame, *part) for frame in range(200) for part in ((), (0,), (1,), (2,))}
+    assert len(seeds) == 800
+
+
+@pytest.mark.parametrize("sampler", ["independent", "multijitter"])
+def test_estimated_noise_is_the_true_distance_to_a_converged_rendering(ground, sampler):
+    materials, assets, placements = placed(ground)
+    light = Light(level="full_moon", disc_fraction=0.3).lighting()
+    scene = Scene(materials, assets, placements, light)
+    camera = PerspectiveCamera(width=64, height=64, fov_deg=40)
+    settings = RenderSettings(samples_per_pixel=16, sampler=sampler, max_depth=2)
+    pose = Trajectory(frames=2, position_m=(0, 0, 2), look_at_m=(0, 0, 0), up=(1, 0, 0)).poses()[0]
+    renderer = SceneRenderer(scene, camera, settings)
+    image, noise = render_once(lambda number: renderer.radiance(pose, number), measured=True)
+    # Every pixel of an even plane has the same mean, known from all of 4096 pixels.
+    total = image.sum(axis=-1, dtype=np.float64)
+    true = total.std() / total.mean()
+    # Two estimates of a σ from 4096 values each: 1.1 % (σ) for normal noise, and up to twice that.
+    assert noise.rms_over_mean == pytest.approx(true, rel=0.12)
