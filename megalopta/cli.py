@@ -21,7 +21,7 @@ from megalopta.stages import STAGES, run_all, run_stage
 
 _DEMO = "do everything: render, sense, flow, bench and a report to open in a browser"
 _OWN_OPTIONS = ("--out", "--redo", "--plots", "--help", "-h", "--version")
-_WITHOUT_SETTINGS = ("report", "info", "check", "reproduce")
+_WITHOUT_SETTINGS = ("report", "info", "check", "reproduce", "gallery")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -52,6 +52,8 @@ def _run(arguments: Sequence[str]) -> None:
         _check_physics(options.plots)
     elif options.verb == "reproduce":
         _reproduce(options.figures, options.out)
+    elif options.verb == "gallery":
+        _gallery(options.out)
     elif options.verb == "demo":
         dataset = run_all(options.out, load(options.configuration, overrides), options.redo)
         print(write_report(dataset))
@@ -76,6 +78,12 @@ def _reproduce(names: Sequence[str], out: Path) -> None:
 
     for path in reproduce(list(FIGURES) if names == ["all"] else names, out):
         print(path)
+
+
+def _gallery(out: Path) -> None:
+    from megalopta.gallery import write_gallery
+
+    print(write_gallery(out))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -114,6 +122,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     reproduction.add_argument(
         "--out", type=Path, default=Path("out/figures"), help="folder (default: out/figures)"
+    )
+    showing = "render every scene preset at every light level, beside photon counts of it"
+    gallery = _add_verb(verbs, "gallery", showing)
+    gallery.add_argument(
+        "--out", type=Path, default=Path("out/gallery"), help="folder (default: out/gallery)"
     )
     _add_verb(verbs, "info", "show versions, the rendering variant and what would make it faster")
     return parser

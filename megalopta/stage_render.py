@@ -14,6 +14,7 @@ from megalopta.configuration import Configuration
 from megalopta.dataset import Dataset
 from megalopta.errors import UserError
 from megalopta.noise_record import ATTRIBUTE, noise_record
+from megalopta.preview import preview, white_level
 from megalopta.progress import progress, say
 from megalopta.render.exr import read_radiance, write_radiance, write_truth
 from megalopta.render.noise import MEASURED_EVERY, RenderNoise, render_once, render_until
@@ -21,15 +22,10 @@ from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import frame_seed
 from megalopta.scenes.build import build_scene
 from megalopta.scenes.camera import PerspectiveCamera
-from megalopta.scenes.color import encode_srgb, linear_srgb
+from megalopta.scenes.color import linear_srgb
 from megalopta.scenes.grating import Grating
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectrum import flat
-
-# White in the previews: the brightest tenth of the first frame, or less where an open sky would
-# leave the ground in the dark.
-_WHITE_PERCENTILE = 90.0
-_WHITE_OVER_MEDIAN = 8.0
 
 # Points below the camera's path where the illuminance is measured.
 _LIGHT_METERS = 9
@@ -208,19 +204,14 @@ def _say_noise(settings: Configuration, noise: Mapping[str, Any] | None) -> None
         )
 
 
-def _white_level(linear: NDArray[np.float64]) -> float:
-    bright, middle = np.percentile(linear, [_WHITE_PERCENTILE, 50])
-    return float(min(bright, _WHITE_OVER_MEDIAN * middle)) or float(linear.max()) or 1.0
-
-
 def _write_previews(dataset: Dataset) -> None:
     """Tone-mapped radiance, all frames exposed alike, after the first."""
     configuration = dataset.configuration
     is_grating = isinstance(configuration.scene, Grating)
     white = flat(1.0) if is_grating else configuration.light.resolved().spectrum()
-    exposure = None
+    level = None
     for index in range(configuration.trajectory.frames):
-        linear = linear_srgb(*read_radiance(dataset.radiance(index)), white)
-        exposure = exposure or _white_level(linear)
-        image = encode_srgb(linear / exposure)
+        radiance, bands = read_radiance(dataset.radiance(index))
+        level = level or white_level(linear_srgb(radiance, bands, white))
+        image = preview(radiance, bands, white, level)
         sintel.write_png(dataset.frame("training/clean", index, "png"), image)
