@@ -178,7 +178,7 @@ class FrameWriter:
 def _say_illuminance(light: Mapping[str, Any] | None) -> None:
     if not light:
         return
-    text = f"{light['requested_lux']:.4g} lux requested, {light['unshaded_lux']:.4g} measured"
+    text = f"{light['requested_lux']:.4g} lux requested, {light['unshaded_lux']:.3g} measured"
     ground = [point["lux"] for point in light["ground"]]
     if ground:
         text += (
