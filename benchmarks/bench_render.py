@@ -1,7 +1,8 @@
-"""How much of the render stage is Mitsuba, and whether time and memory stay flat over 200 frames.
+"""How much of the render stage is Mitsuba, whether time and memory stay flat, what panoramas cost.
 
-Reference: the time inside Mitsuba's own calls (path tracing and the tracing of rays, with the
-evaluation they leave pending), measured in the same run as the stage around them.
+Reference of the stage: the time inside Mitsuba's own calls (path tracing and the tracing of rays,
+with the evaluation they leave pending), measured in the same run as the stage around them. Of the
+panoramas: a pinhole in the same forest, frame by frame in turn.
 """
 
 import resource
@@ -19,6 +20,9 @@ import numpy as np
 from megalopta.configuration import load
 from megalopta.dataset import begin_stage
 from megalopta.render import rays, renderer
+from megalopta.scenes.build import build_scene
+from megalopta.scenes.camera import PerspectiveCamera
+from megalopta.scenes.panorama import EquirectangularCamera
 from megalopta.stage_render import FrameWriter
 
 inside = 0.0
@@ -70,7 +74,43 @@ def run(frames: int, overrides: dict[str, str]) -> None:
     )
 
 
+def compare_cameras(frames: int) -> None:
+    configuration = load("demo")
+    same_field = {"width": 240, "height": 240, "fov_deg": 75}
+    cameras = {
+        "perspective, 75°": PerspectiveCamera(**same_field),
+        "equirectangular, 75°": EquirectangularCamera(**same_field, lower_deg=-37, upper_deg=37),
+        "equirectangular, all around": EquirectangularCamera(width=340, height=170),
+    }
+    scene = build_scene(
+        configuration.scene, configuration.light, configuration.camera, configuration.trajectory
+    )
+    renderers = {
+        name: renderer.SceneRenderer(scene, camera, configuration.render)
+        for name, camera in cameras.items()
+    }
+    pose = configuration.trajectory.poses()[0]
+    seconds: dict[str, list[float]] = {name: [] for name in cameras}
+    for seed in range(frames + 1):  # kernels are compiled in the first
+        for name, each in renderers.items():
+            start = time.process_time()
+            each.radiance(pose, seed)
+            seconds[name].append(time.process_time() - start)
+    speeds = {
+        name: camera.width
+        * camera.height
+        * renderers[name].samples_per_pixel
+        / statistics.median(seconds[name][1:])
+        for name, camera in cameras.items()
+    }
+    reference = next(iter(speeds.values()))
+    print(f"{mi.variant()}, samples per CPU-second, {frames} frames each in turn:")
+    for name, speed in speeds.items():
+        print(f"  {name:<29}{speed / 1e6:.3f} million, {speed / reference:.2f} of the pinhole's")
+
+
 def main() -> None:
+    compare_cameras(5)
     renderer.trace_paths = timed(renderer.trace_paths)
     for name in ("intersect", "blocked"):
         setattr(rays, name, timed(getattr(rays, name)))

@@ -219,7 +219,8 @@ def parse(text: str, source: str, overrides: Mapping[str, str] | None = None) ->
     if not overrides:
         return configuration
     changed = configuration.model_dump(mode="json")
-    for path, value in overrides.items():
+    # A new kind starts its mapping afresh, so it comes before what is set in it.
+    for path, value in sorted(overrides.items(), key=lambda item: not item[0].endswith("kind")):
         _set(changed, path, _safe_yaml(value, f"--{path}"))
     return _validated(changed, "command line")
 

@@ -76,8 +76,8 @@ def aim(
     else:
         lower, upper = camera.heights
         per_row = (upper - lower) / camera.height
-        parameters["upper"] = upper - first_row * per_row
-        parameters["lower"] = upper - (first_row + rows) * per_row
+        top = upper - first_row * per_row
+        parameters["heights"] = mi.Point2f(top - rows * per_row, top)
     parameters.update()
 
 
@@ -91,12 +91,9 @@ def _optics(camera: Camera) -> dict[str, Any]:
             "far_clip": 1e5,
         }
     register_panorama(mi.variant())
-    lower, upper = camera.heights
     return {
         "type": PANORAMA,
         "fov": math.radians(camera.fov_deg),
-        "lower": lower,
-        "upper": upper,
         "is_cylinder": isinstance(camera, CylindricalCamera),
     }
 

@@ -22,10 +22,10 @@ def register_panorama(variant: str) -> None:
     class PanoramaSensor(mi.Sensor):
         """Rays from one point, uniform in azimuth and in height on the film.
 
-        Plugin parameters: `fov`, the azimuth (rad) from the left to the right edge; `upper` and
-        `lower`, the heights of the edges in focal lengths; `is_cylinder`, whether height is the
-        tangent of elevation or elevation itself. All but `fov` can be changed through
-        `mi.traverse`, and `to_world` as well, without compiling again.
+        Plugin parameters: `fov`, the azimuth (rad) from the left to the right edge, and
+        `is_cylinder`, whether height is the tangent of elevation or elevation itself. Through
+        `mi.traverse` one sets `to_world` and `heights`, those of the lower and upper edge in focal
+        lengths; that compiles nothing again.
         """
 
         def __init__(self, properties: Any) -> None:
@@ -33,17 +33,17 @@ def register_panorama(variant: str) -> None:
             self.to_world = mi.Transform4f()
             self.fov = properties["fov"]
             self.is_cylinder = properties["is_cylinder"]
-            self.upper = mi.Float(properties["upper"])
-            self.lower = mi.Float(properties["lower"])
+            # Not two numbers: scalar variants can change only Mitsuba's own objects.
+            self.heights = mi.Point2f(0)
 
         def traverse(self, callback: Any) -> None:
             super().traverse(callback)
-            for name in ("to_world", "upper", "lower"):
+            for name in ("to_world", "heights"):
                 callback.put(name, getattr(self, name), mi.ParamFlags.NonDifferentiable)
 
         def parameters_changed(self, keys: Sequence[str] = ()) -> None:
             if is_vectorized:  # else the values would be written into the kernel
-                dr.make_opaque(self.to_world, self.upper, self.lower)
+                dr.make_opaque(self.to_world, self.heights)
 
         def sample_ray(
             self, time: Any, sample1: Any, sample2: Any, sample3: Any, active: Any = True
@@ -51,7 +51,7 @@ def register_panorama(variant: str) -> None:
             surface = dr.zeros(mi.SurfaceInteraction3f)
             wavelengths, weight = self.sample_wavelengths(surface, sample1, active)
             sine, cosine = dr.sincos(self.fov * (sample2.x - 0.5))
-            height = dr.lerp(self.upper, self.lower, sample2.y)
+            height = dr.lerp(self.heights.y, self.heights.x, sample2.y)
             if self.is_cylinder:
                 radius, rise = dr.rsqrt(1 + height * height), height * dr.rsqrt(1 + height * height)
             else:

@@ -22,7 +22,7 @@ from megalopta.scenes.camera import Camera
 from megalopta.scenes.scene import Scene
 
 # One second's work or two on a small machine, so that Ctrl-C is soon answered.
-SAMPLES_PER_PASS = {"cuda": 2**24, "llvm": 2**21, "scalar": 2**19}
+SAMPLES_PER_PASS = {"cuda": 2**24, "llvm": 2**20, "scalar": 2**19}
 
 
 def trace_paths(integrator: Any, scene: Any, sensor: Any, seed: int, samples: int) -> Any:

@@ -40,7 +40,7 @@ class RenderSettings(
 
     samples_per_pass: Annotated[int, Field(ge=1, le=2**28)] | None = None
     """Most light paths of a frame traced at once: Ctrl-C waits for them. By default one or two
-    seconds' work, 2¹⁹ in scalar, 2²¹ in llvm and 2²⁴ in cuda mode. How a frame is divided is part
+    seconds' work, 2¹⁹ in scalar, 2²⁰ in llvm and 2²⁴ in cuda mode. How a frame is divided is part
     of what seeds its noise."""
 
     @model_validator(mode="after")

@@ -26,7 +26,7 @@ from megalopta.scenes.trajectory import Trajectory
 
 _RADIUS_M = 10.0
 _TEXELS = 4096
-_STEEPEST_TANGENT = 6.0
+_STEEPEST_TANGENT = 4.0
 
 
 class Grating(

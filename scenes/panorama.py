@@ -3,6 +3,9 @@
 Columns are equidistant in azimuth (0 along +z, growing toward +x). Rows of the equirectangular
 camera are equidistant in elevation; the cylindrical camera's film is a cylinder around the vertical
 axis, so its rows are equidistant in the tangent of elevation.
+
+At elevation e a column is only cos(e) columns of the horizon wide: toward the poles horizontal
+motion in px, and any error of it, grows by 1/cos(e).
 """
 
 import math

@@ -50,7 +50,7 @@ def lead(configuration: Configuration) -> str:
     sensors = enumerate_words([sensor.name for sensor in configuration.sensors])
     levels = plural(len(configuration.light_levels), "light level")
     return (
-        f"{_scene(configuration.scene)} The camera {configuration.trajectory}. Every frame is "
+        f"{_scene(configuration.scene)} {_motion(configuration)} Every frame is "
         "rendered as spectral radiance, together with its exact motion. The light becomes photon "
         f"counts on {sensors} at {levels}, and motion detectors try to read the motion back."
     )
@@ -172,3 +172,9 @@ def _scene(scene: Forest | Grating) -> str:
         )
     species = enumerate_words([name for name, share in scene.mix.items() if share > 0])
     return f"A forest of {scene.trees:,} trees ({species}), {scene.density_per_ha:g} per hectare."
+
+
+def _motion(configuration: Configuration) -> str:
+    kind = configuration.camera.kind
+    camera = "camera" if kind == "perspective" else f"{kind} camera"
+    return f"The {camera} {configuration.trajectory}."

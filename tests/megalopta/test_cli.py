@@ -30,7 +30,7 @@ def run(*arguments, cwd=None):
         (["--scene.treees", "5"], "unknown key; did you mean 'trees'?"),
         (["--sensors.0.exposure-s", "-1"], "sensors.0.exposure_s: input should be greater than 0"),
         (["--trajectory.up", "1", "0", "0.03"], "is parallel to the view"),
-        (["--render.samples-per-pixel", "1000000"], "use at most 298261"),
+        (["--camera.kind", "fisheye"], "camera: kind 'fisheye' is unknown; use 'perspective'"),
         (["nowhere.yaml"], "nowhere.yaml: no such configuration"),
         (["--scene.trees"], "--scene.trees: needs a value"),
         (["--light-levels", "dusk"], "'dusk' is unknown"),

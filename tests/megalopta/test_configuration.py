@@ -34,6 +34,11 @@ def test_levels_in_lux_are_read_however_they_are_written():
     )  # fmt: skip
 
 
+def test_a_kind_given_last_keeps_what_is_given_with_it():
+    camera = load("demo", {"camera.width": "90", "camera.kind": "equirectangular"}).camera
+    assert (camera.kind, camera.width, camera.height) == ("equirectangular", 90, 360)
+
+
 def test_another_kind_of_scene_starts_afresh():
     changed = load("demo", {"scene.kind": "grating", "scene.cycles_per_frame": "5"})
     assert changed.scene.kind == "grating"

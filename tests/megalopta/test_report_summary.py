@@ -70,6 +70,11 @@ def test_the_lead_tells_how_the_camera_moves(trajectory, words):
     assert words in lead(configured(trajectory=trajectory))
 
 
+def test_the_lead_names_a_camera_that_is_no_pinhole():
+    panorama = configured(camera={"kind": "cylindrical"})
+    assert "The cylindrical camera stands still." in lead(panorama)
+
+
 def test_the_lead_tells_what_stands_there():
     assert "150 trees (beech, birch and spruce)" in lead(configured())
     assert "sine grating of contrast 0.9" in lead(configured(scene={"kind": "grating"}))

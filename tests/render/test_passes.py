@@ -23,7 +23,7 @@ def rendered(camera, seed=1, **settings):
     return SceneRenderer(glowing_room(), camera, settings).radiance(POSE, seed)
 
 
-@pytest.mark.parametrize("most", [1, 7, 1000, 2**21, 2**28])
+@pytest.mark.parametrize("most", [1, 7, 1000, 2**20, 2**28])
 @pytest.mark.parametrize("samples", [1, 25, 100_000])
 @pytest.mark.parametrize(("width", "height"), [(1, 1), (240, 240), (720, 361), (16384, 8192)])
 def test_passes_cover_the_frame_with_no_more_samples_than_allowed(width, height, samples, most):

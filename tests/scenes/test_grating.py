@@ -6,6 +6,7 @@ import pytest
 from megalopta.assets_gen.grating import open_cylinder, sine_grating
 from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.grating import Grating, build_grating
+from megalopta.scenes.panorama import CylindricalCamera, EquirectangularCamera
 from megalopta.scenes.trajectory import Trajectory
 
 TURNING = Trajectory(rotation_deg_s=15)
@@ -61,3 +62,19 @@ def test_a_frequency_beyond_nyquist_at_the_image_center_is_refused():
 def test_a_trajectory_that_looks_past_the_wall_is_refused(change, remedy):
     with pytest.raises(ValueError, match=remedy):
         build_grating(Grating(), CAMERA, Trajectory(**change), 1.0)
+
+
+@pytest.mark.parametrize("camera", [EquirectangularCamera(), PerspectiveCamera(fov_deg=170)])
+def test_a_camera_that_looks_past_the_ends_of_the_cylinder_is_refused(camera):
+    with pytest.raises(ValueError, match=rf"ends 75° above .* {camera.kind} camera looks past it"):
+        build_grating(Grating(), camera, TURNING, 1.0)
+
+
+def test_the_elevations_offered_instead_of_the_zenith_are_taken():
+    build_grating(Grating(), EquirectangularCamera(lower_deg=-75, upper_deg=75), TURNING, 1.0)
+
+
+def test_the_wall_is_as_high_as_an_asymmetric_panorama_sees():
+    camera = CylindricalCamera(lower_deg=-20, upper_deg=50)
+    wall = build_grating(Grating(), camera, TURNING, 1.0).assets["wall"].parts["grating"]
+    assert wall.bounds[1, 2] / 10 == pytest.approx(1.05 * math.tan(math.radians(50)))

@@ -1,0 +1,77 @@
+"""A panorama through every stage."""
+
+import json
+
+import numpy as np
+import OpenEXR
+import pytest
+
+from megalopta.configuration import load
+from megalopta.errors import UserError
+from megalopta.render.exr import read_radiance, read_truth
+from megalopta.report import write_report
+from megalopta.scenes.panorama import CylindricalCamera
+from megalopta.stages import run_all, run_stage
+
+from .conftest import TINY
+
+PANORAMA = {
+    "camera.kind": "cylindrical",
+    "camera.width": "96",
+    "camera.height": "40",
+    "scene.cycles_per_frame": "6",
+    "trajectory.rotation_deg_s": "75",  # two columns a frame at 10 frames per second
+    "sensors": "[ideal]",
+    "light_levels": "[full_moon]",
+}
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    configuration = load("grating", {**TINY, **PANORAMA})
+    return run_all(tmp_path_factory.mktemp("panorama") / "data", configuration)
+
+
+def test_a_grating_around_a_panorama_has_its_cycles_once_around(finished):
+    radiance, _ = read_radiance(finished.radiance(0))
+    spectrum = np.abs(np.fft.rfft(radiance.sum(axis=(0, 2))))
+    assert spectrum[1:].argmax() + 1 == 6
+
+
+def test_a_turning_panorama_moves_by_whole_columns_everywhere(finished):
+    truth = read_truth(finished.truth(4))
+    np.testing.assert_allclose(truth.flow_forward[..., 0], 2, atol=1e-5)
+    np.testing.assert_allclose(truth.flow_forward[..., 1], 0, atol=1e-5)
+    # Nothing leaves an image without left and right edge.
+    mask = finished.frame("training/occlusions", 4, "png").read_bytes()
+    assert mask == finished.frame("training/invalid", 4, "png").read_bytes()
+
+
+def test_camera_and_pose_stand_in_the_truth_and_no_pinhole_file_pretends(finished):
+    assert not (finished.root / "training/camdata_left").exists()
+    with OpenEXR.File(str(finished.truth(4))) as file:
+        header = dict(file.header())
+    camera = CylindricalCamera.model_validate_json(header["camera"])
+    assert camera == finished.configuration.camera
+    pose = np.array(header["cameraToWorld"].split(), dtype=float).reshape(4, 4)
+    np.testing.assert_array_equal(pose, finished.configuration.trajectory.poses()[4])
+    assert header["depthMeaning"] == "along the ray"
+
+
+def test_detectors_find_the_motion_of_a_panorama(finished):
+    records = json.loads(finished.result("flow.json").read_text("utf-8"))
+    assert {record["method"] for record in records} == set(finished.configuration.methods)
+    matching = next(record for record in records if record["method"] == "BM")
+    assert matching["truth"]["ideal"]["endpoint_error_px"] < 1
+
+
+def test_the_report_of_a_panorama_is_written(finished):
+    report = write_report(finished).read_text("utf-8")
+    assert "The cylindrical camera turns left" in report
+    assert "Depth is measured along the ray" in report
+
+
+def test_a_grating_is_refused_to_a_camera_that_sees_the_zenith(tmp_path):
+    configuration = load("grating", {"camera.kind": "equirectangular"})
+    with pytest.raises(UserError, match=r"scene: .* camera.lower_deg -75 and camera.upper_deg 75"):
+        run_stage(tmp_path / "data", configuration, "render")
