@@ -58,3 +58,9 @@ class RenderSettings(
 def frame_seed(seed: int, frame: int) -> int:
     """Mitsuba's 32-bit seed of one frame, unrelated between frames and between sequence seeds."""
     return int(np.random.SeedSequence(seed, spawn_key=(frame,)).generate_state(1)[0])
+
+
+def instant_seed(seed: int, frame: int, instant: int) -> int:
+    """Mitsuba's 32-bit seed of one instant of a frame's exposure, unrelated to all others."""
+    sequence = np.random.SeedSequence(seed, spawn_key=(frame, instant))
+    return int(sequence.generate_state(1)[0])
