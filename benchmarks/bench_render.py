@@ -20,7 +20,8 @@ import numpy as np
 
 from megalopta.configuration import load
 from megalopta.dataset import begin_stage
-from megalopta.render import rays, renderer
+from megalopta.render import film, rays
+from megalopta.render.renderer import SceneRenderer
 from megalopta.scenes.build import build_scene
 from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.panoramic_camera import EquirectangularCamera
@@ -87,8 +88,7 @@ def compare_cameras(frames: int) -> None:
         configuration.scene, configuration.light, configuration.camera, configuration.trajectory
     )
     renderers = {
-        name: renderer.SceneRenderer(scene, camera, configuration.render)
-        for name, camera in cameras.items()
+        name: SceneRenderer(scene, camera, configuration.render) for name, camera in cameras.items()
     }
     pose = configuration.trajectory.poses()[0]
     seconds: dict[str, list[float]] = {name: [] for name in cameras}
@@ -112,7 +112,7 @@ def compare_cameras(frames: int) -> None:
 
 def main() -> None:
     compare_cameras(5)
-    renderer.trace_paths = timed(renderer.trace_paths)
+    film.trace_paths = timed(film.trace_paths)
     for name in ("intersect", "blocked"):
         setattr(rays, name, timed(getattr(rays, name)))
     run(24, {})

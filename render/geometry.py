@@ -9,7 +9,6 @@ Only what moves is brought to a time, in a small scene of its own; moments are k
 and its two neighbors need the same ones. All coordinates are relative to the scene's `origin_m`.
 """
 
-from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -96,7 +95,7 @@ class Geometry:
         self._vertices = np.concatenate([np.zeros((0, 3), np.float32), *still])
         # What is at rest shares its buffers with the scene that is rendered.
         self._still = gather(loaded.shapes()[:at_rest]) if self._moving else loaded
-        self._moments: OrderedDict[float, _Moment] = OrderedDict()
+        self._moments: dict[float, _Moment] = {}
 
     @property
     def is_moving(self) -> bool:
@@ -187,15 +186,14 @@ class Geometry:
     def _at(self, time_s: float) -> _Moment:
         """What moves, at a time."""
         if time_s in self._moments:
-            self._moments.move_to_end(time_s)
             return self._moments[time_s]
         vertices = [mesh.vertices_at(time_s) for mesh in self._moving]
         if len(self._moments) < _MOMENTS_KEPT:
             pairs = zip(vertices, self._moving, strict=True)
             scene = gather([bare_mesh(positions, mesh.faces) for positions, mesh in pairs])
         else:
-            _, oldest = self._moments.popitem(last=False)
-            scene = oldest.scene
+            farthest = max(self._moments, key=lambda moment: abs(moment - time_s))
+            scene = self._moments.pop(farthest).scene
             move_meshes(scene, dict(enumerate(vertices)))
         self._moments[time_s] = _Moment(scene, np.concatenate(vertices))
         return self._moments[time_s]

@@ -17,6 +17,8 @@ from megalopta.render.bands import Bands
 from megalopta.render.merge import MergedMesh
 from megalopta.render.panorama_sensor import NAME as PANORAMA
 from megalopta.render.panorama_sensor import register_panorama
+from megalopta.render.rows_sensor import NAME as ROWS
+from megalopta.render.rows_sensor import register_rows
 from megalopta.scenes.camera import Camera, PerspectiveCamera
 from megalopta.scenes.panoramic_camera import CylindricalCamera
 from megalopta.scenes.scene import Emission, Lighting, Material, Scene
@@ -45,6 +47,28 @@ def load_sensor(camera: Camera, bands_nm: Bands, sampler: str, samples: int, row
 
     It sees nothing useful before it is aimed.
     """
+    parts = _film_and_sampler(camera, bands_nm, sampler, samples, rows)
+    return mi.load_dict({**_optics(camera), **parts})
+
+
+def load_rows_sensor(
+    camera: Camera, bands_nm: Bands, sampler: str, samples: int, rows: int, optics: Any
+) -> Any:
+    """Return a sensor as `load_sensor` does whose rows have poses of their own.
+
+    It looks through `optics`, a sensor for the same strips at Mitsuba's identity.
+    """
+    register_rows(mi.variant())
+    sensor = mi.load_dict(
+        {"type": ROWS, **_film_and_sampler(camera, bands_nm, sampler, samples, rows)}
+    )
+    sensor.optics = optics
+    return sensor
+
+
+def _film_and_sampler(
+    camera: Camera, bands_nm: Bands, sampler: str, samples: int, rows: int
+) -> dict[str, Any]:
     film: dict[str, Any] = {
         "type": "specfilm",
         "width": camera.width,
@@ -60,13 +84,7 @@ def load_sensor(camera: Camera, bands_nm: Bands, sampler: str, samples: int, row
             "wavelength_max": upper,
             "values": ",".join([repr(1 / (upper - lower))] * 2),
         }
-    return mi.load_dict(
-        {
-            **_optics(camera),
-            "film": film,
-            "sampler": {"type": sampler, "sample_count": samples},
-        }
-    )
+    return {"film": film, "sampler": {"type": sampler, "sample_count": samples}}
 
 
 def aim(
@@ -103,9 +121,13 @@ def _optics(camera: Camera) -> dict[str, Any]:
 
 
 def sensor_transform(pose: NDArray[np.float64]) -> Any:
-    """Mitsuba's sensor transform of a pose: its camera looks along +z with +x left and +y up."""
-    matrix = (pose @ np.diag([-1.0, -1.0, 1.0, 1.0])).tolist()
-    return mi.Transform4f(matrix)
+    """Mitsuba's sensor transform of a pose."""
+    return mi.Transform4f(sensor_transform_matrix(pose).tolist())
+
+
+def sensor_transform_matrix(pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The matrix of a pose (..., 4, 4) for Mitsuba, which looks along +z with +x left, +y up."""
+    return np.asarray(pose @ np.diag([-1.0, -1.0, 1.0, 1.0]))
 
 
 def _lights(lighting: Lighting) -> dict[str, Any]:

@@ -4,36 +4,26 @@ The scene is loaded once; per frame only the pose and the moving objects change,
 own, since the same seed would give noise that stands still on the sensor and reads as "no motion".
 """
 
-from typing import Any
+import math
 
 import mitsuba as mi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from megalopta.render.environment import PanoramaView
+from megalopta.render.film import Film
 from megalopta.render.geometry import Geometry
 from megalopta.render.illuminance import Illuminance, LightMeter, LightSurvey
 from megalopta.render.merge import MovingMesh, merge
-from megalopta.render.mitsuba_scene import aim, load_scene, load_sensor, move_meshes
-from megalopta.render.passes import plan_passes
-from megalopta.render.settings import RenderSettings
+from megalopta.render.mitsuba_scene import load_scene, move_meshes
+from megalopta.render.settings import RenderSettings, instant_seed
 from megalopta.render.truth import Flow, Truth, TruthTracer
 from megalopta.render.variant import Variant, activate, choose_variant
-from megalopta.render.views import Instant
+from megalopta.render.views import Instant, Rolling
 from megalopta.scenes.camera import Camera
+from megalopta.scenes.path import Path
 from megalopta.scenes.scene import Scene
-
-# One second's work or two on a small machine, so that Ctrl-C is soon answered.
-SAMPLES_PER_PASS = {"cuda": 2**24, "llvm": 2**20, "scalar": 2**19}
-
-
-def trace_paths(integrator: Any, scene: Any, sensor: Any, seed: int, samples: int) -> Any:
-    """Mitsuba's image, in its type.
-
-    The integrator is called itself: `mi.render` wraps it for differentiation, and that wrapper
-    turns Ctrl-C into a RuntimeError.
-    """
-    return integrator.render(scene, sensor, seed=seed, spp=samples)
+from megalopta.scenes.shutter import Shutter
 
 
 class SceneRenderer:
@@ -66,14 +56,9 @@ class SceneRenderer:
         self.settings = settings
         self.variant: Variant = choose_variant(settings.backend)
         activate(self.variant)
-        family = self.variant.name.partition("_")[0]
-        most = settings.samples_per_pass or SAMPLES_PER_PASS[family]
-        self._passes = plan_passes(camera.width, camera.height, settings.samples_per_pixel, most)
-        self._sensor = load_sensor(
-            camera, settings.bands_nm, settings.sampler, self._passes.samples, self._passes.rows
-        )
-        self._samples = int(self._sensor.sampler().sample_count())
-        self.samples_per_pixel = self._samples * self._passes.repeats
+        self._film = Film(camera, settings, settings.samples_per_pixel)
+        self._shutter_films: dict[tuple[int, bool], Film] = {}
+        self.samples_per_pixel = self._film.samples_per_pixel
         meshes = merge(scene)
         self._scene = load_scene(scene, meshes)
         self._moving = {
@@ -89,7 +74,6 @@ class SceneRenderer:
                 scene.environment, camera, settings.bands_nm, settings.samples_per_pixel
             )
             self.samples_per_pixel = self._panorama.samples_per_pixel
-        self._sensor_parameters = mi.traverse(self._sensor)
         self._integrator = mi.load_dict({"type": "path", "max_depth": settings.max_depth})
 
     def radiance(
@@ -111,25 +95,39 @@ class SceneRenderer:
         FloatingPointError
             When the renderer returns a value that is not finite.
         """
-        if self._panorama:
-            return self._panorama.radiance(pose)
         self._move_to(time_s)
-        local = self._local(pose)
+        return self._expose(self._film, self._local(pose), seed)
 
-        def trace(first_row: int, pass_seed: int) -> NDArray[np.float32]:
-            aim(self._sensor_parameters, self.camera, local, first_row, self._passes.rows)
-            image = trace_paths(
-                self._integrator, self._scene, self._sensor, pass_seed, self._samples
-            )
-            return np.array(image, dtype=np.float32)
+    def exposed(self, path: Path, shutter: Shutter, frame: int, seed: int) -> NDArray[np.float32]:
+        """Spectral radiance (H, W, B) of a frame as a shutter takes it: blurred, rolling or both.
 
-        radiance = self._passes.render(trace, seed).astype(np.float32)
-        if not np.isfinite(radiance).all():
-            raise FloatingPointError(
-                "the renderer returned radiance that is not finite: look for NaN in textures, "
-                "spectra or vertices"
-            )
-        return radiance
+        The mean of several instants, each with noise of its own; together they have about the
+        samples per pixel of a sharp frame.
+
+        Parameters
+        ----------
+        path : Path
+            Of the camera.
+        shutter : Shutter
+            How long rows are open and how they follow one another.
+        frame : int
+            Which frame of the path.
+        seed : int
+            Of the sequence.
+        """
+        self._check_shutter(shutter)
+        instants = (path.times_s[frame] + shutter.instants_s).tolist()
+        is_rolling = shutter.readout_s > 0
+        film = self._shutter_film(len(instants), is_rolling)
+        rows = np.arange(self.camera.height, dtype=float) + 0.5
+        delays = shutter.delay_s(rows, self.camera.height) if is_rolling else np.zeros(1)
+        frames = []
+        for number, time in enumerate(instants):
+            self._move_to(time)
+            poses = self._local(path.pose_at(time + delays))
+            own_seed = instant_seed(seed, frame, number)
+            frames.append(self._expose(film, poses if is_rolling else poses[0], own_seed))
+        return np.asarray(np.mean(frames, axis=0, dtype=np.float64), dtype=np.float32)
 
     def light_survey(self, positions: NDArray[np.float64]) -> LightSurvey | None:
         """Illuminance above and below camera positions (N, 3); None where only surfaces emit."""
@@ -170,6 +168,46 @@ class SceneRenderer:
             self._view(poses, frame, times_s), self._view(poses, other, times_s)
         )
 
+    def shutter_truth(self, path: Path, shutter: Shutter, frame: int) -> Truth:
+        """Ground truth of one frame of a rolling shutter; every row looks at its own time.
+
+        Flow leads to where the point is in the other frame, taken with the same shutter.
+        """
+        self._check_shutter(shutter)
+
+        def pose_at(times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+            return self._local(path.pose_at(times_s))
+
+        views = [Rolling(time, shutter, pose_at) for time in path.times_s.tolist()]
+        following = views[frame + 1] if frame + 1 < len(views) else None
+        return self._tracer.truth(views[frame], following, views[frame - 1] if frame else None)
+
+    def _check_shutter(self, shutter: Shutter) -> None:
+        if shutter.readout_s and (self._moving or self._panorama):
+            what = "objects move" if self._moving else "the scene is a panorama"
+            raise ValueError(
+                f"shutter.readout_s {shutter.readout_s:g}: {what}, and a rolling shutter needs "
+                "bodies at rest; use 0"
+            )
+
+    def _expose(self, film: Film, pose: NDArray[np.float64], seed: int) -> NDArray[np.float32]:
+        if self._panorama:
+            return self._panorama.radiance(pose)
+        radiance = film.expose(self._integrator, self._scene, pose, seed)
+        if not np.isfinite(radiance).all():
+            raise FloatingPointError(
+                "the renderer returned radiance that is not finite: look for NaN in textures, "
+                "spectra or vertices"
+            )
+        return radiance
+
+    def _shutter_film(self, instants: int, has_row_poses: bool) -> Film:
+        """The film of one instant; all instants share the samples of a sharp frame."""
+        key = math.ceil(self.settings.samples_per_pixel / instants), has_row_poses
+        if key not in self._shutter_films:
+            self._shutter_films[key] = Film(self.camera, self.settings, *key)
+        return self._shutter_films[key]
+
     def _view(self, poses: NDArray[np.float64], frame: int, times_s: ArrayLike | None) -> Instant:
         if times_s is None and self._moving:
             raise ValueError("times_s is missing: objects move in this scene; give the times")
@@ -177,9 +215,9 @@ class SceneRenderer:
         return Instant(time, self._local(poses[frame]))
 
     def _local(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The pose relative to the scene's origin, in the renderer's precision."""
+        """A pose (..., 4, 4) relative to the scene's origin, in the renderer's precision."""
         local = pose.copy()
-        local[:3, 3] = (pose[:3, 3] - self._origin).astype(np.float32)
+        local[..., :3, 3] = (pose[..., :3, 3] - self._origin).astype(np.float32)
         return local
 
     def _move_to(self, time_s: float) -> None:

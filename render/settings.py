@@ -73,3 +73,8 @@ def frame_seed(seed: int, frame: int, *parts: int) -> int:
     Unrelated between frames, their parts and sequence seeds.
     """
     return int(np.random.SeedSequence(seed, spawn_key=(frame, *parts)).generate_state(1)[0])
+
+
+def instant_seed(seed: int, frame: int, instant: int) -> int:
+    """Mitsuba's 32-bit seed of one instant of a frame's exposure, unrelated to all others."""
+    return frame_seed(seed, frame, 0, instant)

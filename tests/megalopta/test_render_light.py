@@ -29,7 +29,7 @@ FEW = {"render.samples_per_pixel": "4", "render.max_depth": "2"}
 def yard(monkeypatch):
     """A plane under the light in place of the forest, which takes long to grow."""
 
-    def build(description, light, camera, trajectory):
+    def build(description, light, camera, trajectory, objects):
         plane = trimesh.Trimesh(
             100.0 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]),
             [[0, 1, 2], [0, 2, 3]],

@@ -1,8 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
 
-from megalopta.render.merge import merge
+from megalopta.render.merge import MovingMesh, merge
+from megalopta.scenes.motion import Drift, RigidMotion
 from megalopta.scenes.scene import Asset, Material, Placement, Scene, Texture
 from megalopta.scenes.spectrum import flat
 
@@ -60,3 +63,25 @@ def test_a_textured_material_needs_uv():
     texture = Texture(np.zeros((2, 2), np.float32), flat(0.5))
     with pytest.raises(ValueError, match="'wood' is patterned, but its mesh has no uv"):
         merge(scene(texture))
+
+
+def test_what_moves_comes_last_and_is_where_its_motion_takes_it():
+    pivot = (5.0, 0.0, 0.0)
+    motion = RigidMotion(pivot, Drift(velocity_m_s=(1, 2, 3), spin_deg_s=90))
+    still = scene()
+    moving = replace(
+        still,
+        placements=(replace(still.placements[0], motion=motion), *still.placements[1:]),
+        origin_m=(4.0, 0.0, 0.0),
+    )
+    meshes = merge(moving)
+    assert [isinstance(mesh, MovingMesh) for mesh in meshes] == [False, False, True, True]
+    assert sum(len(mesh.faces) for mesh in meshes) == still.triangle_count
+    wood = meshes[-1]
+    at_rest = BOX.vertices @ still.placements[0].to_world[:3, :3].T
+    np.testing.assert_allclose(wood.vertices, np.add(at_rest, (1, 0, 0)), atol=1e-6)
+    # A quarter turn about z, then a second of drift, about the local origin.
+    turned = at_rest[:, [1, 0, 2]] * [-1, 1, 1]
+    np.testing.assert_allclose(wood.vertices_at(1.0), np.add(turned, (2, 2, 3)), atol=1e-5)
+    np.testing.assert_array_equal(wood.vertices_at(0.0), wood.vertices)
+    assert (wood.object_id == 1).all()

@@ -5,7 +5,7 @@ import signal
 import numpy as np
 import pytest
 
-from megalopta.render import renderer
+from megalopta.render import film
 from megalopta.render.passes import pass_seed, plan_passes
 from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
@@ -81,7 +81,7 @@ def test_an_interrupt_is_answered_after_one_pass(monkeypatch):
         calls.append(arguments)
         signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(renderer, "trace_paths", trace)
+    monkeypatch.setattr(film, "trace_paths", trace)
     camera = PerspectiveCamera(width=8, height=8)
     with pytest.raises(KeyboardInterrupt):
         rendered(camera, samples_per_pixel=4, samples_per_pass=32)

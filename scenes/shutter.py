@@ -1,0 +1,48 @@
+"""When light is taken in: how long each row is open, and how much later than the first the last is.
+
+A frame's time is the middle of the exposure of its middle row.
+"""
+
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field
+
+Float64 = NDArray[np.float64]
+
+
+class Shutter(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """Motion blur and rolling shutter; by default neither, every frame is taken at an instant."""
+
+    exposure_s: Annotated[float, Field(ge=0)] = 0.0
+    """Time that each row is open (s); 0 blurs nothing."""
+
+    poses: Annotated[int, Field(ge=1)] = 8
+    """Instants of the exposure whose mean is the blurred frame; they share the samples per pixel.
+    As many as the fastest image moves in px leave no steps."""
+
+    readout_s: Annotated[float, Field(ge=0)] = 0.0
+    """Rolling shutter: time from the middle of the first row's exposure to the last row's (s);
+    0 exposes all rows at once."""
+
+    @property
+    def is_instant(self) -> bool:
+        """Whether frames are taken at an instant, all rows at once."""
+        return self.exposure_s == 0 and self.readout_s == 0
+
+    @property
+    def instants_s(self) -> Float64:
+        """Times (n,) in the middle of equal parts of the exposure, from its middle, s."""
+        if self.exposure_s == 0:
+            return np.zeros(1)
+        return self.exposure_s * ((np.arange(self.poses) + 0.5) / self.poses - 0.5)
+
+    def delay_s(self, y: Float64, height: int) -> Float64:
+        """Time from the frame's to that of places y (px from the upper edge) in the image, s.
+
+        Rows have it at their center; between them it is interpolated, beyond them extrapolated.
+        """
+        return np.asarray(self.readout_s * ((y - 0.5) / max(height - 1, 1) - 0.5))

@@ -1,0 +1,148 @@
+"""Motion blur and rolling shutter against closed forms on a wall parallel to the image."""
+
+import numpy as np
+import pytest
+
+from megalopta.render.renderer import SceneRenderer
+from megalopta.render.settings import RenderSettings, frame_seed, instant_seed
+from megalopta.scenes.camera import PerspectiveCamera
+from megalopta.scenes.motion import Drift, RigidMotion
+from megalopta.scenes.scene import Asset, Emission, Material, Placement, Scene
+from megalopta.scenes.shutter import Shutter
+from megalopta.scenes.spectrum import flat
+from megalopta.scenes.trajectory import Trajectory
+
+from .conftest import quad
+
+CAMERA = PerspectiveCamera(width=80, height=60, fov_deg=60)
+SETTINGS = RenderSettings(samples_per_pixel=64, bands_nm=((500, 600),), max_depth=1)
+FOCAL = 80 / 2 / np.tan(np.radians(30))
+DISTANCE = 5.0
+SPEED = 3.0
+PX_PER_S = FOCAL * SPEED / DISTANCE
+
+
+def half_wall(motion=None):
+    """A glowing half plane x = 5, y < 0: in the image its edge is vertical, light to its right."""
+    wall = quad(np.array([[5, 0, -50], [5, -50, -50], [5, -50, 50], [5, 0, 50.0]]))
+    return Scene(
+        {"glow": Material(flat(0.0), None, Emission(1e-6))},
+        {"wall": Asset({"glow": wall})},
+        (Placement("wall", "wall", np.eye(4), motion),),
+    )
+
+
+def sliding(velocity, frames=3):
+    return Trajectory(
+        frames=frames, position_m=(0, 0, 0), look_at_m=(1, 0, 0), velocity_m_s=velocity
+    )
+
+
+def edges(image):
+    """Where the edge is in each row (px): the width of the dark part."""
+    return CAMERA.width - image[..., 0].sum(axis=1) / 1e-6
+
+
+ALONG = sliding((0.0, SPEED, 0.0))  # the image moves to the right
+DOWN = sliding((0.0, 0.0, -SPEED))  # the image moves up
+
+
+def edge_at(times):
+    return CAMERA.width / 2 + PX_PER_S * np.asarray(times)
+
+
+def test_a_blurred_edge_is_a_ramp_around_the_sharp_edge_of_mid_exposure():
+    renderer = SceneRenderer(half_wall(), CAMERA, SETTINGS)
+    shutter = Shutter(exposure_s=0.08, poses=64)
+    image = renderer.exposed(ALONG, shutter, 1, seed=3)
+    sharp = renderer.radiance(ALONG.poses()[1], seed=4)
+    # In each of 64 instants one sample of the edge's pixel, uniform in it, tells where the edge is:
+    # that scatters by √(1/6/64) = 0.05 px a row.
+    np.testing.assert_allclose(edges(image), edges(sharp), atol=0.3)
+    np.testing.assert_allclose(edges(image).mean(), edge_at(0.1), atol=0.04)
+    profile = image[..., 0].mean(axis=0) / 1e-6
+    x = np.arange(CAMERA.width) + 0.5
+    ramp = np.clip((x - edge_at(0.06)) / (edge_at(0.14) - edge_at(0.06)), 0, 1)
+    np.testing.assert_allclose(profile, ramp, atol=0.07)  # pixels are a quarter of the ramp wide
+
+
+def test_a_blurred_frame_is_the_mean_of_sharp_frames_inside_the_exposure():
+    renderer = SceneRenderer(half_wall(), CAMERA, SETTINGS)
+    shutter = Shutter(exposure_s=0.05, poses=5)
+    times = 0.1 + 0.05 * np.array([-0.4, -0.2, 0, 0.2, 0.4])
+    mean = np.mean([renderer.radiance(pose, 9) for pose in ALONG.pose_at(times)], axis=0)
+    image = renderer.exposed(ALONG, shutter, 1, seed=3)
+    # 13 samples for each of five instants: an edge pixel scatters by less than 0.5/√(5 · 13).
+    assert np.abs(image - mean).max() < 5 * 0.063e-6
+
+
+def test_moving_objects_are_blurred_as_well():
+    still = sliding((0.0, 0.0, 0.0))
+    motion = RigidMotion((5.0, 0.0, 0.0), Drift(velocity_m_s=(0.0, -SPEED, 0.0)))
+    renderer = SceneRenderer(half_wall(motion), CAMERA, SETTINGS)
+    image = renderer.exposed(still, Shutter(exposure_s=0.08, poses=64), 1, seed=3)
+    profile = image[..., 0].mean(axis=0) / 1e-6
+    x = np.arange(CAMERA.width) + 0.5
+    ramp = np.clip((x - edge_at(0.06)) / (edge_at(0.14) - edge_at(0.06)), 0, 1)
+    np.testing.assert_allclose(profile, ramp, atol=0.07)
+
+
+@pytest.mark.parametrize("per_pass", [None, 80 * 64 * 7], ids=["one pass", "strips of 7 rows"])
+def test_every_row_of_a_rolling_shutter_shows_its_own_time(per_pass):
+    settings = SETTINGS.model_copy(update={"samples_per_pass": per_pass})
+    renderer = SceneRenderer(half_wall(), CAMERA, settings)
+    image = renderer.exposed(ALONG, Shutter(readout_s=0.08), 1, seed=3)
+    rows = np.arange(CAMERA.height)
+    expected = edge_at(0.1 + 0.08 * (rows / (CAMERA.height - 1) - 0.5))
+    np.testing.assert_allclose(edges(image), expected, atol=0.1)
+
+
+def test_truth_of_a_rolling_shutter_solves_for_the_row_of_the_other_frame():
+    wall = quad(np.array([[5, 50, -50], [5, 50, 50], [5, -50, 50], [5, -50, -50.0]]))
+    scene = Scene(
+        {"m": Material(flat(0.5))}, {"w": Asset({"m": wall})}, (Placement("w", "w", np.eye(4)),)
+    )
+    renderer = SceneRenderer(scene, CAMERA, SETTINGS)
+    readout, period = 0.08, 0.1
+    truth = renderer.shutter_truth(DOWN, Shutter(readout_s=readout), 1)
+    # A point in row y is in the next frame in row y + Δ with Δ = s·(T + r·Δ/(H − 1)).
+    s = -PX_PER_S
+    expected = s * period / (1 - s * readout / (CAMERA.height - 1))
+    for flow, sign in ((truth.flow_forward, 1), (truth.flow_backward, -1)):
+        np.testing.assert_allclose(flow[..., 1], sign * expected, atol=2e-5)
+        np.testing.assert_allclose(flow[..., 0], 0, atol=2e-5)
+    np.testing.assert_allclose(truth.depth, DISTANCE, rtol=1e-6)
+    # Each row looks from where the camera is at its time.
+    rows = np.arange(CAMERA.height)
+    height = -SPEED * (0.1 + readout * (rows / (CAMERA.height - 1) - 0.5))
+    down = (rows + 0.5 - CAMERA.height / 2) / FOCAL * DISTANCE
+    np.testing.assert_allclose(truth.position[:, 7, 2], height - down, atol=1e-5)
+
+
+def test_truth_of_a_rolling_shutter_without_readout_is_that_of_an_instant(ground):
+    path = Trajectory(frames=3, rotation_deg_s=30, velocity_m_s=(1, 2, 0.3))
+    scene = Scene(
+        {"m": Material(flat(0.5))}, {"w": Asset({"m": ground})}, (Placement("w", "w", np.eye(4)),)
+    )
+    renderer = SceneRenderer(scene, CAMERA, SETTINGS)
+    rolling = renderer.shutter_truth(path, Shutter(), 1)
+    instant = renderer.truth(path.poses(), 1)
+    np.testing.assert_allclose(rolling.flow_forward, instant.flow_forward, atol=1e-5)
+    np.testing.assert_array_equal(rolling.occluded_forward, instant.occluded_forward)
+
+
+def test_a_rolling_shutter_over_moving_objects_is_refused():
+    motion = RigidMotion((5.0, 0.0, 0.0), Drift(velocity_m_s=(0.0, -SPEED, 0.0)))
+    renderer = SceneRenderer(half_wall(motion), CAMERA, SETTINGS)
+    for take in (
+        lambda: renderer.exposed(ALONG, Shutter(readout_s=0.01), 1, 3),
+        lambda: renderer.shutter_truth(ALONG, Shutter(readout_s=0.01), 1),
+    ):
+        with pytest.raises(ValueError, match=r"readout_s 0\.01: objects move"):
+            take()
+
+
+def test_no_two_instants_of_a_sequence_share_a_seed():
+    instants = [instant_seed(7, frame, k) for frame in range(60) for k in range(32)]
+    frames = [frame_seed(7, frame) for frame in range(120)]
+    assert len({*instants, *frames}) == len(instants) + len(frames)
