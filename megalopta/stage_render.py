@@ -41,6 +41,7 @@ def render(dataset: Dataset) -> None:
         say("render: building the scene")
         writer = FrameWriter(dataset)
         say(f"render: {writer.objects} objects, {writer.triangles:,} triangles; {writer.variant}")
+        say(f"render: integrator {writer.integrator}")
         steps = len(missing) + _NOISE_FRAMES
         with progress("Rendering radiance and truth", steps, "frame") as advance:
             for index in missing:
@@ -50,6 +51,7 @@ def render(dataset: Dataset) -> None:
                 "objects": writer.objects,
                 "triangles": writer.triangles,
                 "variant": writer.variant.name,
+                "integrator": writer.integrator,
                 "monte_carlo": writer.monte_carlo_noise(advance),
             }
         files.write_json(dataset.scene_record, record)
@@ -78,10 +80,12 @@ class FrameWriter:
         self._dataset = dataset
         settings = dataset.configuration
         scene = _build(settings)
-        self._renderer = SceneRenderer(scene, settings.camera, settings.render)
         self._poses = settings.trajectory.poses()
+        self._renderer = SceneRenderer(
+            scene, settings.camera, settings.render, self._poses, settings.seed
+        )
         self.objects, self.triangles = len(scene.placements), scene.triangle_count
-        self.variant = self._renderer.variant
+        self.variant, self.integrator = self._renderer.variant, self._renderer.integrator
 
     def write(self, index: int) -> None:
         """Render one frame to all its files."""

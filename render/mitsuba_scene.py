@@ -115,7 +115,7 @@ def _bsdf(material: Material) -> dict[str, Any]:
     if material.texture:
         diffuse = {
             "type": "blendbsdf",
-            "weight": _bitmap(material.texture.weight),
+            "weight": bitmap(material.texture.weight),
             "first": diffuse,
             "second": {"type": "diffuse", "reflectance": _spectrum(material.texture.reflectance)},
         }
@@ -125,10 +125,11 @@ def _bsdf(material: Material) -> dict[str, Any]:
 def _emission(emission: Emission) -> dict[str, Any]:
     if emission.pattern is None:
         return {"type": "spectrum", "value": emission.radiance}
-    return _bitmap(emission.pattern * np.float32(emission.radiance))
+    return bitmap(emission.pattern * np.float32(emission.radiance))
 
 
-def _bitmap(values: NDArray[np.float32]) -> dict[str, Any]:
+def bitmap(values: NDArray[np.float32]) -> dict[str, Any]:
+    """Mitsuba texture of values (H, W) that tile the uv square, row 0 at v = 0."""
     # Mitsuba's first row is v = 0, as ours.
     image = np.ascontiguousarray(values[..., None], dtype=np.float32)
     return {"type": "bitmap", "bitmap": mi.Bitmap(image), "raw": True, "wrap_mode": "repeat"}

@@ -10,9 +10,10 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.render.baked import BakedRenderer, path_tracing_reason
 from megalopta.render.merge import merge
 from megalopta.render.mitsuba_scene import load_scene, load_sensor, sensor_transform
-from megalopta.render.settings import RenderSettings, check_sample_count
+from megalopta.render.settings import RenderSettings, bake_seed, check_sample_count
 from megalopta.render.truth import TriangleTable, Truth, frame_truth
 from megalopta.render.variant import Variant, activate, choose_variant
 from megalopta.scenes.camera import PerspectiveCamera
@@ -39,6 +40,10 @@ class SceneRenderer:
         Image size and field of view.
     settings : RenderSettings
         Samples, bands, backend.
+    poses : (T, 4, 4) float64, optional
+        Where the camera will come; light is baked for these. Without them paths are traced.
+    seed : int
+        Seed of the sequence, for what its frames share.
 
     Attributes
     ----------
@@ -46,6 +51,8 @@ class SceneRenderer:
         Light paths per pixel as the sampler rounds them.
     variant : Variant
         The Mitsuba variant in use.
+    integrator : str
+        "baked" or "path", and why paths are traced.
 
     Raises
     ------
@@ -53,7 +60,14 @@ class SceneRenderer:
         When a frame has more samples than one pass can number.
     """
 
-    def __init__(self, scene: Scene, camera: PerspectiveCamera, settings: RenderSettings) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        camera: PerspectiveCamera,
+        settings: RenderSettings,
+        poses: NDArray[np.float64] | None = None,
+        seed: int = 0,
+    ) -> None:
         check_sample_count(camera, settings)
         self.camera = camera
         self.settings = settings
@@ -69,6 +83,13 @@ class SceneRenderer:
         self._table = TriangleTable.of(meshes)
         self._sensor_parameters = mi.traverse(self._sensor)
         self._integrator = mi.load_dict({"type": "path", "max_depth": settings.max_depth})
+        reason = path_tracing_reason(scene, self.variant.name, poses, settings)
+        self.integrator = f"path ({reason})" if reason else "baked"
+        self._baked: BakedRenderer | None = None
+        if poses is not None and not reason:
+            self._baked = BakedRenderer(
+                self._scene, scene, meshes, settings, camera, poses[:, :3, 3], bake_seed(seed)
+            )
 
     def radiance(self, pose: NDArray[np.float64], seed: int) -> NDArray[np.float32]:
         """Spectral radiance (H, W, B) seen from a pose (4, 4), W·m⁻²·sr⁻¹·nm⁻¹, band means.
@@ -80,10 +101,13 @@ class SceneRenderer:
         """
         self._sensor_parameters["to_world"] = sensor_transform(pose)
         self._sensor_parameters.update()
-        image = trace_paths(
-            self._integrator, self._scene, self._sensor, seed, self.samples_per_pixel
-        )
-        radiance = np.array(image, dtype=np.float32)
+        if self._baked:
+            radiance = self._baked.radiance(self._sensor, seed)
+        else:
+            image = trace_paths(
+                self._integrator, self._scene, self._sensor, seed, self.samples_per_pixel
+            )
+            radiance = np.array(image, dtype=np.float32)
         if not np.isfinite(radiance).all():
             raise FloatingPointError(
                 "the renderer returned radiance that is not finite: look for NaN in textures, "

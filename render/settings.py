@@ -39,6 +39,14 @@ class RenderSettings(
     sampler: Literal["independent", "multijitter", "orthogonal", "ldsampler"] = "multijitter"
     """Mitsuba's sample generator."""
 
+    integrator: Literal["auto", "path", "baked"] = "auto"
+    """path traces every path of every frame; baked computes the light on each surface once, which
+    all views share; auto bakes where nothing moves and there are frames enough to pay for it.
+    Scalar variants and scenes with moving objects always take path."""
+
+    bake_samples: Annotated[int, Field(ge=1)] = 32
+    """Light paths per baked cell (a piece of one side of a triangle, up to 4 pixels long)."""
+
     backend: Backend = "auto"
     """Mitsuba variant family; auto takes cuda, else llvm, else scalar."""
 
@@ -77,6 +85,11 @@ def check_sample_count(
             f"use at most {(MAXIMUM_SAMPLES - 1) // pixels}"
             + (", counted after rounding" if is_rounded else "")
         )
+
+
+def bake_seed(seed: int) -> int:
+    """Mitsuba's 32-bit seed of a sequence's baked light, unrelated to those of its frames."""
+    return int(np.random.SeedSequence(seed, spawn_key=(0, 0)).generate_state(1)[0])
 
 
 def frame_seed(seed: int, frame: int) -> int:
