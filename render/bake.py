@@ -31,8 +31,9 @@ from megalopta.scenes.spectrum import Spectrum, flat
 
 NOT_BAKED = 2**32 - 1
 
-# Paths traced at once: what they leave behind is kept until it is summed.
-_PATHS_AT_ONCE = 2**21
+# Paths traced at once, in about a second: what they bring is kept until it is summed, and Ctrl-C
+# waits for them.
+_PATHS_AT_ONCE = 2**19
 _FIRST_ROWS = 2**12
 # Fractional parts of irrational numbers that are independent over the rationals, times 2³²:
 # 1/p and 1/p² of the plastic number p (Roberts' R₂ sequence), √2 and √3.
@@ -133,6 +134,7 @@ class BakedLight:
                 dr.scatter(self._radiance, values, row * self._width + column)
             dr.scatter(self._row, row, mi.UInt(part))
             dr.eval(self._radiance, self._row)
+            dr.sync_thread()
             self.baked_cells += len(part)
 
     def _reserve(self, rows: int) -> None:

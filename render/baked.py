@@ -24,7 +24,7 @@ from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.scene import Scene, Sun
 
 # Samples traced at once: what they saw is kept until all cells they saw are baked.
-_SAMPLES_AT_ONCE = 2**23
+_SAMPLES_AT_ONCE = 2**22
 # Forest sequences were seen to meet a new cell about every thirtieth sample.
 _SAMPLES_PER_CELL = 30
 # Wavelengths of a band's mean.
