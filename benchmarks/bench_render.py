@@ -51,7 +51,8 @@ def resident_mb() -> float:
 
 def run(frames: int, overrides: dict[str, str]) -> None:
     global inside
-    configuration = load("demo", {"trajectory.frames": str(frames), **overrides})
+    fixed = {"trajectory.frames": str(frames), "render.integrator": "path"}
+    configuration = load("demo", {**fixed, **overrides})
     with tempfile.TemporaryDirectory() as folder:
         dataset = begin_stage(Path(folder) / "data", configuration, "render")
         writer = FrameWriter(dataset)

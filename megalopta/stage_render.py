@@ -41,6 +41,7 @@ def render(dataset: Dataset) -> None:
         say("render: building the scene")
         writer = FrameWriter(dataset)
         say(f"render: {writer.objects} objects, {writer.triangles:,} triangles; {writer.variant}")
+        say(f"render: integrator {writer.integrator}")
         with progress("Rendering radiance and truth", len(missing), "frame") as advance:
             for index in missing:
                 writer.write(index)
@@ -81,7 +82,8 @@ def _build(settings: Configuration) -> Scene:
 
 def _load(scene: Scene, settings: Configuration) -> SceneRenderer:
     try:
-        return SceneRenderer(scene, settings.camera, settings.render)
+        poses = settings.trajectory.poses()
+        return SceneRenderer(scene, settings.camera, settings.render, poses, settings.seed)
     except ValueError as problem:
         raise UserError(f"render: {problem}") from None
 
@@ -93,9 +95,9 @@ class FrameWriter:
         self._dataset = dataset
         settings = dataset.configuration
         scene = _build(settings)
-        self._renderer = _load(scene, settings)
         self._poses = settings.trajectory.poses()
         self._times_s = settings.trajectory.times_s
+        self._renderer = _load(scene, settings)
         self._kinds, self._origin_m = scene.kinds, scene.origin_m
         self._motions = {
             str(index + 1): placement.motion.record()
@@ -103,7 +105,7 @@ class FrameWriter:
             if placement.motion
         }
         self.objects, self.triangles = len(scene.placements), scene.triangle_count
-        self.variant = self._renderer.variant
+        self.variant, self.integrator = self._renderer.variant, self._renderer.integrator
         self.samples_per_pixel = self._renderer.samples_per_pixel
 
     def record(self) -> dict[str, Any]:
@@ -112,6 +114,7 @@ class FrameWriter:
             "objects": self.objects,
             "triangles": self.triangles,
             "variant": self.variant.name,
+            "integrator": self.integrator,
             "kinds": list(self._kinds),
             "motions": self._motions,
         }

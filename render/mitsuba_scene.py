@@ -29,7 +29,7 @@ _SPECTRUM_LIMITS_NM = (100.0, 4000.0)
 
 # Points that stand for the disc of sun or moon: at 10 m they blur a shadow's edge in steps of 1 cm.
 # They cost no time, since a path looks at one of them.
-_DISC_POINTS = 64
+DISC_POINTS = 64
 
 
 def load_scene(scene: Scene, meshes: Sequence[MergedMesh]) -> Any:
@@ -135,13 +135,13 @@ def _lights(lighting: Lighting) -> dict[str, Any]:
     if max(lighting.sky.values):
         lights["sky"] = {"type": "constant", "radiance": _spectrum(lighting.sky)}
     if lighting.sun:
-        irradiance = _spectrum(lighting.sun.irradiance.scaled(1 / _DISC_POINTS))
-        for index, point in enumerate(lighting.sun.points(_DISC_POINTS).tolist()):
+        irradiance = _spectrum(lighting.sun.irradiance.scaled(1 / DISC_POINTS))
+        for index, point in enumerate(lighting.sun.points(DISC_POINTS).tolist()):
             lights[f"sun_{index:02d}"] = {
                 "type": "directional",
                 "direction": [-x for x in point],
                 "irradiance": irradiance,
-                "sampling_weight": 1 / _DISC_POINTS,  # all of them as often as the sky
+                "sampling_weight": 1 / DISC_POINTS,  # all of them as often as the sky
             }
     return lights
 
@@ -216,7 +216,7 @@ def _bsdf(material: Material) -> dict[str, Any]:
     if material.texture:
         diffuse = {
             "type": "blendbsdf",
-            "weight": _bitmap(material.texture.weight),
+            "weight": bitmap(material.texture.weight),
             "first": diffuse,
             "second": {"type": "diffuse", "reflectance": _spectrum(material.texture.reflectance)},
         }
@@ -226,10 +226,11 @@ def _bsdf(material: Material) -> dict[str, Any]:
 def _emission(emission: Emission) -> dict[str, Any]:
     if emission.pattern is None:
         return {"type": "spectrum", "value": emission.radiance}
-    return _bitmap(emission.pattern * np.float32(emission.radiance))
+    return bitmap(emission.pattern * np.float32(emission.radiance))
 
 
-def _bitmap(values: NDArray[np.float32]) -> dict[str, Any]:
+def bitmap(values: NDArray[np.float32]) -> dict[str, Any]:
+    """Mitsuba texture of values (H, W) that tile the uv square, row 0 at v = 0."""
     # Mitsuba's first row is v = 0, as ours.
     image = np.ascontiguousarray(values[..., None], dtype=np.float32)
     return {"type": "bitmap", "bitmap": mi.Bitmap(image), "raw": True, "wrap_mode": "repeat"}

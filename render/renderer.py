@@ -5,18 +5,20 @@ own, since the same seed would give noise that stands still on the sensor and re
 """
 
 import math
+from typing import Any
 
 import mitsuba as mi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from megalopta.render.baked import BakedLightIntegrator, path_tracing_reason
 from megalopta.render.environment import PanoramaView
 from megalopta.render.film import Film
 from megalopta.render.geometry import Geometry
 from megalopta.render.illuminance import Illuminance, LightMeter, LightSurvey
 from megalopta.render.merge import MovingMesh, merge
 from megalopta.render.mitsuba_scene import load_scene, move_meshes
-from megalopta.render.settings import RenderSettings, instant_seed
+from megalopta.render.settings import RenderSettings, bake_seed, instant_seed
 from megalopta.render.truth import Flow, Truth, TruthTracer
 from megalopta.render.variant import Variant, activate, choose_variant
 from megalopta.render.views import Instant, Rolling
@@ -37,6 +39,10 @@ class SceneRenderer:
         Projection, image size and field of view.
     settings : RenderSettings
         Samples, bands, backend.
+    poses : (T, 4, 4) float64, optional
+        Where the camera will come; light is baked for these. Without them paths are traced.
+    seed : int
+        Seed of the sequence, for what its frames share.
 
     Attributes
     ----------
@@ -44,6 +50,8 @@ class SceneRenderer:
         Light paths per pixel as the sampler rounds them.
     variant : Variant
         The Mitsuba variant in use.
+    integrator : str
+        "baked" or "path", and why paths are traced.
 
     Raises
     ------
@@ -51,7 +59,14 @@ class SceneRenderer:
         When a panorama cannot be read.
     """
 
-    def __init__(self, scene: Scene, camera: Camera, settings: RenderSettings) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        camera: Camera,
+        settings: RenderSettings,
+        poses: NDArray[np.float64] | None = None,
+        seed: int = 0,
+    ) -> None:
         self.camera = camera
         self.settings = settings
         self.variant: Variant = choose_variant(settings.backend)
@@ -74,7 +89,14 @@ class SceneRenderer:
                 scene.environment, camera, settings.bands_nm, settings.samples_per_pixel
             )
             self.samples_per_pixel = self._panorama.samples_per_pixel
-        self._integrator = mi.load_dict({"type": "path", "max_depth": settings.max_depth})
+        reason = path_tracing_reason(scene, self.variant.name, poses, settings)
+        self.integrator = f"path ({reason})" if reason else "baked"
+        self._integrator: Any = mi.load_dict({"type": "path", "max_depth": settings.max_depth})
+        if poses is not None and not reason:
+            positions = poses[:, :3, 3] - self._origin
+            self._integrator = BakedLightIntegrator(
+                self._scene, scene, meshes, settings, camera, positions, bake_seed(seed)
+            )
 
     def radiance(
         self, pose: NDArray[np.float64], seed: int, time_s: float = 0.0

@@ -47,6 +47,14 @@ class RenderSettings(
     max_passes: Annotated[int, Field(ge=2)] = 16
     """Passes at which a frame is finished even if target_error is not met."""
 
+    integrator: Literal["auto", "path", "baked"] = "auto"
+    """path traces every path of every frame; baked computes the light on each surface once, which
+    all views share; auto bakes where nothing moves and there are frames enough to pay for it.
+    Scalar variants and scenes with moving objects always take path."""
+
+    bake_samples: Annotated[int, Field(ge=1)] = 32
+    """Light paths per baked cell (a piece of one side of a triangle, up to 4 pixels long)."""
+
     backend: Backend = "auto"
     """Mitsuba variant family; auto takes cuda, else llvm, else scalar."""
 
@@ -78,3 +86,8 @@ def frame_seed(seed: int, frame: int, *parts: int) -> int:
 def instant_seed(seed: int, frame: int, instant: int) -> int:
     """Mitsuba's 32-bit seed of one instant of a frame's exposure, unrelated to all others."""
     return frame_seed(seed, frame, 0, instant)
+
+
+def bake_seed(seed: int) -> int:
+    """Mitsuba's 32-bit seed of a sequence's baked light, unrelated to those of its frames."""
+    return frame_seed(seed, 0, 0, 0, 0)

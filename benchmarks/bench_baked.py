@@ -1,0 +1,126 @@
+"""CPU time and error of frames from baked light, against path tracing with as many samples.
+
+Reference: the path tracer on the same scene, in the same run. Its error is the spread over seeds;
+that of baked frames is their spread plus their mean difference from path tracing. Equal seeds send
+equal primary rays, so that the difference converges much sooner than either image.
+"""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from megalopta.configuration import Configuration, load
+from megalopta.render import SceneRenderer, frame_seed
+from megalopta.scenes.build import build_scene
+from megalopta.scenes.light import LEVELS
+
+
+def renderer(configuration: Configuration, integrator: str) -> SceneRenderer:
+    scene = build_scene(
+        configuration.scene, configuration.light, configuration.camera, configuration.trajectory
+    )
+    settings = configuration.render.model_copy(update={"integrator": integrator})
+    poses = configuration.trajectory.poses()
+    return SceneRenderer(scene, configuration.camera, settings, poses)
+
+
+def cpu_seconds(work: Callable[[], Any]) -> tuple[float, Any]:
+    start = time.process_time()
+    result = work()
+    return time.process_time() - start, result
+
+
+def images(rendering: SceneRenderer, pose: np.ndarray, seeds: int) -> np.ndarray:
+    frames = [rendering.radiance(pose, frame_seed(0, seed)) for seed in range(seeds)]
+    return np.array(frames, dtype=np.float64)
+
+
+def errors(path: np.ndarray, baked: np.ndarray) -> dict[str, float]:
+    """Relative errors of stacks (seeds, H, W) of one view."""
+    level = path.mean()
+    spread = [np.sqrt(stack.var(axis=0, ddof=1).mean()) / level for stack in (path, baked)]
+    differences = (baked - path) / level
+    noise = differences.var(axis=0, ddof=1).mean() / len(differences)
+    bias = np.sqrt(max((differences.mean(axis=0) ** 2).mean() - noise, 0))
+    return {
+        "path": float(spread[0]),
+        "baked": float(np.hypot(spread[1], bias)),
+        "difference": float(bias),
+        "noise of difference": float(np.sqrt(noise)),
+        "mean": float(differences.mean()),
+    }
+
+
+def accuracy(level: str) -> None:
+    configuration = load(
+        "demo",
+        {
+            "light.level": level,
+            "camera.width": "80",
+            "camera.height": "80",
+            "trajectory.frames": "100",
+        },
+    )
+    pose = configuration.trajectory.poses()[50]
+    path, baked = (images(renderer(configuration, name), pose, 16) for name in ("path", "baked"))
+    total = errors(path.sum(axis=-1), baked.sum(axis=-1))
+    worst = max(
+        errors(path[..., band], baked[..., band])["difference"] for band in range(path.shape[-1])
+    )
+    print(
+        f"  {level:15} mean {total['mean']:+.2%} (required: 0.5 %), "
+        f"pixels {total['difference']:.2%}, worst band {worst:.2%} (required: 2 %); "
+        f"noise taken off {total['noise of difference']:.2%}",
+        flush=True,
+    )
+
+
+def sequence(level: str, frames: int) -> None:
+    configuration = load(
+        "demo",
+        {
+            "light.level": level,
+            "render.samples_per_pixel": "16",
+            "trajectory.frames": str(frames),
+            "trajectory.rotation_deg_s": str(3600 / frames),
+            "trajectory.velocity_m_s": "[0.15, 0.05, 0]",
+        },
+    )
+    poses = configuration.trajectory.poses()
+    path, baked = (renderer(configuration, name) for name in ("path", "baked"))
+    path.radiance(poses[0], 0)  # compiles kernels
+    few = np.linspace(0, frames - 1, 8).astype(int)
+    per_frame = np.mean(
+        [cpu_seconds(lambda i=i: path.radiance(poses[i], frame_seed(0, i)))[0] for i in few]
+    )
+    times = [
+        cpu_seconds(lambda i=i: baked.radiance(poses[i], frame_seed(0, i)))[0]
+        for i in range(frames)
+    ]
+    pose = poses[frames // 2]
+    stacks = [images(each, pose, 16) for each in (path, baked)]
+    total = errors(*(stack.sum(axis=-1) for stack in stacks))
+    band = errors(*(stack[..., 0] for stack in stacks))
+    print(
+        f"{level}, {configuration.camera.width} px, 16 samples, {frames} frames:\n"
+        f"  path   {per_frame * frames:.0f} CPU-s, error of a frame {total['path']:.2%}, "
+        f"of its first band {band['path']:.2%}\n"
+        f"  baked  {sum(times):.0f} CPU-s, error of a frame {total['baked']:.2%}, "
+        f"of its first band {band['baked']:.2%}; last frames {np.median(times[-20:]):.3f} s each\n"
+        f"  ratio  {sum(times) / per_frame / frames:.3f} (required: 0.333 at equal error)",
+        flush=True,
+    )
+
+
+def main() -> None:
+    print("baked against path tracing, difference of converged frames:")
+    for level in LEVELS:
+        accuracy(level)
+    for level in ("twilight", "daylight"):
+        sequence(level, 400)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,237 @@
+"""Light on surfaces, computed once per cell and kept: the part of shading that no view changes.
+
+A diffuse surface with reflectance ρ under irradiance E sends out L = ρE/π in all directions. For
+each cell that is asked for, and each band, the band means of ρ₀E/π and ρ₁E/π are kept, where ρ₀ and
+ρ₁ are the two reflectances that the surface's texture mixes: with its weight w the surface then
+shows (1 − w)·ρ₀E/π + w·ρ₁E/π. Band means of ρ and E apart would lose how the two go together
+within a band, several percent under green leaves. E is the light of the sky and of all surfaces,
+bounces included; what comes straight from the disc of sun or moon is left to the frame, which knows
+where shadows fall to the pixel.
+
+E/π is the mean radiance that arrives from directions distributed as the cosine. Position,
+direction and wavelength of the samples of a cell follow additive recurrences shifted at random; the
+rest of each path is random. All of it is drawn from seed and cell alone, so that a cell has the
+same light, to the last bit, in whatever order and company it is computed.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.render.bands import Bands
+from megalopta.render.cells import Cells
+from megalopta.render.merge import MergedMesh
+from megalopta.render.settings import RenderSettings
+from megalopta.scenes.scene import Material, Scene
+from megalopta.scenes.spectrum import Spectrum, flat
+
+NOT_BAKED = 2**32 - 1
+
+# Paths traced at once, in about a second: what they bring is kept until it is summed, and Ctrl-C
+# waits for them.
+_PATHS_AT_ONCE = 2**19
+_FIRST_ROWS = 2**12
+# Fractional parts of irrational numbers that are independent over the rationals, times 2³²:
+# 1/p and 1/p² of the plastic number p (Roberts' R₂ sequence), √2 and √3.
+_STEPS = tuple(round(2**32 * x) for x in (0.7548776662466927, 0.5698402909980532, 2**0.5 - 1))
+_STEPS += (round(2**32 * (3**0.5 - 1)),)
+
+
+def reflectances(material: Material) -> tuple[Spectrum, Spectrum]:
+    """Reflectance of a material where its texture's weight is 0 and where it is 1."""
+    if material.emission:
+        return flat(0.0), flat(0.0)
+    first = material.reflectance
+    return first, material.texture.reflectance if material.texture else first
+
+
+def wavelength_groups(bands_nm: Bands, place: Any) -> Iterator[tuple[int, int, Any]]:
+    """Bands in groups that fit Mitsuba's four wavelengths: first band, bands, wavelengths.
+
+    Parameters
+    ----------
+    bands_nm : sequence of (lower, upper)
+    place : Float
+        Where in each band the wavelength lies, 0 to 1.
+    """
+    for first in range(0, len(bands_nm), 4):
+        group = bands_nm[first : first + 4]
+        # Wavelengths that are left over repeat the last band and are not read.
+        padded = [*group, *[group[-1]] * (4 - len(group))]
+        wavelengths = [lower + (upper - lower) * place for lower, upper in padded]
+        yield first, len(group), mi.Spectrum(wavelengths)
+
+
+class BakedLight:
+    """Radiance that the cells of a scene send out, without what the sun's disc adds directly.
+
+    Parameters
+    ----------
+    loaded : mitsuba.Scene
+    scene : Scene
+    meshes : sequence of MergedMesh
+        As loaded.
+    cells : Cells
+    settings : RenderSettings
+    seed : int
+        32 bits.
+    """
+
+    def __init__(
+        self,
+        loaded: Any,
+        scene: Scene,
+        meshes: Sequence[MergedMesh],
+        cells: Cells,
+        settings: RenderSettings,
+        seed: int,
+    ) -> None:
+        self._scene = loaded
+        self._shapes = loaded.shapes_dr()
+        self._cells = cells
+        self._bands, self._samples = settings.bands_nm, settings.bake_samples
+        # The way from the camera to the cell is the first segment of the path.
+        self._integrator = mi.load_dict({"type": "path", "max_depth": settings.max_depth - 1})
+        self._sampler = _cell_sampler()
+        self._seed = dr.opaque(mi.UInt, seed)
+        self._reflectance = _reflectance_table(scene, meshes, self._bands, self._samples)
+        self._row = dr.full(mi.UInt, NOT_BAKED, cells.count)
+        self._radiance = dr.zeros(mi.Float, _FIRST_ROWS * self._width)
+        self.baked_cells = 0
+
+    @property
+    def _width(self) -> int:
+        return 2 * len(self._bands)
+
+    def bake_missing(self, cell: Any, active: Any) -> None:
+        """Compute the light of those cells (N,) that have none yet."""
+        row = dr.gather(mi.UInt, self._row, cell, active)
+        lanes: Any = dr.compress(active & (row == NOT_BAKED))
+        if dr.width(lanes):
+            self._bake(np.unique(np.array(dr.gather(mi.UInt, cell, lanes))))
+
+    def radiance(self, cell: Any, weight: Any, active: Any) -> list[Any]:
+        """Radiance of each band leaving cells (N,) where the texture's weight is (N,)."""
+        start: Any = dr.gather(mi.UInt, self._row, cell, active) * self._width
+        bands = len(self._bands)
+        first, second = (
+            [dr.gather(mi.Float, self._radiance, start + k + band, active) for band in range(bands)]
+            for k in (0, bands)
+        )
+        return [dr.lerp(a, b, weight) for a, b in zip(first, second, strict=True)]
+
+    def _bake(self, cell: NDArray[np.uint32]) -> None:
+        self._reserve(self.baked_cells + len(cell))
+        at_once = max(1, _PATHS_AT_ONCE // self._samples)
+        for start in range(0, len(cell), at_once):
+            part = cell[start : start + at_once]
+            row = dr.arange(mi.UInt, len(part)) + self.baked_cells
+            for column, values in enumerate(self._leaving(part)):
+                dr.scatter(self._radiance, values, row * self._width + column)
+            dr.scatter(self._row, row, mi.UInt(part))
+            dr.eval(self._radiance, self._row)
+            dr.sync_thread()
+            self.baked_cells += len(part)
+
+    def _reserve(self, rows: int) -> None:
+        size, needed = dr.width(self._radiance), rows * self._width
+        if needed > size:
+            grown = dr.zeros(mi.Float, max(needed, 2 * size))
+            dr.scatter(grown, self._radiance, dr.arange(mi.UInt, size))
+            self._radiance = grown
+
+    def _leaving(self, cell: NDArray[np.uint32]) -> list[Any]:
+        """Radiance leaving cells (C,): of each band for the first reflectance, then the second."""
+        count, bands = self._samples, len(self._bands)
+        lane = dr.arange(mi.UInt, len(cell) * count)
+        of_cell = lane // count
+        sample = lane - of_cell * count
+        mesh, rays = self._rays(cell, of_cell, sample)
+        table = mesh * (2 * bands * count) + sample
+        leaving: list[Any] = [None] * (2 * bands)
+        place = (mi.Float(sample) + 0.5) / count
+        for first, size, wavelengths in wavelength_groups(self._bands, place):
+            rays.wavelengths = wavelengths
+            arriving, _, _ = self._integrator.sample(self._scene, self._sampler, rays)
+            for band in range(size):
+                for column in (first + band, bands + first + band):
+                    rho = dr.gather(mi.Float, self._reflectance, table + column * count)
+                    leaving[column] = arriving[band] * rho
+        dr.eval(leaving)
+        return [dr.block_sum(values, count) / count for values in leaving]
+
+    def _rays(self, cell: NDArray[np.uint32], of_cell: Any, sample: Any) -> tuple[Any, Any]:
+        """Mesh of each sample, and its ray from the cell into a cosine-distributed direction."""
+        patch = self._cells.patches(cell)
+
+        def of(values: NDArray[np.uint32]) -> Any:
+            return dr.gather(mi.UInt, mi.UInt(values), of_cell)
+
+        key, _ = _hash(of(cell), self._seed)
+        x, y, a, b = _recurrence(sample, key)
+        self._sampler.start(key, sample)
+        hit: Any = dr.zeros(mi.PreliminaryIntersection3f, dr.width(sample))
+        hit.valid = True
+        hit.t = 0.0
+        hit.prim_index = of(patch.triangle)
+        hit.prim_uv = patch.barycentric(of, a, b)
+        mesh = of(patch.mesh)
+        hit.shape = dr.gather(mi.ShapePtr, self._shapes, mesh)
+        point = hit.compute_surface_interaction(dr.zeros(mi.Ray3f), mi.RayFlags.All)
+        upward = point.sh_frame.to_world(mi.warp.square_to_cosine_hemisphere(mi.Point2f(x, y)))
+        side = dr.select(of(patch.side) == 0, 1.0, -1.0)
+        return mesh, mi.RayDifferential3f(point.spawn_ray(side * upward))
+
+
+def _reflectance_table(
+    scene: Scene, meshes: Sequence[MergedMesh], bands_nm: Bands, samples: int
+) -> Any:
+    """Reflectance by mesh, then first or second, then band, then sample."""
+    place = (np.arange(samples) + 0.5) / samples
+    table = [
+        [spectrum(lower + (upper - lower) * place) for lower, upper in bands_nm]
+        for mesh in meshes
+        for spectrum in reflectances(scene.materials[mesh.material])
+    ]
+    return mi.Float(np.ravel(table).astype(np.float32))
+
+
+def _hash(first: Any, second: Any) -> tuple[Any, Any]:
+    hashed: Any = mi.sample_tea_32(first, second)
+    return hashed[0], hashed[1]
+
+
+def _recurrence(index: Any, key: Any) -> list[Any]:
+    """Points `index` of additive recurrences modulo 1, shifted by a key; exact in whole numbers."""
+    shifts = [shift for salt in (1, 2) for shift in _hash(key, mi.UInt(salt))]
+    return [
+        mi.Float((index * mi.UInt(step) + shift) >> 8) * 2.0**-24
+        for step, shift in zip(_STEPS, shifts, strict=True)
+    ]
+
+
+def _cell_sampler() -> Any:
+    """Mitsuba sampler whose numbers follow from a cell's key and the sample, not from the lane."""
+    pcg32: Any = mi.PCG32
+
+    class CellSampler(mi.Sampler):
+        def __init__(self, properties: Any) -> None:
+            super().__init__(properties)
+            self.generator = pcg32()
+
+        def start(self, key: Any, sample: Any) -> None:
+            state, stream = mi.sample_tea_64(key, sample), mi.sample_tea_64(sample, key)
+            self.generator = pcg32(1, state, stream)
+
+        def next_1d(self, active: Any = True) -> Any:
+            return self.generator.next_float32()
+
+        def next_2d(self, active: Any = True) -> Any:
+            return mi.Point2f(self.next_1d(active), self.next_1d(active))
+
+    mi.register_sampler("megalopta_cell", CellSampler)
+    return mi.load_dict({"type": "megalopta_cell"})
