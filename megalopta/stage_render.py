@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +62,8 @@ def _frame_files(dataset: Dataset, index: int) -> list[Path]:
     if index + 1 < dataset.configuration.trajectory.frames:
         kinds += [("flow", "flo"), ("occlusions", "png"), ("invalid", "png")]
     training = [dataset.frame(f"training/{kind}", index, suffix) for kind, suffix in kinds]
-    return [dataset.radiance(index), dataset.truth(index), *training]
+    of_shutter = dataset.exposed_radiance(index), dataset.exposed_truth(index)
+    return [dataset.radiance(index), dataset.truth(index), *of_shutter, *training]
 
 
 def _build(settings: Configuration) -> Scene:
@@ -136,6 +138,23 @@ class FrameWriter:
             camera_path = dataset.frame("training/camdata_left", index, "cam")
             sintel.write_camera(camera_path, settings.camera, pose)
         write_truth(dataset.truth(index), truth, self._origin_m, self._view(index))
+        if not settings.shutter.is_instant:
+            self._write_exposed(index, attributes)
+
+    def _write_exposed(self, index: int, attributes: Mapping[str, str]) -> None:
+        """Render one frame as the shutter takes it; its seeds are unrelated to the sharp one's."""
+        dataset, settings = self._dataset, self._dataset.configuration
+        path, shutter = settings.trajectory, settings.shutter
+        radiance = self._renderer.exposed(path, shutter, index, settings.seed)
+        times = {
+            "exposureSeconds": repr(shutter.exposure_s), "readoutSeconds": repr(shutter.readout_s)
+        }  # fmt: skip
+        file, bands_nm = dataset.exposed_radiance(index), settings.render.bands_nm
+        write_radiance(file, radiance, bands_nm, {**attributes, **times})
+        if shutter.readout_s:
+            truth = self._renderer.shutter_truth(path, shutter, index)
+            file = dataset.exposed_truth(index)
+            write_truth(file, truth, self._origin_m, {**self._view(index), **times})
 
     def monte_carlo_noise(self, advance: Advance) -> dict[str, float]:
         """Noise of the rendering, from frames rendered twice (sum over bands).
