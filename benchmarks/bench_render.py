@@ -22,9 +22,16 @@ from megalopta.configuration import load
 from megalopta.dataset import begin_stage
 from megalopta.render import film, rays
 from megalopta.render.renderer import SceneRenderer
+from megalopta.render.settings import RenderSettings
 from megalopta.scenes.build import build_scene
 from megalopta.scenes.camera import PerspectiveCamera
+from megalopta.scenes.forest import Forest
+from megalopta.scenes.light import Light
+from megalopta.scenes.motion import Drift
+from megalopta.scenes.objects import MovingObject
 from megalopta.scenes.panoramic_camera import EquirectangularCamera
+from megalopta.scenes.sway import Wind
+from megalopta.scenes.trajectory import Trajectory
 from megalopta.stage_render import FrameWriter
 
 inside = 0.0
@@ -111,7 +118,35 @@ def compare_cameras(frames: int) -> None:
         print(f"  {name:<29}{speed / 1e6:.3f} million, {speed / reference:.2f} of the pinhole's")
 
 
+def compare_truth(frames: int) -> None:
+    """Print what the truth of a frame costs, in path-traced frames of 16 samples per pixel."""
+    camera = PerspectiveCamera(width=251, height=251, fov_deg=100)
+    path = Trajectory(frames=frames + 3, rotation_deg_s=12, velocity_m_s=(1.0, 0.3, 0.0))
+    times = path.times_s
+    crate = MovingObject(motion=Drift(velocity_m_s=(0, 1, 0), spin_deg_s=90))
+    scenes = {
+        "at rest": (Forest(), ()),
+        "with one moving object": (Forest(), (crate,)),
+        "swaying": (Forest(wind=Wind()), ()),
+    }
+    settings = RenderSettings(samples_per_pixel=16)
+    print(f"truth of a 150-tree forest, 251 px, {frames} frames (required: 100 %):")
+    for name, (forest, objects) in scenes.items():
+        scene = build_scene(forest, Light(), camera, path, objects)
+        renderer = SceneRenderer(scene, camera, settings)
+        costs = []
+        for frame in range(1, frames + 2):  # kernels are compiled in the first
+            start = time.process_time()
+            renderer.radiance(path.poses()[frame], frame, times[frame])
+            middle = time.process_time()
+            renderer.truth(path.poses(), frame, times)
+            costs.append((middle - start, time.process_time() - middle))
+        image, truth = np.median(costs[1:], axis=0)
+        print(f"  {name:<24}{truth:.2f} of {image:.2f} CPU-seconds, {truth / image:.0%}")
+
+
 def main() -> None:
+    compare_truth(4)
     compare_cameras(5)
     film.trace_paths = timed(film.trace_paths)
     for name in ("intersect", "blocked"):

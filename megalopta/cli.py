@@ -49,7 +49,7 @@ def _run(arguments: Sequence[str]) -> None:
     elif options.verb == "report":
         print(write_report(open_dataset(options.dataset)))
     elif options.verb == "check":
-        _check_physics(options.plots)
+        _check(options.what, options.dataset, options.plots)
     elif options.verb == "reproduce":
         _reproduce(options.figures, options.out)
     elif options.verb == "gallery":
@@ -66,10 +66,17 @@ def _run(arguments: Sequence[str]) -> None:
         run_stage(options.dataset, configuration, options.verb, options.redo)
 
 
-def _check_physics(plots: Path | None) -> None:
+def _check(what: str, folder: Path | None, plots: Path | None) -> None:
     from megalopta.check_physics import run_check_physics
+    from megalopta.check_truth import run_check_truth
 
-    if not run_check_physics(plots):
+    if what == "physics" and folder is not None:
+        raise UserError(f"check physics: takes no dataset, got {folder}")
+    if what == "truth" and plots is not None:
+        raise UserError("check truth: draws no pictures; leave --plots out")
+    if what == "truth" and folder is None:
+        raise UserError("check truth: which dataset? give its folder")
+    if not (run_check_truth(open_dataset(folder)) if folder else run_check_physics(plots)):
         sys.exit(1)
 
 
@@ -110,10 +117,10 @@ def _parser() -> argparse.ArgumentParser:
         _add_dataset(_add_verb(verbs, verb, STAGES[verb].purpose, has_settings=True))
     report = "write report.html, one file without outside links, from what a dataset holds"
     _add_dataset(_add_verb(verbs, "report", report))
-    check = _add_verb(
-        verbs, "check", "prove every sensor effect against theory or an event-by-event simulation"
-    )
-    check.add_argument("what", choices=["physics"], help="what to prove")
+    proving = "prove every sensor effect against theory, or a dataset's truth another way"
+    check = _add_verb(verbs, "check", proving)
+    check.add_argument("what", choices=["physics", "truth"], help="what to prove")
+    check.add_argument("dataset", nargs="?", type=Path, help="dataset folder, for truth")
     check.add_argument("--plots", type=Path, help="folder for pictures of the counting laws")
     drawing = "draw figures and tables of the dissertation again, as PNG, SVG and CSV"
     reproduction = _add_verb(verbs, "reproduce", drawing)

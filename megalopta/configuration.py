@@ -29,6 +29,7 @@ from megalopta.scenes.camera import Camera, PerspectiveCamera
 from megalopta.scenes.forest import Forest
 from megalopta.scenes.light import Light, illuminance_of
 from megalopta.scenes.objects import MovingObject
+from megalopta.scenes.shutter import Shutter
 from megalopta.scenes.trajectory import CameraPath, Trajectory
 from megalopta.sensor import IMAGE_SENSORS, ImageSensor
 from megalopta.sensor.change import merged
@@ -67,6 +68,9 @@ class Configuration(
 
     trajectory: CameraPath = Trajectory()
     """How the camera moves."""
+
+    shutter: Shutter = Shutter()
+    """Motion blur and rolling shutter of the frames that sensors see."""
 
     render: RenderSettings = RenderSettings()
     """Samples, depth, bands and backend."""
@@ -139,6 +143,7 @@ class Configuration(
         if len(set(names)) < len(names):
             raise ValueError(f"sensors {names}: give each sensor a name of its own")
         period = 1 / self.trajectory.frame_rate_hz
+        self._check_shutter(period)
         for sensor in self.sensors:
             band_efficiency(sensor.efficiency, self.render.bands_nm)  # refuses bands not covered
             if sensor.exposure_s > period * (1 + 1e-9):
@@ -148,6 +153,22 @@ class Configuration(
                     f"use at most {period:g}"
                 )
         return self
+
+    def _check_shutter(self, period_s: float) -> None:
+        shutter = self.shutter
+        for name in ("exposure_s", "readout_s"):
+            if getattr(shutter, name) > period_s * (1 + 1e-9):
+                raise ValueError(
+                    f"shutter.{name} {getattr(shutter, name):g} is longer than a frame at "
+                    f"trajectory.frame_rate_hz {self.trajectory.frame_rate_hz:g}; use at most "
+                    f"{period_s:g}"
+                )
+        moves = any(not thing.is_at_rest for thing in self.objects)
+        if shutter.readout_s and (moves or getattr(self.scene, "wind", None)):
+            raise ValueError(
+                f"shutter.readout_s {shutter.readout_s:g} needs a scene at rest, but objects or "
+                "trees move: use 0, or leave them still"
+            )
 
 
 def level_text(level: LightLevel) -> str:

@@ -5,7 +5,9 @@
     timings.json                 seconds each stage took
     training/clean|final/SEQ/    tone-mapped radiance | counts, PNG
     training/flow|occlusions|invalid|depth|camdata_left/SEQ/
-    radiance|truth/SEQ/          EXR
+    radiance|truth/SEQ/          EXR, every frame at its instant
+    radiance_shutter/SEQ/        EXR, the same frames blurred and rolling, where a shutter is set
+    truth_shutter/SEQ/           EXR, truth of every row at its own time, where rows are read out
     counts/SEQ/SENSOR-LEVEL.zarr
     results/SEQ/                 detector responses, errors, photon benchmark
 
@@ -37,7 +39,17 @@ from megalopta.sensor import ImageSensor
 # Which parts of the configuration a stage's output depends on, beside those of the stages before
 # it.
 STAGE_FIELDS: Mapping[str, tuple[str, ...]] = {
-    "render": ("name", "seed", "scene", "objects", "light", "camera", "trajectory", "render"),
+    "render": (
+        "name",
+        "seed",
+        "scene",
+        "objects",
+        "light",
+        "camera",
+        "trajectory",
+        "shutter",
+        "render",
+    ),
     "sense": ("light_levels", "sensors"),
     "flow": ("methods",),
     "bench": ("methods", "benchmark"),
@@ -85,6 +97,16 @@ class Dataset:
         """Ground truth of a frame."""
         return self.frame("truth", index, "exr")
 
+    def exposed_radiance(self, index: int) -> Path:
+        """Spectral radiance of a frame as the shutter takes it, which is what sensors see."""
+        is_instant = self.configuration.shutter.is_instant
+        return self.frame("radiance" if is_instant else "radiance_shutter", index, "exr")
+
+    def exposed_truth(self, index: int) -> Path:
+        """Ground truth of what sensors see; motion blur has that of its middle."""
+        is_rolling = self.configuration.shutter.readout_s > 0
+        return self.frame("truth_shutter" if is_rolling else "truth", index, "exr")
+
     @property
     def scene_record(self) -> Path:
         """JSON of what was rendered with what: objects, triangles, variant, light and noise."""
@@ -114,8 +136,10 @@ class Dataset:
         return {
             "render": [
                 *training,
-                self.root / "radiance" / self.sequence,
-                self.root / "truth" / self.sequence,
+                *(
+                    self.root / kind / self.sequence
+                    for kind in ("radiance", "truth", "radiance_shutter", "truth_shutter")
+                ),
             ],
             "sense": [
                 self.root / "counts" / self.sequence,

@@ -12,7 +12,10 @@ from megalopta.render.truth import Truth
 
 
 def read_radiance_frames(dataset: Dataset, chunk: int) -> Iterator[tuple[int, NDArray[np.float32]]]:
-    """Yield the first frame's number and radiance (n ≤ chunk, H, W, B) of successive chunks."""
+    """Yield the first frame's number and radiance (n ≤ chunk, H, W, B) of successive chunks.
+
+    It is the radiance that sensors see, through the shutter.
+    """
     frames = dataset.configuration.trajectory.frames
     for first in range(0, frames, chunk):
         indices = range(first, min(first + chunk, frames))
@@ -20,24 +23,24 @@ def read_radiance_frames(dataset: Dataset, chunk: int) -> Iterator[tuple[int, ND
 
 
 def read_truth_frames(dataset: Dataset) -> Iterator[Truth]:
-    """Yield the ground truth of every frame."""
+    """Yield the ground truth of every frame that sensors see."""
     for index in range(dataset.configuration.trajectory.frames):
         try:
-            yield read_truth(dataset.truth(index))
+            yield read_truth(dataset.exposed_truth(index))
         except (OSError, ValueError) as problem:
             raise UserError(f"{problem}; {_remedy(dataset)}") from None
 
 
 def _read_radiance(dataset: Dataset, index: int) -> NDArray[np.float32]:
     try:
-        radiance, bands = read_radiance(dataset.radiance(index))
+        radiance, bands = read_radiance(dataset.exposed_radiance(index))
     except (OSError, ValueError) as problem:
         raise UserError(f"{problem}; {_remedy(dataset)}") from None
     camera = dataset.configuration.camera
     expected = dataset.configuration.render.bands_nm
     if bands != expected or radiance.shape[:2] != (camera.height, camera.width):
         raise UserError(
-            f"{dataset.radiance(index)} has not the image size or bands that dataset.yaml "
+            f"{dataset.exposed_radiance(index)} has not the image size or bands that dataset.yaml "
             f"says; {_remedy(dataset)}"
         )
     return radiance

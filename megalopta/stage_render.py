@@ -64,7 +64,8 @@ def _frame_files(dataset: Dataset, index: int) -> list[Path]:
     if index + 1 < dataset.configuration.trajectory.frames:
         kinds += [("flow", "flo"), ("occlusions", "png"), ("invalid", "png")]
     training = [dataset.frame(f"training/{kind}", index, suffix) for kind, suffix in kinds]
-    return [dataset.radiance(index), dataset.truth(index), *training]
+    of_shutter = dataset.exposed_radiance(index), dataset.exposed_truth(index)
+    return [dataset.radiance(index), dataset.truth(index), *of_shutter, *training]
 
 
 def _build(settings: Configuration) -> Scene:
@@ -151,6 +152,23 @@ class FrameWriter:
             camera_path = dataset.frame("training/camdata_left", index, "cam")
             sintel.write_camera(camera_path, settings.camera, pose)
         write_truth(dataset.truth(index), truth, self._origin_m, self._view(index))
+        if not settings.shutter.is_instant:
+            self._write_exposed(index, attributes)
+
+    def _write_exposed(self, index: int, attributes: Mapping[str, str]) -> None:
+        """Render one frame as the shutter takes it; its seeds are unrelated to the sharp one's."""
+        dataset, settings = self._dataset, self._dataset.configuration
+        path, shutter = settings.trajectory, settings.shutter
+        radiance = self._renderer.exposed(path, shutter, index, settings.seed)
+        times = {
+            "exposureSeconds": repr(shutter.exposure_s), "readoutSeconds": repr(shutter.readout_s)
+        }  # fmt: skip
+        file, bands_nm = dataset.exposed_radiance(index), settings.render.bands_nm
+        write_radiance(file, radiance, bands_nm, {**attributes, **times})
+        if shutter.readout_s:
+            truth = self._renderer.shutter_truth(path, shutter, index)
+            file = dataset.exposed_truth(index)
+            write_truth(file, truth, self._origin_m, {**self._view(index), **times})
 
     def illuminance(self) -> dict[str, Any] | None:
         """Measured lux in the open and below the camera's path; None for a scene that glows."""

@@ -154,7 +154,7 @@ def read_truth(path: Path) -> Truth:
 
 
 def read_truth_header(path: Path) -> dict[str, str]:
-    """Read the text attributes of a truth file: camera, pose, names of kinds, time."""
+    """Read the text attributes of a truth file: camera, pose, time, names of kinds."""
     header, _ = _read(path)
     return {name: value for name, value in header.items() if isinstance(value, str)}
 

@@ -54,6 +54,11 @@ class MovingObject(
     motion: Annotated[ObjectMotion, BeforeValidator(steady_unless_told)] = Drift()
     """How it moves, from its position and orientation at the first frame."""
 
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether it neither goes nor spins."""
+        return self.motion == Drift(spin_axis=self.motion.spin_axis)
+
 
 def with_objects(scene: Scene, objects: Sequence[MovingObject]) -> Scene:
     """Add objects to a scene, after those that are there; each has a material of its own."""
@@ -67,8 +72,7 @@ def with_objects(scene: Scene, objects: Sequence[MovingObject]) -> Scene:
         to_world = np.eye(4)
         to_world[:3, :3] = Rotation.from_euler("xyz", thing.turn_deg, degrees=True).as_matrix()
         to_world[:3, 3] = thing.position_m
-        rests = thing.motion == Drift(spin_axis=thing.motion.spin_axis)
-        motion = None if rests else RigidMotion(thing.position_m, thing.motion)
+        motion = None if thing.is_at_rest else RigidMotion(thing.position_m, thing.motion)
         placements.append(Placement(name, thing.name, to_world, motion))
     return replace(scene, materials=materials, assets=assets, placements=tuple(placements))
 

@@ -1,0 +1,179 @@
+"""Datasets with moving objects and a shutter: what is stored, sensed, checked and refused."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from megalopta import cli
+from megalopta.check_truth import check_truth
+from megalopta.configuration import load
+from megalopta.dataset import open_dataset
+from megalopta.errors import UserError
+from megalopta.frames import read_radiance_frames, read_truth_frames
+from megalopta.render import read_radiance, read_truth, write_truth
+from megalopta.render.exr import read_truth_header
+from megalopta.sensor import expected_counts, read_counts
+from megalopta.stages import run_stage
+
+OBJECTS = (
+    "[{name: crate, position_m: [3, 0.3, 1.5], motion: {velocity_m_s: [0, -2, 0.4], "
+    "spin_deg_s: 90, spin_axis: [1, 2, 3]}}, "
+    "{name: bird, shape: ball, position_m: [4, -1, 1.6], motion: {kind: spline, "
+    "times_s: [0, 0.1, 0.4], ways_m: [[0, 0, 0], [0.1, 0.2, 0], [0, 1, 0]]}}]"
+)
+SMALL = {
+    "camera.width": "64",
+    "camera.height": "48",
+    "trajectory.frames": "3",
+    "render.samples_per_pixel": "16",
+    "render.bands_nm": "[[450, 550]]",
+    "sensors": "[ideal]",
+    "light_levels": "[twilight]",
+}
+
+
+@pytest.fixture(scope="session")
+def moving(tmp_path_factory):
+    """A grating with a crate and a bird before it, exposed for half of each frame."""
+    settings = load("grating", {**SMALL, "objects": OBJECTS, "shutter.exposure_s": "0.05"})
+    root = tmp_path_factory.mktemp("moving") / "data"
+    run_stage(root, settings, "render")
+    return run_stage(root, settings, "sense")
+
+
+@pytest.fixture(scope="session")
+def rolling(tmp_path_factory):
+    """The whole cylinder of the grating, read out row by row."""
+    changes = {"camera.kind": "cylindrical", "camera.lower_deg": "-30", "camera.upper_deg": "30"}
+    settings = load(
+        "grating", {**changes, **SMALL, "camera.width": "160", "shutter.readout_s": "0.08"}
+    )
+    return run_stage(tmp_path_factory.mktemp("rolling") / "data", settings, "render")
+
+
+def test_flow_is_derived_again_for_what_rests_and_what_moves(moving):
+    rows = {row.name: row for row in check_truth(moving)}
+    assert list(rows) == [
+        *("at rest, backward", "at rest, forward", "image, warped"),
+        *("moving, backward", "moving, forward"),
+    ]
+    assert all(row.passed for row in rows.values())
+    assert min(row.pixels for name, row in rows.items() if "moving" in name) > 150
+    # The objects are rigid: float32 of the stored numbers is all that is left.
+    assert max(row.percentile_99 for name, row in rows.items() if "image" not in name) < 1e-4
+
+
+def test_flow_of_a_panorama_is_derived_again(rolling):
+    rows = check_truth(rolling)
+    assert all(row.passed for row in rows)
+    assert rows[0].pixels == 2 * 160 * 48
+
+
+@pytest.mark.parametrize(
+    ("wrong", "failing"),
+    [
+        (lambda flow: flow + np.float32(0.002), "rest, forward"),
+        (lambda flow: flow + np.float32(0.5), "image"),
+        (lambda flow: flow * np.float32([-1, 1]), "image"),
+        (lambda flow: flow * np.float32(np.nan), "rest, forward"),
+    ],
+    ids=["slightly off", "half a pixel off", "mirrored", "missing"],
+)
+def test_wrong_flow_fails_the_check(moving, tmp_path, wrong, failing, capsys):
+    root = tmp_path / "data"
+    shutil.copytree(moving.root, root)
+    for index in (0, 1):
+        source = open_dataset(root).truth(index)
+        truth, header = read_truth(source), read_truth_header(source)
+        values = {**vars(truth), "flow_forward": wrong(truth.flow_forward)}
+        kept = {name: header[name] for name in ("camera", "cameraToWorld", "timeSeconds")}
+        write_truth(source, type(truth)(**values), (0, 0, 1), kept)
+    assert any(failing in row.name for row in check_truth(open_dataset(root)) if not row.passed)
+    with pytest.raises(SystemExit) as stopped:
+        cli.main(["check", "truth", str(root)])
+    assert stopped.value.code == 1
+    assert "NO" in capsys.readouterr().out
+
+
+def test_a_right_dataset_passes_on_the_command_line(moving, capsys):
+    cli.main(["check", "truth", str(moving.root)])
+    assert "moving, forward" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["truth"], "check truth: which dataset"),
+        (["physics", "somewhere"], "takes no dataset"),
+        (["truth", "none"], "no dataset here"),
+    ],
+)
+def test_a_check_that_cannot_be_made_is_refused(arguments, words, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        cli.main(["check", *arguments])
+    assert stopped.value.code == 2
+    assert words in capsys.readouterr().err
+
+
+def test_truth_files_name_camera_pose_time_and_kinds(moving):
+    header = read_truth_header(moving.truth(1))
+    pose = np.array(header["cameraToWorld"].split(), dtype=float).reshape(4, 4)
+    np.testing.assert_array_equal(pose, moving.configuration.trajectory.poses()[1])
+    assert json.loads(header["camera"])["width"] == 64
+    assert float(header["timeSeconds"]) == 0.1
+    names = json.loads(header["kindNames"])
+    truth = read_truth(moving.truth(1))
+    assert {names[kind - 1] for kind in np.unique(truth.kind_id)} == {"bird", "crate", "grating"}
+    assert json.loads(moving.scene_record.read_text())["motions"].keys() == {"2", "3"}
+
+
+def test_sensors_see_the_frames_of_the_shutter(moving):
+    blurred, bands = read_radiance(moving.exposed_radiance(1))
+    sharp, _ = read_radiance(moving.radiance(1))
+    assert moving.exposed_radiance(1) != moving.radiance(1)
+    assert not np.allclose(blurred, sharp, rtol=0.2)
+    stored = read_counts(moving.counts(moving.configuration.sensors[0], "twilight"))
+    first, *_ = (frames for _, frames in read_radiance_frames(moving, 3))
+    np.testing.assert_array_equal(first[1], blurred)
+    ratio = stored.exposure.expected[1] / expected_counts(blurred[None], bands, stored.sensor)[0]
+    np.testing.assert_allclose(ratio, ratio.mean(), rtol=1e-5)
+
+
+def test_blur_has_the_truth_of_its_middle_and_rows_have_their_own(moving, rolling):
+    assert moving.exposed_truth(1) == moving.truth(1)
+    assert rolling.exposed_truth(1) != rolling.truth(1)
+    frames = list(read_truth_frames(rolling))
+    # The camera turns at 15°/s about the vertical: azimuth tells each row's time. A row sees its
+    # point a frame later in the same row, so the flow is that of an instant.
+    sharp = read_truth(rolling.truth(0))
+    np.testing.assert_allclose(frames[0].flow_forward, sharp.flow_forward, atol=1e-4)
+    azimuth = [
+        np.arctan2(each.position[:, 80, 1], each.position[:, 80, 0]) for each in (frames[0], sharp)
+    ]
+    delay = 0.08 * (np.arange(48) / 47 - 0.5)
+    np.testing.assert_allclose(azimuth[0] - azimuth[1], np.radians(15) * delay, atol=1e-6)
+
+
+def test_a_render_with_a_shutter_is_resumed_to_the_same_bytes(moving, tmp_path):
+    shutil.copytree(moving.root, tmp_path / "data")
+    dataset = open_dataset(tmp_path / "data")
+    lost = dataset.exposed_radiance(1)
+    before = lost.read_bytes()
+    lost.unlink()
+    run_stage(dataset.root, dataset.configuration, "render")
+    assert lost.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"shutter.exposure_s": "0.2"}, r"shutter.exposure_s 0\.2 is longer than a frame"),
+        ({"shutter.readout_s": "0.05", "objects": OBJECTS}, "needs a scene at rest"),
+        ({"objects": "[{motion: {kind: fly}}]"}, "kind 'fly' is unknown"),
+    ],
+)
+def test_what_cannot_be_rendered_is_refused(changes, words):
+    with pytest.raises(UserError, match=words):
+        load("grating", changes)
