@@ -20,10 +20,9 @@ from megalopta.render.exr import read_radiance, write_radiance, write_truth
 from megalopta.render.noise import MEASURED_EVERY, RenderNoise, render_once, render_until
 from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import frame_seed
-from megalopta.scenes.build import build_scene
+from megalopta.scenes.build import build_scene, glows
 from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.color import linear_srgb
-from megalopta.scenes.grating import Grating
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectrum import flat
 
@@ -228,8 +227,7 @@ def _say_noise(settings: Configuration, noise: Mapping[str, Any] | None) -> None
 def _write_previews(dataset: Dataset) -> None:
     """Tone-mapped radiance, all frames exposed alike, after the first."""
     configuration = dataset.configuration
-    is_grating = isinstance(configuration.scene, Grating)
-    white = flat(1.0) if is_grating else configuration.light.resolved().spectrum()
+    white = flat(1.0) if glows(configuration.scene) else configuration.light.resolved().spectrum()
     level = None
     for index in range(configuration.trajectory.frames):
         radiance, bands = read_radiance(dataset.radiance(index))

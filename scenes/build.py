@@ -6,16 +6,20 @@ from typing import Annotated
 
 from pydantic import Field
 
+from megalopta.scenes.bench import Bench, build_bench
 from megalopta.scenes.camera import Camera
 from megalopta.scenes.forest import Forest, build_forest
 from megalopta.scenes.grating import Grating, build_grating
 from megalopta.scenes.light import Light
 from megalopta.scenes.objects import MovingObject, with_objects
 from megalopta.scenes.panorama import Panorama, build_panorama
+from megalopta.scenes.plane import Plane, build_plane
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.trajectory import CameraPath, Trajectory
 
-SceneDescription = Annotated[Forest | Grating | Panorama, Field(discriminator="kind")]
+SceneDescription = Annotated[
+    Forest | Grating | Plane | Bench | Panorama, Field(discriminator="kind")
+]
 """Any scene that can be described in a configuration; `kind` tells which."""
 
 
@@ -28,8 +32,8 @@ def build_scene(
 ) -> Scene:
     """Build what a camera on a trajectory will see, with objects of the user's own.
 
-    A forest keeps its trunks clear of the camera's path; a grating surrounds the camera, which
-    may only turn, and glows as brightly as a sky of the light's illuminance.
+    A forest keeps its trunks clear of the camera's path. Gratings and the bench glow by themselves,
+    as brightly as a sky of the light's illuminance.
     """
     scene = _surroundings(description, light, camera, trajectory)
     return with_objects(replace(scene, origin_m=trajectory.origin_m), objects)
@@ -40,13 +44,22 @@ def _surroundings(
 ) -> Scene:
     if isinstance(description, Panorama):
         return build_panorama(description, light.resolved())
+    lux = light.resolved().illuminance_lux
     if isinstance(description, Grating):
         if not isinstance(trajectory, Trajectory):
             raise ValueError(
                 f"trajectory.kind {trajectory.kind!r}: a grating surrounds a camera that turns in "
                 "place; use 'steady'"
             )
-        lux = light.resolved().illuminance_lux
         return build_grating(description, camera, trajectory, lux)
+    if isinstance(description, Plane):
+        return build_plane(description, camera, trajectory, lux)
+    if isinstance(description, Bench):
+        return build_bench(description, camera, trajectory, lux)
     path = trajectory.poses()[:, :2, 3]
     return replace(build_forest(description, path), lighting=light.lighting())
+
+
+def glows(description: SceneDescription) -> bool:
+    """Whether a scene is its own light, of flat spectrum."""
+    return isinstance(description, Grating | Plane | Bench)

@@ -78,3 +78,20 @@ def test_the_wall_is_as_high_as_an_asymmetric_panorama_sees():
     camera = CylindricalCamera(lower_deg=-20, upper_deg=50)
     wall = build_grating(Grating(), camera, TURNING, 1.0).assets["wall"].parts["grating"]
     assert wall.bounds[1, 2] / 10 == pytest.approx(1.05 * math.tan(math.radians(50)))
+
+
+@pytest.mark.parametrize("pattern", ["sine", "square"])
+def test_bars_keep_their_phase_up_the_wall_and_close_around_it(pattern):
+    grating = Grating(pattern=pattern, contrast=0.5, cycles_per_frame=4)
+    emission = build_grating(grating, CAMERA, TURNING, 1.0).materials["grating"].emission
+    assert (emission.pattern == emission.pattern[:1]).all()
+    angle = (np.arange(4096) + 0.5) / 4096 * 2 * np.pi
+    wave = -np.sin(4 * 360 / 72 * angle)
+    expected = 1 + 0.5 * (np.sign(wave) if pattern == "square" else wave)
+    np.testing.assert_allclose(emission.pattern[0], expected, atol=1e-5)
+
+
+def test_random_dots_need_no_closing_frequency():
+    grating = Grating(pattern="dots", contrast=0.5, cycles_per_frame=4.25)
+    pattern = build_grating(grating, CAMERA, TURNING, 1.0).materials["grating"].emission.pattern
+    assert set(np.unique(pattern)) == {np.float32(0.5), np.float32(1.5)}
