@@ -1,7 +1,8 @@
 """Bark patterns as tileable weights between a light and a dark reflectance (1 is dark).
 
 The patterns imitate appearance, not growth: plates between cracks for spruce, bands of lenticels
-and dark scars on white for birch, gray blotches with fine wrinkles for beech. Each has contrast
+and dark scars on white for birch, gray blotches with fine wrinkles for beech, long ridges that
+split and join for oak. Each has contrast
 from half a meter down to the texel, because motion detectors live on it.
 """
 
@@ -70,3 +71,13 @@ def scaly_bark(rng: np.random.Generator) -> NDArray[np.float32]:
     broad = 0.35 * _noise((0.1, 0.8), 1.2, rng, 2.0)
     grain = 0.25 * _noise((0.0035, 0.03), 0.4, rng, 1.5)
     return to_weight(cracks - 0.55 + shade + broad + grain)
+
+
+def furrowed_bark(rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return oak-like bark: long ridges that split and join between deep dark furrows."""
+    waves = _noise((0.03, 0.12), 0.6, rng, 5.0)
+    furrows = np.exp(-((waves / 0.3) ** 2))
+    cracks = np.maximum(_noise((0.01, 0.06), 0.5, rng, 0.4) - 1.0, 0)
+    broad = 0.3 * _noise((0.1, 0.8), 1.2, rng, 2.0)
+    grain = 0.3 * _noise((0.0035, 0.03), 0.4, rng, 2.0)
+    return to_weight(1.9 * furrows + 0.8 * cracks - 0.8 + broad + grain)

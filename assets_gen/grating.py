@@ -1,9 +1,12 @@
-"""The 2-D sine grating of the flow benchmark, and a cylinder to carry it (dissertation §4.2.1).
+"""Patterns for motion detectors, and the cylinder and the board that carry them.
 
-With image coordinates x, y in frames, S = 1 + C·sin(2πf·x_r + φ_x)·sin(2πf·y_r + φ_y). Variant
-"rot" turns the coordinates by 45°, x_r = (x + y)/√2 and y_r = (y − x)/√2, as the dissertation
-writes; its moving part has √2·f cycles per frame. Variant "periodic" divides by 2 instead and has
-exactly f.
+The 2-D sine grating is the one of the flow benchmark (dissertation §4.2.1): with image coordinates
+x, y in frames, S = 1 + C·sin(2πf·x_r + φ_x)·sin(2πf·y_r + φ_y). Variant "rot" turns the coordinates
+by 45°, x_r = (x + y)/√2 and y_r = (y − x)/√2, as the dissertation writes; its moving part has √2·f
+cycles per frame. Variant "periodic" divides by 2 instead and has exactly f.
+
+Random dots are disks of half a period's diameter that lie anywhere, also on each other, and cover
+half of the plane: a Boolean model, whose covariance has a closed form.
 """
 
 from typing import Literal
@@ -13,11 +16,14 @@ import trimesh
 from numpy.typing import NDArray
 
 GratingVariant = Literal["rot", "periodic"]
+Pattern = Literal["sine_2d", "sine", "square", "dots"]
 
 
-def moving_cycles(cycles_per_frame: float, variant: GratingVariant) -> float:
-    """Cycles per frame of the part of the grating that moves with x."""
-    return cycles_per_frame * (2**0.5 if variant == "rot" else 1.0)
+def moving_cycles(
+    cycles_per_frame: float, variant: GratingVariant, pattern: Pattern = "sine_2d"
+) -> float:
+    """Cycles per frame of the part of the pattern that moves with x."""
+    return cycles_per_frame * (2**0.5 if variant == "rot" and pattern == "sine_2d" else 1.0)
 
 
 def sine_grating(
@@ -33,6 +39,56 @@ def sine_grating(
     along = 2 * np.pi * cycles_per_frame * (x + y) / scale + phases_rad[0]
     across = 2 * np.pi * cycles_per_frame * (y - x) / scale + phases_rad[1]
     return np.asarray(1 + contrast * np.sin(along) * np.sin(across))
+
+
+def bars(
+    x: NDArray[np.float64], contrast: float, phase_rad: float, square: bool
+) -> NDArray[np.float64]:
+    """Value 1 ± C of vertical bars at places x (periods): a sine or a square wave."""
+    wave = np.sin(2 * np.pi * x + phase_rad)
+    return np.asarray(1 + contrast * (np.where(wave >= 0, 1.0, -1.0) if square else wave))
+
+
+def random_dots(
+    shape: tuple[int, int],
+    size: tuple[float, float],
+    contrast: float,
+    rng: np.random.Generator,
+) -> NDArray[np.float64]:
+    """Image (H, W) of value 1 + C on disks and 1 − C elsewhere; it tiles without a seam.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Rows and columns.
+    size : (float, float)
+        Height and width of the image in periods; disks have a diameter of half a period.
+    contrast : float
+        Michelson contrast C.
+    rng : Generator
+        Number and places of the disks.
+    """
+    radius = 0.25
+    count = rng.poisson(np.log(2) / (np.pi * radius**2) * size[0] * size[1])
+    texel = np.array(size) / shape
+    reach = np.ceil(radius / texel).astype(int)
+    rows, columns = np.meshgrid(*(np.arange(-r, r + 1) for r in reach), indexing="ij")
+    covered = np.zeros(shape, dtype=bool)
+    for center in rng.random((count, 2)) * size:
+        nearest = np.floor(center / texel).astype(int)
+        row, column = nearest[0] + rows, nearest[1] + columns
+        away = np.hypot((row + 0.5) * texel[0] - center[0], (column + 0.5) * texel[1] - center[1])
+        inside = away < radius
+        covered[row[inside] % shape[0], column[inside] % shape[1]] = True
+    return np.where(covered, 1 + contrast, 1 - contrast)
+
+
+def board(low: NDArray[np.float64], high: NDArray[np.float64], tile: float) -> trimesh.Trimesh:
+    """Rectangle in the plane z = 0 between two corners (2,), facing −z; a tile is `tile` wide."""
+    corners = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
+    vertices = np.column_stack([corners, np.zeros(4)])
+    visual = trimesh.visual.TextureVisuals(uv=corners / tile)
+    return trimesh.Trimesh(vertices, [[0, 2, 1], [0, 3, 2]], process=False, visual=visual)
 
 
 def open_cylinder(radius_m: float, height_m: float, segments: int = 720) -> trimesh.Trimesh:

@@ -23,6 +23,8 @@ class Plant:
 
     Attributes
     ----------
+    species : Species
+        What it was grown from.
     branching : Branching
         Its axes.
     radii_m : (n,) float64
@@ -33,6 +35,7 @@ class Plant:
         All leaves.
     """
 
+    species: Species
     branching: Branching
     radii_m: FloatArray
     tubes: tuple[Surface, ...]
@@ -50,28 +53,36 @@ def grow_plant(species: Species, rng: np.random.Generator) -> Plant:
     skeleton = branching.skeleton
     reference = min(BREAST_HEIGHT_M, species.height_m / 3)
     radii = pipe_radii(skeleton, species.disused_share, species.radius_m, reference)
-    tubes = [_tube(species, skeleton, radii, nodes, rng) for nodes in axes(skeleton, radii)]
+    tubes = [
+        bark_around(species, skeleton, radii, nodes, species.chord_m, rng)
+        for nodes in axes(skeleton, radii)
+    ]
     leaves = place_leaves(skeleton.positions[branching.bearing], species.foliage, rng)
-    return Plant(branching, radii, tuple(tubes), leaves)
+    return Plant(species, branching, radii, tuple(tubes), leaves)
 
 
-def _tube(
+def bark_around(
     species: Species,
     skeleton: Skeleton,
-    radii: FloatArray,
+    radii_m: FloatArray,
     nodes: IndexArray,
+    chord_m: float,
     rng: np.random.Generator,
 ) -> Surface:
-    """Return the bark around one axis, with no more rings and sides than its shape needs."""
+    """Return the tube around one axis, with no more rings and sides than `chord_m` asks for.
+
+    However few its sides, it is as wide on average as the round branch that it stands for.
+    """
     is_stem = skeleton.parents[nodes[0]] < 0
-    positions, radius = skeleton.positions[nodes], radii[nodes]
+    positions, radius = skeleton.positions[nodes], radii_m[nodes]
     if not is_stem:
         radius[0] = radius[1]  # the first node lies inside the bearing axis and has its radius
-    profile = np.repeat(radius[:, None], _sides(radius[0], species.chord_m), axis=1)
+    sides = _sides(radius[0], chord_m)
+    profile = np.repeat(radius[:, None] * _as_wide_as_a_circle(sides), sides, axis=1)
     if is_stem:
-        profile *= root_flare(positions[:, 2], profile.shape[1], radius[0], species.flare, rng)
+        profile *= root_flare(positions[:, 2], sides, radius[0], species.flare, rng)
     outline = np.column_stack([positions, profile.max(axis=1)])
-    kept = simplified(outline, species.chord_m * (STEM_FINENESS if is_stem else 1))
+    kept = simplified(outline, chord_m * (STEM_FINENESS if is_stem else 1))
     origin = rng.random(2)
     return sweep(positions[kept], profile[kept][:-1], TILE_M, origin, whole_tiles=is_stem)
 
@@ -79,6 +90,14 @@ def _tube(
 def _sides(radius_m: float, chord_m: float) -> int:
     """Return how many sides make a tube look round at the detail that `chord_m` asks for."""
     return int(np.interp(radius_m / chord_m, [0.3, 0.6, 1, 2], [3, 4, 6, 12]))
+
+
+def _as_wide_as_a_circle(sides: int) -> float:
+    """Return the circumradius of the regular polygon with the unit circle's circumference.
+
+    By Cauchy's formula convex outlines of one circumference are equally wide on average.
+    """
+    return float(np.pi / (sides * np.sin(np.pi / sides)))
 
 
 def root_flare(

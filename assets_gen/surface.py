@@ -32,6 +32,12 @@ class Surface:
     uv: FloatArray
     normals: FloatArray | None = None
 
+    @property
+    def area(self) -> float:
+        """Area of all faces (m²)."""
+        a, b, c = self.vertices[self.faces].swapaxes(0, 1)
+        return float(np.linalg.norm(cross(b - a, c - a), axis=1).sum() / 2)
+
     def to_mesh(self) -> trimesh.Trimesh:
         """Return the mesh; `metadata["smooth"]` tells whether its vertex normals are meant."""
         return trimesh.Trimesh(

@@ -6,9 +6,10 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.assets_gen.bark import papery_bark, scaly_bark, smooth_bark
+from megalopta.assets_gen.bark import furrowed_bark, papery_bark, scaly_bark, smooth_bark
 from megalopta.assets_gen.foliage import ATLAS_TILES
 from megalopta.assets_gen.noise import tileable_noise, to_weight
+from megalopta.assets_gen.rocks import TILE_M as STONE_TILE_M
 from megalopta.assets_gen.splats import strew
 from megalopta.assets_gen.surface import FloatArray
 from megalopta.assets_gen.terrain import TILE_M
@@ -65,14 +66,35 @@ def needle_texture(rng: np.random.Generator) -> NDArray[np.float32]:
     return to_weight(signal)
 
 
+def stone_texture(rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return tileable granite: speckled grain, stains, round spots of pale lichen."""
+    shape, size = (512, 512), (STONE_TILE_M, STONE_TILE_M)
+    grain = tileable_noise(shape, size, (0.005, 0.03), 0.2, rng)
+    stains = tileable_noise(shape, size, (0.06, 1.2), 1.2, rng)
+    lichen = strew(shape, size, 60, (0.03, 0.12), 0.9, 0.0, 3.0, rng)
+    stone = 0.35 * grain + 0.55 * stains - 0.3
+    return to_weight(np.where(np.isnan(lichen), stone, 0.7 + lichen + 0.3 * grain))
+
+
+def mossy_texture(rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return tileable old bark, 0, with cushions of moss, 1."""
+    shape, size = (512, 512), (1.6, 0.8)
+    cushions = tileable_noise(shape, size, (0.08, 0.8), 1.0, rng)
+    fibers = tileable_noise(shape, size, (0.01, 0.1), 0.5, rng, 4.0)
+    return to_weight(2.2 * cushions + 0.6 * fibers - 0.6)
+
+
 TEXTURES: Mapping[str, Callable[[np.random.Generator], NDArray[np.float32]]] = MappingProxyType(
     {
+        "furrowed": furrowed_bark,
         "smooth": smooth_bark,
         "papery": papery_bark,
         "scaly": scaly_bark,
         "leaf": leaf_texture,
         "needles": needle_texture,
         "litter": litter_texture,
+        "stone": stone_texture,
+        "mossy": mossy_texture,
     }
 )
 """Every texture by name: a weight (H, W) in [0, 1]; all but the atlases of leaves tile."""

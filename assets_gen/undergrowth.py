@@ -1,4 +1,7 @@
-"""Small plants of the forest floor: ferns, tufts of grass, herbs, and loose fallen leaves."""
+"""Small plants of the forest floor: ferns, grass, herbs, flowers, bilberry, loose fallen leaves.
+
+All but grass are leaves of two triangles each, which `detail.merged_leaves` can merge.
+"""
 
 import numpy as np
 
@@ -22,7 +25,12 @@ PINNA = Foliage(
     blade="leaf",
 )
 HERB_LEAF = PINNA.model_copy(update={"length_m": 0.14, "width_m": 0.065, "widest": 0.6})
+BILBERRY_LEAF = PINNA.model_copy(update={"length_m": 0.07, "width_m": 0.04, "widest": 0.5})
+PETAL = PINNA.model_copy(update={"length_m": 0.035, "width_m": 0.024, "widest": 0.6})
 FALLEN_LEAF = PINNA.model_copy(update={"length_m": 0.09, "width_m": 0.055, "fold_deg": 25})
+
+GRASS_BLADES = 28
+"""Blades of a tuft of grass."""
 
 
 def grow_fern(rng: np.random.Generator) -> Surface:
@@ -64,14 +72,60 @@ def grow_herbs(rng: np.random.Generator) -> Surface:
     return blades(base, direction, facing, size, HERB_LEAF, rng)
 
 
-def grow_grass(rng: np.random.Generator) -> Surface:
-    """Return a tuft of grass, about 0.3 m high: blades of three triangles that bend outward."""
-    count = 20
+def grow_flowers(rng: np.random.Generator) -> tuple[Surface, Surface]:
+    """Return the leaves and the petals of a patch, 0.8 m wide, of flowers 0.2 m high."""
+    plants, petals = 16, 6
+    spots = 0.25 * rng.standard_normal((plants, 3)) * (1, 1, 0)
+    azimuth = 2 * np.pi * rng.random((plants, 1)) + 2 * np.pi * np.arange(3) / 3
+    base = np.repeat(spots + 0.07 * UP, 3, axis=0)
+    leaves = _rosette(base, azimuth.ravel(), 0.35, 0.75 * np.ones(3 * plants), HERB_LEAF, rng)
+    heads = spots + rng.uniform(0.13, 0.22, (plants, 1)) * UP
+    azimuth = 2 * np.pi * rng.random((plants, 1)) + 2 * np.pi * np.arange(petals) / petals
+    size = np.repeat(rng.uniform(0.8, 1.3, plants), petals)
+    base = np.repeat(heads, petals, axis=0)
+    return leaves, _rosette(base, azimuth.ravel(), 0.25, size, PETAL, rng)
+
+
+def _rosette(
+    base: FloatArray,
+    azimuth: FloatArray,
+    steep: float,
+    size: FloatArray,
+    leaf: Foliage,
+    rng: np.random.Generator,
+) -> Surface:
+    direction = np.cos(steep) * outward(azimuth) + np.sin(steep) * UP
+    facing = UP + rng.normal(0, 0.2, direction.shape)
+    return blades(base, direction, facing, size, leaf, rng)
+
+
+def grow_bilberry(rng: np.random.Generator) -> Surface:
+    """Return a low shrub, 0.35 m high and 0.8 m wide: small leaves on upright shoots."""
+    shoots, leaves = 22, 7
+    foot = 0.2 * rng.standard_normal((shoots, 3)) * (1, 1, 0)
+    azimuth, steep = rng.uniform(0, 2 * np.pi, shoots), rng.uniform(0.9, 1.5, shoots)
+    length = rng.uniform(0.2, 0.38, shoots)
+    share = np.linspace(0.25, 1, leaves)
+    point, ahead = _arches(azimuth, length, steep, share)
+    base = (foot[:, None] + point).reshape(-1, 3)
+    turn = outward(rng.uniform(0, 2 * np.pi, len(base)))
+    direction = unit(0.5 * ahead.reshape(-1, 3) + turn)
+    facing = UP + rng.normal(0, 0.4, base.shape)
+    size = rng.uniform(0.8, 1.3, len(base))
+    return blades(base, direction, facing, size, BILBERRY_LEAF, rng)
+
+
+def grow_grass(rng: np.random.Generator, merged: int = 1) -> Surface:
+    """Return a tuft of grass, about 0.4 m high: blades of three triangles that bend outward.
+
+    For a distant view, `merged` blades are drawn as one of their width.
+    """
+    count = max(round(GRASS_BLADES / merged), 1)
     azimuth = rng.uniform(0, 2 * np.pi, count)
-    length, steep = rng.uniform(0.2, 0.5, count), rng.uniform(1.0, 1.5, count)
+    length, steep = rng.uniform(0.25, 0.6, count), rng.uniform(1.0, 1.5, count)
     point, _ = _arches(azimuth, length, steep, np.array([0.55, 1.0]))
-    root = 0.07 * rng.standard_normal((count, 3)) * (1, 1, 0) - 0.03 * UP
-    half = 0.007 * outward(azimuth + np.pi / 2)
+    root = 0.11 * rng.standard_normal((count, 3)) * (1, 1, 0) - 0.03 * UP
+    half = 0.006 * GRASS_BLADES / count * outward(azimuth + np.pi / 2)
     middle, tip = root + point[:, 0], root + point[:, 1]
     corners = np.stack([root - half, root + half, middle + half, middle - half, tip], axis=1)
     faces = 5 * np.arange(count)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3], [3, 2, 4]])

@@ -213,7 +213,7 @@ def parse(text: str, source: str, overrides: Mapping[str, str] | None = None) ->
     if not overrides:
         return configuration
     changed = configuration.model_dump(mode="json")
-    for path, value in overrides.items():
+    for path, value in sorted(overrides.items(), key=lambda item: _starts_afresh(item[0])):
         _set(changed, path, _safe_yaml(value, f"--{path}"))
     return _validated(changed, "command line")
 
@@ -276,7 +276,8 @@ def _validated(values: Any, source: str) -> Configuration:
 def _set(values: Any, path: str, value: Any) -> None:
     """Set a value inside nested mappings and lists.
 
-    A new `kind` starts its mapping afresh; a single value for a list makes a list of one.
+    A new `kind` or `preset` starts its mapping afresh; a single value for a list makes a list of
+    one.
     """
     *parents, last = path.split(".")
     for step in parents:
@@ -287,10 +288,22 @@ def _set(values: Any, path: str, value: Any) -> None:
     elif isinstance(values, dict):
         if last == "kind" and values.get("kind") != value:
             values.clear()
+        if last == "preset":
+            _keep_only(values, "kind")
         makes_list = isinstance(values.get(last), list) and not isinstance(value, list)
         values[last] = [value] if makes_list else value
     else:
         raise UserError(f"--{path}: {'.'.join(parents)} has no fields")
+
+
+def _starts_afresh(path: str) -> int:
+    """Order of a setting: what starts a mapping afresh comes before what changes it."""
+    return {"kind": 0, "preset": 1}.get(path.rpartition(".")[2], 2)
+
+
+def _keep_only(values: dict[str, Any], key: str) -> None:
+    for other in values.keys() - {key}:
+        del values[other]
 
 
 def _child(values: Any, step: str, path: str) -> Any:

@@ -14,9 +14,8 @@ from megalopta.progress import Advance, progress, say
 from megalopta.render.exr import read_radiance, write_radiance, write_truth
 from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import frame_seed
-from megalopta.scenes.build import build_scene
+from megalopta.scenes.build import build_scene, glows
 from megalopta.scenes.color import encode_srgb, linear_srgb
-from megalopta.scenes.grating import Grating
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectrum import flat
 
@@ -139,8 +138,7 @@ def _white_level(linear: NDArray[np.float64]) -> float:
 def _write_previews(dataset: Dataset) -> None:
     """Tone-mapped radiance, all frames exposed alike, after the first."""
     configuration = dataset.configuration
-    is_grating = isinstance(configuration.scene, Grating)
-    white = flat(1.0) if is_grating else configuration.light.resolved().spectrum()
+    white = flat(1.0) if glows(configuration.scene) else configuration.light.resolved().spectrum()
     exposure = None
     for index in range(configuration.trajectory.frames):
         linear = linear_srgb(*read_radiance(dataset.radiance(index)), white)

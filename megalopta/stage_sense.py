@@ -14,7 +14,7 @@ from megalopta.dataset import Dataset, exposure_name
 from megalopta.errors import UserError
 from megalopta.frames import read_radiance_frames
 from megalopta.progress import progress
-from megalopta.scenes.grating import Grating
+from megalopta.scenes.build import glows
 from megalopta.scenes.light import LEVELS, illuminance_of
 from megalopta.scenes.spectrum import Spectrum
 from megalopta.sensor import Exposure, Sensor, StoredCounts, expose, read_counts, write_counts
@@ -58,8 +58,11 @@ def light_scale(configuration: Configuration, level: LightLevel) -> NDArray[np.f
     """
     rendered = configuration.light.resolved()
     bands = configuration.render.bands_nm
-    glows = isinstance(configuration.scene, Grating)
-    if glows or not isinstance(level, str) or level == configuration.light.level:
+    if (
+        glows(configuration.scene)
+        or not isinstance(level, str)
+        or level == configuration.light.level
+    ):
         return np.full(len(bands), illuminance_of(level) / rendered.illuminance_lux)
     before, after = rendered.spectrum(), LEVELS[level].spectrum()
     return np.array([_band_mean(after, band) / _band_mean(before, band) for band in bands])

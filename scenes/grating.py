@@ -1,4 +1,4 @@
-"""The camera inside a cylinder whose wall glows with the 2-D sine grating of the flow benchmark.
+"""The camera inside a cylinder whose wall glows with a pattern.
 
 One frame of grating spans the horizontal field of view, counted in azimuth along the wall and in
 the same angular measure up the wall. Columns of a perspective image are not equidistant in azimuth,
@@ -10,14 +10,20 @@ import math
 from typing import Annotated, Literal
 
 import numpy as np
+import trimesh
+from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 from megalopta.assets_gen.grating import (
     GratingVariant,
+    Pattern,
+    bars,
     moving_cycles,
     open_cylinder,
+    random_dots,
     sine_grating,
 )
+from megalopta.assets_gen.seeding import generator
 from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.photometry import luminous
 from megalopta.scenes.scene import Asset, Emission, Material, Placement, Scene
@@ -31,10 +37,14 @@ _TEXELS = 4096
 class Grating(
     BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
 ):
-    """The 2-D sine grating on a cylinder around the camera."""
+    """A pattern on a cylinder around the camera: the 2-D sine grating, bars, or random dots."""
 
     kind: Literal["grating"] = "grating"
     """Which scene this is."""
+
+    pattern: Pattern = "sine_2d"
+    """sine_2d: the grating of the flow benchmark; sine and square: vertical bars; dots: random
+    disks of half a period's diameter that cover half of the wall."""
 
     contrast: Annotated[float, Field(ge=0, le=1)] = 0.9
     """Michelson contrast C."""
@@ -43,10 +53,13 @@ class Grating(
     """Spatial frequency f (cycles per horizontal field of view)."""
 
     phases_rad: tuple[float, float] = (0.0, 0.0)
-    """Phases of the two factors (rad)."""
+    """Phases of the two factors of sine_2d; the first is that of bars (rad)."""
 
     variant: GratingVariant = "periodic"
-    """rot: as the dissertation writes, √2·f moving cycles; periodic: exactly f."""
+    """Of sine_2d. rot: as the dissertation writes, √2·f moving cycles; periodic: exactly f."""
+
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Which random dots."""
 
 
 def build_grating(
@@ -69,25 +82,49 @@ def build_grating(
     _check_trajectory(trajectory)
     _check_frequency(grating, camera)
     half_height = 1.05 * camera.height / (2 * camera.focal_length_px)
-    u = (np.arange(_TEXELS) + 0.5) / _TEXELS
-    v = 2 * half_height * u[: _TEXELS // 4] * 4 - half_height
-    pattern = sine_grating(
-        x=-u[None, :] * 2 * math.pi / fov,
-        y=v[:, None] / fov,
-        contrast=grating.contrast,
-        cycles_per_frame=grating.cycles_per_frame,
-        phases_rad=grating.phases_rad,
-        variant=grating.variant,
-    )
-    radiance = illuminance_lux / math.pi / luminous(flat(1.0))
+    pattern = _pattern(grating, fov, half_height)
     wall = open_cylinder(_RADIUS_M, 2 * half_height * _RADIUS_M)
     to_world = np.eye(4)
     to_world[:3, 3] = trajectory.position_m
+    return glowing("grating", wall, to_world, pattern, illuminance_lux)
+
+
+def sky_radiance(illuminance_lux: float) -> float:
+    """Radiance (W·m⁻²·sr⁻¹·nm⁻¹) of a uniform sky of flat spectrum that gives the illuminance."""
+    return illuminance_lux / math.pi / luminous(flat(1.0))
+
+
+def glowing(
+    kind: str,
+    mesh: trimesh.Trimesh,
+    to_world: NDArray[np.float64],
+    pattern: NDArray[np.float64],
+    illuminance_lux: float,
+) -> Scene:
+    """One mesh that glows, where its pattern is 1, like a sky of the illuminance; flat spectrum."""
+    emission = Emission(sky_radiance(illuminance_lux), pattern.astype(np.float32))
     return Scene(
-        materials={"grating": Material(flat(0.0), None, Emission(radiance, pattern.astype("f4")))},
-        assets={"wall": Asset({"grating": wall})},
-        placements=(Placement("wall", "grating", to_world),),
+        materials={kind: Material(flat(0.0), None, emission)},
+        assets={kind: Asset({kind: mesh})},
+        placements=(Placement(kind, kind, to_world),),
     )
+
+
+def _pattern(grating: Grating, fov: float, half_height: float) -> NDArray[np.float64]:
+    """Value 1 ± C on the unrolled wall, row 0 at its foot."""
+    rows, columns = _TEXELS // 4, _TEXELS
+    x = -(np.arange(columns) + 0.5) / columns * 2 * math.pi / fov
+    y = ((np.arange(rows) + 0.5) / rows - 0.5) * 2 * half_height / fov
+    cycles, contrast = grating.cycles_per_frame, grating.contrast
+    if grating.pattern == "dots":
+        size = (2 * half_height / fov * cycles, 2 * math.pi / fov * cycles)
+        return random_dots((rows, columns), size, contrast, generator(grating.seed, "dots"))
+    if grating.pattern == "sine_2d":
+        return sine_grating(
+            x[None, :], y[:, None], contrast, cycles, grating.phases_rad, grating.variant
+        )
+    wave = bars(cycles * x, contrast, grating.phases_rad[0], grating.pattern == "square")
+    return np.tile(wave, (4, 1))
 
 
 def _check_trajectory(trajectory: Trajectory) -> None:
@@ -110,7 +147,7 @@ def _check_trajectory(trajectory: Trajectory) -> None:
 
 
 def _check_frequency(grating: Grating, camera: PerspectiveCamera) -> None:
-    cycles = moving_cycles(grating.cycles_per_frame, grating.variant)
+    cycles = moving_cycles(grating.cycles_per_frame, grating.variant, grating.pattern)
     around = cycles * 360 / camera.fov_deg
     # The pixel at the center spans the largest angle.
     most = math.radians(camera.fov_deg) * camera.focal_length_px / 2
@@ -120,7 +157,7 @@ def _check_frequency(grating: Grating, camera: PerspectiveCamera) -> None:
             f"{camera.width} columns are beyond half a cycle per pixel at the image center; "
             f"use at most {grating.cycles_per_frame * most / cycles:.4g}"
         )
-    if abs(around - round(around)) > 1e-6:
+    if grating.pattern != "dots" and abs(around - round(around)) > 1e-6:
         closing = grating.cycles_per_frame * round(around) / around
         raise ValueError(
             f"scene.cycles_per_frame {grating.cycles_per_frame:g} makes {around:.4g} cycles around "

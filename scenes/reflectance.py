@@ -112,14 +112,59 @@ SPRUCE_BARK_DARK = Spectrum(
     ),
 )
 """Cracks between scales."""
+PINE_BARK_LIGHT = Spectrum(
+    _SLOPE_NM,
+    (
+        0.10, 0.13, 0.20, 0.31, 0.38, 0.47, 0.52,
+        0.54, 0.55, 0.54, 0.49, 0.51, 0.53, 0.52,
+    ),
+)
+"""Orange flakes."""
+STONE_LIGHT = Spectrum(
+    _SLOPE_NM,
+    (
+        0.24, 0.28, 0.31, 0.33, 0.34, 0.35, 0.36,
+        0.37, 0.38, 0.37, 0.36, 0.38, 0.39, 0.39,
+    ),
+)
+"""Dry granite with pale lichen."""
+STONE_DARK = Spectrum(
+    _SLOPE_NM,
+    (
+        0.10, 0.12, 0.135, 0.15, 0.155, 0.17, 0.18,
+        0.19, 0.20, 0.19, 0.17, 0.19, 0.20, 0.20,
+    ),
+)
+"""Damp granite and its shaded cracks."""
+FRESH_WOOD = Spectrum(
+    _SLOPE_NM,
+    (
+        0.14, 0.22, 0.33, 0.43, 0.50, 0.60, 0.65,
+        0.65, 0.66, 0.64, 0.55, 0.57, 0.60, 0.59,
+    ),
+)
+"""Face of a log that was cut a season ago."""
+WHITE_PETAL = Spectrum(
+    _SLOPE_NM,
+    (
+        0.35, 0.66, 0.72, 0.74, 0.75, 0.76, 0.75,
+        0.72, 0.71, 0.62, 0.42, 0.48, 0.55, 0.54,
+    ),
+)
+"""White petal."""
 # fmt: on
 
 BARK: Mapping[str, tuple[Spectrum, Spectrum]] = MappingProxyType(
     {
+        "aspen": (BEECH_BARK_LIGHT.scaled(1.15), BEECH_BARK_DARK),
         "beech": (BEECH_BARK_LIGHT, BEECH_BARK_DARK),
         "birch": (BIRCH_BARK_LIGHT, BIRCH_BARK_DARK),
         "spruce": (SPRUCE_BARK_LIGHT, SPRUCE_BARK_DARK),
+        "oak": (BEECH_BARK_LIGHT.scaled(0.75), BEECH_BARK_DARK.scaled(0.6)),
+        "pine": (PINE_BARK_LIGHT, SPRUCE_BARK_DARK.scaled(1.4)),
         "hazel": (BEECH_BARK_LIGHT.scaled(0.7), BEECH_BARK_DARK),
+        "young beech": (BEECH_BARK_LIGHT.scaled(0.8), BEECH_BARK_DARK),
+        "young birch": (BEECH_BARK_LIGHT.scaled(0.6), BEECH_BARK_DARK.scaled(0.7)),
         "young spruce": (SPRUCE_BARK_LIGHT, SPRUCE_BARK_DARK),
     }
 )
@@ -127,18 +172,40 @@ BARK: Mapping[str, tuple[Spectrum, Spectrum]] = MappingProxyType(
 
 LEAF: Mapping[str, tuple[Spectrum, Spectrum]] = MappingProxyType(
     {
+        "aspen": (LEAF_DARK.scaled(1.05), LEAF_LIGHT.scaled(1.05)),
         "beech": (LEAF_DARK, LEAF_LIGHT),
         "birch": (LEAF_DARK.scaled(1.1), LEAF_LIGHT.scaled(1.1)),
         "spruce": (NEEDLE_DARK, NEEDLE_LIGHT),
+        "oak": (LEAF_DARK.scaled(0.85), LEAF_LIGHT.scaled(0.85)),
+        "pine": (NEEDLE_DARK.scaled(1.1), NEEDLE_LIGHT.scaled(1.1)),
         "hazel": (LEAF_DARK, LEAF_LIGHT),
+        "young beech": (LEAF_DARK.scaled(1.1), LEAF_LIGHT.scaled(1.15)),
+        "young birch": (LEAF_DARK.scaled(1.1), LEAF_LIGHT.scaled(1.15)),
         "young spruce": (NEEDLE_DARK, NEEDLE_LIGHT.scaled(1.15)),
         "fern": (LEAF_DARK.scaled(1.1), LEAF_LIGHT.scaled(1.1)),
         "grass": (GRASS_DARK, GRASS_LIGHT),
         "herb": (LEAF_DARK, LEAF_LIGHT),
+        "bilberry": (LEAF_DARK.scaled(0.9), LEAF_LIGHT),
+        "flower": (LEAF_DARK, LEAF_LIGHT),
         "litter": (SOIL.scaled(1.6), LITTER),
     }
 )
 """Dark and light leaf of each kind of plant, for texture weights 0 and 1."""
 
-GROUND = (SOIL, LITTER)
-"""Bare soil and dry litter, for texture weights 0 and 1."""
+GROUND: Mapping[str, tuple[Spectrum, Spectrum]] = MappingProxyType(
+    {
+        "litter": (SOIL, LITTER),
+        "meadow": (GRASS_DARK.scaled(0.8), GRASS_LIGHT.scaled(0.85)),
+        "moss": (SOIL.scaled(0.5), LEAF_LIGHT.scaled(0.7)),
+    }
+)
+"""What covers the ground, for texture weights 0 and 1."""
+
+ROCK = (STONE_DARK, STONE_LIGHT)
+"""Granite, for texture weights 0 and 1."""
+LOG = (SPRUCE_BARK_DARK.scaled(1.5), LEAF_LIGHT.scaled(0.55))
+"""Decaying bark and moss, for texture weights 0 and 1."""
+WOOD = (FRESH_WOOD, FRESH_WOOD.scaled(0.5))
+"""Sawn face of a log, for texture weights 0 and 1."""
+PETAL = (WHITE_PETAL.scaled(0.75), WHITE_PETAL)
+"""Shaded and bright petal, for texture weights 0 and 1."""

@@ -21,9 +21,12 @@ from megalopta.report.text import (
     percent,
     plural,
 )
+from megalopta.scenes.bench import Bench
+from megalopta.scenes.build import SceneDescription
 from megalopta.scenes.forest import Forest
 from megalopta.scenes.grating import Grating
 from megalopta.scenes.light import illuminance_of
+from megalopta.scenes.plane import Plane
 from megalopta.scenes.trajectory import Trajectory
 
 NO_MOTION = "IM"
@@ -166,14 +169,32 @@ def _span(levels: Sequence[LightLevel]) -> str:
     return f"from {level_name(levels[0])} to {level_name(levels[-1])}"
 
 
-def _scene(scene: Forest | Grating) -> str:
+def _scene(scene: SceneDescription) -> str:
     if isinstance(scene, Grating):
         return (
-            f"A sine grating of contrast {scene.contrast:g}, {scene.cycles_per_frame:g} cycles "
-            "across the frame, on a cylinder around the camera."
+            f"{_PATTERNS[scene.pattern]} of contrast {scene.contrast:g}, "
+            f"{scene.cycles_per_frame:g} cycles across the frame, on a cylinder around the camera."
+        )
+    if isinstance(scene, Plane):
+        return (
+            f"{_PATTERNS[scene.pattern]} of contrast {scene.contrast:g} and period "
+            f"{scene.period_m:g} m on a board, {scene.distance_m:g} m from the camera at first."
+        )
+    if isinstance(scene, Bench):
+        return (
+            f"A plate, {scene.plate_mm:g} mm wide, that lets {scene.shade:.0%} of the light "
+            f"through, over pixels {scene.pixel_pitch_um:g} µm apart."
         )
     species = enumerate_words([name for name, share in scene.mix.items() if share > 0])
     return f"A forest of {scene.trees:,} trees ({species}), {scene.density_per_ha:g} per hectare."
+
+
+_PATTERNS = {
+    "sine_2d": "A 2-D sine grating",
+    "sine": "A sine grating",
+    "square": "A square-wave grating",
+    "dots": "Random dots",
+}
 
 
 def _camera(trajectory: Trajectory) -> str:

@@ -3,8 +3,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen.colonization import KILL_STEPS, MAX_CHILDREN, colonize, crown_points
+from megalopta.assets_gen.flora import BEECH
 from megalopta.assets_gen.skeleton import Skeleton
-from megalopta.assets_gen.species import BEECH
 
 STEP_M = 0.4
 

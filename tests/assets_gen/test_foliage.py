@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from megalopta.assets_gen.flora import BEECH, SPRUCE
 from megalopta.assets_gen.foliage import ATLAS_TILES, blades, place_leaves
-from megalopta.assets_gen.species import BEECH, SPRUCE
 
 AXES = np.random.default_rng(3).normal(0, 1, (40, 3, 3))
 

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
+from megalopta.assets_gen.flora import BUSHES, TREES
 from megalopta.assets_gen.plant import grow_plant, simplified
-from megalopta.assets_gen.species import BUSHES, TREES, coarsened
+from megalopta.assets_gen.skeleton import axes
 
 from .conftest import welded
 
@@ -71,16 +72,16 @@ def test_leaf_area_makes_a_light_closed_stand(tree):
     assert 1 < grow(TREES[tree]).leaves.to_mesh().area * 550 / 1e4 < 3
 
 
-@pytest.mark.parametrize("kind", [*TREES, "young spruce"])
-def test_coarse_plants_keep_their_leaf_area_on_far_fewer_triangles(kind):
-    areas, triangles = [], []
-    for factor in (1, 3, 10):
-        plants = [grow(coarsened(WOODY[kind], factor), i) for i in range(3)]
-        areas.append(sum(p.leaves.to_mesh().area for p in plants))
-        triangles.append(sum(len(p.leaves.faces) + len(p.wood.faces) for p in plants))
-    # crowns are random: three of them scatter by some 10 %
-    assert areas[1:] == pytest.approx([areas[0]] * 2, rel=0.25)
-    assert triangles[1] < triangles[0] / 2 and triangles[2] < triangles[0] / 5
+def test_thin_tubes_of_three_sides_are_as_wide_on_average_as_the_branch_they_stand_for(plant):
+    nodes = axes(plant.branching.skeleton, plant.radii_m)
+    for axis, tube in zip(nodes, plant.tubes, strict=True):
+        points, radii = plant.branching.skeleton.positions[axis], plant.radii_m[axis]
+        if len(axis) == 2 and plant.branching.skeleton.parents[axis[0]] >= 0:
+            sides = (len(tube.vertices) - 1) - 1
+            ring = tube.vertices[:sides] - points[0]
+            around = np.linalg.norm(np.diff(ring, axis=0, append=ring[:1]), axis=1).sum()
+            # Cauchy: the mean width of a convex outline is its circumference over pi
+            assert around / np.pi == pytest.approx(2 * radii[1], rel=1e-9)
 
 
 def test_simplified_polyline_stays_within_tolerance():

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from megalopta.assets_gen.branching import grow_axes
+from megalopta.assets_gen.flora import BEECH, SPRUCE
 from megalopta.assets_gen.skeleton import Skeleton, axes, pipe_areas, pipe_radii, smoothed
-from megalopta.assets_gen.species import BEECH, SPRUCE
 
 DISUSED = 0.3
 

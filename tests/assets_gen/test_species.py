@@ -1,7 +1,8 @@
 import pytest
 from pydantic import ValidationError
 
-from megalopta.assets_gen.species import BEECH, BUSHES, TREES, Species
+from megalopta.assets_gen.flora import BEECH, BUSHES, TREES
+from megalopta.assets_gen.species import Species
 
 
 def test_at_least_three_tree_species_and_a_conifer_are_there():

@@ -10,8 +10,10 @@ from pydantic import ValidationError
 from scipy.spatial import cKDTree
 from scipy.stats import binomtest
 
-from megalopta.assets_gen.species import BUSHES, TREES
-from megalopta.scenes.forest import BELT_M, LAYERS, REGULARITY, Forest, build_forest
+from megalopta.assets_gen.flora import TREES
+from megalopta.scenes.forest import Forest, build_forest, foreseen
+from megalopta.scenes.planting import BELT_M, REGULARITY, THICKET
+from megalopta.scenes.stand import LAYERS, LEVELS, PRESETS
 
 FOREST = Forest(seed=11)
 PATH = np.stack([np.linspace(-1, 4, 11), np.linspace(0, 1, 11)], axis=-1)
@@ -78,12 +80,12 @@ def test_another_seed_gives_another_forest(small_digest):
 
 
 def test_triangles_stay_within_budget(scene):
-    assert scene.triangle_count < 1.2e6
+    assert scene.triangle_count < 2.5e6
 
 
 def test_kinds_are_names_people_read_and_the_ground_comes_first(scene):
     kinds = Counter(placement.kind for placement in scene.placements)
-    assert kinds.keys() == {"ground", *TREES, *BUSHES, *LAYERS}
+    assert kinds.keys() == {"ground", *FOREST.mix, *LAYERS}
     assert kinds["ground"] == 1 and scene.placements[0].kind == "ground"
     assert scene.lighting is None
 
@@ -97,7 +99,7 @@ def test_every_material_is_used_and_textured(scene):
 def test_bark_and_ground_are_smooth_and_leaves_flat(scene):
     for asset in scene.assets.values():
         for part, mesh in asset.parts.items():
-            assert mesh.metadata["smooth"] == (not part.endswith("leaf"))
+            assert mesh.metadata["smooth"] == part.endswith(("bark", "ground", "rock"))
 
 
 def test_placements_turn_and_scale_without_distortion(scene):
@@ -154,7 +156,7 @@ def test_trees_stand_on_all_sides_of_both_ends_of_the_path(trunks):
 
 
 def test_the_ground_closes_the_horizon_all_around(scene):
-    vertices = scene.assets["ground"].parts["ground"].vertices
+    vertices = scene.assets["ground"].parts["litter ground"].vertices
     for end in (PATH[0], PATH[-1]):
         away = vertices[:, :2] - end
         elevation = np.degrees(np.arctan2(vertices[:, 2] - EYE_M, np.hypot(*away.T)))
@@ -174,7 +176,7 @@ def test_nothing_grows_into_the_camera(scene):
 
 
 def test_plants_stand_on_the_ground(scene):
-    ground = scene.assets["ground"].parts["ground"].vertices
+    ground = scene.assets["ground"].parts["litter ground"].vertices
     near = ground[np.abs(ground[:, :2]).max(axis=1) < 8]
     tree = cKDTree(near[:, :2])
     for placement in scene.placements[1:]:
@@ -184,10 +186,80 @@ def test_plants_stand_on_the_ground(scene):
             assert z == pytest.approx(near[tree.query((x, y))[1], 2], abs=0.15)
 
 
+def test_what_lies_on_the_ground_follows_its_slope(scene):
+    ground = scene.assets["ground"].parts["litter ground"].vertices
+    tree = cKDTree(ground[:, :2])
+    logs = [p.to_world for p in scene.placements if p.kind == "log"]
+    gaps = []
+    for matrix in logs:
+        for end in ([-1.5, 0, 0], [1.5, 0, 0]):
+            x, y, z = matrix[:3, :3] @ end + matrix[:3, 3]
+            # mean of the four vertices around, on a grid that coarsens to some meters
+            gaps.append(z - ground[tree.query((x, y), k=4)[1], 2].mean())
+    # bumps of 3.5 cm root mean square, a lean of 1.2 degrees, and hills that curve over 3 m
+    assert len(logs) > 10 and np.abs(gaps).max() < 0.4 and abs(np.mean(gaps)) < 0.05
+
+
+def test_detail_falls_with_distance_from_the_whole_path_and_nowhere_else(scene):
+    path = cKDTree(dense(PATH))
+    for placement in scene.placements[1:]:
+        if placement.kind in TREES:
+            distance = path.query(placement.to_world[:2, 3])[0]
+            name = placement.asset.rsplit(" ", 1)[1]
+            expected = [level.name for level in LEVELS if level.beyond_m < distance]
+            assert (
+                name == (expected or ["near"])[-1]
+                or min(abs(distance - level.beyond_m) for level in LEVELS) < 0.05
+            )
+
+
+def test_full_detail_draws_every_plant_in_full_where_it_stood():
+    forest = SMALL.model_copy(update={"undergrowth": 0.1})
+    coarse = build_forest(forest.model_copy(update={"detail": 0.1}), PATH)
+    full = build_forest(forest.model_copy(update={"detail": 1000.0}), PATH)
+    assert {p.asset.rsplit(" ", 1)[1] for p in full.placements[1:]} == {"near"}
+    assert full.triangle_count > 4 * coarse.triangle_count
+    for a, b in zip(full.placements, coarse.placements, strict=True):
+        assert np.array_equal(a.to_world, b.to_world)
+        assert a.asset.rsplit(" ", 1)[0] == b.asset.rsplit(" ", 1)[0]
+
+
 def test_without_undergrowth_only_trees_and_the_belt_are_left():
     bare = build_forest(SMALL.model_copy(update={"undergrowth": 0.0}), PATH)
     kinds = {placement.kind for placement in bare.placements}
-    assert kinds == {"ground", *TREES, *BUSHES}
+    assert kinds == {"ground", *SMALL.mix, *THICKET}
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_presets_set_what_is_not_given(name):
+    preset = Forest(preset=name)
+    assert preset.model_dump() == {**Forest().model_dump(), "preset": name, **PRESETS[name]}
+    changed = Forest(preset=name, trees=333, mix={"oak": 1})
+    assert (changed.trees, changed.mix) == (333, {"oak": 1})
+    assert changed.density_per_ha == preset.density_per_ha
+    assert Forest.model_validate_json(changed.model_dump_json()) == changed
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_presets_grow_what_they_name(name):
+    forest = Forest(preset=name, undergrowth=0.1, detail=0.1)
+    scene = build_forest(forest, PATH)
+    kinds = Counter(placement.kind for placement in scene.placements)
+    assert {kind for kind in kinds if kind in TREES} == forest.mix.keys()
+    assert kinds.total() > forest.trees
+    trunks = [p.to_world[:2, 3] for p in scene.placements if p.kind in TREES]
+    assert cKDTree(dense(PATH)).query(trunks)[0].min() >= forest.clearance_m - 0.03
+
+
+@pytest.mark.parametrize(
+    "forest", [FOREST, Forest(preset="open"), Forest(trees=600, detail=3.0, undergrowth=0)]
+)
+def test_the_size_of_a_forest_is_foreseen(forest):
+    scene = build_forest(forest, PATH)
+    plants, triangles = foreseen(forest, np.linalg.norm(PATH[-1] - PATH[0]))
+    # a guard against absurd settings: right to a factor of two
+    assert 0.5 < scene.triangle_count / triangles < 2
+    assert 0.5 < len(scene.placements) / plants < 2
 
 
 def test_a_single_species_and_a_single_camera_position_will_do():
@@ -201,12 +273,20 @@ def test_a_single_species_and_a_single_camera_position_will_do():
     [
         ("seed", -1, "greater than or equal to 0"),
         ("trees", 0, "greater than 0"),
-        ("density_per_ha", -5, "greater than 0"),
+        ("density_per_ha", -5, "greater than or equal to 10"),
         ("mix", {}, "sum to 0"),
         ("mix", {"beech": 0}, "sum to 0"),
         ("mix", {"beech": -1}, "greater than or equal to 0"),
-        ("mix", {"palm": 1}, r"no species \['palm'\]; choose from \['beech'"),
+        ("mix", {"palm": 1}, r"no species \['palm'\]; choose from \['aspen'"),
         ("undergrowth", np.nan, "finite"),
+        ("undergrowth_per_m2", {"palm": 1}, r"no kind \['palm'\]; choose from \['bilberry'"),
+        ("undergrowth_per_m2", {"fern": 1e6}, r"make about 1\.\de\+09 plants of .* lower one"),
+        ("preset", "jungle", "'open', 'dense', 'understorey' or 'clearing'"),
+        ("trees", 10**9, r"trees 1000000000, .* make about 1e\+09 plants .* more than 4e\+07"),
+        ("density_per_ha", 1e9, "less than or equal to 10000"),
+        ("relief_m", 1e9, "less than or equal to 3"),
+        ("clearance_m", 1e9, "less than or equal to 100"),
+        ("detail", 1e9, "less than or equal to 1000"),
         ("fog", 1, "not permitted"),
     ],
 )

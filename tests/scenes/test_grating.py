@@ -61,3 +61,20 @@ def test_a_frequency_beyond_nyquist_at_the_image_center_is_refused():
 def test_a_trajectory_that_looks_past_the_wall_is_refused(change, remedy):
     with pytest.raises(ValueError, match=remedy):
         build_grating(Grating(), CAMERA, Trajectory(**change), 1.0)
+
+
+@pytest.mark.parametrize("pattern", ["sine", "square"])
+def test_bars_keep_their_phase_up_the_wall_and_close_around_it(pattern):
+    grating = Grating(pattern=pattern, contrast=0.5, cycles_per_frame=4)
+    emission = build_grating(grating, CAMERA, TURNING, 1.0).materials["grating"].emission
+    assert (emission.pattern == emission.pattern[:1]).all()
+    angle = (np.arange(4096) + 0.5) / 4096 * 2 * np.pi
+    wave = -np.sin(4 * 360 / 72 * angle)
+    expected = 1 + 0.5 * (np.sign(wave) if pattern == "square" else wave)
+    np.testing.assert_allclose(emission.pattern[0], expected, atol=1e-5)
+
+
+def test_random_dots_need_no_closing_frequency():
+    grating = Grating(pattern="dots", contrast=0.5, cycles_per_frame=4.25)
+    pattern = build_grating(grating, CAMERA, TURNING, 1.0).materials["grating"].emission.pattern
+    assert set(np.unique(pattern)) == {np.float32(0.5), np.float32(1.5)}

@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from megalopta.assets_gen.species import BUSHES, TREES
+from megalopta.assets_gen.flora import BUSHES, TREES
 from megalopta.scenes import reflectance
 from megalopta.scenes.spectrum import Spectrum
 
 WAVELENGTHS_NM = np.arange(380, 1701)
 NAMED = {name: s for name, s in vars(reflectance).items() if isinstance(s, Spectrum)}
-PAIRS = [*reflectance.BARK.values(), *reflectance.LEAF.values(), reflectance.GROUND]
+PAIRS = [*reflectance.BARK.values(), *reflectance.LEAF.values(), *reflectance.GROUND.values()]
 GREEN = [pair for kind, pair in reflectance.LEAF.items() if kind != "litter"]
 
 
@@ -44,13 +44,13 @@ def test_water_in_green_leaves_absorbs_at_1200_and_1450_nm(pair):
 
 
 def test_bark_soil_and_litter_brighten_toward_the_infrared():
-    for pair in (*reflectance.BARK.values(), reflectance.GROUND):
+    for pair in (*reflectance.BARK.values(), reflectance.GROUND["litter"]):
         for spectrum in pair:
             assert np.all(np.diff(spectrum(np.arange(380, 1001))) >= 0)
 
 
 def test_dry_litter_shows_the_band_of_water_less_than_moist_soil():
-    soil, litter = (spectrum(1450) / spectrum(1300) for spectrum in reflectance.GROUND)
+    soil, litter = (spectrum(1450) / spectrum(1300) for spectrum in reflectance.GROUND["litter"])
     assert soil < 0.85 < litter < 1
 
 
