@@ -22,7 +22,7 @@ def rendered(bench, trajectory, frame):
 
 
 def test_the_row_sees_the_beam_until_the_edge_arrives_and_then_the_plates_shade():
-    bench = Bench(edge_mm=0.3)
+    bench = Bench(edge_mm=0.3, shade=27 / 65)
     _, first = rendered(bench, FAST, 0)
     # the edge stands 0.3 mm = 5 pixels right of the middle of the row
     expected = np.where(np.arange(16) + 0.5 - 8 < 5, 1.0, 27 / 65)
@@ -40,7 +40,7 @@ def test_the_speeds_are_the_dissertations_pixels_per_frame():
 
 
 def test_a_pixel_that_the_edge_halves_gets_the_mean_of_both():
-    _, seen = rendered(Bench(edge_mm=0.03), FAST, 0)
+    _, seen = rendered(Bench(edge_mm=0.03, shade=27 / 65), FAST, 0)
     # 256 stratified samples place the edge to 1/16 of a pixel or better
     assert seen[8] == pytest.approx((1 + 27 / 65) / 2, abs=0.6 / 16)
 

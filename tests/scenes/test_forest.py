@@ -186,18 +186,19 @@ def test_plants_stand_on_the_ground(scene):
             assert z == pytest.approx(near[tree.query((x, y))[1], 2], abs=0.15)
 
 
-def test_what_lies_on_the_ground_follows_its_slope(scene):
+def test_what_lies_on_the_ground_follows_its_slope():
+    strewn = {"undergrowth_per_m2": {"log": 0.1}, "relief_m": 2.0, "detail": 0.1}
+    scene = build_forest(SMALL.model_copy(update=strewn), PATH)
     ground = scene.assets["ground"].parts["litter ground"].vertices
     tree = cKDTree(ground[:, :2])
-    logs = [p.to_world for p in scene.placements if p.kind == "log"]
     gaps = []
-    for matrix in logs:
+    for matrix in (p.to_world for p in scene.placements if p.kind == "log"):
         for end in ([-1.5, 0, 0], [1.5, 0, 0]):
             x, y, z = matrix[:3, :3] @ end + matrix[:3, 3]
-            # mean of the four vertices around, on a grid that coarsens to some meters
-            gaps.append(z - ground[tree.query((x, y), k=4)[1], 2].mean())
-    # bumps of 3.5 cm root mean square, a lean of 1.2 degrees, and hills that curve over 3 m
-    assert len(logs) > 10 and np.abs(gaps).max() < 0.4 and abs(np.mean(gaps)) < 0.05
+            if max(abs(x), abs(y)) < 12:  # where the grid is fine
+                gaps.append(z - ground[tree.query((x, y), k=4)[1], 2].mean())
+    # bumps of 3.5 cm root mean square at both ends and below the middle, a lean of 1.2 degrees
+    assert len(gaps) > 20 and np.abs(gaps).max() < 0.25 and abs(np.mean(gaps)) < 0.05
 
 
 def test_detail_falls_with_distance_from_the_whole_path_and_nowhere_else(scene):
