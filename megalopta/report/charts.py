@@ -78,7 +78,7 @@ def speed_chart(speeds: NDArray[np.floating], median: float) -> Markup:
     figure, axes = new_axes(_WIDTH_PT, 270)
     weights = np.full(speeds.size, 100 / max(speeds.size, 1))
     style: Style = {"histtype": "stepfilled", "color": series_color(0), "alpha": 0.85}
-    axes.hist(speeds, bins=_SPEED_BINS, weights=weights, **style)
+    axes.hist(speeds, bins=_SPEED_BINS, range=_wide_enough(speeds), weights=weights, **style)
     axes.axvline(median, color=INK, linewidth=1.2)
     axes.annotate(
         f" median {median:.2g}",
@@ -92,6 +92,14 @@ def speed_chart(speeds: NDArray[np.floating], median: float) -> Markup:
         xlabel="speed in the image (px per frame)", ylabel="share of pixels (%)", xlim=(0, None)
     )
     return to_svg(figure, "speed", "Histogram of the true speed of the image")
+
+
+def _wide_enough(values: NDArray[np.floating]) -> tuple[float, float] | None:
+    """Range for a histogram of values that are all nearly alike; None where theirs will do."""
+    if not values.size or np.ptp(values) > 0.01 * values.max():
+        return None
+    middle = float(values.mean())
+    return 0.95 * middle, 1.05 * middle + 1e-9
 
 
 def error_chart(curves: Sequence[Curve], name: str, level: float, description: str) -> Markup:

@@ -6,6 +6,7 @@ import yaml
 
 from megalopta.configuration import built_in_names, differences, load, parse, to_yaml
 from megalopta.errors import UserError
+from megalopta.scenes.forest import Forest
 
 
 @pytest.mark.parametrize("name", built_in_names())
@@ -45,6 +46,20 @@ def test_a_kind_given_last_keeps_what_is_given_with_it():
 def test_another_kind_of_scene_starts_afresh():
     changed = load("demo", {"scene.kind": "grating", "scene.cycles_per_frame": "5"})
     assert changed.scene.kind == "grating"
+
+
+def test_another_preset_starts_the_scene_afresh_in_whatever_order_it_is_given():
+    changed = load("demo", {"scene.trees": "320", "scene.preset": "clearing"})
+    assert changed.scene == Forest(preset="clearing", trees=320)
+    assert load("demo", {"scene.preset": "null"}).scene == Forest()
+    assert load("grating", {"scene.preset": "open", "scene.kind": "forest"}).scene == Forest(
+        preset="open"
+    )
+
+
+def test_presets_of_forests_are_read_from_yaml_with_changes():
+    text = "scene: {kind: forest, preset: dense, mix: {oak: 1}}"
+    assert parse(text, "x").scene == Forest(preset="dense", mix={"oak": 1})
 
 
 def test_sensors_are_given_by_preset_with_changes():

@@ -2,10 +2,11 @@ import re
 from xml.etree import ElementTree
 
 import numpy as np
+import pytest
 
 from megalopta.flow.threshold import Threshold
 from megalopta.report.budget import Budget
-from megalopta.report.charts import Curve, Need, error_chart, need_chart, signal_chart
+from megalopta.report.charts import Curve, Need, error_chart, need_chart, signal_chart, speed_chart
 from megalopta.sensor import PRESETS
 
 FLUXES = np.geomspace(1e3, 1e9, 7)
@@ -116,3 +117,10 @@ def test_dollar_signs_are_no_formula():
         Budget(**{**vars(each), "sensor": sensor}) for each in shown if each.photons_per_frame
     ]
     assert "a$b$" in texts(signal_chart(renamed, ["a$b$"]))
+
+
+@pytest.mark.parametrize("speed", [0.0, 1.6667])
+def test_an_image_that_moves_everywhere_alike_has_its_speed_chart(speed):
+    speeds = np.full(500, speed, np.float32) + np.float32(1e-6) * np.arange(500) / 500
+    svg = speed_chart(speeds, speed)
+    assert "share of pixels (%)" in texts(svg)
