@@ -36,7 +36,7 @@ def poisson_disk(
         If the points would fill more than nine tenths of what random throwing can fill.
     """
     cover = count * np.pi * spacing_m**2 / 4 / np.prod(high - low)
-    if cover > 0.9 * JAMMING:
+    if count > 1 and cover > 0.9 * JAMMING:
         raise ValueError(
             f"spacing_m: {count} points {spacing_m:g} m apart do not fit into "
             f"{high[0] - low[0]:g} m × {high[1] - low[1]:g} m; lower the density or the spacing"

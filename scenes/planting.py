@@ -83,7 +83,7 @@ def _strewn(
 ) -> FloatArray:
     """Return Poisson-disk points in a box around the path whose distance from it lies in a ring."""
     low, high = path.mins - margin_m, path.maxes + margin_m
-    count = round(per_m2 * np.prod(high - low))
+    count = int(per_m2 * np.prod(high - low))
     points = poisson_disk(low, high, count, regularity / np.sqrt(per_m2), rng)
     distance = distance_to(path, points)
     return points[(distance >= ring_m[0]) & (distance <= ring_m[1])]

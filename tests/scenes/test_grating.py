@@ -76,7 +76,7 @@ def test_the_elevations_offered_instead_of_the_zenith_are_taken():
 
 def test_the_wall_is_as_high_as_an_asymmetric_panorama_sees():
     camera = CylindricalCamera(lower_deg=-20, upper_deg=50)
-    wall = build_grating(Grating(), camera, TURNING, 1.0).assets["wall"].parts["grating"]
+    wall = build_grating(Grating(), camera, TURNING, 1.0).assets["grating"].parts["grating"]
     assert wall.bounds[1, 2] / 10 == pytest.approx(1.05 * math.tan(math.radians(50)))
 
 
