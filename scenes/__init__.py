@@ -11,8 +11,11 @@ from megalopta.scenes.camera import Camera, PerspectiveCamera
 from megalopta.scenes.forest import Forest
 from megalopta.scenes.grating import Grating
 from megalopta.scenes.light import Light
+from megalopta.scenes.objects import MovingObject
 from megalopta.scenes.panorama import CylindricalCamera, EquirectangularCamera
 from megalopta.scenes.scene import Scene
+from megalopta.scenes.shutter import Shutter
+from megalopta.scenes.sway import Wind
 from megalopta.scenes.trajectory import CameraPath, Trajectory
 from megalopta.scenes.trajectory_hover import Hover
 from megalopta.scenes.trajectory_orbit import Orbit
@@ -28,11 +31,14 @@ __all__ = [
     "Grating",
     "Hover",
     "Light",
+    "MovingObject",
     "Orbit",
     "PerspectiveCamera",
     "Recorded",
     "Scene",
+    "Shutter",
     "Spline",
     "Trajectory",
+    "Wind",
     "build_scene",
 ]
