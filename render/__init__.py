@@ -3,7 +3,9 @@
 renderer = SceneRenderer(scene, camera, RenderSettings())
 poses = trajectory.poses()
 radiance = renderer.radiance(poses[0], seed=frame_seed(0, 0))
-truth = renderer.truth(poses, 0)
+truth = renderer.truth(poses, 0, trajectory.times_s)
+far = renderer.flow(poses, 0, 7, trajectory.times_s)
+blurred = renderer.exposed(trajectory, Shutter(exposure_s=0.02), 0, seed=0)
 """
 
 from megalopta.render import silence  # noqa: F401  # before all that loads Dr.Jit

@@ -18,7 +18,8 @@ class Shutter(
     """Motion blur and rolling shutter; by default neither, every frame is taken at an instant."""
 
     exposure_s: Annotated[float, Field(ge=0)] = 0.0
-    """Time that each row is open (s); 0 blurs nothing."""
+    """Time that each row is open (s); 0 blurs nothing. How much light a sensor counts follows from
+    its own exposure_s: give both alike."""
 
     poses: Annotated[int, Field(ge=1)] = 8
     """Instants of the exposure whose mean is the blurred frame; they share the samples per pixel.

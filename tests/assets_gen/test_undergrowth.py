@@ -6,7 +6,7 @@ from megalopta.assets_gen.undergrowth import grow_fern, grow_grass, grow_herbs, 
 # plant, tallest (m), widest half (m), most triangles
 PLANTS = {
     "fern": (grow_fern, 1.0, 1.1, 300),
-    "grass": (grow_grass, 0.55, 0.7, 90),
+    "grass": (grow_grass, 0.55, 0.85, 90),
     "herb": (grow_herbs, 0.3, 1.2, 150),
     "litter": (strew_litter, 0.1, 0.8, 100),
 }

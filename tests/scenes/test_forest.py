@@ -197,7 +197,7 @@ def test_what_lies_on_the_ground_follows_its_slope(scene):
             # mean of the four vertices around, on a grid that coarsens to some meters
             gaps.append(z - ground[tree.query((x, y), k=4)[1], 2].mean())
     # bumps of 3.5 cm root mean square, a lean of 1.2 degrees, and hills that curve over 3 m
-    assert len(logs) > 10 and np.abs(gaps).max() < 0.4 and abs(np.mean(gaps)) < 0.05
+    assert len(logs) > 5 and np.abs(gaps).max() < 0.4 and abs(np.mean(gaps)) < 0.05
 
 
 def test_detail_falls_with_distance_from_the_whole_path_and_nowhere_else(scene):
