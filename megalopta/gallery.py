@@ -1,7 +1,7 @@
 """Every scene preset at every light level: the view as if it were day, and the photons of it.
 
-A scene is built once; under each light it is rendered anew, since sun, moon and open sky cast
-different shadows. The view is exposed for its own light, which no eye and no camera can do at
+A scene is built once and rendered twice, with and without a disc in the sky, since these cast other
+shadows; the levels of each kind differ by a factor in every band. The view is exposed for its own light, which no eye and no camera can do at
 night; below it stand the counts of a sensor that sees nothing but photons.
 """
 
@@ -12,6 +12,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from megalopta.configuration import Configuration
 from megalopta.gallery_page import Cell, write_page, write_sheet
@@ -19,14 +20,19 @@ from megalopta.preview import preview
 from megalopta.progress import Advance, progress
 from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import frame_seed
-from megalopta.scenes.build import build_scene
+from megalopta.scenes.build import build_scene, glows
 from megalopta.scenes.light import LEVELS
 from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectrum import flat
 from megalopta.sensor import expose_image
+from megalopta.stage_sense import light_scale
 
-_CAMERA = {"width": 300, "height": 200, "fov_deg": 75}
+_CAMERA = {"width": 270, "height": 180, "fov_deg": 75}
 _PATH = {"frames": 2, "look_at_m": [10, 0, 1.8], "velocity_m_s": [1.0, 0.3, 0]}
+_TURNING = {
+    "camera": {**_CAMERA, "fov_deg": 72},
+    "trajectory": {"frames": 2, "rotation_deg_s": 15},
+}
 
 SCENES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
@@ -34,14 +40,16 @@ SCENES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
             f"{preset} forest": {"scene": {"kind": "forest", "preset": preset}}
             for preset in ("open", "dense", "understorey", "clearing")
         },
-        "grating": {"scene": {"kind": "grating", "cycles_per_frame": 8}, "trajectory": {}},
+        "grating": {"scene": {"kind": "grating"}, **_TURNING},
+        "random dots": {"scene": {"kind": "grating", "pattern": "dots"}, **_TURNING},
+        "board": {"scene": {"kind": "plane", "pattern": "square"}},
     }
 )
 """What the gallery shows, as parts of a configuration."""
 
 
 def write_gallery(
-    out: Path, scenes: Mapping[str, Mapping[str, Any]] = SCENES, samples_per_pixel: int = 64
+    out: Path, scenes: Mapping[str, Mapping[str, Any]] = SCENES, samples_per_pixel: int = 49
 ) -> Path:
     """Render the gallery into a folder; returns its page, gallery.html, beside gallery.png."""
     with progress("Rendering the gallery", len(scenes) * len(LEVELS), "view") as advance:
@@ -68,24 +76,38 @@ def _cells(
     }
     settings = Configuration.model_validate(values)
     scene = _build(settings)
-    for level in LEVELS:
-        yield _cell(name, level, settings, scene)
+    rendered: dict[float, tuple[Configuration, NDArray[np.float32]]] = {}
+    for level, light in LEVELS.items():
+        # Levels that share their directions of light differ by a factor in each band.
+        if light.disc_fraction not in rendered:
+            lit = _under(settings, level)
+            rendered[light.disc_fraction] = lit, _radiance(lit, scene)
+        lit, radiance = rendered[light.disc_fraction]
+        yield _cell(name, level, lit, radiance * light_scale(lit, level).astype(np.float32))
         advance()
 
 
-def _cell(name: str, level: str, settings: Configuration, day: Scene) -> Cell:
-    lit = settings.model_copy(update={"light": settings.light.model_copy(update={"level": level})})
-    light = lit.light.resolved()
+def _under(settings: Configuration, level: str) -> Configuration:
+    light = settings.light.model_copy(update={"level": level})
+    return settings.model_copy(update={"light": light})
+
+
+def _radiance(lit: Configuration, scene: Scene) -> NDArray[np.float32]:
+    """First frame (H, W, B) of a scene under the light of a configuration."""
     # What glows by itself is as bright as the light of its level, so it is built for each.
-    scene = replace(day, lighting=lit.light.lighting()) if day.lighting else _build(lit)
+    scene = replace(scene, lighting=lit.light.lighting()) if scene.lighting else _build(lit)
     renderer = SceneRenderer(scene, lit.camera, lit.render)
-    radiance = renderer.radiance(lit.trajectory.poses()[0], frame_seed(lit.seed, 0))
-    white = light.spectrum() if day.lighting else flat(1.0)
+    return renderer.radiance(lit.trajectory.poses()[0], frame_seed(lit.seed, 0))
+
+
+def _cell(name: str, level: str, lit: Configuration, radiance: NDArray[np.float32]) -> Cell:
+    bands = lit.render.bands_nm
     exposure = expose_image(
-        radiance[np.newaxis], lit.render.bands_nm, lit.sensors[0], seed=lit.seed, sequence=level
+        radiance[np.newaxis], bands, lit.sensors[0], seed=lit.seed, sequence=f"{name}/{level}"
     )
-    view = preview(radiance, lit.render.bands_nm, white)
-    return Cell(name, level, light.illuminance_lux, view, exposure.counts[0])
+    white = flat(1.0) if glows(lit.scene) else LEVELS[level].spectrum()
+    view = preview(radiance, bands, white)
+    return Cell(name, level, LEVELS[level].illuminance_lux, view, exposure.counts[0])
 
 
 def _build(settings: Configuration) -> Scene:
