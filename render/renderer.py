@@ -88,7 +88,7 @@ class SceneRenderer:
         self._baked: BakedRenderer | None = None
         if poses is not None and not reason:
             self._baked = BakedRenderer(
-                self._scene, scene, meshes, settings, camera, poses[:, :3, 3], bake_seed(seed)
+                self._scene, scene, meshes, settings, camera, poses, bake_seed(seed)
             )
 
     def radiance(self, pose: NDArray[np.float64], seed: int) -> NDArray[np.float32]:
