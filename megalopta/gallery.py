@@ -1,8 +1,9 @@
 """Every scene preset at every light level: the view as if it were day, and the photons of it.
 
 A scene is built once and rendered twice, with and without a disc in the sky, since these cast other
-shadows; the levels of each kind differ by a factor in every band. The view is exposed for its own light, which no eye and no camera can do at
-night; below it stand the counts of a sensor that sees nothing but photons.
+shadows; the levels of each kind differ by a factor in every band. The view is exposed for its own
+light, which no eye and no camera can do at night; below it stand the counts of a sensor that sees
+nothing but photons.
 """
 
 from collections.abc import Iterator, Mapping

@@ -14,6 +14,7 @@ rest of each path is random. All of it is drawn from seed and cell alone, so tha
 same light, to the last bit, in whatever order and company it is computed.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -23,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.render.bands import Bands
+from megalopta.render.cell_sampling import cell_sampler, hashed, recurrence
 from megalopta.render.cells import Cells
 from megalopta.render.merge import MergedMesh
 from megalopta.render.settings import RenderSettings
@@ -35,10 +37,12 @@ NOT_BAKED = 2**32 - 1
 # waits for them.
 _PATHS_AT_ONCE = 2**19
 _FIRST_ROWS = 2**12
-# Fractional parts of irrational numbers that are independent over the rationals, times 2³²:
-# 1/p and 1/p² of the plastic number p (Roberts' R₂ sequence), √2 and √3.
-_STEPS = tuple(round(2**32 * x) for x in (0.7548776662466927, 0.5698402909980532, 2**0.5 - 1))
-_STEPS += (round(2**32 * (3**0.5 - 1)),)
+# Wavelengths in a band, of which each sample takes one.
+_WAVELENGTHS = 2**8
+# Cells that were seen as often take a quarter of the samples and all. A cell's noise weighs in
+# a sequence with how much of it the cell fills; the least noise for a given number of paths is had
+# with samples as the square root of that.
+_SEEN = (1, 16)
 
 
 def reflectances(material: Material) -> tuple[Spectrum, Spectrum]:
@@ -76,6 +80,8 @@ class BakedLight:
     meshes : sequence of MergedMesh
         As loaded.
     cells : Cells
+    seen : (cells.count,) uint32
+        How often a survey of the sequence saw each cell.
     settings : RenderSettings
     seed : int
         32 bits.
@@ -87,18 +93,21 @@ class BakedLight:
         scene: Scene,
         meshes: Sequence[MergedMesh],
         cells: Cells,
+        seen: NDArray[np.uint32],
         settings: RenderSettings,
         seed: int,
     ) -> None:
         self._scene = loaded
         self._shapes = loaded.shapes_dr()
         self._cells = cells
-        self._bands, self._samples = settings.bands_nm, settings.bake_samples
+        self._bands = settings.bands_nm
+        self._samples = [math.ceil(settings.bake_samples / 4**rank) for rank in range(3)]
+        self._rank = (2 - np.digitize(seen, _SEEN)).astype(np.uint8)
         # The way from the camera to the cell is the first segment of the path.
         self._integrator = mi.load_dict({"type": "path", "max_depth": settings.max_depth - 1})
-        self._sampler = _cell_sampler()
+        self._sampler = cell_sampler()
         self._seed = dr.opaque(mi.UInt, seed)
-        self._reflectance = _reflectance_table(scene, meshes, self._bands, self._samples)
+        self._reflectance = _reflectance_table(scene, meshes, self._bands)
         self._row = dr.full(mi.UInt, NOT_BAKED, cells.count)
         self._radiance = dr.zeros(mi.Float, _FIRST_ROWS * self._width)
         self.baked_cells = 0
@@ -126,16 +135,20 @@ class BakedLight:
 
     def _bake(self, cell: NDArray[np.uint32]) -> None:
         self._reserve(self.baked_cells + len(cell))
-        at_once = max(1, _PATHS_AT_ONCE // self._samples)
-        for start in range(0, len(cell), at_once):
-            part = cell[start : start + at_once]
-            row = dr.arange(mi.UInt, len(part)) + self.baked_cells
-            for column, values in enumerate(self._leaving(part)):
-                dr.scatter(self._radiance, values, row * self._width + column)
-            dr.scatter(self._row, row, mi.UInt(part))
-            dr.eval(self._radiance, self._row)
-            dr.sync_thread()
-            self.baked_cells += len(part)
+        for rank, samples in enumerate(self._samples):
+            ranked = cell[self._rank[cell] == rank]
+            at_once = max(1, _PATHS_AT_ONCE // samples)
+            for start in range(0, len(ranked), at_once):
+                self._bake_part(ranked[start : start + at_once], samples)
+
+    def _bake_part(self, cell: NDArray[np.uint32], samples: int) -> None:
+        row = dr.arange(mi.UInt, len(cell)) + self.baked_cells
+        for column, values in enumerate(self._leaving(cell, samples)):
+            dr.scatter(self._radiance, values, row * self._width + column)
+        dr.scatter(self._row, row, mi.UInt(cell))
+        dr.eval(self._radiance, self._row)
+        dr.sync_thread()
+        self.baked_cells += len(cell)
 
     def _reserve(self, rows: int) -> None:
         size, needed = dr.width(self._radiance), rows * self._width
@@ -144,36 +157,40 @@ class BakedLight:
             dr.scatter(grown, self._radiance, dr.arange(mi.UInt, size))
             self._radiance = grown
 
-    def _leaving(self, cell: NDArray[np.uint32]) -> list[Any]:
+    def _leaving(self, cell: NDArray[np.uint32], samples: int) -> list[Any]:
         """Radiance leaving cells (C,): of each band for the first reflectance, then the second."""
-        count, bands = self._samples, len(self._bands)
-        lane = dr.arange(mi.UInt, len(cell) * count)
-        of_cell = lane // count
-        sample = lane - of_cell * count
-        mesh, rays = self._rays(cell, of_cell, sample)
-        table = mesh * (2 * bands * count) + sample
+        bands = len(self._bands)
+        lane = dr.arange(mi.UInt, len(cell) * samples)
+        of_cell = lane // samples
+        sample = lane - of_cell * samples
+        key, other = hashed(dr.gather(mi.UInt, mi.UInt(cell), of_cell), self._seed)
+        mesh, rays = self._rays(cell, of_cell, sample, key)
+        # One wavelength in each of as many parts of the band as there are samples.
+        step = (sample * _WAVELENGTHS + other % _WAVELENGTHS) // samples
+        place = (mi.Float(step) + 0.5) / _WAVELENGTHS
         leaving: list[Any] = [None] * (2 * bands)
-        place = (mi.Float(sample) + 0.5) / count
         for first, size, wavelengths in wavelength_groups(self._bands, place):
             rays.wavelengths = wavelengths
+            self._sampler.start(key, sample)
             arriving, _, _ = self._integrator.sample(self._scene, self._sampler, rays)
             for band in range(size):
                 for column in (first + band, bands + first + band):
-                    rho = dr.gather(mi.Float, self._reflectance, table + column * count)
+                    entry = (mesh * (2 * bands) + column) * _WAVELENGTHS + step
+                    rho = dr.gather(mi.Float, self._reflectance, entry)
                     leaving[column] = arriving[band] * rho
         dr.eval(leaving)
-        return [dr.block_sum(values, count) / count for values in leaving]
+        return [dr.block_sum(values, samples) / samples for values in leaving]
 
-    def _rays(self, cell: NDArray[np.uint32], of_cell: Any, sample: Any) -> tuple[Any, Any]:
+    def _rays(
+        self, cell: NDArray[np.uint32], of_cell: Any, sample: Any, key: Any
+    ) -> tuple[Any, Any]:
         """Mesh of each sample, and its ray from the cell into a cosine-distributed direction."""
         patch = self._cells.patches(cell)
 
         def of(values: NDArray[np.uint32]) -> Any:
             return dr.gather(mi.UInt, mi.UInt(values), of_cell)
 
-        key, _ = _hash(of(cell), self._seed)
-        x, y, a, b = _recurrence(sample, key)
-        self._sampler.start(key, sample)
+        x, y, a, b = recurrence(sample, key)
         hit: Any = dr.zeros(mi.PreliminaryIntersection3f, dr.width(sample))
         hit.valid = True
         hit.t = 0.0
@@ -187,51 +204,12 @@ class BakedLight:
         return mesh, mi.RayDifferential3f(point.spawn_ray(side * upward))
 
 
-def _reflectance_table(
-    scene: Scene, meshes: Sequence[MergedMesh], bands_nm: Bands, samples: int
-) -> Any:
-    """Reflectance by mesh, then first or second, then band, then sample."""
-    place = (np.arange(samples) + 0.5) / samples
+def _reflectance_table(scene: Scene, meshes: Sequence[MergedMesh], bands_nm: Bands) -> Any:
+    """Reflectance by mesh, then first or second, then band, then place in the band."""
+    place = (np.arange(_WAVELENGTHS) + 0.5) / _WAVELENGTHS
     table = [
         [spectrum(lower + (upper - lower) * place) for lower, upper in bands_nm]
         for mesh in meshes
         for spectrum in reflectances(scene.materials[mesh.material])
     ]
     return mi.Float(np.ravel(table).astype(np.float32))
-
-
-def _hash(first: Any, second: Any) -> tuple[Any, Any]:
-    hashed: Any = mi.sample_tea_32(first, second)
-    return hashed[0], hashed[1]
-
-
-def _recurrence(index: Any, key: Any) -> list[Any]:
-    """Points `index` of additive recurrences modulo 1, shifted by a key; exact in whole numbers."""
-    shifts = [shift for salt in (1, 2) for shift in _hash(key, mi.UInt(salt))]
-    return [
-        mi.Float((index * mi.UInt(step) + shift) >> 8) * 2.0**-24
-        for step, shift in zip(_STEPS, shifts, strict=True)
-    ]
-
-
-def _cell_sampler() -> Any:
-    """Mitsuba sampler whose numbers follow from a cell's key and the sample, not from the lane."""
-    pcg32: Any = mi.PCG32
-
-    class CellSampler(mi.Sampler):
-        def __init__(self, properties: Any) -> None:
-            super().__init__(properties)
-            self.generator = pcg32()
-
-        def start(self, key: Any, sample: Any) -> None:
-            state, stream = mi.sample_tea_64(key, sample), mi.sample_tea_64(sample, key)
-            self.generator = pcg32(1, state, stream)
-
-        def next_1d(self, active: Any = True) -> Any:
-            return self.generator.next_float32()
-
-        def next_2d(self, active: Any = True) -> Any:
-            return mi.Point2f(self.next_1d(active), self.next_1d(active))
-
-    mi.register_sampler("megalopta_cell", CellSampler)
-    return mi.load_dict({"type": "megalopta_cell"})

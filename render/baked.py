@@ -16,17 +16,19 @@ from numpy.typing import NDArray
 
 from megalopta.render.bake import BakedLight, reflectances, wavelength_groups
 from megalopta.render.bands import Bands
-from megalopta.render.cells import CellFinder, Cells
+from megalopta.render.cells import CellFinder, Cells, Sight
 from megalopta.render.merge import MergedMesh
 from megalopta.render.mitsuba_scene import DISC_POINTS, bitmap
 from megalopta.render.settings import RenderSettings
+from megalopta.render.survey import survey
 from megalopta.scenes.camera import Camera
 from megalopta.scenes.scene import Scene, Sun
 
 # Samples traced at once: what they saw is kept until all cells they saw are baked.
 _SAMPLES_AT_ONCE = 2**22
-# Forest sequences were seen to meet a new cell about every thirtieth sample.
-_SAMPLES_PER_CELL = 30
+# Samples per pixel in a whole sequence from which on baking pays, in units of `bake_samples`. A
+# frame sees fewer cells than it has samples, and few cells take all of `bake_samples`.
+_PAYS_FROM = 4
 # Wavelengths of a band's mean.
 _GRID = 2**10
 
@@ -56,7 +58,7 @@ def path_tracing_reason(
     if poses is None:
         return "the camera's path is not known"
     samples = len(poses) * settings.samples_per_pixel
-    if settings.integrator == "auto" and samples < _SAMPLES_PER_CELL * settings.bake_samples:
+    if settings.integrator == "auto" and samples < _PAYS_FROM * settings.bake_samples:
         return f"{samples} samples per pixel in all frames are too few to pay for baking"
     return ""
 
@@ -72,8 +74,9 @@ class BakedLightIntegrator:
         As loaded.
     settings : RenderSettings
     camera : Camera
-    positions : (T, 3) float64
-        Where the camera comes, relative to the scene's origin: sets how finely surfaces are cut.
+    poses : (T, 4, 4) float64
+        Of the sequence, relative to the scene's origin: where it comes close surfaces are cut
+        finely, and what it sees much of gets the most paths.
     seed : int
         Seed (32 bits) of what is baked.
     """
@@ -85,13 +88,14 @@ class BakedLightIntegrator:
         meshes: Sequence[MergedMesh],
         settings: RenderSettings,
         camera: Camera,
-        positions: NDArray[np.float64],
+        poses: NDArray[np.float64],
         seed: int,
     ) -> None:
         self._bands = settings.bands_nm
-        cells = Cells.of(meshes, camera, positions)
+        cells = Cells.of(meshes, camera, poses[:, :3, 3])
         self._finder = CellFinder(cells)
-        self._light = BakedLight(loaded, scene, meshes, cells, settings, seed)
+        seen = survey(loaded, self._finder, cells.count, camera, poses, seed)
+        self._light = BakedLight(loaded, scene, meshes, cells, seen, settings, seed)
         self._textures = _Textures(scene, meshes)
         sun = scene.lighting.sun if scene.lighting and settings.max_depth > 1 else None
         self._sun = _Sun(scene, meshes, sun, self._bands) if sun else None
@@ -129,22 +133,15 @@ class BakedLightIntegrator:
         `place` is that of the wavelength in its band, `disc` a number from 0 to 1 that chooses the
         point of the sun's disc.
         """
-        hit = scene.ray_intersect_preliminary(ray, coherent=True)
-        point = hit.compute_surface_interaction(ray, mi.RayFlags.All)
-        front = point.wi.z > 0
-        shaded = point.is_valid() & ~point.shape.is_emitter()
-        cell = self._finder.find(hit, front, shaded)
-        weight = self._textures.weight(hit.shape_index, point, shaded)
-        seen = self._emitted(scene, point, place)
+        sight = self._finder.look(scene, ray)
+        weight = self._textures.weight(sight)
+        seen = self._emitted(scene, sight.point, place)
         if self._sun:
-            toward = self._sun.direction(disc)
-            direct = self._sun.radiance(
-                scene, toward, hit.shape_index, point, front, weight, shaded
-            )
+            direct = self._sun.radiance(scene, sight, weight, disc)
             seen = [a + b for a, b in zip(seen, direct, strict=True)]
-        dr.eval(cell, weight, shaded, seen)
-        self._light.bake_missing(cell, shaded)
-        baked = self._light.radiance(cell, weight, shaded)
+        dr.eval(sight.cell, sight.shaded, weight, seen)
+        self._light.bake_missing(sight.cell, sight.shaded)
+        baked = self._light.radiance(sight.cell, weight, sight.shaded)
         return [a + b for a, b in zip(seen, baked, strict=True)]
 
     def _emitted(self, scene: Any, point: Any, place: Any) -> list[Any]:
@@ -171,10 +168,10 @@ class _Textures:
         self._weights = [texture.eval_1 for texture in loaded]
         self._weights.append(lambda _point, _active: mi.Float(0.0))
 
-    def weight(self, mesh: Any, point: Any, active: Any) -> Any:
-        """Weight (N,) at points of meshes (N,)."""
-        texture = dr.gather(mi.UInt, self._texture, mesh, active)
-        return dr.switch(texture, self._weights, point, active)
+    def weight(self, sight: Sight) -> Any:
+        """Weight (N,) at the points that rays see."""
+        texture = dr.gather(mi.UInt, self._texture, sight.mesh, sight.shaded)
+        return dr.switch(texture, self._weights, sight.point, sight.shaded)
 
 
 class _Sun:
@@ -195,29 +192,20 @@ class _Sun:
         ]
         self._facing = mi.Float(np.ravel(table).astype(np.float32))
 
-    def direction(self, place: Any) -> Any:
-        """Unit vectors (N,) to points of the disc, chosen by numbers from 0 to 1."""
-        point = dr.minimum(mi.UInt(place * DISC_POINTS), DISC_POINTS - 1)
-        return dr.gather(mi.Vector3f, self._points, point)
+    def radiance(self, loaded: Any, sight: Sight, weight: Any, disc: Any) -> list[Any]:
+        """Radiance of each band that leaves the points that rays see toward their origins.
 
-    def radiance(
-        self,
-        loaded: Any,
-        toward: Any,
-        mesh: Any,
-        point: Any,
-        front: Any,
-        weight: Any,
-        active: Any,
-    ) -> list[Any]:
-        """Radiance of each band leaving points (N,) on their front or back sides."""
-        # The disc is so small that its center stands for the angle of all of it.
-        cosine = dr.dot(point.sh_frame.n, self._center)
-        cosine = dr.select(front, cosine, -cosine)
-        lit = active & (cosine > 0)
-        lit &= ~loaded.ray_test(point.spawn_ray(toward), lit)
+        `disc` (N,), 0 to 1, chooses the point of the disc that has to be in view. The disc is so
+        small that its center stands for the angle of all of it.
+        """
+        cosine = dr.dot(sight.point.sh_frame.n, self._center)
+        cosine = dr.select(sight.front, cosine, -cosine)
+        place = dr.minimum(mi.UInt(disc * DISC_POINTS), DISC_POINTS - 1)
+        toward = dr.gather(mi.Vector3f, self._points, place)
+        lit = sight.shaded & (cosine > 0)
+        lit &= ~loaded.ray_test(sight.point.spawn_ray(toward), lit)
         cosine = dr.select(lit, cosine, 0.0)
-        row = mesh * (2 * self._bands)
+        row = sight.mesh * (2 * self._bands)
         first, second = (
             [dr.gather(mi.Float, self._facing, row + k + band, lit) for band in range(self._bands)]
             for k in (0, self._bands)

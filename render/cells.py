@@ -33,6 +33,17 @@ MOST_CELLS = 2**30
 """The table of cells takes four bytes for each."""
 
 
+def pixel_angle(camera: Camera) -> float:
+    """Mean angle between neighboring pixels (rad)."""
+    directions = camera.directions()
+    steps = [
+        np.linalg.norm(np.diff(directions, axis=axis), axis=-1).ravel()
+        for axis in (0, 1)
+        if directions.shape[axis] > 1
+    ]
+    return float(np.concatenate(steps).mean()) if steps else 1.0
+
+
 @dataclass(frozen=True)
 class Cells:
     """How the cells of M meshes with F faces in all, in loading order, are numbered.
@@ -71,7 +82,7 @@ class Cells:
         ValueError
             When there are more cells than a table holds.
         """
-        path, pixel_rad = cKDTree(positions), _pixel_angle(camera)
+        path, pixel_rad = cKDTree(positions), pixel_angle(camera)
         cuts = [_cut(mesh, path, pixel_rad) for mesh in meshes]
         origin = np.concatenate([origin for origin, _ in cuts])
         pieces = np.concatenate([pieces for _, pieces in cuts], axis=1)
@@ -142,14 +153,37 @@ class Patches:
         )
 
 
+@dataclass(frozen=True)
+class Sight:
+    """What N rays see, in Mitsuba's types.
+
+    `mesh` and `cell` mean something where `shaded`: where a surface was hit that does not glow.
+    """
+
+    point: Any
+    front: Any
+    shaded: Any
+    mesh: Any
+    cell: Any
+
+
 class CellFinder:
-    """Which cell a ray hits, inside Mitsuba."""
+    """Which cells rays hit, inside Mitsuba."""
 
     def __init__(self, cells: Cells) -> None:
         self._first_face = mi.UInt(cells.first_face)
         self._first_cell = mi.UInt(cells.first_cell)
         self._origin = mi.UInt(cells.origin)
         self._pieces = [mi.UInt(pieces) for pieces in cells.pieces]
+
+    def look(self, loaded: Any, rays: Any) -> Sight:
+        """Trace rays through a loaded scene."""
+        hit = loaded.ray_intersect_preliminary(rays, coherent=True)
+        point = hit.compute_surface_interaction(rays, mi.RayFlags.All)
+        front = point.wi.z > 0
+        shaded = point.is_valid() & ~point.shape.is_emitter()
+        cell = self.find(hit, front, shaded)
+        return Sight(point, front, shaded, hit.shape_index, cell)
 
     def find(self, hit: Any, front: Any, active: Any) -> Any:
         """Cell of preliminary intersections (N,) on their front or back sides."""
@@ -168,17 +202,6 @@ class CellFinder:
         )
         side = dr.select(front, mi.UInt(0), mi.UInt(1))
         return first + (side * pieces[0] + i) * pieces[1] + j
-
-
-def _pixel_angle(camera: Camera) -> float:
-    """Mean angle between neighboring pixels (rad)."""
-    directions = camera.directions()
-    steps = [
-        np.linalg.norm(np.diff(directions, axis=axis), axis=-1).ravel()
-        for axis in (0, 1)
-        if directions.shape[axis] > 1
-    ]
-    return float(np.concatenate(steps).mean()) if steps else 1.0
 
 
 def _cut(mesh: MergedMesh, path: cKDTree, pixel_rad: float) -> tuple[UInt32, UInt32]:

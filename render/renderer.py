@@ -93,9 +93,8 @@ class SceneRenderer:
         self.integrator = f"path ({reason})" if reason else "baked"
         self._integrator: Any = mi.load_dict({"type": "path", "max_depth": settings.max_depth})
         if poses is not None and not reason:
-            positions = poses[:, :3, 3] - self._origin
             self._integrator = BakedLightIntegrator(
-                self._scene, scene, meshes, settings, camera, positions, bake_seed(seed)
+                self._scene, scene, meshes, settings, camera, self._local(poses), bake_seed(seed)
             )
 
     def radiance(
