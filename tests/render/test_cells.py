@@ -5,10 +5,12 @@ from megalopta.render import cells as cells_module
 from megalopta.render.cells import CellFinder, Cells
 from megalopta.render.merge import MergedMesh
 from megalopta.render.mitsuba_scene import load_scene
+from megalopta.render.survey import survey
 from megalopta.render.variant import activate, choose_variant
 from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.scene import Material, Scene
 from megalopta.scenes.spectrum import flat
+from megalopta.scenes.trajectory import Trajectory
 
 vectorized = pytest.mark.skipif(
     choose_variant().name.startswith("scalar"), reason="cells are found by vectorized rays"
@@ -127,3 +129,16 @@ def test_rays_find_the_cell_that_holds_the_point_they_hit():
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     behind = np.einsum("ij,ij->i", normal, origin - corners[:, 0]) < 0
     np.testing.assert_array_equal(patches.side == 1, behind)
+
+
+@vectorized
+@pytest.mark.parametrize("frames", [1, 7, 1000])
+def test_a_survey_counts_256_rays_per_pixel_however_long_the_sequence(frames):
+    activate(choose_variant())
+    floor = triangle_mesh([[[-900, -900, 0], [900, -900, 0], [0, 900, 0]]])
+    loaded = load_scene(Scene({"thing": Material(flat(0.5))}, {}, ()), [floor])
+    down = Trajectory(frames=frames, position_m=(0, 0, 2), look_at_m=(0, 0, 0), up=(1, 0, 0))
+    cells = Cells.of([floor], CAMERA, down.poses()[:, :3, 3])
+    seen = survey(loaded, CellFinder(cells), cells.count, CAMERA, down.poses(), 0)
+    assert seen.sum() == 256 * CAMERA.width * CAMERA.height
+    assert not seen[cells.count // 2 :].any()  # the back
