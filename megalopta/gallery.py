@@ -30,6 +30,7 @@ from megalopta.stage_sense import light_scale
 
 _CAMERA = {"width": 270, "height": 180, "fov_deg": 75}
 _PATH = {"frames": 2, "look_at_m": [10, 0, 1.8], "velocity_m_s": [1.0, 0.3, 0]}
+_EXPOSURE_S = 2e-3
 _TURNING = {
     "camera": {**_CAMERA, "fov_deg": 72},
     "trajectory": {"frames": 2, "rotation_deg_s": 15},
@@ -61,7 +62,7 @@ def write_gallery(
         ]
     out.mkdir(parents=True, exist_ok=True)
     write_sheet(out / "gallery.png", cells)
-    write_page(out / "gallery.html", cells)
+    write_page(out / "gallery.html", cells, _EXPOSURE_S)
     return out / "gallery.html"
 
 
@@ -72,7 +73,7 @@ def _cells(
         "camera": _CAMERA,
         "trajectory": _PATH,
         "render": {"samples_per_pixel": samples_per_pixel},
-        "sensors": ["ideal"],
+        "sensors": [{"preset": "ideal", "exposure_s": _EXPOSURE_S}],
         **parts,
     }
     settings = Configuration.model_validate(values)

@@ -44,12 +44,12 @@ class Cell:
     @property
     def light(self) -> str:
         """Name and strength of the light, for people."""
-        return f"{level_name(self.level)}, {lux(self.illuminance_lux)}"
+        return _plain(f"{level_name(self.level)}, {lux(self.illuminance_lux)}")
 
     @property
     def photons(self) -> str:
         """Mean count, for people."""
-        return f"{number(float(np.mean(self.counts)))} photons per pixel"
+        return _plain(f"{number(float(np.mean(self.counts)))} photons per pixel")
 
     @property
     def view_image(self) -> Image.Image:
@@ -92,10 +92,15 @@ def write_sheet(path: Path, cells: Sequence[Cell]) -> None:
         sheet.save(temporary, "PNG", optimize=True)
 
 
-def write_page(path: Path, cells: Sequence[Cell]) -> None:
+def write_page(path: Path, cells: Sequence[Cell], exposure_s: float) -> None:
     """Write all cells as one HTML page with the pictures inside it."""
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
     environment.filters["data_uri"] = data_uri
     text = resources.files("megalopta").joinpath("gallery.html").read_text("utf-8")
     rows = [(scene, list(group)) for scene, group in groupby(cells, lambda cell: cell.scene)]
-    write_text(path, environment.from_string(text).render(rows=rows))
+    write_text(path, environment.from_string(text).render(rows=rows, exposure_ms=1e3 * exposure_s))
+
+
+def _plain(text: str) -> str:
+    """The text with plain spaces: the sheet's font knows no others."""
+    return " ".join(text.split())
