@@ -187,7 +187,12 @@ def test_plants_stand_on_the_ground(scene):
 
 
 def test_what_lies_on_the_ground_follows_its_slope():
-    strewn = {"undergrowth_per_m2": {"log": 0.1}, "relief_m": 2.0, "detail": 0.1}
+    strewn = {
+        "undergrowth_per_m2": {"log": 0.1},
+        "undergrowth": 3.0,
+        "relief_m": 1.0,
+        "detail": 0.1,
+    }
     scene = build_forest(SMALL.model_copy(update=strewn), PATH)
     ground = scene.assets["ground"].parts["litter ground"].vertices
     tree = cKDTree(ground[:, :2])
@@ -197,8 +202,9 @@ def test_what_lies_on_the_ground_follows_its_slope():
             x, y, z = matrix[:3, :3] @ end + matrix[:3, 3]
             if max(abs(x), abs(y)) < 12:  # where the grid is fine
                 gaps.append(z - ground[tree.query((x, y), k=4)[1], 2].mean())
-    # bumps of 3.5 cm root mean square at both ends and below the middle, a lean of 1.2 degrees
-    assert len(gaps) > 20 and np.abs(gaps).max() < 0.25 and abs(np.mean(gaps)) < 0.05
+    # bumps of 3.5 cm and a lean of 3 cm root mean square, hills that curve over 3 m by some 5 cm;
+    # a log that stayed level would be off by 13 cm
+    assert len(gaps) > 50 and np.sqrt(np.mean(np.square(gaps))) < 0.09
 
 
 def test_detail_falls_with_distance_from_the_whole_path_and_nowhere_else(scene):
