@@ -34,6 +34,16 @@ def litter_texture(rng: np.random.Generator) -> NDArray[np.float32]:
     return to_weight(1.5 * floor + 0.45 * patches - 0.35)
 
 
+def turf_texture(rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return a tileable short turf or carpet of moss: fine blades on slow patches; 1 is bright."""
+    size, area_m2 = (TILE_M, TILE_M), TILE_M**2
+    blades = strew(GROUND_SHAPE, size, int(1200 * area_m2), (0.03, 0.11), 0.12, 0.0, 3.0, rng)
+    patches = tileable_noise(GROUND_SHAPE, size, (0.15, 2.5), 1.0, rng)
+    grain = tileable_noise(GROUND_SHAPE, size, (0.01, 0.06), 0.4, rng)
+    turf = np.where(np.isnan(blades), -0.9 + 0.4 * grain, 0.3 + blades)
+    return to_weight(turf + 0.4 * patches)
+
+
 def _leaf_coordinates() -> tuple[FloatArray, FloatArray]:
     texels = ATLAS_TILES * LEAF_TEXELS
     place = (np.arange(texels) + 0.5) / LEAF_TEXELS % 1
@@ -93,6 +103,7 @@ TEXTURES: Mapping[str, Callable[[np.random.Generator], NDArray[np.float32]]] = M
         "leaf": leaf_texture,
         "needles": needle_texture,
         "litter": litter_texture,
+        "turf": turf_texture,
         "stone": stone_texture,
         "mossy": mossy_texture,
     }

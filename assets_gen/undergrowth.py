@@ -26,7 +26,7 @@ PINNA = Foliage(
 )
 HERB_LEAF = PINNA.model_copy(update={"length_m": 0.14, "width_m": 0.065, "widest": 0.6})
 BILBERRY_LEAF = PINNA.model_copy(update={"length_m": 0.07, "width_m": 0.04, "widest": 0.5})
-PETAL = PINNA.model_copy(update={"length_m": 0.035, "width_m": 0.024, "widest": 0.6})
+PETAL = PINNA.model_copy(update={"length_m": 0.026, "width_m": 0.018, "widest": 0.6})
 FALLEN_LEAF = PINNA.model_copy(update={"length_m": 0.09, "width_m": 0.055, "fold_deg": 25})
 
 GRASS_BLADES = 28

@@ -59,7 +59,7 @@ class Forest(
     clearance_m: Annotated[float, Field(ge=0.3, le=100)] = 1.2
     """Least distance from the camera's path to the middle of a trunk (m)."""
     ground: Literal["litter", "meadow", "moss"] = "litter"
-    """What covers the ground between the plants."""
+    """What covers the ground between the plants: litter, meadow or moss."""
     relief_m: Annotated[float, Field(ge=0, le=3)] = 0.6
     """Root mean square height of the rolling land beside the path (m)."""
     detail: Annotated[float, Field(gt=0, le=1000)] = 1.0
@@ -68,9 +68,8 @@ class Forest(
     @model_validator(mode="before")
     @classmethod
     def _take_preset(cls, given: Any) -> Any:
-        if not isinstance(given, Mapping) or given.get("preset") not in PRESETS:
-            return given
-        return {**PRESETS[given["preset"]], **given}
+        name = given.get("preset") if isinstance(given, Mapping) else None
+        return {**PRESETS[name], **given} if isinstance(name, str) and name in PRESETS else given
 
     wind: Wind | None = None
     """Wind that makes trees and bushes sway; null is calm."""

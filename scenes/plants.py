@@ -108,7 +108,9 @@ def materials(seed: int, assets: Mapping[str, Asset]) -> dict[str, Material]:
 
 _SINGLE: Mapping[str, tuple[tuple[Spectrum, Spectrum], str]] = MappingProxyType(
     {
-        **{f"{cover} ground": (pair, "litter") for cover, pair in GROUND.items()},
+        "litter ground": (GROUND["litter"], "litter"),
+        "meadow ground": (GROUND["meadow"], "turf"),
+        "moss ground": (GROUND["moss"], "turf"),
         "rock": (ROCK, "stone"),
         "log bark": (LOG, "mossy"),
         "log wood": (WOOD, "smooth"),

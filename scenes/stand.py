@@ -42,7 +42,7 @@ LAYERS: Mapping[str, Layer] = MappingProxyType(
         "herb": Layer(1.4, 18, 0.3),
         "flower": Layer(0.15, 18, 0.3),
         "litter": Layer(1.0, 9, 0.0),
-        "log": Layer(0.008, 40, 2.2, (0.8, 1.5)),
+        "log": Layer(0.008, 40, 2.2, (0.7, 1.1)),
         "rock": Layer(0.012, 40, 1.6, (0.25, 1.6)),
     }
 )

@@ -5,9 +5,17 @@ from megalopta.assets_gen.flora import BEECH, BUSHES, TREES
 from megalopta.assets_gen.species import Species
 
 
-def test_at_least_three_tree_species_and_a_conifer_are_there():
-    assert len(TREES) >= 3 and len(BUSHES) >= 1
-    assert {species.growth.kind for species in TREES.values()} == {"colonized", "whorled"}
+def test_there_are_broad_leaved_trees_and_two_conifers():
+    needles = {name for name, species in TREES.items() if species.foliage.blade == "needles"}
+    assert needles == {"pine", "spruce"} and len(TREES) == 6
+
+
+def test_saplings_are_lower_and_thinner_than_their_trees():
+    for name, sapling in BUSHES.items():
+        if name.startswith("young "):
+            tree = TREES[name.removeprefix("young ")]
+            assert sapling.height_m < tree.height_m / 3 and sapling.radius_m < tree.radius_m / 2
+            assert sapling.bark == tree.bark
 
 
 def test_species_survive_the_round_trip_through_json():

@@ -1,7 +1,15 @@
 import numpy as np
 import pytest
 
-from megalopta.assets_gen.undergrowth import grow_fern, grow_grass, grow_herbs, strew_litter
+from megalopta.assets_gen.surface import join
+from megalopta.assets_gen.undergrowth import (
+    grow_bilberry,
+    grow_fern,
+    grow_flowers,
+    grow_grass,
+    grow_herbs,
+    strew_litter,
+)
 
 # plant, tallest (m), widest half (m), most triangles
 PLANTS = {
@@ -37,3 +45,16 @@ def test_same_random_stream_grows_the_same_bytes(plant):
     first, second = (plant[0](np.random.default_rng(2)) for _ in range(2))
     assert first.vertices.tobytes() == second.vertices.tobytes()
     assert first.uv.tobytes() == second.uv.tobytes()
+
+
+def test_merged_blades_of_grass_cover_as_much_with_fewer_triangles():
+    tufts = [[grow_grass(np.random.default_rng(n), merged) for n in range(40)] for merged in (1, 4)]
+    fine, coarse = (sum(tuft.area for tuft in row) for row in tufts)
+    # mean of 280 coarse blades, whose lengths scatter by a quarter
+    assert coarse == pytest.approx(fine, rel=0.1)
+    assert len(tufts[1][0].faces) * 4 == len(tufts[0][0].faces)
+
+
+def test_petals_stand_above_the_leaves_of_their_flowers():
+    leaves, petals = grow_flowers(np.random.default_rng(0))
+    assert petals.vertices[:, 2].min() > np.median(leaves.vertices[:, 2])
