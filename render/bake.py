@@ -39,10 +39,11 @@ _PATHS_AT_ONCE = 2**19
 _FIRST_ROWS = 2**12
 # Wavelengths in a band, of which each sample takes one.
 _WAVELENGTHS = 2**8
-# Cells that were seen as often take a quarter of the samples and all. A cell's noise weighs in
-# a sequence with how much of it the cell fills; the least noise for a given number of paths is had
-# with samples as the square root of that.
+# How often a cell is seen, and how many sixteenths of the samples it then takes. Its noise weighs
+# with how much of the sequence it fills; a given number of paths leaves the least noise when
+# samples grow as the square root of that.
 _SEEN = (1, 16)
+_SHARES = (1, 4, 16)
 
 
 def reflectances(material: Material) -> tuple[Spectrum, Spectrum]:
@@ -101,8 +102,8 @@ class BakedLight:
         self._shapes = loaded.shapes_dr()
         self._cells = cells
         self._bands = settings.bands_nm
-        self._samples = [math.ceil(settings.bake_samples / 4**rank) for rank in range(3)]
-        self._rank = (2 - np.digitize(seen, _SEEN)).astype(np.uint8)
+        self._least = math.ceil(settings.bake_samples / _SHARES[-1])
+        self._shares = np.array(_SHARES, np.uint8)[np.digitize(seen, _SEEN)]
         # The way from the camera to the cell is the first segment of the path.
         self._integrator = mi.load_dict({"type": "path", "max_depth": settings.max_depth - 1})
         self._sampler = cell_sampler()
@@ -118,10 +119,17 @@ class BakedLight:
 
     def bake_missing(self, cell: Any, active: Any) -> None:
         """Compute the light of those cells (N,) that have none yet."""
-        row = dr.gather(mi.UInt, self._row, cell, active)
-        lanes: Any = dr.compress(active & (row == NOT_BAKED))
-        if dr.width(lanes):
-            self._bake(np.unique(np.array(dr.gather(mi.UInt, cell, lanes))))
+        lanes: Any = dr.compress(
+            active & (dr.gather(mi.UInt, self._row, cell, active) == NOT_BAKED)
+        )
+        if not dr.width(lanes):
+            return
+        missing = np.unique(np.array(dr.gather(mi.UInt, cell, lanes)))
+        self._reserve(self.baked_cells + len(missing))
+        paths = np.cumsum(self._least * self._shares[missing].astype(np.int64))
+        parts = np.searchsorted(paths, np.arange(_PATHS_AT_ONCE, paths[-1], _PATHS_AT_ONCE))
+        for part in np.split(missing, parts):
+            self._bake(part)
 
     def radiance(self, cell: Any, weight: Any, active: Any) -> list[Any]:
         """Radiance of each band leaving cells (N,) where the texture's weight is (N,)."""
@@ -134,17 +142,12 @@ class BakedLight:
         return [dr.lerp(a, b, weight) for a, b in zip(first, second, strict=True)]
 
     def _bake(self, cell: NDArray[np.uint32]) -> None:
-        self._reserve(self.baked_cells + len(cell))
-        for rank, samples in enumerate(self._samples):
-            ranked = cell[self._rank[cell] == rank]
-            at_once = max(1, _PATHS_AT_ONCE // samples)
-            for start in range(0, len(ranked), at_once):
-                self._bake_part(ranked[start : start + at_once], samples)
-
-    def _bake_part(self, cell: NDArray[np.uint32], samples: int) -> None:
-        row = dr.arange(mi.UInt, len(cell)) + self.baked_cells
-        for column, values in enumerate(self._leaving(cell, samples)):
-            dr.scatter(self._radiance, values, row * self._width + column)
+        """Compute the light of cells (C,) and put it into the table."""
+        first, leaving = self.baked_cells, self._leaving(cell)
+        # Opaque: a number that changes would make Dr.Jit compile anew every time.
+        place = dr.arange(mi.UInt, leaving.size) + dr.opaque(mi.UInt, first * self._width)
+        dr.scatter(self._radiance, mi.Float(leaving.ravel()), place)
+        row = dr.arange(mi.UInt, len(cell)) + dr.opaque(mi.UInt, first)
         dr.scatter(self._row, row, mi.UInt(cell))
         dr.eval(self._radiance, self._row)
         dr.sync_thread()
@@ -157,15 +160,26 @@ class BakedLight:
             dr.scatter(grown, self._radiance, dr.arange(mi.UInt, size))
             self._radiance = grown
 
-    def _leaving(self, cell: NDArray[np.uint32], samples: int) -> list[Any]:
-        """Radiance leaving cells (C,): of each band for the first reflectance, then the second."""
-        bands = len(self._bands)
-        lane = dr.arange(mi.UInt, len(cell) * samples)
-        of_cell = lane // samples
-        sample = lane - of_cell * samples
+    def _leaving(self, cell: NDArray[np.uint32]) -> NDArray[np.float32]:
+        """Radiance (C, 2·bands) that leaves cells (C,), first reflectance before second.
+
+        All cells are sampled at once, in groups of as many samples as the least of them take.
+        """
+        bands, least, shares = len(self._bands), self._least, self._shares[cell].astype(np.int64)
+        start = np.cumsum(shares) - shares
+        index = np.repeat(np.arange(len(cell), dtype=np.uint32), shares)
+        group = (np.arange(len(index)) - start[index]).astype(np.uint32)
+        lane = dr.arange(mi.UInt, len(index) * least)
+        of_group = lane // least
+        of_cell, group_of_lane, shares_of_lane = (
+            dr.gather(mi.UInt, mi.UInt(values), of_group)
+            for values in (index, group, shares[index].astype(np.uint32))
+        )
+        sample = group_of_lane * least + lane - of_group * least
         key, other = hashed(dr.gather(mi.UInt, mi.UInt(cell), of_cell), self._seed)
         mesh, rays = self._rays(cell, of_cell, sample, key)
         # One wavelength in each of as many parts of the band as there are samples.
+        samples = dr.maximum(shares_of_lane * least, 1)  # 0 in what fills up LLVM's vectors
         step = (sample * _WAVELENGTHS + other % _WAVELENGTHS) // samples
         place = (mi.Float(step) + 0.5) / _WAVELENGTHS
         leaving: list[Any] = [None] * (2 * bands)
@@ -179,7 +193,9 @@ class BakedLight:
                     rho = dr.gather(mi.Float, self._reflectance, entry)
                     leaving[column] = arriving[band] * rho
         dr.eval(leaving)
-        return [dr.block_sum(values, samples) / samples for values in leaving]
+        sums = np.stack([np.array(dr.block_sum(values, least)) for values in leaving], axis=1)
+        totals = np.add.reduceat(sums, start, axis=0)
+        return np.asarray(totals / (shares[:, None] * least), np.float32)
 
     def _rays(
         self, cell: NDArray[np.uint32], of_cell: Any, sample: Any, key: Any

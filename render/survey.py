@@ -35,6 +35,7 @@ def survey(
     for pose, turn in zip(poses[frames], turns, strict=True):
         directions = Rotation.from_rotvec(turn).apply(axes) @ pose[:3, :3].T
         origin = mi.Point3f(pose[:3, 3].tolist())
+        dr.make_opaque(origin)  # or every view would be compiled anew
         rays = mi.Ray3f(origin, mi.Vector3f(np.ascontiguousarray(directions.T)))
         sight = finder.look(loaded, rays)
         dr.scatter_add(seen, mi.UInt(1), sight.cell, sight.shaded)
