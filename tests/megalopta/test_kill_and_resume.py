@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 
 IS_LONG = os.environ.get("MEGALOPTA_LONG") == "1"
-FRAMES, PIXELS, TREES, KILLS = (400, 240, 130, 5) if IS_LONG else (30, 24, 8, 3)
+FRAMES, PIXELS, TREES, KILLS = (400, 240, 130, 5) if IS_LONG else (30, 24, 8, 2)
 SETTINGS = {
     "scene.trees": TREES,
     "scene.density_per_ha": 200 if IS_LONG else 80,
-    "scene.relief_m": 0.5,
+    "scene.undergrowth": 1 if IS_LONG else 0,
     "camera.width": PIXELS,
     "camera.height": PIXELS,
     "trajectory.frames": FRAMES,
