@@ -1,9 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta.assets_gen.surface import join
 from megalopta.assets_gen.undergrowth import (
-    grow_bilberry,
     grow_fern,
     grow_flowers,
     grow_grass,
