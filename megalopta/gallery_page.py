@@ -89,7 +89,7 @@ def write_sheet(path: Path, cells: Sequence[Cell]) -> None:
             sheet.paste(counts, (left, below))
             draw.text((left, below + size[1] + 1), cell.photons, _FAINT, font)
     with whole_file(path) as temporary:
-        sheet.save(temporary, "PNG", optimize=True)
+        sheet.quantize(128).save(temporary, "PNG", optimize=True)
 
 
 def write_page(path: Path, cells: Sequence[Cell], exposure_s: float) -> None:

@@ -1,7 +1,9 @@
 import numpy as np
 import pytest
 
+from megalopta.assets_gen.surface import join
 from megalopta.assets_gen.undergrowth import (
+    grow_bilberry,
     grow_fern,
     grow_flowers,
     grow_grass,
@@ -12,7 +14,9 @@ from megalopta.assets_gen.undergrowth import (
 # plant, tallest (m), widest half (m), most triangles
 PLANTS = {
     "fern": (grow_fern, 1.0, 1.1, 300),
-    "grass": (grow_grass, 0.55, 0.85, 90),
+    "bilberry": (grow_bilberry, 0.45, 0.95, 320),
+    "flower": (lambda rng: join(grow_flowers(rng)), 0.3, 1.1, 300),
+    "grass": (grow_grass, 0.65, 0.9, 84),
     "herb": (grow_herbs, 0.3, 1.2, 150),
     "litter": (strew_litter, 0.1, 0.8, 100),
 }
