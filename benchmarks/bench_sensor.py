@@ -9,7 +9,7 @@ number each, for binary frames 16 random bits a pixel, from rates an `expm1` as 
 alternating repeats in processor time of one thread; "two threads" is the speed by the clock with
 two threads over that with one and means something on an idle machine with two cores only.
 
-Least wanted: ideal 0.9, SPADCAM 0.2, SPADCAM at 300 counts by event 20, binary 10, two threads 1.8.
+Least wanted: ideal 0.9, SPADCAM 0.2, SPADCAM at 300 counts by event 20, binary 10.
 """
 
 import time
