@@ -156,7 +156,8 @@ def _draw_exactly(
     """Counts of x arrivals; `dead` is the dead time in mean gaps of the lower rate of the pair."""
     idle = rng.standard_exponential() if is_stationary else np.inf
     if x * a < _HARDLY_ANY_LOST and idle > dead:
-        return int(_draw_by_loss(rng, x, a / x))
+        arrivals = x * dead / a if is_stationary else x
+        return int(_draw_by_loss(rng, arrivals, a / x))
     if is_stationary:
         return int(_draw_by_arrival(rng, x * dead / a, dead, idle))
     left = x - rng.standard_exponential()

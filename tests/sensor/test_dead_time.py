@@ -225,8 +225,8 @@ def test_stationary_nonparalyzable_draws_follow_the_exact_law(a, arrivals):
     assert_follows(drawn, p)
 
 
-@pytest.mark.parametrize("a", [0.01, 0.3, 1.0, 4.0])
-@pytest.mark.parametrize("dead_times", [0.5, 1.5, 20.0])
+@pytest.mark.parametrize("a", [0.01, 0.3, 1.0, 2.0, 4.0])
+@pytest.mark.parametrize("dead_times", [0.01, 0.1, 0.5, 1.5, 20.0])
 def test_stationary_paralyzable_draws_have_the_closed_form_moments(a, dead_times):
     law_of = np.full(DRAWS, a), dead_times, stationary("paralyzable")
     counts = draw_counts(generator(5), *law_of)
