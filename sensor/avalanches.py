@@ -8,10 +8,10 @@ know of each other and are simulated one by one, so that the heap holds hardly m
 An avalanche is counted when its pixel is live and the gate open. A photon or crosstalk light in the
 dead time is lost and extends a paralyzable one; a carrier in the dead time is lost without effect.
 
-Start: live, with empty traps; or stationary, by starting 20 dead times and the traps' memory earlier
-from a dead time in equilibrium without afterpulses. At r·τ = a a non-paralyzable pixel forgets as
-e^(−βt/τ), β = ½·ln(1 + π²/(a + a²)): but for a part in e¹⁷ at a = 1, and for 6 % of the disturbance by
-gate or carriers at a = 5.
+Start: live, with empty traps; or stationary, by starting 20 dead times and the traps' memory
+earlier from a dead time in equilibrium without afterpulses. At r·τ = a a non-paralyzable pixel
+forgets as e^(−βt/τ), β = ½·ln(1 + π²/(a + a²)): but for a part in e¹⁷ at a = 1, and for 6 % of what
+gate or carriers disturb at a = 5.
 """
 
 from typing import NamedTuple
