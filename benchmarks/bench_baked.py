@@ -77,11 +77,13 @@ def accuracy(level: str) -> None:
     )
 
 
-def sequence(level: str, frames: int) -> None:
+def sequence(level: str, frames: int, width: int) -> None:
     configuration = load(
         "demo",
         {
             "light.level": level,
+            "camera.width": str(width),
+            "camera.height": str(width),
             "render.samples_per_pixel": "16",
             "trajectory.frames": str(frames),
             "trajectory.rotation_deg_s": str(3600 / frames),
@@ -108,7 +110,7 @@ def sequence(level: str, frames: int) -> None:
     total = errors(*(stack.sum(axis=-1) for stack in stacks))
     band = errors(*(stack[..., 0] for stack in stacks))
     print(
-        f"{level}, {configuration.camera.width} px, 16 samples, {frames} frames:\n"
+        f"{level}, {width} px, 16 samples, {frames} frames:\n"
         f"  path   {per_frame * frames:.0f} CPU-s, error of a frame {total['path']:.2%}, "
         f"of its first band {band['path']:.2%}\n"
         f"  baked  {total_s:.0f} CPU-s, error of a frame {total['baked']:.2%}, "
@@ -123,7 +125,7 @@ def main() -> None:
     for level in LEVELS:
         accuracy(level)
     for level in ("twilight", "daylight"):
-        sequence(level, 400)
+        sequence(level, 400, 240)
 
 
 if __name__ == "__main__":

@@ -28,7 +28,7 @@ from megalopta.scenes.scene import Scene, Sun
 _SAMPLES_AT_ONCE = 2**22
 # Samples per pixel in a whole sequence from which on baking pays, in units of `bake_samples`. A
 # frame sees fewer cells than it has samples, and few cells take all of `bake_samples`.
-_PAYS_FROM = 4
+_PAYS_FROM = 8
 # Wavelengths of a band's mean.
 _GRID = 2**10
 

@@ -52,7 +52,7 @@ class RenderSettings(
     all views share; auto bakes where nothing moves and there are frames enough to pay for it.
     Scalar variants and scenes with moving objects always take path."""
 
-    bake_samples: Annotated[int, Field(ge=1)] = 64
+    bake_samples: Annotated[int, Field(ge=1)] = 32
     """Light paths per baked cell, a piece of one side of a triangle that is up to 4 pixels long;
     cells that fill little of the sequence take a quarter or a sixteenth."""
 
