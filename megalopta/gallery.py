@@ -17,15 +17,15 @@ from numpy.typing import NDArray
 
 from megalopta.configuration import Configuration
 from megalopta.gallery_page import Cell, write_page, write_sheet
-from megalopta.preview import preview
+from megalopta.preview import preview, white_of
 from megalopta.progress import Advance, progress
 from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import frame_seed
-from megalopta.scenes.build import build_scene, glows
 from megalopta.scenes.light import LEVELS
 from megalopta.scenes.scene import Scene
-from megalopta.scenes.spectrum import flat
+from megalopta.scenes.stand import PRESETS
 from megalopta.sensor import expose_image
+from megalopta.stage_render import build
 from megalopta.stage_sense import light_scale
 
 _CAMERA = {"width": 270, "height": 180, "fov_deg": 75}
@@ -40,7 +40,7 @@ SCENES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         **{
             f"{preset} forest": {"scene": {"kind": "forest", "preset": preset}}
-            for preset in ("open", "dense", "understorey", "clearing")
+            for preset in PRESETS
         },
         "grating": {"scene": {"kind": "grating"}, **_TURNING},
         "random dots": {"scene": {"kind": "grating", "pattern": "dots"}, **_TURNING},
@@ -77,7 +77,7 @@ def _cells(
         **parts,
     }
     settings = Configuration.model_validate(values)
-    scene = _build(settings)
+    scene = build(settings)
     rendered: dict[float, tuple[Configuration, NDArray[np.float32]]] = {}
     for level, light in LEVELS.items():
         # Levels that share their directions of light differ by a factor in each band.
@@ -97,7 +97,7 @@ def _under(settings: Configuration, level: str) -> Configuration:
 def _radiance(lit: Configuration, scene: Scene) -> NDArray[np.float32]:
     """First frame (H, W, B) of a scene under the light of a configuration."""
     # What glows by itself is as bright as the light of its level, so it is built for each.
-    scene = replace(scene, lighting=lit.light.lighting()) if scene.lighting else _build(lit)
+    scene = replace(scene, lighting=lit.light.lighting()) if scene.lighting else build(lit)
     renderer = SceneRenderer(scene, lit.camera, lit.render)
     return renderer.radiance(lit.trajectory.poses()[0], frame_seed(lit.seed, 0))
 
@@ -107,12 +107,5 @@ def _cell(name: str, level: str, lit: Configuration, radiance: NDArray[np.float3
     exposure = expose_image(
         radiance[np.newaxis], bands, lit.sensors[0], seed=lit.seed, sequence=f"{name}/{level}"
     )
-    white = flat(1.0) if glows(lit.scene) else LEVELS[level].spectrum()
-    view = preview(radiance, bands, white)
+    view = preview(radiance, bands, white_of(lit.scene, _under(lit, level).light))
     return Cell(name, level, LEVELS[level].illuminance_lux, view, exposure.counts[0])
-
-
-def _build(settings: Configuration) -> Scene:
-    return build_scene(
-        settings.scene, settings.light, settings.camera, settings.trajectory, settings.objects
-    )

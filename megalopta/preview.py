@@ -3,12 +3,19 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.scenes.build import SceneDescription, glows
 from megalopta.scenes.color import Bands, encode_srgb, linear_srgb
-from megalopta.scenes.spectrum import Spectrum
+from megalopta.scenes.light import Light
+from megalopta.scenes.spectrum import Spectrum, flat
 
 # White is the brightest tenth, or less where an open sky would leave the ground in the dark.
 _WHITE_PERCENTILE = 90.0
 _WHITE_OVER_MEDIAN = 8.0
+
+
+def white_of(scene: SceneDescription, light: Light) -> Spectrum:
+    """Spectrum that comes out neutral: that of the light, flat in a scene that glows by itself."""
+    return flat(1.0) if glows(scene) else light.resolved().spectrum()
 
 
 def white_level(linear: NDArray[np.floating]) -> float:

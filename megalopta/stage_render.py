@@ -14,17 +14,16 @@ from megalopta.configuration import Configuration
 from megalopta.dataset import Dataset
 from megalopta.errors import UserError
 from megalopta.noise_record import ATTRIBUTE, noise_record
-from megalopta.preview import preview, white_level
+from megalopta.preview import preview, white_level, white_of
 from megalopta.progress import progress, say
 from megalopta.render.exr import read_radiance, write_radiance, write_truth
 from megalopta.render.noise import MEASURED_EVERY, RenderNoise, render_once, render_until
 from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import frame_seed
-from megalopta.scenes.build import build_scene, glows
+from megalopta.scenes.build import build_scene
 from megalopta.scenes.camera import PerspectiveCamera
 from megalopta.scenes.color import linear_srgb
 from megalopta.scenes.scene import Scene
-from megalopta.scenes.spectrum import flat
 
 # Points below the camera's path where the illuminance is measured.
 _LIGHT_METERS = 9
@@ -67,7 +66,8 @@ def _frame_files(dataset: Dataset, index: int) -> list[Path]:
     return [dataset.radiance(index), dataset.truth(index), *of_shutter, *training]
 
 
-def _build(settings: Configuration) -> Scene:
+def build(settings: Configuration) -> Scene:
+    """Build the scene of a configuration. Raises UserError."""
     try:
         return build_scene(
             settings.scene,
@@ -80,9 +80,8 @@ def _build(settings: Configuration) -> Scene:
         raise UserError(f"scene: {problem}") from None
 
 
-def _load(scene: Scene, settings: Configuration) -> SceneRenderer:
+def _load(scene: Scene, settings: Configuration, poses: NDArray[np.float64]) -> SceneRenderer:
     try:
-        poses = settings.trajectory.poses()
         return SceneRenderer(scene, settings.camera, settings.render, poses, settings.seed)
     except ValueError as problem:
         raise UserError(f"render: {problem}") from None
@@ -94,10 +93,10 @@ class FrameWriter:
     def __init__(self, dataset: Dataset) -> None:
         self._dataset = dataset
         settings = dataset.configuration
-        scene = _build(settings)
+        scene = build(settings)
         self._poses = settings.trajectory.poses()
         self._times_s = settings.trajectory.times_s
-        self._renderer = _load(scene, settings)
+        self._renderer = _load(scene, settings, self._poses)
         self._kinds, self._origin_m = scene.kinds, scene.origin_m
         self._motions = {
             str(index + 1): placement.motion.record()
@@ -227,7 +226,7 @@ def _say_noise(settings: Configuration, noise: Mapping[str, Any] | None) -> None
 def _write_previews(dataset: Dataset) -> None:
     """Tone-mapped radiance, all frames exposed alike, after the first."""
     configuration = dataset.configuration
-    white = flat(1.0) if glows(configuration.scene) else configuration.light.resolved().spectrum()
+    white = white_of(configuration.scene, configuration.light)
     level = None
     for index in range(configuration.trajectory.frames):
         radiance, bands = read_radiance(dataset.radiance(index))

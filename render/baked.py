@@ -53,7 +53,7 @@ def path_tracing_reason(
         return "baking needs a vectorized variant"
     if not scene.placements:
         return "there is no surface to bake light on"
-    if any(getattr(placement, "motion", None) for placement in scene.placements):
+    if scene.is_moving:
         return "objects move, and with them light and shadow on all others"
     if poses is None:
         return "the camera's path is not known"

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.render import rays
+from megalopta.render.mitsuba_scene import DISC_POINTS
 from megalopta.scenes.photometry import (
     MAXIMUM_EFFICACY_LM_W,
     luminous,
@@ -30,7 +31,6 @@ _CLEARANCE_M = 0.02
 # The meter's film has one pixel for each light path: sums of several in one pixel would depend on
 # the order in which threads come to it.
 _FILM_PX = 64
-_DISC_POINTS = 64
 _V_NM = np.arange(380.0, 771.0, 10.0)
 
 
@@ -118,8 +118,8 @@ class LightMeter:
     def _from_disc(self, position: Float64) -> float:
         if self._sun is None:
             return 0.0
-        toward = self._sun.points(_DISC_POINTS)
-        hidden = rays.is_hidden(self._scene, position, toward, np.full(_DISC_POINTS, np.inf))
+        toward = self._sun.points(DISC_POINTS)
+        hidden = rays.is_hidden(self._scene, position, toward, np.full(DISC_POINTS, np.inf))
         cosine = np.where(hidden, 0, np.maximum(toward[:, 2], 0)).mean()
         return float(luminous(self._sun.irradiance) * cosine)
 

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.render.settings import frame_seed
+
 Trace = Callable[[int, int], NDArray[np.floating]]
 
 
@@ -71,4 +73,4 @@ def pass_seed(seed: int, number: int) -> int:
     """Mitsuba's 32-bit seed of one pass of a frame; the first keeps the frame's."""
     if number == 0:
         return seed
-    return int(np.random.SeedSequence(seed, spawn_key=(number,)).generate_state(1)[0])
+    return frame_seed(seed, number)

@@ -13,7 +13,9 @@ from megalopta.scenes.light import LEVELS
 
 @pytest.mark.parametrize("name", gallery.SCENES)
 def test_every_scene_is_a_configuration(name):
-    Configuration.model_validate(gallery.SCENES[name])
+    parts = gallery.SCENES[name]["scene"]
+    scene = Configuration.model_validate(gallery.SCENES[name]).scene.model_dump()
+    assert parts.items() <= scene.items()
 
 
 def test_every_light_gives_a_view_and_as_many_photons_as_it_is_bright(tmp_path, monkeypatch):

@@ -71,7 +71,9 @@ def test_a_camera_that_looks_past_the_ends_of_the_cylinder_is_refused(camera):
 
 
 def test_the_elevations_offered_instead_of_the_zenith_are_taken():
-    build_grating(Grating(), EquirectangularCamera(lower_deg=-75, upper_deg=75), TURNING, 1.0)
+    camera = EquirectangularCamera(lower_deg=-75, upper_deg=75)
+    wall = build_grating(Grating(), camera, TURNING, 1.0).assets["grating"].parts["grating"]
+    assert wall.bounds[1, 2] / 10 >= math.tan(math.radians(75))
 
 
 def test_the_wall_is_as_high_as_an_asymmetric_panorama_sees():
