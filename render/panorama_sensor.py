@@ -1,8 +1,4 @@
-"""Mitsuba's panoramic sensor, which Mitsuba has not: equirectangular or cylindrical.
-
-Written in Python, it costs vectorized variants nothing, because they trace it into their kernel
-once; scalar variants call it for every sample, which takes a few microseconds of one core each.
-"""
+"""Mitsuba's panoramic sensor, which Mitsuba has not: equirectangular or cylindrical."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -10,6 +6,8 @@ from typing import Any
 
 import drjit as dr
 import mitsuba as mi
+
+from megalopta.render.python_sensor import python_sensor
 
 NAME = "panorama"
 
@@ -19,7 +17,7 @@ def register_panorama(variant: str) -> None:
     """Make the sensor known to the active variant, given by its name."""
     is_vectorized = not variant.startswith("scalar")
 
-    class PanoramaSensor(mi.Sensor):
+    class PanoramaSensor(python_sensor()):  # type: ignore[misc]
         """Rays from one point, uniform in azimuth and in height on the film.
 
         Plugin parameters: `fov`, the azimuth (rad) from the left to the right edge, and
@@ -61,14 +59,5 @@ def register_panorama(variant: str) -> None:
             origin = self.to_world @ mi.Point3f(0, 0, 0)
             ray = mi.Ray3f(origin, self.to_world @ direction, time, wavelengths)
             return ray, weight
-
-        def sample_ray_differential(
-            self, time: Any, sample1: Any, sample2: Any, sample3: Any, active: Any = True
-        ) -> tuple[Any, Any]:
-            ray, weight = self.sample_ray(time, sample1, sample2, sample3, active)
-            return mi.RayDifferential3f(ray), weight
-
-        def to_string(self) -> str:
-            return f"PanoramaSensor[film = {self.film()}]"
 
     mi.register_sensor(NAME, PanoramaSensor)

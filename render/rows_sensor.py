@@ -1,8 +1,7 @@
 """A sensor whose rows look from poses of their own, for the rolling shutter.
 
 It takes the rays of an ordinary sensor that stands at the origin and carries them to the pose of
-their row. Written in Python, it costs vectorized variants little, because they trace it into their
-kernel once; in scalar variants it is called for every sample.
+their row.
 """
 
 from functools import cache
@@ -13,6 +12,8 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.render.python_sensor import python_sensor
+
 NAME = "rows"
 
 
@@ -21,7 +22,7 @@ def register_rows(variant: str) -> None:
     """Make the sensor known to the active variant, given by its name."""
     is_vectorized = not variant.startswith("scalar")
 
-    class RowsSensor(mi.Sensor):
+    class RowsSensor(python_sensor()):  # type: ignore[misc]
         """Rays of `optics`, a sensor at Mitsuba's identity, moved row by row."""
 
         optics: Any = None
@@ -49,14 +50,5 @@ def register_rows(variant: str) -> None:
             transform = self._transform(sample2.y)
             ray.o, ray.d = transform @ ray.o, transform @ ray.d
             return ray, weight
-
-        def sample_ray_differential(
-            self, time: Any, sample1: Any, sample2: Any, sample3: Any, active: Any = True
-        ) -> tuple[Any, Any]:
-            ray, weight = self.sample_ray(time, sample1, sample2, sample3, active)
-            return mi.RayDifferential3f(ray), weight
-
-        def to_string(self) -> str:
-            return f"RowsSensor[film = {self.film()}]"
 
     mi.register_sensor(NAME, RowsSensor)
