@@ -15,15 +15,18 @@ Conventions, the same in every file of this folder:
 """
 
 from megalopta.flow.benchmark import photon_benchmark
-from megalopta.flow.benchmark_result import BenchmarkResult, ErrorCurve
-from megalopta.flow.benchmark_settings import BenchmarkSettings
+from megalopta.flow.benchmark_result import BenchmarkResult
+from megalopta.flow.benchmark_settings import BenchmarkSettings, SearchSettings
 from megalopta.flow.color_wheel import flow_to_rgb, wheel_legend
 from megalopta.flow.detector import Detector
 from megalopta.flow.error import ErrorSums, error_sums
+from megalopta.flow.error_curve import ErrorCurve
 from megalopta.flow.flo import read_flo, write_flo
 from megalopta.flow.methods import METHODS, method
+from megalopta.flow.photon_search import photon_search
 from megalopta.flow.photons import draw_counts
 from megalopta.flow.resize import resize
+from megalopta.flow.stimulus import MovingTemplate
 from megalopta.flow.threshold import Threshold, threshold
 from megalopta.flow.truth_error import TruthError, block_flow, truth_error
 
@@ -34,6 +37,8 @@ __all__ = [
     "Detector",
     "ErrorCurve",
     "ErrorSums",
+    "MovingTemplate",
+    "SearchSettings",
     "Threshold",
     "TruthError",
     "block_flow",
@@ -42,6 +47,7 @@ __all__ = [
     "flow_to_rgb",
     "method",
     "photon_benchmark",
+    "photon_search",
     "read_flo",
     "resize",
     "threshold",

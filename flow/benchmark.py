@@ -8,12 +8,11 @@ that notice such an offset get the clean sequence with it). All detectors see th
 
 The sequence passes in chunks of frames, all fluxes of one chunk at a time, so memory does not grow
 with its length. Every draw has a random stream of its own, so neither chunks nor the choice of
-fluxes, sizes or detectors changes a number.
+fluxes, sizes or detectors changes a number. Standard errors (`error_curve`) are estimated in blocks
+of frames longer than the memory of the detector.
 
-The standard error of an error comes from the differences between the repeats, which are
-independent draws of the same sequence. It is estimated in blocks of frames longer than the memory
-of the detector and added up over the blocks, which are then independent too: (repeats − 1) ·
-blocks degrees of freedom.
+For a template that turns past a window, `photon_search` finds the thresholds alone with a fraction
+of the draws.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -21,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from megalopta.flow.benchmark_result import BenchmarkResult, ErrorCurve
+from megalopta.flow.benchmark_result import BenchmarkResult
 from megalopta.flow.benchmark_settings import (
     BenchmarkSettings,
     checked_warm_up,
@@ -29,11 +28,10 @@ from megalopta.flow.benchmark_settings import (
     work_units,
 )
 from megalopta.flow.detector import Detector, FloatArray, Frames
-from megalopta.flow.error import ErrorSums, Metric, combine, error_sums, quotient
+from megalopta.flow.error import ErrorSums, Metric, combine, error_sums
+from megalopta.flow.error_curve import ErrorCurve, error_curve
 from megalopta.flow.photons import Counts, brightness, draw_counts
 from megalopta.flow.resize import resize
-from megalopta.flow.threshold import threshold
-from megalopta.sensor.randomness import generator
 
 __all__ = [
     "BenchmarkResult",
@@ -212,41 +210,18 @@ def _curve(
     warm_up: int,
     settings: BenchmarkSettings,
 ) -> ErrorCurve:
-    numerator, denominator = (part[..., warm_up:] for part in sums.parts(metric))
-    weight = denominator.sum(axis=(1, 2))
-    errors = quotient(numerator.sum(axis=(1, 2)), weight)
-    spread, degrees = _spread_of_sum(numerator, method.memory_frames + 1)
-    standard_errors = quotient(spread, weight)
-    thresholds = {}
-    for bits in settings.bits:
-        rng = generator(stimulus.seed, "threshold", *stimulus.key, method.name, metric, bits)
-        thresholds[bits] = threshold(
-            settings.fluxes, errors, standard_errors, degrees, 2.0**-bits, rng, settings.confidence
-        )
-    return ErrorCurve(
-        method=method.name,
-        label=method.label,
-        shape=stimulus.shape,
-        metric=metric,
-        fluxes=settings.fluxes,
-        errors=tuple(errors.tolist()),
-        standard_errors=tuple(standard_errors.tolist()),
-        degrees_of_freedom=degrees,
-        thresholds=thresholds,
+    scored = combine([sums], lambda parts: parts[0][..., warm_up:])
+    frames = scored.scored.shape[-1]
+    blocks = max(1, frames // (method.memory_frames + 1))
+    return error_curve(
+        method,
+        stimulus.shape,
+        metric,
+        settings.fluxes,
+        scored,
+        [block * frames // blocks for block in range(blocks)],
+        settings.bits,
+        settings.confidence,
+        stimulus.seed,
+        *stimulus.key,
     )
-
-
-def _spread_of_sum(values: FloatArray, block_frames: int) -> tuple[FloatArray, int]:
-    """Return the standard deviation of Σ over repeats and frames, and its degrees of freedom.
-
-    Parameters
-    ----------
-    values : (fluxes, repeats, T)
-    block_frames : int
-        Blocks of so many frames or more vary independently of each other.
-    """
-    repeats, frames = values.shape[1:]
-    blocks = max(1, frames // block_frames)
-    starts = np.arange(blocks) * frames // blocks
-    variances = np.add.reduceat(values, starts, axis=-1).var(axis=1, ddof=1)
-    return np.sqrt(repeats * variances.sum(axis=-1)), (repeats - 1) * blocks

@@ -1,45 +1,12 @@
-"""What a photon benchmark found: error curves and the fluxes at which they cross."""
+"""What a photon benchmark of a sequence found, with what is needed to make it again."""
 
-import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from megalopta.flow.benchmark_settings import BenchmarkSettings
 from megalopta.flow.detector import Detector
 from megalopta.flow.error import Metric
-from megalopta.flow.threshold import Threshold
-
-
-@dataclass(frozen=True)
-class ErrorCurve:
-    """Error of one detector over the flux, at one frame size and in one metric."""
-
-    method: str
-    label: str
-    shape: tuple[int, int]
-    """Rows and columns of the resized frames"""
-
-    metric: Metric
-    fluxes: tuple[float, ...]
-    """Photons per frame"""
-
-    errors: tuple[float, ...]
-    """Of the whole sequence; NaN when the ideal response is zero everywhere"""
-
-    standard_errors: tuple[float, ...]
-    degrees_of_freedom: int
-    """Of the standard errors"""
-
-    thresholds: dict[int, Threshold]
-    """Bits n to the flux N_nb at which the error falls below 2⁻ⁿ"""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the curve ready for JSON; undefined errors are None."""
-        fields = asdict(self)
-        for name in ("errors", "standard_errors"):
-            fields[name] = [None if math.isnan(value) else value for value in fields[name]]
-        fields["thresholds"] = {f"N_{bits}b": each for bits, each in fields["thresholds"].items()}
-        return fields
+from megalopta.flow.error_curve import ErrorCurve
 
 
 @dataclass(frozen=True)

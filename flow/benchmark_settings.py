@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from itertools import product
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
@@ -14,10 +14,10 @@ from megalopta.flow.resize import ResizeKind, resized_shape
 THESIS_WARM_UP = 30
 
 
-class BenchmarkSettings(
+class CurveSettings(
     BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
 ):
-    """What is measured, and how closely."""
+    """Which error curves are measured, and how closely."""
 
     flux_min: Annotated[float, Field(gt=0)] = 1e3
     """Smallest flux (photons per frame)"""
@@ -34,41 +34,22 @@ class BenchmarkSettings(
     dark_counts: Annotated[float, Field(ge=0)] = 0.1
     """Dark counts per frame and pixel of the frames before resizing"""
 
-    sizes: Annotated[tuple[Annotated[int, Field(ge=3)], ...], Field(min_length=1)] = (
-        60,
-        120,
-        180,
-        240,
-    )
-    """Rows of the resized frames (px); the columns follow in proportion"""
-
-    resize: ResizeKind = "nearest"
-    """How frames are resized: "nearest" subsamples as the thesis does, "area" pools the light"""
-
     metrics: Annotated[tuple[Metric, ...], Field(min_length=1)] = METRICS
     """Error metrics: "literal" is Eq. 4.5, "ratio" does not divide by near-zero responses"""
 
     bits: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(min_length=1)] = (2, 3, 4)
     """Accuracies whose flux is wanted, n bits being an error of 2⁻ⁿ"""
 
-    warm_up: Annotated[int, Field(ge=0)] | None = None
-    """Frames not scored at the start; by default 30 of 60 or more, else the longest memory"""
-
     confidence: Annotated[float, Field(gt=0, lt=1)] = 0.95
     """Probability that an interval holds"""
 
-    chunk_frames: Annotated[int, Field(ge=1)] = 16
-    """Frames processed together; changes memory and speed, never a result"""
-
-    @field_validator("sizes", "metrics", "bits")
+    @field_validator("metrics", "bits")
     @classmethod
     def _each_once(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
-        if len(set(values)) < len(values):
-            raise ValueError(f"{values} names something twice: name each once")
-        return values
+        return each_once(values)
 
     @model_validator(mode="after")
-    def _two_fluxes(self) -> "BenchmarkSettings":
+    def _two_fluxes(self) -> Self:
         if len(self.fluxes) < 2:
             raise ValueError(
                 f"flux_min {self.flux_min:g} to flux_max {self.flux_max:g} at"
@@ -84,6 +65,55 @@ class BenchmarkSettings(
         return tuple(
             self.flux_min * 10 ** (step / self.fluxes_per_decade) for step in range(steps + 1)
         )
+
+
+class BenchmarkSettings(CurveSettings, frozen=True):
+    """What is measured on a sequence, and how closely."""
+
+    sizes: Annotated[tuple[Annotated[int, Field(ge=3)], ...], Field(min_length=1)] = (
+        60,
+        120,
+        180,
+        240,
+    )
+    """Rows of the resized frames (px); the columns follow in proportion"""
+
+    resize: ResizeKind = "nearest"
+    """How frames are resized: "nearest" subsamples as the thesis does, "area" pools the light"""
+
+    warm_up: Annotated[int, Field(ge=0)] | None = None
+    """Frames not scored at the start; by default 30 of 60 or more, else the longest memory"""
+
+    chunk_frames: Annotated[int, Field(ge=1)] = 16
+    """Frames processed together; changes memory and speed, never a result"""
+
+    @field_validator("sizes")
+    @classmethod
+    def _sizes_once(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
+        return each_once(values)
+
+
+class SearchSettings(CurveSettings, frozen=True):
+    """What is measured on a template that turns, and how closely."""
+
+    repeats: Annotated[int, Field(ge=2)] = 2
+    """Independent draws of all frames at each flux; they give the intervals"""
+
+    phases: Annotated[int, Field(ge=1)] = 4
+    """Places around the template at which short sequences start; errors are means over them"""
+
+    frames: Annotated[int, Field(ge=2)] = 10
+    """Frames drawn of each of these sequences"""
+
+    summed_frames: Annotated[int, Field(ge=1)] = 1
+    """Temporal pooling: detectors see the sliding sum of so many frames"""
+
+
+def each_once(values: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return values of which none comes twice, or refuse them."""
+    if len(set(values)) < len(values):
+        raise ValueError(f"{values} names something twice: name each once")
+    return values
 
 
 def work_units(frames_shape: tuple[int, ...], settings: BenchmarkSettings) -> int:

@@ -82,6 +82,11 @@ class CorrelationDetector(Detector, frozen=True):
         pole = 1 - min(self.filter_step, self.output_step)
         return math.ceil(math.log(_FORGOTTEN) / math.log(pole)) if pole > 0 else 1
 
+    @property
+    def noise_memory_frames(self) -> int:
+        """Half of the memory: power decays twice as fast."""
+        return math.ceil(self.memory_frames / 2)
+
     def start(self, shape: tuple[int, int]) -> Responder:
         """Return the filters at rest; see `Detector.start`. First and last column stay NaN."""
         if min(shape) < 3:

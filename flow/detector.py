@@ -46,6 +46,11 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
     def memory_frames(self) -> int:
         """Frames after which less than 1 % of the past is left in the response."""
 
+    @property
+    def noise_memory_frames(self) -> int:
+        """Frames after which noise is at full strength, within 1 % of its power."""
+        return self.memory_frames
+
     @abstractmethod
     def start(self, shape: tuple[int, int]) -> Responder:
         """Return the detector at rest, to be fed a sequence of frames (H, W) chunk by chunk.
@@ -59,6 +64,21 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
     @abstractmethod
     def scored(self, responses: FloatArray) -> FloatArray:
         """Return what errors are computed from, (T, rows, columns, components), no borders."""
+
+    def expected_deviation(self, means: FloatArray, scale: float) -> FloatArray | None:
+        """Return E|response to counts − response to their means|, where it has a closed form.
+
+        Parameters
+        ----------
+        means : (T, H, W), mean counts
+        scale : float
+            As for `respond`.
+
+        Returns
+        -------
+        As `respond`, or None where counts must be drawn to know it.
+        """
+        return None
 
     def respond(self, frames: Frames, scale: float = 1.0) -> FloatArray:
         """Return the responses to the sequence `scale` · `frames`.

@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.sensor.poisson import draw_poisson
 from megalopta.sensor.randomness import generator
 
+_LARGEST_MEAN = 9e18
 Counts = NDArray[np.unsignedinteger[Any]]
 
 
@@ -58,13 +60,21 @@ def draw_counts(
     ValueError
         When a mean is negative, not a number or above 9e18.
     """
+    if not (means.min(initial=0) >= 0 and means.max(initial=0) <= _LARGEST_MEAN):
+        raise ValueError(
+            f"means from {means.min():g} to {means.max():g}: give mean counts from 0 to"
+            f" {_LARGEST_MEAN:g}"
+        )
     counts = np.empty(means.shape, np.int64)
     for index, mean in enumerate(means):
-        counts[index] = generator(seed, "photons", *key, first_frame + index).poisson(mean)
-    return counts.astype(_narrowest(int(counts.max(initial=0))))
+        rng = generator(seed, "photons", *key, first_frame + index)
+        counts[index] = draw_poisson(rng, mean.ravel()).reshape(mean.shape)
+    return narrowest(counts)
 
 
-def _narrowest(largest: int) -> type[np.unsignedinteger[Any]]:
+def narrowest(counts: NDArray[np.integer[Any]]) -> Counts:
+    """Return counts as uint16, uint32 or uint64, whichever suffices."""
+    largest = int(counts.max(initial=0))
     if largest < 2**16:
-        return np.uint16
-    return np.uint32 if largest < 2**32 else np.uint64
+        return counts.astype(np.uint16, copy=False)
+    return counts.astype(np.uint32 if largest < 2**32 else np.uint64, copy=False)

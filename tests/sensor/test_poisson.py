@@ -6,7 +6,7 @@ from megalopta.sensor.poisson import draw_poisson
 from megalopta.sensor.randomness import generator
 
 
-@pytest.mark.parametrize("mean", [0.01, 1.0, 9.99, 10.0, 33.3, 400.0])
+@pytest.mark.parametrize("mean", [0.01, 0.99, 1.0, 9.5, 33.3, 63.99, 64.0, 400.0])
 def test_draws_follow_the_poisson_law(mean):
     counts = draw_poisson(generator(0, "poisson"), np.full(400_000, mean))
     n = np.arange(int(poisson.ppf(1e-4, mean)), int(poisson.isf(1e-4, mean)) + 1)
@@ -21,3 +21,13 @@ def test_no_light_gives_no_counts_and_huge_means_stay_close():
     np.testing.assert_array_equal(draw_poisson(generator(0), np.zeros(5)), 0)
     counts = draw_poisson(generator(0), np.full(1000, 1e12))
     assert abs(counts.mean() - 1e12) < 5 * np.sqrt(1e12 / 1000)
+
+
+def test_draws_of_different_means_follow_their_laws_and_are_independent():
+    means = np.tile([0.3, 7.6, 0.02, 70.0, 12.0], 100_000)
+    z = (draw_poisson(generator(1, "poisson"), means) - means) / np.sqrt(means)
+    z = z.reshape(-1, 5)
+    # |z| < 5 of a mean, and of the correlation with the next: false-alarm rate 6e-7 each
+    np.testing.assert_allclose(z.mean(axis=0), 0, atol=5 / np.sqrt(len(z)))
+    correlation = (z * np.roll(z, 1, axis=1)).mean(axis=0)
+    np.testing.assert_allclose(correlation, 0, atol=5 / np.sqrt(len(z)))

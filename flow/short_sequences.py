@@ -1,0 +1,142 @@
+"""Short sequences of a moving template, and the error of a detector on counts drawn of them.
+
+The sequence of the thesis, 400 frames, is represented by a few short ones that start at places
+spread around the template. Detectors with a memory see clean frames first: what their filters have
+kept from before is then right, and only the noise has yet to reach its strength; frames until then
+are not scored. Draws are named by seed, stimulus, flux, place and repeat, and are the same for all
+detectors.
+"""
+
+import numpy as np
+
+from megalopta.flow.benchmark_settings import SearchSettings
+from megalopta.flow.detector import Detector, FloatArray, Frames
+from megalopta.flow.error import ErrorSums, combine, error_sums
+from megalopta.flow.photons import draw_counts, narrowest
+from megalopta.flow.stimulus import MovingTemplate, summed
+
+
+class ShortSequences:
+    """A stimulus at a few places, clean and as counts; counts are kept, for other detectors."""
+
+    def __init__(
+        self,
+        stimulus: MovingTemplate,
+        settings: SearchSettings,
+        seed: int,
+        name: str,
+        warm_up: int = 0,
+    ) -> None:
+        self.settings, self.seed = settings, seed
+        self.key = (name, f"{stimulus.size}x{stimulus.size}")
+        self.shape = (stimulus.size, stimulus.size)
+        self.pixels = stimulus.size**2
+        self.dark_counts = settings.dark_counts * len(stimulus.template) ** 2 / self.pixels
+        self._warm_up = warm_up
+        before, drawn = warm_up, settings.frames + settings.summed_frames - 1
+        shifts = phase_shifts(stimulus.template.shape[1], settings.phases)
+        self._light = [
+            stimulus.light(shift - before * stimulus.velocity_px, before + drawn)
+            for shift in shifts
+        ]
+        self._counts: dict[tuple[float, int, int], Frames] = {}
+
+    def clean(self, phase: int, before: int) -> FloatArray:
+        """Return the frames at a place, after some that lead there, as shares of the flux."""
+        frames = summed(self._light[phase], self.settings.summed_frames)
+        return np.asarray(frames[self._warm_up - before :])
+
+    def counts(self, flux: float, phase: int, repeat: int) -> Frames:
+        """Return counts of the frames at a place."""
+        name = (flux, phase, repeat)
+        if name not in self._counts:
+            means = self._light[phase][self._warm_up :] * flux + self.dark_counts
+            strip = means.reshape(1, -1, means.shape[-1])  # one random stream for all frames
+            drawn = draw_counts(strip, self.seed, *self.key, f"{flux:.6g}", phase, repeat)
+            pooled = summed(drawn.reshape(means.shape), self.settings.summed_frames)
+            self._counts[name] = narrowest(pooled)
+        return self._counts[name]
+
+
+class Comparison:
+    """One detector's responses to counts against those to clean frames."""
+
+    def __init__(self, sequences: ShortSequences, method: Detector) -> None:
+        self._sequences = sequences
+        self._method = method
+        self._warm_up = warm_up_frames(method)
+        self._unscored = method.noise_memory_frames if self._warm_up else 0
+        least = max(self._unscored + 1, method.minimum_frames)
+        if sequences.settings.frames < least:
+            raise ValueError(
+                f"frames {sequences.settings.frames}: {method.name} needs {least} or more"
+            )
+        self._phases = range(sequences.settings.phases)
+        self._clean = [sequences.clean(phase, self._warm_up) for phase in self._phases]
+        self._ideal = [self._response(phase, 1.0, 0.0) for phase in self._phases]
+
+    @property
+    def is_defined(self) -> bool:
+        """Whether the detector answers to the clean frames at all.
+
+        One that gives velocities and reads rest in most of its blocks does not: what is left are
+        the few in which the subsampling of `nearest` happens to show a whole pixel.
+        """
+        sums = [error_sums(self._method, ideal, ideal) for ideal in self._ideal]
+        possible = sum(self._method.scored(ideal)[..., 0].size for ideal in self._ideal)
+        moving = sum(each.scored.sum() for each in sums)
+        return 2 * moving >= possible and any(each.magnitude.any() for each in sums)
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether errors come from a closed form, and no counts are drawn."""
+        return self._method.expected_deviation(self._clean[0][:1], 1.0) is not None
+
+    def errors(self, flux: float) -> ErrorSums:
+        """Return what the error at a flux is made of, (repeats, places, scored frames)."""
+        dark = self._sequences.dark_counts * self._sequences.settings.summed_frames
+        places = [self._at_place(phase, flux, dark) for phase in self._phases]
+        return combine(places, lambda parts: np.stack(parts, axis=1))
+
+    def _at_place(self, phase: int, flux: float, dark: float) -> ErrorSums:
+        method, repeats = self._method, range(self._sequences.settings.repeats)
+        scale = self._scale(flux)
+        ideal = self._ideal[phase] if method.ignores_offset else self._response(phase, flux, dark)
+        # where frames are independent of each other, one stands for those of a place
+        means = self._clean[phase][:1] * flux + dark
+        deviation = method.expected_deviation(means, scale)
+        if deviation is not None:
+            expected = error_sums(method, ideal[:1], ideal[:1] + deviation)
+            return combine([expected for _ in repeats], np.stack)
+        counts = (self._sequences.counts(flux, phase, repeat) for repeat in repeats)
+        noisy = (self._response(phase, flux, dark, each) for each in counts)
+        sums = [error_sums(method, ideal, each) for each in noisy]
+        return combine(sums, lambda parts: np.stack(parts)[:, self._unscored :])
+
+    def _scale(self, flux: float) -> float:
+        return self._sequences.pixels / (flux * self._sequences.settings.summed_frames)
+
+    def _response(
+        self, phase: int, flux: float, dark: float, counts: Frames | None = None
+    ) -> FloatArray:
+        """Return the response at a place to counts, or to their means."""
+        respond = self._method.start(self._sequences.shape)
+        scale, clean = self._scale(flux), self._clean[phase]
+        if self._warm_up:
+            respond(clean[: self._warm_up] * flux + dark, scale)
+        return respond(clean[self._warm_up :] * flux + dark if counts is None else counts, scale)
+
+
+def warm_up_frames(method: Detector) -> int:
+    """Return the number of clean frames that a detector sees before the counts."""
+    return method.memory_frames if method.memory_frames > 1 else 0
+
+
+def phase_shifts(columns: int, phases: int) -> list[int]:
+    """Return places around a template (px), spread evenly but in no step with a grating on it."""
+    return [int((phase + _van_der_corput(phase)) / phases * columns) for phase in range(phases)]
+
+
+def _van_der_corput(number: int) -> float:
+    """Return a number of the sequence in base 2: 0, 1/2, 1/4, 3/4 and so on."""
+    return sum((number >> place & 1) / (2 << place) for place in range(number.bit_length()))
