@@ -62,7 +62,7 @@ def _velocities(grid: BlockGrid, radius: int, frames: Frames) -> FloatArray:
 
 
 # Rows cut out beforehand, and a sum of its own for each, let the compiler vectorize.
-@njit(cache=True, fastmath={"reassoc"})  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, fastmath={"reassoc"})  # type: ignore[untyped-decorator]
 def _search(
     frames: FloatArray, top: int, left: int, size: int, radius: int, velocities: FloatArray
 ) -> None:

@@ -25,7 +25,6 @@ brightness too. On ½(1 + C sin(ωt + jφ)), with Hh = (1 − a)(1 − z)/(1 −
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -37,32 +36,44 @@ from megalopta.flow.detector import Detector, FloatArray, Frames, Responder
 FilterStep = Annotated[float, Field(gt=0, le=1)]
 _FORGOTTEN = 0.01
 
-Combination = Callable[[FloatArray, FloatArray, int], float]
-"""A row of h, the same row of g and a column j to the response there."""
+_ELEMENTARY, _PRODUCT, _RECTIFIED_PRODUCT, _RECTIFIED_SUM = range(4)
 
 
-def _compiled(combination: Combination) -> Callable[..., None]:
-    """Return all filters of a detector in one pass over the pixels, in place."""
-    combine = njit(combination, inline="always")
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _combine(kind: int, h: Any, g: Any, combined: Any) -> None:
+    """Combine a row of h and one of its delayed copy g; the outermost pixels lack a neighbor."""
+    inner = range(1, h.size - 1)
+    if kind == _ELEMENTARY:
+        for j in inner:
+            combined[j] = g[j] * h[j + 1] - h[j] * g[j + 1]
+    elif kind == _RECTIFIED_SUM:
+        for j in inner:
+            combined[j] = abs(h[j] + g[j - 1] + g[j + 1])
+    else:
+        for j in inner:
+            combined[j] = h[j] * (g[j - 1] + g[j + 1])
+        if kind == _RECTIFIED_PRODUCT:
+            for j in inner:
+                combined[j] = abs(combined[j])
 
-    @njit  # type: ignore[untyped-decorator]
-    def advance(frame: Any, a: float, b: float, low: Any, g: Any, y: Any) -> None:
-        h = np.empty(frame.shape[1])
-        for i in range(frame.shape[0]):
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _advance(
+    kind: int, frames: Any, scale: float, a: float, b: float, low: Any, g: Any, y: Any, outputs: Any
+) -> None:
+    """Pass frames through all filters; their states low, g and y change in place."""
+    h, combined = np.empty((2, frames.shape[2]))
+    for t in range(frames.shape[0]):
+        for i in range(frames.shape[1]):
             for j in range(h.size):
-                low[i, j] += a * (frame[i, j] - low[i, j])
-                h[j] = frame[i, j] - low[i, j]
+                pixel = frames[t, i, j] * scale
+                low[i, j] += a * (pixel - low[i, j])
+                h[j] = pixel - low[i, j]
                 g[i, j] += a * (h[j] - g[i, j])
+            _combine(kind, h, g[i], combined)
             for j in range(1, h.size - 1):
-                y[i, j] += b * (combine(h, g[i], j) - y[i, j])
-
-    return advance  # type: ignore[no-any-return]
-
-
-_elementary = _compiled(lambda h, g, j: g[j] * h[j + 1] - h[j] * g[j + 1])
-_multiplied = _compiled(lambda h, g, j: h[j] * (g[j - 1] + g[j + 1]))
-_rectified_product = _compiled(lambda h, g, j: abs(h[j] * (g[j - 1] + g[j + 1])))
-_rectified_sum = _compiled(lambda h, g, j: abs(h[j] + g[j - 1] + g[j + 1]))
+                y[i, j] += b * (combined[j] - y[i, j])
+                outputs[t, i, j] = y[i, j]
 
 
 class CorrelationDetector(Detector, frozen=True):
@@ -91,18 +102,17 @@ class CorrelationDetector(Detector, frozen=True):
         """Return the filters at rest; see `Detector.start`. First and last column stay NaN."""
         if min(shape) < 3:
             raise ValueError(f"frames of {shape[0]} × {shape[1]} px: {self.name} needs 3 × 3 px")
-        advance, low = self._combination(), None
+        low = None
         delayed, smoothed = np.zeros((2, *shape))
-        smoothed[:, [0, -1]] = np.nan
 
         def respond(frames: Frames, scale: float) -> FloatArray:
             nonlocal low
+            if low is None and len(frames):
+                low = frames[0] * np.float64(scale)
             responses = np.empty(frames.shape)
-            for frame, response in zip(frames, responses, strict=True):
-                scaled = frame * np.float64(scale)
-                low = scaled.copy() if low is None else low
-                advance(scaled, self.filter_step, self.output_step, low, delayed, smoothed)
-                response[:] = smoothed
+            responses[..., [0, -1]] = np.nan
+            steps = (self.filter_step, self.output_step)
+            _advance(self._kind, frames, float(scale), *steps, low, delayed, smoothed, responses)
             return responses
 
         return respond
@@ -111,8 +121,9 @@ class CorrelationDetector(Detector, frozen=True):
         """Return pixels 2 to N − 1 of each side, as in Eq. 4.5."""
         return responses[:, 1:-1, 1:-1, np.newaxis]
 
+    @property
     @abstractmethod
-    def _combination(self) -> Callable[..., None]: ...
+    def _kind(self) -> int: ...
 
 
 class ElementaryMotionDetector(CorrelationDetector, frozen=True):
@@ -127,8 +138,9 @@ class ElementaryMotionDetector(CorrelationDetector, frozen=True):
     filter_step: FilterStep = 0.30
     """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
 
-    def _combination(self) -> Callable[..., None]:
-        return _elementary
+    @property
+    def _kind(self) -> int:
+        return _ELEMENTARY
 
 
 class NonDirectionalMultiplication(CorrelationDetector, frozen=True):
@@ -146,8 +158,9 @@ class NonDirectionalMultiplication(CorrelationDetector, frozen=True):
     rectified: bool = True
     """Whether the output is the absolute value of the product"""
 
-    def _combination(self) -> Callable[..., None]:
-        return _rectified_product if self.rectified else _multiplied
+    @property
+    def _kind(self) -> int:
+        return _RECTIFIED_PRODUCT if self.rectified else _PRODUCT
 
 
 class NonDirectionalSummation(CorrelationDetector, frozen=True):
@@ -162,5 +175,6 @@ class NonDirectionalSummation(CorrelationDetector, frozen=True):
     filter_step: FilterStep = 0.714
     """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
 
-    def _combination(self) -> Callable[..., None]:
-        return _rectified_sum
+    @property
+    def _kind(self) -> int:
+        return _RECTIFIED_SUM

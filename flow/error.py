@@ -95,7 +95,7 @@ def quotient(
     return np.divide(numerator, denominator, out=undefined, where=np.asarray(denominator) > 0)
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _add_up(ideal: FloatArray, noisy: FloatArray, skip_zero: bool, sums: FloatArray) -> None:
     frames, rows, columns, components = ideal.shape
     for t in range(frames):

@@ -6,9 +6,9 @@ each other and added up over the blocks: (repeats − 1) · blocks degrees of fr
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -48,6 +48,20 @@ class ErrorCurve:
             fields[name] = [None if math.isnan(value) else value for value in fields[name]]
         fields["thresholds"] = {f"N_{bits}b": each for bits, each in fields["thresholds"].items()}
         return fields
+
+    @classmethod
+    def from_dict(cls, fields: Mapping[str, Any]) -> Self:
+        """Return the curve that `to_dict` wrote."""
+        numbers = {
+            name: tuple(math.nan if value is None else value for value in fields[name])
+            for name in ("fluxes", "errors", "standard_errors")
+        }
+        thresholds = {
+            int(name.removeprefix("N_").removesuffix("b")): Threshold(**each)
+            for name, each in fields["thresholds"].items()
+        }
+        changed = {**numbers, "shape": tuple(fields["shape"]), "thresholds": thresholds}
+        return cls(**{**fields, **changed})
 
 
 def error_curve(

@@ -28,7 +28,7 @@ from megalopta.flow.stimulus import MovingTemplate
 _MEAN_AT_TWO_BITS = 10.133
 """Count of a pixel whose relative error is 25 %; the error goes as its inverse root."""
 _LONGEST_STRIDE_DECADES = 2.0
-_EXACT_PER_DECADE = 200
+_EXACT_PER_DECADE = 100
 """Closed forms cost next to nothing, and deserve that interpolation adds no error of its own."""
 _SMALLEST_ERROR = 1e-3
 """In levels; block matching reaches 0"""

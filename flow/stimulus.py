@@ -6,6 +6,7 @@ content moves to the right. Motion blur is that of a camera whose shutter stays 
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -40,6 +41,13 @@ class MovingTemplate:
             raise ValueError("template holds negative or non-finite values: give light, 0 or more")
         resized_shape((rows, rows), self.size)
 
+    @cached_property
+    def _lines(self) -> FloatArray:
+        """The template with rows resized, and its first columns once more at its end."""
+        rows, columns = self.template.shape
+        lines = resize(self.template, (self.size, columns), self.resize)
+        return np.concatenate((lines, lines[:, :rows]), axis=1)
+
     @property
     def effective_velocity_px(self) -> float:
         """Motion of the resized frames (px per frame): v·N/rows."""
@@ -60,15 +68,16 @@ class MovingTemplate:
             When a frame is black.
         """
         rows, columns = self.template.shape
-        shifts = shift_px + self.velocity_px * np.arange(count)
-        seen = (np.arange(rows) - shifts[:, np.newaxis]) % columns
-        frames = np.stack(
-            [resize(self.template[:, window], self.size, self.resize) for window in seen]
-        )
+        starts = -(shift_px + self.velocity_px * np.arange(count)) % columns
+        frames = np.empty((count, self.size, self.size))
+        for frame, start in zip(frames, starts, strict=True):
+            window = self._lines[:, start : start + rows]
+            frame[:] = resize(window, (self.size, self.size), self.resize)
         sums = frames.sum(axis=(1, 2), keepdims=True)
         if not sums.min() > 0:
             raise ValueError("a frame of the template is black: nothing can be scaled to a flux")
-        return np.asarray(frames / sums)
+        frames /= sums
+        return frames
 
 
 def blurred(template: FloatArray, length_px: float) -> FloatArray:

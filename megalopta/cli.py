@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from megalopta import __version__
-from megalopta.configuration import built_in_names, load, parse, to_yaml
+from megalopta.configuration import built_in_names, load, parse
 from megalopta.dataset import open_dataset
 from megalopta.errors import UserError
 from megalopta.info import describe
@@ -18,9 +18,20 @@ from megalopta.overrides import settings_help, split_overrides
 from megalopta.progress import say
 from megalopta.report import write_report
 from megalopta.stages import STAGES, run_all, run_stage
+from megalopta.yaml_model import to_yaml
 
 _DEMO = "do everything: render, sense, flow, bench and a report to open in a browser"
-_OWN_OPTIONS = ("--out", "--redo", "--plots", "--help", "-h", "--version")
+_OWN_OPTIONS = (
+    "--out",
+    "--redo",
+    "--plots",
+    "--quick",
+    "--workers",
+    "--cache",
+    "--help",
+    "-h",
+    "--version",
+)
 _WITHOUT_SETTINGS = ("report", "info", "check", "reproduce", "gallery")
 
 
@@ -51,7 +62,7 @@ def _run(arguments: Sequence[str]) -> None:
     elif options.verb == "check":
         _check(options.what, options.dataset, options.plots)
     elif options.verb == "reproduce":
-        _reproduce(options.figures, options.out)
+        _reproduce(options)
     elif options.verb == "gallery":
         _gallery(options.out)
     elif options.verb == "demo":
@@ -80,10 +91,12 @@ def _check(what: str, folder: Path | None, plots: Path | None) -> None:
         sys.exit(1)
 
 
-def _reproduce(names: Sequence[str], out: Path) -> None:
-    from megalopta.reproduce import FIGURES, reproduce
+def _reproduce(options: argparse.Namespace) -> None:
+    from megalopta.reproduce import reproduce
 
-    for path in reproduce(list(FIGURES) if names == ["all"] else names, out):
+    for path in reproduce(
+        options.figures, options.out, options.quick, options.workers, options.cache
+    ):
         print(path)
 
 
@@ -125,11 +138,18 @@ def _parser() -> argparse.ArgumentParser:
     drawing = "draw figures and tables of the dissertation again, as PNG, SVG and CSV"
     reproduction = _add_verb(verbs, "reproduce", drawing)
     reproduction.add_argument(
-        "figures", nargs="+", metavar="FIGURE", help="such as fig-2.9 or table-3.1, or all"
+        "figures",
+        nargs="+",
+        metavar="FIGURE",
+        help="such as fig-2.9 or table-3.1, chapter-4, or all",
     )
     reproduction.add_argument(
         "--out", type=Path, default=Path("out/figures"), help="folder (default: out/figures)"
     )
+    reproduction.add_argument(
+        "--quick", action="store_true", help="draw Chapter 4 coarsely, in seconds"
+    )
+    _add_workers(reproduction)
     showing = "render every scene preset at every light level, beside photon counts of it"
     gallery = _add_verb(verbs, "gallery", showing)
     gallery.add_argument(
@@ -158,6 +178,22 @@ def _add_verb(
             "--redo", action="store_true", help="replace output of another configuration"
         )
     return command
+
+
+def _add_workers(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--workers", type=_positive, metavar="N", help="threads (default: one for each core)"
+    )
+    command.add_argument(
+        "--cache", type=Path, help="folder of rendered panoramas (default: the user's)"
+    )
+
+
+def _positive(text: str) -> int:
+    number = int(text)
+    if number < 1:
+        raise ValueError
+    return number
 
 
 def _add_dataset(command: argparse.ArgumentParser) -> None:

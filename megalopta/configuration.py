@@ -10,17 +10,14 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
-import yaml
 from pydantic import (
     BaseModel,
     Field,
-    ValidationError,
     ValidationInfo,
     field_validator,
     model_validator,
 )
 
-from megalopta.errors import UserError, one_sentence
 from megalopta.flow.benchmark_settings import BenchmarkSettings
 from megalopta.flow.methods import METHODS
 from megalopta.render.settings import RenderSettings
@@ -36,6 +33,7 @@ from megalopta.sensor.change import merged
 from megalopta.sensor.efficiency import band_efficiency
 from megalopta.sensor.measured import with_hashes
 from megalopta.sensor.presets import load_sensor
+from megalopta.yaml_model import mapping, read_text, validated
 
 LightLevel = float | str
 
@@ -235,7 +233,8 @@ def load(source: str, overrides: Mapping[str, str] | None = None) -> Configurati
         return parse(text, source, overrides)
     path = Path(source)
     path = path / "dataset.yaml" if path.is_dir() else path
-    return parse(_read_file(path), source, overrides, path.parent)
+    known = f"configuration; give a YAML file or one of {', '.join(built_in_names())}"
+    return parse(read_text(path, known), source, overrides, path.parent)
 
 
 def parse(
@@ -248,27 +247,10 @@ def parse(
 
     Paths in the text are relative to `folder`, those in overrides to the working folder.
     """
-    values = _safe_yaml(text, source)
-    if values is None:
-        values = {}
-    if not isinstance(values, dict):
-        raise UserError(f"{source}: a configuration is a mapping of keys to values")
+    values = mapping(text, source)
     if "configuration" in values:  # a dataset.yaml
         values = values["configuration"]
-    configuration = _validated(values, source, folder)
-    if not overrides:
-        return configuration
-    changed = configuration.model_dump(mode="json")
-    for path, value in sorted(overrides.items(), key=lambda item: _starts_afresh(item[0])):
-        _set(changed, path, _safe_yaml(value, f"--{path}"))
-    return _validated(changed, "command line", Path())
-
-
-def to_yaml(configuration: BaseModel) -> str:
-    """Complete YAML of a configuration; reading it back gives an equal one."""
-    return yaml.safe_dump(
-        configuration.model_dump(mode="json"), sort_keys=False, allow_unicode=True, width=100
-    )
+    return validated(Configuration, values, source, overrides, folder)
 
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
@@ -295,72 +277,3 @@ def _leaves(values: Any, path: str = "") -> Iterator[tuple[str, Any]]:
             yield from _leaves(value, f"{path}.{index}")
     else:
         yield path, values
-
-
-def _read_file(path: Path) -> str:
-    try:
-        return path.read_text("utf-8")
-    except UnicodeDecodeError:
-        raise UserError(f"{path}: not a text file in UTF-8; give a YAML file") from None
-    except OSError:
-        names = ", ".join(built_in_names())
-        raise UserError(
-            f"{path}: no such configuration; give a YAML file or one of {names}"
-        ) from None
-
-
-def _safe_yaml(text: str, source: str) -> Any:
-    try:
-        return yaml.safe_load(text)
-    except yaml.YAMLError as problem:
-        first_line = " ".join(str(problem).split())
-        raise UserError(f"{source}: not valid YAML: {first_line}") from None
-
-
-def _validated(values: Any, source: str, folder: Path) -> Configuration:
-    try:
-        return Configuration.model_validate(values, context={"folder": folder})
-    except ValidationError as error:
-        raise UserError(f"{source}: {one_sentence(error, Configuration)}") from None
-
-
-def _set(values: Any, path: str, value: Any) -> None:
-    """Set a value inside nested mappings and lists.
-
-    A new `kind` or `preset` starts its mapping afresh; a single value for a list makes a list of
-    one.
-    """
-    *parents, last = path.split(".")
-    for step in parents:
-        values = _child(values, step, path)
-    if isinstance(values, list):
-        _child(values, last, path)
-        values[int(last)] = value
-    elif isinstance(values, dict):
-        if last == "kind" and values.get("kind") != value:
-            values.clear()
-        if last == "preset":
-            _keep_only(values, "kind")
-        makes_list = isinstance(values.get(last), list) and not isinstance(value, list)
-        values[last] = [value] if makes_list else value
-    else:
-        raise UserError(f"--{path}: {'.'.join(parents)} has no fields")
-
-
-def _starts_afresh(path: str) -> int:
-    """Order of a setting: what starts a mapping afresh comes before what changes it."""
-    return {"kind": 0, "preset": 1}.get(path.rpartition(".")[2], 2)
-
-
-def _keep_only(values: dict[str, Any], key: str) -> None:
-    for other in values.keys() - {key}:
-        del values[other]
-
-
-def _child(values: Any, step: str, path: str) -> Any:
-    if isinstance(values, list) and step.isdecimal() and int(step) < len(values):
-        return values[int(step)]
-    if isinstance(values, dict) and step in values:
-        return values[step]
-    known = list(values) if isinstance(values, dict) else range(len(values or ()))
-    raise UserError(f"--{path}: no field {step!r}; there is {', '.join(map(str, known))}")

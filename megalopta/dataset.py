@@ -26,15 +26,10 @@ import yaml
 from pydantic import ValidationError
 
 from megalopta import __version__, files
-from megalopta.configuration import (
-    Configuration,
-    LightLevel,
-    differences,
-    level_text,
-    to_yaml,
-)
+from megalopta.configuration import Configuration, LightLevel, differences, level_text
 from megalopta.errors import UserError, one_sentence
 from megalopta.sensor import ImageSensor
+from megalopta.yaml_model import to_yaml
 
 # Which parts of the configuration a stage's output depends on, beside those of the stages before
 # it.

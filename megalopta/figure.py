@@ -1,8 +1,8 @@
 """A figure of the dissertation, made again from the models: its picture, caption and numbers."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import TypeAlias
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
 
 from matplotlib.figure import Figure as Canvas
 
@@ -30,6 +30,8 @@ class Figure:
         One value per column; NaN where there is none.
     height_in : float
         Height of the drawing, without title and caption (inches); it is 7 inches wide.
+    details : mapping, optional
+        What else belongs to the numbers, ready for JSON: parameters, intervals, error curves.
     """
 
     name: str
@@ -39,6 +41,7 @@ class Figure:
     columns: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
     height_in: float = 4.0
+    details: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Refuse a table with ragged rows."""

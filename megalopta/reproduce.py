@@ -1,37 +1,63 @@
 """Figures and tables of the dissertation, drawn again from the models of this package.
 
-Each becomes a picture to look at (PNG), one to print (SVG) and the numbers behind it (CSV). The
-bytes depend on the versions of this package, of NumPy and of matplotlib only.
+Each becomes a picture to look at (PNG), one to print (SVG) and the numbers behind it (CSV, and JSON
+with parameters and intervals). The bytes depend on the versions of this package, of NumPy and of
+matplotlib only; those of table-4.times on the machine as well.
 """
 
 import csv
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
+from typing import Any
 
+from megalopta.engine import run
 from megalopta.errors import UserError
 from megalopta.figure import Cell, Figure, Registry
 from megalopta.figures_chapter2 import CHAPTER_2
 from megalopta.figures_chapter2_counter import COUNTER
 from megalopta.figures_chapter3_pixel import CTIA_PIXEL
 from megalopta.figures_chapter3_suppression import CTIA_SUPPRESSION
-from megalopta.files import made_folder, whole_file
+from megalopta.figures_chapter4 import CHAPTER_4
+from megalopta.files import made_folder, whole_file, write_json
 from megalopta.plot_style import house_style, new_canvas
+from megalopta.templates import pixels_of
 
 __all__ = ["FIGURES", "Figure", "reproduce"]
 
 FIGURES: Registry = {**CHAPTER_2, **COUNTER, **CTIA_PIXEL, **CTIA_SUPPRESSION}
 
 
-def reproduce(names: Sequence[str], out: Path) -> list[Path]:
-    """Write NAME.png, NAME.svg and NAME.csv into a folder for every figure named.
+GROUPS: Mapping[str, tuple[str, ...]] = {
+    "chapter-4": tuple(CHAPTER_4),
+    "all": (*FIGURES, *CHAPTER_4),
+}
+"""Names that stand for several."""
+
+
+def reproduce(
+    names: Sequence[str],
+    out: Path,
+    is_quick: bool = False,
+    workers: int | None = None,
+    cache: Path | None = None,
+) -> list[Path]:
+    """Write NAME.png, NAME.svg, NAME.csv and NAME.json into a folder for every figure named.
 
     Parameters
     ----------
     names : sequence of str
-        Keys of `FIGURES`.
+        Keys of `FIGURES`, `CHAPTER_4` or `GROUPS`.
     out : Path
-        Made if it does not exist; files of the same name are replaced.
+        Made if it does not exist; files of the same name are replaced. Results of the flow
+        benchmark are kept in its folder `trials`, and are not measured again.
+    is_quick : bool
+        Whether to draw the figures of Chapter 4 in their quick form.
+    workers : int, optional
+        Threads that measure; by default one for each core. Changes no number.
+    cache : Path, optional
+        Folder of rendered panoramas; by default the user's.
 
     Returns
     -------
@@ -44,16 +70,26 @@ def reproduce(names: Sequence[str], out: Path) -> list[Path]:
         When a name is unknown, none is given or the folder is a file; nothing is written then.
     """
     if not names:
-        raise UserError(f"reproduce: name at least one figure of {', '.join(FIGURES)}")
+        raise UserError(f"reproduce: name at least one figure of {', '.join(GROUPS['all'])}")
     for name in names:
         _check_name(name)
+    single = dict.fromkeys(each for name in names for each in GROUPS.get(name, (name,)))
     made_folder(out)
-    return [path for name in names for path in write_figure(FIGURES[name](), out)]
+    plans = [CHAPTER_4[name] for name in single if name in CHAPTER_4]
+    trials = [trial for plan in plans for trial in plan.trials(is_quick)]
+    templates = pixels_of((trial.template for trial in trials), cache)
+    results = run(trials, templates, out / "trials", workers)
+    paths: list[Path] = []
+    for name in single:
+        planned = CHAPTER_4.get(name)
+        figure = planned.figure(is_quick, results, templates) if planned else FIGURES[name]()
+        paths += write_figure(figure, out)
+    return paths
 
 
 def write_figure(figure: Figure, out: Path) -> list[Path]:
-    """Draw one figure and write its three files."""
-    paths = [out / f"{figure.name}.{kind}" for kind in ("png", "svg", "csv")]
+    """Draw one figure and write its four files."""
+    paths = [out / f"{figure.name}.{kind}" for kind in ("png", "svg", "csv", "json")]
     with house_style():
         canvas = new_canvas(figure.title, figure.caption, figure.height_in)
         figure.draw(canvas)
@@ -63,7 +99,8 @@ def write_figure(figure: Figure, out: Path) -> list[Path]:
         ):
             with whole_file(path) as temporary:
                 canvas.savefig(temporary, metadata=metadata)
-    _write_csv(figure, paths[-1])
+    _write_csv(figure, paths[2])
+    write_json(paths[3], _record(figure))
     return paths
 
 
@@ -74,13 +111,30 @@ def _write_csv(figure: Figure, path: Path) -> None:
         writer.writerows([_cell(value) for value in row] for row in figure.rows)
 
 
+def _record(figure: Figure) -> dict[str, Any]:
+    rows = [[_json(value) for value in row] for row in figure.rows]
+    return {
+        "name": figure.name,
+        "title": figure.title,
+        "caption": figure.caption,
+        "columns": figure.columns,
+        "rows": rows,
+        **figure.details,
+    }
+
+
+def _json(value: Cell) -> Cell | None:
+    return value if isinstance(value, str) or math.isfinite(value) else None
+
+
 def _cell(value: Cell) -> str:
     # nine digits: more would show the rounding of one machine's arithmetic
     return value if isinstance(value, str) else f"{value:.9g}"
 
 
 def _check_name(name: str) -> None:
-    if name not in FIGURES:
-        near = get_close_matches(name, FIGURES, n=3, cutoff=0.4)
-        hint = f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(FIGURES)}"
+    known = (*GROUPS, *GROUPS["all"])
+    if name not in known:
+        near = get_close_matches(name, known, n=3, cutoff=0.4)
+        hint = f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(known)}"
         raise UserError(f"reproduce: no figure {name!r}; {hint}")

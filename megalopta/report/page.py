@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from megalopta import info
-from megalopta.configuration import to_yaml
 from megalopta.dataset import STAGES, Dataset
 from megalopta.flow.methods import METHODS
 from megalopta.report.budget import exposed
@@ -27,6 +26,7 @@ from megalopta.report.summary import (
 )
 from megalopta.report.svg import series_css
 from megalopta.report.text import duration
+from megalopta.yaml_model import to_yaml
 
 # Faster than this, or slower, a film cannot be followed.
 _PLAYBACK_HZ = (2.0, 25.0)

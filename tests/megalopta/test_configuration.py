@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 import yaml
 
-from megalopta.configuration import built_in_names, differences, load, parse, to_yaml
+from megalopta.configuration import built_in_names, differences, load, parse
 from megalopta.errors import UserError
 from megalopta.scenes.forest import Forest
+from megalopta.yaml_model import to_yaml
 
 
 @pytest.mark.parametrize("name", built_in_names())

@@ -1,0 +1,121 @@
+"""Table 4.1: the fewest photons with which each method reaches two bits, beside the printed."""
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from matplotlib.figure import Figure as Canvas
+
+from megalopta.chapter4_sweeps import SWEEPS, in_form
+from megalopta.engine import Results
+from megalopta.figure import Cell, Figure
+from megalopta.figures_sweep import Needed, sweep_curve
+from megalopta.flow.error import Metric
+from megalopta.flow.threshold import format_flux
+from megalopta.planned import Planned, Templates
+from megalopta.plot_style import draw_table
+from megalopta.trial import Trial
+
+PRINTED: Mapping[str, tuple[float, float]] = {
+    "BM": (83e3, 156e3),
+    "IIA": (68e3, 739e3),
+    "EMD": (813e3, 154e6),
+    "NDM": (681e3, 4.38e6),
+    "NDS": (228e3, 1.02e6),
+}
+"""Photons per frame on synthetic and natural images."""
+
+NOTE = (
+    "Least N_2b of all experiments on 60 × 60 px. Synthetic: spatial frequency and velocity are "
+    "varied; with the interval of another draw of photons. Natural: velocity, without and with "
+    "motion blur; mean of the forests, with the least and the most. Σ|Δ|/Σ|R|: by the quotient "
+    "of the means, which does not divide by responses near zero."
+)
+SIZE = 60
+_SOURCES = {"synthetic": ("fig-4.5", "fig-4.8"), "natural": ("fig-4.11", "fig-4.12")}
+
+
+class Best(NamedTuple):
+    """The least N_2b of some sweeps, and where it was found."""
+
+    needed: Needed
+    where: str
+
+
+def best(results: Results, kind: str, method: str, metric: Metric, is_quick: bool = False) -> Best:
+    """Return the fewest photons that a method needs in any experiment of a kind."""
+    found = [Best(Needed(math.inf, math.inf, math.inf), "")]
+    for name in _SOURCES[kind]:
+        sweep = in_form(SWEEPS[name], is_quick)
+        parameter = {"template.cycles_per_frame": "f", "velocity_px": "v"}[sweep.vary]
+        blur = ", blurred" if sweep.trial.blurred else ""
+        for value, needed in sweep_curve(sweep, results, SIZE, method, metric):
+            found.append(Best(needed, f"{parameter} = {value}{blur}"))
+    return min((each for each in found if each.needed.flux > 0), key=lambda each: each.needed.flux)
+
+
+def _trials(is_quick: bool) -> list[Trial]:
+    sweeps = [in_form(SWEEPS[name], is_quick) for names in _SOURCES.values() for name in names]
+    return [point.trial for sweep in sweeps for point in sweep.points() if point.size == SIZE]
+
+
+def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
+    rows: list[tuple[Cell, ...]] = []
+    lines: list[list[str]] = []
+    for column, kind in enumerate(_SOURCES):
+        for method, printed in PRINTED.items():
+            literal, ratio = (
+                best(results, kind, method, metric, is_quick) for metric in ("literal", "ratio")
+            )
+            thesis = printed[column]
+            rows += [
+                (
+                    method,
+                    kind,
+                    metric,
+                    thesis,
+                    *found.needed,
+                    found.needed.flux / thesis,
+                    found.where,
+                )
+                for metric, found in (("literal", literal), ("ratio", ratio))
+            ]
+            flux, low, high = literal.needed
+            lines.append(
+                [
+                    f"{method}, {kind}",
+                    format_flux(thesis),
+                    format_flux(flux),
+                    f"{flux / thesis:.2f}",
+                    f"{format_flux(low)} – {format_flux(high)}",
+                    literal.where,
+                    format_flux(ratio.needed.flux),
+                ]
+            )
+
+    def draw(canvas: Canvas) -> None:
+        head = ["", "Thesis", "Ours", "Ratio", "95 % or forests", "Found at", "Σ|Δ|/Σ|R|"]
+        draw_table(canvas, head, lines, [1.5, 0.9, 0.9, 0.7, 1.6, 1.6, 1.1])
+
+    return Figure(
+        name="table-4.1",
+        title="Table 4.1: fewest photons per frame for two bits",
+        caption=NOTE,
+        draw=draw,
+        columns=(
+            "method",
+            "images",
+            "metric",
+            "thesis_photons_per_frame",
+            "photons_per_frame",
+            "low",
+            "high",
+            "ratio",
+            "found_at",
+        ),
+        rows=tuple(rows),
+        height_in=3.6,
+    )
+
+
+TABLE_4_1 = Planned(_trials, _figure)

@@ -1,0 +1,84 @@
+"""A sweep of the flow benchmark as data: fixed parameters, and one that is varied."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple, Self
+
+from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
+
+from megalopta.errors import UserError, one_sentence
+from megalopta.flow.benchmark_settings import each_once
+from megalopta.trial import Template, Trial
+from megalopta.yaml_model import mapping, put, read_text, validated
+
+Value = int | float | str
+
+
+class Point(NamedTuple):
+    """One trial of a sweep, and where it stands."""
+
+    size: int
+    value: Value
+    template: Template
+    trial: Trial
+
+
+class Sweep(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """Trials that differ in one parameter; in several sizes, averaged over several templates."""
+
+    title: str = "Photons that motion detectors need"
+    """What is shown, in one line"""
+
+    trial: Trial = Trial()
+    """The fixed parameters"""
+
+    vary: str = "velocity_px"
+    """Path of the varied parameter in a trial, such as template.contrast or search.dark_counts"""
+
+    values: Annotated[tuple[Value, ...], Field(min_length=1)] = (1, 2, 5, 10)
+    """Its values"""
+
+    sizes: tuple[int, ...] = ()
+    """Spatial pooling (px), a panel of the figure each; by default that of the trial"""
+
+    templates: tuple[Template, ...] = ()
+    """Templates that thresholds are averaged over; by default that of the trial"""
+
+    @field_validator("values", "sizes", "templates")
+    @classmethod
+    def _each_once(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
+        return each_once(values)
+
+    @model_validator(mode="after")
+    def _every_trial_is_possible(self) -> Self:
+        try:
+            list(self.points())
+        except ValidationError as error:
+            raise ValueError(one_sentence(error, Trial)) from None
+        except UserError as error:
+            raise ValueError(str(error).replace("--", "vary: ", 1)) from None
+        return self
+
+    def points(self) -> Iterator[Point]:
+        """Yield the trials: sizes, in them values, in them templates."""
+        fixed = self.trial.model_dump(mode="json")
+        for size in self.sizes or (self.trial.size,):
+            for value in self.values:
+                for template in self.templates or (self.trial.template,):
+                    fields = {**fixed, "size": size, "template": template.model_dump(mode="json")}
+                    put(fields, self.vary, value)
+                    trial = Trial.model_validate(fields)
+                    yield Point(trial.size, value, trial.template, trial)
+
+    @property
+    def trials(self) -> list[Trial]:
+        """All trials."""
+        return [point.trial for point in self.points()]
+
+
+def load_sweep(path: Path, overrides: dict[str, str] | None = None) -> Sweep:
+    """Read a sweep from a YAML file, and apply settings of the command line. Raises UserError."""
+    text = read_text(path, "sweep; give a YAML file")
+    return validated(Sweep, mapping(text, str(path)), str(path), overrides, path.parent)

@@ -1,0 +1,160 @@
+"""One trial of the flow benchmark: what moves how, what is measured of it, and how closely.
+
+A trial is plain data that travels to any worker and comes back from YAML; a template is the picture
+that its stimulus is made of.
+"""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field, field_validator, model_validator
+
+from megalopta.assets_gen.grating import GratingVariant, moving_cycles, sine_grating
+from megalopta.flow.benchmark_settings import SearchSettings, each_once
+from megalopta.flow.detector import Detector
+from megalopta.flow.error_curve import ErrorCurve
+from megalopta.flow.intensity import IntensityMeasurement
+from megalopta.flow.methods import METHODS, method
+from megalopta.flow.photon_search import photon_search
+from megalopta.flow.resize import ResizeKind
+from megalopta.flow.stimulus import MovingTemplate, blurred
+
+ROWS = 251
+"""Rows of every template, and columns of a frame before resizing (thesis, §4.2); a prime."""
+THESIS_METHODS = ("BM", "IIA", "EMD", "NDM", "NDS", "IM")
+
+Array = NDArray[np.float64]
+
+
+class _Record(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    pass
+
+
+class GratingTemplate(_Record, frozen=True):
+    """The 2-D sine grating of the thesis (§4.2.1), 251 × 251."""
+
+    kind: Literal["grating"] = "grating"
+    """Which template this is"""
+
+    cycles_per_frame: Annotated[float, Field(gt=0)] = 5.0
+    """Spatial frequency f (cycles per frame)"""
+
+    contrast: Annotated[float, Field(gt=0, le=1)] = 0.9
+    """Michelson contrast C"""
+
+    phases_rad: tuple[float, float] = (0.0, 0.0)
+    """Phases of its two factors (rad)"""
+
+    variant: GratingVariant = "rot"
+    """rot: as the thesis writes, √2·f moving cycles and a seam; periodic: exactly f, no seam"""
+
+    @property
+    def moving_cycles(self) -> float:
+        """Cycles per frame of the part that moves."""
+        return moving_cycles(self.cycles_per_frame, self.variant)
+
+    def pixels(self) -> Array:
+        """Return the template, (251, 251)."""
+        x = np.arange(ROWS) / ROWS
+        return sine_grating(
+            x, x[:, np.newaxis], self.contrast, self.cycles_per_frame, self.phases_rad, self.variant
+        )
+
+
+class PanoramaTemplate(_Record, frozen=True):
+    """A full turn of natural surroundings, 251 × m."""
+
+    kind: Literal["panorama"]
+    """Which template this is"""
+
+    name: Annotated[str, Field(min_length=1)]
+    """One of the forests rendered by this project, or the path of an equirectangular picture"""
+
+
+Template = Annotated[GratingTemplate | PanoramaTemplate, Field(discriminator="kind")]
+
+
+class Trial(_Record, frozen=True):
+    """One stimulus, and the photons that detectors need on it."""
+
+    template: Template = GratingTemplate()
+    """What moves"""
+
+    velocity_px: Annotated[int, Field(ge=-(ROWS // 2), le=ROWS // 2)] = 5
+    """Motion of the template (columns per frame, positive to the right)"""
+
+    size: Annotated[int, Field(ge=3, le=ROWS)] = 60
+    """Spatial pooling: rows and columns of the frames that detectors see (px)"""
+
+    resize: ResizeKind = "nearest"
+    """How frames are resized: nearest subsamples as the thesis does, area pools the light"""
+
+    blurred: bool = False
+    """Whether frames are smeared by the motion within a frame"""
+
+    methods: Annotated[tuple[str, ...], Field(min_length=1)] = THESIS_METHODS
+    """Names of the detectors"""
+
+    search: SearchSettings = SearchSettings()
+    """What is measured, and how closely"""
+
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Of all random numbers"""
+
+    @field_validator("methods")
+    @classmethod
+    def _known_once(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        return each_once(tuple(method(name).name for name in names))
+
+    @model_validator(mode="after")
+    def _is_resolved(self) -> "Trial":
+        if isinstance(self.template, GratingTemplate):
+            cycles, most = self.template.moving_cycles, self.size / 2
+            if cycles > most:
+                at_most = self.template.cycles_per_frame * most / cycles
+                raise ValueError(
+                    f"template.cycles_per_frame {self.template.cycles_per_frame:g} makes"
+                    f" {cycles:.3g} moving cycles on {self.size} px, beyond half a cycle per pixel:"
+                    f" use at most {at_most:.4g}, or a larger size"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _moves(self) -> "Trial":
+        motion = [name for name in self.methods if name != IntensityMeasurement().name]
+        if self.velocity_px == 0 and motion:
+            raise ValueError(
+                f"velocity_px 0: nothing moves, so the errors of {', '.join(motion)} are undefined;"
+                " give a velocity, or the method IM alone"
+            )
+        return self
+
+    @property
+    def detectors(self) -> tuple[Detector, ...]:
+        """The methods."""
+        return tuple(METHODS[name] for name in self.methods)
+
+    @property
+    def stimulus(self) -> Mapping[str, Any]:
+        """What the light depends on beside the pixels of the template, as plain data."""
+        return self.model_dump(mode="json", include={"velocity_px", "size", "resize", "blurred"})
+
+
+def measure(trial: Trial, pixels: Array, name: str) -> tuple[ErrorCurve, ...]:
+    """Return the error curves of a trial.
+
+    Parameters
+    ----------
+    trial
+    pixels : (251, m)
+        Its template.
+    name : str
+        Names its random numbers.
+    """
+    smeared = blurred(pixels, abs(trial.velocity_px)) if trial.blurred else pixels
+    stimulus = MovingTemplate(smeared, trial.velocity_px, trial.size, trial.resize)
+    return photon_search(stimulus, trial.detectors, trial.search, trial.seed, name)

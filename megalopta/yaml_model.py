@@ -1,0 +1,136 @@
+"""Models from YAML and from settings of the command line, and back to YAML.
+
+Every mistake is told in one sentence that names field, value and remedy.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import BaseModel, ValidationError
+
+from megalopta.errors import UserError, one_sentence
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def read_text(path: Path, what: str) -> str:
+    """Return the text of a file.
+
+    Parameters
+    ----------
+    path
+    what : str
+        What it should be and the way out, to follow "no such".
+    """
+    try:
+        return path.read_text("utf-8")
+    except UnicodeDecodeError:
+        raise UserError(f"{path}: not a text file in UTF-8; give a YAML file") from None
+    except OSError:
+        raise UserError(f"{path}: no such {what}") from None
+
+
+def mapping(text: str, source: str) -> dict[str, Any]:
+    """Return the mapping that a YAML text holds, empty for an empty text."""
+    values = _safe_yaml(text, source)
+    if values is None:
+        values = {}
+    if not isinstance(values, dict):
+        raise UserError(f"{source}: a configuration is a mapping of keys to values")
+    return values
+
+
+def validated(
+    model: type[Model],
+    values: Any,
+    source: str,
+    overrides: Mapping[str, str] | None = None,
+    folder: Path = Path(),
+) -> Model:
+    """Return the model of some values, with overrides.
+
+    Parameters
+    ----------
+    model
+    values
+        As YAML holds them; paths among them are relative to `folder`.
+    source : str
+        Names them in errors.
+    overrides : mapping, optional
+        Field path, such as "scene.trees", to a value in YAML; paths are relative to the working
+        folder.
+    folder : Path
+    """
+    record = _validated(model, values, source, folder)
+    if not overrides:
+        return record
+    changed = record.model_dump(mode="json")
+    for path, value in sorted(overrides.items(), key=lambda item: _starts_afresh(item[0])):
+        put(changed, path, _safe_yaml(value, f"--{path}"))
+    return _validated(model, changed, "command line", Path())
+
+
+def to_yaml(record: BaseModel) -> str:
+    """Complete YAML of a model; reading it back gives an equal one."""
+    return yaml.safe_dump(
+        record.model_dump(mode="json"), sort_keys=False, allow_unicode=True, width=100
+    )
+
+
+def put(values: Any, path: str, value: Any) -> None:
+    """Set a value inside nested mappings and lists.
+
+    A new `kind` or `preset` starts its mapping afresh; a single value for a list makes a list of
+    one.
+    """
+    *parents, last = path.split(".")
+    for step in parents:
+        values = _child(values, step, path)
+    if isinstance(values, list):
+        _child(values, last, path)
+        values[int(last)] = value
+    elif isinstance(values, dict):
+        if last == "kind" and values.get("kind") != value:
+            values.clear()
+        if last == "preset":
+            _keep_only(values, "kind")
+        makes_list = isinstance(values.get(last), list) and not isinstance(value, list)
+        values[last] = [value] if makes_list else value
+    else:
+        raise UserError(f"--{path}: {'.'.join(parents)} has no fields")
+
+
+def _safe_yaml(text: str, source: str) -> Any:
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError as problem:
+        first_line = " ".join(str(problem).split())
+        raise UserError(f"{source}: not valid YAML: {first_line}") from None
+
+
+def _validated(model: type[Model], values: Any, source: str, folder: Path) -> Model:
+    try:
+        return model.model_validate(values, context={"folder": folder})
+    except ValidationError as error:
+        raise UserError(f"{source}: {one_sentence(error, model)}") from None
+
+
+def _starts_afresh(path: str) -> int:
+    """Order of a setting: what starts a mapping afresh comes before what changes it."""
+    return {"kind": 0, "preset": 1}.get(path.rpartition(".")[2], 2)
+
+
+def _keep_only(values: dict[str, Any], key: str) -> None:
+    for other in values.keys() - {key}:
+        del values[other]
+
+
+def _child(values: Any, step: str, path: str) -> Any:
+    if isinstance(values, list) and step.isdecimal() and int(step) < len(values):
+        return values[int(step)]
+    if isinstance(values, dict) and step in values:
+        return values[step]
+    known = list(values) if isinstance(values, dict) else range(len(values or ()))
+    raise UserError(f"--{path}: no field {step!r}; there is {', '.join(map(str, known))}")
