@@ -1,0 +1,113 @@
+"""Trials side by side: the same numbers at any number of workers, and nothing measured twice."""
+
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
+
+import numpy as np
+import pytest
+
+from megalopta import engine
+from megalopta.engine import run_trials, work_units
+from megalopta.flow.benchmark_settings import SearchSettings
+from megalopta.sweep import Sweep
+from megalopta.trial import GratingTemplate, PanoramaTemplate, Trial
+
+FAST = SearchSettings(flux_min=1e4, flux_max=1e7, bits=(2,), metrics=("literal",), phases=2)
+TRIALS = Sweep(trial=Trial(search=FAST, methods=("BM", "NDS", "IM")), values=(3, 4, 5)).trials
+TEMPLATES = {GratingTemplate(): GratingTemplate().pixels()}
+
+
+def run(store, workers=1, trials=TRIALS, executor=ThreadPoolExecutor, **more):
+    with executor(workers, **more) as pool:
+        return run_trials(trials, TEMPLATES, store, pool)
+
+
+def files(store):
+    return {path.name: path.read_bytes() for path in store.iterdir()}
+
+
+@pytest.mark.parametrize(
+    ("workers", "executor", "more"),
+    [
+        (3, ThreadPoolExecutor, {}),
+        (2, ProcessPoolExecutor, {"mp_context": get_context("spawn")}),
+    ],
+)
+def test_results_do_not_depend_on_workers(tmp_path, workers, executor, more):
+    alone = run(tmp_path / "alone")
+    together = run(tmp_path / "together", workers, TRIALS[::-1], executor, **more)
+    assert together == alone
+    assert files(tmp_path / "alone") == files(tmp_path / "together")
+
+
+def test_a_killed_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
+    complete = run(tmp_path / "whole")
+    measured = []
+
+    def dies_at_the_third(trial, *arguments):
+        if len(measured) == 2:
+            raise KeyboardInterrupt
+        measured.append(trial)
+        return real(trial, *arguments)
+
+    real = engine.measure
+    monkeypatch.setattr(engine, "measure", dies_at_the_third)
+    with pytest.raises(KeyboardInterrupt):
+        run(tmp_path / "killed")
+    assert len(files(tmp_path / "killed")) == 2
+    monkeypatch.setattr(engine, "measure", lambda trial, *rest: measured.append(trial) or real(trial, *rest))
+    assert run(tmp_path / "killed") == complete
+    assert len(measured) == len(set(measured)) == 3
+
+
+def test_a_trial_that_comes_twice_is_measured_once(tmp_path, monkeypatch):
+    calls = []
+    monkeypatch.setattr(engine, "measure", lambda trial, *_: calls.append(trial) or ())
+    run(tmp_path, trials=[*TRIALS, *TRIALS])
+    assert len(calls) == len(TRIALS)
+
+
+@pytest.mark.parametrize("change", ["trial", "pixels", "code"])
+def test_a_result_is_not_used_for_anything_else(tmp_path, monkeypatch, change):
+    calls = []
+    monkeypatch.setattr(engine, "measure", lambda trial, *_: calls.append(trial) or ())
+    run(tmp_path, trials=TRIALS[:1])
+    trials = TRIALS[:1]
+    if change == "trial":
+        trials = [TRIALS[0].model_copy(update={"seed": 1})]
+    elif change == "pixels":
+        monkeypatch.setitem(TEMPLATES, GratingTemplate(), np.ones((251, 251)))
+    else:
+        monkeypatch.setattr(engine, "_code", lambda: "other")
+    run(tmp_path, trials=trials)
+    assert len(calls) == 2
+
+
+def test_results_of_one_name_of_panorama_depend_on_its_pixels_alone(tmp_path):
+    pixels = GratingTemplate().pixels()
+    trials = [
+        TRIALS[0].model_copy(update={"template": PanoramaTemplate(kind="panorama", name=name)})
+        for name in ("a", "b")
+    ]
+    with ThreadPoolExecutor(1) as pool:
+        results = run_trials(trials, {each.template: pixels for each in trials}, tmp_path, pool)
+    assert results[trials[0]] == results[trials[1]]
+
+
+def test_progress_adds_up_to_the_work_stored_or_not(tmp_path):
+    for _ in range(2):
+        done = []
+        with ThreadPoolExecutor(1) as pool:
+            run_trials(TRIALS, TEMPLATES, tmp_path, pool, done.append)
+        assert sum(done) == work_units(TRIALS)
+        assert len(done) == len(TRIALS)
+
+
+def test_an_error_in_a_trial_reaches_the_caller(tmp_path, monkeypatch):
+    def fail(*_):
+        raise ValueError("a frame of the template is black")
+
+    monkeypatch.setattr(engine, "measure", fail)
+    with pytest.raises(ValueError, match="is black"):
+        run(tmp_path)
+    assert not tmp_path.is_dir() or not list(tmp_path.iterdir())

@@ -1,0 +1,79 @@
+"""Trials and sweeps as data: what they refuse, what they expand to, and that YAML keeps them."""
+
+import pytest
+from pydantic import ValidationError
+
+from megalopta.errors import UserError
+from megalopta.sweep import Sweep, load_sweep
+from megalopta.trial import GratingTemplate, Trial
+from megalopta.yaml_model import to_yaml
+
+
+def written(tmp_path, text):
+    path = tmp_path / "sweep.yaml"
+    path.write_text(text, "utf-8")
+    return path
+
+
+def test_sweep_is_every_size_value_and_template():
+    gratings = tuple(GratingTemplate(cycles_per_frame=f) for f in (3, 5))
+    sweep = Sweep(vary="search.dark_counts", values=(0.1, 10), sizes=(60, 120), templates=gratings)
+    found = [
+        (trial.size, trial.search.dark_counts, trial.template.cycles_per_frame)
+        for trial in sweep.trials
+    ]
+    assert found == [(n, dark, f) for n in (60, 120) for dark in (0.1, 10) for f in (3, 5)]
+
+
+def test_sweep_of_size_ignores_the_fixed_one():
+    assert [trial.size for trial in Sweep(vary="size", values=(60, 180)).trials] == [60, 180]
+
+
+def test_sweep_survives_yaml(tmp_path):
+    sweep = Sweep(vary="template.contrast", values=(0.1, 0.9), sizes=(60, 240))
+    assert load_sweep(written(tmp_path, to_yaml(sweep))) == sweep
+
+
+def test_settings_of_the_command_line_win(tmp_path):
+    path = written(tmp_path, "vary: template.contrast\nvalues: [0.5, 0.9]\n")
+    sweep = load_sweep(path, {"trial.velocity_px": "3", "values": "[0.2]"})
+    assert [(trial.velocity_px, trial.template.contrast) for trial in sweep.trials] == [(3, 0.2)]
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("vary: template.contrst", r"template.contrst: unknown key; did you mean 'contrast'\?"),
+        ("vary: nothing.at.all", "vary: nothing.at.all: no field 'nothing'"),
+        ("values: [0, 1]", "velocity_px 0: nothing moves, so the errors of BM"),
+        ("values: [1.5]", "velocity_px: input should be a valid integer"),
+        ("values: [1, 1]", "names something twice"),
+        ("values: []", "empty; give at least one"),
+        ("{vary: template.cycles_per_frame, values: [50]}", "use at most 21.21, or a larger size"),
+        ("{vary: template.contrast, values: [2]}", "template.contrast: input should be less than"),
+        ("trial: {methods: [XY]}", "method 'XY' is unknown"),
+        ("sizes: [600]", "size: input should be less than or equal to 251"),
+        ("[]", "a mapping of keys to values"),
+        ("{", "not valid YAML"),
+    ],
+)
+def test_impossible_parameters_are_refused_in_one_sentence(tmp_path, text, sentence):
+    with pytest.raises(UserError, match=sentence) as error:
+        load_sweep(written(tmp_path, text))
+    assert "\n" not in str(error.value)
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(UserError, match="no such sweep; give a YAML file"):
+        load_sweep(tmp_path / "absent.yaml")
+
+
+def test_frequency_beyond_nyquist_depends_on_variant_and_size():
+    Trial(template=GratingTemplate(cycles_per_frame=30, variant="periodic"), size=60)
+    with pytest.raises(ValidationError, match="beyond half a cycle per pixel"):
+        Trial(template=GratingTemplate(cycles_per_frame=30, variant="rot"), size=60)
+    Trial(template=GratingTemplate(cycles_per_frame=30, variant="rot"), size=120)
+
+
+def test_intensity_alone_may_stand_still():
+    assert Trial(velocity_px=0, methods=("im",)).methods == ("IM",)
