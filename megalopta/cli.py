@@ -63,6 +63,8 @@ def _run(arguments: Sequence[str]) -> None:
         _check(options.what, options.dataset, options.plots)
     elif options.verb == "reproduce":
         _reproduce(options)
+    elif options.verb == "sweep":
+        _sweep(options, overrides)
     elif options.verb == "gallery":
         _gallery(options.out)
     elif options.verb == "demo":
@@ -97,6 +99,16 @@ def _reproduce(options: argparse.Namespace) -> None:
     for path in reproduce(
         options.figures, options.out, options.quick, options.workers, options.cache
     ):
+        print(path)
+
+
+def _sweep(options: argparse.Namespace, overrides: dict[str, str]) -> None:
+    from megalopta.reproduce import reproduce_sweep
+    from megalopta.sweep import load_sweep
+
+    sweep = load_sweep(options.sweep, overrides)
+    name = options.sweep.stem
+    for path in reproduce_sweep(name, sweep, options.out, options.workers, options.cache):
         print(path)
 
 
@@ -150,6 +162,13 @@ def _parser() -> argparse.ArgumentParser:
         "--quick", action="store_true", help="draw Chapter 4 coarsely, in seconds"
     )
     _add_workers(reproduction)
+    searching = "measure the photons that motion detectors need over any parameter of the benchmark"
+    sweep = _add_verb(verbs, "sweep", searching)
+    sweep.add_argument("sweep", type=Path, help="YAML file: trial, vary, values, sizes, templates")
+    sweep.add_argument(
+        "--out", type=Path, default=Path("out/sweeps"), help="folder (default: out/sweeps)"
+    )
+    _add_workers(sweep)
     showing = "render every scene preset at every light level, beside photon counts of it"
     gallery = _add_verb(verbs, "gallery", showing)
     gallery.add_argument(
@@ -190,10 +209,9 @@ def _add_workers(command: argparse.ArgumentParser) -> None:
 
 
 def _positive(text: str) -> int:
-    number = int(text)
-    if number < 1:
-        raise ValueError
-    return number
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r}; give a whole number, 1 or more")
+    return int(text)
 
 
 def _add_dataset(command: argparse.ArgumentParser) -> None:

@@ -84,13 +84,14 @@ def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
         name="denominators",
         title="Dividing by responses near zero",
         caption=(
-            f"Left: error of EMD at {FLUX / 1e6:g} million photons per frame and {SIZE} × {SIZE} "
-            "px, with the denominators of Eq. 4.5 floored at a share of the mean response. On a "
-            "forest it grows by as much with every decade of the floor: it has no limit, and its "
-            "value depends on how many pixels happen to be near zero. Right: N_2b at 5 px per "
-            "frame, of the mean of quotients (Eq. 4.5, filled) and of the quotient of means "
-            f"(open). On natural scenes the former costs EMD {factor:.0f} times as many photons "
-            "as the latter: that EMD fails there is mostly division by responses near zero."
+            f"Left: error of EMD at {FLUX / 1e6:g} million photons per frame and {SIZE} × {SIZE}"
+            " px, with the denominators of Eq. 4.5 floored at a share of the mean response. On a"
+            " forest it grows with every decade of the floor until the sample holds no smaller"
+            " response: it has no limit, and its value depends on how many pixels happen to be near"
+            " zero. Right: N_2b at 5 px per frame, by the mean of quotients (Eq. 4.5, filled) and"
+            " by the quotient of means (open). On natural scenes the former costs EMD about"
+            f" {float(f'{factor:.1g}'):g} times as many photons as the latter: that EMD fails there"
+            " is mostly division by responses near zero."
         ),
         draw=draw,
         columns=("quantity", "images", "method", "floor", "value"),
@@ -133,6 +134,7 @@ def _draw_fluxes(axes: Axes, fluxes: Mapping[tuple[str, Metric, str], float]) ->
         )
     for face, text in (("black", "mean of quotients"), ("none", "quotient of means")):
         axes.plot([], [], "o", color="black", markerfacecolor=face, label=text)
+    axes.set_ylim(top=20 * max(fluxes.values()))
     axes.legend(loc="upper left")
     axes.set_xticks(range(len(names)), names)
     axes.set_yscale("log")

@@ -17,6 +17,10 @@ from megalopta.plot_style import MARKERS, PALETTE
 from megalopta.sweep import Sweep, Value
 from megalopta.trial import THESIS_METHODS, GratingTemplate, Template, Trial
 
+CAPTION = (
+    "Flux at which the error falls below the level of so many bits, with its interval; over"
+    " several templates the mean, with the least and the most."
+)
 COLUMNS = (
     "size_px",
     "value",

@@ -12,6 +12,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+from megalopta.chapter4_page import TABLE, write_page
 from megalopta.engine import run
 from megalopta.errors import UserError
 from megalopta.figure import Cell, Figure, Registry
@@ -20,8 +21,10 @@ from megalopta.figures_chapter2_counter import COUNTER
 from megalopta.figures_chapter3_pixel import CTIA_PIXEL
 from megalopta.figures_chapter3_suppression import CTIA_SUPPRESSION
 from megalopta.figures_chapter4 import CHAPTER_4
+from megalopta.figures_sweep import CAPTION, sweep_figure
 from megalopta.files import made_folder, whole_file, write_json
 from megalopta.plot_style import house_style, new_canvas
+from megalopta.sweep import Sweep
 from megalopta.templates import pixels_of
 
 __all__ = ["FIGURES", "Figure", "reproduce"]
@@ -51,7 +54,8 @@ def reproduce(
         Keys of `FIGURES`, `CHAPTER_4` or `GROUPS`.
     out : Path
         Made if it does not exist; files of the same name are replaced. Results of the flow
-        benchmark are kept in its folder `trials`, and are not measured again.
+        benchmark are kept in its folder `trials`, and are not measured again. With Table 4.1 comes
+        a page, chapter-4.html.
     is_quick : bool
         Whether to draw the figures of Chapter 4 in their quick form.
     workers : int, optional
@@ -80,11 +84,31 @@ def reproduce(
     templates = pixels_of((trial.template for trial in trials), cache)
     results = run(trials, templates, out / "trials", workers)
     paths: list[Path] = []
+    planned: list[Figure] = []
     for name in single:
-        planned = CHAPTER_4.get(name)
-        figure = planned.figure(is_quick, results, templates) if planned else FIGURES[name]()
-        paths += write_figure(figure, out)
-    return paths
+        if name in CHAPTER_4:
+            planned.append(CHAPTER_4[name].figure(is_quick, results, templates))
+        paths += write_figure(planned[-1] if name in CHAPTER_4 else FIGURES[name](), out)
+    return [*paths, write_page(out, planned)] if TABLE in single else paths
+
+
+def reproduce_sweep(
+    name: str, sweep: Sweep, out: Path, workers: int | None = None, cache: Path | None = None
+) -> list[Path]:
+    """Measure a sweep and write its figure; as `reproduce`.
+
+    Parameters
+    ----------
+    name : str
+        Of the files.
+    sweep
+    out, workers, cache
+        As in `reproduce`.
+    """
+    made_folder(out)
+    templates = pixels_of((trial.template for trial in sweep.trials), cache)
+    results = run(sweep.trials, templates, out / "trials", workers)
+    return write_figure(sweep_figure(name, sweep, results, CAPTION), out)
 
 
 def write_figure(figure: Figure, out: Path) -> list[Path]:

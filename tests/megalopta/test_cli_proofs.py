@@ -25,6 +25,7 @@ def test_reproduce_writes_picture_print_and_numbers(tmp_path, capsys):
     cli.main(["reproduce", "fig-3.2", "--out", str(tmp_path)])
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "fig-3.2.csv",
+        "fig-3.2.json",
         "fig-3.2.png",
         "fig-3.2.svg",
     ]

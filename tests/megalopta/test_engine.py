@@ -55,7 +55,9 @@ def test_a_killed_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         run(tmp_path / "killed")
     assert len(files(tmp_path / "killed")) == 2
-    monkeypatch.setattr(engine, "measure", lambda trial, *rest: measured.append(trial) or real(trial, *rest))
+    monkeypatch.setattr(
+        engine, "measure", lambda trial, *rest: measured.append(trial) or real(trial, *rest)
+    )
     assert run(tmp_path / "killed") == complete
     assert len(measured) == len(set(measured)) == 3
 

@@ -1,4 +1,5 @@
 import csv
+import json
 
 import matplotlib
 import numpy as np
@@ -29,7 +30,8 @@ EXAMPLE = Figure(
 
 def test_each_figure_becomes_a_picture_a_drawing_and_its_numbers(tmp_path):
     paths = write_figure(EXAMPLE, tmp_path / "new")
-    assert [path.name for path in paths] == ["example.png", "example.svg", "example.csv"]
+    assert [path.suffix for path in paths] == [".png", ".svg", ".csv", ".json"]
+    assert {path.stem for path in paths} == {"example"}
     assert paths[0].read_bytes().startswith(b"\x89PNG")
     assert "<svg" in paths[1].read_text(encoding="utf-8")
     assert sorted(path.name for path in (tmp_path / "new").iterdir()) == sorted(
@@ -45,6 +47,12 @@ def test_numbers_survive_the_file(tmp_path):
     assert rows[0][1] == "a, b"
     assert float(rows[0][2]) == pytest.approx(1 / 3, rel=1e-8)
     assert np.isnan(float(rows[1][2]))
+
+
+def test_numbers_are_in_json_too_and_what_is_undefined_is_null(tmp_path):
+    record = json.loads(write_figure(EXAMPLE, tmp_path)[3].read_text("utf-8"))
+    assert record["columns"] == list(EXAMPLE.columns)
+    assert record["rows"] == [[0.0, "a, b", 1 / 3], [1.0, "c", None]]
 
 
 def test_same_figure_gives_the_same_bytes(tmp_path):
@@ -73,7 +81,7 @@ def test_reproduce_writes_every_figure_named(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "FIGURES", {"example": lambda: EXAMPLE})
     paths = reproduce(["example"], tmp_path)
     assert all(path.is_file() for path in paths)
-    assert len(paths) == 3
+    assert len(paths) == 4
 
 
 def test_unknown_name_is_refused_with_the_closest_before_anything_is_written(tmp_path):

@@ -1,0 +1,182 @@
+"""Chapter 4: the figures' trials, the table, the page, and the claim about denominators."""
+
+import csv
+import json
+import math
+
+import numpy as np
+import pytest
+
+from megalopta import reproduce as module
+from megalopta.chapter4_page import write_page
+from megalopta.chapter4_sweeps import SWEEPS, in_form
+from megalopta.errors import UserError
+from megalopta.figures_chapter4 import CHAPTER_4
+from megalopta.figures_chapter4_denominators import FLOORS, floored_errors
+from megalopta.figures_chapter4_table import PRINTED, TABLE_4_1, best
+from megalopta.figures_chapter4_times import milliseconds_per_frame
+from megalopta.figures_sweep import needed, sweep_figure
+from megalopta.flow.error_curve import ErrorCurve
+from megalopta.flow.methods import METHODS
+from megalopta.flow.threshold import Threshold
+from megalopta.natural_panorama import NATURAL_PANORAMAS
+from megalopta.plot_style import house_style, new_canvas
+from megalopta.reproduce import GROUPS, reproduce
+
+
+def crossing(flux):
+    return Threshold("crossing", 0.25, 1e3, 1e12, flux, 0.9 * flux, 1.1 * flux)
+
+
+def curves(flux_of):
+    """Curves of all methods in both metrics; ratio needs half of the light."""
+    return tuple(
+        ErrorCurve(
+            name, name, (60, 60), metric, (1e5, 1e6), (0.3, 0.2), (0.0, 0.0), 4, {2: threshold}
+        )
+        for name in METHODS
+        for metric, factor in (("literal", 1.0), ("ratio", 0.5))
+        for threshold in [crossing(factor * flux_of(name))]
+    )
+
+
+def results(trials):
+    """Thresholds that grow with distance from f = 7 or v = 8, and with the number of the forest."""
+    found = {}
+    for trial in trials:
+        if trial.template.kind == "grating":
+            away = abs(trial.template.cycles_per_frame - 7) + abs(trial.velocity_px - 5) / 100
+            flux = 1e5 * (1 + away)
+        else:
+            forest = list(NATURAL_PANORAMAS).index(trial.template.name)
+            flux = 1e6 * (1 + abs(trial.velocity_px - 8)) * (1 + forest) * (1 + trial.blurred)
+        found[trial] = curves(lambda name, flux=flux: flux)
+    return found
+
+
+def test_chapter_4_holds_every_figure_asked_for():
+    asked = [f"fig-4.{number}" for number in range(5, 14)]
+    assert list(CHAPTER_4) == [*asked, "table-4.1", "table-4.times", "denominators"]
+    assert GROUPS["chapter-4"] == tuple(CHAPTER_4)
+
+
+def test_figures_share_their_trials():
+    asked = [trial for plan in CHAPTER_4.values() for trial in plan.trials(False)]
+    # 36 over f, 32 more over C, 4 over dark counts, 18 over v; of each forest 22 + 20 + 4
+    assert len(set(asked)) == 90 + 4 * 46
+    assert len(asked) > len(set(asked))
+
+
+@pytest.mark.parametrize("name", SWEEPS)
+def test_fixed_parameters_are_those_of_the_text(name):
+    sweep = SWEEPS[name]
+    for trial in sweep.trials:
+        if sweep.vary != "velocity_px":
+            assert trial.velocity_px == 5
+        if sweep.vary != "search.dark_counts":
+            assert trial.search.dark_counts == 0.1
+        if trial.template.kind == "grating":
+            assert sweep.vary == "template.contrast" or trial.template.contrast == 0.9
+            assert sweep.vary == "template.cycles_per_frame" or trial.template.cycles_per_frame == 5
+    assert {trial.blurred for trial in sweep.trials} == {name == "fig-4.12"}
+
+
+@pytest.mark.parametrize("name", SWEEPS)
+def test_quick_form_is_a_small_part_of_the_whole(name):
+    quick, whole = (in_form(SWEEPS[name], is_quick) for is_quick in (True, False))
+    assert set(quick.values) < set(whole.values)
+    assert set(quick.templates) <= set(whole.templates)
+    assert max(trial.size for trial in quick.trials) <= 120
+
+
+def test_table_takes_the_least_of_all_experiments_and_the_mean_of_the_forests():
+    found = results(TABLE_4_1.trials(False))
+    synthetic = best(found, "synthetic", "BM", "literal")
+    assert (synthetic.needed.flux, synthetic.where) == (pytest.approx(1e5), "f = 7")
+    natural = best(found, "natural", "EMD", "ratio")
+    assert natural.needed == pytest.approx((0.5 * 2.5e6, 0.5e6, 2e6))
+    assert natural.where == "v = 8"
+
+
+def test_table_has_both_columns_in_both_metrics():
+    figure = TABLE_4_1.figure(False, results(TABLE_4_1.trials(False)), {})
+    assert len(figure.rows) == 2 * 2 * len(PRINTED)
+    row = dict(zip(figure.columns, figure.rows[0], strict=True))
+    assert row["ratio"] == pytest.approx(1e5 / 83e3)
+
+
+def test_mean_over_templates_spans_the_least_to_the_most_and_one_keeps_its_interval():
+    assert needed([crossing(1.0), crossing(3.0)]) == (2, 1, 3)
+    assert needed([crossing(2.0)]) == pytest.approx((2, 1.8, 2.2))
+    above = Threshold("above", 0.25, 1e3, 1e12)
+    assert math.isnan(needed([crossing(1.0), above]).flux)
+
+
+@pytest.mark.parametrize("name", ["fig-4.5", "fig-4.7", "fig-4.9", "fig-4.12"])
+def test_sweep_is_drawn_in_panels_and_its_numbers_are_those_of_the_trials(name):
+    sweep = SWEEPS[name]
+    figure = sweep_figure(name, sweep, results(sweep.trials), "")
+    assert len(figure.rows) == len(sweep.trials) * 2 * len(METHODS)
+    with house_style():
+        canvas = new_canvas(figure.title, figure.caption, figure.height_in)
+        figure.draw(canvas)
+    panels = [axes for axes in canvas.axes if axes.axison]
+    assert len(panels) == max(len(sweep.sizes), 1)
+    assert len(panels[0].containers) == len(sweep.trial.methods)
+
+
+def test_error_diverges_with_the_logarithm_of_the_floor_where_responses_pass_zero():
+    # Δ = 1 and R uniform in (−1, 1): the mean of 1/max(|R|, ε) is 1 − ln ε. A million samples at
+    # ε = 1e-3 leave 4 % (the variance of 1/R is 2/ε); five of that are the tolerance.
+    ideal = np.random.default_rng(0).uniform(-1, 1, 1_000_000)
+    errors = floored_errors(ideal, ideal + 1)
+    floors = FLOORS * np.abs(ideal).mean()
+    large = floors > 1e-3
+    np.testing.assert_allclose(errors[large], 1 - np.log(floors[large]), rtol=0.03)
+
+
+def test_page_shows_the_table_and_the_figures(tmp_path):
+    table = TABLE_4_1.figure(False, results(TABLE_4_1.trials(False)), {})
+    sweep = SWEEPS["fig-4.9"]
+    other = sweep_figure("fig-4.9", sweep, results(sweep.trials), "Its caption.")
+    text = write_page(tmp_path, [other, table]).read_text("utf-8")
+    assert text.count("<tr>") == 1 + 2 * len(PRINTED)
+    assert "1.20" in text  # 100k / 83k
+    assert 'src="fig-4.9.svg"' in text
+
+
+def test_computing_time_is_measured():
+    assert 0 < milliseconds_per_frame(METHODS["NDS"], 60) < 100
+
+
+def test_chapter_4_is_written_and_measured_once(tmp_path, monkeypatch):
+    asked = []
+
+    def counted(trials, templates, store, workers):
+        asked.append(set(trials))
+        return results(trials)
+
+    monkeypatch.setattr(module, "run", counted)
+    monkeypatch.setattr(module, "pixels_of", lambda templates, cache: {})
+    paths = reproduce(["fig-4.9", "fig-4.13", "table-4.1", "fig-4.9"], tmp_path, is_quick=True)
+    assert len(asked) == 1
+    assert {path.name for path in paths} == {
+        *(
+            f"{n}.{kind}"
+            for n in ("fig-4.9", "fig-4.13", "table-4.1")
+            for kind in ("png", "svg", "csv", "json")
+        ),
+        "chapter-4.html",
+    }
+    assert all(path.is_file() for path in paths)
+    record = json.loads((tmp_path / "fig-4.9.json").read_text("utf-8"))
+    assert record["sweep"]["vary"] == "size"
+    with (tmp_path / "fig-4.9.csv").open(newline="", encoding="utf-8") as file:
+        assert len(list(csv.DictReader(file))) == len(record["rows"])
+
+
+def test_groups_and_figures_of_chapter_4_are_known_by_name(tmp_path):
+    with pytest.raises(UserError, match=r"did you mean fig-4\.5"):
+        reproduce(["fig-4.55"], tmp_path)
+    with pytest.raises(UserError, match="did you mean chapter-4"):
+        reproduce(["chapter-5"], tmp_path)
