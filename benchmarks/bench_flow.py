@@ -1,20 +1,27 @@
-"""Block matching against its NumPy form; the three correlation detectors against drawing photons.
+"""Block matching against its NumPy form; the correlation detectors against drawing photons.
 
-One thread, medians, reference and subject in the same run. `numpy_block_matching` is also the
-independent implementation that the tests compare with.
+One thread, medians, reference and subject in the same run. Of a trial of Chapter 4, the share that
+is spent in drawing photons, which is the floor, and from a few trials what the whole chapter takes.
+`numpy_block_matching` is also the independent implementation that the tests compare with.
 """
 
 import statistics
 import time
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from megalopta.chapter4_sweeps import SWEEPS
+from megalopta.flow import short_sequences
 from megalopta.flow.detector import FloatArray
 from megalopta.flow.methods import method
+from megalopta.flow.photons import draw_counts
+from megalopta.trial import GratingTemplate, Trial, measure
 
 FRAMES = 16
 
@@ -70,7 +77,9 @@ def compare(size: int) -> None:
     drawing = milliseconds_per_frame(lambda: rng.poisson(means))
     in_numpy = milliseconds_per_frame(all_pairs)
     print(f"{size} × {size} px, {means.mean():.0f} photons per pixel and frame")
+    ours = milliseconds_per_frame(lambda: draw_counts(means, 0))
     print(f"  drawing photons (Generator.poisson)  {drawing:8.3f} ms per frame")
+    print(f"  drawing photons (draw_counts)        {ours:8.3f} ms, {drawing / ours:.1f} × as fast")
     print(f"  block matching in NumPy              {in_numpy:8.3f} ms per frame")
     correlators = 0.0
     for name in ("BM", "IIA", "EMD", "NDM", "NDS"):
@@ -79,9 +88,49 @@ def compare(size: int) -> None:
         correlators += spent if detector.gives == "response" else 0.0
         ratio = f", NumPy's time is {in_numpy / spent:.1f} × that" if name == "BM" else ""
         print(f"  {name:<37}{spent:8.3f} ms per frame{ratio}")
-    print(f"  EMD + NDM + NDS: {correlators / drawing:.3f} × the time of drawing their photons")
+    print(f"  EMD + NDM + NDS: {correlators / drawing:.3f} × NumPy's draw of the same frame")
+
+
+def seconds_of(trial: Trial) -> tuple[float, float]:
+    """Time of a trial on the grating, and of drawing photons in it."""
+    drawing = 0.0
+
+    def timed(*arguments: Any) -> Any:
+        nonlocal drawing
+        start = time.thread_time()
+        counts = draw_counts(*arguments)
+        drawing += time.thread_time() - start
+        return counts
+
+    pixels = GratingTemplate().pixels()
+    with patch.object(short_sequences, "draw_counts", timed):
+        start = time.thread_time()
+        measure(trial, pixels, "benchmark")
+        return time.thread_time() - start, drawing
+
+
+def floor(size: int) -> None:
+    trial = Trial(size=size, methods=("EMD", "NDM", "NDS"), search=SWEEPS["fig-4.5"].trial.search)
+    seconds_of(trial)
+    runs = [seconds_of(trial) for _ in range(3)]
+    whole, drawing = min(runs)
+    print(
+        f"trial of EMD, NDM and NDS, {size} × {size}: {whole:.3f} s, {drawing / whole:.0%} drawing"
+    )
+
+
+def chapter() -> None:
+    """Two threads share the trials of all figures; natural ones need up to twice the fluxes."""
+    trials = {trial for sweep in SWEEPS.values() for trial in sweep.trials}
+    seconds = 0.0
+    for (size, kind), number in Counter((each.size, each.template.kind) for each in trials).items():
+        spent, _ = seconds_of(Trial(size=size, search=SWEEPS["fig-4.5"].trial.search))
+        seconds += number * spent * (1.5 if kind == "panorama" else 1.0)
+    print(f"Chapter 4: {len(trials)} trials, about {seconds / 2:.0f} s on two cores")
 
 
 if __name__ == "__main__":
     for size in (60, 240):
         compare(size)
+        floor(size)
+    chapter()

@@ -157,7 +157,7 @@ def _cell(value: Cell) -> str:
 
 
 def _check_name(name: str) -> None:
-    known = (*GROUPS, *GROUPS["all"])
+    known = (*GROUPS, *FIGURES, *CHAPTER_4)
     if name not in known:
         near = get_close_matches(name, known, n=3, cutoff=0.4)
         hint = f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(known)}"

@@ -29,7 +29,7 @@ def test_reproduce_writes_picture_print_and_numbers(tmp_path, capsys):
         "fig-3.2.png",
         "fig-3.2.svg",
     ]
-    assert len(capsys.readouterr().out.splitlines()) == 3
+    assert len(capsys.readouterr().out.splitlines()) == 4
 
 
 def test_an_unknown_figure_is_a_mistake_with_close_names(tmp_path, capsys):
