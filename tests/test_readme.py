@@ -10,6 +10,8 @@ import pytest
 
 from megalopta.configuration import load
 from megalopta.overrides import split_overrides
+from megalopta.sweep import Sweep
+from megalopta.yaml_model import mapping, validated
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 
@@ -33,3 +35,9 @@ def test_the_settings_on_its_command_lines_are_accepted(line):
 @pytest.mark.parametrize("name", re.findall(r"\]\(((?!http)[^)]+)\)", README))
 def test_the_files_it_links_exist(name):
     assert (Path(__file__).parents[1] / name).exists()
+
+
+def test_the_sweep_it_shows_is_one():
+    text = re.search(r"```yaml\n(.*?)```", README, re.DOTALL).group(1)
+    sweep = validated(Sweep, mapping(text, "README"), "README")
+    assert len(sweep.trials) == len(sweep.values) * len(sweep.sizes)
