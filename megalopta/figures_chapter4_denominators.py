@@ -134,10 +134,10 @@ def _draw_fluxes(axes: Axes, fluxes: Mapping[tuple[str, Metric, str], float]) ->
         )
     for face, text in (("black", "mean of quotients"), ("none", "quotient of means")):
         axes.plot([], [], "o", color="black", markerfacecolor=face, label=text)
-    axes.set_ylim(top=20 * max(fluxes.values()))
     axes.legend(loc="upper left")
     axes.set_xticks(range(len(names)), names)
     axes.set_yscale("log")
+    axes.set_ylim(top=100 * np.nanmax(list(fluxes.values())))
     axes.yaxis.set_major_formatter(EngFormatter(sep=""))
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_ylabel("$N_{2b}$ (photons per frame)")

@@ -25,6 +25,7 @@ PRINTED_MS: Mapping[str, tuple[str, str]] = {
     "NDS": ("< 0.3", "< 3"),
 }
 """MATLAB, Intel Core i5-5300U at 2.3 GHz, for 60 × 60 and 240 × 240 px."""
+WIDTHS = (0.7, 1.2, 0.9, 0.9, 1.3, 0.9, 0.9)
 _FRAMES = 16
 _PHOTONS_PER_PIXEL = 10.0
 
@@ -48,10 +49,8 @@ def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
     }
 
     def draw(canvas: Canvas) -> None:
-        columns = (
-            f"{text}{size}²" for size in SIZES for text in ("thesis, ", "ours, ", "faster, ")
-        )
-        draw_table(canvas, ["", *columns], [_line(*each) for each in times.items()])
+        head = [text for size in SIZES for text in (f"Thesis, {size}²", "Ours", "Faster")]
+        draw_table(canvas, ["", *head], [_line(*each) for each in times.items()], WIDTHS)
 
     return Figure(
         name="table-4.times",

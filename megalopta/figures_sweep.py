@@ -34,11 +34,11 @@ COLUMNS = (
     "high",
 )
 _LABELS = {
-    "template.cycles_per_frame": "Spatial frequency (cycles per frame)",
+    "template.cycles_per_frame": "Cycles per frame",
     "template.contrast": "Michelson contrast",
-    "search.dark_counts": "Dark counts per pixel and frame",
+    "search.dark_counts": "Dark counts per pixel",
     "search.summed_frames": "Frames summed",
-    "velocity_px": "Image velocity (px per frame)",
+    "velocity_px": "Velocity (px per frame)",
     "size": "Pooling N (px)",
 }
 _LOGARITHMIC = ("search.dark_counts",)
@@ -114,7 +114,7 @@ def sweep_figure(name: str, sweep: Sweep, results: Results, caption: str) -> Fig
         draw=draw,
         columns=COLUMNS,
         rows=tuple(_rows(sweep, results)),
-        height_in=3.6 if rows == 1 else 2.6 * rows,
+        height_in=4.0 if rows == 1 else 2.8 * rows,
         details=_details(sweep, results),
     )
 
@@ -126,11 +126,10 @@ def label(template: Template) -> str:
 
 def _draw_panel(axes: Axes, sweep: Sweep, results: Results, size: int) -> None:
     metric = sweep.trial.search.metrics[0]
-    bits = sweep.trial.search.bits[0]
     names = sweep.trial.methods
     for index, method in enumerate(names):
         color, marker = _STYLES.get(method, (PALETTE[index % 7], MARKERS[index % 7]))
-        curve = sweep_curve(sweep, results, size, method, metric, bits)
+        curve = sweep_curve(sweep, results, size, method, metric, sweep.trial.search.bits[0])
         x = np.arange(len(curve)) if _is_text(sweep) else np.array([value for value, _ in curve])
         flux, low, high = np.array([bounds for _, bounds in curve]).T
         axes.errorbar(
@@ -143,13 +142,13 @@ def _draw_panel(axes: Axes, sweep: Sweep, results: Results, size: int) -> None:
             elinewidth=1.2,
             label=method,
         )
+    axes.set_xlabel(_LABELS.get(sweep.vary, sweep.vary))
+    axes.set_ylabel(f"$N_{{{sweep.trial.search.bits[0]}b}}$ (photons per frame)")
+    axes.label_outer()
     axes.set_yscale("log")
     axes.yaxis.set_major_locator(LogLocator(numticks=8))
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.yaxis.set_major_formatter(EngFormatter(sep=""))
-    axes.set_xlabel(_LABELS.get(sweep.vary, sweep.vary))
-    axes.set_ylabel(f"$N_{{{bits}b}}$ (photons per frame)")
-    axes.label_outer()
     if sweep.vary in _LOGARITHMIC:
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter("{x:g}")
