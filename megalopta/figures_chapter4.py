@@ -39,8 +39,8 @@ CAPTIONS: Mapping[str, str] = {
         "counts alone IM knows the brightness of a pixel, so that it has no N_2b."
     ),
     "fig-4.8": (
-        f"{_GRATING} f = 5, C = 90 %, 0.1 dark counts per pixel. {_GAPS} Its spike at N = 60 is the "
-        "velocity whose direction is ambiguous. IIA is flat at N = 240: noise in its gradients "
+        f"{_GRATING} f = 5, C = 90 %, 0.1 dark counts per pixel. {_GAPS} Its spike at N = 60 is "
+        "the velocity whose direction is ambiguous. IIA is flat at N = 240: noise in its gradients "
         "shrinks every velocity by the same factor."
     ),
     "fig-4.9": (
