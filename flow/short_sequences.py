@@ -73,7 +73,8 @@ class Comparison:
             )
         self._phases = range(sequences.settings.phases)
         self._clean = [sequences.clean(phase, self._warm_up) for phase in self._phases]
-        self._ideal = [self._response(phase, 1.0, 0.0) for phase in self._phases]
+        brightest = sequences.settings.flux_max
+        self._ideal = [self._response(phase, brightest, 0.0) for phase in self._phases]
 
     @property
     def is_defined(self) -> bool:
