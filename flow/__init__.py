@@ -25,6 +25,7 @@ from megalopta.flow.methods import METHODS, method
 from megalopta.flow.photons import draw_counts
 from megalopta.flow.resize import resize
 from megalopta.flow.threshold import Threshold, threshold
+from megalopta.flow.triangular_pooling import triangular_pool
 from megalopta.flow.truth_error import TruthError, block_flow, truth_error
 
 __all__ = [
@@ -45,6 +46,7 @@ __all__ = [
     "read_flo",
     "resize",
     "threshold",
+    "triangular_pool",
     "truth_error",
     "wheel_legend",
     "write_flo",

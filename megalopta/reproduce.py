@@ -13,6 +13,8 @@ from megalopta.errors import UserError
 from megalopta.figure import Cell, Figure, Registry
 from megalopta.figures_chapter2 import CHAPTER_2
 from megalopta.figures_chapter2_counter import COUNTER
+from megalopta.figures_chapter2_motion import MOTION
+from megalopta.figures_chapter2_transfer import TRANSFER
 from megalopta.figures_chapter3_pixel import CTIA_PIXEL
 from megalopta.figures_chapter3_suppression import CTIA_SUPPRESSION
 from megalopta.files import made_folder, whole_file
@@ -20,7 +22,14 @@ from megalopta.plot_style import house_style, new_canvas
 
 __all__ = ["FIGURES", "Figure", "reproduce"]
 
-FIGURES: Registry = {**CHAPTER_2, **COUNTER, **CTIA_PIXEL, **CTIA_SUPPRESSION}
+FIGURES: Registry = {
+    **CHAPTER_2,
+    **COUNTER,
+    **MOTION,
+    **TRANSFER,
+    **CTIA_PIXEL,
+    **CTIA_SUPPRESSION,
+}
 
 
 def reproduce(names: Sequence[str], out: Path) -> list[Path]:
