@@ -21,7 +21,7 @@ from megalopta.flow.color_wheel import flow_to_rgb, wheel_legend
 from megalopta.flow.detector import Detector
 from megalopta.flow.error import ErrorSums, error_sums
 from megalopta.flow.flo import read_flo, write_flo
-from megalopta.flow.methods import METHODS, method
+from megalopta.flow.methods import METHODS, THESIS_METHODS, method
 from megalopta.flow.photons import draw_counts
 from megalopta.flow.resize import resize
 from megalopta.flow.threshold import Threshold, threshold
@@ -29,6 +29,7 @@ from megalopta.flow.truth_error import TruthError, block_flow, truth_error
 
 __all__ = [
     "METHODS",
+    "THESIS_METHODS",
     "BenchmarkResult",
     "BenchmarkSettings",
     "Detector",
