@@ -3,6 +3,8 @@
 Around each pixel both frames are approximated by quadratic polynomials; how their linear terms
 differ gives the shift, by least squares over a window (Farnebäck 2003). It takes the gray levels
 unrounded. Where there is no texture the flow tends to 0, which it cannot tell from standstill.
+Right and lower neighbors beyond the frame count as unmatched texture: two equal frames give a flow
+of exactly 0 only away from the border.
 """
 
 from typing import Annotated
