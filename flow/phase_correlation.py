@@ -5,8 +5,8 @@ the phase ramp of their shift; its transform peaks there (Kuglin and Hines 1975)
 refined by a transform on a finer grid around it (Guizar-Sicairos et al. 2008). The frames are
 freed of their mean and fade to zero at the edges, for a transform takes them to be periodic.
 
-Whitening makes the peak sharp, but frequencies that hold nothing but photon noise, or leakage of the
-fading where the texture is smooth, get as much weight as any other; without it this is plain
+Whitening makes the peak sharp, but gives frequencies that hold nothing but photon noise, or leakage
+of the fading where the texture is smooth, as much weight as any other; without it this is plain
 cross-correlation, which needs fewer photons.
 
 Every block gets the same velocity: the method sees all photons of a frame, and no parallax.
