@@ -51,7 +51,7 @@ def motion_evidence(detector: Detector, responses: FloatArray) -> FloatArray:
 
 def rightward_evidence(detector: Detector, responses: FloatArray) -> FloatArray:
     """Return how much each block inside the border seems to move to the right; as above, signed."""
-    return _components(detector, responses)[0]
+    return np.asarray(_components(detector, responses)[0])
 
 
 def roc(noise: FloatArray, signal: FloatArray) -> Roc:

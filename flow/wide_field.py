@@ -61,8 +61,8 @@ class WideField:
         flat, weights = answers.reshape(len(answers), -1), self.weights.ravel()
         sums = np.where(np.isfinite(flat), flat, 0) @ weights
         normalizations = np.isfinite(flat) @ (weights * self.slopes.ravel())
-        undefined = np.full(len(answers), np.nan)
-        return np.divide(sums, normalizations, out=undefined, where=normalizations > 0)
+        with np.errstate(invalid="ignore"):  # 0/0 where none is defined
+            return np.asarray(sums / normalizations)
 
     @property
     def standard_error(self) -> float:
