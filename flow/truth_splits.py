@@ -3,8 +3,8 @@
 A method may be right on average and wrong where it matters: on what hardly moves, on what moves
 beyond its reach, beside things that hide each other. The speeds are those of the resized image, in
 px per frame: whole-pixel methods read 0 below half a pixel, and beyond two the pyramids and search
-radii begin to count. A block is at an occlusion when some of its pixels are hidden in the next
-frame; its true velocity is that of its other pixels.
+radii begin to count. A block is at an occlusion when a tenth or more of its pixels are hidden in
+the next frame; its true velocity is that of its other pixels.
 """
 
 from collections.abc import Mapping
@@ -17,6 +17,7 @@ from megalopta.flow.truth_error import TruthError, truth_error
 
 SLOW_PX = 0.5
 FAST_PX = 2.0
+OCCLUDED_SHARE = 0.1
 
 
 def truth_splits(
@@ -55,6 +56,6 @@ def _groups(true_velocities: FloatArray, hidden: FloatArray) -> dict[str, NDArra
         "slow": speed < SLOW_PX,
         "medium": (speed >= SLOW_PX) & (speed < FAST_PX),
         "fast": speed >= FAST_PX,
-        "clear": hidden == 0,
-        "occlusion": hidden > 0,
+        "clear": hidden < OCCLUDED_SHARE,
+        "occlusion": hidden >= OCCLUDED_SHARE,
     }

@@ -16,7 +16,8 @@ Sums run over the answers that are defined at the time. Units: ω̂ has those of
 given (deg/s, say), f those of the answers per unit of rate (px per frame per deg/s), and w_i/Σ w·f
 turns an answer into a rate. For velocities f follows from optics and frame rate alone; correlation
 detectors depend on contrast and spatial frequencies too, so what they learned in one scene holds
-for scenes like it.
+for scenes like it. There is no constant term: standstill should be answered with 0. Where that is
+in doubt learn from rates of both signs; at a single rate a constant answer passes for rotation.
 """
 
 from dataclasses import dataclass

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from megalopta.flow.truth_splits import FAST_PX, SLOW_PX
+from megalopta.flow.truth_splits import FAST_PX, OCCLUDED_SHARE, SLOW_PX
 from megalopta.report.parts import Table
 from megalopta.report.text import UNDEFINED, level_name, number, percent
 
@@ -14,8 +14,8 @@ _GROUPS = {
     "slow": f"below {SLOW_PX:g} px",
     "medium": f"{SLOW_PX:g} to {FAST_PX:g} px",
     "fast": f"{FAST_PX:g} px and more",
-    "clear": "nothing hidden",
-    "occlusion": "at an occlusion",
+    "clear": f"hidden: below {OCCLUDED_SHARE:.0%}",
+    "occlusion": f"hidden: {OCCLUDED_SHARE:.0%} or more",
 }
 
 

@@ -38,7 +38,7 @@ def test_speed_decides_whatever_the_direction(speed, name):
 def test_error_of_occluded_blocks_is_theirs_alone():
     truth = np.ones((1, 5, 5, 2))
     hidden = np.zeros((1, 5, 5))
-    hidden[0, 2, 2] = 0.01
+    hidden[0, 2, 2], hidden[0, 1, 1] = 0.1, 0.09
     answer = truth.copy()
     answer[0, 2, 2, 0] += 3
     splits = truth_splits(answer, truth, hidden)
