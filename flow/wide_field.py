@@ -27,7 +27,7 @@ import numpy as np
 from megalopta.flow.detector import FloatArray
 
 _SHARED = 0.5
-"""How far a variance is drawn to the mean over all places: a few frames cannot tell a quiet place
+"""How far a variance is drawn to the median of all places: a few frames cannot tell a quiet place
 from a lucky one, and none is free of noise."""
 
 
@@ -100,7 +100,8 @@ def fit_wide_field(answers: FloatArray, rates: FloatArray) -> WideField:
     )
     squares = np.sum(np.where(known, answers - slopes * omega, 0) ** 2, axis=0)
     variances = squares / np.maximum(known.sum(axis=0), 1)
-    shared = _SHARED * variances[power > 0].mean() + (1 - _SHARED) * variances
+    typical = float(np.median(variances[power > 0]) or variances.mean()) or 1.0
+    noise = _SHARED * typical + (1 - _SHARED) * variances
     if not np.any(slopes):
         raise ValueError("no answer depends on the rate: take another detector")
-    return WideField(slopes, slopes / (shared if shared.any() else 1.0))
+    return WideField(slopes, slopes / noise)
