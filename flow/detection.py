@@ -1,8 +1,8 @@
 """Can a method tell motion from standstill, and left from right? ROC, d′ and false alarms.
 
-The evidence is one number per block and frame, for all methods alike, so that each answer gathers
-the light of the same area: a velocity, or the mean over the block of a correlation detector's
-responses. For motion it is the length of the velocity, or the absolute mean; for the direction the
+The evidence is one number per block and frame for all methods: a velocity, or the mean over the
+block of a correlation detector's responses, so that it gathers as much light as a block's velocity.
+(Some velocities draw on more than their block, as their methods say.) For motion it is the length of the velocity, or the absolute mean; for the direction the
 component to the right, with its sign. A block without a velocity is no evidence: 0.
 
 A threshold on the evidence gives hits and false alarms; all thresholds give the receiver operating

@@ -3,7 +3,8 @@
 Bouguet's iterative form: the shift that minimizes the squared difference between a window of frame
 t and frame t + 1, found by Newton steps from the coarsest level of a pyramid down to the frames
 themselves. Only the finest level decides within a pixel, but the coarser ones see 2, 4, … times as
-far; with `pyramid_levels` 1 an estimate uses the photons of its window alone.
+far, and where a texture has one period of a few pixels only they may start it in the wrong one.
+With `pyramid_levels` 1 an estimate uses the photons of its window alone.
 
 A window whose gradients have one direction only, or none, has no velocity (NaN): the smaller
 eigenvalue of its structure tensor is below OpenCV's threshold, about a tenth of a squared gray

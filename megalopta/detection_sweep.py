@@ -1,7 +1,7 @@
 """How well each method tells motion from standstill and right from left, against photons.
 
 All methods see the same counts of the same textures, at the size, speed and dark counts of the
-dissertation's Table 4.1, and give one answer per block: equal support for all.
+dissertation's Table 4.1, and give one answer per block.
 """
 
 from collections.abc import Mapping, Sequence

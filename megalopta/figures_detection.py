@@ -55,7 +55,13 @@ def detection_figure(
         handles, labels = panels["motion"].get_legend_handles_labels()
         panels["legend"].set_axis_off()
         panels["legend"].legend(
-            handles, labels, loc="center", ncols=6, handlelength=3.5, markerscale=0.8
+            handles,
+            labels,
+            loc="center",
+            ncols=6,
+            handlelength=2.8,
+            columnspacing=1.1,
+            markerscale=0.8,
         )
 
     return Figure(
@@ -111,9 +117,7 @@ def _draw_roc(axes: Axes, found: Mapping[str, Sequence[Detection]], flux: float)
         style = _style(name) | {"marker": ""}
         axes.plot(curve.false_alarms, curve.hits, **style)
     axes.plot([0, 1], [0, 1], color=GRAY, linewidth=1, linestyle=":")
-    axes.set(
-        title=f"ROC, moving from still, {format_flux(flux)}", xlabel="false alarms", ylabel="hits"
-    )
+    axes.set(title="ROC, moving from still", xlabel="false alarms", ylabel="hits")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter(PercentFormatter(1))
 
