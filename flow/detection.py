@@ -1,9 +1,10 @@
 """Can a method tell motion from standstill, and left from right? ROC, d′ and false alarms.
 
 The evidence is one number per block and frame for all methods: a velocity, or the mean over the
-block of a correlation detector's responses, so that it gathers as much light as a block's velocity.
-(Some velocities draw on more than their block, as their methods say.) For motion it is the length of the velocity, or the absolute mean; for the direction the
-component to the right, with its sign. A block without a velocity is no evidence: 0.
+block of a correlation detector's responses, so that it gathers as much light as a block's velocity
+(some velocities draw on more than their block, as their methods say). For motion it is the length
+of the velocity, or the absolute mean; for the direction the component to the right, with its sign.
+A block without a velocity is no evidence: 0.
 
 A threshold on the evidence gives hits and false alarms; all thresholds give the receiver operating
 characteristic (ROC). The area A under it is the chance that a signal exceeds a noise, ties counting
@@ -15,7 +16,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm, rankdata
+from scipy.special import ndtri
 
 from megalopta.flow.block_detector import BlockDetector
 from megalopta.flow.blocks import block_grid, block_sums
@@ -87,9 +88,9 @@ def area(noise: FloatArray, signal: FloatArray) -> float:
         When either is empty or holds NaN.
     """
     _check(noise, signal)
-    ranks = rankdata(np.concatenate((noise, signal), axis=None))[noise.size :]
-    pairs = float(noise.size) * signal.size
-    return float((ranks.sum() - signal.size * (signal.size + 1) / 2) / pairs)
+    ordered = np.sort(noise, axis=None)
+    below, not_above = (np.searchsorted(ordered, signal, side) for side in ("left", "right"))
+    return float(np.mean(below + not_above) / (2 * noise.size))
 
 
 def d_prime(noise: FloatArray, signal: FloatArray) -> float:
@@ -106,7 +107,7 @@ def d_prime(noise: FloatArray, signal: FloatArray) -> float:
     measured = area(noise, signal)
     half_a_pair = 0.5 / (float(noise.size) * signal.size)
     kept = min(max(measured, half_a_pair), 1 - half_a_pair)
-    return math.sqrt(2) * float(norm.ppf(kept))
+    return math.sqrt(2) * float(ndtri(kept))
 
 
 def false_alarm_rate(noise: FloatArray, threshold: float) -> float:
