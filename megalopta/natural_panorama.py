@@ -54,7 +54,7 @@ class NaturalPanorama(
     samples_per_pass: Annotated[int, Field(ge=1)] = 36
     """Light paths per pixel and pass."""
 
-    passes: Annotated[int, Field(ge=2)] = 2
+    passes: Annotated[int, Field(ge=2)] = 4
     """Passes that are averaged; from their scatter the noise is known."""
 
     max_depth: Annotated[int, Field(ge=2)] = 3
@@ -90,13 +90,13 @@ NATURAL_PANORAMAS: Mapping[str, NaturalPanorama] = MappingProxyType(
             forest=Forest(preset="dense", seed=2, density_per_ha=800),
             light=Light(level="daylight", disc_elevation_deg=60, disc_azimuth_deg=250),
             frame_fov_deg=120.5,
-            passes=4,
+            passes=8,
         ),
         "understorey": NaturalPanorama(
             forest=Forest(preset="understorey", seed=3),
             light=Light(level="full_moon", disc_elevation_deg=62, disc_azimuth_deg=60),
             frame_fov_deg=160.6,
-            passes=3,
+            passes=6,
         ),
         "clearing": NaturalPanorama(
             forest=Forest(preset="clearing", seed=4, clearance_m=4.5),
