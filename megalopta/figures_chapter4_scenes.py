@@ -18,6 +18,7 @@ from megalopta.flow.resize import resize
 from megalopta.natural_panorama import NATURAL_PANORAMAS, ROWS
 from megalopta.panoramas import natural_templates
 from megalopta.plot_style import BLACK, DASHES, PALETTE
+from megalopta.preview import white_level
 from megalopta.scenes.color import encode_srgb
 
 Floats = NDArray[np.float64]
@@ -25,7 +26,6 @@ Floats = NDArray[np.float64]
 POOLED, CYCLES = 60, 4.0
 """Of Fig. 4.2."""
 _VARIANTS: tuple[GratingVariant, ...] = ("rot", "periodic")
-_WHITE_PERCENTILE = 96.0
 _LEAVES_COLUMNS = 753
 
 
@@ -79,7 +79,7 @@ def figure_4_3() -> Figure:
         for letter, axes, (name, template) in zip(
             "abcd", pictures.subplots(4, 1), forests.items(), strict=True
         ):
-            axes.imshow(encode_srgb(template / np.percentile(template, _WHITE_PERCENTILE)), "gray")
+            axes.imshow(encode_srgb(template / white_level(template)), "gray")
             fov = NATURAL_PANORAMAS[name].frame_fov_deg
             axes.set_title(f"({letter}) {name}, 251 columns cover {fov:g}°", loc="left")
             axes.set_anchor("W")
@@ -105,13 +105,14 @@ def _caption(statistics: Mapping[str, ImageStatistics]) -> str:
 
     def span(name: str) -> str:
         values = sorted(getattr(each, name) for each in forests)
-        return f"{values[0]:.2g} to {values[-1]:.2g} (dead leaves {getattr(leaves, name):.2g})"
+        text = f"{values[0]:.2g} to {values[-1]:.2g} (dead leaves {getattr(leaves, name):.2g})"
+        return text.replace("-", "−")
 
     return (
         "Four seeded forests in four lights stand in for the photographs of the dissertation, with "
         "their fields of view. Cylindrical projection: turning the camera shifts columns. Shown as "
         "sRGB; templates are linear in light. "
-        f"Contrast (σ/mean) {span('contrast')}; power falls with frequency to the power of "
+        f"Contrast (σ/mean) {span('contrast')}; power goes as frequency to the exponent "
         f"{span('spectrum_slope')}; kurtosis of the gradient {span('gradient_kurtosis')}, 3 being "
         f"normal; share of neighbors that differ by less than 1 % of the mean {span('flat_share')}."
     )
@@ -131,9 +132,9 @@ def _draw_gradients(axes: Axes, templates: Mapping[str, Floats]) -> None:
         gradient = np.diff(template, axis=1, append=template[:, :1])
         share, _ = np.histogram(gradient / gradient.std(), edges)
         axes.semilogy((edges[:-1] + edges[1:]) / 2, share / gradient.size, **_line(index))
-    axes.set_xlabel("Gradient along rows (standard deviations)")
+    axes.set_xlabel("Gradient along rows (σ)")
     axes.set_ylabel("Share of pixels")
-    axes.yaxis.set_major_formatter(PercentFormatter(1))
+    axes.yaxis.set_major_formatter(PercentFormatter(1, decimals=1))
 
 
 def _line(index: int) -> dict[str, object]:
