@@ -17,6 +17,7 @@ from megalopta.figures_chapter2_motion import MOTION
 from megalopta.figures_chapter2_transfer import TRANSFER
 from megalopta.figures_chapter3_pixel import CTIA_PIXEL
 from megalopta.figures_chapter3_suppression import CTIA_SUPPRESSION
+from megalopta.figures_chapter4_scenes import CHAPTER_4_SCENES
 from megalopta.figures_detection import DETECTION
 from megalopta.files import made_folder, whole_file
 from megalopta.plot_style import house_style, new_canvas
@@ -30,6 +31,7 @@ FIGURES: Registry = {
     **TRANSFER,
     **CTIA_PIXEL,
     **CTIA_SUPPRESSION,
+    **CHAPTER_4_SCENES,
     **DETECTION,
 }
 

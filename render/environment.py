@@ -120,14 +120,12 @@ def load_panorama(environment: Environment) -> Floats:
     """
     path = environment.file.path
     environment.file.read()  # refuses what is not there or has changed
-    rgb = _pixels(path)
+    rgb = read_picture(path)
     rows, columns = rgb.shape[:2]
     if columns != 2 * rows:
         raise ValueError(
             f"{path} has {columns} × {rows} pixels; a panorama is twice as wide as it is high"
         )
-    if not np.isfinite(rgb).all() or rgb.min() < 0:
-        raise ValueError(f"{path} has values that are negative or not finite; mend it")
     efficacy = np.array([luminous(spectrum) for spectrum in environment.spectra])
     lux = horizontal(rgb) @ efficacy
     if lux <= 0:
@@ -147,7 +145,14 @@ def horizontal(rgb: NDArray[np.floating]) -> NDArray[np.float64]:
     return np.asarray(weights @ rgb.sum(axis=1, dtype=np.float64))
 
 
-def _pixels(path: str) -> Floats:
+def read_picture(path: str) -> Floats:
+    """Read a picture (H, W, 3) in linear sRGB; PNG is decoded, an alpha channel left out.
+
+    Raises
+    ------
+    ValueError
+        When it cannot be read, or holds values that are negative or not finite.
+    """
     try:
         bitmap = mi.Bitmap(path)
         linear = bitmap.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False)
@@ -156,4 +161,7 @@ def _pixels(path: str) -> Floats:
         raise ValueError(
             f"{path} cannot be read as a picture ({reason}); give an HDR, EXR or PNG file"
         ) from None
-    return np.array(linear, np.float32)
+    rgb = np.array(linear, np.float32)
+    if not np.isfinite(rgb).all() or rgb.min() < 0:
+        raise ValueError(f"{path} has values that are negative or not finite; mend it")
+    return rgb

@@ -1,0 +1,124 @@
+"""Templates of the natural stimuli: panoramas rendered by this project, or a file of the user's.
+
+A template is a float64 array (251, m), a full turn, with mean 1: column m follows column 0. Linear
+in light, as a photon count is. The rendered ones lie in the user's cache folder, each in one EXR
+file that names the configuration it was made from; a configuration that changed makes a new file.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.cache import cache_folder
+from megalopta.errors import UserError
+from megalopta.files import made_folder
+from megalopta.flow.resize import resize
+from megalopta.natural_panorama import (
+    LUMINANCE_BAND_NM,
+    NATURAL_PANORAMAS,
+    ROWS,
+    NaturalPanorama,
+    render_panorama,
+)
+from megalopta.noise_record import ATTRIBUTE
+from megalopta.progress import progress
+from megalopta.render.environment import read_picture
+from megalopta.render.exr import read_radiance, write_radiance
+from megalopta.render.noise import RenderNoise
+from megalopta.render.variant import activate, choose_variant
+from megalopta.scenes.panorama import LUMINANCE_SHARES
+
+WIDEST, NARROWEST = 4.0, 2.0
+"""Columns per row of a panorama, at most and at least."""
+
+
+def natural_templates(
+    cache: Path | None = None, panoramas: Mapping[str, NaturalPanorama] = NATURAL_PANORAMAS
+) -> dict[str, NDArray[np.float64]]:
+    """Templates (251, m) of the natural stimuli by name; what is not in the cache is rendered.
+
+    Parameters
+    ----------
+    cache : Path, optional
+        Folder of the cache; by default the user's.
+    panoramas : mapping of name to NaturalPanorama
+        What to show.
+
+    Raises
+    ------
+    UserError
+        When the cache cannot be a folder, or a file in it cannot be read.
+    """
+    files = {name: panorama_file(name, recipe, cache) for name, recipe in panoramas.items()}
+    missing = [name for name, path in files.items() if not path.exists()]
+    if missing:
+        made_folder(files[missing[0]].parent)
+        passes = sum(panoramas[name].passes for name in missing)
+        with progress("Rendering forest panoramas", passes, "exposure") as advance:
+            for name in missing:
+                _write(files[name], panoramas[name], *render_panorama(panoramas[name], advance))
+    return {name: _read(path) for name, path in files.items()}
+
+
+def panorama_file(name: str, recipe: NaturalPanorama, cache: Path | None = None) -> Path:
+    """File of a rendered panorama, there or not."""
+    return cache_folder(cache) / "panoramas" / f"{name}-{recipe.sha256[:12]}.exr"
+
+
+def template_from_file(path: Path) -> NDArray[np.float64]:
+    """Template (251, m) of a panorama around the full circle: HDR or EXR, or PNG, read as sRGB.
+
+    Rows may be equidistant in elevation (equirectangular) or in its tangent (cylindrical): in
+    either a turn about the vertical is a shift of columns. Light is binned by area; of color the
+    luminance counts.
+
+    Raises
+    ------
+    UserError
+        When the file cannot be read, is not 2:1 to 4:1 or too small, or holds values that are no
+        light.
+    """
+    activate(choose_variant("auto"))
+    try:
+        rgb = read_picture(str(path))
+    except ValueError as problem:
+        raise UserError(str(problem)) from None
+    light = rgb.astype(np.float64) @ np.array(LUMINANCE_SHARES)
+    rows, columns = light.shape
+    if not NARROWEST * rows <= columns <= WIDEST * rows:
+        raise UserError(
+            f"{path} has {columns} × {rows} pixels; a panorama around the full circle is "
+            f"{NARROWEST:g} to {WIDEST:g} times as wide as it is high"
+        )
+    if rows < ROWS:
+        raise UserError(f"{path} has {rows} rows; give a panorama of {ROWS} rows or more")
+    if not light.any():
+        raise UserError(f"{path} is black; give a picture with light in it")
+    return _with_mean_1(resize(light, (ROWS, round(columns * ROWS / rows)), "area"))
+
+
+def _write(
+    path: Path, recipe: NaturalPanorama, radiance: NDArray[np.float32], noise: RenderNoise
+) -> None:
+    record = {
+        "configuration": recipe.model_dump_json(),
+        "configurationSha256": recipe.sha256,
+        ATTRIBUTE: noise.to_json(),
+    }
+    write_radiance(path, radiance, (LUMINANCE_BAND_NM,), record)
+
+
+def _read(path: Path) -> NDArray[np.float64]:
+    try:
+        radiance, _ = read_radiance(path)
+    except ValueError:
+        raise UserError(
+            f"{path} is no panorama as it was written; remove it, and it is rendered again"
+        ) from None
+    return _with_mean_1(radiance[..., 0].astype(np.float64))
+
+
+def _with_mean_1(light: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(light / light.mean())
