@@ -1,4 +1,4 @@
-"""The detectors by name, with the parameters of the thesis. A new detector gets one line here."""
+"""The detectors by name, the thesis's with its parameters. A new detector gets one line here."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -12,8 +12,10 @@ from megalopta.flow.correlation import (
 from megalopta.flow.detector import Detector
 from megalopta.flow.image_interpolation import ImageInterpolation
 from megalopta.flow.intensity import IntensityMeasurement
+from megalopta.flow.poisson_matching import PoissonMatching
+from megalopta.flow.pooled_matching import PooledMatching
 
-_DETECTORS: tuple[Detector, ...] = (
+_THESIS: tuple[Detector, ...] = (
     BlockMatching(),
     ImageInterpolation(),
     ElementaryMotionDetector(),
@@ -22,7 +24,14 @@ _DETECTORS: tuple[Detector, ...] = (
     IntensityMeasurement(),
 )
 
-METHODS: Mapping[str, Detector] = MappingProxyType({each.name: each for each in _DETECTORS})
+_AT_THE_LIMIT: tuple[Detector, ...] = (PoissonMatching(), PooledMatching())
+
+METHODS: Mapping[str, Detector] = MappingProxyType(
+    {each.name: each for each in _THESIS + _AT_THE_LIMIT}
+)
+
+THESIS_METHODS: tuple[str, ...] = tuple(each.name for each in _THESIS)
+"""Names of the methods of Chapter 4, which run unless others are asked for."""
 
 
 def method(name: str) -> Detector:

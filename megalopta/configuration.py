@@ -22,7 +22,7 @@ from pydantic import (
 
 from megalopta.errors import UserError, one_sentence
 from megalopta.flow.benchmark_settings import BenchmarkSettings
-from megalopta.flow.methods import METHODS
+from megalopta.flow.methods import METHODS, THESIS_METHODS
 from megalopta.render.settings import RenderSettings
 from megalopta.scenes.build import SceneDescription
 from megalopta.scenes.camera import Camera, PerspectiveCamera
@@ -91,7 +91,7 @@ class Configuration(
     `kind` spad or ctia with all of its fields, or the path of a measured device's YAML file. Paths
     are relative to the file that they stand in; on the command line, to the working folder."""
 
-    methods: Annotated[tuple[str, ...], Field(min_length=1)] = tuple(METHODS)
+    methods: Annotated[tuple[str, ...], Field(min_length=1)] = THESIS_METHODS
     """Motion detectors to run."""
 
     benchmark: BenchmarkSettings = BenchmarkSettings(sizes=(60,))
