@@ -15,12 +15,13 @@ from megalopta.figures_chapter2 import CHAPTER_2
 from megalopta.figures_chapter2_counter import COUNTER
 from megalopta.figures_chapter3_pixel import CTIA_PIXEL
 from megalopta.figures_chapter3_suppression import CTIA_SUPPRESSION
+from megalopta.figures_leaderboard import LIMIT
 from megalopta.files import made_folder, whole_file
 from megalopta.plot_style import house_style, new_canvas
 
 __all__ = ["FIGURES", "Figure", "reproduce"]
 
-FIGURES: Registry = {**CHAPTER_2, **COUNTER, **CTIA_PIXEL, **CTIA_SUPPRESSION}
+FIGURES: Registry = {**CHAPTER_2, **COUNTER, **CTIA_PIXEL, **CTIA_SUPPRESSION, **LIMIT}
 
 
 def reproduce(names: Sequence[str], out: Path) -> list[Path]:
