@@ -66,6 +66,7 @@ class BlockPairs:
                 add_costs(
                     first.roots(level),
                     second.roots(level),
+                    second.weights(level),
                     (second_corners - moved)[mine],
                     second_corners[mine],
                     grid.block_px,

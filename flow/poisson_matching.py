@@ -1,12 +1,15 @@
 """Block matching by Poisson likelihood (PM): two frames, a scale of its own, fractions of a pixel.
 
 As in block matching, each block of frame t + 1 is compared with the equally large parts of frame t
-around it. Three things differ, and each takes it closer to the bound of `translation_bound`:
-the difference is that of a likelihood of counts (`shift_cost`), each block is smoothed as much as
-its own counts ask for (`shot_noise_blur`), and the best shift is interpolated between pixels.
+around it. Three things differ, and each takes it closer to the bound of `translation_bound`: the
+difference is that of a likelihood of counts (`shift_cost`); each block is smoothed, and its pixels
+weighed, as its own counts ask for (`shot_noise_blur`); and the best shift is interpolated between
+pixels.
 
 A block uses its own pixels, those that the search compares them with, and what the smoothing mixes
-into both, 6 px at most; nothing else of the frame. A block without photons has no velocity (NaN).
+into both, 6 px at most; the weights look a little further. It needs nothing else of the frame
+(`efficiency.confined_velocities` cuts all else away). A block without photons, or whose costs are
+all equal, has no velocity (NaN).
 """
 
 from typing import Annotated, ClassVar

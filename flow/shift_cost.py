@@ -25,17 +25,20 @@ _DEGENERATE = 0.05
 def add_costs(
     first: NDArray[np.float32],
     second: NDArray[np.float32],
+    weights: NDArray[np.float32],
     origins: NDArray[np.int64],
     corners: NDArray[np.int64],
     size: int,
     costs: FloatArray,
 ) -> None:
-    """Add Σ(second − first)² over blocks of `second` and the parts of `first` around an origin.
+    """Add Σ weight·(second − first)² over blocks of `second` and parts of `first` near an origin.
 
     Parameters
     ----------
     first, second : (H, W)
         Roots of smoothed counts.
+    weights : (H, W)
+        Of the pixels of `second`.
     origins : (n, 2)
         Row and column in `first` of the part that the middle of `costs` compares with.
     corners : (n, 2)
@@ -60,11 +63,12 @@ def add_costs(
                 cost = np.float32(0)
                 for y in range(size):
                     here = second[row + y, column : column + size]
+                    weight = weights[row + y, column : column + size]
                     there = first[top + y, left : left + size]
                     row_cost = np.float32(0)
                     for x in range(size):
                         difference = here[x] - there[x]
-                        row_cost += difference * difference
+                        row_cost += weight[x] * difference * difference
                     cost += row_cost
                 costs[block, radius + dy, radius + dx] += cost
 

@@ -12,11 +12,14 @@ S/N goes as q·f⁻³, the cutoff as (n·q)^(1/3), and the width of the filter i
 Its shape hardly matters, so it is a Gaussian. Its constant was fitted on dead leaves and on one
 photographed forest at 10⁴ to 10⁶ photons per frame of 240 × 240 px; the best width is so broad an
 optimum that a step of √2 changes errors by a few percent.
+
+Edges lie between plain areas, where differences are all noise. So each pixel is weighed as well, by
+the variance of the smoothed roots around it: texture over texture plus noise, no less than a fifth.
 """
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, uniform_filter
 
 from megalopta.flow.blocks import BlockGrid
 from megalopta.flow.detector import FloatArray, Frames
@@ -31,6 +34,11 @@ _BLUR_AT_EQUALITY_PX = 0.6
 _FAINTEST = 1e-6
 """Smaller q are raised to this: no texture was seen, the largest blur is right."""
 
+_NEIGHBORHOOD_BLURS = 12
+"""Side of the square in which a pixel's texture is judged, in standard deviations of the blur."""
+
+_LEAST_WEIGHT = 0.2
+
 
 class SmoothedFrame:
     """A frame of counts, smoothed on demand."""
@@ -38,13 +46,24 @@ class SmoothedFrame:
     def __init__(self, counts: Frames) -> None:
         self.counts = counts.astype(np.float32)
         self._roots: dict[int, NDArray[np.float32]] = {}
+        self._weights: dict[int, NDArray[np.float32]] = {}
 
     def roots(self, level: int) -> NDArray[np.float32]:
         """Return the roots of the counts smoothed by `BLURS_PX[level]`, (H, W)."""
         if level not in self._roots:
-            smooth = gaussian_filter(self.counts, BLURS_PX[level], mode="reflect", truncate=3.0)
-            self._roots[level] = np.sqrt(smooth)
+            self._roots[level] = np.sqrt(_smooth(self.counts, level))
         return self._roots[level]
+
+    def weights(self, level: int) -> NDArray[np.float32]:
+        """Return how much texture there is around each pixel of `roots`, from 0.2 to 1, (H, W)."""
+        if level not in self._weights:
+            side = round(_NEIGHBORHOOD_BLURS * BLURS_PX[level]) | 1
+            roots = self.roots(level)
+            variance = uniform_filter((roots - uniform_filter(roots, side)) ** 2, side)
+            texture = np.maximum(variance - _ROOT_NOISE[level], 0)
+            share = texture / (texture + _ROOT_NOISE[level])
+            self._weights[level] = np.float32(_LEAST_WEIGHT) + (1 - _LEAST_WEIGHT) * share
+        return self._weights[level]
 
 
 def block_moments(counts: NDArray[np.float32], grid: BlockGrid, margin_px: int) -> FloatArray:
@@ -72,6 +91,21 @@ def blur_levels(moments: FloatArray, frames: int) -> NDArray[np.intp]:
     wanted = _BLUR_AT_EQUALITY_PX * (np.maximum(excess, _FAINTEST) * frames / 2) ** (-1 / 3)
     steps = np.log(wanted)[..., np.newaxis] - np.log(BLURS_PX)
     return np.asarray(np.abs(steps).argmin(axis=-1))
+
+
+def _smooth(counts: NDArray[np.float32], level: int) -> NDArray[np.float32]:
+    return np.asarray(gaussian_filter(counts, BLURS_PX[level], mode="reflect", truncate=3.0))
+
+
+def _root_noise(level: int) -> np.float32:
+    """Return the variance that shot noise gives to the roots, at any brightness."""
+    impulse = np.zeros((31, 31), np.float32)
+    impulse[15, 15] = 1
+    # that of a root is a quarter of the variance over the mean
+    return np.float32((_smooth(impulse, level) ** 2).sum() / 4)
+
+
+_ROOT_NOISE = tuple(_root_noise(level) for level in range(len(BLURS_PX)))
 
 
 def _windows(length: int, start: int, size: int, number: int, margin: int) -> NDArray[np.int64]:

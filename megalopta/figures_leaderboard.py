@@ -10,7 +10,6 @@ from megalopta.flow.block_detector import BlockDetector
 from megalopta.flow.methods import METHODS
 from megalopta.flow.threshold import format_flux
 from megalopta.leaderboard import (
-    DRAWS,
     EFFICIENCY_FLUXES,
     FLUXES,
     MARGIN_PX,
@@ -25,7 +24,8 @@ from megalopta.leaderboard import (
 )
 from megalopta.plot_style import BLACK, BLUE, DASHES, GRAY, MARKERS, ORANGE, PALETTE
 
-_OURS = ("PM", "PPM")
+OURS = ("PM", "PPM")
+DRAWS = 12
 _POOLED_SEQUENCES = 2
 """Eight frames a draw: fewer sequences do."""
 
@@ -41,7 +41,7 @@ def leaderboard() -> Figure:
         axes = canvas.subplots()
         for place, entry in enumerate(entries):
             needed = entry.photons if math.isfinite(entry.photons) else FLUXES[-1]
-            color = BLUE if entry.detector.name in _OURS else GRAY
+            color = BLUE if entry.detector.name in OURS else GRAY
             hatch = None if math.isfinite(entry.photons) else "///"
             axes.barh(
                 place,
@@ -119,11 +119,11 @@ def efficiency() -> Figure:
     """Bound over variance of the two methods that aim at the limit, against the flux."""
     clean = sequences()
     curves = {}
-    for name in _OURS:
+    for name in OURS:
         detector = METHODS[name]
         assert isinstance(detector, BlockDetector)
         few = clean if detector.memory_frames == 1 else clean[:_POOLED_SEQUENCES]
-        curves[name] = efficiencies(few, detector, EFFICIENCY_FLUXES)
+        curves[name] = efficiencies(few, detector, EFFICIENCY_FLUXES, DRAWS)
 
     def draw(canvas: Canvas) -> None:
         axes = canvas.subplots()

@@ -46,7 +46,6 @@ FLUXES = tuple(10 ** (3 + step / 3) for step in range(13))
 """1e3 to 1e7 photons per frame"""
 
 EFFICIENCY_FLUXES = (3e4, 1e5, 3e5, 1e6, 3e6, 1e7)
-DRAWS = 12
 _TEMPLATES = 2
 _WINDOWS = 3
 _TIMING_FLUX = 3e5
@@ -172,7 +171,7 @@ def milliseconds_per_frame(detector: Detector, counts: NDArray[np.unsignedintege
 
 
 def efficiencies(
-    clean: Floats, detector: BlockDetector, fluxes: Sequence[float], draws: int = DRAWS
+    clean: Floats, detector: BlockDetector, fluxes: Sequence[float], draws: int
 ) -> list[float]:
     """Return bound over variance of one method at each flux, frames seen whole.
 

@@ -4,19 +4,20 @@ import pytest
 from megalopta.flow.shift_cost import add_costs, best_shift
 
 
-def test_costs_are_the_sums_of_squares_of_every_shift():
+def test_costs_are_the_weighted_sums_of_squares_of_every_shift():
     rng = np.random.default_rng(0)
-    first, second = rng.random((2, 30, 34), np.float32)
+    first, second, weights = rng.random((3, 30, 34), np.float32)
     corners, origins = np.array([[3, 5], [20, 22]]), np.array([[4, 5], [18, 20]])
     costs = np.ones((2, 9, 9))
-    add_costs(first, second, origins, corners, 8, costs)
+    add_costs(first, second, weights, origins, corners, 8, costs)
     for block, dy, dx in np.ndindex(costs.shape):
         (row, column), (top, left) = corners[block], origins[block] - (dy - 4, dx - 4)
         inside = 0 <= top <= 22 and 0 <= left <= 26
-        here = second[row : row + 8, column : column + 8].astype(float)
+        here = np.s_[row : row + 8, column : column + 8]
         expected = np.inf
         if inside:
-            expected = 1 + ((here - first[top : top + 8, left : left + 8]) ** 2).sum()
+            difference = second[here].astype(float) - first[top : top + 8, left : left + 8]
+            expected = 1 + (weights[here] * difference**2).sum()
         # float32 sums of 64 squares
         assert costs[block, dy, dx] == pytest.approx(expected, rel=1e-5)
 
