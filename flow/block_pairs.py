@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from megalopta.flow.blocks import BlockGrid
 from megalopta.flow.detector import FloatArray
-from megalopta.flow.shift_cost import add_costs, best_shift
+from megalopta.flow.shift_cost import add_costs, least_cost, parabola_minimum
 from megalopta.flow.shot_noise_blur import SmoothedFrame, block_moments, blur_levels
 
 
@@ -53,24 +53,45 @@ class BlockPairs:
         radius : int
             Largest difference from the expected shift (px).
         """
-        grid, moved = self._grid, expected[:, ::-1]
-        last = np.subtract(grid.shape, grid.block_px)
-        second_corners = np.clip(self._corners + moved // 2, 0, last)
-        costs = np.zeros((len(moved), 2 * radius + 1, 2 * radius + 1))
+        moved = expected[:, ::-1]
+        last = np.subtract(self._grid.shape, self._grid.block_px)
+        seconds = np.clip(self._corners + moved // 2, 0, last)
+        costs = self._costs(baseline, seconds - moved, seconds, radius)
+        best, exists = least_cost(costs)
+        firsts = np.where(exists[:, np.newaxis], seconds - moved - best[:, ::-1], seconds)
+        forth = self._costs(baseline, firsts, seconds, 1)
+        back = self._costs(-baseline, seconds, firsts, 1)
+        shifts = expected + best + parabola_minimum(forth + back[:, ::-1, ::-1])
+        return np.where(exists[:, np.newaxis], shifts, np.nan)
+
+    def _costs(
+        self,
+        baseline: int,
+        origins: NDArray[np.int64],
+        corners: NDArray[np.int64],
+        radius: int,
+    ) -> FloatArray:
+        """Return the costs of shifts around those from origins to corners, summed over all pairs.
+
+        Blocks lie at `corners` in the frame that comes `baseline` after (before, if negative) the
+        one that is searched around `origins`.
+        """
+        pairs = list(zip(self._window, self._window[abs(baseline) :], strict=False))
+        if baseline < 0:
+            pairs = [(later, earlier) for earlier, later in pairs]
+        costs = np.zeros((len(corners), 2 * radius + 1, 2 * radius + 1))
         for level in np.unique(self._levels):
             mine = np.flatnonzero(self._levels == level)
             part = costs[mine]
-            for first, second in zip(
-                self._window[:-baseline], self._window[baseline:], strict=True
-            ):
+            for searched, frame in pairs:
                 add_costs(
-                    first.roots(level),
-                    second.roots(level),
-                    second.weights(level),
-                    (second_corners - moved)[mine],
-                    second_corners[mine],
-                    grid.block_px,
+                    searched.roots(level),
+                    frame.roots(level),
+                    frame.weights(level),
+                    origins[mine],
+                    corners[mine],
+                    self._grid.block_px,
                     part,
                 )
             costs[mine] = part
-        return expected + best_shift(costs)
+        return costs

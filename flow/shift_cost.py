@@ -7,7 +7,9 @@ for counts that were smoothed. A plain sum of squared differences prefers dark c
 noise is smaller.
 
 The minimum is refined by the parabola through its 3 × 3 neighborhood, which is meant for frames
-smoothed by at least 0.7 px; on sharper ones it draws velocities toward whole pixels.
+smoothed by at least 0.7 px; on sharper ones it draws velocities toward whole pixels. A neighborhood
+in which only one frame's part moves sees another strip of texture on either side, which tilts the
+parabola: the costs around the minimum are to be those of both frames' parts (`BlockPairs`).
 """
 
 import numpy as np
@@ -73,11 +75,10 @@ def add_costs(
                 costs[block, radius + dy, radius + dx] += cost
 
 
-def best_shift(costs: FloatArray) -> FloatArray:
-    """Return the shift (x, y) of least cost of each block, to a fraction of a pixel, (n, 2).
+def least_cost(costs: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Return the shift (x, y) of least cost of each block, (n, 2), and whether there is one, (n,).
 
-    NaN where all costs are equal (no photons) or none is finite; a minimum at the edge of the
-    search keeps its whole pixels along that axis.
+    There is none where all costs are equal, as without photons, or none is finite.
 
     Parameters
     ----------
@@ -85,21 +86,28 @@ def best_shift(costs: FloatArray) -> FloatArray:
         As from `add_costs`.
     """
     blocks, side = costs.shape[:2]
-    each = np.arange(blocks)
     y, x = np.divmod(costs.reshape(blocks, -1).argmin(axis=1), side)
-    padded = np.pad(costs, ((0, 0), (1, 1), (1, 1)), constant_values=np.inf)
-    c = {(i, j): padded[each, y + 1 + i, x + 1 + j] for i in (-1, 0, 1) for j in (-1, 0, 1)}
+    highest = np.where(np.isfinite(costs), costs, -np.inf).max(axis=(1, 2))
+    return np.stack((x, y), axis=-1) - side // 2, highest > costs.min(axis=(1, 2))
+
+
+def parabola_minimum(costs: FloatArray) -> FloatArray:
+    """Return where (x, y) the parabola through 3 × 3 costs has its minimum, (n, 2), at most 1 away.
+
+    0 along an axis on which a cost is infinite or the middle is no minimum.
+
+    Parameters
+    ----------
+    costs : (n, 3, 3)
+    """
+    c = {(i, j): costs[:, 1 + i, 1 + j] for i in (-1, 0, 1) for j in (-1, 0, 1)}
     with np.errstate(invalid="ignore", divide="ignore"):
         fx, fxx = (c[0, 1] - c[0, -1]) / 2, c[0, 1] - 2 * c[0, 0] + c[0, -1]
         fy, fyy = (c[1, 0] - c[-1, 0]) / 2, c[1, 0] - 2 * c[0, 0] + c[-1, 0]
         fxy = (c[1, 1] - c[1, -1] - c[-1, 1] + c[-1, -1]) / 4
         determinant = fxx * fyy - fxy**2
         coupled = determinant > _DEGENERATE * fxx * fyy
-        step_x = np.where(coupled, (fxy * fy - fyy * fx) / determinant, -fx / fxx)
-        step_y = np.where(coupled, (fxy * fx - fxx * fy) / determinant, -fy / fyy)
-    steps = np.stack((step_x, step_y), axis=-1)
-    steps = np.where(np.isfinite(steps), np.clip(steps, -1, 1), 0)
-    shifts = np.stack((x, y), axis=-1) - side // 2 + steps
-    highest = np.where(np.isfinite(costs), costs, -np.inf).max(axis=(1, 2))
-    flat = ~(highest > costs.min(axis=(1, 2)))
-    return np.where(flat[:, np.newaxis], np.nan, shifts)
+        x = np.where(coupled, (fxy * fy - fyy * fx) / determinant, -fx / fxx)
+        y = np.where(coupled, (fxy * fx - fxx * fy) / determinant, -fy / fyy)
+        steps = np.where(np.stack((fxx, fyy), axis=-1) > 0, np.stack((x, y), axis=-1), 0)
+    return np.where(np.isfinite(steps), np.clip(steps, -1, 1), 0)
