@@ -25,6 +25,7 @@ from megalopta.flow.methods import METHODS, method
 from megalopta.flow.photons import draw_counts
 from megalopta.flow.resize import resize
 from megalopta.flow.threshold import Threshold, threshold
+from megalopta.flow.translation_bound import least_covariance, translation_information
 from megalopta.flow.truth_error import TruthError, block_flow, truth_error
 
 __all__ = [
@@ -40,11 +41,13 @@ __all__ = [
     "draw_counts",
     "error_sums",
     "flow_to_rgb",
+    "least_covariance",
     "method",
     "photon_benchmark",
     "read_flo",
     "resize",
     "threshold",
+    "translation_information",
     "truth_error",
     "wheel_legend",
     "write_flo",

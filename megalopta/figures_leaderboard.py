@@ -70,7 +70,7 @@ def leaderboard() -> Figure:
         axes.set_ylim(len(entries) - 0.4, -1.6)
         axes.grid(visible=False, axis="y")
         axes.set_xlabel("Photons per frame for a median error of 25 %")
-        axes.legend(loc="upper right", ncols=2)
+        axes.legend(loc="upper right", ncols=2, frameon=True, framealpha=1, edgecolor="none")
 
     return Figure(
         name="leaderboard",
@@ -85,7 +85,7 @@ def leaderboard() -> Figure:
             f"{format_flux(two)} with two frames, {format_flux(eight)} with eight; for x alone, "
             f"were y known, {format_flux(bound_along_x(known))}. It takes the texture as known and "
             "no block as mistaken, which no method can at few photons. Hatched: never below "
-            f"25 % up to {FLUXES[-1]:.0e} photons."
+            f"25 % up to {format_flux(FLUXES[-1])} photons."
         ),
         draw=draw,
         columns=(
