@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from megalopta.flow.blocks import BlockGrid
 from megalopta.flow.detector import FloatArray
 from megalopta.flow.shift_cost import add_costs, least_cost, parabola_minimum
-from megalopta.flow.shot_noise_blur import SmoothedFrame, block_moments, blur_levels
+from megalopta.flow.shot_noise_blur import SmoothedFrame, blur_levels
 
 
 class BlockPairs:
@@ -27,8 +27,8 @@ class BlockPairs:
     def __init__(self, window: Sequence[SmoothedFrame], grid: BlockGrid, margin_px: int) -> None:
         self._window = window
         self._grid = grid
-        moments = sum(block_moments(frame.counts, grid, margin_px) for frame in window)
-        self._levels = blur_levels(np.asarray(moments), len(window)).ravel()
+        moments = np.sum([frame.moments(grid, margin_px) for frame in window], axis=0)
+        self._levels = blur_levels(moments, len(window)).ravel()
         rows = grid.top + grid.block_px * np.arange(grid.rows)
         columns = grid.left + grid.block_px * np.arange(grid.columns)
         self._corners = np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1).reshape(-1, 2)

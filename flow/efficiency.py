@@ -7,7 +7,6 @@ and a margin as wide as the search around it, cut out of the counts. Nothing els
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,24 +17,11 @@ from megalopta.flow.threshold import first_crossing
 from megalopta.flow.translation_bound import median_endpoint_error
 
 
-@dataclass(frozen=True)
-class Support:
-    """The pixels that every method gets: a block and the margin around it (px)."""
-
-    block_px: int
-    margin_px: int
-
-    @property
-    def side_px(self) -> int:
-        """Side of what is cut out."""
-        return self.block_px + 2 * self.margin_px
-
-
-def confined(detector: BlockDetector, support: Support) -> BlockDetector:
+def confined(detector: BlockDetector, block_px: int, margin_px: int) -> BlockDetector:
     """Return a detector for frames that are one block and its margin, searching all of it."""
-    changes = {"block_px": support.block_px, "fewest_blocks": 1}
+    changes = {"block_px": block_px, "fewest_blocks": 1}
     if "radius_px" in type(detector).model_fields:
-        changes["radius_px"] = support.margin_px
+        changes["radius_px"] = margin_px
     return detector.model_copy(update=changes)
 
 
@@ -53,20 +39,27 @@ def confined_velocities(
     grid
         Blocks of the frames; those at the border are left out.
     margin_px : int
-        At most a block wide.
+        From 1 to the side of a block.
 
     Returns
     -------
     (rows − 2, columns − 2, 2), px per frame.
+
+    Raises
+    ------
+    ValueError
+        When the margin is not of that range.
     """
-    support = Support(grid.block_px, margin_px)
-    alone = confined(detector, support)
+    if not 1 <= margin_px <= grid.block_px:
+        raise ValueError(f"margin_px {margin_px}: give 1 to {grid.block_px}, the side of a block")
+    alone = confined(detector, grid.block_px, margin_px)
+    side = grid.block_px + 2 * margin_px
     newest = frames[-1 - detector.memory_frames :]
     velocities = np.empty((grid.rows - 2, grid.columns - 2, 2))
     for row, column in np.ndindex(velocities.shape[:2]):
         top = grid.top + (row + 1) * grid.block_px - margin_px
         left = grid.left + (column + 1) * grid.block_px - margin_px
-        cut = newest[:, top : top + support.side_px, left : left + support.side_px]
+        cut = newest[:, top : top + side, left : left + side]
         velocities[row, column] = alone.respond(cut)[-1, 0, 0]
     return velocities
 

@@ -44,14 +44,21 @@ class SmoothedFrame:
     """A frame of counts, smoothed on demand."""
 
     def __init__(self, counts: Frames) -> None:
-        self.counts = counts.astype(np.float32)
+        self._counts = counts.astype(np.float32)
         self._roots: dict[int, NDArray[np.float32]] = {}
         self._weights: dict[int, NDArray[np.float32]] = {}
+        self._moments: dict[tuple[BlockGrid, int], FloatArray] = {}
+
+    def moments(self, grid: BlockGrid, margin_px: int) -> FloatArray:
+        """Return `block_moments` of the counts."""
+        if (grid, margin_px) not in self._moments:
+            self._moments[grid, margin_px] = block_moments(self._counts, grid, margin_px)
+        return self._moments[grid, margin_px]
 
     def roots(self, level: int) -> NDArray[np.float32]:
         """Return the roots of the counts smoothed by `BLURS_PX[level]`, (H, W)."""
         if level not in self._roots:
-            self._roots[level] = np.sqrt(_smooth(self.counts, level))
+            self._roots[level] = np.sqrt(_smooth(self._counts, level))
         return self._roots[level]
 
     def weights(self, level: int) -> NDArray[np.float32]:

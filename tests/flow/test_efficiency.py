@@ -38,6 +38,12 @@ def test_search_reaches_to_the_end_of_the_margin_and_no_further():
         assert np.array_equal(velocity, (step, 0)) == found
 
 
+@pytest.mark.parametrize("margin", [0, 25])
+def test_margin_that_leaves_no_room_is_refused(margin):
+    with pytest.raises(ValueError, match=f"margin_px {margin}: give 1 to 24"):
+        confined_velocities(METHODS["BM"], np.ones((2, 72, 72)), GRID, margin)
+
+
 def test_undefined_velocities_err_as_much_as_zero():
     velocities = np.array([[3.0, 4.0], [np.nan, np.nan], [0.0, 0.0]])
     assert median_relative_error(velocities, (3.0, 4.0)) == 1
