@@ -35,11 +35,17 @@ def dead_leaves(
     Raises
     ------
     ValueError
-        When the radii or the values are not in growing order above 0.
+        When the radii or the values are not in growing order above 0, or a disk would be wider
+        than the image.
     """
     for name, (low, high) in (("radii_px", radii_px), ("values", values)):
         if not 0 < low <= high:
             raise ValueError(f"{name} {low} … {high}: give two in growing order, above 0")
+    if 2 * radii_px[1] > min(shape):
+        raise ValueError(
+            f"radii_px up to {radii_px[1]}: the disks are wider than the image of {shape[0]} ×"
+            f" {shape[1]} px; give at most half of its shorter side"
+        )
     fine = (shape[0] * _SAMPLES, shape[1] * _SAMPLES)
     image = np.zeros(fine)
     bare = image.size
@@ -55,17 +61,13 @@ def _paint(
     image: NDArray[np.float64], center: NDArray[np.float64], radius: float, value: float
 ) -> int:
     """Paint what is bare (0) of a disk on a torus; return how many samples that were."""
-    reach = [
-        np.arange(np.ceil(middle - radius - 0.5), np.floor(middle + radius - 0.5) + 1)[:length]
-        for middle, length in zip(center, image.shape, strict=True)
-    ]
-    distance = np.add.outer(
-        *((at + 0.5 - middle) ** 2 for at, middle in zip(reach, center, strict=True))
-    )
+    # samples lie at the middle of their squares
+    reach = [np.arange(np.ceil(at - radius - 0.5), at + radius - 0.5) for at in center]
+    squares = [(along + 0.5 - at) ** 2 for along, at in zip(reach, center, strict=True)]
     rows, columns = (
-        at.astype(np.intp) % length for at, length in zip(reach, image.shape, strict=True)
+        along.astype(np.intp) % side for along, side in zip(reach, image.shape, strict=True)
     )
     window = np.ix_(rows, columns)
-    seen = (distance <= radius**2) & (image[window] == 0)
+    seen = (np.add.outer(*squares) < radius**2) & (image[window] == 0)
     image[window] = np.where(seen, value, image[window])
     return int(seen.sum())

@@ -26,6 +26,7 @@ from megalopta.flow.methods import METHODS, THESIS_METHODS, method
 from megalopta.flow.photons import draw_counts
 from megalopta.flow.resize import resize
 from megalopta.flow.threshold import Threshold, threshold
+from megalopta.flow.translation_bound import least_covariance, translation_information
 from megalopta.flow.triangular_pooling import triangular_pool
 from megalopta.flow.truth_error import TruthError, block_flow, block_share, truth_error
 from megalopta.flow.truth_splits import truth_splits
@@ -49,6 +50,7 @@ __all__ = [
     "error_sums",
     "fit_wide_field",
     "flow_to_rgb",
+    "least_covariance",
     "method",
     "motion_evidence",
     "photon_benchmark",
@@ -57,6 +59,7 @@ __all__ = [
     "rightward_evidence",
     "roc",
     "threshold",
+    "translation_information",
     "triangular_pool",
     "truth_error",
     "truth_splits",

@@ -16,6 +16,8 @@ from megalopta.flow.intensity import IntensityMeasurement
 from megalopta.flow.inverse_search import DenseInverseSearch
 from megalopta.flow.lucas_kanade import LucasKanade
 from megalopta.flow.phase_correlation import PhaseCorrelation
+from megalopta.flow.poisson_matching import PoissonMatching
+from megalopta.flow.pooled_matching import PooledMatching
 from megalopta.flow.total_variation import TotalVariation
 
 _THESIS: tuple[Detector, ...] = (
@@ -35,7 +37,11 @@ _TODAY: tuple[Detector, ...] = (
     PhaseCorrelation(),
 )
 
-METHODS: Mapping[str, Detector] = MappingProxyType({each.name: each for each in _THESIS + _TODAY})
+_AT_THE_LIMIT: tuple[Detector, ...] = (PoissonMatching(), PooledMatching())
+
+METHODS: Mapping[str, Detector] = MappingProxyType(
+    {each.name: each for each in _THESIS + _TODAY + _AT_THE_LIMIT}
+)
 
 THESIS_METHODS: tuple[str, ...] = tuple(each.name for each in _THESIS)
 """Names of the methods of Chapter 4, which run unless others are asked for."""

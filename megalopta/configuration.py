@@ -92,7 +92,8 @@ class Configuration(
     are relative to the file that they stand in; on the command line, to the working folder."""
 
     methods: Annotated[tuple[str, ...], Field(min_length=1)] = THESIS_METHODS
-    """Motion detectors to run; by default the dissertation's. Others: LK, FB, DIS, TV-L1, PC."""
+    """Motion detectors to run; by default the dissertation's. Others: LK, FB, DIS, TV-L1, PC,
+    PM, PPM."""
 
     benchmark: BenchmarkSettings = BenchmarkSettings(sizes=(60,))
     """The search for the photons that each detector needs."""

@@ -19,6 +19,7 @@ from megalopta.figures_chapter3_pixel import CTIA_PIXEL
 from megalopta.figures_chapter3_suppression import CTIA_SUPPRESSION
 from megalopta.figures_chapter4_scenes import CHAPTER_4_SCENES
 from megalopta.figures_detection import DETECTION
+from megalopta.figures_leaderboard import LIMIT
 from megalopta.files import made_folder, whole_file
 from megalopta.plot_style import house_style, new_canvas
 
@@ -33,6 +34,7 @@ FIGURES: Registry = {
     **CTIA_SUPPRESSION,
     **CHAPTER_4_SCENES,
     **DETECTION,
+    **LIMIT,
 }
 
 

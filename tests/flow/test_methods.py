@@ -16,7 +16,7 @@ def counts(shape=(12, 30, 40), mean=4.0):
 
 def test_registry_holds_the_methods_under_their_names():
     assert THESIS_METHODS == ("BM", "IIA", "EMD", "NDM", "NDS", "IM")
-    assert set(THESIS_METHODS) | {"LK", "FB", "DIS", "TV-L1", "PC"} <= set(METHODS)
+    assert set(THESIS_METHODS) | {"LK", "FB", "DIS", "TV-L1", "PC", "PM", "PPM"} <= set(METHODS)
     assert all(name == detector.name for name, detector in METHODS.items())
 
 
@@ -51,11 +51,10 @@ def test_response_does_not_depend_on_the_cutting_into_chunks(detector, length):
 
 
 @pytest.mark.parametrize("detector", DETECTORS)
-def test_scale_multiplies_the_frames(detector):
+def test_scale_multiplies_the_frames_unless_they_must_be_counts(detector):
     frames = counts()
-    np.testing.assert_allclose(
-        detector.respond(frames, 0.125), detector.respond(frames * 0.125), rtol=1e-9
-    )
+    scaled = frames if detector.takes_counts else frames * 0.125
+    np.testing.assert_allclose(detector.respond(frames, 0.125), detector.respond(scaled), rtol=1e-9)
 
 
 @pytest.mark.parametrize("detector", DETECTORS)
