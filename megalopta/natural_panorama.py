@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
-from megalopta.render.noise import Passes, RenderNoise
+from megalopta.render.noise import RenderNoise, RunningMean
 from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings, frame_seed
 from megalopta.scenes.build import build_scene
@@ -55,7 +55,7 @@ class NaturalPanorama(
     """Light paths per pixel and pass."""
 
     passes: Annotated[int, Field(ge=2)] = 4
-    """Passes that are averaged; from their scatter the noise is known."""
+    """RunningMean that are averaged; from their scatter the noise is known."""
 
     max_depth: Annotated[int, Field(ge=2)] = 3
     """As of `RenderSettings`; 3 misses 0.2 % of the light of a typical pixel."""
@@ -134,7 +134,7 @@ def render_panorama(
         integrator="path",
     )
     renderer = SceneRenderer(scene, recipe.camera, settings)
-    passes = Passes()
+    passes = RunningMean()
     for number in range(recipe.passes):
         passes.add(renderer.radiance(stand.poses()[0], frame_seed(recipe.seed, 0, number)))
         after_pass()
