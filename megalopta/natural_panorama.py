@@ -55,7 +55,7 @@ class NaturalPanorama(
     """Light paths per pixel and pass."""
 
     passes: Annotated[int, Field(ge=2)] = 4
-    """RunningMean that are averaged; from their scatter the noise is known."""
+    """Passes that are averaged; from their scatter the noise is known."""
 
     max_depth: Annotated[int, Field(ge=2)] = 3
     """As of `RenderSettings`; 3 misses 0.2 % of the light of a typical pixel."""
