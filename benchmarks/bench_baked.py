@@ -3,6 +3,15 @@
 Reference: the path tracer on the same scene, in the same run. Its error is the spread over seeds;
 that of baked frames is their spread plus their mean difference from path tracing. Equal seeds send
 equal primary rays, so that the difference converges much sooner than either image.
+
+Measured in LLVM mode with 32 paths per cell, at 80 px:
+
+    level           mean     pixels   worst band
+    daylight        -0.18 %  1.31 %   1.75 %
+    airglow         -0.20 %  1.60 %   2.00 %
+    overcast_night  -0.20 %  1.57 %   2.00 %
+
+Light of other levels comes from the same directions as one of these, in other colors.
 """
 
 import time

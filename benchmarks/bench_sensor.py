@@ -95,7 +95,7 @@ def frames_by_event(name: str, mean_counts: float, **effects: object) -> float:
 
 def two_threads(name: str) -> float:
     sensor = bench_sensor(name)
-    rate = light(30, sensor)
+    rate = np.tile(light(30, sensor), (8, 1, 1))
     return ratio(
         lambda: expose_rate(rate, sensor, seed=0, sequence="bench", threads=2),
         lambda: expose_rate(rate, sensor, seed=0, sequence="bench", threads=1),

@@ -10,13 +10,13 @@ from matplotlib.figure import Figure
 from skimage.io import imread
 
 from megalopta.dataset import Dataset, open_dataset
-from megalopta.flow import METHODS, flow_to_rgb, wheel_legend
+from megalopta.flow import THESIS_METHODS, flow_to_rgb, wheel_legend
 from megalopta.render import read_truth
 from megalopta.sensor import read_counts
 
 FRAME = 15
 PALETTE = ("#0072b2", "#b6549c", "#d55e00", "#c08a00", "#009e73", "#777777")
-COLORS = dict(zip(METHODS, PALETTE, strict=True))
+COLORS = dict(zip(THESIS_METHODS, PALETTE, strict=True))
 
 
 def strip(dataset: Dataset, path: Path) -> None:

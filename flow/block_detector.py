@@ -4,7 +4,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from megalopta.flow.blocks import BlockGrid, block_grid
+from megalopta.flow.blocks import FEWEST_BLOCKS, BlockGrid, block_grid
 from megalopta.flow.detector import Detector
 
 
@@ -16,6 +16,9 @@ class BlockDetector(Detector, frozen=True):
 
     block_px: Annotated[int, Field(ge=2)] | None = None
     """Side of a block (px); by default a tenth of the shorter side of the frame"""
+
+    fewest_blocks: Annotated[int, Field(ge=1)] = FEWEST_BLOCKS
+    """Smaller frames are refused; 1 lets a detector see a single block and the margin around it"""
 
     @property
     def memory_frames(self) -> int:
@@ -30,4 +33,4 @@ class BlockDetector(Detector, frozen=True):
         ValueError
             When the frame is too small.
         """
-        return block_grid(shape, self.block_px)
+        return block_grid(shape, self.block_px, self.fewest_blocks)

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 BLOCKS_PER_SIDE = 10
 _SMALLEST_BLOCK_PX = 2
-_FEWEST_BLOCKS = 3
+FEWEST_BLOCKS = 3
+"""Along a side: with less there is no block inside, and nothing to score."""
 
 
 @dataclass(frozen=True)
@@ -44,19 +45,22 @@ class BlockGrid:
         return self.shape[1] % self.block_px // 2
 
 
-def block_grid(shape: tuple[int, int], block_px: int | None = None) -> BlockGrid:
+def block_grid(
+    shape: tuple[int, int], block_px: int | None = None, fewest_blocks: int = FEWEST_BLOCKS
+) -> BlockGrid:
     """Return the blocks of a frame (H, W); by default a tenth of the shorter side wide.
 
     Raises
     ------
     ValueError
-        When there would be fewer than 3 × 3 blocks or a block of less than 2 px.
+        When there would be fewer blocks along a side, 3 by default, or a block of less than 2 px.
     """
     size = min(shape) // BLOCKS_PER_SIDE if block_px is None else block_px
-    if size < _SMALLEST_BLOCK_PX or min(shape) // size < _FEWEST_BLOCKS:
+    if size < _SMALLEST_BLOCK_PX or min(shape) // size < fewest_blocks:
         raise ValueError(
-            f"frames of {shape[0]} × {shape[1]} px cannot be cut into at least 3 × 3 blocks of"
-            f" {size} px: give larger frames or another block_px (2 px or more)"
+            f"frames of {shape[0]} × {shape[1]} px cannot be cut into at least {fewest_blocks} ×"
+            f" {fewest_blocks} blocks of {size} px: give larger frames or another block_px (2 px or"
+            " more)"
         )
     return BlockGrid(shape=shape, block_px=size)
 

@@ -20,7 +20,8 @@ brightness too. On ½(1 + C sin(ωt + jφ)), with Hh = (1 − a)(1 − z)/(1 −
     NDM: (C²/4)·h1²·h2·cos φ2·cos φ, before rectification
     NDS: 2A/π with A = (C/2)·h1·√(1 + 4·h2·cos φ·cos φ2 + 4·h2²·cos² φ)
 
-(Eq. 4.3 is misprinted). Motion toward +x has φ < 0 and the delay φ2 < 0: EMD is then positive.
+(Eq. 4.3 is misprinted; `sinusoid_response` computes the last two). Motion toward +x has φ < 0 and
+the delay φ2 < 0: EMD is then positive.
 """
 
 import math
@@ -100,8 +101,11 @@ class CorrelationDetector(Detector, frozen=True):
 
     def start(self, shape: tuple[int, int]) -> Responder:
         """Return the filters at rest; see `Detector.start`. First and last column stay NaN."""
-        if min(shape) < 3:
-            raise ValueError(f"frames of {shape[0]} × {shape[1]} px: {self.name} needs 3 × 3 px")
+        rows, columns = shape
+        if rows in (0, 2) or columns < 3:
+            raise ValueError(
+                f"frames of {rows} × {columns} px: {self.name} needs 3 × 3 px, or one row of 3"
+            )
         low = None
         delayed, smoothed = np.zeros((2, *shape))
 
@@ -118,8 +122,9 @@ class CorrelationDetector(Detector, frozen=True):
         return respond
 
     def scored(self, responses: FloatArray) -> FloatArray:
-        """Return pixels 2 to N − 1 of each side, as in Eq. 4.5."""
-        return responses[:, 1:-1, 1:-1, np.newaxis]
+        """Return pixels 2 to N − 1 of each side, as in Eq. 4.5; a single row has no border rows."""
+        rows = slice(None) if responses.shape[1] == 1 else slice(1, -1)
+        return responses[:, rows, 1:-1, np.newaxis]
 
     @property
     @abstractmethod

@@ -33,6 +33,10 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
     gives: ClassVar[Literal["response", "velocity"]]
     ignores_offset: ClassVar[bool] = True
     """A constant added to all pixels of all frames does not change the response."""
+    takes_counts: ClassVar[bool] = False
+    """The frames must be photon counts: their noise says how far to trust them, so the response to
+    scaled frames is another. The scale is then ignored."""
+
     minimum_frames: ClassVar[int] = 1
 
     name: Annotated[str, Field(min_length=1)]

@@ -1,4 +1,4 @@
-"""The detectors by name, with the parameters of the thesis. A new detector gets one line here."""
+"""The detectors by name, the thesis's with its parameters. A new detector gets one line here."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -10,10 +10,17 @@ from megalopta.flow.correlation import (
     NonDirectionalSummation,
 )
 from megalopta.flow.detector import Detector
+from megalopta.flow.farneback import Farneback
 from megalopta.flow.image_interpolation import ImageInterpolation
 from megalopta.flow.intensity import IntensityMeasurement
+from megalopta.flow.inverse_search import DenseInverseSearch
+from megalopta.flow.lucas_kanade import LucasKanade
+from megalopta.flow.phase_correlation import PhaseCorrelation
+from megalopta.flow.poisson_matching import PoissonMatching
+from megalopta.flow.pooled_matching import PooledMatching
+from megalopta.flow.total_variation import TotalVariation
 
-_DETECTORS: tuple[Detector, ...] = (
+_THESIS: tuple[Detector, ...] = (
     BlockMatching(),
     ImageInterpolation(),
     ElementaryMotionDetector(),
@@ -22,7 +29,22 @@ _DETECTORS: tuple[Detector, ...] = (
     IntensityMeasurement(),
 )
 
-METHODS: Mapping[str, Detector] = MappingProxyType({each.name: each for each in _DETECTORS})
+_TODAY: tuple[Detector, ...] = (
+    LucasKanade(),
+    Farneback(),
+    DenseInverseSearch(),
+    TotalVariation(),
+    PhaseCorrelation(),
+)
+
+_AT_THE_LIMIT: tuple[Detector, ...] = (PoissonMatching(), PooledMatching())
+
+METHODS: Mapping[str, Detector] = MappingProxyType(
+    {each.name: each for each in _THESIS + _TODAY + _AT_THE_LIMIT}
+)
+
+THESIS_METHODS: tuple[str, ...] = tuple(each.name for each in _THESIS)
+"""Names of the methods of Chapter 4, which run unless others are asked for."""
 
 
 def method(name: str) -> Detector:

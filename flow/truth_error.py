@@ -102,8 +102,7 @@ def block_flow(
     if occluded is not None:
         usable &= ~occluded
     height, width = true_flow.shape[1:3]
-    y = _membership(height, grid.shape[0], grid.top, grid.block_px, grid.rows)
-    x = _membership(width, grid.shape[1], grid.left, grid.block_px, grid.columns)
+    y, x = _memberships((height, width), grid)
     known = np.where(usable[..., np.newaxis], true_flow, 0).astype(np.float64)
     sums = np.stack([y @ known[..., axis] @ x.T for axis in range(2)], axis=-1)
     pixels = y @ usable.astype(np.float64) @ x.T
@@ -112,7 +111,26 @@ def block_flow(
     return np.asarray(sums * scale / np.where(enough, pixels, np.nan)[..., np.newaxis])
 
 
-def truth_error(velocities: FloatArray, true_velocities: FloatArray) -> TruthError:
+def block_share(mask: NDArray[np.bool_], grid: BlockGrid) -> FloatArray:
+    """Return the share of each block's pixels that a mask marks, (T, rows, columns).
+
+    Parameters
+    ----------
+    mask : (T, H, W)
+        On the full image, such as the pixels that are hidden in the next frame.
+    grid
+        Blocks of the method, in the resized image.
+    """
+    y, x = _memberships((mask.shape[1], mask.shape[2]), grid)
+    pixels = np.outer(y.sum(axis=1), x.sum(axis=1))
+    return np.asarray(y @ mask.astype(np.float64) @ x.T / pixels)
+
+
+def truth_error(
+    velocities: FloatArray,
+    true_velocities: FloatArray,
+    among: NDArray[np.bool_] | None = None,
+) -> TruthError:
     """Return how far velocities are from the truth, on the blocks inside the border.
 
     Parameters
@@ -121,6 +139,8 @@ def truth_error(velocities: FloatArray, true_velocities: FloatArray) -> TruthErr
         As a detector gives them, px per frame.
     true_velocities : (T − 1, rows, columns, 2)
         From `block_flow` on the detector's blocks.
+    among : (T − 1, rows, columns), optional
+        Count these blocks only.
 
     Raises
     ------
@@ -133,6 +153,8 @@ def truth_error(velocities: FloatArray, true_velocities: FloatArray) -> TruthErr
             " shape: average the truth over the blocks of the method"
         )
     known = np.isfinite(true_velocities[:, 1:-1, 1:-1]).all(axis=-1)
+    if among is not None:
+        known &= among[:, 1:-1, 1:-1]
     truth = true_velocities[:, 1:-1, 1:-1][known]
     answer = velocities[:, 1:-1, 1:-1][known]
     given = np.asarray(np.isfinite(answer).all(axis=-1))
@@ -149,6 +171,14 @@ def truth_error(velocities: FloatArray, true_velocities: FloatArray) -> TruthErr
         spread_px=(_spread(difference[:, 0]), _spread(difference[:, 1])),
         relative_error_median=_median(relative),
         outlier_fraction=_mean(relative > OUTLIER),
+    )
+
+
+def _memberships(shape: tuple[int, int], grid: BlockGrid) -> tuple[FloatArray, FloatArray]:
+    """Return which rows and columns of a full image (H, W) lie in which blocks."""
+    return (
+        _membership(shape[0], grid.shape[0], grid.top, grid.block_px, grid.rows),
+        _membership(shape[1], grid.shape[1], grid.left, grid.block_px, grid.columns),
     )
 
 

@@ -19,7 +19,7 @@ from pydantic import (
 )
 
 from megalopta.flow.benchmark_settings import BenchmarkSettings
-from megalopta.flow.methods import METHODS
+from megalopta.flow.methods import METHODS, THESIS_METHODS
 from megalopta.render.settings import RenderSettings
 from megalopta.scenes.build import SceneDescription
 from megalopta.scenes.camera import Camera, PerspectiveCamera
@@ -89,8 +89,9 @@ class Configuration(
     `kind` spad or ctia with all of its fields, or the path of a measured device's YAML file. Paths
     are relative to the file that they stand in; on the command line, to the working folder."""
 
-    methods: Annotated[tuple[str, ...], Field(min_length=1)] = tuple(METHODS)
-    """Motion detectors to run."""
+    methods: Annotated[tuple[str, ...], Field(min_length=1)] = THESIS_METHODS
+    """Motion detectors to run; by default the dissertation's. Others: LK, FB, DIS, TV-L1, PC,
+    PM, PPM."""
 
     benchmark: BenchmarkSettings = BenchmarkSettings(sizes=(60,))
     """The search for the photons that each detector needs."""

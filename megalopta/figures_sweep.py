@@ -12,10 +12,11 @@ from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 from megalopta.engine import Results
 from megalopta.figure import Cell, Figure
 from megalopta.flow.error import Metric
+from megalopta.flow.methods import THESIS_METHODS
 from megalopta.flow.threshold import Threshold
 from megalopta.plot_style import MARKERS, PALETTE
 from megalopta.sweep import Sweep, Value
-from megalopta.trial import THESIS_METHODS, GratingTemplate, Template, Trial
+from megalopta.trial import GratingTemplate, Template, Trial
 
 CAPTION = (
     "Flux at which the error falls below the level of so many bits, with its interval; over"

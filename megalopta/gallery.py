@@ -45,6 +45,10 @@ SCENES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
         "grating": {"scene": {"kind": "grating"}, **_TURNING},
         "random dots": {"scene": {"kind": "grating", "pattern": "dots"}, **_TURNING},
         "board": {"scene": {"kind": "plane", "pattern": "square"}},
+        "motion bench": {
+            "scene": {"kind": "bench", "edge_mm": -5},
+            "trajectory": {"frames": 2, "velocity_m_s": [0, -0.001, 0]},
+        },
     }
 )
 """What the gallery shows, as parts of a configuration."""

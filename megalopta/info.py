@@ -14,6 +14,7 @@ PACKAGES = (
     "numpy",
     "scipy",
     "numba",
+    "opencv-python-headless",
     "scikit-image",
     "trimesh",
     "zarr",

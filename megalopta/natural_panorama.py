@@ -18,10 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
-from megalopta.render.noise import Passes, RenderNoise
+from megalopta.render.noise import RenderNoise, RunningMean
 from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings, frame_seed
 from megalopta.scenes.build import build_scene
+from megalopta.scenes.cloudy_sky import under_clouds
 from megalopta.scenes.forest import Forest
 from megalopta.scenes.light import Light
 from megalopta.scenes.panoramic_camera import CylindricalCamera
@@ -82,7 +83,7 @@ NATURAL_PANORAMAS: Mapping[str, NaturalPanorama] = MappingProxyType(
     {
         "open": NaturalPanorama(
             forest=Forest(preset="open", seed=1),
-            light=Light(level="daylight", disc_elevation_deg=35, disc_azimuth_deg=140),
+            light=Light(level="daylight", disc_elevation_deg=46, disc_azimuth_deg=140),
             frame_fov_deg=100.4,
         ),
         "dense": NaturalPanorama(
@@ -93,13 +94,15 @@ NATURAL_PANORAMAS: Mapping[str, NaturalPanorama] = MappingProxyType(
         ),
         "understorey": NaturalPanorama(
             forest=Forest(preset="understorey", seed=3),
-            light=Light(level="full_moon", disc_elevation_deg=50, disc_azimuth_deg=60),
+            light=Light(level="full_moon", disc_elevation_deg=62, disc_azimuth_deg=60),
             frame_fov_deg=160.6,
             passes=6,
         ),
         "clearing": NaturalPanorama(
-            forest=Forest(preset="clearing", seed=4, clearance_m=7),
-            light=Light(level="starlight"),
+            forest=Forest(preset="clearing", seed=4, clearance_m=4.5),
+            light=Light(
+                level="daylight", disc_fraction=0.5, disc_elevation_deg=52, disc_azimuth_deg=300
+            ),
             frame_fov_deg=120.5,
         ),
     }
@@ -120,7 +123,9 @@ def render_panorama(
     """
     height = recipe.eye_m
     stand = Trajectory(frames=1, position_m=(0, 0, height), look_at_m=(10, 0, height))
-    scene = build_scene(recipe.forest, recipe.light, recipe.camera, stand)
+    forest = build_scene(recipe.forest, recipe.light, recipe.camera, stand)
+    wavelength_nm = sum(LUMINANCE_BAND_NM) / 2
+    scene = under_clouds(forest, recipe.light.lighting(), wavelength_nm, recipe.forest.seed)
     # Baked light would be looked up once only: it costs more than the paths it replaces.
     settings = RenderSettings(
         samples_per_pixel=recipe.samples_per_pass,
@@ -129,7 +134,7 @@ def render_panorama(
         integrator="path",
     )
     renderer = SceneRenderer(scene, recipe.camera, settings)
-    passes = Passes()
+    passes = RunningMean()
     for number in range(recipe.passes):
         passes.add(renderer.radiance(stand.poses()[0], frame_seed(recipe.seed, 0, number)))
         after_pass()

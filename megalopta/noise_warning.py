@@ -13,11 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.configuration import Configuration, LightLevel, level_text
+from megalopta.configuration import Configuration
 from megalopta.sensor import ImageSensor, detected_photons, expected_reading
 
 LIMIT = 0.1
 """Largest share of the shot noise's variance that goes without a warning."""
+
+_MOST_NAMED = 3
 
 
 def noise_share(
@@ -48,27 +50,42 @@ def noise_share(
 
 
 def noise_warning(
-    noise: Mapping[str, Any],
-    settings: Configuration,
-    sensor: ImageSensor,
-    level: LightLevel,
-    share: float,
+    noise: Mapping[str, Any], settings: Configuration, shares: Mapping[str, float]
 ) -> str | None:
-    """One sentence where the rendering is too noisy for an exposure; None where it is not.
+    """One sentence on the exposures that the rendering is too noisy for; None where there are none.
 
     The samples named are enough: variance falls at least as fast as their number grows.
+
+    Parameters
+    ----------
+    noise : mapping
+        `monte_carlo` of the scene record.
+    settings : Configuration
+        Of the dataset.
+    shares : mapping
+        Name of each exposure to its `noise_share`.
     """
-    if share <= LIMIT:
+    noisy = sorted((share, name) for name, share in shares.items() if share > LIMIT)
+    if not noisy:
         return None
-    remedy = f"render.target_error {noise['median_relative'] * math.sqrt(LIMIT / share):.2g}"
-    if settings.render.target_error is None:
-        now = max(noise["samples_per_pixel"])
-        remedy = f"render.samples_per_pixel {_two_digits(now * share / LIMIT)} (now {now})"
-    return (
-        f"{sensor.name} at {level_text(level)}: the rendering's own noise is "
-        f"{math.sqrt(share):.2g} times the shot noise, up to {math.sqrt(LIMIT):.1g} is harmless; "
-        f"{remedy} would do"
+    named = ", ".join(
+        f"{name} {math.sqrt(share):.2g} ({_remedy(noise, settings, share)})"
+        for share, name in noisy[:_MOST_NAMED]
     )
+    if len(noisy) > _MOST_NAMED:
+        named += f", and {len(noisy) - _MOST_NAMED} worse"
+    return (
+        f"the rendering's own noise is more than {math.sqrt(LIMIT):.1g} of the shot noise in "
+        f"{len(noisy)} of {len(shares)} exposures: {named}"
+    )
+
+
+def _remedy(noise: Mapping[str, Any], settings: Configuration, share: float) -> str:
+    if settings.render.target_error is not None:
+        aim = noise["median_relative"] * math.sqrt(LIMIT / share)
+        return f"render.target_error {aim:.2g} would do"
+    now = max(noise["samples_per_pixel"])
+    return f"render.samples_per_pixel {_two_digits(now * share / LIMIT)} would do, now {now}"
 
 
 def _two_digits(samples: float) -> int:

@@ -56,7 +56,7 @@ def natural_templates(
     if missing:
         made_folder(files[missing[0]].parent)
         passes = sum(panoramas[name].passes for name in missing)
-        with progress("Rendering forest panoramas", passes, "pass") as advance:
+        with progress("Rendering forest panoramas", passes, "exposure") as advance:
             for name in missing:
                 _write(files[name], panoramas[name], *render_panorama(panoramas[name], advance))
     return {name: _read(path) for name, path in files.items()}

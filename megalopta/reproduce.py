@@ -18,9 +18,14 @@ from megalopta.errors import UserError
 from megalopta.figure import Cell, Figure, Registry
 from megalopta.figures_chapter2 import CHAPTER_2
 from megalopta.figures_chapter2_counter import COUNTER
+from megalopta.figures_chapter2_motion import MOTION
+from megalopta.figures_chapter2_transfer import TRANSFER
 from megalopta.figures_chapter3_pixel import CTIA_PIXEL
 from megalopta.figures_chapter3_suppression import CTIA_SUPPRESSION
 from megalopta.figures_chapter4 import CHAPTER_4
+from megalopta.figures_chapter4_scenes import CHAPTER_4_SCENES
+from megalopta.figures_detection import DETECTION
+from megalopta.figures_leaderboard import LIMIT
 from megalopta.figures_sweep import CAPTION, sweep_figure
 from megalopta.files import made_folder, whole_file, write_json
 from megalopta.plot_style import house_style, new_canvas
@@ -29,7 +34,17 @@ from megalopta.templates import pixels_of
 
 __all__ = ["FIGURES", "Figure", "reproduce"]
 
-FIGURES: Registry = {**CHAPTER_2, **COUNTER, **CTIA_PIXEL, **CTIA_SUPPRESSION}
+FIGURES: Registry = {
+    **CHAPTER_2,
+    **COUNTER,
+    **MOTION,
+    **TRANSFER,
+    **CTIA_PIXEL,
+    **CTIA_SUPPRESSION,
+    **CHAPTER_4_SCENES,
+    **DETECTION,
+    **LIMIT,
+}
 
 
 GROUPS: Mapping[str, tuple[str, ...]] = {

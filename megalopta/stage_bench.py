@@ -40,7 +40,7 @@ def _say_thresholds(result: BenchmarkResult) -> None:
     for curve in result.curves:
         if curve.metric == "literal" and 2 in curve.thresholds:
             rows, columns = curve.shape
-            say(f"bench: {curve.method:<4} {columns} × {rows}  N_2b {curve.thresholds[2]}")
+            say(f"bench: {curve.method:<6} {columns} × {rows}  N_2b {curve.thresholds[2]}")
 
 
 def photon_image(dataset: Dataset) -> NDArray[np.float64]:

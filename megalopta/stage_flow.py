@@ -1,7 +1,8 @@
 """The flow stage: motion detectors on the counts of every sensor at every light level.
 
 Each detector answers twice, to the counts and to their noise-free twin; the difference is the error
-that photon noise makes. Detectors that give a velocity are also compared with the true flow.
+that photon noise makes. Detectors that give a velocity are also compared with the true flow, and
+those that tell directions give the camera's yaw rate.
 """
 
 import math
@@ -22,9 +23,11 @@ from megalopta.flow.block_detector import BlockDetector
 from megalopta.flow.detector import Detector
 from megalopta.flow.error import METRICS, error_sums
 from megalopta.flow.methods import METHODS
-from megalopta.flow.truth_error import block_flow, truth_error
+from megalopta.flow.truth_error import TruthError, block_flow, block_share, truth_error
+from megalopta.flow.truth_splits import truth_splits
 from megalopta.frames import read_truth_frames
 from megalopta.progress import progress
+from megalopta.rotation import rotation_error, yaw_rates_deg_s
 from megalopta.sensor import ImageSensor, StoredCounts
 from megalopta.stage_sense import exposures, read_exposure
 
@@ -34,6 +37,7 @@ Record = dict[str, Any]
 def measure_flow(dataset: Dataset) -> None:
     """Run the detectors; writes results/SEQ/flow.json and responses/SENSOR-LEVEL.zarr."""
     flow, occluded = true_flow(dataset)
+    rates = yaw_rates_deg_s(dataset.configuration.trajectory)
     methods = dataset.configuration.methods
     records: list[Record] = []
     pairs = exposures(dataset)
@@ -43,7 +47,7 @@ def measure_flow(dataset: Dataset) -> None:
             responses: dict[str, NDArray[np.float64]] = {}
             for name in methods:
                 ideal, noisy = _respond(METHODS[name], stored)
-                record = _compare(METHODS[name], ideal, noisy, flow, occluded)
+                record = _compare(METHODS[name], ideal, noisy, flow, occluded, rates)
                 records.append({"sensor": sensor.name, "level": level, **record})
                 responses |= {name: noisy, f"{name}-ideal": ideal}
                 advance()
@@ -81,6 +85,7 @@ def _compare(
     noisy: NDArray[np.float64],
     flow: NDArray[np.float32],
     occluded: NDArray[np.bool_],
+    rates: NDArray[np.float64],
 ) -> Record:
     warm_up = default_warm_up(len(flow) + 1, [detector])
     sums = error_sums(detector, ideal[warm_up:], noisy[warm_up:])
@@ -90,19 +95,25 @@ def _compare(
         "error": {metric: _number(sums.of_sequence(metric)) for metric in METRICS},
     }
     if isinstance(detector, BlockDetector):
-        truth = block_flow(flow, detector.grid(flow.shape[1:3]), occluded)
-        record["truth"] = {
-            "ideal": _numbers(asdict(truth_error(ideal, truth))),
-            "counts": _numbers(asdict(truth_error(noisy, truth))),
+        grid = detector.grid(flow.shape[1:3])
+        truth, hidden = block_flow(flow, grid, occluded), block_share(occluded, grid)
+        pair = (truth_error(ideal, truth), truth_error(noisy, truth))
+        groups = (truth_splits(ideal, truth, hidden), truth_splits(noisy, truth, hidden))
+        record["truth"] = _ideal_and_counts(*pair)
+        record["truth_splits"] = {
+            name: _ideal_and_counts(groups[0][name], groups[1][name]) for name in groups[0]
         }
+    if found := rotation_error(detector, ideal, noisy, rates, warm_up):
+        record["rotation"] = _numbers(asdict(found))
     return record
 
 
-def _numbers(values: Mapping[str, Any]) -> Record:
-    return {
-        name: [_number(part) for part in value] if isinstance(value, tuple) else _number(value)
-        for name, value in values.items()
-    }
+def _ideal_and_counts(ideal: TruthError, counts: TruthError) -> Record:
+    return {"ideal": ideal.to_dict(), "counts": counts.to_dict()}
+
+
+def _numbers(values: Mapping[str, float]) -> Record:
+    return {name: _number(value) for name, value in values.items()}
 
 
 def _number(value: float) -> float | None:

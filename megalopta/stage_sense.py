@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta import sintel
-from megalopta.configuration import Configuration, LightLevel
+from megalopta.configuration import Configuration, LightLevel, level_text
 from megalopta.dataset import Dataset, exposure_name
 from megalopta.errors import UserError
 from megalopta.frames import read_radiance_frames
@@ -48,10 +48,14 @@ def _warn_of_noise(dataset: Dataset) -> None:
     settings, noise = dataset.configuration, dataset.read_scene_record().get("monte_carlo") or {}
     if "covariance" not in noise:
         return
-    for sensor, level in exposures(dataset):
-        share = noise_share(noise, settings, sensor, light_scale(settings, level))
-        if warning := noise_warning(noise, settings, sensor, level, share):
-            say(f"sense: {warning}")
+    shares = {
+        f"{sensor.name} at {level_text(level)}": noise_share(
+            noise, settings, sensor, light_scale(settings, level)
+        )
+        for sensor, level in exposures(dataset)
+    }
+    if warning := noise_warning(noise, settings, shares):
+        say(f"sense: {warning}")
 
 
 def exposures(dataset: Dataset) -> list[tuple[ImageSensor, LightLevel]]:

@@ -16,14 +16,13 @@ from megalopta.flow.benchmark_settings import SearchSettings, each_once
 from megalopta.flow.detector import Detector
 from megalopta.flow.error_curve import ErrorCurve
 from megalopta.flow.intensity import IntensityMeasurement
-from megalopta.flow.methods import METHODS, method
+from megalopta.flow.methods import METHODS, THESIS_METHODS, method
 from megalopta.flow.photon_search import photon_search
 from megalopta.flow.resize import ResizeKind
 from megalopta.flow.stimulus import MovingTemplate, blurred
 
 ROWS = 251
 """Rows of every template, and columns of a frame before resizing (thesis, §4.2); a prime."""
-THESIS_METHODS = ("BM", "IIA", "EMD", "NDM", "NDS", "IM")
 
 Array = NDArray[np.float64]
 

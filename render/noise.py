@@ -61,8 +61,8 @@ class RenderNoise:
         return cls(mean=mean, covariance=covariance, **values)
 
 
-class Passes:
-    """Running mean of the passes of a frame and their scatter (Welford's method, float64)."""
+class RunningMean:
+    """Mean of the passes of a frame so far and their scatter (Welford's method, float64)."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -114,7 +114,7 @@ def render_once(render_pass: RenderPass, measured: bool) -> tuple[Image, RenderN
     image = render_pass(0)
     if not measured:
         return image, None
-    passes = Passes()
+    passes = RunningMean()
     passes.add(image)
     passes.add(render_pass(1))
     return image, passes.noise(averaged=1)
@@ -127,7 +127,7 @@ def render_until(
 
     At least two, at most `most_passes`; the result says how many, and which error they left.
     """
-    passes = Passes()
+    passes = RunningMean()
     passes.add(render_pass(0))
     while True:
         passes.add(render_pass(passes.count))

@@ -3,6 +3,7 @@
 A motion carries a point of the object as it was placed to where it is at a time, and back.
 """
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, Literal, Protocol
@@ -55,9 +56,9 @@ class _Spinning(
         axis = np.asarray(self.spin_axis) / np.linalg.norm(self.spin_axis)
         return Rotation.from_rotvec(np.radians(self.spin_deg_s) * time_s * axis)
 
+    @abstractmethod
     def shift(self, time_s: float) -> Float64:
         """Way (3,) from the place at time 0, m."""
-        raise NotImplementedError
 
 
 class Drift(_Spinning, frozen=True):

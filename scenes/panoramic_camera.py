@@ -9,6 +9,7 @@ motion in px, and any error of it, grows by 1/cos(e).
 """
 
 import math
+from abc import abstractmethod
 from typing import Annotated, Literal
 
 import numpy as np
@@ -67,9 +68,9 @@ class _Panorama(
         return max(abs(math.tan(math.radians(end))) for end in (self.lower_deg, self.upper_deg))
 
     @property
+    @abstractmethod
     def heights(self) -> tuple[float, float]:
         """Height on the film, in focal lengths, of the image's lower and upper edge."""
-        raise NotImplementedError
 
     def pixel_centers(self) -> Float64:
         """Image coordinates (H, W, 2) of all pixel centers, (x, y) in px."""
@@ -112,13 +113,13 @@ class _Panorama(
         """Depth (H, W), m: the distances (H, W) along the rays themselves."""
         return distance
 
+    @abstractmethod
     def _meridian(self, height: Float64) -> tuple[Float64, Float64]:
         """Cosine and sine of the elevation of a height on the film."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _film_height(self, radius: Float64, rise: Float64) -> Float64:
         """Height on the film of points that far from the vertical and that far up."""
-        raise NotImplementedError
 
 
 class EquirectangularCamera(_Panorama):

@@ -5,6 +5,7 @@ renderer computes in float32 about a local origin, `origin_m`; positions are rou
 that the stored pose is the pose that was rendered, also a kilometer from the world's origin.
 """
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Annotated, Any
 
@@ -57,13 +58,13 @@ class Path(
         """Camera-to-world matrices (T, 4, 4) of the frames."""
         return self.pose_at(self.times_s)
 
+    @abstractmethod
     def course(self, times_s: Float64) -> tuple[Float64, Float64]:
         """Positions (n, 3), m, and rotations (n, 3, 3), camera axes to world, before rounding."""
-        raise NotImplementedError
 
+    @abstractmethod
     def __str__(self) -> str:
         """What the camera does, as the end of a sentence that begins with "The camera"."""
-        raise NotImplementedError
 
 
 def rounded_about(positions: Float64, origin_m: ArrayLike) -> Float64:

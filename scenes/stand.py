@@ -151,9 +151,9 @@ class Level:
 
 LEVELS = (
     Level("near", 0.0, Detail(merged=1, thinnest_m=0.0, chord_m=0.0), 7500),
-    Level("middle", 22.0, Detail(merged=2, thinnest_m=0.008, chord_m=0.06), 2700),
-    Level("far", 40.0, Detail(merged=4, thinnest_m=0.012, chord_m=0.1), 1500),
-    Level("horizon", 64.0, Detail(merged=10, thinnest_m=0.025, chord_m=0.2), 600),
+    Level("middle", 33.0, Detail(merged=2, thinnest_m=0.008, chord_m=0.06), 2700),
+    Level("far", 60.0, Detail(merged=4, thinnest_m=0.012, chord_m=0.1), 1500),
+    Level("horizon", 96.0, Detail(merged=10, thinnest_m=0.025, chord_m=0.2), 600),
 )
 """From fine to coarse."""
 

@@ -1,7 +1,7 @@
 """Section "What the detectors answer": responses as pictures, errors as tables."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,7 +22,8 @@ from megalopta.report.footage import Footage, Selection
 from megalopta.report.images import ColorScale, Legend, map_scale
 from megalopta.report.motion import Wheel
 from megalopta.report.parts import Picture, Table, still
-from megalopta.report.text import UNDEFINED, level_name, number, percent, relative_error
+from megalopta.report.text import UNDEFINED, level_name, number, relative_error
+from megalopta.report.truth import against_truth, rotation_table, split_table
 from megalopta.scenes.light import illuminance_of
 from megalopta.sensor import ImageSensor
 from megalopta.stage_flow import responses_path
@@ -82,7 +83,9 @@ class DetectorSection:
     frame: int
     truth: Picture | None
     sensors: tuple[SensorResponses, ...]
-    against_truth: Table | None
+    against_truth: tuple[Table, ...]
+    splits: Table | None
+    rotation: Table | None
     verdicts: tuple[VerdictGroup, ...]
 
 
@@ -109,7 +112,9 @@ def detector_section(
             _sensor_responses(dataset, sensor, frame, footage.selection, wheel, records)
             for sensor in settings.sensors
         ),
-        against_truth=_against_truth(settings.methods, records),
+        against_truth=against_truth(records),
+        splits=split_table(records),
+        rotation=rotation_table(records),
         verdicts=tuple(
             _verdicts(sensor.name, settings.light_levels, records) for sensor in settings.sensors
         ),
@@ -234,39 +239,6 @@ def _error_text(errors: Mapping[str, float | None]) -> str:
 def _find(records: Sequence[Record], sensor: str, level: LightLevel, method: str) -> Record:
     key = (sensor, level, method)
     return next(each for each in records if (each["sensor"], each["level"], each["method"]) == key)
-
-
-def _against_truth(methods: Sequence[str], records: Sequence[Record]) -> Table | None:
-    names = [name for name in methods if METHODS[name].gives == "velocity"]
-    if not names:
-        return None
-    exposures = dict.fromkeys((each["sensor"], each["level"]) for each in records)
-    columns = [f"{name} {what}" for name in names for what in ("error (px)", "outliers")]
-    return Table(
-        "Block velocities against the true motion",
-        ("Sensor, light", *columns),
-        tuple(
-            (
-                f"{sensor}, {level_name(level)}",
-                *(
-                    cell
-                    for name in names
-                    for cell in _truth_cells(_find(records, sensor, level, name)["truth"])
-                ),
-            )
-            for sensor, level in exposures
-        ),
-    )
-
-
-def _truth_cells(truth: Mapping[str, Record]) -> tuple[str, str]:
-    """Error and share of outliers, noise-free → counts."""
-
-    def both(field: str, text: Callable[[float], str]) -> str:
-        values = (truth[kind][field] for kind in ("ideal", "counts"))
-        return " → ".join(UNDEFINED if value is None else text(value) for value in values)
-
-    return both("endpoint_error_px", number), both("outlier_fraction", percent)
 
 
 def _verdicts(sensor: str, levels: Sequence[LightLevel], records: Sequence[Record]) -> VerdictGroup:

@@ -12,9 +12,9 @@ from megalopta.flow.benchmark import (
     photon_benchmark,
     work_units,
 )
-from megalopta.flow.methods import METHODS, method
+from megalopta.flow.methods import THESIS_METHODS, method
 
-ALL = tuple(METHODS.values())
+ALL = tuple(method(name) for name in THESIS_METHODS)
 
 
 def grating(contrast=0.9, frames=40, size=120, cycles=5, step=3):

@@ -14,6 +14,11 @@ from megalopta.flow.correlation import (
 )
 
 CONTRAST = 0.8
+DETECTORS = [
+    ElementaryMotionDetector(),
+    NonDirectionalMultiplication(),
+    NonDirectionalSummation(),
+]
 WAVES = [(0.7, -0.4), (0.31, -1.1), (1.9, -0.2), (0.7, 0.9)]
 
 
@@ -103,13 +108,20 @@ def test_first_and_last_column_have_no_neighbor_and_no_response():
     assert not np.isnan(responses[..., 1:-1]).any()
 
 
-@pytest.mark.parametrize(
-    "detector",
-    [ElementaryMotionDetector(), NonDirectionalMultiplication(), NonDirectionalSummation()],
-)
+@pytest.mark.parametrize("detector", DETECTORS)
 def test_still_scene_and_offset_leave_no_response(detector):
     still = np.broadcast_to(np.random.default_rng(1).random((4, 8)), (20, 4, 8))
     assert np.nanmax(np.abs(detector.respond(still))) == 0
+
+
+@pytest.mark.parametrize("detector", DETECTORS)
+def test_a_single_row_answers_as_the_same_row_inside_an_image(detector):
+    image = np.random.default_rng(2).random((20, 4, 9))
+    row = detector.respond(image[:, 2:3])
+    np.testing.assert_array_equal(row, detector.respond(image)[:, 2:3])
+    # of three rows only the middle one is scored
+    three = detector.respond(np.repeat(image[:, 2:3], 3, axis=1))
+    np.testing.assert_array_equal(detector.scored(row), detector.scored(three))
 
 
 def test_memory_is_the_time_in_which_the_slowest_filter_forgets_99_percent():

@@ -1,6 +1,7 @@
 """The gallery: every scene it names can be built, and one is rendered in all lights."""
 
 import re
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from skimage.io import imread
 
 from megalopta import gallery
 from megalopta.configuration import Configuration
+from megalopta.scenes.build import SceneDescription
 from megalopta.scenes.light import LEVELS
 
 
@@ -16,6 +18,13 @@ def test_every_scene_is_a_configuration(name):
     parts = gallery.SCENES[name]["scene"]
     scene = Configuration.model_validate(gallery.SCENES[name]).scene.model_dump()
     assert parts.items() <= scene.items()
+
+
+def test_every_kind_of_scene_that_is_ours_is_shown():
+    descriptions = get_args(get_args(SceneDescription)[0])
+    kinds = {each.model_fields["kind"].default for each in descriptions}
+    shown = {parts["scene"]["kind"] for parts in gallery.SCENES.values()}
+    assert shown == kinds - {"panorama"}  # a panorama is the user's own picture
 
 
 def test_every_light_gives_a_view_and_as_many_photons_as_it_is_bright(tmp_path, monkeypatch):

@@ -41,15 +41,22 @@ def test_brighter_light_needs_a_cleaner_rendering():
 
 
 def test_warning_names_samples_that_are_enough_and_harmless_noise_goes_unmentioned():
-    sensor = IMAGE_SENSORS["ideal"]
-    assert noise_warning(RECORD, SETTINGS, sensor, "twilight", LIMIT) is None
-    text = noise_warning(RECORD, SETTINGS, sensor, 0.5, 4 * LIMIT)
-    assert text.startswith("ideal at 0.5lux: the rendering's own noise is 0.63 times")
-    assert "render.samples_per_pixel 200 (now 49) would do" in text  # 4 × 49 in two digits
+    assert noise_warning(RECORD, SETTINGS, {"ideal at twilight": LIMIT}) is None
+    shares = {"ideal at 0.5lux": 4 * LIMIT, "spadcam at 0.5lux": LIMIT}
+    text = noise_warning(RECORD, SETTINGS, shares)
+    assert "in 1 of 2 exposures: ideal at 0.5lux 0.63 (" in text
+    assert "render.samples_per_pixel 200 would do, now 49" in text  # 4 × 49 in two digits
+
+
+def test_warning_names_the_cheapest_to_mend_first_and_counts_the_rest():
+    shares = {str(lux): lux for lux in (9.0, 1.0, 4.0, 16.0, 25.0)}
+    text = noise_warning(RECORD, SETTINGS, shares)
+    assert text.index("1.0 1 (") < text.index("4.0 2 (") < text.index("9.0 3 (")
+    assert text.endswith("and 2 worse")
 
 
 def test_warning_of_an_adaptive_rendering_names_the_error_to_aim_at():
     render = SETTINGS.render.model_copy(update={"target_error": 0.05})
     adaptive = SETTINGS.model_copy(update={"render": render})
-    text = noise_warning(RECORD, adaptive, IMAGE_SENSORS["ideal"], "twilight", 4 * LIMIT)
+    text = noise_warning(RECORD, adaptive, {"ideal at twilight": 4 * LIMIT})
     assert "render.target_error 0.025 would do" in text

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from megalopta.render import RenderSettings, SceneRenderer, frame_seed
-from megalopta.render.noise import Passes, RenderNoise, render_once, render_until
+from megalopta.render.noise import RenderNoise, RunningMean, render_once, render_until
 from megalopta.scenes import Light, PerspectiveCamera, Trajectory
 from megalopta.scenes.scene import Scene
 
@@ -20,7 +20,7 @@ def gaussian_pass(number):
 
 
 def passes(count):
-    result = Passes()
+    result = RunningMean()
     for number in range(count):
         result.add(gaussian_pass(number))
     return result

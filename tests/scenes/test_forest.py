@@ -80,7 +80,7 @@ def test_another_seed_gives_another_forest(small_digest):
 
 
 def test_triangles_stay_within_budget(scene):
-    assert scene.triangle_count < 2.5e6
+    assert scene.triangle_count < 4e6
 
 
 def test_kinds_are_names_people_read_and_the_ground_comes_first(scene):

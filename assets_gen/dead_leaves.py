@@ -1,0 +1,73 @@
+"""Dead leaves: opaque disks that fall on each other until nothing of the ground is seen.
+
+With radii of density r⁻³ the picture looks alike at all scales and has the statistics of natural
+scenes that matter to motion detectors: occlusion edges, large plain areas, a power spectrum that
+falls as a power of the frequency (Lee, Mumford and Huang, Int. J. Comput. Vision 41, 35, 2001).
+Disks are laid from the front to the back, so each paints only what is still bare.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+_SAMPLES = 3
+"""Samples along a pixel, so that edges are as soft as a sensor's pixels make them"""
+
+
+def dead_leaves(
+    shape: tuple[int, int],
+    rng: np.random.Generator,
+    radii_px: tuple[float, float] = (1.5, 80.0),
+    values: tuple[float, float] = (0.1, 1.0),
+) -> NDArray[np.float64]:
+    """Return an image (H, W) of disks that tiles without a seam in both directions.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Rows and columns.
+    rng : Generator
+        Order, places, radii and values of the disks.
+    radii_px : (float, float)
+        Smallest and largest radius; density r⁻³ between them.
+    values : (float, float)
+        Darkest and brightest value; uniform between them.
+
+    Raises
+    ------
+    ValueError
+        When the radii or the values are not in growing order above 0, or a disk would be wider
+        than the image.
+    """
+    for name, (low, high) in (("radii_px", radii_px), ("values", values)):
+        if not 0 < low <= high:
+            raise ValueError(f"{name} {low} … {high}: give two in growing order, above 0")
+    if 2 * radii_px[1] > min(shape):
+        raise ValueError(
+            f"radii_px up to {radii_px[1]}: the disks are wider than the image of {shape[0]} ×"
+            f" {shape[1]} px; give at most half of its shorter side"
+        )
+    fine = (shape[0] * _SAMPLES, shape[1] * _SAMPLES)
+    image = np.zeros(fine)
+    bare = image.size
+    smallest, largest = (radius * _SAMPLES for radius in radii_px)
+    while bare:
+        # the inverse of the cumulative distribution of r⁻³
+        radius = (largest**-2 + rng.random() * (smallest**-2 - largest**-2)) ** -0.5
+        bare -= _paint(image, rng.random(2) * fine, radius, rng.uniform(*values))
+    return np.asarray(image.reshape(shape[0], _SAMPLES, shape[1], _SAMPLES).mean(axis=(1, 3)))
+
+
+def _paint(
+    image: NDArray[np.float64], center: NDArray[np.float64], radius: float, value: float
+) -> int:
+    """Paint what is bare (0) of a disk on a torus; return how many samples that were."""
+    # samples lie at the middle of their squares
+    reach = [np.arange(np.ceil(at - radius - 0.5), at + radius - 0.5) for at in center]
+    squares = [(along + 0.5 - at) ** 2 for along, at in zip(reach, center, strict=True)]
+    rows, columns = (
+        along.astype(np.intp) % side for along, side in zip(reach, image.shape, strict=True)
+    )
+    window = np.ix_(rows, columns)
+    seen = (np.add.outer(*squares) < radius**2) & (image[window] == 0)
+    image[window] = np.where(seen, value, image[window])
+    return int(seen.sum())

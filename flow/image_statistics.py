@@ -1,0 +1,84 @@
+"""Statistics of a template that decide how many photons motion detectors need.
+
+A template (rows, columns) is a full turn: its columns have no end, its rows have. Natural scenes
+have power spectra that fall about as the square of frequency, and gradients with far heavier tails
+than a normal distribution (Ruderman and Bialek, Phys. Rev. Lett. 73, 814, 1994; Simoncelli and
+Olshausen, Annu. Rev. Neurosci. 24, 1193, 2001).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import kurtosis
+
+FLAT_GRADIENT = 0.01
+"""Neighbors along a row that differ by less than this share of the mean count as flat."""
+
+_FIT_CYCLES_PER_PX = (0.02, 0.3)
+_RINGS = 24
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ImageStatistics:
+    """What a template looks like in numbers.
+
+    Attributes
+    ----------
+    contrast : float
+        Standard deviation over the mean.
+    spectrum_slope : float
+        Exponent of the power spectrum over the radial frequency, 0.02 to 0.3 cycles/px.
+    gradient_kurtosis : float
+        Fourth moment over the squared second of differences along rows; 3 if they are normal.
+    gradient_contrast : float
+        Root mean square of those differences over the mean.
+    flat_share : float
+        Share of those differences below 1 % of the mean: where a detector has next to nothing to
+        answer to, and an error relative to its answer next to nothing to be divided by.
+    """
+
+    contrast: float
+    spectrum_slope: float
+    gradient_kurtosis: float
+    gradient_contrast: float
+    flat_share: float
+
+
+def image_statistics(template: Floats) -> ImageStatistics:
+    """Statistics of a template (rows, columns), a full turn."""
+    relative = template / template.mean()
+    gradient = np.diff(relative, axis=1, append=relative[:, :1])
+    frequency, power = power_spectrum(template)
+    lower, upper = _FIT_CYCLES_PER_PX
+    fitted = (frequency >= lower) & (frequency <= upper)
+    slope, _ = np.polyfit(np.log(frequency[fitted]), np.log(power[fitted]), 1)
+    return ImageStatistics(
+        contrast=float(relative.std()),
+        spectrum_slope=float(slope),
+        gradient_kurtosis=float(kurtosis(gradient, axis=None, fisher=False)),
+        gradient_contrast=float(np.sqrt(np.mean(gradient**2))),
+        flat_share=float(np.mean(np.abs(gradient) < FLAT_GRADIENT)),
+    )
+
+
+def power_spectrum(template: Floats) -> tuple[Floats, Floats]:
+    """Radial frequencies (cycles/px) and power there, mean over rings, per pixel, of mean 1.
+
+    Rows are weighed with a Hann window, columns are periodic as they are.
+    """
+    rows, columns = template.shape
+    window = np.hanning(rows + 2)[1:-1, np.newaxis]
+    centered = template / template.mean() - 1
+    power = np.abs(np.fft.rfft2(centered * window)) ** 2 / (columns * np.sum(window**2))
+    radius = np.hypot(np.fft.fftfreq(rows)[:, np.newaxis], np.fft.rfftfreq(columns))
+    edges = np.geomspace(2 / min(rows, columns), 0.5, _RINGS + 1)
+    ring = np.digitize(radius.ravel(), edges) - 1
+    inside = (ring >= 0) & (ring < _RINGS)
+    count = np.bincount(ring[inside], minlength=_RINGS)
+    power_sum = np.bincount(ring[inside], power.ravel()[inside], _RINGS)
+    radius_sum = np.bincount(ring[inside], radius.ravel()[inside], _RINGS)
+    filled = count > 0
+    return radius_sum[filled] / count[filled], power_sum[filled] / count[filled]

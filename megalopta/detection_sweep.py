@@ -1,0 +1,129 @@
+"""How well each method tells motion from standstill and right from left, against photons.
+
+All methods see the same counts of the same textures, at the size, speed and dark counts of the
+dissertation's Table 4.1, and give one answer per block.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.assets_gen.noise import tileable_noise
+from megalopta.flow.detection import (
+    Roc,
+    d_prime,
+    false_alarm_rate,
+    motion_evidence,
+    rightward_evidence,
+    roc,
+)
+from megalopta.flow.detector import Detector
+from megalopta.flow.photons import Counts, draw_counts
+from megalopta.flow.resize import resize
+from megalopta.sensor.randomness import generator
+
+Floats = NDArray[np.float64]
+
+SEED = 0
+COLUMNS, SIZE, SPEED_COLUMNS = 251, 60, 5
+VIEWS, SCORED_FRAMES = 4, 4
+LAST_FRAME = 100
+"""Frames are counted from the end: how long others need to settle changes nothing for a method."""
+
+DARK_COUNTS = 0.1 * (COLUMNS / SIZE) ** 2
+CONTRAST = 0.5
+ANSWERS = VIEWS * SCORED_FRAMES * 8 * 8
+DIRECTIONS = {"still": 0, "right": 1, "left": -1}
+
+
+@dataclass(frozen=True)
+class Detection:
+    """What one method can tell at one flux."""
+
+    method: str
+    flux: float
+    motion: float
+    """d′ of moving against still"""
+
+    direction: float
+    """d′ of right against left"""
+
+    false_alarms: float
+    """Share of the still scene's blocks beyond half of the median noise-free answer to motion"""
+
+    curve: Roc
+    """Of moving against still"""
+
+
+def detections(detectors: Sequence[Detector], flux: float) -> list[Detection]:
+    """Return what each method can tell at one flux (photons per frame), from the same counts."""
+    settling = max(each.memory_frames for each in detectors)
+    sequences = {
+        name: [_counts(name, view, settling + SCORED_FRAMES, flux) for view in range(VIEWS)]
+        for name in DIRECTIONS
+    }
+    return [
+        _detection(
+            detector,
+            flux,
+            {name: _answers(detector, each, flux) for name, each in sequences.items()},
+        )
+        for detector in detectors
+    ]
+
+
+def _detection(detector: Detector, flux: float, answers: Mapping[str, Floats]) -> Detection:
+    still, moving = (motion_evidence(detector, answers[name]) for name in ("still", "right"))
+    left, right = (rightward_evidence(detector, answers[name]) for name in ("left", "right"))
+    return Detection(
+        method=detector.name,
+        flux=flux,
+        motion=d_prime(still, moving),
+        direction=d_prime(left, right),
+        false_alarms=false_alarm_rate(still, _threshold(detector)),
+        curve=roc(still, moving),
+    )
+
+
+@cache
+def _threshold(detector: Detector) -> float:
+    """Half of the median noise-free evidence of motion."""
+    frames = detector.memory_frames + SCORED_FRAMES
+    lights = [_light("right", view, frames) for view in range(VIEWS)]
+    return float(np.median(motion_evidence(detector, _answers(detector, lights, 1.0)))) / 2
+
+
+def _answers(detector: Detector, sequences: Sequence[NDArray[Any]], flux: float) -> Floats:
+    """Settled answers to all sequences, one after the other."""
+    needed = detector.memory_frames + SCORED_FRAMES
+    answers = [detector.respond(each[-needed:], SIZE**2 / flux) for each in sequences]
+    return np.concatenate([each[-SCORED_FRAMES:] for each in answers])
+
+
+def _counts(direction: str, view: int, frames: int, flux: float) -> Counts:
+    means = _light(direction, view, frames) * flux + DARK_COUNTS
+    key = ("detection", direction, view, f"{flux:.6g}")
+    return draw_counts(means, SEED, *key, first_frame=LAST_FRAME - frames)
+
+
+@cache
+def _light(direction: str, view: int, frames: int) -> Floats:
+    """A texture that drifts, (frames, SIZE, SIZE), as shares of the light of a frame."""
+    columns = SPEED_COLUMNS * DIRECTIONS[direction]
+    times = range(LAST_FRAME - frames, LAST_FRAME)
+    drifting = [np.roll(_texture(view), columns * t, axis=1) for t in times]
+    light = resize(np.stack(drifting), SIZE)
+    return np.asarray(light / light.sum(axis=(1, 2), keepdims=True))
+
+
+@cache
+def _texture(view: int) -> Floats:
+    """A log-normal texture without a seam, (COLUMNS, COLUMNS), of mean about 1."""
+    side = float(COLUMNS)
+    rng = generator(SEED, "detection texture", view)
+    noise = tileable_noise((COLUMNS, COLUMNS), (side, side), (4.0, side), 1.0, rng)
+    return np.asarray(np.exp(np.sqrt(np.log1p(CONTRAST**2)) * noise))

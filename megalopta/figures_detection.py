@@ -1,0 +1,135 @@
+"""Figure "detection": what can be told of motion, and at how many photons."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Canvas
+from matplotlib.ticker import PercentFormatter
+
+from megalopta.detection_sweep import (
+    ANSWERS,
+    COLUMNS,
+    CONTRAST,
+    DARK_COUNTS,
+    SIZE,
+    SPEED_COLUMNS,
+    Detection,
+    detections,
+)
+from megalopta.figure import Figure, Registry
+from megalopta.flow.detection import d_prime
+from megalopta.flow.methods import METHODS, THESIS_METHODS
+from megalopta.flow.threshold import format_flux
+from megalopta.plot_style import GRAY, MARKERS, PALETTE
+
+FLUXES = tuple(10 ** (half / 2) for half in range(5, 14))
+ROC_FLUX = 3e4
+
+
+def detection_figure(
+    methods: Sequence[str] | None = None, fluxes: Sequence[float] = FLUXES
+) -> Figure:
+    """d′ against photons per frame, false alarms, and one ROC, for all methods or some."""
+    names = [name for name in METHODS if name != "IM"] if methods is None else list(methods)
+    detectors = [METHODS[name] for name in names]
+    at_flux = [detections(detectors, flux) for flux in fluxes]
+    found = dict(zip(names, zip(*at_flux, strict=True), strict=True))
+    shown = min(fluxes, key=lambda flux: abs(np.log(flux / ROC_FLUX)))
+
+    def draw(canvas: Canvas) -> None:
+        panels = canvas.subplot_mosaic(
+            [["motion", "direction"], ["false_alarms", "roc"], ["legend", "legend"]],
+            height_ratios=(1, 1, 0.18),
+        )
+        _draw_curves(panels["motion"], found, lambda each: each.motion)
+        _draw_curves(panels["direction"], found, lambda each: each.direction)
+        _draw_curves(panels["false_alarms"], found, lambda each: each.false_alarms)
+        for name, title in (("motion", "Moving from still"), ("direction", "Right from left")):
+            panels[name].axhline(_limit(), color=GRAY, linewidth=1, linestyle=":")
+            panels[name].set(title=title, ylabel="d′")
+        panels["false_alarms"].set(title="False alarms in a still scene", ylabel="share of blocks")
+        panels["false_alarms"].yaxis.set_major_formatter(PercentFormatter(1))
+        _draw_roc(panels["roc"], found, shown)
+        handles, labels = panels["motion"].get_legend_handles_labels()
+        panels["legend"].set_axis_off()
+        panels["legend"].legend(
+            handles,
+            labels,
+            loc="center",
+            ncols=6,
+            handlelength=2.8,
+            columnspacing=1.1,
+            markerscale=0.8,
+        )
+
+    return Figure(
+        name="detection",
+        title="What can be told of motion, at how many photons",
+        caption=(
+            f"Blocks of {SIZE // 10} × {SIZE // 10} px in frames of {SIZE} × {SIZE} px; one answer "
+            "of each: the velocity between two frames, or the mean response in one. Textures with "
+            f"equal contrast in all octaves (rms {CONTRAST:.0%}) that move by "
+            f"{SPEED_COLUMNS * SIZE / COLUMNS:.2f} px per frame, {DARK_COUNTS:.2f} dark counts per "
+            "pixel, fluxes without them. d′ = √2·Φ⁻¹(area under the ROC), which "
+            f"{ANSWERS:,} answers limit to {_limit():.1f} (dotted). A false "
+            "alarm exceeds half of the median noise-free answer to motion. "
+            f"ROC at {format_flux(shown)} photons per frame. NDM and NDS are blind to direction; "
+            "PC gives all blocks of a frame one answer, from all of its photons. The dissertation "
+            "has no such figure."
+        ),
+        draw=draw,
+        columns=(
+            "method",
+            "photons_per_frame",
+            "d_prime_motion",
+            "d_prime_direction",
+            "false_alarm_rate",
+        ),
+        rows=tuple(
+            (each.method, each.flux, each.motion, each.direction, each.false_alarms)
+            for measured in found.values()
+            for each in measured
+        ),
+        height_in=7.4,
+    )
+
+
+def _limit() -> float:
+    return d_prime(np.zeros(ANSWERS), np.ones(ANSWERS))
+
+
+def _draw_curves(
+    axes: Axes,
+    found: Mapping[str, Sequence[Detection]],
+    value: Callable[[Detection], float],
+) -> None:
+    for name, measured in found.items():
+        fluxes = [each.flux for each in measured]
+        axes.plot(fluxes, [value(each) for each in measured], label=name, **_style(name))
+    axes.set(xscale="log", xlabel="photons per frame")
+
+
+def _draw_roc(axes: Axes, found: Mapping[str, Sequence[Detection]], flux: float) -> None:
+    for name, measured in found.items():
+        curve = next(each.curve for each in measured if each.flux == flux)
+        style = _style(name) | {"marker": ""}
+        axes.plot(curve.false_alarms, curve.hits, **style)
+    axes.plot([0, 1], [0, 1], color=GRAY, linewidth=1, linestyle=":")
+    axes.set(title="ROC, moving from still", xlabel="false alarms", ylabel="hits")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(PercentFormatter(1))
+
+
+def _style(name: str) -> dict[str, Any]:
+    """The dissertation's methods in full lines, all others dashed."""
+    index = list(METHODS).index(name)
+    return {
+        "color": PALETTE[index % len(PALETTE)],
+        "marker": MARKERS[index % (len(MARKERS) - 1)],
+        "linestyle": "-" if name in THESIS_METHODS else "--",
+    }
+
+
+DETECTION: Registry = {"detection": detection_figure}

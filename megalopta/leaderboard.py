@@ -1,0 +1,200 @@
+"""How many photons each velocity method needs, how fast it is, and what the limit is.
+
+Dead leaves of 251 rows drift by 3 columns per frame, are brought to 240 × 240 px by area, and are
+drawn at fluxes of 1e3 to 1e7 photons per frame. Every method sees each 24 × 24 block alone with a
+margin of 7 px (`flow.efficiency`) and is held against the true velocity, 2.87 px per frame.
+"""
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.assets_gen.dead_leaves import dead_leaves
+from megalopta.assets_gen.seeding import generator
+from megalopta.flow.block_detector import BlockDetector
+from megalopta.flow.blocks import block_grid
+from megalopta.flow.detector import Detector
+from megalopta.flow.efficiency import (
+    bound_photons,
+    confined_velocities,
+    median_relative_error,
+    photons_for_error,
+    variance_efficiency,
+)
+from megalopta.flow.photons import draw_counts
+from megalopta.flow.resize import resize
+from megalopta.flow.translation_bound import (
+    least_covariance,
+    least_covariance_along_x,
+    translation_information,
+)
+
+Floats = NDArray[np.float64]
+
+SIZE_PX = 240
+TEMPLATE_ROWS = 251
+STEP_COLUMNS = 3
+SPEED_PX = STEP_COLUMNS * SIZE_PX / TEMPLATE_ROWS
+FRAMES = 8
+MARGIN_PX = 7
+LEVEL = 0.25
+FLUXES = tuple(10 ** (3 + step / 3) for step in range(13))
+"""1e3 to 1e7 photons per frame"""
+
+EFFICIENCY_FLUXES = (3e4, 1e5, 3e5, 1e6, 3e6, 1e7)
+_TEMPLATES = 2
+_WINDOWS = 3
+_TIMING_FLUX = 3e5
+GRID = block_grid((SIZE_PX, SIZE_PX))
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One line of the leaderboard."""
+
+    detector: Detector
+    photons: float
+    """Photons per frame for a median error of 25 % of the truth; infinite where never"""
+
+    frames: int
+    """Frames behind one estimate"""
+
+    bound_photons: float
+    """What the bound needs with so many frames"""
+
+    ms_per_frame: float
+    """Of 240 × 240 px, one new frame, in this process"""
+
+    @property
+    def efficiency(self) -> float:
+        """Photons that the bound needs over those that the method needs."""
+        return self.bound_photons / self.photons
+
+
+def sequences(smallest_radius_px: float = 3.0) -> Floats:
+    """Return sequences of dead leaves, (n, FRAMES, H, W), each frame of sum 1."""
+    per_turn = TEMPLATE_ROWS + FRAMES * STEP_COLUMNS
+    shape = (TEMPLATE_ROWS, _WINDOWS * per_turn)
+    clean = [
+        moving(
+            dead_leaves(shape, generator(seed, "leaderboard"), (smallest_radius_px, 80.0)),
+            window * per_turn,
+        )
+        for seed in range(_TEMPLATES)
+        for window in range(_WINDOWS)
+    ]
+    return np.stack(clean)
+
+
+def moving(template: Floats, first_column: int) -> Floats:
+    """Return frames whose content moves to the right, (FRAMES, H, W), each of sum 1."""
+    columns = np.arange(TEMPLATE_ROWS) - STEP_COLUMNS * np.arange(FRAMES)[:, np.newaxis]
+    windows = template[:, (first_column + columns) % template.shape[1]].transpose(1, 0, 2)
+    frames = resize(windows, SIZE_PX, "area")
+    return np.asarray(frames / frames.sum(axis=(1, 2), keepdims=True))
+
+
+def information(clean: Floats) -> Floats:
+    """Return J of every block inside at one photon per frame, (n, rows − 2, columns − 2, 2, 2)."""
+    return np.stack([translation_information(each[-1], GRID) for each in clean])[:, 1:-1, 1:-1]
+
+
+def bound(information: Floats, frames: int) -> float:
+    """Return the photons per frame that the bound needs for a median endpoint error of 25 %."""
+    return bound_photons(least_covariance(information, frames), SPEED_PX, LEVEL)
+
+
+def bound_along_x(information: Floats) -> float:
+    """Return `bound` of two frames for the x component, were it known that nothing moves in y."""
+    return bound_photons(least_covariance_along_x(information), SPEED_PX, LEVEL)
+
+
+def ranked(clean: Floats, methods: Mapping[str, Detector]) -> list[Entry]:
+    """Return the methods that give a velocity, fewest photons first.
+
+    Parameters
+    ----------
+    clean : (n, FRAMES, H, W)
+        From `sequences`.
+    methods : mapping
+        Names to detectors; those that give no velocity of blocks are passed over.
+    """
+    known = information(clean)
+    drawn: dict[float, list[NDArray[np.unsignedinteger]]] = {}
+
+    def counts(flux: float) -> Sequence[NDArray[np.unsignedinteger]]:
+        if flux not in drawn:
+            drawn[flux] = [draw(each, flux, index) for index, each in enumerate(clean)]
+        return drawn[flux]
+
+    def entry(detector: BlockDetector) -> Entry:
+        def error(flux: float) -> float:
+            velocities = [
+                confined_velocities(detector, each, GRID, MARGIN_PX) for each in counts(flux)
+            ]
+            return median_relative_error(np.stack(velocities), (SPEED_PX, 0.0))
+
+        frames = detector.memory_frames + 1
+        return Entry(
+            detector,
+            photons_for_error(error, FLUXES, LEVEL),
+            frames,
+            bound(known, frames),
+            milliseconds_per_frame(detector, counts(_TIMING_FLUX)[0]),
+        )
+
+    entries = [entry(each) for each in methods.values() if isinstance(each, BlockDetector)]
+    return sorted(entries, key=lambda each: (each.photons, each.detector.name))
+
+
+def draw(clean: Floats, flux: float, sequence: int, repeat: int = 0) -> NDArray[np.unsignedinteger]:
+    """Return counts of one sequence at a flux; every (sequence, flux, repeat) has its stream."""
+    return draw_counts(clean * flux, 0, "leaderboard", sequence, f"{flux:.6g}", repeat)
+
+
+def milliseconds_per_frame(detector: Detector, counts: NDArray[np.unsignedinteger]) -> float:
+    """Return the least CPU time that a new frame took in a sequence, its predecessors known."""
+    height, width = counts.shape[1:]
+    respond = detector.start((height, width))
+    before = detector.memory_frames
+    respond(counts[:before], 1.0)
+    spent = math.inf
+    for _ in range(3):
+        start = time.process_time()
+        respond(counts[-1:], 1.0)
+        spent = min(spent, time.process_time() - start)
+    return 1e3 * spent
+
+
+def efficiencies(
+    clean: Floats, detector: BlockDetector, fluxes: Sequence[float], draws: int
+) -> list[float]:
+    """Return bound over variance of one method at each flux, frames seen whole.
+
+    Parameters
+    ----------
+    clean : (n, FRAMES, H, W)
+    detector
+        Uses the newest `memory_frames` + 1 frames.
+    fluxes
+        Photons per frame.
+    draws : int
+        Independent draws of each sequence; the variance of each block is over them.
+    """
+    frames = detector.memory_frames + 1
+    least = least_covariance(information(clean), frames)
+    result = []
+    for flux in fluxes:
+        velocities = [
+            [
+                detector.respond(draw(each[-frames:], flux, index, repeat))[-1, 1:-1, 1:-1]
+                for index, each in enumerate(clean)
+            ]
+            for repeat in range(1, draws + 1)
+        ]
+        result.append(variance_efficiency(np.array(velocities), least / flux))
+    return result

@@ -1,0 +1,151 @@
+"""Today's estimators of OpenCV and scikit-image, on textures that drift by known fractions."""
+
+import subprocess
+import sys
+
+import cv2
+import numpy as np
+import pytest
+
+from megalopta.flow.block_matching import BlockMatching
+from megalopta.flow.farneback import Farneback
+from megalopta.flow.gray_detector import eight_bits
+from megalopta.flow.inverse_search import DenseInverseSearch
+from megalopta.flow.lucas_kanade import LucasKanade
+from megalopta.flow.methods import METHODS
+from megalopta.flow.phase_correlation import PhaseCorrelation
+from megalopta.flow.total_variation import TotalVariation
+
+from .textures import drifting_texture
+
+ESTIMATORS = ("LK", "FB", "DIS", "TV-L1", "PC")
+DENSE = ("FB", "DIS", "TV-L1")
+
+# Largest mean error (px) on a texture without noise. LK stops at steps of 0.01 px and sees 8 bits;
+# FB and TV-L1 interpolate linearly between pixels; DIS stops one level above the frames, so 0.03 px
+# there are 0.06 px here; PC counts in steps of 0.05 px.
+TOLERANCE_PX = {"LK": 0.02, "FB": 0.02, "DIS": 0.06, "TV-L1": 0.02, "PC": 0.051}
+
+
+@pytest.mark.parametrize("velocity", [(1.3, -0.7), (-2.4, 1.6), (0.25, 0.0)])
+@pytest.mark.parametrize("name", ESTIMATORS)
+def test_texture_has_the_velocity_that_it_drifts_with(name, velocity):
+    found = METHODS[name].respond(drifting_texture(velocity, frames=3))[:, 1:-1, 1:-1]
+    assert np.isfinite(found).all()
+    np.testing.assert_allclose(found.mean(axis=(0, 1, 2)), velocity, atol=TOLERANCE_PX[name])
+    # Single blocks of 12 px scatter, with what enters and leaves them.
+    assert np.hypot(*(found - velocity).std(axis=(0, 1, 2))) < 0.1
+
+
+@pytest.mark.parametrize("name", ESTIMATORS)
+def test_photon_counts_have_the_velocity_of_their_texture(name):
+    # 4000 photons per pixel, shot noise 16 times below the texture.
+    texture = drifting_texture((1.3, -0.7), frames=3)
+    counts = np.random.default_rng(1).poisson(4000 * (1 + 0.25 * texture / texture.std()).clip(0))
+    found = METHODS[name].respond(counts)[:, 1:-1, 1:-1]
+    np.testing.assert_allclose(np.median(found, axis=(0, 1, 2)), (1.3, -0.7), atol=0.1)
+
+
+@pytest.mark.parametrize("name", ["LK", *DENSE])
+def test_velocities_belong_to_the_blocks_of_block_matching(name):
+    # The left half stands still and the right one moves by whole pixels: both methods must put the
+    # border into the same column of blocks, and answer the same on either side of it.
+    moving, still = drifting_texture((2, 0), seed=1), drifting_texture((0, 0), seed=2)
+    frames = np.concatenate((still[..., :84], moving[..., 84:]), axis=2)
+    method = METHODS[name]
+    assert method.grid((120, 160)) == BlockMatching().grid((120, 160))
+    found, expected = (each.respond(frames)[0, 1:-1] for each in (method, BlockMatching()))
+    away = np.array([1, 2, 3, 4, 8, 9, 10, 11])  # a block and a half away from the border
+    np.testing.assert_allclose(
+        np.median(found[:, away], axis=0), np.median(expected[:, away], axis=0), atol=0.1
+    )
+    np.testing.assert_array_equal(expected[:, away, 0].round(), [[0, 0, 0, 0, 2, 2, 2, 2]] * 8)
+
+
+@pytest.mark.parametrize("name", ESTIMATORS)
+def test_picture_without_contrast_has_no_velocity(name):
+    assert np.isnan(METHODS[name].respond(np.full((3, 60, 60), 7))).all()
+
+
+def test_lucas_kanade_has_no_velocity_exactly_where_the_window_has_no_texture():
+    frames = drifting_texture((1, 0))
+    frames[:, :, 80:] = 0.0
+    found = LucasKanade(pyramid_levels=1).respond(frames)[0]
+    known = np.isfinite(found).all(axis=-1)
+    assert known[:, :6].all()
+    assert not known[:, 8:].any()
+
+
+@pytest.mark.parametrize("name", ESTIMATORS)
+def test_numbers_do_not_depend_on_threads(name):
+    frames = drifting_texture((1.3, -0.7))
+    before = cv2.getNumThreads()
+    try:
+        cv2.setNumThreads(1)
+        alone = METHODS[name].respond(frames)
+        cv2.setNumThreads(3)
+        together = METHODS[name].respond(frames)
+        assert cv2.getNumThreads() == 3
+    finally:
+        cv2.setNumThreads(before)
+    np.testing.assert_array_equal(alone, together)
+
+
+def test_one_block_wide_window_sees_the_pixels_of_its_block_only():
+    frames = drifting_texture((1, 0))
+    method = LucasKanade(pyramid_levels=1)
+    expected = method.respond(frames)[0, 5, 6]
+    grid = method.grid((120, 160))
+    top, left = grid.top + 5 * grid.block_px, grid.left + 6 * grid.block_px
+    # The window in the second frame moves with the texture; gradients reach one pixel further.
+    reach = slice(top - 3, top + grid.block_px + 3), slice(left - 3, left + grid.block_px + 3)
+    other = drifting_texture((-3, 2), seed=9)
+    other *= np.abs(frames).max() / np.abs(other).max()  # the same range of gray levels
+    other[:, *reach] = frames[:, *reach]
+    extremes = frames.min(), frames.max()
+    other = other.clip(*extremes)
+    other[0, 0, :2] = extremes
+    np.testing.assert_array_equal(method.respond(other)[0, 5, 6], expected)
+
+
+def test_larger_windows_need_fewer_photons():
+    texture = drifting_texture((1.3, 0), frames=5)
+    counts = np.random.default_rng(2).poisson(2 * (1 + 0.25 * texture / texture.std()).clip(0))
+    for method in (LucasKanade, Farneback):
+        spread = [
+            np.nanstd(method(window_blocks=blocks).respond(counts)[:, 1:-1, 1:-1, 0])
+            for blocks in (1.0, 3.0)
+        ]
+        assert spread[1] < 0.7 * spread[0]
+
+
+def test_presets_and_weights_reach_the_libraries():
+    texture = drifting_texture((1.3, 0))
+    counts = np.random.default_rng(3).poisson(4 * (1 + 0.25 * texture / texture.std()).clip(0))
+    for method, changed in (
+        (DenseInverseSearch(), DenseInverseSearch(preset="ultrafast")),
+        (TotalVariation(), TotalVariation(attachment=5)),
+        (PhaseCorrelation(), PhaseCorrelation(whitened=False)),
+        (PhaseCorrelation(), PhaseCorrelation(steps_per_px=3)),
+    ):
+        assert not np.array_equal(method.respond(counts), changed.respond(counts))
+
+
+def test_phase_correlation_counts_in_its_steps():
+    found = PhaseCorrelation(steps_per_px=4).respond(drifting_texture((1.3, -0.7)))
+    np.testing.assert_allclose(found, np.broadcast_to((1.25, -0.75), found.shape), atol=1e-12)
+
+
+def test_eight_bits_are_exact_for_counts_that_span_255():
+    counts = np.arange(256).reshape(2, 8, 16) / 255
+    np.testing.assert_array_equal(eight_bits(counts).ravel(), np.arange(256))
+
+
+def test_dense_inverse_search_names_the_size_it_needs():
+    with pytest.raises(ValueError, match=r"9 × 10 px: DIS needs at least 12 px"):
+        DenseInverseSearch(block_px=3).respond(np.ones((2, 9, 10)))
+
+
+def test_opencv_is_imported_by_the_first_estimator_that_needs_it():
+    code = "import sys, megalopta.flow; sys.exit('cv2' in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -1,0 +1,43 @@
+import numpy as np
+import pytest
+
+from megalopta import figures_chapter4_scenes as module
+from megalopta.flow.image_statistics import image_statistics
+from megalopta.natural_panorama import NATURAL_PANORAMAS
+from megalopta.reproduce import FIGURES, write_figure
+
+
+def test_grating_is_the_product_of_two_turned_sines_at_the_pixels_that_pooling_keeps():
+    figure = FIGURES["fig-4.2"]()
+    row, column, brightness = np.array(figure.rows)[:, :3].T
+    # floor((i + 1/2)·251/60) + 1/2, in frames of 251 pixels.
+    y, x = (((2 * index + 1) * 251 // 120 + 0.5) / 251 for index in (row, column))
+    along, across = ((x + y) / 2**0.5, (y - x) / 2**0.5)
+    expected = 1 + np.sin(8 * np.pi * along) * np.sin(8 * np.pi * across)
+    np.testing.assert_allclose(brightness, expected, atol=1e-12)
+
+
+@pytest.fixture
+def templates(monkeypatch):
+    forests = {
+        name: np.random.default_rng(recipe.forest.seed).gamma(2, 0.5, (251, recipe.camera.width))
+        for name, recipe in NATURAL_PANORAMAS.items()
+    }
+    monkeypatch.setattr(module, "natural_templates", lambda: forests)
+    return forests
+
+
+def test_forests_are_drawn_with_their_statistics(templates, tmp_path):
+    figure = FIGURES["fig-4.3"]()
+    for path in write_figure(figure, tmp_path):
+        assert path.stat().st_size > 0
+    rows = {
+        name: dict(zip(figure.columns[1:], values, strict=True)) for name, *values in figure.rows
+    }
+    assert set(rows) == {*templates, "dead leaves"}
+    for name, template in templates.items():
+        # Gamma noise of shape 2 has contrast 1/√2; 141 000 pixels and more: σ = 0.3 %.
+        assert rows[name]["contrast"] == pytest.approx(2**-0.5, rel=0.02)
+        assert rows[name] == vars(image_statistics(template))
+    # Dead leaves have the scale-free spectrum that noise has not.
+    assert rows["dead leaves"]["spectrum_slope"] < -1.5 < rows["open"]["spectrum_slope"]

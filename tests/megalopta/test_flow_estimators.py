@@ -1,0 +1,106 @@
+"""Every method on a rendered sequence: its records, its place in the report, the camera's turn."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from megalopta.configuration import Configuration, load
+from megalopta.flow.methods import METHODS, THESIS_METHODS
+from megalopta.report import write_report
+from megalopta.rotation import rotation_error, yaw_rates_deg_s
+from megalopta.scenes.trajectory import Trajectory
+from megalopta.stages import run_stage
+
+from .conftest import TINY
+
+CAMERA = {
+    "camera.width": "60",
+    "camera.height": "60",
+    "trajectory.rotation_deg_s": "-6",
+    "scene.pattern": "dots",
+    "scene.cycles_per_frame": "7",
+    "render.samples_per_pixel": "16",
+    "sensors": "[ideal]",
+    "light_levels": "[twilight]",
+    "methods": f"[{', '.join(METHODS)}]",
+}
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    configuration = load("grating", {**TINY, **CAMERA})
+    root = tmp_path_factory.mktemp("estimators") / "data"
+    for stage in ("render", "sense", "flow"):
+        dataset = run_stage(root, configuration, stage)
+    return dataset
+
+
+@pytest.fixture(scope="module")
+def records(finished):
+    found = json.loads(finished.result("flow.json").read_text("utf-8"))
+    return {record["method"]: record for record in found}
+
+
+def test_a_configuration_runs_the_methods_of_the_dissertation_unless_told():
+    assert Configuration().methods == THESIS_METHODS
+
+
+def test_every_method_has_its_record(records):
+    assert list(records) == list(METHODS)
+    for name, record in records.items():
+        assert ("truth" in record) == (METHODS[name].gives == "velocity")
+
+
+@pytest.mark.parametrize("name", ["LK", "FB", "DIS", "TV-L1", "PC"])
+def test_estimators_find_the_motion_of_rendered_dots(name, records):
+    # 6 deg/s at 10 frames per second are about 0.5 px per frame; BM, in whole pixels, reads 0.
+    truth = records[name]["truth"]
+    assert truth["ideal"]["relative_error_median"] < 0.25
+    assert truth["counts"]["relative_error_median"] < 0.25
+
+
+def test_splits_hold_all_blocks(records):
+    for record in records.values():
+        if "truth" not in record:
+            continue
+        blocks = {name: split["ideal"]["blocks"] for name, split in record["truth_splits"].items()}
+        whole = record["truth"]["ideal"]["blocks"]
+        assert blocks["slow"] + blocks["medium"] + blocks["fast"] == whole
+        assert blocks["clear"] + blocks["occlusion"] == whole
+
+
+def test_yaw_rate_is_found_by_all_that_tell_directions(records):
+    blind = {"NDM", "NDS", "IM"}
+    assert {name for name, record in records.items() if "rotation" in record} == set(
+        METHODS
+    ) - blind
+    for name in ("LK", "FB", "DIS", "TV-L1", "PC"):
+        rotation = records[name]["rotation"]
+        assert rotation["true_deg_s"] == pytest.approx(6)
+        assert rotation["counts_deg_s"] < 0.1 * 6  # light enough that photons do not matter
+
+
+def test_report_shows_every_method(finished):
+    page = write_report(finished).read_text("utf-8")
+    for heading in (
+        "Against the true motion",
+        "by speed and occlusion",
+        "How fast the camera turns",
+    ):
+        assert heading in page
+    for name in METHODS:
+        assert len(re.findall(rf"\b{name}\b", page)) >= 3
+
+
+def test_yaw_rate_of_a_path_is_positive_to_the_right():
+    # A trajectory counts its turns to the left.
+    rates = yaw_rates_deg_s(Trajectory(frames=5, frame_rate_hz=20, rotation_deg_s=30))
+    np.testing.assert_allclose(rates, [-30] * 4, rtol=1e-9)
+
+
+@pytest.mark.parametrize("rate", [0.0, 3.0])
+def test_no_rotation_or_no_answer_gives_no_error(rate):
+    answers = np.zeros((10, 5, 5, 2))
+    assert rotation_error(METHODS["LK"], answers, answers, np.full(10, rate), 1) is None
