@@ -12,9 +12,9 @@ from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 from megalopta.engine import Results
 from megalopta.figure import Cell, Figure
 from megalopta.flow.error import Metric
-from megalopta.flow.methods import THESIS_METHODS
+from megalopta.flow.methods import METHODS
 from megalopta.flow.threshold import Threshold
-from megalopta.plot_style import MARKERS, PALETTE
+from megalopta.plot_style import DASHES, MARKERS, PALETTE
 from megalopta.sweep import Sweep, Value
 from megalopta.trial import GratingTemplate, Template, Trial
 
@@ -43,7 +43,6 @@ _LABELS = {
     "size": "Pooling N (px)",
 }
 _LOGARITHMIC = ("search.dark_counts",)
-_STYLES = {name: (PALETTE[i], MARKERS[i]) for i, name in enumerate(THESIS_METHODS)}
 
 
 class Needed(NamedTuple):
@@ -128,8 +127,8 @@ def label(template: Template) -> str:
 def _draw_panel(axes: Axes, sweep: Sweep, results: Results, size: int) -> None:
     metric = sweep.trial.search.metrics[0]
     names = sweep.trial.methods
-    for index, method in enumerate(names):
-        color, marker = _STYLES.get(method, (PALETTE[index % 7], MARKERS[index % 7]))
+    for method in names:
+        lap, place = divmod(list(METHODS).index(method), len(PALETTE))
         curve = sweep_curve(sweep, results, size, method, metric, sweep.trial.search.bits[0])
         x = np.arange(len(curve)) if _is_text(sweep) else np.array([value for value, _ in curve])
         flux, low, high = np.array([bounds for _, bounds in curve]).T
@@ -137,8 +136,9 @@ def _draw_panel(axes: Axes, sweep: Sweep, results: Results, size: int) -> None:
             x,
             flux,
             (flux - low, high - flux),
-            color=color,
-            marker=marker,
+            color=PALETTE[place],
+            marker=MARKERS[(place + lap) % len(MARKERS)],
+            linestyle=DASHES[lap],
             capsize=2.5,
             elinewidth=1.2,
             label=method,
