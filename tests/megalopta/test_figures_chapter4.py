@@ -22,6 +22,7 @@ from megalopta.flow.threshold import Threshold
 from megalopta.natural_panorama import NATURAL_PANORAMAS
 from megalopta.plot_style import house_style, new_canvas
 from megalopta.reproduce import GROUPS, reproduce
+from megalopta.trial import measure
 
 
 def crossing(flux):
@@ -180,3 +181,21 @@ def test_groups_and_figures_of_chapter_4_are_known_by_name(tmp_path):
         reproduce(["fig-4.55"], tmp_path)
     with pytest.raises(UserError, match="did you mean chapter-4"):
         reproduce(["chapter-5"], tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("method", "name", "value"),
+    [
+        ("BM", "fig-4.5", 8),
+        ("IIA", "fig-4.5", 9),
+        ("EMD", "fig-4.5", 7),
+        ("NDM", "fig-4.8", 10),
+        ("NDS", "fig-4.8", 10),
+    ],
+)
+def test_synthetic_column_is_within_a_factor_of_2_2_of_the_printed_one(method, name, value):
+    # where each method needs the fewest photons; intervals are within 4 %
+    (point,) = (each for each in SWEEPS[name].points() if (each.size, each.value) == (60, value))
+    trial = point.trial.model_copy(update={"methods": (method,)})
+    found = measure(trial, trial.template.pixels(), "test")[0].thresholds[2].flux
+    assert 1 / 2.2 < found / PRINTED[method][0] < 2.2
