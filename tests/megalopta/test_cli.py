@@ -81,6 +81,8 @@ def test_ctrl_c_leaves_whole_files_and_the_next_run_goes_on(tmp_path):
         stderr=subprocess.PIPE,
         text=True,
         env={**os.environ, "PYTHONUNBUFFERED": "1"},
+        # a shell that runs tests in the background has its children ignore Ctrl-C
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     deadline = time.monotonic() + 120
     while len(files_named(out, "truth/*/*.exr")) < 3 and time.monotonic() < deadline:

@@ -17,8 +17,8 @@ def test_figure_is_drawn_with_its_numbers(name, tmp_path):
     figure = CHAPTER_2[name]()
     assert figure.name == name
     paths = write_figure(figure, tmp_path)
-    assert [path.suffix for path in paths] == [".png", ".svg", ".csv"]
-    assert paths[-1].read_text("utf-8").count("\n") == len(figure.rows) + 1
+    assert [path.suffix for path in paths] == [".png", ".svg", ".csv", ".json"]
+    assert paths[2].read_text("utf-8").count("\n") == len(figure.rows) + 1
 
 
 @pytest.mark.parametrize(

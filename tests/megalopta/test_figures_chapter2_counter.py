@@ -24,7 +24,7 @@ def test_figure_is_drawn_with_its_numbers_and_those_printed(name, printed, tmp_p
     # §2.4.2
     assert f"about {printed}" in figure.caption
     assert "printed: above 0.99" in figure.caption
-    csv = write_figure(figure, tmp_path)[-1]
+    csv = write_figure(figure, tmp_path)[2]
     assert csv.read_text("utf-8").count("\n") == len(figure.rows) + 1
 
 

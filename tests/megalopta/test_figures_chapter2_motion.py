@@ -28,7 +28,7 @@ def test_figure_is_drawn_with_its_numbers_and_those_printed(name, printed, tmp_p
     assert printed in figure.caption
     for noise in ("poisson_noise_only_", "spadcam_"):
         assert any(column.startswith(noise) for column in figure.columns)
-    csv = write_figure(figure, tmp_path)[-1]
+    csv = write_figure(figure, tmp_path)[2]
     assert csv.read_text("utf-8").count("\n") == len(figure.rows) + 1
 
 
