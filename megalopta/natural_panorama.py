@@ -10,7 +10,8 @@ Its film is as high as makes pixels square at the horizon.
 import hashlib
 import math
 from collections.abc import Callable, Mapping
-from importlib.metadata import version
+from functools import cache
+from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated
 
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
+from megalopta import assets_gen, scenes
 from megalopta.render.noise import RenderNoise, RunningMean
 from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings, frame_seed
@@ -74,8 +76,8 @@ class NaturalPanorama(
 
     @property
     def sha256(self) -> str:
-        """Hash of this configuration and of the version that renders it."""
-        text = f"megalopta {version('megalopta')} {self.model_dump_json()}"
+        """Hash of this configuration and of the code that grows what it describes."""
+        text = f"{_growing_code()} {self.model_dump_json()}"
         return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -108,6 +110,14 @@ NATURAL_PANORAMAS: Mapping[str, NaturalPanorama] = MappingProxyType(
     }
 )
 """By name, in the order of Fig. 4.3 a to d."""
+
+
+@cache
+def _growing_code() -> str:
+    """Return a hash of the folders that decide what stands where, in which light."""
+    paths = (Path(str(package.__file__)).parent for package in (assets_gen, scenes))
+    sources = (source.read_bytes() for path in paths for source in sorted(path.glob("*.py")))
+    return hashlib.sha256(b"\0".join(sources)).hexdigest()
 
 
 def render_panorama(

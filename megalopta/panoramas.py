@@ -5,6 +5,7 @@ in light, as a photon count is. The rendered ones lie in the user's cache folder
 file that names the configuration it was made from; a configuration that changed makes a new file.
 """
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -107,7 +108,10 @@ def _write(
         "configurationSha256": recipe.sha256,
         ATTRIBUTE: noise.to_json(),
     }
-    write_radiance(path, radiance, (LUMINANCE_BAND_NM,), record)
+    # another process may be rendering the same one
+    own = path.with_name(f".{os.getpid()}-{path.name}")
+    write_radiance(own, radiance, (LUMINANCE_BAND_NM,), record)
+    own.replace(path)
 
 
 def _read(path: Path) -> NDArray[np.float64]:
