@@ -88,7 +88,7 @@ def choose_variant(backend: Backend = "auto") -> Variant:
         return Variant(
             "scalar_spectral",
             found,
-            f"LLVM {MINIMUM_LLVM} or newer would render 1.2 to 1.5 times as fast "
+            f"LLVM {MINIMUM_LLVM} or newer would render long sequences several times as fast "
             "(Debian: apt-get install libllvm19)",
         )
     return Variant("scalar_spectral", "as asked")
