@@ -5,8 +5,6 @@ drawn at fluxes of 1e3 to 1e7 photons per frame. Every method sees each 24 × 24
 margin of 7 px (`flow.efficiency`) and is held against the true velocity, 2.87 px per frame.
 """
 
-import math
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -33,6 +31,7 @@ from megalopta.flow.translation_bound import (
     least_covariance_along_x,
     translation_information,
 )
+from megalopta.frame_time import milliseconds_per_frame
 
 Floats = NDArray[np.float64]
 
@@ -69,14 +68,17 @@ class Entry:
     """Frames behind one estimate"""
 
     bound_photons: float
-    """What the bound needs with so many frames"""
+    """What the bound of the block's own pixels needs with so many frames"""
+
+    cut_bound_photons: float
+    """What the bound of all pixels seen, block and margin, needs"""
 
     ms_per_frame: float
-    """Of 240 × 240 px, one new frame, in this process"""
+    """CPU time of 240 × 240 px, in this process"""
 
     @property
     def efficiency(self) -> float:
-        """Photons that the bound needs over those that the method needs."""
+        """Photons that the bound of the block needs over those that the method needs."""
         return self.bound_photons / self.photons
 
 
@@ -106,10 +108,10 @@ def information(clean: Floats, margin_px: int = 0) -> Floats:
         [translation_information(each[-1], BlockGrid(GRID.shape, 1)) for each in clean]
     )
     side, step = GRID.block_px + 2 * margin_px, GRID.block_px
-    windows = sliding_window_view(pixels, (side, side), axis=(1, 2)).sum(axis=(-2, -1))
+    windows = sliding_window_view(pixels, (side, side), axis=(1, 2))
     first = step - margin_px
     rows, columns = (slice(first, first + (n - 2) * step, step) for n in (GRID.rows, GRID.columns))
-    return np.asarray(windows[:, rows, columns])
+    return np.asarray(windows[:, rows, columns].sum(axis=(-2, -1)))
 
 
 def bound(information: Floats, frames: int) -> float:
@@ -132,7 +134,7 @@ def ranked(clean: Floats, methods: Mapping[str, Detector]) -> list[Entry]:
     methods : mapping
         Names to detectors; those that give no velocity of blocks are passed over.
     """
-    known = information(clean)
+    known, known_with_margin = information(clean), information(clean, MARGIN_PX)
     drawn: dict[float, list[NDArray[np.unsignedinteger]]] = {}
 
     def counts(flux: float) -> Sequence[NDArray[np.unsignedinteger]]:
@@ -153,6 +155,7 @@ def ranked(clean: Floats, methods: Mapping[str, Detector]) -> list[Entry]:
             *photons_for_half(is_good, FLUXES, generator(0, "leaderboard interval")),
             frames,
             bound(known, frames),
+            bound(known_with_margin, frames),
             milliseconds_per_frame(detector, counts(_TIMING_FLUX)[0]),
         )
 
@@ -163,20 +166,6 @@ def ranked(clean: Floats, methods: Mapping[str, Detector]) -> list[Entry]:
 def draw(clean: Floats, flux: float, sequence: int, repeat: int = 0) -> NDArray[np.unsignedinteger]:
     """Return counts of one sequence at a flux; every (sequence, flux, repeat) has its stream."""
     return draw_counts(clean * flux, 0, "leaderboard", sequence, f"{flux:.6g}", repeat)
-
-
-def milliseconds_per_frame(detector: Detector, counts: NDArray[np.unsignedinteger]) -> float:
-    """Return the least CPU time that a new frame took in a sequence, its predecessors known."""
-    height, width = counts.shape[1:]
-    respond = detector.start((height, width))
-    before = detector.memory_frames
-    respond(counts[:before], 1.0)
-    spent = math.inf
-    for _ in range(3):
-        start = time.process_time()
-        respond(counts[-1:], 1.0)
-        spent = min(spent, time.process_time() - start)
-    return 1e3 * spent
 
 
 def efficiencies(
