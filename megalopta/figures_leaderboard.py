@@ -24,7 +24,7 @@ from megalopta.leaderboard import (
     ranked,
     sequences,
 )
-from megalopta.plot_style import BLACK, BLUE, DASHES, GRAY, MARKERS, ORANGE, PALETTE
+from megalopta.plot_style import BLACK, BLUE, GRAY, ORANGE, method_style
 
 OURS = ("PM", "PPM")
 DRAWS = 12
@@ -143,14 +143,12 @@ def efficiency() -> Figure:
 
     def draw(canvas: Canvas) -> None:
         axes = canvas.subplots()
-        for index, (name, values) in enumerate(curves.items()):
+        for name, values in curves.items():
             axes.semilogx(
                 EFFICIENCY_FLUXES,
                 values,
-                MARKERS[index],
-                color=PALETTE[index],
-                linestyle=DASHES[index],
                 label=METHODS[name].label,
+                **method_style(name),
             )
         axes.axhline(0.5, color=GRAY, linestyle=":")
         axes.annotate(
