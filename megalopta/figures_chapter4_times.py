@@ -47,7 +47,7 @@ def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
     return Figure(
         name="table-4.times",
         title="Computing time per frame (ms)",
-        caption="CPU time of a frame whose predecessors are known, median of five runs on this "
+        caption="CPU time of a frame whose predecessors are known, median of three runs on this "
         "machine, from counts of 10 photons per pixel to responses. The dissertation's are of "
         "MATLAB on an Intel Core i5-5300U at 2.3 GHz (§4.6.4).",
         draw=draw,

@@ -184,7 +184,7 @@ def efficiency() -> Figure:
 
 
 def _beside(entry: Entry) -> str:
-    time = f"{entry.ms_per_frame:.2g} ms"
+    time = f"{float(f'{entry.ms_per_frame:.2g}'):g} ms"
     if not math.isfinite(entry.photons):
         return f"never · {time}"
     photons = EngFormatter(sep="")(float(f"{entry.photons:.2g}"))

@@ -6,17 +6,17 @@ import time
 from megalopta.flow.detector import Detector
 from megalopta.flow.photons import Counts
 
-_RUNS = 5
+_RUNS = 3
 
 
 def milliseconds_per_frame(detector: Detector, counts: Counts) -> float:
-    """Return the CPU time of a new frame whose predecessors are known, the median of five runs.
+    """Return the CPU time of a new frame whose predecessors are known, the median of three runs.
 
     Parameters
     ----------
     detector
     counts : (T, H, W)
-        Shown six times in a row; the first fills the detector's memory and compiles.
+        Shown four times in a row; the first fills the detector's memory and compiles.
     """
     height, width = counts.shape[1:]
     respond = detector.start((height, width))
