@@ -134,6 +134,8 @@ class CorrelationDetector(Detector, frozen=True):
 class ElementaryMotionDetector(CorrelationDetector, frozen=True):
     """EMD: directional, positive for motion toward +x; Hassenstein and Reichardt."""
 
+    tells_direction: ClassVar[bool] = True
+
     name: str = "EMD"
     """Short name"""
 

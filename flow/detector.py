@@ -37,6 +37,9 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
     """The frames must be photon counts: their noise says how far to trust them, so the response to
     scaled frames is another. The scale is then ignored."""
 
+    tells_direction: ClassVar[bool] = False
+    """Motion to the right and to the left give different responses."""
+
     minimum_frames: ClassVar[int] = 1
 
     name: Annotated[str, Field(min_length=1)]

@@ -7,14 +7,26 @@ and a margin as wide as the search around it, cut out of the counts. Nothing els
 """
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from megalopta.flow.block_detector import BlockDetector
 from megalopta.flow.blocks import BlockGrid
 from megalopta.flow.detector import FloatArray, Frames
 from megalopta.flow.threshold import first_crossing
 from megalopta.flow.translation_bound import median_endpoint_error
+
+_REPLICATES = 1000
+
+
+class Needed(NamedTuple):
+    """Photons per frame that a method needs, and the interval that holds them in 95 % of cases."""
+
+    photons: float
+    low: float
+    high: float
 
 
 def confined(detector: BlockDetector, block_px: int, margin_px: int) -> BlockDetector:
@@ -64,47 +76,63 @@ def confined_velocities(
     return velocities
 
 
-def median_relative_error(velocities: FloatArray, truth: tuple[float, float]) -> float:
-    """Return the median of |v − truth|/|truth| over all velocities (..., 2).
+def is_within(
+    velocities: FloatArray, truth: tuple[float, float], level: float
+) -> NDArray[np.bool_]:
+    """Return whether |v − truth| < level·|truth| for velocities (..., 2); never where undefined."""
+    error = np.hypot(*np.moveaxis(velocities - np.asarray(truth), -1, 0))
+    return np.asarray(error < level * np.hypot(*truth))
 
-    An undefined velocity (NaN) has an error of 1, as the answer 0 would.
-    """
-    error = np.hypot(*np.moveaxis(velocities - np.asarray(truth), -1, 0)) / np.hypot(*truth)
-    return float(np.median(np.where(np.isnan(error), 1.0, error)))
 
+def photons_for_half(
+    is_good: Callable[[float], NDArray[np.bool_]], fluxes: Sequence[float], rng: np.random.Generator
+) -> Needed:
+    """Return the flux at which half of the blocks are good: the median error is at its level.
 
-def photons_for_error(
-    error_at: Callable[[float], float], fluxes: Sequence[float], level: float
-) -> float:
-    """Return the flux at which an error that falls with the flux reaches a level.
-
-    The crossing is bracketed by bisection, so few of the fluxes are tried, and interpolated
-    linearly in log error over log flux.
+    The crossing is bracketed by bisection, so few of the fluxes are tried. Between them the share
+    of good blocks, which also grows smoothly where a method answers in whole pixels and its median
+    error falls in steps, is interpolated linearly over log flux: about its half a share is
+    straight. The interval is that of a bootstrap over blocks, the same at all fluxes tried.
 
     Parameters
     ----------
-    error_at
-        Flux to error.
+    is_good
+        Flux to one truth value per block; the same blocks at each flux.
     fluxes
         Growing; two or more.
-    level : float
+    rng
+        For the interval.
 
     Returns
     -------
-    float
-        Infinite when the error at the largest flux is not below the level; 0 when that at the
-        smallest is.
+    Needed
+        Infinite when no more than half are good at the largest flux; 0 when more than half are at
+        the smallest.
     """
+    tried: dict[int, NDArray[np.bool_]] = {}
+
+    def more_than_half(index: int) -> bool:
+        tried[index] = is_good(fluxes[index]).ravel()
+        return bool(tried[index].mean() > 0.5)
+
     low, high = 0, len(fluxes) - 1
-    errors = {high: error_at(fluxes[high])}
-    while high - low > 1 and errors[high] < level:
-        middle = (low + high) // 2
-        errors[middle] = error_at(fluxes[middle])
-        low, high = (low, middle) if errors[middle] < level else (middle, high)
-    if low not in errors:
-        errors[low] = error_at(fluxes[low]) if errors[high] < level else np.inf
-    bracket = np.array([fluxes[low], fluxes[high]])
-    return float(first_crossing(bracket, np.array([errors[low], errors[high]]), level))
+    if more_than_half(high):
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (low, middle) if more_than_half(middle) else (middle, high)
+    if low not in tried:
+        more_than_half(low)
+    at = np.array([fluxes[index] for index in sorted(tried)])
+    good = np.array([tried[index] for index in sorted(tried)], np.float32)
+    blocks = good.shape[1]
+    drawn = rng.multinomial(blocks, np.full(blocks, 1 / blocks), _REPLICATES)
+    ends = np.quantile(_half(at, drawn @ good.T / blocks), (0.025, 0.975), method="inverted_cdf")
+    return Needed(float(_half(at, good.mean(axis=1))), *map(float, ends))
+
+
+def _half(fluxes: FloatArray, shares: FloatArray) -> FloatArray:
+    # first_crossing is linear in the log of an error: this one's log is the share of bad blocks.
+    return first_crossing(fluxes, np.exp(1 - shares), np.exp(0.5))
 
 
 def bound_photons(covariances: FloatArray, speed: float, level: float) -> float:

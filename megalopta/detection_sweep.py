@@ -23,7 +23,7 @@ from megalopta.flow.detection import (
 )
 from megalopta.flow.detector import Detector
 from megalopta.flow.photons import Counts, draw_counts
-from megalopta.flow.resize import resize
+from megalopta.flow.stimulus import MovingTemplate
 from megalopta.sensor.randomness import generator
 
 Floats = NDArray[np.float64]
@@ -38,6 +38,9 @@ DARK_COUNTS = 0.1 * (COLUMNS / SIZE) ** 2
 CONTRAST = 0.5
 ANSWERS = VIEWS * SCORED_FRAMES * 8 * 8
 DIRECTIONS = {"still": 0, "right": 1, "left": -1}
+
+_BRIGHT = 1e12
+"""Photons per frame of which noise is nothing; methods that take counts must see many."""
 
 
 @dataclass(frozen=True)
@@ -93,8 +96,8 @@ def _detection(detector: Detector, flux: float, answers: Mapping[str, Floats]) -
 def _threshold(detector: Detector) -> float:
     """Half of the median noise-free evidence of motion."""
     frames = detector.memory_frames + SCORED_FRAMES
-    lights = [_light("right", view, frames) for view in range(VIEWS)]
-    return float(np.median(motion_evidence(detector, _answers(detector, lights, 1.0)))) / 2
+    means = [_light("right", view, frames) * _BRIGHT for view in range(VIEWS)]
+    return float(np.median(motion_evidence(detector, _answers(detector, means, _BRIGHT)))) / 2
 
 
 def _answers(detector: Detector, sequences: Sequence[NDArray[Any]], flux: float) -> Floats:
@@ -114,10 +117,8 @@ def _counts(direction: str, view: int, frames: int, flux: float) -> Counts:
 def _light(direction: str, view: int, frames: int) -> Floats:
     """A texture that drifts, (frames, SIZE, SIZE), as shares of the light of a frame."""
     columns = SPEED_COLUMNS * DIRECTIONS[direction]
-    times = range(LAST_FRAME - frames, LAST_FRAME)
-    drifting = [np.roll(_texture(view), columns * t, axis=1) for t in times]
-    light = resize(np.stack(drifting), SIZE)
-    return np.asarray(light / light.sum(axis=(1, 2), keepdims=True))
+    moving = MovingTemplate(_texture(view), columns, SIZE)
+    return moving.light(columns * (LAST_FRAME - frames), frames)
 
 
 @cache

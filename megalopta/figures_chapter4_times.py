@@ -1,17 +1,15 @@
 """Computing time per frame of each method, measured here and now, beside §4.6.4."""
 
-import statistics
-import time
 from collections.abc import Mapping, Sequence
 
 from matplotlib.figure import Figure as Canvas
 
 from megalopta.engine import Results
 from megalopta.figure import Figure
-from megalopta.flow.detector import Detector
 from megalopta.flow.methods import METHODS
-from megalopta.flow.photons import draw_counts
+from megalopta.flow.photons import Counts, draw_counts
 from megalopta.flow.stimulus import MovingTemplate
+from megalopta.frame_time import milliseconds_per_frame
 from megalopta.planned import Planned, Templates
 from megalopta.plot_style import draw_table
 from megalopta.trial import GratingTemplate
@@ -30,22 +28,16 @@ _FRAMES = 16
 _PHOTONS_PER_PIXEL = 10.0
 
 
-def milliseconds_per_frame(method: Detector, size: int) -> float:
-    """Return the time of one thread for a frame of counts: the median of five runs."""
+def _counts(size: int) -> Counts:
     light = MovingTemplate(GratingTemplate().pixels(), 5, size).light(0, _FRAMES)
-    counts = draw_counts(light * _PHOTONS_PER_PIXEL * size**2, 0, "times")
-    method.respond(counts)  # compiles
-    spent = []
-    for _ in range(5):
-        start = time.perf_counter()
-        method.respond(counts)
-        spent.append(time.perf_counter() - start)
-    return 1e3 * statistics.median(spent) / _FRAMES
+    return draw_counts(light * _PHOTONS_PER_PIXEL * size**2, 0, "times")
 
 
 def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
+    counts = [_counts(size) for size in SIZES]
     times = {
-        name: [milliseconds_per_frame(METHODS[name], size) for size in SIZES] for name in PRINTED_MS
+        name: [milliseconds_per_frame(METHODS[name], each) for each in counts]
+        for name in PRINTED_MS
     }
 
     def draw(canvas: Canvas) -> None:
@@ -55,9 +47,9 @@ def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
     return Figure(
         name="table-4.times",
         title="Computing time per frame (ms)",
-        caption="Median of five runs of one thread on this machine, from counts of 10 photons per "
-        "pixel to responses. The dissertation's are of MATLAB on an Intel Core i5-5300U at 2.3 GHz "
-        "(§4.6.4).",
+        caption="CPU time of a frame whose predecessors are known, median of three runs on this "
+        "machine, from counts of 10 photons per pixel to responses. The dissertation's are of "
+        "MATLAB on an Intel Core i5-5300U at 2.3 GHz (§4.6.4).",
         draw=draw,
         columns=("method", *(f"time_{size}_ms" for size in SIZES)),
         rows=tuple((name, *spent) for name, spent in times.items()),

@@ -1,7 +1,6 @@
 """Figure "detection": what can be told of motion, and at how many photons."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,9 +19,9 @@ from megalopta.detection_sweep import (
 )
 from megalopta.figure import Figure, Registry
 from megalopta.flow.detection import d_prime
-from megalopta.flow.methods import METHODS, THESIS_METHODS
+from megalopta.flow.methods import METHODS
 from megalopta.flow.threshold import format_flux
-from megalopta.plot_style import GRAY, MARKERS, PALETTE
+from megalopta.plot_style import GRAY, method_style
 
 FLUXES = tuple(10 ** (half / 2) for half in range(5, 14))
 ROC_FLUX = 3e4
@@ -107,29 +106,19 @@ def _draw_curves(
 ) -> None:
     for name, measured in found.items():
         fluxes = [each.flux for each in measured]
-        axes.plot(fluxes, [value(each) for each in measured], label=name, **_style(name))
+        axes.plot(fluxes, [value(each) for each in measured], label=name, **method_style(name))
     axes.set(xscale="log", xlabel="photons per frame")
 
 
 def _draw_roc(axes: Axes, found: Mapping[str, Sequence[Detection]], flux: float) -> None:
     for name, measured in found.items():
         curve = next(each.curve for each in measured if each.flux == flux)
-        style = _style(name) | {"marker": ""}
+        style = method_style(name) | {"marker": ""}
         axes.plot(curve.false_alarms, curve.hits, **style)
     axes.plot([0, 1], [0, 1], color=GRAY, linewidth=1, linestyle=":")
     axes.set(title="ROC, moving from still", xlabel="false alarms", ylabel="hits")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter(PercentFormatter(1))
-
-
-def _style(name: str) -> dict[str, Any]:
-    """The dissertation's methods in full lines, all others dashed."""
-    index = list(METHODS).index(name)
-    return {
-        "color": PALETTE[index % len(PALETTE)],
-        "marker": MARKERS[index % (len(MARKERS) - 1)],
-        "linestyle": "-" if name in THESIS_METHODS else "--",
-    }
 
 
 DETECTION: Registry = {"detection": detection_figure}

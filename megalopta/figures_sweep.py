@@ -12,9 +12,8 @@ from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 from megalopta.engine import Results
 from megalopta.figure import Cell, Figure
 from megalopta.flow.error import Metric
-from megalopta.flow.methods import METHODS
 from megalopta.flow.threshold import Threshold
-from megalopta.plot_style import DASHES, MARKERS, PALETTE
+from megalopta.plot_style import method_style
 from megalopta.sweep import Sweep, Value
 from megalopta.trial import GratingTemplate, Template, Trial
 
@@ -128,7 +127,6 @@ def _draw_panel(axes: Axes, sweep: Sweep, results: Results, size: int) -> None:
     metric = sweep.trial.search.metrics[0]
     names = sweep.trial.methods
     for method in names:
-        lap, place = divmod(list(METHODS).index(method), len(PALETTE))
         curve = sweep_curve(sweep, results, size, method, metric, sweep.trial.search.bits[0])
         x = np.arange(len(curve)) if _is_text(sweep) else np.array([value for value, _ in curve])
         flux, low, high = np.array([bounds for _, bounds in curve]).T
@@ -136,12 +134,10 @@ def _draw_panel(axes: Axes, sweep: Sweep, results: Results, size: int) -> None:
             x,
             flux,
             (flux - low, high - flux),
-            color=PALETTE[place],
-            marker=MARKERS[(place + lap) % len(MARKERS)],
-            linestyle=DASHES[lap],
             capsize=2.5,
             elinewidth=1.2,
             label=method,
+            **method_style(method),
         )
     axes.set_xlabel(_LABELS.get(sweep.vary, sweep.vary))
     axes.set_ylabel(f"$N_{{{sweep.trial.search.bits[0]}b}}$ (photons per frame)")

@@ -16,6 +16,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Canvas
 from matplotlib.typing import LineStyleType
 
+from megalopta.flow.methods import METHODS, THESIS_METHODS
+
 WIDTH_IN = 7.0
 
 BLUE = "#0072B2"
@@ -60,6 +62,19 @@ _CAPTION_SIZE = 9.0
 _LINE_IN = 0.168
 _CHARACTERS = 100
 _MARGIN_IN = 0.12
+
+
+def method_style(name: str) -> dict[str, Any]:
+    """Return color, marker and dash of a method: the dissertation's in full lines, others dashed.
+
+    No two methods share color, marker and dash, and none has another look in another figure.
+    """
+    lap, place = divmod(list(METHODS).index(name), len(PALETTE))
+    return {
+        "color": PALETTE[place],
+        "marker": MARKERS[(place + lap) % len(MARKERS)],
+        "linestyle": "-" if name in THESIS_METHODS else "--",
+    }
 
 
 @contextmanager

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from megalopta.flow.correlation import ElementaryMotionDetector
 from megalopta.flow.detector import Detector
 from megalopta.flow.wide_field import fit_wide_field
 from megalopta.scenes.path import Path
@@ -57,7 +56,7 @@ def rotation_error(
     warm_up : int
         Frames in which the detector settles.
     """
-    if detector.gives != "velocity" and not isinstance(detector, ElementaryMotionDetector):
+    if not detector.tells_direction:
         return None
     # The last answers belong to the last rates, whether there is one per frame or per pair.
     rates, ideal, noisy = (each[warm_up:] for each in _aligned(rates, ideal, noisy))

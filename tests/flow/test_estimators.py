@@ -2,6 +2,8 @@
 
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
+from threading import Barrier, Event
 
 import cv2
 import numpy as np
@@ -13,6 +15,7 @@ from megalopta.flow.gray_detector import eight_bits
 from megalopta.flow.inverse_search import DenseInverseSearch
 from megalopta.flow.lucas_kanade import LucasKanade
 from megalopta.flow.methods import METHODS
+from megalopta.flow.opencv import one_thread
 from megalopta.flow.phase_correlation import PhaseCorrelation
 from megalopta.flow.total_variation import TotalVariation
 
@@ -76,19 +79,73 @@ def test_lucas_kanade_has_no_velocity_exactly_where_the_window_has_no_texture():
     assert not known[:, 8:].any()
 
 
-@pytest.mark.parametrize("name", ESTIMATORS)
-def test_numbers_do_not_depend_on_threads(name):
-    frames = drifting_texture((1.3, -0.7))
+@pytest.fixture
+def three_threads():
     before = cv2.getNumThreads()
-    try:
-        cv2.setNumThreads(1)
-        alone = METHODS[name].respond(frames)
-        cv2.setNumThreads(3)
-        together = METHODS[name].respond(frames)
-        assert cv2.getNumThreads() == 3
-    finally:
-        cv2.setNumThreads(before)
-    np.testing.assert_array_equal(alone, together)
+    cv2.setNumThreads(3)
+    yield
+    cv2.setNumThreads(before)
+
+
+@pytest.mark.usefixtures("three_threads")
+def test_opencv_keeps_to_one_thread_until_the_last_of_two_callers_leaves():
+    first_left = Event()
+    both_inside = Barrier(2, timeout=10)
+
+    def first():
+        with one_thread():
+            both_inside.wait()
+        first_left.set()
+
+    def second():
+        with one_thread():
+            both_inside.wait()
+            assert first_left.wait(10)
+            return cv2.getNumThreads()
+
+    with ThreadPoolExecutor(2) as pool:
+        leaving, staying = pool.submit(first), pool.submit(second)
+        leaving.result()
+        assert staying.result() == 1
+    assert cv2.getNumThreads() == 3
+
+
+class _Recorded:
+    """An estimator of OpenCV that notes how many threads it may use."""
+
+    def __init__(self, calc, seen):
+        self._calc, self._seen = calc, seen
+
+    def __call__(self, *args, **keywords):
+        self._seen.append(cv2.getNumThreads())
+        return self._calc(*args, **keywords)
+
+    calc = __call__
+
+
+@pytest.mark.usefixtures("three_threads")
+@pytest.mark.parametrize(
+    ("name", "owner", "function"),
+    [
+        ("LK", cv2, "calcOpticalFlowPyrLK"),
+        ("FB", cv2, "calcOpticalFlowFarneback"),
+        ("DIS", cv2.DISOpticalFlow, "create"),
+    ],
+)
+def test_estimators_of_opencv_run_in_one_thread_each(name, owner, function, monkeypatch):
+    seen = []
+    original = getattr(owner, function)
+    if function == "create":
+        replaced = staticmethod(lambda preset: _Recorded(original(preset).calc, seen))
+    else:
+        replaced = _Recorded(original, seen)
+    monkeypatch.setattr(owner, function, replaced)
+    frames = drifting_texture((1.3, -0.7), frames=8)
+    with ThreadPoolExecutor(2) as pool:
+        both = list(pool.map(METHODS[name].respond, [frames, frames]))
+    np.testing.assert_array_equal(*both)
+    assert seen == [1] * 14
+    assert cv2.getNumThreads() == 3
 
 
 def test_one_block_wide_window_sees_the_pixels_of_its_block_only():

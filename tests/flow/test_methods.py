@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from megalopta.flow.detection import rightward_evidence
 from megalopta.flow.methods import METHODS, THESIS_METHODS, method
+
+from .textures import drifting_texture
 
 DETECTORS = [pytest.param(detector, id=name) for name, detector in METHODS.items()]
 VELOCITY = [name for name, detector in METHODS.items() if detector.gives == "velocity"]
@@ -97,3 +100,14 @@ def test_parameters_survive_a_round_trip_and_nonsense_does_not(detector):
     assert type(detector).model_validate_json(detector.model_dump_json()) == detector
     with pytest.raises(ValidationError):
         type(detector)(speed=3)
+
+
+@pytest.mark.parametrize("detector", DETECTORS)
+def test_detectors_that_tell_direction_answer_with_its_sign(detector):
+    texture = drifting_texture((1.3, 0.0), frames=detector.memory_frames + 4)
+    frames = 1e4 * (1 + 0.25 * texture / texture.std()).clip(0)
+    right, left = (
+        np.mean(rightward_evidence(detector, detector.respond(each)[-3:]))
+        for each in (frames, frames[..., ::-1])
+    )
+    assert (right > 0 > left) == detector.tells_direction

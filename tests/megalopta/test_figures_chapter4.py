@@ -14,7 +14,6 @@ from megalopta.errors import UserError
 from megalopta.figures_chapter4 import CHAPTER_4
 from megalopta.figures_chapter4_denominators import FLOORS, floored_errors
 from megalopta.figures_chapter4_table import PRINTED, TABLE_4_1, best
-from megalopta.figures_chapter4_times import milliseconds_per_frame
 from megalopta.figures_sweep import needed, sweep_figure
 from megalopta.flow.error_curve import ErrorCurve
 from megalopta.flow.methods import METHODS
@@ -144,10 +143,6 @@ def test_page_shows_the_table_and_the_figures(tmp_path):
     assert text.count("<tr>") == 1 + 2 * len(PRINTED)
     assert "1.20" in text  # 100k / 83k
     assert 'src="fig-4.9.svg"' in text
-
-
-def test_computing_time_is_measured():
-    assert 0 < milliseconds_per_frame(METHODS["NDS"], 60) < 100
 
 
 def test_chapter_4_is_written_and_measured_once(tmp_path, monkeypatch):

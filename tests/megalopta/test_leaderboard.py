@@ -7,9 +7,12 @@ the claims.
 
 import numpy as np
 import pytest
+from numpy.lib.stride_tricks import sliding_window_view
 
 from megalopta import figures_leaderboard, leaderboard
 from megalopta.flow.methods import METHODS
+from megalopta.flow.stimulus import MovingTemplate
+from megalopta.flow.translation_bound import translation_information
 from megalopta.plot_style import house_style, new_canvas
 
 
@@ -77,3 +80,22 @@ def test_figures_are_drawn_with_their_numbers(name, clean, monkeypatch):
     if name == "leaderboard":
         assert figure.rows[-1][0] == "IIA"
         assert np.isinf(figure.rows[-1][3])
+        assert figure.rows[0][4] < figure.rows[0][3] < figure.rows[0][5]
+
+
+def test_speed_is_that_of_the_stimulus():
+    template = np.ones((leaderboard.TEMPLATE_ROWS,) * 2)
+    moving = MovingTemplate(template, leaderboard.STEP_COLUMNS, leaderboard.SIZE_PX, "area")
+    assert moving.effective_velocity_px == leaderboard.SPEED_PX
+
+
+def test_information_of_a_block_is_that_of_its_sum_and_a_margin_adds_that_of_its_pixels(clean):
+    light = clean[:1]
+    expected = translation_information(light[0, -1], leaderboard.GRID)[1:-1, 1:-1]
+    np.testing.assert_allclose(leaderboard.information(light)[0], expected, rtol=1e-9)
+    # a margin of a whole block makes 3 × 3 blocks of each
+    around = sliding_window_view(
+        translation_information(light[0, -1], leaderboard.GRID), (3, 3), axis=(0, 1)
+    ).sum(axis=(-2, -1))
+    wide = leaderboard.information(light, leaderboard.GRID.block_px)[0]
+    np.testing.assert_allclose(wide, around, rtol=1e-9, atol=1e-9 * around.max())
