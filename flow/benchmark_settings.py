@@ -99,6 +99,9 @@ class SearchSettings(CurveSettings, frozen=True):
     repeats: Annotated[int, Field(ge=2)] = 2
     """Independent draws of all frames at each flux; they give the intervals"""
 
+    fluxes_per_decade: Annotated[int, Field(ge=1)] = 8
+    """Number of fluxes per factor of ten; those are measured that the thresholds need"""
+
     phases: Annotated[int, Field(ge=1)] = 4
     """Places around the template at which short sequences start; errors are means over them"""
 
