@@ -80,7 +80,7 @@ def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
         for (kind, metric, name), flux in fluxes.items()
     ]
     factor = fluxes["natural", "literal", "EMD"] / fluxes["natural", "ratio", "EMD"]
-    left, right = (
+    on_floors, on_fluxes = (
         ("", "")
         if is_quick
         else (
@@ -98,8 +98,8 @@ def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
         caption=(
             f"Left: error of EMD at {FLUX / 1e6:g} million photons per frame and {SIZE} × {SIZE}"
             " px, with the denominators of Eq. 4.5 floored at a share of the mean response."
-            f"{left} Right: N_2b at 5 px per frame, by the mean of quotients (Eq. 4.5, filled) and"
-            f" by the quotient of means (open).{right}"
+            f"{on_floors} Right: N_2b at 5 px per frame, by the mean of quotients (Eq. 4.5, filled)"
+            f" and by the quotient of means (open).{on_fluxes}"
         ),
         draw=draw,
         columns=("quantity", "images", "method", "floor", "value"),
