@@ -16,7 +16,7 @@ from megalopta.flow.methods import METHODS
 from megalopta.flow.threshold import Threshold, format_flux
 from megalopta.plot_style import DASHES, MARKERS, PALETTE
 from megalopta.sweep import Sweep, Value
-from megalopta.trial import GratingTemplate, Template, Trial
+from megalopta.trial import Trial
 
 CAPTION = (
     "Flux at which the error falls below the level of so many bits, with its interval; over"
@@ -124,11 +124,6 @@ def sweep_figure(name: str, sweep: Sweep, results: Results, caption: str) -> Fig
     )
 
 
-def label(template: Template) -> str:
-    """Return a short name of a template."""
-    return template.kind if isinstance(template, GratingTemplate) else template.name
-
-
 def _draw_panel(axes: Axes, sweep: Sweep, results: Results, size: int) -> None:
     metric = sweep.trial.search.metrics[0]
     names = sweep.trial.methods
@@ -179,7 +174,7 @@ def _rows(sweep: Sweep, results: Results) -> Iterator[tuple[Cell, ...]]:
                 yield (
                     point.trial.size,
                     point.value,
-                    label(point.template),
+                    point.template,
                     curve.method,
                     curve.metric,
                     bits,
@@ -195,7 +190,7 @@ def _details(sweep: Sweep, results: Results) -> dict[str, Any]:
             {
                 "size": point.size,
                 "value": point.value,
-                "template": label(point.template),
+                "template": point.template,
                 "curves": [curve.to_dict() for curve in results[point.trial]],
             }
             for point in sweep.points()
