@@ -31,7 +31,7 @@ class CurveSettings(
     repeats: Annotated[int, Field(ge=2)] = 4
     """Independent draws of the whole sequence at each flux; they give the intervals"""
 
-    dark_counts: Annotated[float, Field(ge=0)] = 0.1
+    dark_counts: Annotated[float, Field(ge=0, le=1e12)] = 0.1
     """Dark counts per frame and pixel of the frames before resizing"""
 
     metrics: Annotated[tuple[Metric, ...], Field(min_length=1)] = METRICS
@@ -98,6 +98,9 @@ class SearchSettings(CurveSettings, frozen=True):
 
     repeats: Annotated[int, Field(ge=2)] = 2
     """Independent draws of all frames at each flux; they give the intervals"""
+
+    fluxes_per_decade: Annotated[int, Field(ge=1)] = 8
+    """Number of fluxes per factor of ten; those are measured that the thresholds need"""
 
     phases: Annotated[int, Field(ge=1)] = 4
     """Places around the template at which short sequences start; errors are means over them"""

@@ -4,7 +4,7 @@ Thesis §4.4. The relative error of a Poisson count of mean λ is the mean absol
 λ|/λ = 2 exp(−λ) λ^⌊λ⌋ / ⌊λ⌋!, which is 25 % at λ = 10.133.
 """
 
-from math import exp, floor, lgamma, log
+from math import exp, floor, lgamma, log, pi, sqrt
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -54,5 +54,7 @@ def mean_absolute_deviation(mean: float) -> float:
     """Return E|X − λ| of a Poisson count of mean λ: 2 exp(−λ) λ^(⌊λ⌋ + 1) / ⌊λ⌋!."""
     if mean <= 0:
         return 0.0
+    if mean > 1e6:  # of a normal variable, within 1e-6; the terms of the exponent would cancel
+        return sqrt(2 * mean / pi)
     whole = floor(mean)
     return 2 * exp((whole + 1) * log(mean) - mean - lgamma(whole + 1.0))

@@ -65,12 +65,8 @@ class Comparison:
         self._sequences = sequences
         self._method = method
         self._warm_up = warm_up_frames(method)
-        self._unscored = method.noise_memory_frames if self._warm_up else 0
-        least = max(self._unscored + 1, method.minimum_frames)
-        if sequences.settings.frames < least:
-            raise ValueError(
-                f"frames {sequences.settings.frames}: {method.name} needs {least} or more"
-            )
+        self._unscored = _unscored_frames(method)
+        check_frames(method, sequences.settings.frames)
         self._phases = range(sequences.settings.phases)
         self._clean = [sequences.clean(phase, self._warm_up) for phase in self._phases]
         brightest = sequences.settings.flux_max
@@ -131,6 +127,17 @@ class Comparison:
 def warm_up_frames(method: Detector) -> int:
     """Return the number of clean frames that a detector sees before the counts."""
     return method.memory_frames if method.memory_frames > 1 else 0
+
+
+def check_frames(method: Detector, frames: int) -> None:
+    """Raise ValueError when sequences of so many frames are too short for a detector."""
+    least = max(_unscored_frames(method) + 1, method.minimum_frames)
+    if frames < least:
+        raise ValueError(f"frames {frames}: {method.name} needs {least} or more")
+
+
+def _unscored_frames(method: Detector) -> int:
+    return method.noise_memory_frames if warm_up_frames(method) else 0
 
 
 def phase_shifts(columns: int, phases: int) -> list[int]:

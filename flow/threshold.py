@@ -57,9 +57,14 @@ class Threshold:
         if self.kind == "undefined" or self.flux is None:
             outside = {"above": _above(self.range_max), "below": _below(self.range_min)}
             return outside.get(self.kind, "undefined")
+        return f"{format_flux(self.flux)} {self.interval}"
+
+    @property
+    def interval(self) -> str:
+        """The interval of a crossing in print: "[39.0k, 43.5k]", or "[39.0k, > 1e9]" if open."""
         low = _below(self.range_min) if self.low is None else format_flux(self.low)
         high = _above(self.range_max) if self.high is None else format_flux(self.high)
-        return f"{format_flux(self.flux)} [{low}, {high}]"
+        return f"[{low}, {high}]"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields, ready for JSON; `Threshold(**fields)` reads them back."""

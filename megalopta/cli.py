@@ -9,6 +9,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from pydantic import BaseModel
+
 from megalopta import __version__
 from megalopta.configuration import built_in_names, load, parse
 from megalopta.dataset import open_dataset
@@ -18,6 +20,7 @@ from megalopta.overrides import settings_help, split_overrides
 from megalopta.progress import say
 from megalopta.report import write_report
 from megalopta.stages import STAGES, run_all, run_stage
+from megalopta.sweep import Sweep, load_sweep
 from megalopta.yaml_model import to_yaml
 
 _DEMO = "do everything: render, sense, flow, bench and a report to open in a browser"
@@ -104,7 +107,6 @@ def _reproduce(options: argparse.Namespace) -> None:
 
 def _sweep(options: argparse.Namespace, overrides: dict[str, str]) -> None:
     from megalopta.reproduce import reproduce_sweep
-    from megalopta.sweep import load_sweep
 
     sweep = load_sweep(options.sweep, overrides)
     name = options.sweep.stem
@@ -127,7 +129,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"megalopta {__version__}")
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
     for verb, purpose in (("demo", _DEMO), ("render", STAGES["render"].purpose)):
-        command = _add_verb(verbs, verb, purpose, has_settings=True)
+        command = _add_stage(verbs, verb, purpose)
         names = ", ".join(built_in_names())
         command.add_argument(
             "configuration",
@@ -139,7 +141,7 @@ def _parser() -> argparse.ArgumentParser:
             "--out", type=Path, default=Path("out/demo"), help="dataset folder (default: out/demo)"
         )
     for verb in ("sense", "flow", "bench"):
-        _add_dataset(_add_verb(verbs, verb, STAGES[verb].purpose, has_settings=True))
+        _add_dataset(_add_stage(verbs, verb, STAGES[verb].purpose))
     report = "write report.html, one file without outside links, from what a dataset holds"
     _add_dataset(_add_verb(verbs, "report", report))
     proving = "prove every sensor effect against theory, or a dataset's truth another way"
@@ -147,7 +149,7 @@ def _parser() -> argparse.ArgumentParser:
     check.add_argument("what", choices=["physics", "truth"], help="what to prove")
     check.add_argument("dataset", nargs="?", type=Path, help="dataset folder, for truth")
     check.add_argument("--plots", type=Path, help="folder for pictures of the counting laws")
-    drawing = "draw figures and tables of the dissertation again, as PNG, SVG and CSV"
+    drawing = "draw figures and tables of the dissertation again, as PNG, SVG, CSV and JSON"
     reproduction = _add_verb(verbs, "reproduce", drawing)
     reproduction.add_argument(
         "figures",
@@ -163,7 +165,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     _add_workers(reproduction)
     searching = "measure the photons that motion detectors need over any parameter of the benchmark"
-    sweep = _add_verb(verbs, "sweep", searching)
+    sweep = _add_verb(verbs, "sweep", searching, Sweep())
     sweep.add_argument("sweep", type=Path, help="YAML file: trial, vary, values, sizes, templates")
     sweep.add_argument(
         "--out", type=Path, default=Path("out/sweeps"), help="folder (default: out/sweeps)"
@@ -182,20 +184,25 @@ def _add_verb(
     verbs: "argparse._SubParsersAction[argparse.ArgumentParser]",
     verb: str,
     purpose: str,
-    has_settings: bool = False,
+    settings: BaseModel | None = None,
 ) -> argparse.ArgumentParser:
-    command = verbs.add_parser(
+    return verbs.add_parser(
         verb,
         help=purpose,
         description=purpose[0].upper() + purpose[1:] + ".",
-        epilog=settings_help(load("demo")) if has_settings else None,
+        epilog=settings_help(settings) if settings else None,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
-    if has_settings:
-        command.add_argument(
-            "--redo", action="store_true", help="replace output of another configuration"
-        )
+
+
+def _add_stage(
+    verbs: "argparse._SubParsersAction[argparse.ArgumentParser]", verb: str, purpose: str
+) -> argparse.ArgumentParser:
+    command = _add_verb(verbs, verb, purpose, load("demo"))
+    command.add_argument(
+        "--redo", action="store_true", help="replace output of another configuration"
+    )
     return command
 
 

@@ -12,13 +12,17 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 
 from megalopta import files, flow, trial
+from megalopta.errors import UserError
 from megalopta.flow.error_curve import ErrorCurve
 from megalopta.progress import progress
 from megalopta.sensor import poisson, randomness
-from megalopta.trial import Array, Template, Trial, measure
+from megalopta.trial import Array, Template, Trial, measure, template_names
+
+_LIBRARIES = ("numba", "numpy", "opencv-python-headless", "scikit-image", "scipy")
 
 Curves = tuple[ErrorCurve, ...]
 Results = Mapping[Trial, Curves]
@@ -44,6 +48,11 @@ def run_trials(
     executor
     on_progress
         Called with the work done since the last call, in the units of `work_units`.
+
+    Raises
+    ------
+    UserError
+        When a template cannot be measured, such as one with a black frame.
     """
     results: dict[Trial, Curves] = {}
     running: dict[Future[Curves], tuple[Trial, Path]] = {}
@@ -63,7 +72,10 @@ def run_trials(
     try:
         for future in as_completed(running):
             each, path = running[future]
-            results[each] = future.result()
+            try:
+                results[each] = future.result()
+            except ValueError as problem:
+                raise UserError(f"{template_names([each.template])[0]}: {problem}") from None
             _write(path, each, results[each])
             on_progress(_work(each))
     finally:
@@ -113,17 +125,20 @@ def _hash(*parts: str | bytes) -> str:
 
 @cache
 def _code() -> str:
-    """Return the hash of the code that measures."""
+    """Return the hash of the code that measures, and of the libraries that it measures with."""
+    versions = [f"{name} {version(name)}" for name in _LIBRARIES]
     paths = [Path(str(module.__file__)) for module in (flow, trial, poisson, randomness)]
-    return _hash(*(path.read_bytes() for path in (*sorted(paths[0].parent.glob("*.py")), *paths)))
+    sources = (*sorted(paths[0].parent.glob("*.py")), *paths)
+    return _hash(*versions, *(path.read_bytes() for path in sources))
 
 
 def _read(path: Path) -> Curves | None:
+    """Return what is stored; None where there is nothing, or a file that is damaged."""
     try:
         record = json.loads(path.read_text("utf-8"))
-    except FileNotFoundError:
+        return tuple(ErrorCurve.from_dict(fields) for fields in record["curves"])
+    except (FileNotFoundError, ValueError, LookupError, TypeError, AttributeError):
         return None
-    return tuple(ErrorCurve.from_dict(fields) for fields in record["curves"])
 
 
 def _write(path: Path, trial: Trial, curves: Curves) -> None:

@@ -1,6 +1,7 @@
 """Chapter 4: the photons that motion detectors need, over the parameters of §4.4 and §4.5."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from megalopta.chapter4_sweeps import SWEEPS, in_form
 from megalopta.engine import Results
@@ -22,40 +23,52 @@ _GAPS = (
 )
 _BEYOND = "Other gaps: in one of the forests the method needs more than 1e12 photons."
 
-CAPTIONS: Mapping[str, str] = {
-    "fig-4.5": (
-        f"{_GRATING} C = 90 %, 5 px per frame, 0.1 dark counts per pixel. As in the dissertation, "
-        "EMD moves by two to three decades and IIA by two. NDM and NDS move by more than the "
-        "decade printed there."
-    ),
-    "fig-4.6": (
-        f"{_GRATING} f = 5, 5 px per frame, 0.1 dark counts per pixel. All motion detectors go as "
-        "C⁻²: 0.6 decades from 10 to 20 %, 0.1 from 80 to 90 %; the dissertation reads off about "
-        "0.5 and 0.1."
-    ),
+_CONDITIONS: Mapping[str, str] = {
+    "fig-4.5": f"{_GRATING} C = 90 %, 5 px per frame, 0.1 dark counts per pixel.",
+    "fig-4.6": f"{_GRATING} f = 5, 5 px per frame, 0.1 dark counts per pixel.",
     "fig-4.7": (
         f"{_GRATING} f = 5, C = 90 %, 5 px per frame. Dark counts are per pixel of the 251 × 251 "
-        "frame; where they outnumber the photons, N_2b rises as their square root. Of many dark "
-        "counts alone IM knows the brightness of a pixel, so that it has no N_2b."
+        "frame."
     ),
-    "fig-4.8": (
-        f"{_GRATING} f = 5, C = 90 %, 0.1 dark counts per pixel. {_GAPS} Its spike at N = 60 is "
-        "the velocity whose direction is ambiguous. IIA is flat at N = 240: noise in its gradients "
-        "shrinks every velocity by the same factor."
-    ),
-    "fig-4.9": (
-        f"{_GRATING} f = 5, C = 90 %, 5 px per frame, 0.1 dark counts per pixel. In the "
-        "dissertation BM stays flat or worsens a little with fewer pixels; ours improves, in "
-        "every variant tried."
-    ),
-    "fig-4.10": (f"{_FOREST} 5 px per frame. Dark counts are per pixel of the 251 × 251 frame."),
+    "fig-4.8": f"{_GRATING} f = 5, C = 90 %, 0.1 dark counts per pixel. {_GAPS}",
+    "fig-4.9": f"{_GRATING} f = 5, C = 90 %, 5 px per frame, 0.1 dark counts per pixel.",
+    "fig-4.10": f"{_FOREST} 5 px per frame. Dark counts are per pixel of the 251 × 251 frame.",
     "fig-4.11": f"{_FOREST} 0.1 dark counts per pixel. {_GAPS} {_BEYOND}",
     "fig-4.12": (
         f"{_FOREST} 0.1 dark counts per pixel; the motion within a frame smears it over v px. "
         f"{_GAPS} {_BEYOND}"
     ),
-    "fig-4.13": (f"{_FOREST} 5 px per frame, 0.1 dark counts per pixel."),
+    "fig-4.13": f"{_FOREST} 5 px per frame, 0.1 dark counts per pixel.",
 }
+_FINDINGS: Mapping[str, str] = {
+    "fig-4.5": (
+        "As in the dissertation, EMD moves by two to three decades and IIA by two. NDM and NDS "
+        "move by more than the decade printed there."
+    ),
+    "fig-4.6": (
+        "All motion detectors go as C⁻²: 0.6 decades from 10 to 20 %, 0.1 from 80 to 90 %; the "
+        "dissertation reads off about 0.5 and 0.1."
+    ),
+    "fig-4.7": (
+        "Where dark counts outnumber the photons, N_2b rises as their square root. Of many dark "
+        "counts alone IM knows the brightness of a pixel, so that it has no N_2b."
+    ),
+    "fig-4.8": (
+        "The spike of BM at N = 60 is the velocity whose direction is ambiguous. IIA is flat at "
+        "N = 240: noise in its gradients shrinks every velocity by the same factor."
+    ),
+    "fig-4.9": (
+        "In the dissertation BM stays flat or worsens a little with fewer pixels; ours improves, "
+        "in every variant tried."
+    ),
+}
+"""What the whole figures show; the quick form may not."""
+_QUICK = "Quick form, of fewer values, frame sizes and forests."
+
+
+def _caption(name: str, is_quick: bool) -> str:
+    findings = "" if is_quick else _FINDINGS.get(name, "")
+    return f"{_CONDITIONS[name]} {findings}".strip()
 
 
 def _planned_sweep(name: str) -> Planned:
@@ -63,14 +76,28 @@ def _planned_sweep(name: str) -> Planned:
         return in_form(SWEEPS[name], is_quick).trials
 
     def figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
-        return sweep_figure(name, in_form(SWEEPS[name], is_quick), results, CAPTIONS[name])
+        sweep = in_form(SWEEPS[name], is_quick)
+        return sweep_figure(name, sweep, results, _caption(name, is_quick))
 
     return Planned(trials, figure)
 
 
+def _marked(plan: Planned) -> Planned:
+    """Return a plan whose quick form says so, in caption and numbers."""
+
+    def figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
+        made = plan.figure(is_quick, results, templates)
+        if not is_quick:
+            return made
+        caption = f"{_QUICK} {made.caption}"
+        return replace(made, caption=caption, details={**made.details, "quick": True})
+
+    return Planned(plan.trials, figure)
+
+
 CHAPTER_4: PlannedRegistry = {
-    **{name: _planned_sweep(name) for name in SWEEPS},
-    "table-4.1": TABLE_4_1,
+    **{name: _marked(_planned_sweep(name)) for name in SWEEPS},
+    "table-4.1": _marked(TABLE_4_1),
     "table-4.times": TABLE_TIMES,
-    "denominators": DENOMINATORS,
+    "denominators": _marked(DENOMINATORS),
 }

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, fields
+from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -66,9 +67,9 @@ def figure_4_2() -> Figure:
     )
 
 
-def figure_4_3() -> Figure:
+def figure_4_3(cache: Path | None = None) -> Figure:
     """The four rendered forests, and their statistics beside those of dead leaves."""
-    forests = natural_templates()
+    forests = natural_templates(cache)
     leaves = dead_leaves((ROWS, _LEAVES_COLUMNS), generator(1, "figure 4.3"))
     templates = {**forests, "dead leaves": leaves}
     statistics = {name: image_statistics(template) for name, template in templates.items()}

@@ -12,10 +12,10 @@ from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 from megalopta.engine import Results
 from megalopta.figure import Cell, Figure
 from megalopta.flow.error import Metric
-from megalopta.flow.threshold import Threshold
+from megalopta.flow.threshold import Threshold, format_flux
 from megalopta.plot_style import method_style
 from megalopta.sweep import Sweep, Value
-from megalopta.trial import GratingTemplate, Template, Trial
+from megalopta.trial import Trial
 
 CAPTION = (
     "Flux at which the error falls below the level of so many bits, with its interval; over"
@@ -47,23 +47,28 @@ _LOGARITHMIC = ("search.dark_counts",)
 class Needed(NamedTuple):
     """Photons per frame at one value of a sweep; NaN where not all templates have a threshold.
 
-    Of one template the bounds are its confidence interval, of several the least and the most.
+    Of one template the bounds are its confidence interval, of several the least and the most. An
+    end at which the interval is open, beyond the curve, is None.
     """
 
     flux: float
-    low: float
-    high: float
+    low: float | None
+    high: float | None
+    interval: str
+    """The bounds in print"""
 
 
 def needed(thresholds: Sequence[Threshold]) -> Needed:
     """Return the mean over templates, and bounds."""
     if any(each.flux is None for each in thresholds):
-        return Needed(math.nan, math.nan, math.nan)
+        return Needed(math.nan, math.nan, math.nan, "")
     fluxes = [float(each.flux or math.nan) for each in thresholds]
     if len(fluxes) > 1:
-        return Needed(float(np.mean(fluxes)), min(fluxes), max(fluxes))
+        low, high = min(fluxes), max(fluxes)
+        interval = f"[{format_flux(low)}, {format_flux(high)}]"
+        return Needed(float(np.mean(fluxes)), low, high, interval)
     (only,) = thresholds
-    return Needed(fluxes[0], only.low or only.range_min, only.high or only.range_max)
+    return Needed(fluxes[0], only.low, only.high, only.interval)
 
 
 def threshold_of(
@@ -118,18 +123,16 @@ def sweep_figure(name: str, sweep: Sweep, results: Results, caption: str) -> Fig
     )
 
 
-def label(template: Template) -> str:
-    """Return a short name of a template."""
-    return template.kind if isinstance(template, GratingTemplate) else template.name
-
-
 def _draw_panel(axes: Axes, sweep: Sweep, results: Results, size: int) -> None:
     metric = sweep.trial.search.metrics[0]
     names = sweep.trial.methods
     for method in names:
         curve = sweep_curve(sweep, results, size, method, metric, sweep.trial.search.bits[0])
         x = np.arange(len(curve)) if _is_text(sweep) else np.array([value for value, _ in curve])
-        flux, low, high = np.array([bounds for _, bounds in curve]).T
+        search = sweep.trial.search  # an open interval reaches to the end of the curve
+        flux = np.array([each.flux for _, each in curve])
+        low = np.array([search.flux_min if each.low is None else each.low for _, each in curve])
+        high = np.array([search.flux_max if each.high is None else each.high for _, each in curve])
         axes.errorbar(
             x,
             flux,
@@ -167,7 +170,7 @@ def _rows(sweep: Sweep, results: Results) -> Iterator[tuple[Cell, ...]]:
                 yield (
                     point.trial.size,
                     point.value,
-                    label(point.template),
+                    point.template,
                     curve.method,
                     curve.metric,
                     bits,
@@ -183,7 +186,7 @@ def _details(sweep: Sweep, results: Results) -> dict[str, Any]:
             {
                 "size": point.size,
                 "value": point.value,
-                "template": label(point.template),
+                "template": point.template,
                 "curves": [curve.to_dict() for curve in results[point.trial]],
             }
             for point in sweep.points()

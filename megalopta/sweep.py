@@ -8,10 +8,11 @@ from pydantic import BaseModel, Field, ValidationError, field_validator, model_v
 
 from megalopta.errors import UserError, one_sentence
 from megalopta.flow.benchmark_settings import each_once
-from megalopta.trial import Template, Trial
+from megalopta.trial import Template, Trial, template_names
 from megalopta.yaml_model import mapping, put, read_text, validated
 
 Value = int | float | str
+_SHARED = ("methods", "search.metrics", "search.bits")
 
 
 class Point(NamedTuple):
@@ -19,7 +20,9 @@ class Point(NamedTuple):
 
     size: int
     value: Value
-    template: Template
+    template: str
+    """Short name"""
+
     trial: Trial
 
 
@@ -53,24 +56,37 @@ class Sweep(
 
     @model_validator(mode="after")
     def _every_trial_is_possible(self) -> Self:
+        if self.vary.startswith(_SHARED):
+            raise ValueError(
+                f"vary: {self.vary} is the same for a whole figure; give all that are wanted in "
+                "the trial"
+            )
+        if self.vary == "size" and self.sizes:
+            raise ValueError("sizes: size is varied already; leave sizes out")
         try:
-            list(self.points())
+            trials = self.trials
         except ValidationError as error:
             raise ValueError(one_sentence(error, Trial)) from None
         except UserError as error:
             raise ValueError(str(error).replace("--", "vary: ", 1)) from None
+        if len(set(trials)) < len(trials):
+            raise ValueError(
+                f"templates: two differ in nothing but {self.vary}, which is varied; give one"
+            )
         return self
 
     def points(self) -> Iterator[Point]:
         """Yield the trials: sizes, in them values, in them templates."""
         fixed = self.trial.model_dump(mode="json")
+        templates = self.templates or (self.trial.template,)
+        names = template_names(templates)
         for size in self.sizes or (self.trial.size,):
             for value in self.values:
-                for template in self.templates or (self.trial.template,):
+                for name, template in zip(names, templates, strict=True):
                     fields = {**fixed, "size": size, "template": template.model_dump(mode="json")}
                     put(fields, self.vary, value)
                     trial = Trial.model_validate(fields)
-                    yield Point(trial.size, value, trial.template, trial)
+                    yield Point(trial.size, value, name, trial)
 
     @property
     def trials(self) -> list[Trial]:

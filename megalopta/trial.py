@@ -4,12 +4,13 @@ A trial is plain data that travels to any worker and comes back from YAML; a tem
 that its stimulus is made of.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field, field_validator, model_validator
+from pydantic import BaseModel, Field, ValidationInfo, field_validator, model_validator
 
 from megalopta.assets_gen.grating import GratingVariant, moving_cycles, sine_grating
 from megalopta.flow.benchmark_settings import SearchSettings, each_once
@@ -19,6 +20,7 @@ from megalopta.flow.intensity import IntensityMeasurement
 from megalopta.flow.methods import METHODS, THESIS_METHODS, method
 from megalopta.flow.photon_search import photon_search
 from megalopta.flow.resize import ResizeKind
+from megalopta.flow.short_sequences import check_frames
 from megalopta.flow.stimulus import MovingTemplate, blurred
 
 ROWS = 251
@@ -71,10 +73,34 @@ class PanoramaTemplate(_Record, frozen=True):
     """Which template this is"""
 
     name: Annotated[str, Field(min_length=1)]
-    """One of the forests rendered by this project, or the path of an equirectangular picture"""
+    """One of the forests rendered by this project, or the path of an equirectangular picture.
+    Paths are relative to the file that they stand in; on the command line, to the working folder"""
+
+    @field_validator("name")
+    @classmethod
+    def _path_from_its_file(cls, name: str, validation: ValidationInfo) -> str:
+        if not Path(name).suffix:  # a forest
+            return name
+        return str((validation.context or {}).get("folder", Path()) / name)
 
 
 Template = Annotated[GratingTemplate | PanoramaTemplate, Field(discriminator="kind")]
+
+
+def template_names(templates: Sequence[Template]) -> list[str]:
+    """Return short names of templates; those of gratings tell in what they differ."""
+    gratings = [each for each in templates if isinstance(each, GratingTemplate)]
+    differing = [
+        field
+        for field in GratingTemplate.model_fields
+        if len({getattr(each, field) for each in gratings}) > 1
+    ]
+    return [
+        " ".join(["grating", *(f"{field}={getattr(each, field)}" for field in differing)])
+        if isinstance(each, GratingTemplate)
+        else each.name
+        for each in templates
+    ]
 
 
 class Trial(_Record, frozen=True):
@@ -130,6 +156,21 @@ class Trial(_Record, frozen=True):
                 f"velocity_px 0: nothing moves, so the errors of {', '.join(motion)} are undefined;"
                 " give a velocity, or the method IM alone"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _methods_fit(self) -> "Trial":
+        for each in self.detectors:
+            try:
+                each.start((self.size, self.size))
+            except ValueError as problem:
+                raise ValueError(
+                    f"size {self.size} is too small for {each.name}: {problem}"
+                ) from None
+            try:
+                check_frames(each, self.search.frames)
+            except ValueError as problem:
+                raise ValueError(f"search.{problem}") from None
         return self
 
     @property

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import poisson
 
 from megalopta.flow.error import error_sums
-from megalopta.flow.intensity import IntensityMeasurement
+from megalopta.flow.intensity import IntensityMeasurement, mean_absolute_deviation
 from megalopta.flow.photons import draw_counts
 
 
@@ -20,3 +20,9 @@ def test_error_on_a_flat_image_is_the_mean_absolute_deviation(mean, metric):
     expected = 2 * poisson.pmf(np.floor(mean), mean)
     spread = np.sqrt((1 / mean - expected**2) / 1e5)
     assert abs(sums.of_sequence(metric) - expected) < 5 * spread
+
+
+@pytest.mark.parametrize("mean", [1e5, 0.999e6, 1.001e6, 1e14])
+def test_deviation_of_many_photons_is_that_of_a_normal_variable(mean):
+    # Stirling: √(2λ/π) to within 1/λ, and rounding of the exponent at 1e6, below 1e-8
+    assert mean_absolute_deviation(mean) == pytest.approx(np.sqrt(2 * mean / np.pi), rel=1e-5)

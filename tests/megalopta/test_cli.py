@@ -63,6 +63,13 @@ def test_help_shows_settings_with_units_and_defaults():
     assert "--sensors.0.dead-time.dead-time-s 1.0e-06" in text
 
 
+def test_help_of_sweep_shows_its_settings():
+    text = run("sweep", "--help").stdout
+    assert "--trial.search.dark-counts 0.1" in text
+    assert "--vary velocity_px" in text
+    assert "--redo" not in text
+
+
 def test_info_names_versions_and_the_variant():
     done = run("info")
     assert done.returncode == 0

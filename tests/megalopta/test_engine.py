@@ -2,12 +2,14 @@
 
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from megalopta import engine
 from megalopta.engine import run_trials, work_units
+from megalopta.errors import UserError
 from megalopta.flow.benchmark_settings import SearchSettings
 from megalopta.sweep import Sweep
 from megalopta.trial import GratingTemplate, PanoramaTemplate, Trial
@@ -69,20 +71,46 @@ def test_a_trial_that_comes_twice_is_measured_once(tmp_path, monkeypatch):
     assert len(calls) == len(TRIALS)
 
 
-@pytest.mark.parametrize("change", ["trial", "pixels", "code"])
+@pytest.fixture
+def fresh_code():
+    """The hash of the code is remembered in a process."""
+    engine._code.cache_clear()
+    yield
+    engine._code.cache_clear()
+
+
+@pytest.mark.usefixtures("fresh_code")
+@pytest.mark.parametrize("change", ["trial", "pixels", "code", "libraries"])
 def test_a_result_is_not_used_for_anything_else(tmp_path, monkeypatch, change):
     calls = []
     monkeypatch.setattr(engine, "measure", lambda trial, *_: calls.append(trial) or ())
-    run(tmp_path, trials=TRIALS[:1])
+    run(tmp_path / "store", trials=TRIALS[:1])
     trials = TRIALS[:1]
     if change == "trial":
         trials = [TRIALS[0].model_copy(update={"seed": 1})]
     elif change == "pixels":
         monkeypatch.setitem(TEMPLATES, GratingTemplate(), np.ones((251, 251)))
+    elif change == "code":
+        edited = tmp_path / "edited.py"
+        edited.write_bytes(Path(engine.poisson.__file__).read_bytes() + b"# edited")
+        monkeypatch.setattr(engine.poisson, "__file__", str(edited))
     else:
-        monkeypatch.setattr(engine, "_code", lambda: "other")
-    run(tmp_path, trials=trials)
+        monkeypatch.setattr(engine, "version", lambda library: f"{library} of tomorrow")
+    engine._code.cache_clear()
+    run(tmp_path / "store", trials=trials)
     assert len(calls) == 2
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"{", b"\xff", b"[]", b'{"curves": [{}]}', b'{"curves": 1}']
+)
+def test_a_damaged_record_is_measured_again(tmp_path, content):
+    complete = run(tmp_path, trials=TRIALS[:1])
+    (path,) = tmp_path.iterdir()
+    whole = path.read_bytes()
+    path.write_bytes(content)
+    assert run(tmp_path, trials=TRIALS[:1]) == complete
+    assert path.read_bytes() == whole
 
 
 def test_results_of_one_name_of_panorama_depend_on_its_pixels_alone(tmp_path):
@@ -105,11 +133,15 @@ def test_progress_adds_up_to_the_work_stored_or_not(tmp_path):
         assert len(done) == len(TRIALS)
 
 
-def test_an_error_in_a_trial_reaches_the_caller(tmp_path, monkeypatch):
-    def fail(*_):
-        raise ValueError("a frame of the template is black")
-
-    monkeypatch.setattr(engine, "measure", fail)
-    with pytest.raises(ValueError, match="is black"):
-        run(tmp_path)
+def test_a_template_that_cannot_be_measured_is_named_in_one_sentence(tmp_path):
+    template = PanoramaTemplate(kind="panorama", name="night.png")
+    pixels = np.ones((251, 700))
+    pixels[:, :300] = 0
+    with ThreadPoolExecutor(1) as pool, pytest.raises(UserError, match=r"^night.png: .* is black"):
+        run_trials(
+            [TRIALS[0].model_copy(update={"template": template})],
+            {template: pixels},
+            tmp_path,
+            pool,
+        )
     assert not tmp_path.is_dir() or not list(tmp_path.iterdir())

@@ -5,7 +5,7 @@ from pydantic import ValidationError
 
 from megalopta.errors import UserError
 from megalopta.sweep import Sweep, load_sweep
-from megalopta.trial import GratingTemplate, Trial
+from megalopta.trial import GratingTemplate, PanoramaTemplate, Trial, template_names
 from megalopta.yaml_model import to_yaml
 
 
@@ -52,6 +52,19 @@ def test_settings_of_the_command_line_win(tmp_path):
         ("{vary: template.cycles_per_frame, values: [50]}", "use at most 21.21, or a larger size"),
         ("{vary: template.contrast, values: [2]}", "template.contrast: input should be less than"),
         ("trial: {methods: [XY]}", "method 'XY' is unknown"),
+        ("{trial: {size: 15}}", "trial: size 15 is too small for BM: frames of 15"),
+        ("{vary: size, values: [15, 60]}", "size 15 is too small for BM: frames of 15"),
+        ("{trial: {search: {frames: 2}}}", "trial: search.frames 2: EMD needs 8 or more"),
+        ("{trial: {search: {dark_counts: 1.0e+30}}}", "dark_counts: input should be less than"),
+        ("{vary: methods, values: [BM, IM]}", "vary: methods is the same for a whole figure"),
+        ("{vary: search.metrics, values: [ratio]}", "vary: search.metrics is the same for a"),
+        ("{vary: search.bits.0, values: [2]}", "vary: search.bits.0 is the same for a whole"),
+        ("{vary: size, values: [60, 120], sizes: [60]}", "sizes: size is varied already"),
+        (
+            "{vary: template.contrast, values: [0.5],"
+            " templates: [{kind: grating}, {kind: grating, contrast: 0.4}]}",
+            "templates: two differ in nothing but template.contrast",
+        ),
         ("sizes: [600]", "size: input should be less than or equal to 251"),
         ("[]", "a mapping of keys to values"),
         ("{", "not valid YAML"),
@@ -61,6 +74,34 @@ def test_impossible_parameters_are_refused_in_one_sentence(tmp_path, text, sente
     with pytest.raises(UserError, match=sentence) as error:
         load_sweep(written(tmp_path, text))
     assert "\n" not in str(error.value)
+
+
+def test_gratings_are_named_by_what_they_differ_in():
+    gratings = [GratingTemplate(contrast=0.5), GratingTemplate(contrast=0.9, variant="periodic")]
+    assert template_names([*gratings, PanoramaTemplate(kind="panorama", name="open")]) == [
+        "grating contrast=0.5 variant=rot",
+        "grating contrast=0.9 variant=periodic",
+        "open",
+    ]
+    assert template_names(gratings[:1]) == ["grating"]
+
+
+def test_pictures_are_found_from_the_folder_of_the_sweep(tmp_path):
+    (tmp_path / "folder").mkdir()
+    trial = "trial: {template: {kind: panorama, name: woods.png}}\n"
+    templates = "templates: [{kind: panorama, name: ../hill.exr}, {kind: panorama, name: open}]"
+    path = written(tmp_path / "folder", trial + templates)
+    sweep = load_sweep(path, {"trial.seed": "1"})
+    assert sweep.trial.template.name == str(tmp_path / "folder" / "woods.png")
+    assert [each.name for each in sweep.templates] == [
+        str(tmp_path / "folder" / ".." / "hill.exr"),
+        "open",
+    ]
+
+
+def test_a_picture_on_the_command_line_is_found_from_the_working_folder(tmp_path):
+    overrides = {"trial.template.kind": "panorama", "trial.template.name": "woods.png"}
+    assert load_sweep(written(tmp_path, "{}"), overrides).trial.template.name == "woods.png"
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path):
