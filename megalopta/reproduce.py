@@ -2,7 +2,7 @@
 
 Each becomes a picture to look at (PNG), one to print (SVG) and the numbers behind it (CSV, and JSON
 with parameters and intervals). The bytes depend on the versions of this package, of NumPy and of
-matplotlib only; those of table-4.times on the machine as well.
+matplotlib only; those of table-4.times and leaderboard on the machine as well.
 """
 
 import csv
@@ -94,7 +94,7 @@ def reproduce(
     for name in names:
         _check_name(name)
     single = dict.fromkeys(each for name in names for each in _members(name, is_quick))
-    figures = {**FIGURES, "fig-4.3": partial(figure_4_3, cache)}
+    figures: Registry = {**FIGURES, "fig-4.3": partial(figure_4_3, cache)}
     made_folder(out)
     plans = [CHAPTER_4[name] for name in single if name in CHAPTER_4]
     trials = [trial for plan in plans for trial in plan.trials(is_quick)]
