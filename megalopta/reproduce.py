@@ -94,7 +94,7 @@ def reproduce(
     for name in names:
         _check_name(name)
     single = dict.fromkeys(each for name in names for each in _members(name, is_quick))
-    figures = {**FIGURES, "fig-4.3": partial(figure_4_3, cache)}
+    figures: Registry = {**FIGURES, "fig-4.3": partial(figure_4_3, cache)}
     made_folder(out)
     plans = [CHAPTER_4[name] for name in single if name in CHAPTER_4]
     trials = [trial for plan in plans for trial in plan.trials(is_quick)]
