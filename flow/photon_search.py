@@ -31,9 +31,9 @@ _MEAN_AT_TWO_BITS = 10.133
 _LONGEST_STRIDE_DECADES = 2.0
 _STRIDES_PER_DECADE = 2
 """Detectors that stride alike measure on the same counts, which are drawn once."""
-_STRAIGHT = 0.025
+_STRAIGHT = 0.05
 """Decades by which an error may miss F^−½ between two fluxes before one between them is measured;
-a bend of so much moves a threshold by 1 to 2 %, those of block matching by 12 %"""
+a bend of so much moves a threshold by 1 to 3 %"""
 _EXACT_PER_DECADE = 100
 """Closed forms cost next to nothing, and deserve that interpolation adds no error of its own."""
 _SMALLEST_ERROR = 1e-3
@@ -122,7 +122,9 @@ class _Search:
             if self._comparison.is_exact
             else sequences.settings
         )
-        self._straight = 0.0 if self._comparison.is_exact else _STRAIGHT
+        # the curve of a matcher may be flat, then steep, and yet fall as F^−½ on the whole
+        bisects_always = self._comparison.is_exact or method.gives == "velocity"
+        self._straight = 0.0 if bisects_always else _STRAIGHT
         self._last = len(self._settings.fluxes) - 1
         self._measured: dict[int, ErrorSums] = {}
 
