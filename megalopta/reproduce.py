@@ -134,6 +134,8 @@ def write_figure(figure: Figure, out: Path) -> list[Path]:
     with house_style():
         canvas = new_canvas(figure.title, figure.caption, figure.height_in)
         figure.draw(canvas)
+        canvas.draw_without_rendering()
+        canvas.set_layout_engine("none")  # laid out once is enough for both pictures
         title = f"{figure.name}: {figure.title}"
         for path, metadata in zip(
             paths, ({"Title": title}, {"Title": title, "Date": None}), strict=False

@@ -23,7 +23,7 @@ def templates(monkeypatch):
         name: np.random.default_rng(recipe.forest.seed).gamma(2, 0.5, (251, recipe.camera.width))
         for name, recipe in NATURAL_PANORAMAS.items()
     }
-    monkeypatch.setattr(module, "natural_templates", lambda: forests)
+    monkeypatch.setattr(module, "natural_templates", lambda cache=None: forests)
     return forests
 
 

@@ -120,4 +120,4 @@ def test_light_and_noise_are_told_and_warned_of(yard, tmp_path, capsys):
     assert "render: error of a pixel" in told
     run_stage(tmp_path / "data", settings, "sense")
     told = " ".join(capsys.readouterr().err.split())
-    assert "sense: ideal at 1000lux: the rendering's own noise is" in told
+    assert "sense: the rendering's own noise is more than 0.3 of the shot noise in 1 of 1" in told

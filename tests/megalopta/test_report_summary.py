@@ -122,7 +122,7 @@ def test_motion_is_read_where_both_errors_are_small_and_intensity_does_not_count
     blind = VerdictGroup("spadcam", ("twilight",), {"BM": (ratio,), "IM": (both,)})
     nothing = VerdictGroup("ideal", ("twilight",), {"IM": (both,)})
     groups = (seeing, blind, nothing)
-    first, second = motion_findings(DetectorSection(0, None, (), None, groups))
+    first, second = motion_findings(DetectorSection(0, None, (), (), None, None, groups))
     assert "of 2 motion detectors" in first
     assert first.endswith("2 at twilight, none at starlight.")
     assert "no motion detector" in second

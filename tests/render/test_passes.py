@@ -83,6 +83,9 @@ def test_an_interrupt_is_answered_after_one_pass(monkeypatch):
 
     monkeypatch.setattr(film, "trace_paths", trace)
     camera = PerspectiveCamera(width=8, height=8)
+    # a shell that runs tests in the background has them ignore Ctrl-C
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     with pytest.raises(KeyboardInterrupt):
         rendered(camera, samples_per_pixel=4, samples_per_pass=32)
+    signal.signal(signal.SIGINT, before)
     assert len(calls) == 1
