@@ -89,6 +89,16 @@ SWEEPS: Mapping[str, Sweep] = {
     ),
 }
 
+PHOTOGRAPHED = Sweep(
+    title="Photons needed over velocity, photographs of natural scenes",
+    trial=_NATURAL,
+    templates=tuple(forest.model_copy(update={"coding": "srgb"}) for forest in _FOREST),
+    vary="velocity_px",
+    values=VELOCITIES,
+    sizes=(60,),
+)
+"""The dissertation's panoramas are pictures from the web, whose gray values are no light."""
+
 
 def in_form(sweep: Sweep, is_quick: bool) -> Sweep:
     """Return a sweep, in quick form with the smallest frames, every third value and two forests."""

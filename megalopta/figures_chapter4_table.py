@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from matplotlib.figure import Figure as Canvas
 
-from megalopta.chapter4_sweeps import SWEEPS, in_form
+from megalopta.chapter4_sweeps import PHOTOGRAPHED, SWEEPS, in_form
 from megalopta.engine import Results
 from megalopta.figure import Cell, Figure
 from megalopta.figures_sweep import Needed, sweep_curve
@@ -14,7 +14,8 @@ from megalopta.flow.error import Metric
 from megalopta.flow.threshold import format_flux
 from megalopta.planned import Planned, Templates
 from megalopta.plot_style import draw_table
-from megalopta.trial import Trial
+from megalopta.sweep import Sweep
+from megalopta.trial import PanoramaTemplate, Trial
 
 PRINTED: Mapping[str, tuple[float, float]] = {
     "BM": (83e3, 156e3),
@@ -30,10 +31,15 @@ NOTE = (
     "varied; the interval is that of another draw of photons in the one experiment named. It does "
     "not hold for the least of many: by chance that is smaller than the least true value. Natural: "
     "velocity, without and with motion blur; mean of the forests, with the least and the most. "
+    "Photo: the forests in the gray values of a photograph (sRGB), as the dissertation's were. "
     "Σ|Δ|/Σ|R|: by the quotient of the means, which does not divide by responses near zero."
 )
 SIZE = 60
-_SOURCES = {"synthetic": ("fig-4.5", "fig-4.8"), "natural": ("fig-4.11", "fig-4.12")}
+_SOURCES: Mapping[str, tuple[Sweep, ...]] = {
+    "synthetic": (SWEEPS["fig-4.5"], SWEEPS["fig-4.8"]),
+    "natural": (SWEEPS["fig-4.11"], SWEEPS["fig-4.12"]),
+    "photo": (PHOTOGRAPHED,),
+}
 
 
 class Best(NamedTuple):
@@ -46,8 +52,8 @@ class Best(NamedTuple):
 def best(results: Results, kind: str, method: str, metric: Metric, is_quick: bool = False) -> Best:
     """Return the fewest photons that a method needs in any experiment of a kind."""
     found = [Best(Needed(math.inf, None, None, ""), "")]
-    for name in _SOURCES[kind]:
-        sweep = in_form(SWEEPS[name], is_quick)
+    for source in _SOURCES[kind]:
+        sweep = in_form(source, is_quick)
         parameter = {"template.cycles_per_frame": "f", "velocity_px": "v"}[sweep.vary]
         blur = ", blurred" if sweep.trial.blurred else ""
         for value, needed in sweep_curve(sweep, results, SIZE, method, metric):
@@ -56,19 +62,19 @@ def best(results: Results, kind: str, method: str, metric: Metric, is_quick: boo
 
 
 def _trials(is_quick: bool) -> list[Trial]:
-    sweeps = [in_form(SWEEPS[name], is_quick) for names in _SOURCES.values() for name in names]
+    sweeps = [in_form(sweep, is_quick) for sources in _SOURCES.values() for sweep in sources]
     return [point.trial for sweep in sweeps for point in sweep.points() if point.size == SIZE]
 
 
 def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
     rows: list[tuple[Cell, ...]] = []
     lines: list[list[str]] = []
-    for column, kind in enumerate(_SOURCES):
+    for kind in _SOURCES:
         for method, printed in PRINTED.items():
             literal, ratio = (
                 best(results, kind, method, metric, is_quick) for metric in ("literal", "ratio")
             )
-            thesis = printed[column]
+            thesis = printed[kind != "synthetic"]
             rows += [
                 (
                     method,
@@ -104,7 +110,7 @@ def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
     return Figure(
         name="table-4.1",
         title="Table 4.1: fewest photons per frame for two bits",
-        caption=NOTE,
+        caption=f"{NOTE} {_contrasts(templates)}",
         draw=draw,
         columns=(
             "method",
@@ -119,7 +125,23 @@ def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
             "found_at",
         ),
         rows=tuple(rows),
-        height_in=3.6,
+        height_in=5.0,
+    )
+
+
+def _contrasts(templates: Templates) -> str:
+    """Say what sets natural thresholds apart: they go as the inverse square of the contrast."""
+    spans = {}
+    for coding in ("linear", "srgb"):
+        contrasts = [
+            float(pixels.std() / pixels.mean())
+            for template, pixels in templates.items()
+            if isinstance(template, PanoramaTemplate) and template.coding == coding
+        ]
+        spans[coding] = f"{min(contrasts):.2f} to {max(contrasts):.2f}"
+    return (
+        f"Contrast (σ/mean) of the forests: {spans['linear']} in light, {spans['srgb']} in gray "
+        "values; N_2b goes as its inverse square."
     )
 
 

@@ -3,8 +3,11 @@
 from collections.abc import Iterable
 from pathlib import Path
 
+import numpy as np
+
 from megalopta.natural_panorama import NATURAL_PANORAMAS
 from megalopta.panoramas import natural_templates, template_from_file
+from megalopta.scenes.color import encode_srgb
 from megalopta.trial import Array, GratingTemplate, Template
 
 
@@ -32,6 +35,12 @@ def pixels_of(templates: Iterable[Template], cache: Path | None = None) -> dict[
 def _pixels(template: Template, natural: dict[str, Array]) -> Array:
     if isinstance(template, GratingTemplate):
         return template.pixels()
-    if template.name in natural:
-        return natural[template.name]
-    return template_from_file(Path(template.name))
+    light = natural.get(template.name)
+    if light is None:
+        light = template_from_file(Path(template.name))
+    return light if template.coding == "linear" else _photographed(light)
+
+
+def _photographed(light: Array) -> Array:
+    gray = encode_srgb(light / np.percentile(light, 99)).astype(np.float64)
+    return np.asarray(gray / gray.mean())

@@ -76,6 +76,9 @@ class PanoramaTemplate(_Record, frozen=True):
     """One of the forests rendered by this project, or the path of an equirectangular picture.
     Paths are relative to the file that they stand in; on the command line, to the working folder"""
 
+    coding: Literal["linear", "srgb"] = "linear"
+    """linear: light. srgb: gray values of a photograph of it, with the brightest hundredth white"""
+
     @field_validator("name")
     @classmethod
     def _path_from_its_file(cls, name: str, validation: ValidationInfo) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from megalopta import reproduce as module
+from megalopta import templates
 from megalopta.chapter4_page import write_page
 from megalopta.chapter4_sweeps import SWEEPS, in_form
 from megalopta.errors import UserError
@@ -21,7 +22,7 @@ from megalopta.flow.threshold import Threshold
 from megalopta.natural_panorama import NATURAL_PANORAMAS
 from megalopta.plot_style import house_style, new_canvas
 from megalopta.reproduce import GROUPS, reproduce
-from megalopta.trial import measure
+from megalopta.trial import PanoramaTemplate, measure
 
 
 def crossing(flux):
@@ -62,8 +63,8 @@ def test_chapter_4_holds_every_figure_asked_for():
 
 def test_figures_share_their_trials():
     asked = [trial for plan in CHAPTER_4.values() for trial in plan.trials(False)]
-    # 36 over f, 32 more over C, 4 over dark counts, 18 over v; of each forest 22 + 20 + 4
-    assert len(set(asked)) == 90 + 4 * 46
+    # 36 over f, 32 more over C, 4 over dark counts, 18 over v; of each forest 22 + 20 + 4, photo 10
+    assert len(set(asked)) == 90 + 4 * 56
     assert len(asked) > len(set(asked))
 
 
@@ -98,11 +99,33 @@ def test_table_takes_the_least_of_all_experiments_and_the_mean_of_the_forests():
     assert natural.where == "v = 8"
 
 
-def test_table_has_both_columns_in_both_metrics():
-    figure = TABLE_4_1.figure(False, results(TABLE_4_1.trials(False)), {})
-    assert len(figure.rows) == 2 * 2 * len(PRINTED)
+def pictures(of_templates, cache=None):
+    """Two pixels for each template: of contrast 1 in light, ½ in gray values."""
+    pixels = {"linear": np.array([[0.0, 2.0]]), "srgb": np.array([[1.0, 3.0]])}
+    return {each: pixels[getattr(each, "coding", "linear")] for each in of_templates}
+
+
+def drawn(plan, is_quick=False):
+    trials = plan.trials(is_quick)
+    return plan.figure(is_quick, results(trials), pictures(trial.template for trial in trials))
+
+
+def test_table_has_both_columns_and_photographs_in_both_metrics():
+    figure = drawn(TABLE_4_1)
+    assert len(figure.rows) == 3 * 2 * len(PRINTED)
+    assert "1.00 to 1.00 in light, 0.50 to 0.50 in gray values" in figure.caption
     row = dict(zip(figure.columns, figure.rows[0], strict=True))
     assert row["ratio"] == pytest.approx(1e5 / 83e3)
+
+
+def test_photograph_of_a_forest_is_its_gray_values(monkeypatch):
+    light = np.array([[0.0, 0.25, 1.0] + [1.0] * 97])
+    monkeypatch.setattr(templates, "natural_templates", lambda cache, recipes: {"open": light})
+    photo = PanoramaTemplate(kind="panorama", name="open", coding="srgb")
+    gray = templates.pixels_of([photo])[photo]
+    assert gray.mean() == pytest.approx(1)
+    # sRGB: 0.25 is 0.537 of white, 137 of 255
+    np.testing.assert_allclose(gray[0, :3] / gray[0, 2], [0, 137 / 255, 1], rtol=1e-12)
 
 
 def test_mean_over_templates_spans_the_least_to_the_most_and_one_keeps_its_interval():
@@ -141,11 +164,10 @@ def test_error_diverges_with_the_logarithm_of_the_floor_where_responses_pass_zer
 
 
 def test_page_shows_the_table_and_the_figures(tmp_path):
-    table = TABLE_4_1.figure(False, results(TABLE_4_1.trials(False)), {})
     sweep = SWEEPS["fig-4.9"]
     other = sweep_figure("fig-4.9", sweep, results(sweep.trials), "Its caption.")
-    text = write_page(tmp_path, [other, table]).read_text("utf-8")
-    assert text.count("<tr>") == 1 + 2 * len(PRINTED)
+    text = write_page(tmp_path, [other, drawn(TABLE_4_1)]).read_text("utf-8")
+    assert text.count("<tr>") == 1 + 3 * len(PRINTED)
     assert "1.20" in text  # 100k / 83k
     assert 'src="fig-4.9.svg"' in text
 
@@ -158,7 +180,7 @@ def test_chapter_4_is_written_and_measured_once(tmp_path, monkeypatch):
         return results(trials)
 
     monkeypatch.setattr(module, "run", counted)
-    monkeypatch.setattr(module, "pixels_of", lambda templates, cache: {})
+    monkeypatch.setattr(module, "pixels_of", pictures)
     paths = reproduce(["fig-4.9", "fig-4.13", "table-4.1", "fig-4.9"], tmp_path, is_quick=True)
     assert len(asked) == 1
     assert {path.name for path in paths} == {
@@ -180,8 +202,7 @@ def test_chapter_4_is_written_and_measured_once(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", ["fig-4.8", "fig-4.11", "table-4.1"])
 def test_only_the_quick_form_says_so_and_it_claims_no_findings(name):
-    plan = CHAPTER_4[name]
-    quick, whole = (plan.figure(form, results(plan.trials(form)), {}) for form in (True, False))
+    quick, whole = (drawn(CHAPTER_4[name], is_quick) for is_quick in (True, False))
     assert quick.caption.startswith("Quick form")
     assert quick.details["quick"] is True
     assert "N = 240" not in quick.caption
