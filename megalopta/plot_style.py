@@ -101,7 +101,7 @@ def new_canvas(title: str, caption: str, height_in: float) -> Canvas:
     below = _LINE_IN * len(lines) + 2 * _MARGIN_IN
     above = 0.4
     total = below + height_in + above
-    canvas = Canvas(figsize=(WIDTH_IN, total))
+    canvas = Canvas(figsize=(WIDTH_IN, total), dpi=_STYLE["savefig.dpi"])
     FigureCanvasAgg(canvas)
     inside = (0.0, below / total, 1.0, height_in / total)
     canvas.set_layout_engine("constrained", rect=inside)
