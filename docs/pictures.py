@@ -1,4 +1,7 @@
-"""Make the README's pictures from a demo dataset: python docs/pictures.py out/demo."""
+"""Make the README's pictures from a demo dataset: python docs/pictures.py out/demo.
+
+gallery.png is that of `megalopta gallery`, leaderboard.png that of `megalopta reproduce leaderboard`.
+"""
 
 import json
 import sys
