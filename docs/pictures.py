@@ -1,6 +1,6 @@
 """Make the README's pictures from a demo dataset: python docs/pictures.py out/demo.
 
-gallery.png is that of `megalopta gallery`, leaderboard.png that of `megalopta reproduce leaderboard`.
+gallery.png comes from `megalopta gallery`, leaderboard.png from `megalopta reproduce leaderboard`.
 """
 
 import json
