@@ -1,4 +1,3 @@
-import mitsuba as mi
 import numpy as np
 import pytest
 from PIL import Image
@@ -113,20 +112,6 @@ def test_a_forest_is_rendered_pass_by_pass_with_sky_above_and_ground_below():
     # form is an inequality, and two paths per pixel are averaged over 126 000.
     sky, ground = radiance[:20].mean(), radiance[-60:].mean()
     assert 0 < ground < sky / 3
-
-
-@pytest.fixture
-def picture(tmp_path):
-    def write(values, name="forest.exr"):
-        mi.set_variant("scalar_spectral")
-        path = tmp_path / name
-        if name.endswith("png"):
-            Image.fromarray(encode_srgb(values)).save(path)
-        else:
-            mi.Bitmap(np.ascontiguousarray(values, np.float32)).write(str(path))
-        return path
-
-    return write
 
 
 def colors(rows=251, columns=753, seed=0):

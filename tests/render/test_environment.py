@@ -1,37 +1,18 @@
 import math
 
-import mitsuba as mi
 import numpy as np
 import pytest
-from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.render.environment import PanoramaView
 from megalopta.scenes import Panorama, PerspectiveCamera, Trajectory
 from megalopta.scenes.build import build_panorama
-from megalopta.scenes.color import encode_srgb
 from megalopta.scenes.light import LEVELS
 
 BANDS = ((400.0, 475.0), (475.0, 550.0), (550.0, 625.0), (625.0, 700.0))
 CAMERA = PerspectiveCamera(width=33, height=25, fov_deg=60)
 LEVEL = LEVELS["full_moon"]
-
-
-@pytest.fixture
-def picture(tmp_path):
-    """Writes an array (H, W, 3) as a picture and returns its path."""
-
-    def write(values, name="sky.exr"):
-        mi.set_variant("scalar_spectral")
-        path = tmp_path / name
-        if name.endswith("png"):
-            Image.fromarray(encode_srgb(values)).save(path)
-        else:
-            mi.Bitmap(np.ascontiguousarray(values, np.float32)).write(str(path))
-        return str(path)
-
-    return write
 
 
 def noise(rows=32, seed=0):
