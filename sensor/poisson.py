@@ -1,25 +1,44 @@
-"""Poisson counts, drawn faster than NumPy does, for a mean that differs from draw to draw.
+"""Poisson counts, drawn several times faster than NumPy does, for means that differ by draw.
 
-A Poisson count is the sum of independent ones whose means add up. Of a mean below 64 the whole part
-has a table: inversion of the distribution function from a guide into it, Chen and Asau, AIIE
-Transactions 6, 163 (1974). The rest, below one, is the number of arrivals of a process of rate one
-that runs on from draw to draw, so a mean near zero costs a subtraction. From 64 on: Hörmann's
-transformed rejection with squeeze, Insurance: Mathematics and Economics 12, 39 (1993), whose
-logarithms are needed for one draw in ten only. Mean and variance are the mean given.
+A Poisson count is the sum of independent ones whose means add up. The mean is cut into multiples of
+4096, of 64 and of 1/8, and a rest. The multiples have tables: inversion of the distribution
+function from a guide into it, Chen and Asau, AIIE Transactions 6, 163 (1974). The rest is the
+number of arrivals of a process of rate one that runs on from draw to draw, so it costs a
+subtraction as long as nothing arrives. From 65 536 on it is NumPy's transformed rejection.
 """
 
+import math
 from functools import cache
-from math import floor, lgamma, log, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 from scipy.special import pdtr
 
-_TABLES = 64
-_LARGEST_COUNT = 180
-"""Of a table; larger ones are less likely than the rounding of a uniform number."""
-_GUIDES = 256
+_STEPS = (4096.0, 64.0, 1 / 8)
+"""Powers of two: sums are exact. The finer the last, the rarer an arrival, the larger its table."""
+_LARGEST_MEAN = 65_536.0
+_TAIL = 9.0
+"""Standard deviations of a table on each side, and counts beyond them; what is farther out is less
+likely than the rounding of a uniform number."""
+_TAIL_COUNTS = 45
+
+
+class _Table(NamedTuple):
+    """Distribution functions of the multiples of a step."""
+
+    rows_per_count: float
+    """One over the step"""
+
+    first: NDArray[np.int64]
+    """Smallest count of each row"""
+
+    cumulative: NDArray[np.float64]
+    """P(X ≤ first + column)"""
+
+    guides: NDArray[np.uint16]
+    """Column where the search for a uniform number begins, by its leading bits"""
 
 
 def draw_poisson(rng: np.random.Generator, means: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -28,37 +47,47 @@ def draw_poisson(rng: np.random.Generator, means: NDArray[np.float64]) -> NDArra
 
 
 @cache
-def _tables() -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
-    """Return P(X ≤ count) for each whole mean, and where to start a search in it."""
-    counts, means = np.arange(_LARGEST_COUNT + 1), np.arange(_TABLES)[:, np.newaxis]
-    cumulative = np.asarray(pdtr(counts, means), np.float64)
+def _tables() -> tuple[_Table, ...]:
+    """Return the tables of all steps, the largest first."""
+    ends = (_LARGEST_MEAN, *_STEPS)
+    return tuple(_table(end, step) for end, step in zip(ends, _STEPS, strict=False))
+
+
+def _table(end: float, step: float) -> _Table:
+    means = np.arange(0, end, step)
+    reach = _TAIL * np.sqrt(means) + _TAIL_COUNTS
+    first = np.maximum(means - reach, 0).astype(np.int64)
+    width = int(np.max(means + reach - first)) + 1
+    cumulative = np.asarray(pdtr(first[:, np.newaxis] + np.arange(width), means[:, np.newaxis]))
     cumulative[:, -1] = np.inf
-    starts = np.arange(_GUIDES) / _GUIDES
+    n_guides = 2 * 2 ** math.ceil(math.log2(width))
+    starts = np.arange(n_guides) / n_guides
     guides = [np.searchsorted(row, starts, side="right") for row in cumulative]
-    return cumulative, np.array(guides, np.uint8)
+    return _Table(1 / step, first, cumulative, np.array(guides, np.uint16))
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _draw(
     rng: np.random.Generator,
     means: NDArray[np.float64],
-    cumulative: NDArray[np.float64],
-    guides: NDArray[np.uint8],
+    coarse: _Table,
+    medium: _Table,
+    fine: _Table,
 ) -> NDArray[np.int64]:
     counts = np.empty(means.size, np.int64)
     to_next_arrival = rng.standard_exponential()
     for index in range(means.size):
-        mean = means[index]
-        if mean >= _TABLES:
-            counts[index] = _reject(rng, mean)
+        if means[index] >= _LARGEST_MEAN:
+            counts[index] = rng.poisson(means[index])
             continue
-        whole, count = int(mean), 0
-        if whole > 0:
-            uniform = rng.random()
-            count = int(guides[whole, int(uniform * _GUIDES)])
-            while cumulative[whole, count] <= uniform:
-                count += 1
-        to_next_arrival -= mean - whole
+        count, rest = 0, means[index]
+        if rest >= _STEPS[0]:
+            count, rest = _whole_steps(rng, coarse, count, rest)
+        if rest >= _STEPS[1]:
+            count, rest = _whole_steps(rng, medium, count, rest)
+        if rest >= _STEPS[2]:
+            count, rest = _whole_steps(rng, fine, count, rest)
+        to_next_arrival -= rest
         while to_next_arrival < 0:
             to_next_arrival += rng.standard_exponential()
             count += 1
@@ -67,19 +96,13 @@ def _draw(
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _reject(rng: np.random.Generator, mean: float) -> int:
-    b = 0.931 + 2.53 * sqrt(mean)
-    a = -0.059 + 0.02483 * b
-    squeeze = 0.9277 - 3.6224 / (b - 2)
-    while True:
-        u, v = rng.random() - 0.5, rng.random()
-        rest = 0.5 - abs(u)
-        if rest < 0.013 and v > rest:
-            continue
-        count = floor((2 * a / rest + b) * u + mean + 0.43)
-        if rest >= 0.07 and v <= squeeze:
-            return int(count)
-        if count >= 0:
-            scale = (1.1239 + 1.1328 / (b - 3.4)) / (a / rest**2 + b)
-            if log(v * scale) <= count * log(mean) - mean - lgamma(count + 1.0):
-                return int(count)
+def _whole_steps(
+    rng: np.random.Generator, table: _Table, count: int, mean: float
+) -> tuple[int, float]:
+    """Return a count with the draw of the whole steps in a mean added, and the mean's rest."""
+    row = int(mean * table.rows_per_count)
+    uniform = rng.random()
+    column = int(table.guides[row, int(uniform * table.guides.shape[1])])
+    while table.cumulative[row, column] <= uniform:
+        column += 1
+    return count + int(table.first[row]) + column, mean - row / table.rows_per_count

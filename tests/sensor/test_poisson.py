@@ -6,7 +6,9 @@ from megalopta.sensor.poisson import draw_poisson
 from megalopta.sensor.randomness import generator
 
 
-@pytest.mark.parametrize("mean", [0.01, 0.99, 1.0, 9.5, 33.3, 63.99, 64.0, 400.0])
+@pytest.mark.parametrize(
+    "mean", [0.01, 0.0625, 0.99, 9.5, 33.3, 63.99, 64.0, 400.0, 4095.9, 4097.0]
+)
 def test_draws_follow_the_poisson_law(mean):
     counts = draw_poisson(generator(0, "poisson"), np.full(400_000, mean))
     n = np.arange(int(poisson.ppf(1e-4, mean)), int(poisson.isf(1e-4, mean)) + 1)
@@ -24,7 +26,7 @@ def test_no_light_gives_no_counts_and_huge_means_stay_close():
 
 
 def test_draws_of_different_means_follow_their_laws_and_are_independent():
-    means = np.tile([0.3, 7.6, 0.02, 70.0, 12.0], 100_000)
+    means = np.tile([0.3, 7.6, 0.02, 700.0, 12.0], 100_000)
     z = (draw_poisson(generator(1, "poisson"), means) - means) / np.sqrt(means)
     z = z.reshape(-1, 5)
     # |z| < 5 of a mean, and of the correlation with the next: false-alarm rate 6e-7 each
