@@ -105,9 +105,9 @@ def _add_up(ideal: FloatArray, noisy: FloatArray, skip_zero: bool, sums: FloatAr
             for j in range(columns):
                 size = abs(ideal[t, i, j, 0])
                 difference = abs(noisy[t, i, j, 0] - ideal[t, i, j, 0])
-                for k in range(1, components):
-                    size = np.hypot(size, ideal[t, i, j, k])
-                    difference = np.hypot(difference, noisy[t, i, j, k] - ideal[t, i, j, k])
+                if components > 1:
+                    size = np.hypot(size, ideal[t, i, j, 1])
+                    difference = np.hypot(difference, noisy[t, i, j, 1] - ideal[t, i, j, 1])
                 if np.isnan(size) or (skip_zero and size == 0):
                     continue
                 if np.isnan(difference):

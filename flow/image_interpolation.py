@@ -17,9 +17,10 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
+from numba import njit
 
 from megalopta.flow.block_detector import BlockDetector
-from megalopta.flow.blocks import BlockGrid, block_sums
+from megalopta.flow.blocks import BlockGrid
 from megalopta.flow.detector import FloatArray, Frames, Responder, in_pairs
 
 _SINGULAR = 1e-9
@@ -49,20 +50,33 @@ class ImageInterpolation(BlockDetector, frozen=True):
 
 def _velocities(grid: BlockGrid, frames: Frames) -> FloatArray:
     velocities = np.empty((len(frames) - 1, grid.rows, grid.columns, 2))
-    for index in range(len(frames) - 1):
-        velocities[index] = _velocity(grid, *frames[index : index + 2].astype(np.float64))
+    exact = np.ascontiguousarray(frames, np.float64)
+    _solve(exact, grid.top, grid.left, grid.block_px, velocities)
     return velocities
 
 
-def _velocity(grid: BlockGrid, first: FloatArray, second: FloatArray) -> FloatArray:
-    # Pixels at the edge of the frame lack a neighbor; zero takes them out of the sums.
-    gx, gy = np.zeros_like(first), np.zeros_like(first)
-    np.subtract(first[1:-1, :-2], first[1:-1, 2:], out=gx[1:-1, 1:-1])
-    np.subtract(first[:-2, 1:-1], first[2:, 1:-1], out=gy[1:-1, 1:-1])
-    change = second - first
-    products = (gx * gx, gx * gy, gy * gy, change * gx, change * gy)
-    A, B, C, D, E = (block_sums(product, grid) for product in products)
-    determinant = A * C - B * B
-    solvable = determinant > _SINGULAR * A * C
-    divisor = np.where(solvable, determinant, np.nan)
-    return np.stack((2 * (C * D - B * E) / divisor, 2 * (A * E - B * D) / divisor), axis=-1)
+@njit(cache=True, nogil=True, fastmath={"reassoc"})  # type: ignore[untyped-decorator]
+def _solve(frames: FloatArray, top: int, left: int, size: int, velocities: FloatArray) -> None:
+    height, width = frames.shape[1:]
+    for pair, i, j in np.ndindex(velocities.shape[:3]):
+        A = B = C = D = E = 0.0
+        # pixels at the edge of the frame lack a neighbor
+        first, last = max(left + j * size, 1), min(left + (j + 1) * size, width - 1)
+        for y in range(max(top + i * size, 1), min(top + (i + 1) * size, height - 1)):
+            above, below = frames[pair, y - 1, first:last], frames[pair, y + 1, first:last]
+            before, behind = frames[pair, y, first - 1 : last - 1], frames[pair, y, first + 1 :]
+            here, next_frame = frames[pair, y, first:last], frames[pair + 1, y, first:last]
+            for x in range(last - first):
+                gx, gy = before[x] - behind[x], above[x] - below[x]
+                change = next_frame[x] - here[x]
+                A += gx * gx
+                B += gx * gy
+                C += gy * gy
+                D += change * gx
+                E += change * gy
+        determinant = A * C - B * B
+        if determinant > _SINGULAR * A * C:
+            velocities[pair, i, j, 0] = 2 * (C * D - B * E) / determinant
+            velocities[pair, i, j, 1] = 2 * (A * E - B * D) / determinant
+        else:
+            velocities[pair, i, j] = np.nan

@@ -125,7 +125,8 @@ class _Search:
         # the curve of a matcher may be flat, then steep, and yet fall as F^−½ on the whole
         bisects_always = self._comparison.is_exact or method.gives == "velocity"
         self._straight = 0.0 if bisects_always else _STRAIGHT
-        self._last = len(self._settings.fluxes) - 1
+        self._fluxes = self._settings.fluxes
+        self._last = len(self._fluxes) - 1
         self._measured: dict[int, ErrorSums] = {}
 
     def curves(self) -> list[ErrorCurve]:
@@ -143,8 +144,7 @@ class _Search:
     def _measure(self, *indices: int) -> None:
         for index in indices:
             if index not in self._measured:
-                flux = self._settings.fluxes[index]
-                self._measured[index] = self._comparison.errors(flux)
+                self._measured[index] = self._comparison.errors(self._fluxes[index])
 
     def _start(self, bits: int) -> int:
         """Return the index where the brightness of a pixel is known to so many bits."""
@@ -189,7 +189,7 @@ class _Search:
             self._method,
             self._sequences.shape,
             metric,
-            [self._settings.fluxes[index] for index in indices],
+            [self._fluxes[index] for index in indices],
             flat,
             range(0, places * frames, frames),
             bits,

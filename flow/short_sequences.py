@@ -7,6 +7,8 @@ are not scored. Draws are named by seed, stimulus, flux, place and repeat, and a
 detectors.
 """
 
+from collections.abc import Iterable, Iterator
+
 import numpy as np
 
 from megalopta.flow.benchmark_settings import SearchSettings
@@ -105,23 +107,31 @@ class Comparison:
         if deviation is not None:
             expected = error_sums(method, ideal[:1], ideal[:1] + deviation)
             return combine([expected for _ in repeats], np.stack)
-        counts = (self._sequences.counts(flux, phase, repeat) for repeat in repeats)
-        noisy = (self._response(phase, flux, dark, each) for each in counts)
-        sums = [error_sums(method, ideal, each) for each in noisy]
-        return combine(sums, lambda parts: np.stack(parts)[:, self._unscored :])
+        noisy = self._responses(phase, flux, dark, repeats)
+        scored = slice(self._unscored, None)
+        return combine(
+            [error_sums(method, ideal[scored], each[scored]) for each in noisy], np.stack
+        )
+
+    def _responses(
+        self, phase: int, flux: float, dark: float, repeats: Iterable[int]
+    ) -> Iterator[FloatArray]:
+        """Yield the response at a place to each draw of counts."""
+        scale, before = self._scale(flux), self._clean[phase][: self._warm_up] * flux + dark
+        for repeat in repeats:
+            respond = self._method.start(self._sequences.shape)
+            if self._warm_up:
+                respond(before, scale)
+            yield respond(self._sequences.counts(flux, phase, repeat), scale)
 
     def _scale(self, flux: float) -> float:
         return self._sequences.pixels / (flux * self._sequences.settings.summed_frames)
 
-    def _response(
-        self, phase: int, flux: float, dark: float, counts: Frames | None = None
-    ) -> FloatArray:
-        """Return the response at a place to counts, or to their means."""
+    def _response(self, phase: int, flux: float, dark: float) -> FloatArray:
+        """Return the response at a place to the mean counts."""
         respond = self._method.start(self._sequences.shape)
-        scale, clean = self._scale(flux), self._clean[phase]
-        if self._warm_up:
-            respond(clean[: self._warm_up] * flux + dark, scale)
-        return respond(clean[self._warm_up :] * flux + dark if counts is None else counts, scale)
+        means, scale = self._clean[phase] * flux + dark, self._scale(flux)
+        return respond(means, scale)[self._warm_up :]
 
 
 def warm_up_frames(method: Detector) -> int:

@@ -106,13 +106,15 @@ def test_dark_counts_raise_the_required_flux_by_their_square_root():
     np.testing.assert_allclose(np.log10(np.array(many) / few) / 2, 0.5, atol=0.05)
 
 
-@pytest.mark.parametrize("name", ["IIA", "EMD", "NDM", "NDS"])
-def test_errors_fall_by_10_db_per_decade_above_threshold(name):
-    # 20 log10 of the error over log10 of the flux, from 6 to 8 bits, far enough above threshold
-    # for 0.2 dB: 2 % of the slope, ten times the standard error
+@pytest.mark.parametrize(
+    ("name", "tolerance_db"), [("IIA", 0.8), ("EMD", 0.2), ("NDM", 0.2), ("NDS", 0.2)]
+)
+def test_errors_fall_by_10_db_per_decade_above_threshold(name, tolerance_db):
+    # 20 log10 of the error over log10 of the flux, from 6 to 8 bits. Standard errors are 0.1 dB
+    # (IIA, still 0.13 dB above the limit there) and 0.03 dB.
     (curve,) = found(grating(), name, bits=(6, 8), dark_counts=0)
     six, eight = curve.thresholds[6].flux, curve.thresholds[8].flux
-    assert 20 * np.log10(2**2) / np.log10(eight / six) == pytest.approx(10, abs=0.2)
+    assert 20 * np.log10(2**2) / np.log10(eight / six) == pytest.approx(10, abs=tolerance_db)
 
 
 def test_elementary_motion_detector_moves_by_more_than_two_decades_over_frequency():
