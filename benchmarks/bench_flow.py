@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from megalopta.chapter4_sweeps import SWEEPS
+from megalopta.chapter4_sweeps import POOLING, SWEEPS
 from megalopta.flow import short_sequences
 from megalopta.flow.detector import FloatArray
 from megalopta.flow.methods import method
@@ -109,14 +109,18 @@ def seconds_of(trial: Trial) -> tuple[float, float]:
         return time.thread_time() - start, drawing
 
 
-def floor(size: int) -> None:
-    trial = Trial(size=size, methods=("EMD", "NDM", "NDS"), search=SWEEPS["fig-4.5"].trial.search)
-    seconds_of(trial)
-    runs = [seconds_of(trial) for _ in range(3)]
-    whole, drawing = min(runs)
-    print(
-        f"trial of EMD, NDM and NDS, {size} × {size}: {whole:.3f} s, {drawing / whole:.0%} drawing"
-    )
+def floor() -> None:
+    """One trial of each size that the sweeps over frequency and contrast have."""
+    total = np.zeros(2)
+    for size in POOLING:
+        methods, search = ("EMD", "NDM", "NDS"), SWEEPS["fig-4.5"].trial.search
+        trial = Trial(size=size, methods=methods, search=search)
+        seconds_of(trial)
+        whole, drawing = np.median([seconds_of(trial) for _ in range(5)], axis=0)
+        total += whole, drawing
+        print(f"  {size:3d} × {size:3d}: {whole:.3f} s, {drawing / whole:.0%} drawing")
+    whole, drawing = total
+    print(f"  together: {whole:.3f} s, {drawing / whole:.0%} drawing")
 
 
 def chapter() -> None:
@@ -132,5 +136,6 @@ def chapter() -> None:
 if __name__ == "__main__":
     for size in (60, 240):
         compare(size)
-        floor(size)
+    print("trials of EMD, NDM and NDS")
+    floor()
     chapter()

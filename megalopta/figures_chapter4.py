@@ -7,6 +7,7 @@ from megalopta.chapter4_sweeps import SWEEPS, in_form
 from megalopta.engine import Results
 from megalopta.figure import Figure
 from megalopta.figures_chapter4_denominators import DENOMINATORS
+from megalopta.figures_chapter4_information import NATURAL_INFORMATION
 from megalopta.figures_chapter4_table import TABLE_4_1
 from megalopta.figures_chapter4_times import TABLE_TIMES
 from megalopta.figures_sweep import sweep_figure
@@ -100,4 +101,5 @@ CHAPTER_4: PlannedRegistry = {
     "table-4.1": _marked(TABLE_4_1),
     "table-4.times": TABLE_TIMES,
     "denominators": _marked(DENOMINATORS),
+    "natural-information": _marked(NATURAL_INFORMATION),
 }
