@@ -62,6 +62,7 @@ _FINDINGS: Mapping[str, str] = {
         "In the dissertation BM stays flat or worsens a little with fewer pixels; ours improves, "
         "in every variant tried."
     ),
+    "fig-4.13": "As in the dissertation, BM does not gain from fewer, larger pixels.",
 }
 """What the whole figures show; the quick form may not."""
 _QUICK = "Quick form, of fewer values, frame sizes and forests."

@@ -37,32 +37,6 @@ def detection_figure(
     found = dict(zip(names, zip(*at_flux, strict=True), strict=True))
     shown = min(fluxes, key=lambda flux: abs(np.log(flux / ROC_FLUX)))
 
-    def draw(canvas: Canvas) -> None:
-        panels = canvas.subplot_mosaic(
-            [["motion", "direction"], ["false_alarms", "roc"], ["legend", "legend"]],
-            height_ratios=(1, 1, 0.18),
-        )
-        _draw_curves(panels["motion"], found, lambda each: each.motion)
-        _draw_curves(panels["direction"], found, lambda each: each.direction)
-        _draw_curves(panels["false_alarms"], found, lambda each: each.false_alarms)
-        for name, title in (("motion", "Moving from still"), ("direction", "Right from left")):
-            panels[name].axhline(_limit(), color=GRAY, linewidth=1, linestyle=":")
-            panels[name].set(title=title, ylabel="d′")
-        panels["false_alarms"].set(title="False alarms in a still scene", ylabel="share of blocks")
-        panels["false_alarms"].yaxis.set_major_formatter(PercentFormatter(1))
-        _draw_roc(panels["roc"], found, shown)
-        handles, labels = panels["motion"].get_legend_handles_labels()
-        panels["legend"].set_axis_off()
-        panels["legend"].legend(
-            handles,
-            labels,
-            loc="center",
-            ncols=6,
-            handlelength=2.8,
-            columnspacing=1.1,
-            markerscale=0.8,
-        )
-
     return Figure(
         name="detection",
         title="What can be told of motion, at how many photons",
@@ -78,7 +52,7 @@ def detection_figure(
             "PC gives all blocks of a frame one answer, from all of its photons. The dissertation "
             "has no such figure."
         ),
-        draw=draw,
+        draw=lambda canvas: _draw_panels(canvas, found, shown),
         columns=(
             "method",
             "photons_per_frame",
@@ -99,6 +73,33 @@ def _limit() -> float:
     return d_prime(np.zeros(ANSWERS), np.ones(ANSWERS))
 
 
+def _draw_panels(canvas: Canvas, found: Mapping[str, Sequence[Detection]], roc_flux: float) -> None:
+    panels = canvas.subplot_mosaic(
+        [["motion", "direction"], ["false_alarms", "roc"], ["legend", "legend"]],
+        height_ratios=(1, 1, 0.18),
+    )
+    _draw_curves(panels["motion"], found, lambda each: each.motion)
+    _draw_curves(panels["direction"], found, lambda each: each.direction)
+    _draw_curves(panels["false_alarms"], found, lambda each: each.false_alarms)
+    for name, title in (("motion", "Moving from still"), ("direction", "Right from left")):
+        panels[name].axhline(_limit(), color=GRAY, linewidth=1, linestyle=":")
+        panels[name].set(title=title, ylabel="d′")
+    panels["false_alarms"].set(title="False alarms in a still scene", ylabel="Share of blocks")
+    panels["false_alarms"].yaxis.set_major_formatter(PercentFormatter(1))
+    _draw_roc(panels["roc"], found, roc_flux)
+    handles, labels = panels["motion"].get_legend_handles_labels()
+    panels["legend"].set_axis_off()
+    panels["legend"].legend(
+        handles,
+        labels,
+        loc="center",
+        ncols=6,
+        handlelength=2.8,
+        columnspacing=1.1,
+        markerscale=0.8,
+    )
+
+
 def _draw_curves(
     axes: Axes,
     found: Mapping[str, Sequence[Detection]],
@@ -107,7 +108,7 @@ def _draw_curves(
     for name, measured in found.items():
         fluxes = [each.flux for each in measured]
         axes.plot(fluxes, [value(each) for each in measured], label=name, **method_style(name))
-    axes.set(xscale="log", xlabel="photons per frame")
+    axes.set(xscale="log", xlabel="Photons per frame")
 
 
 def _draw_roc(axes: Axes, found: Mapping[str, Sequence[Detection]], flux: float) -> None:
@@ -116,7 +117,7 @@ def _draw_roc(axes: Axes, found: Mapping[str, Sequence[Detection]], flux: float)
         style = method_style(name) | {"marker": ""}
         axes.plot(curve.false_alarms, curve.hits, **style)
     axes.plot([0, 1], [0, 1], color=GRAY, linewidth=1, linestyle=":")
-    axes.set(title="ROC, moving from still", xlabel="false alarms", ylabel="hits")
+    axes.set(title="ROC, moving from still", xlabel="False alarms", ylabel="Hits")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter(PercentFormatter(1))
 

@@ -1,8 +1,10 @@
 """The leaderboard of all velocity methods, and how near the two made for it come to the limit."""
 
 import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import EngFormatter
 
@@ -40,44 +42,6 @@ def leaderboard() -> Figure:
     entries = ranked(clean, METHODS)
     two, eight = bound(known, 2), bound(known, 8)
 
-    def draw(canvas: Canvas) -> None:
-        axes = canvas.subplots()
-        for place, entry in enumerate(entries):
-            needed = entry.photons if math.isfinite(entry.photons) else FLUXES[-1]
-            color = BLUE if entry.detector.name in OURS else GRAY
-            hatch = None if math.isfinite(entry.photons) else "///"
-            axes.barh(
-                place,
-                needed,
-                height=0.62,
-                color=color if hatch is None else "none",
-                edgecolor=color,
-                hatch=hatch,
-            )
-            high = min(entry.high, FLUXES[-1])
-            if hatch is None:
-                axes.plot([entry.low, high], [place, place], "|-", color=BLACK, linewidth=1.2)
-            axes.annotate(
-                _beside(entry),
-                (max(needed, high), place),
-                xytext=(5, 0),
-                textcoords="offset points",
-                va="center",
-                fontsize=9.5,
-                bbox={"color": "white", "pad": 0.5},
-            )
-        for flux, frames, dash in ((two, 2, "--"), (eight, 8, ":")):
-            axes.axvline(flux, color=ORANGE, linestyle=dash, label=f"bound, {frames} frames")
-        axes.set_xscale("log")
-        axes.set_xlim(min(eight, FLUXES[0]) / 1.6, 40 * FLUXES[-1])
-        axes.set_xticks(10.0 ** np.arange(3, round(math.log10(FLUXES[-1])) + 1))
-        axes.minorticks_off()
-        axes.set_yticks(range(len(entries)), [each.detector.label for each in entries])
-        axes.set_ylim(len(entries) - 0.4, -1.6)
-        axes.grid(visible=False, axis="y")
-        axes.set_xlabel("Photons per frame for a median error of 25 %")
-        axes.legend(loc="upper right", ncols=2, frameon=True, framealpha=1, edgecolor="none")
-
     return Figure(
         name="leaderboard",
         title="Photons that a velocity takes, every method on the same pixels",
@@ -96,7 +60,7 @@ def leaderboard() -> Figure:
             "texture as known and no block as mistaken, which no method can at few photons. "
             f"Hatched: never below 25 % up to {format_flux(FLUXES[-1])} photons."
         ),
-        draw=draw,
+        draw=lambda canvas: _draw_board(canvas.subplots(), entries, {2: two, 8: eight}),
         columns=(
             "method",
             "label",
@@ -181,6 +145,45 @@ def efficiency() -> Figure:
         columns=("photons_per_frame", *(f"{name}_efficiency" for name in curves)),
         rows=tuple(zip(EFFICIENCY_FLUXES, *curves.values(), strict=True)),
     )
+
+
+def _draw_board(axes: Axes, entries: Sequence[Entry], bounds: Mapping[int, float]) -> None:
+    """Draw a bar for each method, and the bounds of two and eight frames."""
+    for place, entry in enumerate(entries):
+        needed = entry.photons if math.isfinite(entry.photons) else FLUXES[-1]
+        color = BLUE if entry.detector.name in OURS else GRAY
+        hatch = None if math.isfinite(entry.photons) else "///"
+        axes.barh(
+            place,
+            needed,
+            height=0.62,
+            color=color if hatch is None else "none",
+            edgecolor=color,
+            hatch=hatch,
+        )
+        high = min(entry.high, FLUXES[-1])
+        if hatch is None:
+            axes.plot([entry.low, high], [place, place], "|-", color=BLACK, linewidth=1.2)
+        axes.annotate(
+            _beside(entry),
+            (max(needed, high), place),
+            xytext=(5, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=9.5,
+            bbox={"color": "white", "pad": 0.5},
+        )
+    for (frames, flux), dash in zip(bounds.items(), ("--", ":"), strict=True):
+        axes.axvline(flux, color=ORANGE, linestyle=dash, label=f"bound, {frames} frames")
+    axes.set_xscale("log")
+    axes.set_xlim(min(*bounds.values(), FLUXES[0]) / 1.6, 40 * FLUXES[-1])
+    axes.set_xticks(10.0 ** np.arange(3, round(math.log10(FLUXES[-1])) + 1))
+    axes.minorticks_off()
+    axes.set_yticks(range(len(entries)), [each.detector.label for each in entries])
+    axes.set_ylim(len(entries) - 0.4, -1.6)
+    axes.grid(visible=False, axis="y")
+    axes.set_xlabel("Photons per frame for a median error of 25 %")
+    axes.legend(loc="upper right", ncols=2, frameon=True, framealpha=1, edgecolor="none")
 
 
 def _beside(entry: Entry) -> str:

@@ -16,7 +16,7 @@ from megalopta.engine import run_trials
 from megalopta.errors import UserError
 from megalopta.figures_chapter4 import CHAPTER_4
 from megalopta.figures_chapter4_denominators import FLOORS, floored_errors
-from megalopta.figures_chapter4_information import implied_information, median_information
+from megalopta.figures_chapter4_information import Seen, implied_information, median_information
 from megalopta.figures_chapter4_table import PRINTED, TABLE_4_1, best
 from megalopta.figures_sweep import needed, sweep_figure, threshold_of
 from megalopta.flow.error_curve import ErrorCurve
@@ -285,8 +285,8 @@ def test_information_of_a_grating_meets_the_closed_form():
 
 
 def test_printed_threshold_implies_the_information_at_which_ours_would_be_it():
-    information, photons = np.array([0.1, 0.2]), np.array([200.0, 100.0])
-    assert implied_information(information, photons, printed=40) == pytest.approx(0.5)
+    seen = [Seen("BM", "", "srgb", 0.1, 200.0), Seen("BM", "", "srgb", 0.2, 100.0)]
+    assert implied_information(seen, printed=40) == pytest.approx(0.5)
 
 
 def test_stars_of_the_information_lie_on_the_lines_of_their_methods():
