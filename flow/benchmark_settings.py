@@ -105,8 +105,8 @@ class SearchSettings(CurveSettings, frozen=True):
     phases: Annotated[int, Field(ge=1)] = 4
     """Places around the template at which short sequences start; errors are means over them"""
 
-    frames: Annotated[int, Field(ge=2)] = 10
-    """Frames drawn of each of these sequences"""
+    frames: Annotated[int, Field(ge=1)] = 6
+    """Frames scored of each of these sequences, after those in which noise reaches its strength"""
 
     summed_frames: Annotated[int, Field(ge=1)] = 1
     """Temporal pooling: detectors see the sliding sum of so many frames"""

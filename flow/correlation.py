@@ -26,16 +26,20 @@ the delay φ2 < 0: EMD is then positive.
 
 import math
 from abc import abstractmethod
+from functools import cache
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numba import njit
 from pydantic import Field
+from scipy.signal import lfilter
 
 from megalopta.flow.detector import Detector, FloatArray, Frames, Responder
 
 FilterStep = Annotated[float, Field(gt=0, le=1)]
 _FORGOTTEN = 0.01
+_LONG = 30
+"""Time constants; e⁻³⁰ is left."""
 
 _ELEMENTARY, _PRODUCT, _RECTIFIED_PRODUCT, _RECTIFIED_SUM = range(4)
 
@@ -90,14 +94,13 @@ class CorrelationDetector(Detector, frozen=True):
 
     @property
     def memory_frames(self) -> int:
-        """Frames until the slowest filter has decayed to 1 %."""
-        pole = 1 - min(self.filter_step, self.output_step)
-        return math.ceil(math.log(_FORGOTTEN) / math.log(pole)) if pole > 0 else 1
+        """Frames after which less than 1 % of the past is left in the delayed copy, smoothed."""
+        return _settled(self.filter_step, self.output_step, power=1)
 
     @property
     def noise_memory_frames(self) -> int:
-        """Half of the memory: power decays twice as fast."""
-        return math.ceil(self.memory_frames / 2)
+        """Frames after which less than 1 % of the power of white noise is left in it."""
+        return _settled(self.filter_step, self.output_step, power=2)
 
     def start(self, shape: tuple[int, int]) -> Responder:
         """Return the filters at rest; see `Detector.start`. First and last column stay NaN."""
@@ -129,6 +132,26 @@ class CorrelationDetector(Detector, frozen=True):
     @property
     @abstractmethod
     def _kind(self) -> int: ...
+
+
+@cache
+def _settled(filter_step: float, output_step: float, power: int) -> int:
+    """Return after how many frames 1 % is left of the response to one bright frame.
+
+    Its path is the longest, high-pass, delay and low-pass at the output: three poles, two of them
+    equal, so that it decays more slowly than any one.
+    """
+    frames = math.ceil(_LONG / min(filter_step, output_step))
+    delta = np.zeros(frames)
+    delta[0] = 1
+    high = delta - _low_passed(delta, filter_step)
+    response = np.abs(_low_passed(_low_passed(high, filter_step), output_step)) ** power
+    left = 1 - np.cumsum(response) / max(response.sum(), 1e-300)  # a step of 1 leaves nothing
+    return 1 + int(np.argmax(left < _FORGOTTEN))
+
+
+def _low_passed(values: FloatArray, step: float) -> FloatArray:
+    return np.asarray(lfilter([step], [1, step - 1], values))
 
 
 class ElementaryMotionDetector(CorrelationDetector, frozen=True):

@@ -6,7 +6,8 @@ promises, and bisects the half decade in which the error crosses its level until
 neighbors, or the curve between them is straight; while the interval of the crossing is open it
 strides on. An error at a flux is the same number however the search
 came there (`ShortSequences`), so no result depends on the other methods of a search, nor on the
-order of searches.
+order of searches. Of one method, metrics and bits share the fluxes that they were measured at, so
+asking for more of them may refine an interval.
 
 The crossing is the first downward one of the thesis if the error does not fall below its level and
 rise again at a smaller flux; where it does, between lattice neighbors that a search has not seen,
@@ -23,7 +24,7 @@ from megalopta.flow.benchmark_settings import SearchSettings
 from megalopta.flow.detector import Detector
 from megalopta.flow.error import ErrorSums, Metric, combine
 from megalopta.flow.error_curve import ErrorCurve, error_curve
-from megalopta.flow.short_sequences import Comparison, ShortSequences, warm_up_frames
+from megalopta.flow.short_sequences import Comparison, ShortSequences
 from megalopta.flow.stimulus import MovingTemplate
 
 _MEAN_AT_TWO_BITS = 10.133
@@ -63,11 +64,13 @@ def photon_search(
     Raises
     ------
     ValueError
-        When the frames are black, too small for a detector, or too few for its memory.
+        When the frames are black or too small for a detector.
     """
-    warm_up = max((warm_up_frames(method) for method in methods), default=0)
-    sequences = ShortSequences(stimulus, settings, seed, name, warm_up)
-    return tuple(curve for method in methods for curve in _Search(sequences, method).curves())
+    sequences = ShortSequences(stimulus, settings, seed, name, methods)
+    # those that need most frames first: the others see some of these
+    order = sorted(methods, key=lambda method: -method.noise_memory_frames)
+    curves = {method.name: _Search(sequences, method).curves() for method in order}
+    return tuple(curve for method in methods for curve in curves[method.name])
 
 
 def next_index(

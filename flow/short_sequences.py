@@ -3,11 +3,11 @@
 The sequence of the thesis, 400 frames, is represented by a few short ones that start at places
 spread around the template. Detectors with a memory see clean frames first: what their filters have
 kept from before is then right, and only the noise has yet to reach its strength; frames until then
-are not scored. Draws are named by seed, stimulus, flux, place and repeat, and are the same for all
-detectors.
+are drawn and not scored. Draws are named by seed, stimulus, flux, place and repeat, and a detector
+that needs few frames sees the first of those that another one sees.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -19,7 +19,19 @@ from megalopta.flow.stimulus import MovingTemplate, summed
 
 
 class ShortSequences:
-    """A stimulus at a few places, clean and as counts; counts are kept, for other detectors."""
+    """A stimulus at a few places, clean and as counts; counts are kept, for other detectors.
+
+    Parameters
+    ----------
+    stimulus
+    settings
+    seed : int
+        Any integer.
+    name : str
+        Of the stimulus.
+    methods
+        Detectors that will see it.
+    """
 
     def __init__(
         self,
@@ -27,37 +39,43 @@ class ShortSequences:
         settings: SearchSettings,
         seed: int,
         name: str,
-        warm_up: int = 0,
+        methods: Sequence[Detector],
     ) -> None:
         self.settings, self.seed = settings, seed
         self.key = (name, f"{stimulus.size}x{stimulus.size}")
         self.shape = (stimulus.size, stimulus.size)
         self.pixels = stimulus.size**2
         self.dark_counts = settings.dark_counts * len(stimulus.template) ** 2 / self.pixels
-        self._warm_up = warm_up
-        before, drawn = warm_up, settings.frames + settings.summed_frames - 1
+        self._before = max(map(warm_up_frames, methods), default=0)
+        after = max((each.noise_memory_frames for each in methods), default=0) + settings.frames
         shifts = phase_shifts(stimulus.template.shape[1], settings.phases)
         self._light = [
-            stimulus.light(shift - before * stimulus.velocity_px, before + drawn)
+            stimulus.light(
+                shift - self._before * stimulus.velocity_px,
+                self._before + after + settings.summed_frames - 1,
+            )
             for shift in shifts
         ]
         self._counts: dict[tuple[float, int, int], Frames] = {}
 
-    def clean(self, phase: int, before: int) -> FloatArray:
-        """Return the frames at a place, after some that lead there, as shares of the flux."""
-        frames = summed(self._light[phase], self.settings.summed_frames)
-        return np.asarray(frames[self._warm_up - before :])
+    def clean(self, phase: int, before: int, frames: int) -> FloatArray:
+        """Return frames at a place, after some that lead there, as shares of the flux."""
+        pooled = summed(self._light[phase], self.settings.summed_frames)
+        return np.asarray(pooled[self._before - before : self._before + frames])
 
-    def counts(self, flux: float, phase: int, repeat: int) -> Frames:
-        """Return counts of the frames at a place."""
+    def counts(self, flux: float, phase: int, repeat: int, frames: int) -> Frames:
+        """Return counts of the first frames at a place."""
         name = (flux, phase, repeat)
-        if name not in self._counts:
-            means = self._light[phase][self._warm_up :] * flux + self.dark_counts
-            strip = means.reshape(1, -1, means.shape[-1])  # one random stream for all frames
-            drawn = draw_counts(strip, self.seed, *self.key, f"{flux:.6g}", phase, repeat)
-            pooled = summed(drawn.reshape(means.shape), self.settings.summed_frames)
+        if len(self._counts.get(name, ())) < frames:
+            drawn = frames + self.settings.summed_frames - 1
+            light = self._light[phase][self._before : self._before + drawn]
+            means = light * flux + self.dark_counts
+            # One random stream for all frames: fewer of them are the first of these.
+            strip = means.reshape(1, -1, means.shape[-1])
+            counts = draw_counts(strip, self.seed, *self.key, f"{flux:.6g}", phase, repeat)
+            pooled = summed(counts.reshape(means.shape), self.settings.summed_frames)
             self._counts[name] = narrowest(pooled)
-        return self._counts[name]
+        return self._counts[name][:frames]
 
 
 class Comparison:
@@ -67,10 +85,12 @@ class Comparison:
         self._sequences = sequences
         self._method = method
         self._warm_up = warm_up_frames(method)
-        self._unscored = _unscored_frames(method)
-        check_frames(method, sequences.settings.frames)
+        self._scored = slice(-sequences.settings.frames, None)
+        self._frames = method.noise_memory_frames + sequences.settings.frames
         self._phases = range(sequences.settings.phases)
-        self._clean = [sequences.clean(phase, self._warm_up) for phase in self._phases]
+        self._clean = [
+            sequences.clean(phase, self._warm_up, self._frames) for phase in self._phases
+        ]
         brightest = sequences.settings.flux_max
         self._ideal = [self._response(phase, brightest, 0.0) for phase in self._phases]
 
@@ -108,46 +128,33 @@ class Comparison:
             expected = error_sums(method, ideal[:1], ideal[:1] + deviation)
             return combine([expected for _ in repeats], np.stack)
         noisy = self._responses(phase, flux, dark, repeats)
-        scored = slice(self._unscored, None)
-        return combine(
-            [error_sums(method, ideal[scored], each[scored]) for each in noisy], np.stack
-        )
+        return combine([error_sums(method, ideal, each) for each in noisy], np.stack)
 
     def _responses(
         self, phase: int, flux: float, dark: float, repeats: Iterable[int]
     ) -> Iterator[FloatArray]:
-        """Yield the response at a place to each draw of counts."""
+        """Yield the scored responses at a place to each draw of counts."""
         scale, before = self._scale(flux), self._clean[phase][: self._warm_up] * flux + dark
         for repeat in repeats:
             respond = self._method.start(self._sequences.shape)
             if self._warm_up:
                 respond(before, scale)
-            yield respond(self._sequences.counts(flux, phase, repeat), scale)
+            counts = self._sequences.counts(flux, phase, repeat, self._frames)
+            yield respond(counts, scale)[self._scored]
 
     def _scale(self, flux: float) -> float:
         return self._sequences.pixels / (flux * self._sequences.settings.summed_frames)
 
     def _response(self, phase: int, flux: float, dark: float) -> FloatArray:
-        """Return the response at a place to the mean counts."""
+        """Return the scored responses at a place to the mean counts."""
         respond = self._method.start(self._sequences.shape)
         means, scale = self._clean[phase] * flux + dark, self._scale(flux)
-        return respond(means, scale)[self._warm_up :]
+        return respond(means, scale)[self._scored]
 
 
 def warm_up_frames(method: Detector) -> int:
     """Return the number of clean frames that a detector sees before the counts."""
     return method.memory_frames if method.memory_frames > 1 else 0
-
-
-def check_frames(method: Detector, frames: int) -> None:
-    """Raise ValueError when sequences of so many frames are too short for a detector."""
-    least = max(_unscored_frames(method) + 1, method.minimum_frames)
-    if frames < least:
-        raise ValueError(f"frames {frames}: {method.name} needs {least} or more")
-
-
-def _unscored_frames(method: Detector) -> int:
-    return method.noise_memory_frames if warm_up_frames(method) else 0
 
 
 def phase_shifts(columns: int, phases: int) -> list[int]:

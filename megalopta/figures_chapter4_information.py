@@ -1,10 +1,13 @@
 """Why natural thresholds differ between pictures: what a photon tells of motion.
 
-The Poisson bound (`flow.translation_bound`) sums (∂λ/∂x)²/λ over a block. Per pixel, at one photon
-per pixel, that is a number of the picture alone. Its median over the blocks tells what all methods
-need of a picture, contrast does not: a few bright spots raise it and help few blocks.
+The Poisson bound (`flow.translation_bound`) sums J = (∂λ/∂x)²/λ over a block. Per pixel, at one
+photon per pixel, that is a number of the picture, and of the dark counts beside the photons. The
+variances 1/J that the bound leaves are averaged over the blocks: one over their mean tells what a
+method needs of a picture better than contrast does, which a few bright spots raise that help few
+blocks, and better than the median block.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -24,7 +27,7 @@ from megalopta.flow.translation_bound import translation_information
 from megalopta.planned import Planned, Templates
 from megalopta.plot_style import method_style
 from megalopta.sweep import Point
-from megalopta.trial import PanoramaTemplate, Template, Trial
+from megalopta.trial import ROWS, PanoramaTemplate, Template, Trial
 
 _SOURCES = (PHOTOGRAPHED, SWEEPS["fig-4.11"])
 _COLUMNS_APART = 25
@@ -43,24 +46,27 @@ class Seen(NamedTuple):
     """Per frame, at the velocity where they are fewest"""
 
 
-def median_information(template: NDArray[np.float64]) -> float:
-    """Return the information on motion along x of the median block of 60 × 60 frames.
+def information_per_photon(template: NDArray[np.float64], dark_share: float = 0.0) -> float:
+    """Return the information on motion along x in 60 × 60 frames, the harmonic mean of the blocks.
 
     Parameters
     ----------
     template : (251, m)
         A full turn.
+    dark_share : float
+        Dark counts per photon.
 
     Returns
     -------
     float
-        px⁻² per pixel, at one photon per pixel.
+        px⁻² per pixel, at one photon per pixel; 0 when a block has no gradient.
     """
     grid = block_grid((SIZE, SIZE))
     turning = MovingTemplate(template, _COLUMNS_APART, SIZE)
-    frames = turning.light(0, template.shape[1] // _COLUMNS_APART) * SIZE**2
+    frames = turning.light(0, template.shape[1] // _COLUMNS_APART) * SIZE**2 + dark_share
     along_x = [translation_information(frame, grid)[1:-1, 1:-1, 0, 0] for frame in frames]
-    return float(np.median(along_x)) / grid.block_px**2
+    with np.errstate(divide="ignore"):
+        return float(1 / np.mean(1 / np.array(along_x))) / grid.block_px**2
 
 
 def implied_information(seen: Sequence[Seen], printed: float) -> float:
@@ -82,10 +88,20 @@ def _trials(is_quick: bool) -> list[Trial]:
     return [point.trial for point in _points(is_quick)]
 
 
-def _least(results: Results, trials: list[Trial], method: str) -> float:
-    """Return the fewest photons at any velocity."""
+def _seen(method: str, trials: Sequence[Trial], results: Results, templates: Templates) -> Seen:
+    """Return what a method needs of the picture that these trials share."""
+    template = trials[0].template
+    assert isinstance(template, PanoramaTemplate)
     found = [threshold_of(results, trial, method, "literal", 2).flux for trial in trials]
-    return min(flux for flux in found if flux is not None)
+    photons = min((flux for flux in found if flux is not None), default=math.nan)
+    dark_counts = trials[0].search.dark_counts * ROWS**2
+    information = information_per_photon(templates[template], dark_counts / photons)
+    return Seen(method, template.name, template.coding, information, photons)
+
+
+def _spread(seen: Sequence[Seen]) -> float:
+    products = [each.information * each.photons for each in seen]
+    return max(products) / min(products)
 
 
 def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
@@ -93,10 +109,9 @@ def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
     for trial in _trials(is_quick):
         pictures.setdefault(trial.template, []).append(trial)
     seen = [
-        Seen(method, *_named(template), median_information(templates[template]), least)
-        for template, trials in pictures.items()
+        _seen(method, trials, results, templates)
+        for trials in pictures.values()
         for method in PRINTED
-        for least in [_least(results, trials, method)]
     ]
     stars = {
         method: implied_information(
@@ -104,20 +119,28 @@ def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
         )
         for method, (_, printed) in PRINTED.items()
     }
-    spans = ", ".join(
-        f"{min(values):.2g} to {max(values):.2g} in {text}"
-        for coding, text in (("srgb", "gray values"), ("linear", "light"))
-        for values in [[each.information for each in seen if each.coding == coding]]
-    )
     asked = ", ".join(f"{value:.2g} ({method})" for method, value in stars.items())
+    spreads = " and ".join(
+        f"{min(factors):.1f} to {max(factors):.1f} {where}"
+        for where, codings in (("in gray values", ("srgb",)), ("in all", ("srgb", "linear")))
+        for factors in [
+            [
+                _spread([each for each in seen if each.method == method and each.coding in codings])
+                for method in PRINTED
+            ]
+        ]
+    )
     return Figure(
         name="natural-information",
         title="Natural scenes: photons needed over the information in a picture",
         caption=(
             f"{SIZE} × {SIZE} px, least of all velocities. Information on motion along x that a "
-            "photon brings to the median block: Σ(∂λ/∂x)²/λ per pixel, at one photon per pixel; "
-            f"{spans}. Lines: inverse to it, through the gray values. Stars: the printed "
-            f"thresholds, where our lines meet them. They ask for pictures of {asked}."
+            "photon brings: (∂λ/∂x)²/λ at one photon per pixel, with the dark counts beside it at "
+            "the threshold; harmonic mean over the blocks. Lines: inverse to it, through the gray "
+            "values. From picture to picture the product of information and photons varies by "
+            f"factors of {spreads}, depending on the method. Stars: the printed thresholds, where "
+            f"our lines meet them; they ask for pictures of {asked}, and are extrapolated where "
+            "they lie beyond our pictures."
         ),
         draw=lambda canvas: _draw(canvas, seen, stars),
         columns=("method", "picture", "coding", "information_per_photon", "photons_per_frame"),
@@ -130,11 +153,6 @@ def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
         ),
         height_in=4.2,
     )
-
-
-def _named(template: Template) -> tuple[str, str]:
-    assert isinstance(template, PanoramaTemplate)
-    return template.name, template.coding
 
 
 def _draw(canvas: Canvas, seen: Sequence[Seen], stars: Mapping[str, float]) -> None:
@@ -165,7 +183,7 @@ def _draw(canvas: Canvas, seen: Sequence[Seen], stars: Mapping[str, float]) -> N
     axes.yaxis.set_major_formatter(EngFormatter(sep=""))
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_minor_formatter(NullFormatter())
-    axes.set_xlabel("Information of the median block (px$^{-2}$ per photon)")
+    axes.set_xlabel("Information on motion (px$^{-2}$ per photon)")
     axes.set_ylabel("Least $N_{2b}$ (photons per frame)")
     canvas.legend(loc="outside right center")
 

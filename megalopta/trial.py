@@ -20,7 +20,6 @@ from megalopta.flow.intensity import IntensityMeasurement
 from megalopta.flow.methods import METHODS, THESIS_METHODS, method
 from megalopta.flow.photon_search import photon_search
 from megalopta.flow.resize import ResizeKind
-from megalopta.flow.short_sequences import check_frames
 from megalopta.flow.stimulus import MovingTemplate, blurred
 
 ROWS = 251
@@ -170,10 +169,6 @@ class Trial(_Record, frozen=True):
                 raise ValueError(
                     f"size {self.size} is too small for {each.name}: {problem}"
                 ) from None
-            try:
-                check_frames(each, self.search.frames)
-            except ValueError as problem:
-                raise ValueError(f"search.{problem}") from None
         return self
 
     @property

@@ -197,7 +197,7 @@ def test_settings_refuse_nonsense(changes, sentence):
     [
         (np.ones((20, 50, 50)), ALL, {}, "size 60 × 60 px"),
         (np.ones((20, 60, 60)), ALL, {"sizes": (12,)}, "3 × 3 blocks"),
-        (np.ones((10, 60, 60)), ALL, {}, "fewer than two to score after a warm_up of 13"),
+        (np.ones((10, 60, 60)), ALL, {}, "fewer than two to score after a warm_up of 20"),
         (np.zeros((20, 60, 60)), ALL, {}, "black"),
         (np.ones((20, 60, 60)), [], {}, "at least one"),
         (np.ones((20, 60, 60)), [method("IM")] * 2, {}, "a name of its own"),

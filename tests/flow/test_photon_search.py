@@ -74,7 +74,7 @@ def test_bends_between_coarse_fluxes_do_not_move_thresholds(name, velocity):
     fine = SearchSettings(flux_min=2e4, flux_max=3e5, fluxes_per_decade=16, metrics=("literal",))
     errors = []
     for seed in seeds:
-        sequences = ShortSequences(stimulus, fine, seed, "grating", METHODS[name].memory_frames)
+        sequences = ShortSequences(stimulus, fine, seed, "grating", [METHODS[name]])
         comparison = Comparison(sequences, METHODS[name])
         errors.append([comparison.errors(flux).of_sequence("literal") for flux in fine.fluxes])
     truth = first_crossing(np.array(fine.fluxes), np.mean(errors, axis=0), 0.25)
@@ -93,10 +93,15 @@ def test_required_flux_goes_as_contrast_to_the_power_of_minus_two():
 
 
 def test_block_matching_too_goes_as_contrast_to_the_power_of_minus_two():
+    # −2.04 with a standard error of 0.022 for one seed, 0.008 for the mean of eight
     contrasts = np.array([0.2, 0.4, 0.8])
-    found_fluxes = [fluxes(found(grating(each), "BM", dark_counts=0)) for each in contrasts]
-    slope = np.polyfit(np.log(contrasts), np.log(np.array(found_fluxes, float)[:, 0]), 1)[0]
-    assert slope == pytest.approx(-2, abs=0.1)
+    slopes = []
+    for seed in range(8):
+        needed = [
+            fluxes(found(grating(each), "BM", dark_counts=0, seed=seed))[0] for each in contrasts
+        ]
+        slopes.append(np.polyfit(np.log(contrasts), np.log(needed), 1)[0])
+    assert np.mean(slopes) == pytest.approx(-2, abs=0.1)
 
 
 def test_dark_counts_raise_the_required_flux_by_their_square_root():
@@ -158,6 +163,22 @@ def test_interval_holds_the_truth_as_often_as_promised():
     ]
     truth = np.median([each.flux for each in thresholds])
     assert sum(each.low <= truth <= each.high for each in thresholds) >= 80
+
+
+@pytest.mark.parametrize("name", ["BM", "EMD", "NDS"])
+def test_a_detector_that_needs_few_frames_sees_the_first_of_the_others(name):
+    settings = SearchSettings(frames=3)
+    alone, together = (
+        ShortSequences(grating(), settings, 0, "grating", [METHODS[each] for each in names])
+        for names in ((name,), ("BM", "EMD", "NDS"))
+    )
+    few = METHODS[name].noise_memory_frames + 3
+    many = METHODS["EMD"].noise_memory_frames + 3
+    together.counts(1e5, 2, 1, many)
+    np.testing.assert_array_equal(
+        alone.counts(1e5, 2, 1, few), together.counts(1e5, 2, 1, few), strict=False
+    )
+    np.testing.assert_array_equal(alone.clean(1, 0, few), together.clean(1, 0, few))
 
 
 def test_seed_and_name_each_give_other_draws():
@@ -242,13 +263,8 @@ def test_places_of_a_grating_do_not_share_a_phase():
         assert np.ptp(np.append(phases, phases + 1)) > 1
 
 
-def test_more_detectors_than_memory_allows_are_refused():
-    with pytest.raises(ValueError, match="frames 5: EMD needs 8 or more"):
-        found(grating(), "EMD", frames=5)
-
-
 @pytest.mark.parametrize(
-    "changes", [{"phases": 0}, {"frames": 1}, {"summed_frames": 0}, {"sizes": 1}]
+    "changes", [{"phases": 0}, {"frames": 0}, {"summed_frames": 0}, {"sizes": 1}]
 )
 def test_settings_refuse_nonsense(changes):
     with pytest.raises(ValidationError):

@@ -54,7 +54,6 @@ def test_settings_of_the_command_line_win(tmp_path):
         ("trial: {methods: [XY]}", "method 'XY' is unknown"),
         ("{trial: {size: 15}}", "trial: size 15 is too small for BM: frames of 15"),
         ("{vary: size, values: [15, 60]}", "size 15 is too small for BM: frames of 15"),
-        ("{trial: {search: {frames: 2}}}", "trial: search.frames 2: EMD needs 8 or more"),
         ("{trial: {search: {dark_counts: 1.0e+30}}}", "dark_counts: input should be less than"),
         ("{vary: methods, values: [BM, IM]}", "vary: methods is the same for a whole figure"),
         ("{vary: search.metrics, values: [ratio]}", "vary: search.metrics is the same for a"),
