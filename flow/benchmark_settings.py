@@ -37,7 +37,7 @@ class CurveSettings(
     metrics: Annotated[tuple[Metric, ...], Field(min_length=1)] = METRICS
     """Error metrics: "literal" is Eq. 4.5, "ratio" does not divide by near-zero responses"""
 
-    bits: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(min_length=1)] = (2, 3, 4)
+    bits: Annotated[tuple[Annotated[int, Field(ge=1, le=16)], ...], Field(min_length=1)] = (2, 3, 4)
     """Accuracies whose flux is wanted, n bits being an error of 2⁻ⁿ"""
 
     confidence: Annotated[float, Field(gt=0, lt=1)] = 0.95
@@ -102,7 +102,7 @@ class SearchSettings(CurveSettings, frozen=True):
     fluxes_per_decade: Annotated[int, Field(ge=1)] = 8
     """Number of fluxes per factor of ten; those are measured that the thresholds need"""
 
-    phases: Annotated[int, Field(ge=1)] = 4
+    phases: Annotated[int, Field(ge=1, le=251)] = 4
     """Places around the template at which short sequences start; errors are means over them"""
 
     frames: Annotated[int, Field(ge=1)] = 6
@@ -114,8 +114,9 @@ class SearchSettings(CurveSettings, frozen=True):
 
 def each_once(values: tuple[Any, ...]) -> tuple[Any, ...]:
     """Return values of which none comes twice, or refuse them."""
-    if len(set(values)) < len(values):
-        raise ValueError(f"{values} names something twice: name each once")
+    twice = [value for value in values if values.count(value) > 1]
+    if twice:
+        raise ValueError(f"{twice[0]} is named twice: name each once")
     return values
 
 

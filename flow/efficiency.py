@@ -92,12 +92,13 @@ def photons_for_half(
     The crossing is bracketed by bisection, so few of the fluxes are tried. Between them the share
     of good blocks, which also grows smoothly where a method answers in whole pixels and its median
     error falls in steps, is interpolated linearly over log flux: about its half a share is
-    straight. The interval is that of a bootstrap over blocks, the same at all fluxes tried.
+    straight. The interval is that of a bootstrap over groups, the same at all fluxes tried.
 
     Parameters
     ----------
     is_good
-        Flux to one truth value per block; the same blocks at each flux.
+        Flux to one truth value per block, (groups, ...); the same blocks at each flux. Groups are
+        independent of each other, the blocks of one need not be.
     fluxes
         Growing; two or more.
     rng
@@ -109,10 +110,11 @@ def photons_for_half(
         Infinite when no more than half are good at the largest flux; 0 when more than half are at
         the smallest.
     """
-    tried: dict[int, NDArray[np.bool_]] = {}
+    tried: dict[int, FloatArray] = {}
 
     def more_than_half(index: int) -> bool:
-        tried[index] = is_good(fluxes[index]).ravel()
+        good = is_good(fluxes[index])
+        tried[index] = good.reshape(len(good), -1).mean(axis=1)
         return bool(tried[index].mean() > 0.5)
 
     low, high = 0, len(fluxes) - 1
@@ -122,12 +124,17 @@ def photons_for_half(
             low, high = (low, middle) if more_than_half(middle) else (middle, high)
     if low not in tried:
         more_than_half(low)
-    at = np.array([fluxes[index] for index in sorted(tried)])
-    good = np.array([tried[index] for index in sorted(tried)], np.float32)
-    blocks = good.shape[1]
-    drawn = rng.multinomial(blocks, np.full(blocks, 1 / blocks), _REPLICATES)
-    ends = np.quantile(_half(at, drawn @ good.T / blocks), (0.025, 0.975), method="inverted_cdf")
-    return Needed(float(_half(at, good.mean(axis=1))), *map(float, ends))
+    groups = len(tried[low])
+    drawn = rng.multinomial(groups, np.full(groups, 1 / groups), _REPLICATES)
+    while True:
+        at = np.array([fluxes[index] for index in sorted(tried)])
+        good = np.array([tried[index] for index in sorted(tried)])
+        replicates = _half(at, drawn @ good.T / groups)
+        ends = np.quantile(replicates, (0.025, 0.975), method="inverted_cdf")
+        lowest = min(tried)
+        if ends[0] > 0 or lowest == 0:
+            return Needed(float(_half(at, good.mean(axis=1))), *map(float, ends))
+        more_than_half(lowest - 1)  # the interval reaches below the fluxes tried
 
 
 def _half(fluxes: FloatArray, shares: FloatArray) -> FloatArray:

@@ -14,6 +14,10 @@ from megalopta.flow.detector import FloatArray, Frames
 from megalopta.flow.resize import ResizeKind, resize, resized_shape
 
 
+class BlackFrameError(ValueError):
+    """A frame without light cannot be scaled to a flux."""
+
+
 @dataclass(frozen=True)
 class MovingTemplate:
     """What a turning camera sees, frame by frame."""
@@ -64,7 +68,7 @@ class MovingTemplate:
 
         Raises
         ------
-        ValueError
+        BlackFrameError
             When a frame is black.
         """
         rows, columns = self.template.shape
@@ -75,7 +79,10 @@ class MovingTemplate:
             frame[:] = resize(window, (self.size, self.size), self.resize)
         sums = frames.sum(axis=(1, 2), keepdims=True)
         if not sums.min() > 0:
-            raise ValueError("a frame of the template is black: nothing can be scaled to a flux")
+            raise BlackFrameError(
+                f"a frame of the template, {rows} columns of it, is black and cannot be scaled to"
+                " a flux; give a picture with light everywhere around"
+            )
         frames /= sums
         return frames
 

@@ -3,7 +3,8 @@
 n-bit accuracy is an error of 2⁻ⁿ. The threshold is the first downward crossing of the measured
 curve, interpolated linearly in log error over log flux.
 
-The interval answers: what would another draw of photons have given? The errors at the fluxes of
+The interval holds, in 95 % of draws, what the mean of infinitely many draws of the same frames
+would give (another single draw lies outside more often). The errors at the fluxes of
 the curve are disturbed, each independently of the others as the photons were drawn independently,
 by their relative standard error times Student's t of its degrees of freedom, and the crossing is
 taken again, 2000 times; the interval holds the central part. It contains neither the variation

@@ -7,13 +7,19 @@ local answer r_i over the rate, and what is left is its noise:
 
     r_i = f_i·ω + noise     f_i = Σ_t r_i·ω / Σ_t ω²     σ_i² = mean of (r_i − f_i·ω)²
 
-The matched filter weighs each answer by its slope over its variance, so that the sum has no bias
-and, for noise that is independent between places, the smallest variance:
+The matched filter weighs each answer by its slope over its variance. Slopes are noisy, and the
+square of a noisy slope is too large: it is taken as the product of the slopes f_a and f_b of the
+first and the second half of the sequence, so that the sum is not drawn to zero,
 
-    ω̂ = Σ_i w_i·r_i / Σ_i w_i·f_i      w_i = f_i/σ_i²      var(ω̂) = 1 / Σ_i f_i²/σ_i²
+    ω̂ = Σ_i w_i·r_i / Σ_i q_i      w_i = (f_a + f_b)/2σ_i²      q_i = f_a·f_b/σ_i²
+
+    var(ω̂) = Σ_i w_i²·σ_i² / (Σ_i q_i)²
+
+for noise that is independent between places and times; with many frames to learn from it is the
+least possible, 1/Σ f_i²/σ_i².
 
 Sums run over the answers that are defined at the time. Units: ω̂ has those of the rates that were
-given (deg/s, say), f those of the answers per unit of rate (px per frame per deg/s), and w_i/Σ w·f
+given (deg/s, say), f those of the answers per unit of rate (px per frame per deg/s), and w_i/Σ q
 turns an answer into a rate. For velocities f follows from optics and frame rate alone; correlation
 detectors depend on contrast and spatial frequencies too, so what they learned in one scene holds
 for scenes like it. There is no constant term: standstill should be answered with 0. Where that is
@@ -23,6 +29,7 @@ in doubt learn from rates of both signs; at a single rate a constant answer pass
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from megalopta.flow.detector import FloatArray
 
@@ -39,7 +46,13 @@ class WideField:
     """f: local answers per unit of rate, of the shape of one frame's answers"""
 
     weights: FloatArray
-    """w = f/σ²; 0 where an answer was undefined throughout"""
+    """w; 0 where an answer was undefined throughout a half"""
+
+    squared_snr: FloatArray
+    """q: squared signal-to-noise ratio of an answer at a rate of 1"""
+
+    standard_error: float
+    """Standard deviation of a rate (unit of the rates), if the noise stays that of the fit"""
 
     def rates(self, answers: FloatArray) -> FloatArray:
         """Return the rotation rate at each time, (T,); NaN when no answer is defined.
@@ -61,14 +74,9 @@ class WideField:
             )
         flat, weights = answers.reshape(len(answers), -1), self.weights.ravel()
         sums = np.where(np.isfinite(flat), flat, 0) @ weights
-        normalizations = np.isfinite(flat) @ (weights * self.slopes.ravel())
+        normalizations = np.isfinite(flat) @ self.squared_snr.ravel()
         with np.errstate(invalid="ignore"):  # 0/0 where none is defined
             return np.asarray(sums / normalizations)
-
-    @property
-    def standard_error(self) -> float:
-        """Standard deviation of a rate (unit of the rates), if the noise stays that of the fit."""
-        return float(1 / np.sqrt(np.sum(self.weights * self.slopes)))
 
 
 def fit_wide_field(answers: FloatArray, rates: FloatArray) -> WideField:
@@ -85,23 +93,51 @@ def fit_wide_field(answers: FloatArray, rates: FloatArray) -> WideField:
     Raises
     ------
     ValueError
-        When the two differ in length, the rates are all 0, or no answer depends on them.
+        When the two differ in length, the rates are all 0 in one half, or no answer depends on
+        them beyond its noise.
     """
     if rates.shape != answers.shape[:1]:
         raise ValueError(f"rates of shape {rates.shape} for {len(answers)} answers: give one each")
-    omega = rates.reshape(-1, *[1] * (answers.ndim - 1))
-    known = np.isfinite(answers)
-    power = np.sum(omega**2 * known, axis=0)
-    if not np.any(power > 0):
-        raise ValueError("no answer is defined while the camera turns: give rates other than 0")
-    filled = np.where(known, answers, 0)
-    slopes = np.divide(
-        np.sum(filled * omega, axis=0), power, out=np.zeros_like(power), where=power > 0
+    halves = [slice(None, len(rates) // 2), slice(len(rates) // 2, None)]
+    (first, known_first), (second, known_second) = (
+        _slopes(answers[half], rates[half]) for half in halves
     )
-    squares = np.sum(np.where(known, answers - slopes * omega, 0) ** 2, axis=0)
-    variances = squares / np.maximum(known.sum(axis=0), 1)
-    typical = float(np.median(variances[power > 0]) or variances.mean()) or 1.0
-    noise = _SHARED * typical + (1 - _SHARED) * variances
-    if not np.any(slopes):
-        raise ValueError("no answer depends on the rate: take another detector")
-    return WideField(slopes, slopes / noise)
+    slopes, _ = _slopes(answers, rates)
+    known = known_first & known_second
+    if not known.any():
+        raise ValueError(
+            "no answer is defined while the camera turns, in both halves of the sequence: give"
+            " rates other than 0"
+        )
+    noise = _noise(answers, slopes, rates, known)
+    weights = np.where(known, (first + second) / 2, 0) / noise
+    squared_snr = np.where(known, first * second, 0) / noise
+    total = float(squared_snr.sum())
+    if total <= 0:
+        raise ValueError(
+            "no answer depends on the rate, beyond its noise: take another detector, or learn from"
+            " more frames"
+        )
+    error = float(np.sqrt(np.sum(weights**2 * noise))) / total
+    return WideField(slopes, weights, squared_snr, error)
+
+
+def _slopes(answers: FloatArray, rates: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return the slope of each answer over the rate, 0 where it is unknown, and where it is not."""
+    omega = rates.reshape(-1, *[1] * (answers.ndim - 1))
+    defined = np.isfinite(answers)
+    power = np.sum(omega**2 * defined, axis=0)
+    sums = np.sum(np.where(defined, answers, 0) * omega, axis=0)
+    return np.divide(sums, power, out=np.zeros_like(power), where=power > 0), power > 0
+
+
+def _noise(
+    answers: FloatArray, slopes: FloatArray, rates: FloatArray, known: NDArray[np.bool_]
+) -> FloatArray:
+    """Return the variance of each answer about its slope, drawn to that of the median place."""
+    omega = rates.reshape(-1, *[1] * (answers.ndim - 1))
+    defined = np.isfinite(answers)
+    squares = np.sum(np.where(defined, answers - slopes * omega, 0) ** 2, axis=0)
+    variances = squares / np.maximum(defined.sum(axis=0), 1)
+    typical = float(np.median(variances[known]) or variances.mean()) or 1.0
+    return np.asarray(_SHARED * typical + (1 - _SHARED) * variances)

@@ -17,7 +17,7 @@ VELOCITIES = tuple(range(1, 11))
 DARK_COUNTS = (0.1, 1.0, 10.0, 100.0, 1000.0)
 """Per pixel of the template"""
 
-_FIXED = Trial(search=SearchSettings(bits=(2,), frames=4))
+_FIXED = Trial(search=SearchSettings(bits=(2,), phases=3, frames=4))
 _FOREST = tuple(PanoramaTemplate(kind="panorama", name=name) for name in NATURAL_PANORAMAS)
 _NATURAL = _FIXED.model_copy(update={"template": _FOREST[0]})
 

@@ -5,6 +5,7 @@ that the mistake is ours.
 """
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -46,11 +47,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(f"megalopta: {error}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
+        redo = ", without --redo," if "--redo" in sys.argv else ""
         say(
-            "megalopta: interrupted; every file is whole, and the same command, without --redo, "
-            "goes on from there"
+            f"megalopta: interrupted; every file is whole, and the same command{redo} goes on from"
+            " there"
         )
-        sys.exit(130)
+        sys.stdout.flush()
+        os._exit(130)  # threads that still compute are not waited for
 
 
 def _run(arguments: Sequence[str]) -> None:

@@ -17,7 +17,9 @@ from pathlib import Path
 
 from megalopta import files, flow, trial
 from megalopta.errors import UserError
+from megalopta.files import made_folder
 from megalopta.flow.error_curve import ErrorCurve
+from megalopta.flow.stimulus import BlackFrameError
 from megalopta.progress import progress
 from megalopta.sensor import poisson, randomness
 from megalopta.trial import Array, Template, Trial, measure, template_names
@@ -54,6 +56,7 @@ def run_trials(
     UserError
         When a template cannot be measured, such as one with a black frame.
     """
+    made_folder(store)
     results: dict[Trial, Curves] = {}
     running: dict[Future[Curves], tuple[Trial, Path]] = {}
     hashes = {template: _hash(pixels.tobytes()) for template, pixels in templates.items()}
@@ -74,7 +77,7 @@ def run_trials(
             each, path = running[future]
             try:
                 results[each] = future.result()
-            except ValueError as problem:
+            except BlackFrameError as problem:
                 raise UserError(f"{template_names([each.template])[0]}: {problem}") from None
             _write(path, each, results[each])
             on_progress(_work(each))
@@ -102,8 +105,12 @@ def run(
     if not trials:
         return {}
     threads = ThreadPoolExecutor(workers or os.cpu_count())
-    with threads, progress("Searching photon thresholds", work_units(trials), "kpixel") as advance:
-        return run_trials(trials, templates, store, threads, advance)
+    try:
+        with progress("Searching photon thresholds", work_units(trials), "kpixel") as advance:
+            return run_trials(trials, templates, store, threads, advance)
+    finally:
+        # who interrupts does not wait for trials that are half done
+        threads.shutdown(wait=False, cancel_futures=True)
 
 
 def work_units(trials: Iterable[Trial]) -> int:

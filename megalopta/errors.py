@@ -8,6 +8,14 @@ from typing import Annotated, Any, Union, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 
 Location = tuple[int | str, ...]
+_PLAIN_TYPES = ("bool", "int", "float", "str")
+"""What pydantic adds to the place of an error where one of these would do."""
+_EXPECTED = {
+    "tuple_type": "give a list",
+    "model_type": "give a mapping of keys to values",
+    "model_attributes_type": "give a mapping of keys to values",
+    "dict_type": "give a mapping of keys to values",
+}
 
 
 class UserError(Exception):
@@ -17,7 +25,10 @@ class UserError(Exception):
 def one_sentence(error: ValidationError, model: type[BaseModel]) -> str:
     """The first problem of a failed validation of `model`: field, value and remedy."""
     problem = error.errors(include_url=False)[0]
-    place = ".".join(map(str, _typed_path(model, problem["loc"])))
+    steps = _typed_path(model, problem["loc"])
+    if steps and steps[-1] in _PLAIN_TYPES:
+        steps.pop()
+    place = ".".join(map(str, steps))
     message = problem["msg"].removeprefix("Value error, ")
     if problem["type"] == "extra_forbidden":
         known = _fields_at(model, problem["loc"][:-1])
@@ -33,6 +44,8 @@ def one_sentence(error: ValidationError, model: type[BaseModel]) -> str:
         return f"{place}: kind {context['tag']!r} is unknown; use {context['expected_tags']}"
     if problem["type"] == "too_short":
         return f"{place}: empty; give at least one"
+    if problem["type"] in _EXPECTED:
+        return f"{place}: {_EXPECTED[problem['type']]}, got {problem['input']!r}"
     if problem["type"] == "value_error":
         return f"{place}: {message}" if place else message
     return f"{place}: {message[0].lower()}{message[1:]}, got {problem['input']!r}"

@@ -28,7 +28,7 @@ PRINTED: Mapping[str, tuple[float, float]] = {
 
 NOTE = (
     "Least N_2b of all experiments on 60 × 60 px. Synthetic: spatial frequency and velocity are "
-    "varied; the interval is that of another draw of photons in the one experiment named. It does "
+    "varied; the interval is that of the photons drawn in the one experiment named. It does "
     "not hold for the least of many: by chance that is smaller than the least true value. Natural: "
     "velocity, without and with motion blur; mean of the forests, with the least and the most. "
     "Photo: the forests in the gray values of a photograph (sRGB), as the dissertation's were. "

@@ -15,12 +15,8 @@ from megalopta.flow.error import Metric
 from megalopta.flow.threshold import Threshold, format_flux
 from megalopta.plot_style import method_style
 from megalopta.sweep import Sweep, Value
-from megalopta.trial import Trial
+from megalopta.trial import GratingTemplate, Template, Trial
 
-CAPTION = (
-    "Flux at which the error falls below the level of so many bits, with its interval; over"
-    " several templates the mean, with the least and the most."
-)
 COLUMNS = (
     "size_px",
     "value",
@@ -42,6 +38,7 @@ _LABELS = {
     "size": "Pooling N (px)",
 }
 _LOGARITHMIC = ("search.dark_counts",)
+_MOST_TICKS = 12
 
 
 class Needed(NamedTuple):
@@ -93,8 +90,21 @@ def sweep_curve(
     return [(value, needed(thresholds)) for value, thresholds in at_value.items()]
 
 
-def sweep_figure(name: str, sweep: Sweep, results: Results, caption: str) -> Figure:
-    """Return N_2b, in the first metric, over the varied parameter; a panel for each size."""
+def sweep_figure(name: str, sweep: Sweep, results: Results, caption: str | None = None) -> Figure:
+    """Return N_2b, in the first metric, over the varied parameter; a panel for each size.
+
+    Parameters
+    ----------
+    name : str
+        Of the files.
+    sweep
+    results
+        Of its trials.
+    caption : str, optional
+        By default it tells the fixed parameters. What has no point is told in any case.
+    """
+    if caption is None:
+        caption = _caption(sweep)
     sizes = (sweep.trial.size,) if sweep.vary == "size" else sweep.sizes or (sweep.trial.size,)
     rows = math.ceil(len(sizes) / 2)
 
@@ -114,7 +124,7 @@ def sweep_figure(name: str, sweep: Sweep, results: Results, caption: str) -> Fig
     return Figure(
         name=name,
         title=sweep.title,
-        caption=caption,
+        caption=f"{caption} {_missing(sweep, results)}".strip(),
         draw=draw,
         columns=COLUMNS,
         rows=tuple(_rows(sweep, results)),
@@ -123,11 +133,74 @@ def sweep_figure(name: str, sweep: Sweep, results: Results, caption: str) -> Fig
     )
 
 
+def _caption(sweep: Sweep) -> str:
+    """Say what is drawn, and the parameters that do not vary."""
+    search = sweep.trial.search
+    level = f"{100 * 2.0 ** -search.bits[0]:g} %"
+    metric = {"literal": "Eq. 4.5", "ratio": "quotient of means"}[search.metrics[0]]
+    bars = (
+        "mean over the templates, bars: least and most"
+        if len(sweep.templates) > 1
+        else f"with {search.confidence:.0%} intervals"
+    )
+    trial = sweep.trial
+    fixed = {
+        "template": " and ".join(map(_described, sweep.templates or (trial.template,))),
+        "velocity_px": f"{trial.velocity_px} px per frame",
+        "search.dark_counts": f"{search.dark_counts:g} dark counts per pixel",
+        "search.summed_frames": f"{search.summed_frames} frames summed"
+        if search.summed_frames > 1
+        else "",
+        "blurred": "motion blur" if trial.blurred else "",
+    }
+    told = [text for path, text in fixed.items() if text and not sweep.vary.startswith(path)]
+    return (
+        f"Flux at which the error ({metric}) falls to {level}, {bars}. Fixed: {', '.join(told)}."
+        " Other bits and metrics, if asked for, are in the table of numbers."
+    )
+
+
+def _described(template: Template) -> str:
+    if isinstance(template, GratingTemplate):
+        return (
+            f"grating ({template.variant}) of {template.cycles_per_frame:g} cycles per frame and"
+            f" {template.contrast:.0%} contrast"
+        )
+    return f"panorama {template.name}" + (", gray values" if template.coding == "srgb" else "")
+
+
+def _missing(sweep: Sweep, results: Results) -> str:
+    """Say which points are missing and why: of any template, in what is drawn."""
+    search = sweep.trial.search
+    reasons = {
+        "undefined": "undefined",
+        "above": f"more than {search.flux_max:g} photons",
+        "below": f"less than {search.flux_min:g} photons",
+    }
+    found: dict[tuple[str, str], dict[str, None]] = {}
+    for point in sweep.points():
+        for method in sweep.trial.methods:
+            threshold = threshold_of(
+                results, point.trial, method, search.metrics[0], search.bits[0]
+            )
+            if threshold.flux is None:
+                at = f"{point.value:g}" if isinstance(point.value, float) else str(point.value)
+                where = f"{at} (N = {point.size})" if len(sweep.sizes) > 1 else at
+                found.setdefault((method, reasons[threshold.kind]), {})[where] = None
+    parts = [f"{method} at {', '.join(at)}: {why}" for (method, why), at in found.items()]
+    if not parts:
+        return ""
+    of_one = " in one template or more" if len(sweep.templates) > 1 else ""
+    return f"No point{of_one}: {'; '.join(parts)}."
+
+
 def _draw_panel(axes: Axes, sweep: Sweep, results: Results, size: int) -> None:
     metric = sweep.trial.search.metrics[0]
     names = sweep.trial.methods
     for method in names:
         curve = sweep_curve(sweep, results, size, method, metric, sweep.trial.search.bits[0])
+        if not _is_text(sweep):
+            curve.sort(key=lambda point: float(point[0]))
         x = np.arange(len(curve)) if _is_text(sweep) else np.array([value for value, _ in curve])
         search = sweep.trial.search  # an open interval reaches to the end of the curve
         flux = np.array([each.flux for _, each in curve])
@@ -147,19 +220,29 @@ def _draw_panel(axes: Axes, sweep: Sweep, results: Results, size: int) -> None:
     axes.label_outer()
     axes.set_yscale("log")
     axes.yaxis.set_major_locator(LogLocator(numticks=8))
-    axes.yaxis.set_minor_formatter(NullFormatter())
     axes.yaxis.set_major_formatter(EngFormatter(sep=""))
+    bottom, top = axes.get_ylim()
+    if top < 30 * bottom:  # a label per decade alone would not tell a number
+        steps = (2.0, 5.0) if top > 4 * bottom else (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0)
+        axes.yaxis.set_minor_locator(LogLocator(subs=steps))
+        axes.yaxis.set_minor_formatter(EngFormatter(sep=""))
+    else:
+        axes.yaxis.set_minor_formatter(NullFormatter())
     if sweep.vary in _LOGARITHMIC:
-        axes.set_xscale("log")
+        numbers = [float(value) for value in sweep.values]
+        linear_to = min((each for each in numbers if each > 0), default=1.0)
+        axes.set_xscale("symlog", linthresh=linear_to) if min(numbers) <= 0 else axes.set_xscale(
+            "log"
+        )
         axes.xaxis.set_major_formatter("{x:g}")
     elif _is_text(sweep):
         axes.set_xticks(range(len(sweep.values)), [str(value) for value in sweep.values])
-    elif all(isinstance(value, int) for value in sweep.values):
+    elif all(isinstance(value, int) for value in sweep.values) and len(sweep.values) <= _MOST_TICKS:
         axes.set_xticks([float(value) for value in sweep.values])
 
 
 def _is_text(sweep: Sweep) -> bool:
-    return any(isinstance(value, str) for value in sweep.values)
+    return any(isinstance(point.value, (str, bool)) for point in sweep.points())
 
 
 def _rows(sweep: Sweep, results: Results) -> Iterator[tuple[Cell, ...]]:

@@ -29,12 +29,16 @@ def made_folder(path: Path) -> Path:
     Raises
     ------
     UserError
-        When there is a file of this name on the way.
+        When there is a file of this name on the way, or the folder cannot be made.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError):
         raise UserError(f"{path}: a file is in the way; give the path of a folder") from None
+    except OSError as problem:
+        raise UserError(
+            f"{path}: no folder can be made there ({problem.strerror}); give another"
+        ) from None
     return path
 
 

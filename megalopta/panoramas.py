@@ -91,7 +91,7 @@ def template_from_file(path: Path) -> NDArray[np.float64]:
     if not NARROWEST * rows <= columns <= WIDEST * rows:
         raise UserError(
             f"{path} has {columns} × {rows} pixels; a panorama around the full circle is "
-            f"{NARROWEST:g} to {WIDEST:g} times as wide as it is high"
+            f"{NARROWEST:g} to {WIDEST:g} times as wide as it is high: crop or stitch it"
         )
     if rows < ROWS:
         raise UserError(f"{path} has {rows} rows; give a panorama of {ROWS} rows or more")

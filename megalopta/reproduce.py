@@ -27,7 +27,7 @@ from megalopta.figures_chapter4 import CHAPTER_4
 from megalopta.figures_chapter4_scenes import CHAPTER_4_SCENES, figure_4_3
 from megalopta.figures_detection import DETECTION
 from megalopta.figures_leaderboard import LIMIT
-from megalopta.figures_sweep import CAPTION, sweep_figure
+from megalopta.figures_sweep import sweep_figure
 from megalopta.files import made_folder, whole_file, write_json
 from megalopta.plot_style import house_style, new_canvas
 from megalopta.sweep import Sweep
@@ -125,7 +125,7 @@ def reproduce_sweep(
     made_folder(out)
     templates = pixels_of((trial.template for trial in sweep.trials), cache)
     results = run(sweep.trials, templates, out / "trials", workers)
-    return write_figure(sweep_figure(name, sweep, results, CAPTION), out)
+    return write_figure(sweep_figure(name, sweep, results), out)
 
 
 def write_figure(figure: Figure, out: Path) -> list[Path]:

@@ -1,17 +1,26 @@
 """A sweep of the flow benchmark as data: fixed parameters, and one that is varied."""
 
+import operator
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, Self
 
-from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from megalopta.errors import UserError, one_sentence
 from megalopta.flow.benchmark_settings import each_once
-from megalopta.trial import Template, Trial, template_names
+from megalopta.trial import Template, Trial, path_from_its_file, template_names
 from megalopta.yaml_model import mapping, put, read_text, validated
 
-Value = int | float | str
+Value = int | float | bool | str
 _SHARED = ("methods", "search.metrics", "search.bits")
 
 
@@ -49,6 +58,15 @@ class Sweep(
     templates: tuple[Template, ...] = ()
     """Templates that thresholds are averaged over; by default that of the trial"""
 
+    @field_validator("values")
+    @classmethod
+    def _paths_from_their_file(
+        cls, values: tuple[Value, ...], validation: ValidationInfo
+    ) -> tuple[Value, ...]:
+        if validation.data.get("vary") != "template.name":
+            return values
+        return tuple(path_from_its_file(str(value), validation) for value in values)
+
     @field_validator("values", "sizes", "templates")
     @classmethod
     def _each_once(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -71,22 +89,28 @@ class Sweep(
             raise ValueError(str(error).replace("--", "vary: ", 1)) from None
         if len(set(trials)) < len(trials):
             raise ValueError(
-                f"templates: two differ in nothing but {self.vary}, which is varied; give one"
+                f"two trials are the same: {self.vary} is varied, so values and templates must"
+                " differ in it; give each once"
             )
         return self
 
     def points(self) -> Iterator[Point]:
         """Yield the trials: sizes, in them values, in them templates."""
         fixed = self.trial.model_dump(mode="json")
-        templates = self.templates or (self.trial.template,)
-        names = template_names(templates)
-        for size in self.sizes or (self.trial.size,):
-            for value in self.values:
-                for name, template in zip(names, templates, strict=True):
-                    fields = {**fixed, "size": size, "template": template.model_dump(mode="json")}
-                    put(fields, self.vary, value)
-                    trial = Trial.model_validate(fields)
-                    yield Point(trial.size, value, name, trial)
+        found: list[tuple[Value, Trial]] = []
+        for size, value, template in product(
+            self.sizes or (self.trial.size,), self.values, self.templates or (self.trial.template,)
+        ):
+            fields = {**fixed, "size": size, "template": template.model_dump(mode="json")}
+            put(fields, self.vary, value)
+            trial = Trial.model_validate(fields)
+            # YAML takes 1e-1 for text
+            number = operator.attrgetter(self.vary)(trial) if isinstance(value, str) else value
+            found.append((number, trial))
+        templates = list(dict.fromkeys(trial.template for _, trial in found))
+        names = dict(zip(templates, template_names(templates), strict=True))
+        for value, trial in found:
+            yield Point(trial.size, value, names[trial.template], trial)
 
     @property
     def trials(self) -> list[Trial]:

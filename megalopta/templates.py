@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from megalopta.errors import UserError
 from megalopta.natural_panorama import NATURAL_PANORAMAS
 from megalopta.panoramas import natural_templates, template_from_file
 from megalopta.scenes.color import encode_srgb
@@ -37,7 +38,13 @@ def _pixels(template: Template, natural: dict[str, Array]) -> Array:
         return template.pixels()
     light = natural.get(template.name)
     if light is None:
-        light = template_from_file(Path(template.name))
+        path = Path(template.name)
+        if not (path.suffix or path.exists()):
+            raise UserError(
+                f"template.name: no forest {template.name!r}; there are"
+                f" {', '.join(NATURAL_PANORAMAS)}, or give the path of a panorama"
+            )
+        light = template_from_file(path)
     return light if template.coding == "linear" else _photographed(light)
 
 

@@ -38,7 +38,7 @@ class GratingTemplate(_Record, frozen=True):
     """The 2-D sine grating of the thesis (§4.2.1), 251 × 251."""
 
     kind: Literal["grating"] = "grating"
-    """Which template this is"""
+    """Which template this is: grating, or panorama, which has the keys name and coding"""
 
     cycles_per_frame: Annotated[float, Field(gt=0)] = 5.0
     """Spatial frequency f (cycles per frame)"""
@@ -68,12 +68,13 @@ class GratingTemplate(_Record, frozen=True):
 class PanoramaTemplate(_Record, frozen=True):
     """A full turn of natural surroundings, 251 × m."""
 
-    kind: Literal["panorama"]
+    kind: Literal["panorama"] = "panorama"
     """Which template this is"""
 
     name: Annotated[str, Field(min_length=1)]
-    """One of the forests rendered by this project, or the path of an equirectangular picture.
-    Paths are relative to the file that they stand in; on the command line, to the working folder"""
+    """One of the forests rendered by this project, open, dense, understorey and clearing, or the
+    path of an equirectangular picture (EXR, HDR, PNG or JPEG). Paths are relative to the file that
+    they stand in; on the command line, to the working folder"""
 
     coding: Literal["linear", "srgb"] = "linear"
     """linear: light. srgb: gray values of a photograph of it, with the brightest hundredth white"""
@@ -81,9 +82,14 @@ class PanoramaTemplate(_Record, frozen=True):
     @field_validator("name")
     @classmethod
     def _path_from_its_file(cls, name: str, validation: ValidationInfo) -> str:
-        if not Path(name).suffix:  # a forest
-            return name
-        return str((validation.context or {}).get("folder", Path()) / name)
+        return path_from_its_file(name, validation)
+
+
+def path_from_its_file(name: str, validation: ValidationInfo) -> str:
+    """Return a path relative to the file that is being read; a forest's name as it is."""
+    if not Path(name).suffix:
+        return name
+    return str((validation.context or {}).get("folder", Path()) / name)
 
 
 Template = Annotated[GratingTemplate | PanoramaTemplate, Field(discriminator="kind")]
@@ -101,6 +107,8 @@ def template_names(templates: Sequence[Template]) -> list[str]:
         " ".join(["grating", *(f"{field}={getattr(each, field)}" for field in differing)])
         if isinstance(each, GratingTemplate)
         else each.name
+        if each.coding == "linear"
+        else f"{each.name} {each.coding}"
         for each in templates
     ]
 
@@ -124,7 +132,7 @@ class Trial(_Record, frozen=True):
     """Whether frames are smeared by the motion within a frame"""
 
     methods: Annotated[tuple[str, ...], Field(min_length=1)] = THESIS_METHODS
-    """Names of the detectors"""
+    """Names of the detectors: BM, IIA, EMD, NDM, NDS, IM, LK, FB, DIS, TV-L1, PC, PM, PPM"""
 
     search: SearchSettings = SearchSettings()
     """What is measured, and how closely"""

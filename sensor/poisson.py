@@ -4,7 +4,8 @@ A Poisson count is the sum of independent ones whose means add up. The mean is c
 4096, of 64 and of 1/8, and a rest. The multiples have tables: inversion of the distribution
 function from a guide into it, Chen and Asau, AIIE Transactions 6, 163 (1974). The rest is the
 number of arrivals of a process of rate one that runs on from draw to draw, so it costs a
-subtraction as long as nothing arrives. From 65 536 on it is NumPy's transformed rejection.
+subtraction as long as nothing arrives. From 65 536 on it is NumPy's transformed rejection, and from
+10¹² on, where that loses digits, the normal law, whose skewness is wrong by 10⁻⁶.
 """
 
 import math
@@ -19,6 +20,8 @@ from scipy.special import pdtr
 _STEPS = (4096.0, 64.0, 1 / 8)
 """Powers of two: sums are exact. The finer the last, the rarer an arrival, the larger its table."""
 _LARGEST_MEAN = 65_536.0
+"""Of the tables"""
+_NORMAL_MEAN = 1e12
 _TAIL = 9.0
 """Standard deviations of a table on each side, and counts beyond them; what is farther out is less
 likely than the rounding of a uniform number."""
@@ -42,7 +45,7 @@ class _Table(NamedTuple):
 
 
 def draw_poisson(rng: np.random.Generator, means: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Draw one count for each of the means, (N,)."""
+    """Draw one count for each of the means, (N,), which are finite and not negative: unchecked."""
     return np.asarray(_draw(rng, means, *_tables()))
 
 
@@ -77,6 +80,9 @@ def _draw(
     counts = np.empty(means.size, np.int64)
     to_next_arrival = rng.standard_exponential()
     for index in range(means.size):
+        if means[index] >= _NORMAL_MEAN:
+            counts[index] = round(means[index] + np.sqrt(means[index]) * rng.standard_normal())
+            continue
         if means[index] >= _LARGEST_MEAN:
             counts[index] = rng.poisson(means[index])
             continue

@@ -84,6 +84,20 @@ def test_interval_is_as_wide_as_the_scatter_between_sets_of_blocks():
     assert np.mean(found[:, 2] - found[:, 1]) == pytest.approx(expected, rel=0.35)
 
 
+def test_interval_is_that_of_groups_whose_blocks_are_alike():
+    # twenty blocks with one need, in each of forty groups: as if there were forty blocks
+    rng = np.random.default_rng(0)
+    widths = {}
+    for copies in (1, 20):
+        found = []
+        for _ in range(60):
+            needs = 5e4 * np.exp(1.5 * rng.standard_normal((40, 1))) * np.ones(copies)
+            found.append(photons_for_half(lambda flux, needs=needs: needs < flux, FLUXES, rng))
+        widths[copies] = np.mean([np.log(each.high / each.low) for each in found])
+    # a width scatters by 20 %: the mean of sixty by 2.6 %, a quotient by 3.7 %
+    assert widths[20] == pytest.approx(widths[1], rel=0.2)
+
+
 def test_shares_on_one_side_of_half_have_no_crossing():
     rng = np.random.default_rng(0)
     for good, flux in ((False, np.inf), (True, 0)):

@@ -1,5 +1,9 @@
 """Trials side by side: the same numbers at any number of workers, and nothing measured twice."""
 
+import signal
+import subprocess
+import sys
+import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -11,6 +15,7 @@ from megalopta import engine
 from megalopta.engine import run_trials, work_units
 from megalopta.errors import UserError
 from megalopta.flow.benchmark_settings import SearchSettings
+from megalopta.flow.methods import METHODS
 from megalopta.sweep import Sweep
 from megalopta.trial import GratingTemplate, PanoramaTemplate, Trial
 
@@ -145,3 +150,40 @@ def test_a_template_that_cannot_be_measured_is_named_in_one_sentence(tmp_path):
             pool,
         )
     assert not tmp_path.is_dir() or not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_every_method_can_be_swept(tmp_path, name):
+    few = SearchSettings(flux_min=1e5, flux_max=1e6, fluxes_per_decade=1, bits=(2,), phases=1)
+    trial = Trial(search=few.model_copy(update={"frames": 1}), methods=(name,))
+    with ThreadPoolExecutor(1) as pool:
+        (curves,) = run_trials([trial], TEMPLATES, tmp_path, pool).values()
+    assert {curve.method for curve in curves} == {name}
+    assert all(len(curve.errors) >= 2 for curve in curves)
+
+
+def test_who_interrupts_does_not_wait_for_trials_that_are_half_done(tmp_path):
+    sweep = tmp_path / "long.yaml"
+    search = "{phases: 250, repeats: 50, metrics: [literal], bits: [2]}"  # minutes
+    sweep.write_text(f"trial: {{methods: [BM], size: 240, search: {search}}}\nvalues: [5]\n")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "megalopta", "sweep", str(sweep), "--out", str(tmp_path / "out")],
+        stderr=subprocess.PIPE,
+        text=True,
+        # a shell that runs tests in the background has its children ignore Ctrl-C
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    while not (tmp_path / "out" / "trials").exists():  # made before the first trial
+        time.sleep(0.05)
+    time.sleep(1)
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=20)
+    assert process.returncode == 130, stderr
+    assert "interrupted; every file is whole, and the same command goes on" in stderr
+    assert not list((tmp_path / "out" / "trials").iterdir())
+
+
+def test_a_store_that_is_a_file_is_refused_before_the_work(tmp_path):
+    (tmp_path / "trials").write_text("")
+    with pytest.raises(UserError, match="trials: a file is in the way"):
+        run(tmp_path / "trials")

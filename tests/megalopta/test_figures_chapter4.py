@@ -4,6 +4,7 @@ import csv
 import json
 import math
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -31,7 +32,8 @@ from megalopta.natural_panorama import NATURAL_PANORAMAS
 from megalopta.panoramas import panorama_file
 from megalopta.plot_style import house_style, new_canvas
 from megalopta.reproduce import GROUPS, reproduce
-from megalopta.trial import PanoramaTemplate, measure
+from megalopta.sweep import Sweep
+from megalopta.trial import PanoramaTemplate, Trial, measure
 
 
 def crossing(flux):
@@ -160,6 +162,35 @@ def test_sweep_is_drawn_in_panels_and_its_numbers_are_those_of_the_trials(name):
     panels = [axes for axes in canvas.axes if axes.axison]
     assert len(panels) == max(len(sweep.sizes), 1)
     assert len(panels[0].containers) == len(sweep.trial.methods)
+
+
+def test_sweep_says_what_is_fixed_and_which_points_are_missing():
+    sweep = Sweep(trial=Trial(methods=("BM", "IM")), values=(1, 5), sizes=(60, 120))
+    found = results(sweep.trials)
+    missing = next(point.trial for point in sweep.points() if (point.size, point.value) == (120, 5))
+    undefined = Threshold("undefined", 0.25, 1e3, 1e12)
+    found[missing] = tuple(
+        replace(curve, thresholds={2: undefined}) if curve.method == "IM" else curve
+        for curve in found[missing]
+    )
+    caption = sweep_figure("sweep", sweep, found).caption
+    assert "the error (Eq. 4.5) falls to 25 %, with 95% intervals" in caption
+    assert "grating (rot) of 5 cycles per frame and 90% contrast" in caption
+    assert caption.endswith("No point: IM at 5 (N = 120): undefined.")
+    assert "px per frame" not in caption
+
+
+@pytest.mark.parametrize(("top", "labels"), [(1.05, True), (8, True), (1000, False)])
+def test_short_axes_have_labels_between_the_decades(top, labels):
+    sweep = Sweep(trial=Trial(methods=("BM",)), values=(4, 5))
+    fluxes = dict(zip(sweep.trials, (1.1e5, 1.1e5 * top), strict=True))
+    found = {trial: curves(lambda name, flux=flux: flux) for trial, flux in fluxes.items()}
+    with house_style():
+        canvas = new_canvas("", "", 4)
+        sweep_figure("sweep", sweep, found, "").draw(canvas)
+        canvas.draw_without_rendering()
+    minor = [label.get_text() for label in canvas.axes[0].get_yticklabels(minor=True)]
+    assert any(minor) == labels
 
 
 def test_error_diverges_with_the_logarithm_of_the_floor_where_responses_pass_zero():

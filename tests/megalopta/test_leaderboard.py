@@ -18,7 +18,7 @@ from megalopta.plot_style import house_style, new_canvas
 
 @pytest.fixture(scope="module")
 def clean():
-    return leaderboard.sequences()[:2]
+    return leaderboard.sequences()[:3]
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +64,7 @@ _SHOWN = ("IIA", "PM")
 
 @pytest.mark.parametrize("name", figures_leaderboard.LIMIT)
 def test_figures_are_drawn_with_their_numbers(name, clean, monkeypatch):
-    monkeypatch.setattr(figures_leaderboard, "sequences", lambda: clean[:1])
+    monkeypatch.setattr(figures_leaderboard, "sequences", lambda: clean)
     monkeypatch.setattr(figures_leaderboard, "OURS", ("PM",))
     monkeypatch.setattr(figures_leaderboard, "EFFICIENCY_FLUXES", (1e6, 1e7))
     monkeypatch.setattr(figures_leaderboard, "DRAWS", 3)

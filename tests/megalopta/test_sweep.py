@@ -47,8 +47,14 @@ def test_settings_of_the_command_line_win(tmp_path):
         ("vary: nothing.at.all", "vary: nothing.at.all: no field 'nothing'"),
         ("values: [0, 1]", "velocity_px 0: nothing moves, so the errors of BM"),
         ("values: [1.5]", "velocity_px: input should be a valid integer"),
-        ("values: [1, 1]", "names something twice"),
+        ("values: [1, 1]", "values: 1 is named twice"),
         ("values: []", "empty; give at least one"),
+        ("values: [.nan]", "values.0: input should be a finite number"),
+        ("values: 3", "values: give a list, got 3"),
+        ("trial: {methods: BM}", "trial.methods: give a list, got 'BM'"),
+        ("trial: {template: dense}", "trial.template: give a mapping of keys to values"),
+        ("trial: {template: {kind: panorama}}", "trial.template.name: missing"),
+        ("trial: {template: {kind: panorama, name: open, contrast: 1}}", "the keys are coding"),
         ("{vary: template.cycles_per_frame, values: [50]}", "use at most 21.21, or a larger size"),
         ("{vary: template.contrast, values: [2]}", "template.contrast: input should be less than"),
         ("trial: {methods: [XY]}", "method 'XY' is unknown"),
@@ -62,7 +68,7 @@ def test_settings_of_the_command_line_win(tmp_path):
         (
             "{vary: template.contrast, values: [0.5],"
             " templates: [{kind: grating}, {kind: grating, contrast: 0.4}]}",
-            "templates: two differ in nothing but template.contrast",
+            "two trials are the same: template.contrast is varied",
         ),
         ("sizes: [600]", "size: input should be less than or equal to 251"),
         ("[]", "a mapping of keys to values"),
@@ -85,6 +91,11 @@ def test_gratings_are_named_by_what_they_differ_in():
     assert template_names(gratings[:1]) == ["grating"]
 
 
+def test_codings_of_a_panorama_have_names_of_their_own():
+    panoramas = [PanoramaTemplate(name="open", coding=coding) for coding in ("linear", "srgb")]
+    assert template_names(panoramas) == ["open", "open srgb"]
+
+
 def test_pictures_are_found_from_the_folder_of_the_sweep(tmp_path):
     (tmp_path / "folder").mkdir()
     trial = "trial: {template: {kind: panorama, name: woods.png}}\n"
@@ -95,6 +106,33 @@ def test_pictures_are_found_from_the_folder_of_the_sweep(tmp_path):
     assert [each.name for each in sweep.templates] == [
         str(tmp_path / "folder" / ".." / "hill.exr"),
         "open",
+    ]
+
+
+def test_pictures_that_are_varied_are_found_from_there_too(tmp_path):
+    (tmp_path / "folder").mkdir()
+    text = """
+trial: {template: {kind: panorama, name: open}}
+vary: template.name
+values: [woods.png, dense]
+"""
+    points = list(load_sweep(written(tmp_path / "folder", text)).points())
+    names = [str(tmp_path / "folder" / "woods.png"), "dense"]
+    assert [point.trial.template.name for point in points] == names
+    assert [point.template for point in points] == names
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("{vary: search.dark_counts, values: [1e-1, 10]}", [0.1, 10]),
+        ("{vary: blurred, values: [true, false]}", [True, False]),
+    ],
+)
+def test_values_are_what_they_mean(tmp_path, text, values):
+    points = load_sweep(written(tmp_path, text)).points()
+    assert [(point.value, type(point.value)) for point in points] == [
+        (value, type(value)) for value in values
     ]
 
 
