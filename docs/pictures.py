@@ -1,6 +1,7 @@
 """Make the README's pictures from a demo dataset: python docs/pictures.py out/demo.
 
-gallery.png comes from `megalopta gallery`, leaderboard.png from `megalopta reproduce leaderboard`.
+gallery.png comes from `megalopta gallery`, leaderboard.png and natural-information.png from
+`megalopta reproduce`.
 """
 
 import json

@@ -5,7 +5,7 @@ from megalopta.configuration import load
 TINY = {
     "camera.width": "48",
     "camera.height": "40",
-    "trajectory.frames": "18",
+    "trajectory.frames": "24",
     "render.samples_per_pixel": "1",
     "render.bands_nm": "[[450, 550], [550, 650]]",
     "benchmark.sizes": "[40]",

@@ -27,7 +27,7 @@ CONFIGURATION = Configuration.model_validate(
         "name": "small_grating",
         "scene": {"kind": "grating", "cycles_per_frame": 3},
         "camera": {"width": 36, "height": 30, "fov_deg": 72},
-        "trajectory": {"frames": 16, "rotation_deg_s": 15},
+        "trajectory": {"frames": 24, "rotation_deg_s": 15},
         "render": {"samples_per_pixel": 4, "max_depth": 2},
         "light_levels": [0.5, "full_moon"],
         "sensors": [{"preset": "spadcam", "name": SENSOR}, "ideal"],

@@ -48,8 +48,8 @@ def test_the_tree_is_sintels_with_one_flow_less_than_frames(finished):
     training = finished.root / "training"
     counts = {kind.name: len(list((kind / "grating").iterdir())) for kind in training.iterdir()}
     assert counts == {
-        "clean": 18, "final": 18, "depth": 18, "camdata_left": 18,
-        "flow": 17, "occlusions": 17, "invalid": 17,
+        "clean": 24, "final": 24, "depth": 24, "camdata_left": 24,
+        "flow": 23, "occlusions": 23, "invalid": 23,
     }  # fmt: skip
 
 
@@ -199,7 +199,7 @@ def test_damaged_bookkeeping_is_named(copy):
 
 def test_sequences_shorter_than_a_filter_are_refused(tiny, tmp_path):
     short = tiny.model_copy(update={"trajectory": tiny.trajectory.model_copy(update={"frames": 6})})
-    with pytest.raises(UserError, match="EMD settles: use at least 15"):
+    with pytest.raises(UserError, match="EMD settles: use at least 22"):
         run_all(tmp_path / "data", short)
     assert not (tmp_path / "data").exists()
 
@@ -217,7 +217,7 @@ def test_noise_of_the_rendering_is_measured(finished):
     assert 1e-3 < record["monte_carlo"]["median_relative"] < 0.5
     assert record["objects"] == 1
     assert record["monte_carlo"]["measured_frames"] == [0, 16]
-    assert len(record["monte_carlo"]["median_relative_of_frames"]) == 18
+    assert len(record["monte_carlo"]["median_relative_of_frames"]) == 24
     assert record["illuminance"] is None  # the grating glows by itself
 
 
