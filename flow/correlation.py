@@ -32,7 +32,6 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from numba import njit
 from pydantic import Field
-from scipy.signal import lfilter
 
 from megalopta.flow.detector import Detector, FloatArray, Frames, Responder
 
@@ -142,16 +141,14 @@ def _settled(filter_step: float, output_step: float, power: int) -> int:
     equal, so that it decays more slowly than any one.
     """
     frames = math.ceil(_LONG / min(filter_step, output_step))
-    delta = np.zeros(frames)
-    delta[0] = 1
-    high = delta - _low_passed(delta, filter_step)
-    response = np.abs(_low_passed(_low_passed(high, filter_step), output_step)) ** power
+    delay, smoothing = (
+        step * (1 - step) ** np.arange(frames) for step in (filter_step, output_step)
+    )
+    high = -delay
+    high[0] += 1
+    response = np.abs(np.convolve(np.convolve(high, delay)[:frames], smoothing)[:frames]) ** power
     left = 1 - np.cumsum(response) / max(response.sum(), 1e-300)  # a step of 1 leaves nothing
     return 1 + int(np.argmax(left < _FORGOTTEN))
-
-
-def _low_passed(values: FloatArray, step: float) -> FloatArray:
-    return np.asarray(lfilter([step], [1, step - 1], values))
 
 
 class ElementaryMotionDetector(CorrelationDetector, frozen=True):
