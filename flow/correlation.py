@@ -39,6 +39,7 @@ FilterStep = Annotated[float, Field(gt=0, le=1)]
 _FORGOTTEN = 0.01
 _LONG = 30
 """Time constants; e⁻³⁰ is left."""
+_TINY = 1e-20
 
 _ELEMENTARY, _PRODUCT, _RECTIFIED_PRODUCT, _RECTIFIED_SUM = range(4)
 
@@ -142,12 +143,11 @@ def _settled(filter_step: float, output_step: float, power: int) -> int:
     """
     frames = math.ceil(_LONG / min(filter_step, output_step))
     delay, smoothing = (
-        step * (1 - step) ** np.arange(frames) for step in (filter_step, output_step)
+        np.fft.rfft(step * (1 - step) ** np.arange(frames), 2 * frames)
+        for step in (filter_step, output_step)
     )
-    high = -delay
-    high[0] += 1
-    response = np.abs(np.convolve(np.convolve(high, delay)[:frames], smoothing)[:frames]) ** power
-    left = 1 - np.cumsum(response) / max(response.sum(), 1e-300)  # a step of 1 leaves nothing
+    response = np.abs(np.fft.irfft((1 - delay) * delay * smoothing)[:frames]) ** power
+    left = 1 - np.cumsum(response) / max(response.sum(), _TINY)  # a step of 1 leaves nothing
     return 1 + int(np.argmax(left < _FORGOTTEN))
 
 

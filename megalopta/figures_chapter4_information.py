@@ -94,8 +94,10 @@ def _seen(method: str, trials: Sequence[Trial], results: Results, templates: Tem
     assert isinstance(template, PanoramaTemplate)
     found = [threshold_of(results, trial, method, "literal", 2).flux for trial in trials]
     photons = min((flux for flux in found if flux is not None), default=math.nan)
-    dark_counts = trials[0].search.dark_counts * ROWS**2
-    information = information_per_photon(templates[template], dark_counts / photons)
+    information = math.nan
+    if photons > 0:
+        dark_counts = trials[0].search.dark_counts * ROWS**2
+        information = information_per_photon(templates[template], dark_counts / photons)
     return Seen(method, template.name, template.coding, information, photons)
 
 

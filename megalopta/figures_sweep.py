@@ -231,9 +231,11 @@ def _draw_panel(axes: Axes, sweep: Sweep, results: Results, size: int) -> None:
     if sweep.vary in _LOGARITHMIC:
         numbers = [float(value) for value in sweep.values]
         linear_to = min((each for each in numbers if each > 0), default=1.0)
-        axes.set_xscale("symlog", linthresh=linear_to) if min(numbers) <= 0 else axes.set_xscale(
-            "log"
-        )
+        if min(numbers) > 0:
+            axes.set_xscale("log")
+        else:
+            axes.set_xscale("symlog", linthresh=linear_to)
+            axes.set_xlim(left=-0.2 * linear_to)
         axes.xaxis.set_major_formatter("{x:g}")
     elif _is_text(sweep):
         axes.set_xticks(range(len(sweep.values)), [str(value) for value in sweep.values])
