@@ -131,8 +131,10 @@ class Trial(_Record, frozen=True):
     blurred: bool = False
     """Whether frames are smeared by the motion within a frame"""
 
-    methods: Annotated[tuple[str, ...], Field(min_length=1)] = THESIS_METHODS
-    """Names of the detectors: BM, IIA, EMD, NDM, NDS, IM, LK, FB, DIS, TV-L1, PC, PM, PPM"""
+    methods: Annotated[
+        tuple[str, ...],
+        Field(min_length=1, description=f"Names of the detectors: {', '.join(METHODS)}"),
+    ] = THESIS_METHODS
 
     search: SearchSettings = SearchSettings()
     """What is measured, and how closely"""
