@@ -173,14 +173,16 @@ def test_who_interrupts_does_not_wait_for_trials_that_are_half_done(tmp_path):
         # a shell that runs tests in the background has its children ignore Ctrl-C
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
-    while not (tmp_path / "out" / "trials").exists():  # made before the first trial
+    deadline = time.monotonic() + 60
+    started = tmp_path / "out" / "trials"  # made before the first trial
+    while not started.exists() and time.monotonic() < deadline:
         time.sleep(0.05)
     time.sleep(1)
     process.send_signal(signal.SIGINT)
     _, stderr = process.communicate(timeout=20)
     assert process.returncode == 130, stderr
     assert "interrupted; every file is whole, and the same command goes on" in stderr
-    assert not list((tmp_path / "out" / "trials").iterdir())
+    assert not list(started.iterdir())
 
 
 def test_a_store_that_is_a_file_is_refused_before_the_work(tmp_path):
