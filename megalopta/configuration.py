@@ -89,9 +89,10 @@ class Configuration(
     `kind` spad or ctia with all of its fields, or the path of a measured device's YAML file. Paths
     are relative to the file that they stand in; on the command line, to the working folder."""
 
-    methods: Annotated[tuple[str, ...], Field(min_length=1)] = THESIS_METHODS
-    """Motion detectors to run; by default the dissertation's. Others: LK, FB, DIS, TV-L1, PC,
-    PM, PPM."""
+    methods: Annotated[
+        tuple[str, ...],
+        Field(min_length=1, description=f"Motion detectors to run, of {', '.join(METHODS)}."),
+    ] = THESIS_METHODS
 
     benchmark: BenchmarkSettings = BenchmarkSettings(sizes=(60,))
     """The search for the photons that each detector needs."""

@@ -34,8 +34,8 @@ _CONDITIONS: Mapping[str, str] = {
     "fig-4.10": f"{_FOREST} 5 px per frame. Dark counts are per pixel of the 251 × 251 frame.",
     "fig-4.11": f"{_FOREST} 0.1 dark counts per pixel. {_GAPS}",
     "fig-4.12": (
-        f"{_FOREST} 0.1 dark counts per pixel; the motion within a frame smears it over v px. "
-        f"{_GAPS}"
+        f"{_FOREST} 0.1 dark counts per pixel; the motion within a frame smears it over v px."
+        f" {_GAPS}"
     ),
     "fig-4.13": f"{_FOREST} 5 px per frame, 0.1 dark counts per pixel.",
 }

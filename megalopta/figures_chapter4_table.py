@@ -77,18 +77,7 @@ def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
             )
             thesis = printed[kind != "synthetic"]
             rows += [
-                (
-                    method,
-                    kind,
-                    metric,
-                    thesis,
-                    found.needed.flux,
-                    _number(found.needed.low),
-                    _number(found.needed.high),
-                    found.needed.interval,
-                    found.needed.flux / thesis,
-                    found.where,
-                )
+                (method, kind, metric, thesis, *_numbers(found, thesis))
                 for metric, found in (("literal", literal), ("ratio", ratio))
             ]
             flux = literal.needed.flux
@@ -128,6 +117,12 @@ def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
         rows=tuple(rows),
         height_in=5.0,
     )
+
+
+def _numbers(found: Best, thesis: float) -> tuple[Cell, ...]:
+    needed = found.needed
+    bounds = _number(needed.low), _number(needed.high)
+    return needed.flux, *bounds, needed.interval, needed.flux / thesis, found.where
 
 
 def _number(bound: float | None) -> float:

@@ -195,19 +195,19 @@ def _missing(sweep: Sweep, results: Results) -> str:
 
 
 def _draw_panel(axes: Axes, sweep: Sweep, results: Results, size: int) -> None:
-    metric = sweep.trial.search.metrics[0]
-    names = sweep.trial.methods
-    for method in names:
-        curve = sweep_curve(sweep, results, size, method, metric, sweep.trial.search.bits[0])
-        if not _is_text(sweep):
+    search = sweep.trial.search
+    values: list[Value] = []
+    for method in sweep.trial.methods:
+        curve = sweep_curve(sweep, results, size, method, search.metrics[0], search.bits[0])
+        if not _is_text([value for value, _ in curve]):
             curve.sort(key=lambda point: float(point[0]))
-        x = np.arange(len(curve)) if _is_text(sweep) else np.array([value for value, _ in curve])
-        search = sweep.trial.search  # an open interval reaches to the end of the curve
+        values = [value for value, _ in curve]
         flux = np.array([each.flux for _, each in curve])
+        # an open interval reaches to the end of the curve
         low = np.array([search.flux_min if each.low is None else each.low for _, each in curve])
         high = np.array([search.flux_max if each.high is None else each.high for _, each in curve])
         axes.errorbar(
-            x,
+            np.arange(len(values)) if _is_text(values) else np.array(values),
             flux,
             (flux - low, high - flux),
             capsize=2.5,
@@ -216,8 +216,13 @@ def _draw_panel(axes: Axes, sweep: Sweep, results: Results, size: int) -> None:
             **method_style(method),
         )
     axes.set_xlabel(_LABELS.get(sweep.vary, sweep.vary))
-    axes.set_ylabel(f"$N_{{{sweep.trial.search.bits[0]}b}}$ (photons per frame)")
+    axes.set_ylabel(f"$N_{{{search.bits[0]}b}}$ (photons per frame)")
     axes.label_outer()
+    _scale_photons(axes)
+    _scale_values(axes, values, sweep.vary in _LOGARITHMIC)
+
+
+def _scale_photons(axes: Axes) -> None:
     axes.set_yscale("log")
     axes.yaxis.set_major_locator(LogLocator(numticks=8))
     axes.yaxis.set_major_formatter(EngFormatter(sep=""))
@@ -228,8 +233,14 @@ def _draw_panel(axes: Axes, sweep: Sweep, results: Results, size: int) -> None:
         axes.yaxis.set_minor_formatter(EngFormatter(sep=""))
     else:
         axes.yaxis.set_minor_formatter(NullFormatter())
-    if sweep.vary in _LOGARITHMIC:
-        numbers = [float(value) for value in sweep.values]
+
+
+def _scale_values(axes: Axes, values: Sequence[Value], is_logarithmic: bool) -> None:
+    if _is_text(values):
+        axes.set_xticks(range(len(values)), [str(value) for value in values])
+        return
+    numbers = [float(value) for value in values]
+    if is_logarithmic:
         linear_to = min((each for each in numbers if each > 0), default=1.0)
         if min(numbers) > 0:
             axes.set_xscale("log")
@@ -237,14 +248,12 @@ def _draw_panel(axes: Axes, sweep: Sweep, results: Results, size: int) -> None:
             axes.set_xscale("symlog", linthresh=linear_to)
             axes.set_xlim(left=-0.2 * linear_to)
         axes.xaxis.set_major_formatter("{x:g}")
-    elif _is_text(sweep):
-        axes.set_xticks(range(len(sweep.values)), [str(value) for value in sweep.values])
-    elif all(isinstance(value, int) for value in sweep.values) and len(sweep.values) <= _MOST_TICKS:
-        axes.set_xticks([float(value) for value in sweep.values])
+    elif all(isinstance(value, int) for value in values) and len(values) <= _MOST_TICKS:
+        axes.set_xticks(numbers)
 
 
-def _is_text(sweep: Sweep) -> bool:
-    return any(isinstance(point.value, (str, bool)) for point in sweep.points())
+def _is_text(values: Sequence[Value]) -> bool:
+    return any(isinstance(value, (str, bool)) for value in values)
 
 
 def _rows(sweep: Sweep, results: Results) -> Iterator[tuple[Cell, ...]]:

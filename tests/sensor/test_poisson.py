@@ -7,7 +7,7 @@ from megalopta.sensor.randomness import generator
 
 
 @pytest.mark.parametrize(
-    "mean", [0.01, 0.0625, 0.99, 9.5, 33.3, 63.99, 64.0, 400.0, 4095.9, 4097.0]
+    "mean", [0.01, 0.0625, 0.125, 0.99, 1.0, 9.5, 33.3, 63.99, 64.0, 400.0, 4095.9, 4097.0]
 )
 def test_draws_follow_the_poisson_law(mean):
     counts = draw_poisson(generator(0, "poisson"), np.full(400_000, mean))
