@@ -19,7 +19,7 @@ import mitsuba as mi
 import numpy as np
 
 from megalopta.configuration import load
-from megalopta.dataset import begin_stage
+from megalopta.dataset import Dataset
 from megalopta.render import film, rays
 from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
@@ -61,7 +61,7 @@ def run(frames: int, overrides: dict[str, str]) -> None:
     fixed = {"trajectory.frames": str(frames), "render.integrator": "path"}
     configuration = load("demo", {**fixed, **overrides})
     with tempfile.TemporaryDirectory() as folder:
-        dataset = begin_stage(Path(folder) / "data", configuration, "render")
+        dataset = Dataset(Path(folder) / "data", configuration)
         writer = FrameWriter(dataset)
         times, memory = [], []
         for index in range(frames):

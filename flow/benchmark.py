@@ -17,6 +17,7 @@ of the draws.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -45,6 +46,9 @@ __all__ = [
 Progress = Callable[[int], object]
 """Called with the work done since the last call, in the units of `work_units`."""
 
+Parts = Callable[[str, Callable[[], list[ErrorSums]]], list[ErrorSums]]
+"""Gives a part of the work by its name: what was kept of it, or else what the callable returns."""
+
 
 def photon_benchmark(
     frames: Frames,
@@ -53,6 +57,7 @@ def photon_benchmark(
     seed: int,
     sequence: str,
     on_progress: Progress | None = None,
+    parts: Parts = lambda name, work: work(),
 ) -> BenchmarkResult:
     """Return the error of each method over the photon flux, and the fluxes it needs.
 
@@ -69,6 +74,9 @@ def photon_benchmark(
         Name of the sequence; sequences of different names are drawn independently.
     on_progress
         Called with the work done since the last call; the total is `work_units`.
+    parts
+        Where parts of the work are kept, so that a run that was stopped goes on: one for each size
+        and repeat, a sum of shape (fluxes, T) for each method.
 
     Raises
     ------
@@ -81,7 +89,7 @@ def photon_benchmark(
     for size in settings.sizes:
         stimulus = _stimulus(frames, size, settings, seed, sequence)
         for method, sums in zip(
-            methods, _measured(stimulus, methods, settings, on_progress), strict=True
+            methods, _measured(stimulus, methods, settings, on_progress, parts), strict=True
         ):
             curves += [
                 _curve(stimulus, method, sums, metric, warm_up, settings)
@@ -164,10 +172,14 @@ def _measured(
     methods: Sequence[Detector],
     settings: BenchmarkSettings,
     on_progress: Progress | None,
+    parts: Parts,
 ) -> list[ErrorSums]:
     """Return the sums of each method, (fluxes, repeats, T)."""
     repeats = [
-        _one_repeat(stimulus, methods, settings, repeat, on_progress)
+        parts(
+            f"{stimulus.key[1]}-{repeat}",
+            partial(_one_repeat, stimulus, methods, settings, repeat, on_progress),
+        )
         for repeat in range(settings.repeats)
     ]
     return [

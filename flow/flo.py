@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.files import atomic_write
+
 TAG = b"PIEH"
 UNKNOWN = 1e10
 LARGEST_KNOWN = 1e9
@@ -37,7 +39,8 @@ def write_flo(path: Path, flow: NDArray[np.floating]) -> None:
     undefined = np.isnan(flow).any(axis=-1, keepdims=True)
     values = np.where(undefined, UNKNOWN, flow).astype("<f4")
     height, width = flow.shape[:2]
-    _write_whole(path, _HEADER.pack(TAG, width, height) + values.tobytes())
+    with atomic_write(path) as temporary:
+        temporary.write_bytes(_HEADER.pack(TAG, width, height) + values.tobytes())
 
 
 def read_flo(path: Path) -> NDArray[np.float32]:
@@ -65,12 +68,3 @@ def read_flo(path: Path) -> NDArray[np.float32]:
     stored = np.frombuffer(content, "<f4", offset=_HEADER.size).reshape(height, width, 2)
     known = (np.abs(stored) <= LARGEST_KNOWN).all(axis=-1, keepdims=True)
     return np.where(known, stored, np.float32(np.nan)).astype(np.float32)
-
-
-def _write_whole(path: Path, content: bytes) -> None:
-    temporary = path.with_name(f".part-{path.name}")
-    try:
-        temporary.write_bytes(content)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)

@@ -11,7 +11,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from megalopta.files import made_folder
+from megalopta.folders import ensure_directory
 from megalopta.plot_style import PALETTE, house_style, new_canvas
 from megalopta.sensor import ORDER_OF_EFFECTS
 from megalopta.sensor.check import LARGEST_Z, Row, false_alarm, run_checks
@@ -48,7 +48,7 @@ def run_check_physics(plots: Path | None = None, console: Console | None = None)
     UserError
         When the folder is a file; nothing is checked then.
     """
-    plots = plots and made_folder(plots)
+    plots = plots and ensure_directory(plots)
     console = console or Console()
     order = " → ".join(effect.field for effect in ORDER_OF_EFFECTS)
     console.print(f"order of effects: {order}", highlight=False)

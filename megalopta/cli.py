@@ -14,11 +14,11 @@ from pydantic import BaseModel
 
 from megalopta import __version__
 from megalopta.configuration import built_in_names, load, parse
-from megalopta.dataset import open_dataset
 from megalopta.errors import UserError
 from megalopta.info import describe
 from megalopta.overrides import settings_help, split_overrides
 from megalopta.progress import say
+from megalopta.redo import open_dataset_whole
 from megalopta.report import write_report
 from megalopta.stages import STAGES, run_all, run_stage
 from megalopta.sweep import Sweep, load_sweep
@@ -47,11 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(f"megalopta: {error}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
-        redo = ", without --redo," if "--redo" in sys.argv else ""
-        say(
-            f"megalopta: interrupted; every file is whole, and the same command{redo} goes on from"
-            " there"
-        )
+        say("megalopta: interrupted; every file is whole, and the same command goes on from there")
         sys.stdout.flush()
         os._exit(130)  # threads that still compute are not waited for
 
@@ -64,7 +60,7 @@ def _run(arguments: Sequence[str]) -> None:
     if options.verb == "info":
         print(describe())
     elif options.verb == "report":
-        print(write_report(open_dataset(options.dataset)))
+        print(write_report(open_dataset_whole(options.dataset)))
     elif options.verb == "check":
         _check(options.what, options.dataset, options.plots)
     elif options.verb == "reproduce":
@@ -80,22 +76,28 @@ def _run(arguments: Sequence[str]) -> None:
         configuration = load(options.configuration, overrides)
         run_stage(options.out, configuration, "render", options.redo)
     else:
-        stored = to_yaml(open_dataset(options.dataset).configuration)
+        stored = to_yaml(open_dataset_whole(options.dataset).configuration)
         configuration = parse(stored, str(options.dataset), overrides)
         run_stage(options.dataset, configuration, options.verb, options.redo)
 
 
 def _check(what: str, folder: Path | None, plots: Path | None) -> None:
+    from megalopta.check_files import run_check_files
     from megalopta.check_physics import run_check_physics
     from megalopta.check_truth import run_check_truth
 
     if what == "physics" and folder is not None:
         raise UserError(f"check physics: takes no dataset, got {folder}")
-    if what == "truth" and plots is not None:
-        raise UserError("check truth: draws no pictures; leave --plots out")
-    if what == "truth" and folder is None:
-        raise UserError("check truth: which dataset? give its folder")
-    if not (run_check_truth(open_dataset(folder)) if folder else run_check_physics(plots)):
+    if what != "physics" and plots is not None:
+        raise UserError(f"check {what}: draws no pictures; leave --plots out")
+    if what != "physics" and folder is None:
+        raise UserError(f"check {what}: which dataset? give its folder")
+    if folder is None:
+        passed = run_check_physics(plots)
+    else:
+        check = {"truth": run_check_truth, "files": run_check_files}[what]
+        passed = check(open_dataset_whole(folder))
+    if not passed:
         sys.exit(1)
 
 
@@ -147,10 +149,13 @@ def _parser() -> argparse.ArgumentParser:
         _add_dataset(_add_stage(verbs, verb, STAGES[verb].purpose))
     report = "write report.html, one file without outside links, from what a dataset holds"
     _add_dataset(_add_verb(verbs, "report", report))
-    proving = "prove every sensor effect against theory, or a dataset's truth another way"
+    proving = (
+        "prove every sensor effect against theory, a dataset's truth another way, or that its "
+        "files are as they were written"
+    )
     check = _add_verb(verbs, "check", proving)
-    check.add_argument("what", choices=["physics", "truth"], help="what to prove")
-    check.add_argument("dataset", nargs="?", type=Path, help="dataset folder, for truth")
+    check.add_argument("what", choices=["physics", "truth", "files"], help="what to prove")
+    check.add_argument("dataset", nargs="?", type=Path, help="dataset folder, for truth and files")
     check.add_argument("--plots", type=Path, help="folder for pictures of the counting laws")
     drawing = "draw figures and tables of the dissertation again, as PNG, SVG, CSV and JSON"
     reproduction = _add_verb(verbs, "reproduce", drawing)

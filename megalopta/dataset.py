@@ -12,12 +12,12 @@
     results/SEQ/                 detector responses, errors, photon benchmark
 
 A stage begins by agreeing with the configuration of everything that is already there; where they
-differ it is refused with the differences, unless the user asks to redo it.
+differ it is refused with the differences, unless the user asks to redo it (`redo`).
 """
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ from pydantic import ValidationError
 from megalopta import __version__, files
 from megalopta.configuration import Configuration, LightLevel, differences, level_text
 from megalopta.errors import UserError, one_sentence
+from megalopta.folders import LOCK_NAME
 from megalopta.sensor import ImageSensor
 from megalopta.yaml_model import to_yaml
 
@@ -58,6 +59,8 @@ STAGE_NEEDS: Mapping[str, tuple[str, ...]] = {
 STAGES = tuple(STAGE_FIELDS)
 
 LICENSE = "CC0-1.0"
+REDO_FOLDER = ".redo"
+"""Where output is made again while the old one stays."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +77,11 @@ class Dataset:
 
     root: Path
     configuration: Configuration
+
+    @property
+    def home(self) -> Path:
+        """The folder that the user knows: what is made again stands in one inside it."""
+        return self.root.parent if self.root.name == REDO_FOLDER else self.root
 
     @property
     def sequence(self) -> str:
@@ -141,7 +149,9 @@ class Dataset:
                 self.root / "training/final" / self.sequence,
             ],
             "flow": [self.result("flow.json"), self.result("responses")],
-            "bench": [self.result("benchmark.json"), self.result("benchmark.csv")],
+            "bench": [
+                self.result(name) for name in ("benchmark.json", "benchmark.csv", "benchmark-parts")
+            ],
         }[stage]
 
     def has(self, stage: str) -> bool:
@@ -150,37 +160,53 @@ class Dataset:
 
     def is_finished(self, stage: str) -> bool:
         """Whether a stage was finished with this configuration and its files are there."""
-        fingerprint = stage_hash(self.configuration, stage)
-        return any(
-            (line["stage"], line["sequence"], line["configuration"])
-            == (stage, self.sequence, fingerprint)
-            and all((self.root / name).exists() for name in line["files"])
-            for line in self.manifest()
-        )
+        line = self.entry(stage)
+        return line is not None and not self.damaged(line)
+
+    def entry(self, stage: str) -> dict[str, Any] | None:
+        """Line of the manifest on a stage finished with this configuration."""
+        wanted = (stage, self.sequence, stage_hash(self.configuration, stage))
+        keys = ("stage", "sequence", "configuration")
+        lines = (line for line in self.manifest() if tuple(map(line.get, keys)) == wanted)
+        return next(lines, None)
+
+    def damaged(self, line: Mapping[str, Any]) -> list[Path]:
+        """Files of a line of the manifest that are missing or have another size."""
+        sizes = {self.root / name: size for name, (size, _) in line["files"].items()}
+        return [path for path, size in sizes.items() if _size(path) != size]
 
     def require(self, stage: str) -> None:
-        """Refuse to go on when a stage is not finished with this configuration."""
-        if not self.is_finished(stage):
-            target = f"{self.root} --out {self.root}" if stage == "render" else self.root
-            raise UserError(
-                f"{self.root}: stage {stage!r} is not finished with this configuration; "
-                f"run first: megalopta {stage} {target}"
-            )
+        """Refuse to go on when a stage is not finished with this configuration, or damaged."""
+        line = self.entry(stage)
+        damaged = self.damaged(line) if line else []
+        if line and not damaged:
+            return
+        target = f"{self.home} --out {self.home}" if stage == "render" else self.home
+        what = (
+            f"{damaged[0]} is missing or damaged"
+            if damaged
+            else f"{self.home}: stage {stage!r} is not finished with this configuration"
+        )
+        raise UserError(f"{what}; run first: megalopta {stage} {target}")
 
     def manifest(self) -> list[dict[str, Any]]:
         """Lines of the manifest: sequence, stage, configuration hash, file hashes."""
         path = self.root / "manifest.jsonl"
         lines = path.read_text("utf-8").splitlines() if path.exists() else []
         try:
-            return [dict(json.loads(line)) for line in lines if line]
-        except (ValueError, TypeError):
+            found = [dict(json.loads(line)) for line in lines if line]
+            for line in found:
+                _check_line(line)
+        except (ValueError, TypeError, KeyError, AttributeError):
             raise UserError(f"{path} is damaged; restore it, or render into a new folder") from None
+        return found
 
     def timings(self) -> dict[str, float]:
         """Seconds spent on each stage, interrupted runs included."""
         path = self.root / "timings.json"
         try:
-            return dict(json.loads(path.read_text("utf-8"))) if path.exists() else {}
+            found = dict(json.loads(path.read_text("utf-8"))) if path.exists() else {}
+            return {str(stage): float(seconds) for stage, seconds in found.items()}
         except (ValueError, TypeError):
             raise UserError(f"{path} is damaged; remove it, it holds nothing but times") from None
 
@@ -200,16 +226,16 @@ class Dataset:
             "configuration": stage_hash(self.configuration, stage),
             "version": __version__,
             "files": {
-                str(path.relative_to(self.root)): _file_hash(path)
-                for path in sorted(_files_in(self.stage_folders(stage)))
+                str(path.relative_to(self.root)): (path.stat().st_size, file_hash(path))
+                for path in sorted(files_in(self.stage_folders(stage)))
             },
         }
-        lines = [*self._manifest_without(stage), line]
+        lines: list[Mapping[str, Any]] = [*self._manifest_without(stage), line]
         self._write_manifest(sorted(lines, key=lambda each: STAGES.index(each["stage"])))
 
     def forget(self, *stages: str) -> None:
         """Remove the output of stages and of every stage that needs them."""
-        for stage in _with_dependents(stages):
+        for stage in with_dependents(stages):
             self._write_manifest(self._manifest_without(stage))
             self._write_timings({name: t for name, t in self.timings().items() if name != stage})
             for path in (*self.stage_folders(stage), self.root / "report.html"):
@@ -238,17 +264,17 @@ def open_dataset(root: Path) -> Dataset:
         raise UserError(f"{path} is damaged; render into a new folder") from None
 
 
-def begin_stage(
-    root: Path, configuration: Configuration, stage: str, redo: bool = False
-) -> Dataset:
-    """Make the folder ready for a stage, or refuse.
+def begin_stages(
+    root: Path, configuration: Configuration, stages: Sequence[str], redo: bool = False
+) -> tuple[Dataset, list[str]]:
+    """The dataset as it is, and the stages to make again, or a refusal.
 
-    Everything already there must come from the same configuration, and the stages that this one
-    needs must be finished. With `redo`, this stage's output and whatever disagrees is removed
-    first.
+    Everything already there must come from the same configuration, and the stages that these need
+    must be finished. With `redo`, these stages and whatever disagrees is to be made again, and what
+    depends on them goes. Nothing is changed here.
     """
     new = Dataset(root, configuration)
-    old = _existing(root) or new
+    old = existing(root) or new
     stale = [
         other
         for other in STAGES
@@ -262,28 +288,28 @@ def begin_stage(
             f"{root} holds {' and '.join(stale)} output of another configuration "
             f"({changes}); choose another folder, or add --redo to replace it"
         )
-    doomed = _with_dependents([*stale, *([stage] if redo else [])])
-    for needed in STAGE_NEEDS[stage]:
+    again = [stage for stage in stages if redo and old.has(stage)]
+    doomed = with_dependents([*stale, *again])
+    for needed in {need for stage in stages for need in STAGE_NEEDS[stage]}.difference(stages):
         if needed in doomed:
             raise UserError(
-                f"{root}: --redo of {stage!r} alone would remove the {needed!r} output, which "
+                f"{root}: --redo of {stages[0]!r} alone would remove the {needed!r} output, which "
                 f"disagrees ({changes}); run with --redo first: megalopta {needed}"
             )
         new.require(needed)
-    old.forget(*doomed)
-    _write_configuration(new)
-    return new
+    return old, doomed
 
 
-def _existing(root: Path) -> Dataset | None:
+def existing(root: Path) -> Dataset | None:
+    """The dataset in a folder, None where nothing is. Raises UserError for something else."""
     if (root / "dataset.yaml").exists():
         return open_dataset(root)
-    if root.exists() and (not root.is_dir() or any(root.iterdir())):
+    if root.exists() and (not root.is_dir() or {p.name for p in root.iterdir()} - {LOCK_NAME}):
         raise UserError(f"{root} exists and is no dataset; choose a new folder")
     return None
 
 
-def _with_dependents(stages: Sequence[str]) -> list[str]:
+def with_dependents(stages: Collection[str]) -> list[str]:
     """Stages and all that need one of them, in order."""
     doomed: set[str] = set()
     for stage in STAGES:
@@ -324,21 +350,44 @@ def _union(configuration: Configuration, stages: Sequence[str]) -> dict[str, Any
     }
 
 
-def _write_configuration(dataset: Dataset) -> None:
+def write_configuration(dataset: Dataset) -> None:
+    """Write dataset.yaml."""
     header = {"megalopta": __version__, "license": LICENSE}
     body = {"configuration": yaml.safe_load(to_yaml(dataset.configuration))}
     text = yaml.safe_dump({**header, **body}, sort_keys=False, allow_unicode=True, width=100)
     files.write_text(dataset.root / "dataset.yaml", text)
 
 
-def _files_in(paths: Iterable[Path]) -> Iterable[Path]:
+def files_in(paths: Iterable[Path]) -> Iterable[Path]:
+    """Files among these paths and in the folders among them, but for half-written ones."""
     for path in paths:
-        if path.is_file():
-            yield path
-        else:
-            yield from (inner for inner in path.rglob("*") if inner.is_file())
+        inside = path.rglob("*") if path.is_dir() else [path]
+        yield from (each for each in inside if each.is_file() and not files.is_temporary(each))
 
 
-def _file_hash(path: Path) -> str:
+def whole_of(path: Path) -> Path:
+    """What is written at once with a file: the outermost Zarr store that it lies in, or itself."""
+    stores = [folder for folder in path.parents if folder.suffix == ".zarr"]
+    return stores[-1] if stores else path
+
+
+def file_hash(path: Path) -> str:
+    """BLAKE2b hash (16 bytes, in hexadecimal) of a file."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
+
+
+def _size(path: Path) -> int | None:
+    return path.stat().st_size if path.is_file() else None
+
+
+def _check_line(line: Mapping[str, Any]) -> None:
+    """Raise where a line of the manifest is not as `finish` writes it."""
+    if not isinstance(line["stage"], str) or line["stage"] not in STAGES:
+        raise ValueError(line["stage"])
+    for name, (size, digest) in line["files"].items():
+        path = Path(name)
+        if not isinstance(size, int) or not isinstance(digest, str):
+            raise TypeError(name)
+        if path.is_absolute() or ".." in path.parts:
+            raise ValueError(name)

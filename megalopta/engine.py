@@ -17,9 +17,9 @@ from pathlib import Path
 
 from megalopta import files, flow, trial
 from megalopta.errors import UserError
-from megalopta.files import made_folder
 from megalopta.flow.error_curve import ErrorCurve
 from megalopta.flow.stimulus import BlackFrameError
+from megalopta.folders import ensure_directory, locked
 from megalopta.progress import progress
 from megalopta.sensor import poisson, randomness
 from megalopta.trial import Array, Template, Trial, measure, template_names
@@ -56,7 +56,7 @@ def run_trials(
     UserError
         When a template cannot be measured, such as one with a black frame.
     """
-    made_folder(store)
+    ensure_directory(store)
     results: dict[Trial, Curves] = {}
     running: dict[Future[Curves], tuple[Trial, Path]] = {}
     hashes = {template: _hash(pixels.tobytes()) for template, pixels in templates.items()}
@@ -104,6 +104,17 @@ def run(
     """
     if not trials:
         return {}
+    with locked(store):
+        files.sweep(store)
+        return _run_by_threads(trials, templates, store, workers)
+
+
+def _run_by_threads(
+    trials: Sequence[Trial],
+    templates: Mapping[Template, Array],
+    store: Path,
+    workers: int | None,
+) -> dict[Trial, Curves]:
     threads = ThreadPoolExecutor(workers or os.cpu_count())
     try:
         with progress("Searching photon thresholds", work_units(trials), "kpixel") as advance:

@@ -47,4 +47,4 @@ def _read_radiance(dataset: Dataset, index: int) -> NDArray[np.float32]:
 
 
 def _remedy(dataset: Dataset) -> str:
-    return f"remove the file and run: megalopta render {dataset.root} --out {dataset.root}"
+    return f"remove the file and run: megalopta render {dataset.home} --out {dataset.home}"

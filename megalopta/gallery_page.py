@@ -11,7 +11,7 @@ from jinja2 import Environment, StrictUndefined
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from megalopta.files import whole_file, write_text
+from megalopta.files import atomic_write, write_text
 from megalopta.report.images import data_uri, gray_scale
 from megalopta.report.text import level_name, lux, number
 
@@ -88,7 +88,7 @@ def write_sheet(path: Path, cells: Sequence[Cell]) -> None:
             counts = cell.counts_image.convert("RGB").resize(size, Image.Resampling.BOX)
             sheet.paste(counts, (left, below))
             draw.text((left, below + size[1] + 1), cell.photons, _FAINT, font)
-    with whole_file(path) as temporary:
+    with atomic_write(path) as temporary:
         sheet.quantize(128).save(temporary, "PNG", optimize=True)
 
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from megalopta.cache import cache_folder
 from megalopta.errors import UserError
-from megalopta.files import made_folder
 from megalopta.flow.resize import resize
+from megalopta.folders import ensure_directory
 from megalopta.natural_panorama import (
     LUMINANCE_BAND_NM,
     NATURAL_PANORAMAS,
@@ -55,7 +55,7 @@ def natural_templates(
     files = {name: panorama_file(name, recipe, cache) for name, recipe in panoramas.items()}
     missing = [name for name, path in files.items() if not path.exists()]
     if missing:
-        made_folder(files[missing[0]].parent)
+        ensure_directory(files[missing[0]].parent)
         passes = sum(panoramas[name].passes for name in missing)
         with progress("Rendering forest panoramas", passes, "exposure") as advance:
             for name in missing:

@@ -28,7 +28,8 @@ from megalopta.figures_chapter4_scenes import CHAPTER_4_SCENES, figure_4_3
 from megalopta.figures_detection import DETECTION
 from megalopta.figures_leaderboard import LIMIT
 from megalopta.figures_sweep import sweep_figure
-from megalopta.files import made_folder, whole_file, write_json
+from megalopta.files import atomic_write, write_json
+from megalopta.folders import ensure_directory
 from megalopta.plot_style import house_style, new_canvas
 from megalopta.sweep import Sweep
 from megalopta.templates import pixels_of
@@ -95,7 +96,7 @@ def reproduce(
         _check_name(name)
     single = dict.fromkeys(each for name in names for each in _members(name, is_quick))
     figures: Registry = {**FIGURES, "fig-4.3": partial(figure_4_3, cache)}
-    made_folder(out)
+    ensure_directory(out)
     plans = [CHAPTER_4[name] for name in single if name in CHAPTER_4]
     trials = [trial for plan in plans for trial in plan.trials(is_quick)]
     templates = pixels_of((trial.template for trial in trials), cache)
@@ -122,7 +123,7 @@ def reproduce_sweep(
     out, workers, cache
         As in `reproduce`.
     """
-    made_folder(out)
+    ensure_directory(out)
     templates = pixels_of((trial.template for trial in sweep.trials), cache)
     results = run(sweep.trials, templates, out / "trials", workers)
     return write_figure(sweep_figure(name, sweep, results), out)
@@ -140,7 +141,7 @@ def write_figure(figure: Figure, out: Path) -> list[Path]:
         for path, metadata in zip(
             paths, ({"Title": title}, {"Title": title, "Date": None}), strict=False
         ):
-            with whole_file(path) as temporary:
+            with atomic_write(path) as temporary:
                 canvas.savefig(temporary, metadata=metadata)
     _write_csv(figure, paths[2])
     write_json(paths[3], _record(figure))
@@ -148,7 +149,7 @@ def write_figure(figure: Figure, out: Path) -> list[Path]:
 
 
 def _write_csv(figure: Figure, path: Path) -> None:
-    with whole_file(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+    with atomic_write(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(figure.columns)
         writer.writerows([_cell(value) for value in row] for row in figure.rows)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.io import imsave
 
-from megalopta.files import whole_file
+from megalopta.files import atomic_write
 from megalopta.flow.flo import write_flo
 from megalopta.render.truth import Truth, out_of_view
 from megalopta.scenes.camera import PerspectiveCamera
@@ -20,14 +20,14 @@ TAG = np.float32(202021.25)
 
 def write_png(path: Path, image: NDArray[np.uint8]) -> None:
     """Write an 8-bit image (H, W) or (H, W, 3)."""
-    with whole_file(path) as temporary:
+    with atomic_write(path) as temporary:
         imsave(temporary, image, check_contrast=False)
 
 
 def write_depth(path: Path, depth: NDArray[np.float32]) -> None:
     """Write a .dpt file of depth (H, W) in m; the sky is infinite."""
     height, width = depth.shape
-    with whole_file(path) as temporary, temporary.open("wb") as file:
+    with atomic_write(path) as temporary, temporary.open("wb") as file:
         file.write(TAG.tobytes())
         file.write(np.array([width, height], "<i4").tobytes())
         file.write(np.ascontiguousarray(depth, "<f4").tobytes())
@@ -40,7 +40,7 @@ def write_camera(path: Path, camera: PerspectiveCamera, pose: NDArray[np.float64
     """
     intrinsics = camera.intrinsics - [[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]]
     extrinsics = np.linalg.inv(pose)[:3]
-    with whole_file(path) as temporary, temporary.open("wb") as file:
+    with atomic_write(path) as temporary, temporary.open("wb") as file:
         file.write(TAG.tobytes())
         file.write(np.ascontiguousarray(intrinsics, "<f8").tobytes())
         file.write(np.ascontiguousarray(extrinsics, "<f8").tobytes())
@@ -55,9 +55,7 @@ def write_flow(root: Path, sequence: str, index: int, truth: Truth, wraps: bool)
     name = f"frame_{index + 1:04d}"
     undefined = np.asarray(np.isnan(truth.flow_forward).any(axis=-1))
     unmatched: NDArray[np.bool_] = truth.occluded_forward | out_of_view(truth.flow_forward, wraps)
-    flow_path = root / "flow" / sequence / f"{name}.flo"
-    flow_path.parent.mkdir(parents=True, exist_ok=True)
-    write_flo(flow_path, truth.flow_forward)
+    write_flo(root / "flow" / sequence / f"{name}.flo", truth.flow_forward)
     write_png(root / "occlusions" / sequence / f"{name}.png", _mask(unmatched))
     write_png(root / "invalid" / sequence / f"{name}.png", _mask(undefined))
 

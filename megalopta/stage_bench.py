@@ -1,7 +1,15 @@
-"""The bench stage: how many photons per frame each detector needs, on the rendered sequence."""
+"""The bench stage: how many photons per frame each detector needs, on the rendered sequence.
+
+The sums of every size and repeat are kept in results/SEQ/benchmark-parts until all are there.
+"""
 
 import csv
 import io
+from collections.abc import Callable
+from dataclasses import fields
+from functools import partial
+from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +19,7 @@ from megalopta.dataset import Dataset
 from megalopta.flow.benchmark import photon_benchmark
 from megalopta.flow.benchmark_result import BenchmarkResult
 from megalopta.flow.benchmark_settings import work_units
+from megalopta.flow.error import ErrorSums
 from megalopta.flow.methods import METHODS
 from megalopta.frames import read_radiance_frames
 from megalopta.progress import progress, say
@@ -30,10 +39,39 @@ def bench(dataset: Dataset) -> None:
             settings.seed,
             dataset.sequence,
             advance,
+            partial(_part, dataset.result("benchmark-parts")),
         )
     files.write_json(dataset.result("benchmark.json"), result.to_dict())
     files.write_text(dataset.result("benchmark.csv"), _table(result))
+    files.remove(dataset.result("benchmark-parts"))
     _say_thresholds(result)
+
+
+def _part(folder: Path, name: str, work: Callable[[], list[ErrorSums]]) -> list[ErrorSums]:
+    path = folder / f"{name}.npz"
+    kept = _read_part(path)
+    if kept is not None:
+        return kept
+    sums = work()
+    arrays = {
+        f"{index}-{field}": value
+        for index, each in enumerate(sums)
+        for field, value in vars(each).items()
+    }
+    with files.atomic_write(path) as temporary:
+        np.savez(temporary, allow_pickle=False, **arrays)
+    return sums
+
+
+def _read_part(path: Path) -> list[ErrorSums] | None:
+    """Read what was kept; None where there is nothing whole."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            names = [field.name for field in fields(ErrorSums)]
+            count = len(file.files) // len(names)
+            return [ErrorSums(*(file[f"{i}-{name}"] for name in names)) for i in range(count)]
+    except (OSError, ValueError, KeyError, BadZipFile):
+        return None
 
 
 def _say_thresholds(result: BenchmarkResult) -> None:

@@ -6,10 +6,10 @@ those that tell directions give the camera's yaw rate.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import zarr
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from megalopta import files
 from megalopta.configuration import LightLevel
 from megalopta.dataset import Dataset, exposure_name
+from megalopta.errors import UserError
 from megalopta.flow.benchmark_settings import default_warm_up
 from megalopta.flow.block_detector import BlockDetector
 from megalopta.flow.detector import Detector
@@ -35,15 +36,27 @@ Record = dict[str, Any]
 
 
 def measure_flow(dataset: Dataset) -> None:
-    """Run the detectors; writes results/SEQ/flow.json and responses/SENSOR-LEVEL.zarr."""
+    """Run the detectors; writes responses/SENSOR-LEVEL.zarr and results/SEQ/flow.json.
+
+    What is measured on one sensor at one light level is written at once, responses and errors, and
+    is not measured again.
+    """
+    pairs = exposures(dataset)
+    missing = [pair for pair in pairs if not responses_path(dataset, *pair).exists()]
+    if missing:
+        _measure(dataset, missing)
+    records = [each for pair in pairs for each in _stored_records(responses_path(dataset, *pair))]
+    files.write_json(dataset.result("flow.json"), records)
+
+
+def _measure(dataset: Dataset, pairs: Sequence[tuple[ImageSensor, LightLevel]]) -> None:
     flow, occluded = true_flow(dataset)
     rates = yaw_rates_deg_s(dataset.configuration.trajectory)
     methods = dataset.configuration.methods
-    records: list[Record] = []
-    pairs = exposures(dataset)
     with progress("Detecting motion", len(pairs) * len(methods), "response") as advance:
         for sensor, level in pairs:
             stored = read_exposure(dataset, sensor, level)
+            records: list[Record] = []
             responses: dict[str, NDArray[np.float64]] = {}
             for name in methods:
                 ideal, noisy = _respond(METHODS[name], stored)
@@ -51,8 +64,7 @@ def measure_flow(dataset: Dataset) -> None:
                 records.append({"sensor": sensor.name, "level": level, **record})
                 responses |= {name: noisy, f"{name}-ideal": ideal}
                 advance()
-            _write_responses(responses_path(dataset, sensor, level), responses)
-    files.write_json(dataset.result("flow.json"), records)
+            _write_responses(responses_path(dataset, sensor, level), responses, records)
 
 
 def responses_path(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> Path:
@@ -121,13 +133,22 @@ def _number(value: float) -> float | None:
     return None if math.isnan(value) else value
 
 
-def _write_responses(path: Path, responses: Mapping[str, NDArray[np.float64]]) -> None:
-    files.remove(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".part-{path.name}")
-    files.remove(temporary)
-    group = zarr.open_group(temporary, mode="w", zarr_format=3)
-    for name, values in responses.items():
-        chunks = (min(len(values), 16), *values.shape[1:])
-        group.create_array(name, data=values.astype(np.float32), chunks=chunks)
-    temporary.rename(path)
+def _write_responses(
+    path: Path, responses: Mapping[str, NDArray[np.float64]], records: Sequence[Record]
+) -> None:
+    with files.atomic_write(path) as temporary:
+        group = zarr.open_group(temporary, mode="w", zarr_format=3)
+        group.attrs["records"] = records
+        for name, values in responses.items():
+            chunks = (min(len(values), 16), *values.shape[1:])
+            group.create_array(name, data=values.astype(np.float32), chunks=chunks)
+
+
+def _stored_records(path: Path) -> list[Record]:
+    try:
+        records = zarr.open_group(path, mode="r").attrs["records"]
+        return [dict(each) for each in cast("list[Record]", records)]
+    except (OSError, ValueError, KeyError, TypeError) as problem:
+        raise UserError(
+            f"{path} cannot be read ({problem}); remove it and run the command again"
+        ) from None

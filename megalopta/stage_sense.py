@@ -69,7 +69,7 @@ def read_exposure(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> S
     try:
         return read_counts(dataset.counts(sensor, level))
     except (OSError, ValueError, KeyError, RuntimeError) as problem:
-        again = f"megalopta sense {dataset.root} --redo"
+        again = f"megalopta sense {dataset.home} --redo"
         raise UserError(
             f"{dataset.counts(sensor, level)} cannot be read ({problem}); run: {again}"
         ) from None

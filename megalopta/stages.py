@@ -1,16 +1,20 @@
 """The stages in their order, and how one is run: checked, resumed, timed and recorded."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from megalopta import files
 from megalopta.configuration import Configuration
-from megalopta.dataset import Dataset, begin_stage
+from megalopta.dataset import Dataset, begin_stages, existing, whole_of, write_configuration
 from megalopta.errors import UserError
 from megalopta.flow import METHODS
 from megalopta.flow.benchmark_settings import checked_warm_up, default_warm_up
+from megalopta.folders import locked
 from megalopta.progress import say
+from megalopta.redo import begin_redo, complete_redo, discard, publish
 from megalopta.render import choose_variant
 from megalopta.stage_bench import bench
 from megalopta.stage_flow import measure_flow
@@ -78,28 +82,91 @@ STAGES: Mapping[str, Stage] = {
 
 def run_stage(root: Path, configuration: Configuration, name: str, redo: bool = False) -> Dataset:
     """Bring one stage of a dataset to its end; what is there already is kept. Raises UserError."""
-    stage = STAGES[name]
-    _check(name, configuration)
-    dataset = begin_stage(root, configuration, name, redo)
-    if dataset.is_finished(name):
-        say(f"{name}: {root} has it already")
-        return dataset
-    start = time.perf_counter()
-    try:
-        stage.work(dataset)
-    finally:
-        dataset.add_time(name, time.perf_counter() - start)
-    dataset.finish(name)
-    return dataset
+    return _run(root, configuration, (name,), redo)
 
 
 def run_all(root: Path, configuration: Configuration, redo: bool = False) -> Dataset:
     """Run every stage, after checking that the configuration serves all of them."""
-    for name in STAGES:
+    return _run(root, configuration, tuple(STAGES), redo)
+
+
+def _run(root: Path, configuration: Configuration, names: Sequence[str], redo: bool) -> Dataset:
+    for name in names:
         _check(name, configuration)
-    for name in STAGES:
-        dataset = run_stage(root, configuration, name, redo)
-    return dataset
+    is_new = existing(root) is None  # and a folder of something else is refused
+    try:
+        with _opened(root, configuration, names, redo) as dataset:
+            for name in names:
+                _bring_to_end(dataset, name)
+    except Exception:
+        if is_new and root.is_dir() and not any(root.iterdir()):
+            root.rmdir()
+        raise
+    return Dataset(root, configuration)
+
+
+@contextmanager
+def _opened(
+    root: Path, configuration: Configuration, names: Sequence[str], redo: bool
+) -> Iterator[Dataset]:
+    """Lock a dataset and yield the one to work in: itself, or where its output is made again."""
+    with locked(root):
+        complete_redo(root)
+        old, doomed = begin_stages(root, configuration, names, redo)
+        files.sweep(root)
+        if doomed:
+            new = begin_redo(old, configuration, doomed)
+            try:
+                yield new
+            except Exception:  # but not by Ctrl-C, after which the same command goes on
+                discard(root)
+                raise
+            publish(old, new, doomed)
+        else:
+            discard(root)
+            new = Dataset(root, configuration)
+            with _recorded(new, names):
+                yield new
+
+
+@contextmanager
+def _recorded(dataset: Dataset, names: Sequence[str]) -> Iterator[None]:
+    """Record the configuration; where nothing comes of it, the former one, or none, comes back."""
+    path = dataset.root / "dataset.yaml"
+    before = path.read_text("utf-8") if path.exists() else None
+    write_configuration(dataset)
+    try:
+        yield
+    except Exception:
+        if not any(dataset.has(name) for name in names):
+            if before is None:
+                files.remove(path)
+                files.remove(dataset.root / "timings.json")
+            else:
+                files.write_text(path, before)
+        raise
+
+
+def _bring_to_end(dataset: Dataset, name: str) -> None:
+    if dataset.is_finished(name):
+        say(f"{name}: {dataset.home} has it already")
+        return
+    _remove_damaged(dataset, name)
+    start = time.perf_counter()
+    try:
+        STAGES[name].work(dataset)
+    finally:
+        dataset.add_time(name, time.perf_counter() - start)
+    dataset.finish(name)
+
+
+def _remove_damaged(dataset: Dataset, name: str) -> None:
+    """Remove what a finished stage wrote and somebody changed, so that it is made again."""
+    line = dataset.entry(name)
+    damaged = sorted({whole_of(path) for path in dataset.damaged(line)}) if line else []
+    for path in damaged:
+        say(f"{name}: {path} is missing or damaged, and is made again")
+        files.remove(path)
 
 
 def _check(name: str, configuration: Configuration) -> None:

@@ -7,6 +7,7 @@ not know, stand in the header as `bandEdgesNm`, the unit in `emissiveUnits`.
 A file appears whole or not at all.
 """
 
+import errno
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -14,6 +15,7 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
+from megalopta.files import atomic_write
 from megalopta.render.bands import Bands, channel_names
 from megalopta.render.truth import Truth
 
@@ -87,6 +89,13 @@ def read_radiance(path: Path) -> tuple[NDArray[np.float32], tuple[tuple[float, f
             "S0.<center>nm); render it again"
         ) from None
     return np.stack(planes, axis=-1).astype(np.float32, copy=False), bands
+
+
+def read_size(path: Path) -> tuple[int, int]:
+    """Read rows and columns of a file from its header. Raises ValueError when it is no EXR."""
+    header, _ = _read(path, header_only=True)
+    (left, top), (right, bottom) = np.asarray(header["dataWindow"])
+    return int(bottom - top + 1), int(right - left + 1)
 
 
 def read_attributes(path: Path) -> dict[str, str]:
@@ -167,13 +176,11 @@ def _write(
         "type": OpenEXR.scanlineimage,
         **header,
     }
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.part")
-    try:
-        OpenEXR.File(full_header, dict(channels)).write(str(temporary))
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with atomic_write(path) as temporary:
+        try:
+            OpenEXR.File(full_header, dict(channels)).write(str(temporary))
+        except RuntimeError as problem:  # OpenEXR's word for a disk that is full, among others
+            raise OSError(errno.EIO, str(problem), str(path)) from problem
 
 
 def _read(

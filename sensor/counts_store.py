@@ -7,18 +7,17 @@ under a temporary name and renamed, so it is there whole or not at all.
 """
 
 import operator
-import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
-from uuid import uuid4
 
 import numpy as np
 import zarr
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
+from megalopta.files import atomic_write
 from megalopta.sensor.exposure import Exposure
 from megalopta.sensor.image_sensor import ImageSensor
 
@@ -62,13 +61,8 @@ def write_counts(path: str | Path, stored: StoredCounts) -> None:
     path = Path(path)
     if path.exists():
         raise FileExistsError(f"{path}: exists already; remove it or choose another name")
-    temporary = path.with_name(f".{path.name}.{uuid4().hex}")
-    try:
+    with atomic_write(path) as temporary:
         _write_group(temporary, stored)
-        temporary.rename(path)
-    except BaseException:
-        shutil.rmtree(temporary, ignore_errors=True)
-        raise
 
 
 def read_counts(path: str | Path) -> StoredCounts:

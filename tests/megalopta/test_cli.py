@@ -81,7 +81,7 @@ def files_named(root, pattern):
     return sorted(Path(root).rglob(pattern))
 
 
-def test_ctrl_c_leaves_whole_files_and_the_next_run_goes_on(tmp_path):
+def test_ctrl_c_leaves_atomic_writes_and_the_next_run_goes_on(tmp_path):
     out = tmp_path / "data"
     process = subprocess.Popen(
         [*COMMAND, "render", "grating", *SMALL, "--out", str(out)],

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 import zarr
 
+from megalopta import stage_flow
+from megalopta.check_files import check_files, run_check_files
 from megalopta.configuration import load
 from megalopta.dataset import STAGES as ORDER
 from megalopta.dataset import open_dataset
 from megalopta.errors import UserError
+from megalopta.flow import benchmark
 from megalopta.flow.flo import read_flo
 from megalopta.render.exr import read_radiance, read_truth
 from megalopta.scenes.photometry import luminous
@@ -191,6 +194,130 @@ def test_a_missing_file_makes_its_stage_unfinished(copy):
     assert content(copy.root) == before
 
 
+@pytest.mark.parametrize(
+    "name", ["radiance/grating/frame_0003.exr", "counts/grating/ideal-starlight.zarr/zarr.json"]
+)
+def test_a_truncated_file_is_made_again_by_its_stage_alone(copy, name):
+    before = content(copy.root)
+    path = copy.root / name
+    path.write_bytes(path.read_bytes()[:100])
+    stage = "sense" if "counts" in name else "render"
+    later = "flow" if stage == "sense" else "bench"
+    copy.forget(later)
+    with pytest.raises(UserError, match=rf"{path} is missing or damaged; run first: .* {stage} "):
+        run_stage(copy.root, copy.configuration, later)
+    run_stage(copy.root, copy.configuration, stage)
+    run_stage(copy.root, copy.configuration, later)
+    assert {name: before[name] for name in content(copy.root) if name != "manifest.jsonl"} == {
+        name: each for name, each in content(copy.root).items() if name != "manifest.jsonl"
+    }
+
+
+@pytest.mark.parametrize(
+    ("stage", "change"),
+    [
+        ("render", {"scene": {"cycles_per_frame": 4.25}}),  # does not close
+        ("sense", {"light_levels": (1e300,)}),
+    ],
+)
+def test_a_refused_redo_leaves_everything_as_it_was(copy, stage, change):
+    before = content(copy.root)
+    if stage == "render":
+        change = {"scene": copy.configuration.scene.model_copy(update=change["scene"])}
+    changed = copy.configuration.model_copy(update=change)
+    with pytest.raises(UserError):
+        run_stage(copy.root, changed, stage, redo=True)
+    assert content(copy.root) == before
+
+
+def test_a_redo_that_fails_on_a_damaged_frame_leaves_everything_as_it_was(copy):
+    path = copy.radiance(20)
+    path.write_bytes(bytes(path.stat().st_size))
+    before = content(copy.root)
+    with pytest.raises(UserError, match="frame_0021"):
+        run_stage(copy.root, copy.configuration, "sense", redo=True)
+    assert content(copy.root) == before
+
+
+def test_a_refused_first_stage_leaves_no_folder(tiny, tmp_path):
+    scene = tiny.scene.model_copy(update={"cycles_per_frame": 4.25})
+    with pytest.raises(UserError, match="does not close"):
+        run_stage(tmp_path / "data", tiny.model_copy(update={"scene": scene}), "render")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_a_killed_writer_left_is_swept_and_not_entered(copy):
+    before = content(copy.root)
+    copy.forget("sense")
+    (copy.root / "counts/grating/.part-0123456789ab-x.zarr").mkdir(parents=True)
+    (copy.root / "counts/grating/.part-0123456789ab-x.zarr/zarr.json").write_text("{")
+    run_all(copy.root, copy.configuration)
+    assert content(copy.root) == before
+
+
+def test_flow_goes_on_after_an_interruption(copy, monkeypatch):
+    before = content(copy.root)
+    copy.forget("flow")
+    write = stage_flow._write_responses
+
+    def interrupted(path, *rest):
+        write(path, *rest)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(stage_flow, "_write_responses", interrupted)
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            run_stage(copy.root, copy.configuration, "flow")
+    monkeypatch.undo()
+    monkeypatch.setattr(stage_flow, "_compare", _counting(stage_flow._compare, calls := []))
+    run_stage(copy.root, copy.configuration, "flow")
+    assert len(calls) == len(copy.configuration.methods) * 2  # two of four exposures were there
+    run_stage(copy.root, copy.configuration, "bench")
+    assert content(copy.root) == before
+
+
+def test_bench_goes_on_after_an_interruption(copy, monkeypatch):
+    before = content(copy.root)
+    copy.forget("bench")
+    work, calls = benchmark._one_repeat, []
+
+    def interrupted(*arguments):
+        if calls:
+            raise KeyboardInterrupt
+        calls.append(arguments)
+        return work(*arguments)
+
+    monkeypatch.setattr(benchmark, "_one_repeat", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        run_stage(copy.root, copy.configuration, "bench")
+    monkeypatch.setattr(benchmark, "_one_repeat", _counting(work, calls := []))
+    run_stage(copy.root, copy.configuration, "bench")
+    assert len(calls) == copy.configuration.benchmark.repeats - 1
+    assert content(copy.root) == before
+
+
+def _counting(function, calls):
+    def counted(*arguments):
+        calls.append(arguments)
+        return function(*arguments)
+
+    return counted
+
+
+def test_damage_is_named_with_its_remedy(copy, capsys):
+    assert check_files(copy) == []
+    (copy.root / "litter.txt").write_text("?")
+    path = copy.counts(copy.configuration.sensors[0], "twilight") / "counts/c/0/0/0"
+    path.write_bytes(bytes(path.stat().st_size))
+    copy.radiance(3).unlink()
+    assert not run_check_files(copy)
+    text = capsys.readouterr().out
+    assert f"{copy.radiance(3)}: is missing; run: megalopta render {copy.root} --out" in text
+    assert f"{path}: is not as it was written; remove {path.parents[4]} and run" in text
+    assert "litter.txt: belongs to no stage" in text
+    assert "3 damaged, missing or unknown" in text
+
+
 def test_damaged_bookkeeping_is_named(copy):
     (copy.root / "manifest.jsonl").write_text("{half")
     with pytest.raises(UserError, match=r"manifest\.jsonl is damaged"):
@@ -255,7 +382,7 @@ def test_a_folder_of_something_else_is_left_alone(tiny, tmp_path):
 def test_a_damaged_frame_is_named(copy):
     copy.forget("sense")
     path = copy.radiance(2)
-    path.write_bytes(path.read_bytes()[:200])
+    path.write_bytes(bytes(path.stat().st_size))
     with pytest.raises(
         UserError,
         match=r"frame_0003\.exr cannot be read as EXR.*remove the file and run: megalopta render",
@@ -274,6 +401,7 @@ def test_every_stage_is_entered_with_the_hash_of_its_files(finished):
     lines = finished.manifest()
     assert [line["stage"] for line in lines] == list(ORDER)
     for line in lines:
-        for name, digest in line["files"].items():
+        for name, (size, digest) in line["files"].items():
             data = (finished.root / name).read_bytes()
+            assert len(data) == size
             assert hashlib.blake2b(data, digest_size=16).hexdigest() == digest

@@ -1,0 +1,131 @@
+"""Stages killed at random moments, and two processes at once: the tree ends as if undisturbed.
+
+`MEGALOPTA_LONG=1` kills every stage at twenty moments, with and without --redo.
+"""
+
+import hashlib
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from megalopta.dataset import open_dataset
+from megalopta.stages import run_all
+from megalopta.yaml_model import to_yaml
+
+IS_LONG = os.environ.get("MEGALOPTA_LONG") == "1"
+KILLS = 20 if IS_LONG else 1
+
+# Loading takes seconds, in which nothing can be harmed: the clock starts when it is done.
+PROGRAM = """
+import sys
+from megalopta import cli
+import megalopta.render.renderer
+print("ready", flush=True)
+cli.main(sys.argv[1:])
+"""
+
+CHANGES = {
+    "render": ("--seed", "5"),
+    "sense": ("--light-levels", "0.2", "starlight"),
+    "flow": ("--methods", "BM", "NDS"),
+    "bench": ("--benchmark.repeats", "3"),
+}
+
+
+@pytest.fixture(scope="module")
+def finished(tiny, tmp_path_factory):
+    root = tmp_path_factory.mktemp("kills") / "data"
+    run_all(root, tiny)
+    return root
+
+
+def start(*arguments):
+    return subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, *map(str, arguments)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+def wait_until_loaded(process):
+    assert process.stdout.readline() == "ready\n"
+
+
+def finish(process):
+    _, complaints = process.communicate()
+    assert process.returncode == 0, complaints
+    return complaints
+
+
+def content(root):
+    """Every file but for the clock's, links and hidden ones included."""
+    return {
+        str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(root.rglob("*"))
+        if path.is_file() and path.name != "timings.json"
+    }
+
+
+def command(stage, root, *, redo=False):
+    if stage == "render":
+        # a dataset's folder is a configuration, too
+        first = ("render", root.parent / "start.yaml", "--out", root)
+    else:
+        first = (stage, root)
+    return (*first, *CHANGES[stage], "--redo") if redo else first
+
+
+@pytest.mark.parametrize(
+    ("stage", "redo"),
+    [(stage, redo) for stage in CHANGES for redo in (False, True)]
+    if IS_LONG
+    else [("sense", True), ("flow", False)],
+)
+def test_a_killed_stage_ends_like_an_undisturbed_one(finished, tmp_path, stage, redo):
+    rng = np.random.default_rng([len(stage), redo])
+    configuration = open_dataset(finished).configuration
+    for name in ("undisturbed", "killed"):
+        root = tmp_path / name / "data"
+        shutil.copytree(finished, root)
+        (root.parent / "start.yaml").write_text(to_yaml(configuration))
+        if not redo:
+            open_dataset(root).forget(stage)
+    undisturbed, killed = (tmp_path / name / "data" for name in ("undisturbed", "killed"))
+    before = content(killed)
+    process = start(*command(stage, undisturbed, redo=redo))
+    wait_until_loaded(process)
+    began = time.perf_counter()
+    finish(process)
+    lasts = time.perf_counter() - began
+    deaths = 0
+    for _ in range(KILLS):
+        process = start(*command(stage, killed, redo=redo))
+        wait_until_loaded(process)
+        time.sleep(rng.uniform(0, lasts))
+        process.send_signal(signal.SIGKILL)
+        process.communicate()
+        deaths += process.returncode == -signal.SIGKILL
+        if redo and not (killed / ".redo/publish.json").exists():
+            kept = {name: each for name, each in content(killed).items() if name[0] != "."}
+            assert kept in (before, content(undisturbed))
+    finish(start(*command(stage, killed, redo=redo)))
+    assert content(killed) == content(undisturbed)
+    print(f"{stage}, redo {redo}: killed {deaths} of {KILLS} times within {lasts:.1f} s")
+
+
+def test_two_processes_on_one_dataset_do_not_meet(finished, tmp_path):
+    root, configuration = tmp_path / "data", open_dataset(finished).configuration
+    (tmp_path / "start.yaml").write_text(to_yaml(configuration))
+    processes = [start("render", tmp_path / "start.yaml", "--out", root) for _ in range(2)]
+    said = [finish(process) for process in processes]
+    assert sum("has it already" in text for text in said) == 1
+    kept = {name for name in content(root) if name != "manifest.jsonl"}
+    everything = content(finished)
+    assert {name: each for name, each in content(root).items() if name in kept} == {
+        name: everything[name] for name in kept
+    }
