@@ -20,7 +20,7 @@ _HEADER = struct.Struct("<4sii")
 _LARGEST_SIDE = 100_000
 
 
-def write_flo(path: Path, flow: NDArray[np.floating]) -> None:
+def write_flo(path: str | Path, flow: NDArray[np.floating]) -> None:
     """Write a flow (H, W, 2), px, +x right, +y down, NaN where undefined.
 
     Raises
@@ -39,11 +39,11 @@ def write_flo(path: Path, flow: NDArray[np.floating]) -> None:
     undefined = np.isnan(flow).any(axis=-1, keepdims=True)
     values = np.where(undefined, UNKNOWN, flow).astype("<f4")
     height, width = flow.shape[:2]
-    with atomic_write(path) as temporary:
+    with atomic_write(Path(path)) as temporary:
         temporary.write_bytes(_HEADER.pack(TAG, width, height) + values.tobytes())
 
 
-def read_flo(path: Path) -> NDArray[np.float32]:
+def read_flo(path: str | Path) -> NDArray[np.float32]:
     """Read a flow (H, W, 2), px, +x right, +y down, NaN where undefined.
 
     Raises
@@ -51,7 +51,7 @@ def read_flo(path: Path) -> NDArray[np.float32]:
     ValueError
         When the file is not a whole .flo file.
     """
-    content = path.read_bytes()
+    content = Path(path).read_bytes()
     if len(content) < _HEADER.size:
         raise ValueError(f"{path} has {len(content)} bytes: too short for a .flo file")
     tag, width, height = _HEADER.unpack_from(content)

@@ -1,7 +1,7 @@
 """What is known of the rendering's noise, from the headers of a dataset's frames.
 
 median_relative, rms_over_mean     over the measured frames, median and mean square
-equivalent_photons_per_pixel       Poisson counts that scatter as much as the median pixel
+equivalent_photons_per_pixel       Poisson counts that scatter as much as pixels of the median block
 mean, covariance                   of bands and of their noise, averaged over measured frames
 measured_frames                    numbers of the frames that were measured, from 0
 samples_per_pixel, median_relative_of_frames, rms_over_mean_of_frames

@@ -40,12 +40,14 @@ def noise_share(
     scale : (B,)
         Factor from the rendered light to the exposed, per band.
     """
-    bands = settings.render.bands_nm
-    one_band_each = np.diag(scale)[:, None, None, :]
-    photons = detected_photons(one_band_each, bands, sensor).ravel()
-    dark = np.zeros((1, settings.camera.height, settings.camera.width, len(bands)))
-    arrivals = photons @ np.array(noise["mean"]) + expected_reading(dark, bands, sensor).mean()
-    variance = photons @ np.array(noise["covariance"]) @ photons
+    bands, camera = settings.render.bands_nm, settings.camera
+    shape = len(bands), camera.height, camera.width, len(bands)
+    one_band_each = np.broadcast_to(np.diag(scale)[:, None, None, :], shape)
+    photons = detected_photons(one_band_each, bands, sensor).reshape(len(bands), -1)
+    dark = expected_reading(np.zeros((1, *shape[1:])), bands, sensor)
+    arrivals = np.array(noise["mean"]) @ photons.mean(axis=1) + dark.mean()
+    products = photons @ photons.T / photons.shape[1]
+    variance = np.sum(products * np.array(noise["covariance"]))
     return float(variance / max(arrivals, 1e-300))
 
 

@@ -16,6 +16,7 @@ from megalopta.folders import locked
 from megalopta.progress import say
 from megalopta.redo import begin_redo, complete_redo, discard, publish
 from megalopta.render import choose_variant
+from megalopta.sense_check import check_sense
 from megalopta.stage_bench import bench
 from megalopta.stage_flow import measure_flow
 from megalopta.stage_render import render
@@ -66,7 +67,9 @@ STAGES: Mapping[str, Stage] = {
     "render": Stage(
         "render a scene to spectral-radiance EXRs with exact ground truth", render, _check_render
     ),
-    "sense": Stage("expose every sensor at every light level: photon counts to Zarr", sense),
+    "sense": Stage(
+        "expose every sensor at every light level: photon counts to Zarr", sense, check_sense
+    ),
     "flow": Stage(
         "run the motion detectors on the counts and compare with the truth",
         measure_flow,

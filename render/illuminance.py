@@ -2,8 +2,9 @@
 
 A light meter is a small horizontal plate: Mitsuba's irradiance meter gathers light paths from it,
 weighted with V(λ). These paths meet everything but the disc of sun or moon, whose part comes from
-visibility rays toward points of the disc. Paths are as long as in the frames, so that the meter and
-the frames miss the same light.
+visibility rays toward points of the disc. The light has as many bounces as in the frames, so that
+the meter and the frames miss the same light: at a surface, frames have spent one segment of their
+longest path on the way from the camera.
 """
 
 import math
@@ -77,13 +78,14 @@ class LightMeter:
     sun : Sun or None
         The scene's.
     max_depth : int
-        Longest path in surface hits plus one, as for frames.
+        Of the frames: longest path from the camera in surface hits plus one, 2 or more to light
+        anything.
     """
 
     def __init__(self, scene: Any, sun: Sun | None, max_depth: int) -> None:
         self._scene = scene
-        self._sun = sun
-        self._integrator = mi.load_dict({"type": "path", "max_depth": max_depth})
+        self._sun = sun if max_depth > 1 else None
+        self._integrator = mi.load_dict({"type": "path", "max_depth": max_depth - 1})
 
     def survey(self, positions: Float64) -> LightSurvey:
         """Measure above and below camera positions (N, 3), m."""

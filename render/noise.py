@@ -8,7 +8,6 @@ are added up to a stated error, every frame is measured, from the scatter of its
 """
 
 import json
-import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
@@ -17,11 +16,14 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 Image = NDArray[np.float32]
+Floats = NDArray[np.float64]
 RenderPass = Callable[[int], Image]
 """Renders the pass of a given number: radiance (H, W, B), independent of the other passes."""
 
 MEASURED_EVERY = 16
 """Frames from one that is rendered twice to the next."""
+
+_BLOCK_PX = 4
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,7 @@ class RenderNoise:
     passes : int
         Averaged in the frame.
     median_relative : float
-        σ/mean of a pixel, median over the lit pixels (sum over bands).
+        σ/mean of the pixels of a block of 4 × 4, median over the lit blocks (sum over bands).
     rms_over_mean : float
         RMS of the noise over the mean radiance (sum over bands).
     mean : (B,)
@@ -66,9 +68,9 @@ class RunningMean:
 
     def __init__(self) -> None:
         self.count = 0
-        self._mean: NDArray[np.float64] = np.zeros(())
-        self._squares: NDArray[np.float64] = np.zeros(())  # of the sum over bands, per pixel
-        self._products: NDArray[np.float64] = np.zeros(())  # between bands, mean over pixels
+        self._mean: Floats = np.zeros(())
+        self._squares: Floats = np.zeros(())  # of the sum over bands, per pixel
+        self._products: Floats = np.zeros(())  # between bands, mean over pixels
 
     def add(self, image: Image) -> None:
         """Take in one pass (H, W, B)."""
@@ -94,19 +96,36 @@ class RunningMean:
         degrees = self.count - 1
         variance = self._squares / (degrees * averaged)
         total = self._mean.sum(axis=-1)
-        lit = total > 0
-        # The root of an estimated variance has not σ as its median.
-        typical = math.sqrt(chi2.median(degrees) / degrees)
-        relative = np.sqrt(variance[lit]) / total[lit]
         return RenderNoise(
             passes=averaged,
-            median_relative=float(np.median(relative)) / typical if lit.any() else 0.0,
+            median_relative=_median_relative(variance, total, degrees),
             rms_over_mean=float(np.sqrt(variance.mean()) / max(total.mean(), 1e-300)),
             mean=tuple(self._mean.mean(axis=(0, 1)).tolist()),
             covariance=tuple(
                 tuple(row) for row in (self._products / (degrees * averaged)).tolist()
             ),
         )
+
+
+def _median_relative(variance: Floats, total: Floats, degrees: int) -> float:
+    """Median over blocks of σ/mean, from variances estimated with some degrees of freedom.
+
+    A variance from two passes scatters so much that the median of its root over pixels of unlike σ
+    is 13 % below that of σ in a forest; neighbors have nearly the same σ, and blocks know it well.
+    """
+    blocks, light, pixels = (_block_sums(each) for each in (variance, total, np.ones_like(total)))
+    lit = light > 0
+    if not lit.any():
+        return 0.0
+    freedom = degrees * pixels[lit]
+    # The root of an estimated variance has not σ as its median.
+    estimated = blocks[lit] * pixels[lit] * freedom / chi2.median(freedom)
+    return float(np.median(np.sqrt(estimated) / light[lit]))
+
+
+def _block_sums(values: Floats) -> Floats:
+    rows, columns = (np.arange(0, size, _BLOCK_PX) for size in values.shape)
+    return np.asarray(np.add.reduceat(np.add.reduceat(values, rows, axis=0), columns, axis=1))
 
 
 def render_once(render_pass: RenderPass, measured: bool) -> tuple[Image, RenderNoise | None]:

@@ -58,6 +58,7 @@ from megalopta.sensor.gating import Gate
 from megalopta.sensor.image_sensor import (
     IMAGE_SENSORS,
     ImageSensor,
+    check_sensor,
     detected_photons,
     expected_reading,
     expose_image,
@@ -109,6 +110,7 @@ __all__ = [
     "Temperature",
     "calibrate",
     "changed",
+    "check_sensor",
     "ctia_preset",
     "detected_photons",
     "detection_rate",

@@ -80,7 +80,7 @@ ORDER_OF_EFFECTS: tuple[Effect, ...] = (
     Effect(
         "measured",
         "measured maps replace drawn patterns of efficiency, dark counts and breakdown",
-        lambda s: s.measured != MeasuredMaps(),
+        lambda s: s.measured.has_any,
         lambda _: {"measured": MeasuredMaps()},
     ),
     Effect(

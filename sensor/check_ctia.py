@@ -69,6 +69,9 @@ def check_ctia_noise() -> Iterator[Row]:
     at_zero = _electrons(thermal, 0.0, 0.0, dark_only)
     yield mean_row("CTIA dark noise", "electrons at zero bias", 0.0, at_zero)
     yield variance_row("CTIA dark noise", "variance at zero bias (electrons²)", nyquist, at_zero)
+    recombining = _electrons(changed(junction, ideality=2.0), 0.0, 0.0, dark_only)
+    nyquist = 2 * k * _KELVIN * (_JUNCTION_A * e / (2 * k * _KELVIN)) * time_s / e**2
+    yield variance_row("CTIA dark noise", "variance at zero bias, n = 2", nyquist, recombining)
     reverse = _electrons(junction, 1.0, 0.0, dark_only)
     full = _JUNCTION_A * time_s / e
     yield mean_row("CTIA dark noise", "electrons at 1 V reverse", full, reverse)

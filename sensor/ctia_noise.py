@@ -1,9 +1,9 @@
 """Noise of a CTIA reading, as volts at the output of the pixel.
 
 - photon shot noise: the photoelectrons are Poisson, variance q·I_ph·t in C²;
-- dark shot noise: two opposite Poisson currents of the junction, I_s and I_s·exp(−V/w), and the
+- dark shot noise: two opposite Poisson currents of the junction (`junction_currents`), and the
   thermal noise of the shunt, variance 2·k·T·t/R (C²). It stays at zero bias, where the net current
-  is zero: bias tuning removes the dark current, but of its noise only what exceeds 2·q·I_s;
+  is zero: bias tuning removes the dark current, but not the thermal noise of its conductance;
 - reset (kTC) noise: k·T/C in V², unless the reset level is read too and subtracted;
 - read noise: normal, of all that follows the pixel.
 
@@ -24,6 +24,7 @@ from megalopta.sensor.ctia_photodiode import (
     BOLTZMANN_J_K,
     ELEMENTARY_CHARGE_C,
     Floats,
+    junction_currents,
     noise_current,
 )
 
@@ -92,9 +93,10 @@ def _halfway(pixel: Pixel, photocurrent_a: Floats, time_s: float) -> tuple[Float
 
 def _dark_charge(rng: np.random.Generator, pixel: Pixel, bias: Floats, elapsed: Floats) -> Floats:
     diode = pixel.diode
-    backward = diode.saturation_current_a * np.asarray(pixel.dark_scale) * elapsed
-    charge = _poisson_charge(rng, backward)
-    charge -= _poisson_charge(rng, backward * np.exp(-bias / diode.slope_v))
+    time = np.asarray(pixel.dark_scale) * elapsed
+    reverse, forward = junction_currents(diode, bias)
+    charge = _poisson_charge(rng, reverse * time)
+    charge -= _poisson_charge(rng, forward * time)
     if diode.shunt_ohm is not None:
         conductance = diode.shunt_s * np.asarray(pixel.dark_scale)
         variance = 2 * BOLTZMANN_J_K * diode.temperature_k * conductance * elapsed

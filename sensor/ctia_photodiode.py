@@ -6,11 +6,15 @@ The pixel works at a small reverse bias, so functions here take the reverse bias
 current that discharges the pixel: positive in reverse, negative in forward bias, where the pixel
 "can no longer discharge".
 
-Near zero bias the net current vanishes, its noise does not: two currents, I_s one way and
-I_s·exp(−V_r/w) the other, cancel on average only, and the shunt has its thermal noise. That is
-white, and its equivalent current, 2·q·I_eq in A²/Hz, is
+Near zero bias the net current vanishes, its noise does not: two currents of single electrons, one
+way and the other, cancel on average only, and the shunt has its thermal noise. Detailed balance
+makes the ratio of the two exp(q·V_r/(k·T)), without n, whatever the law of their difference, so the
+noise is white, and its equivalent current, 2·q·I_eq in A²/Hz, is
 
-    I_eq = I_s·(1 + exp(−V_r/w)) + 2·k·T/(q·R_shunt)
+    I_eq = |I_D|·coth(q·|V_r|/(2·k·T)) + 2·k·T/(q·R_shunt),    I_D that of the junction alone
+
+At zero bias this is Nyquist's 4·k·T times the conductance for any n; for n = 1 it is
+I_s·(1 + exp(−V_r/w)).
 
 Source: dissertation §3.2.1 and §3.3; the noise is that of any p-n junction (van der Ziel). Left
 out: generation in the depletion region, tunneling through traps and breakdown, which make the
@@ -51,7 +55,12 @@ class Photodiode(
     @property
     def slope_v(self) -> float:
         """n·k·T/q: the bias that changes the forward current by a factor e (V)."""
-        return self.ideality * BOLTZMANN_J_K * self.temperature_k / ELEMENTARY_CHARGE_C
+        return self.ideality * self.thermal_v
+
+    @property
+    def thermal_v(self) -> float:
+        """k·T/q (V)."""
+        return BOLTZMANN_J_K * self.temperature_k / ELEMENTARY_CHARGE_C
 
     @property
     def shunt_s(self) -> float:
@@ -82,11 +91,27 @@ def reverse_current(diode: Photodiode, reverse_bias_v: Reals, scale: Reals = 1.0
     return np.asarray(scale * (junction + diode.shunt_s * bias))
 
 
+def junction_currents(diode: Photodiode, reverse_bias_v: Reals) -> tuple[Floats, Floats]:
+    """Currents of electrons that cross the junction in reverse and in forward direction, A.
+
+    Their difference is the junction's part of `reverse_current`, their sum has its shot noise.
+    """
+    bias = np.asarray(reverse_bias_v, np.float64)
+    size = np.abs(bias) / diode.thermal_v
+    # expm1(−a/n)/expm1(−a), 1/n at zero bias and exactly 1 for n = 1
+    share = np.full_like(size, 1 / diode.ideality)
+    np.divide(np.expm1(-size / diode.ideality), np.expm1(-size), out=share, where=size > 0)
+    slower = np.exp(np.minimum(bias, 0) * (1 / diode.thermal_v - 1 / diode.slope_v))
+    with np.errstate(over="ignore"):
+        forward = np.exp(-bias / np.where(bias > 0, diode.thermal_v, diode.slope_v))
+    current = diode.saturation_current_a * share
+    return np.asarray(current * slower), np.asarray(current * forward)
+
+
 def noise_current(diode: Photodiode, reverse_bias_v: Reals, scale: Reals = 1.0) -> Floats:
     """Current whose full shot noise equals the noise of the dark diode, A; as `reverse_current`."""
-    forward = np.exp(-np.asarray(reverse_bias_v, np.float64) / diode.slope_v)
-    thermal = 2 * BOLTZMANN_J_K * diode.temperature_k / ELEMENTARY_CHARGE_C * diode.shunt_s
-    return np.asarray(scale * (diode.saturation_current_a * (1 + forward) + thermal))
+    reverse, forward = junction_currents(diode, reverse_bias_v)
+    return np.asarray(scale * (reverse + forward + 2 * diode.thermal_v * diode.shunt_s))
 
 
 def open_circuit_voltage(diode: Photodiode, photocurrent_a: Reals, scale: Reals = 1.0) -> Floats:

@@ -14,7 +14,7 @@ from megalopta.sensor import bias, temperature
 from megalopta.sensor.analog_counter import AnalogCounter, AnalogPixels, analog_pixels
 from megalopta.sensor.dark_counts import dark_count_rate
 from megalopta.sensor.dead_time import MOST_ARRIVALS
-from megalopta.sensor.measured import MeasuredMaps, load_map
+from megalopta.sensor.measured import load_map
 from megalopta.sensor.model import Sensor
 
 Floats = NDArray[np.float64]
@@ -49,8 +49,8 @@ def fabricate(sensor: Sensor, shape: tuple[int, int]) -> Device:
         beyond all measure.
     """
     # files may change, drawn patterns cannot
-    is_drawn = sensor.measured == MeasuredMaps()
-    return _fabricate_once(sensor, shape) if is_drawn else _fabricate(sensor, shape)
+    make = _fabricate if sensor.measured.has_any else _fabricate_once
+    return make(sensor, shape)
 
 
 def _fabricate(sensor: Sensor, shape: tuple[int, int]) -> Device:
@@ -72,7 +72,8 @@ _fabricate_once = lru_cache(maxsize=8)(_fabricate)
 def _breakdown_offset(sensor: Sensor, shape: tuple[int, int]) -> Floats:
     measured = sensor.measured.breakdown
     if measured is not None:
-        return load_map(measured, shape, "measured.breakdown", lowest=-np.finfo(float).max)
+        fit, lowest = sensor.measured.fit, -np.finfo(float).max
+        return load_map(measured, shape, "measured.breakdown", fit=fit, lowest=lowest)
     return bias.breakdown_offset(sensor.bias, shape, sensor.device_seed)
 
 
@@ -81,7 +82,7 @@ def _efficiency_factor(sensor: Sensor, offset: Floats) -> Floats:
     if measured is None:
         factor = bias.efficiency_factor(sensor.bias, offset)
     else:
-        factor = load_map(measured, offset.shape, "measured.efficiency")
+        factor = load_map(measured, offset.shape, "measured.efficiency", fit=sensor.measured.fit)
         factor *= bias.since_measurement(bias.efficiency_factor, sensor.bias, offset)
     largest = float(factor.max(initial=0)) * max(sensor.efficiency.values)
     if largest > 1:
@@ -99,7 +100,7 @@ def _dark_counts_hz(sensor: Sensor, offset: Floats) -> Floats:
         rate = dark_count_rate(sensor.dark_counts, offset.shape, area_m2, seed)
         rate *= bias.dark_count_factor(sensor.bias, offset)
     else:
-        rate = load_map(measured, offset.shape, "measured.dark_counts")
+        rate = load_map(measured, offset.shape, "measured.dark_counts", fit=sensor.measured.fit)
         rate *= bias.since_measurement(bias.dark_count_factor, sensor.bias, offset)
     with np.errstate(invalid="ignore"):
         rate *= temperature.dark_count_factor(sensor.temperature)

@@ -19,7 +19,9 @@ from megalopta.sensor.ctia_array import (
 )
 from megalopta.sensor.ctia_photodiode import Floats
 from megalopta.sensor.ctia_presets import CTIA_PRESETS
-from megalopta.sensor.ctia_sensor import CtiaSensor
+from megalopta.sensor.ctia_sensor import CtiaSensor, pixels
+from megalopta.sensor.device import fabricate
+from megalopta.sensor.efficiency import band_efficiency
 from megalopta.sensor.exposure import (
     Exposure,
     detection_rate,
@@ -67,6 +69,22 @@ def expose_image(
         reading_electrons(reading.expected, sensor),
         reading.saturated,
     )
+
+
+def check_sensor(sensor: ImageSensor, bands_nm: ArrayLike, shape: tuple[int, int]) -> None:
+    """Make sure that a sensor can expose images of (rows, columns) pixels in these bands.
+
+    Raises
+    ------
+    ValueError
+        When a band reaches outside its efficiency curve, or the device cannot be made: a measured
+        map is damaged or does not fit, or its figures lead beyond what is possible.
+    """
+    band_efficiency(sensor.efficiency, bands_nm)
+    if isinstance(sensor, Sensor):
+        fabricate(sensor, shape)
+    else:
+        pixels(sensor, shape)
 
 
 def incident_photons(radiance: ArrayLike, bands_nm: ArrayLike, sensor: ImageSensor) -> Floats:

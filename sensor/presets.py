@@ -30,8 +30,10 @@ have fill factor 1 (pitch² is the active area) and no other effect. A limit ("<
 as the value.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import yaml
 from pydantic import ValidationError
@@ -42,6 +44,7 @@ from megalopta.sensor.change import merged
 from megalopta.sensor.dark_counts import DarkCounts
 from megalopta.sensor.dead_time import DeadTime
 from megalopta.sensor.efficiency import Efficiency
+from megalopta.sensor.efficiency_file import with_curve
 from megalopta.sensor.measured import with_hashes
 from megalopta.sensor.model import Sensor
 from megalopta.sensor.optics import Lens
@@ -184,8 +187,8 @@ def preset(name: str) -> Sensor:
 def load_sensor(path: str | Path) -> Sensor:
     """Read a sensor, such as a measured device, from a YAML file.
 
-    The file has the fields of `Sensor`; with `preset` the rest is taken from there. Paths of
-    measured maps are relative to the file.
+    The file has the fields of `Sensor`; with `preset` the rest is taken from there. Paths in it are
+    relative to the file.
 
     Raises
     ------
@@ -195,17 +198,31 @@ def load_sensor(path: str | Path) -> Sensor:
     path = Path(path)
     try:
         values = yaml.safe_load(path.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
         problem = " ".join(str(error).split())
         raise ValueError(f"{path}: cannot be read as YAML: {problem}") from error
     if not isinstance(values, dict):
         raise ValueError(f"{path}: a sensor is a mapping of fields to values")
-    values["measured"] = with_hashes(values.get("measured", {}), path.parent)
-    base = preset(values.pop("preset")).model_dump() if "preset" in values else {}
     try:
+        values = with_files(values, path.parent)
+        base = preset(values.pop("preset")).model_dump() if "preset" in values else {}
         return Sensor.model_validate(merged(base, values))
     except ValidationError as error:
         raise ValueError(f"{path}: {_first_problem(error)}") from error
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+
+
+def with_files(values: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Make a sensor's fields independent of the folder that the paths among them start from.
+
+    Maps get absolute paths and hashes, an efficiency curve in a file becomes numbers.
+    """
+    resolved = dict(values)
+    for name, resolve in (("measured", with_hashes), ("efficiency", with_curve)):
+        if name in resolved:
+            resolved[name] = resolve(resolved[name], folder)
+    return resolved
 
 
 def _first_problem(error: ValidationError) -> str:
@@ -215,6 +232,8 @@ def _first_problem(error: ValidationError) -> str:
         return f"{place}: no such field; remove it"
     if problem["type"] == "missing":
         return f"{place}: missing; give a value or a preset"
+    if problem["type"] in ("model_type", "model_attributes_type", "dict_type"):
+        return f"{place}: give a mapping of fields to values, got {problem['input']!r}"
     if problem["type"] == "value_error":
         return problem["msg"].removeprefix("Value error, ")
     return f"{place}: {problem['msg']}, got {problem['input']!r}"

@@ -17,6 +17,12 @@ def test_flow_survives_the_round_trip_exactly(tmp_path):
     np.testing.assert_array_equal(read, flow())
 
 
+def test_paths_may_be_text(tmp_path):
+    path = f"{tmp_path}/a.flo"
+    write_flo(path, flow())
+    np.testing.assert_array_equal(read_flo(path), flow())
+
+
 def test_file_has_the_middlebury_layout(tmp_path):
     write_flo(tmp_path / "a.flo", flow())
     content = (tmp_path / "a.flo").read_bytes()

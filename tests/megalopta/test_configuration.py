@@ -111,7 +111,9 @@ def test_record_of_a_measured_device_can_be_read_without_its_map(measured):
 
 def test_missing_map_and_missing_device_are_named(measured):
     (measured / "dark.npy").unlink()
-    with pytest.raises(UserError, match=r"dark\.npy does not exist; give the path"):
+    with pytest.raises(
+        UserError, match=r"measured\.dark_counts: .*dark\.npy cannot be read \(no such file"
+    ):
         load(str(measured / "inline.yaml"))
     (measured / "mine.yaml").unlink()
     with pytest.raises(UserError, match=r"mine\.yaml: cannot be read as YAML"):
@@ -134,8 +136,6 @@ def test_missing_map_and_missing_device_are_named(measured):
         ("light_levels: [starlight, starlight]", "each level once"),
         ("methods: [XX]", "'XX' is unknown: use some of BM"),
         ("trajectory: {frames: 1}", "at least 2 frames"),
-        ("trajectory: {frame_rate_hz: 100}", "use at most 0.01"),
-        ("render: {bands_nm: [[2500, 2600]]}", "2600"),
         ("sensors: [ideal, ideal]", "name of its own"),
         ("scene: {trees: 5}", "scene: say which kind it is, with the key 'kind'"),
         ("scene: {kind: desert}", "scene: kind 'desert' is unknown; use 'forest', 'grating'"),

@@ -12,6 +12,7 @@ from megalopta.errors import UserError
 from megalopta.frames import read_radiance_frames, read_truth_frames
 from megalopta.report import write_report
 from megalopta.scenes.airglow import AIRGLOW
+from megalopta.sense_check import check_sense
 from megalopta.sensor import (
     CtiaSensor,
     DacBias,
@@ -139,8 +140,8 @@ def test_a_preset_with_another_kind_of_bias_loses_the_fields_of_the_old_one():
 
 
 def test_a_band_outside_the_diodes_curve_is_refused_by_name():
-    with pytest.raises(UserError, match=r"400–475 nm reaches outside the efficiency curve"):
-        parse("sensors: [ctia_ingaas]", "x")
+    with pytest.raises(ValueError, match=r"400–475 nm reaches outside the efficiency curve"):
+        check_sense(parse("sensors: [ctia_ingaas]", "x"))
 
 
 def test_misspelt_fields_and_kinds_are_named():

@@ -3,7 +3,7 @@ import pytest
 
 from megalopta.configuration import load
 from megalopta.noise_warning import LIMIT, noise_share, noise_warning
-from megalopta.sensor import IMAGE_SENSORS, detected_photons, expected_reading
+from megalopta.sensor import IMAGE_SENSORS, changed, detected_photons, expected_reading
 
 SETTINGS = load(
     "demo", {"camera.width": "200", "camera.height": "200", "render.target_error": "null"}
@@ -19,18 +19,33 @@ RECORD = {
 }
 
 
-@pytest.mark.parametrize("name", ["ideal", "spadcam"])
-def test_share_is_that_of_noisy_light_run_through_the_sensor(name):
-    sensor = IMAGE_SENSORS[name]
-    scale = np.array([1.0, 2.0, 0.5, 3.0])
-    share = noise_share(RECORD, SETTINGS, sensor, scale)
-    normal = np.random.default_rng(3).standard_normal((1, 400, 400, 4))
-    pixels = (normal @ NOISE.T + MEAN) * scale
-    # One pixel a frame: the lens has no falloff there.
-    readings = detected_photons(pixels.reshape(-1, 1, 1, 4), BANDS, sensor)
-    dark = expected_reading(np.zeros((1, 200, 200, 4)), BANDS, sensor).mean()
-    # 160 000 draws know a variance to 0.35 % (σ).
-    assert share == pytest.approx(readings.var() / (readings.mean() + dark), rel=0.02)
+@pytest.fixture(scope="module")
+def sensors(tmp_path_factory):
+    """Presets, and a device with maps of 24 × 20 pixels."""
+    folder = tmp_path_factory.mktemp("device")
+    rng = np.random.default_rng(1)
+    np.save(folder / "dark.npy", rng.uniform(0, 500, (20, 24)))
+    np.save(folder / "efficiency.npy", rng.uniform(0.2, 1.5, (20, 24)))
+    maps = {
+        "dark_counts": str(folder / "dark.npy"), "efficiency": str(folder / "efficiency.npy")
+    }  # fmt: skip
+    lens = {"falloff_fov_deg": 75}
+    measured = changed(IMAGE_SENSORS["spadcam"], measured=maps, lens=lens)
+    return {**IMAGE_SENSORS, "measured": measured}
+
+
+@pytest.mark.parametrize("name", ["ideal", "spadcam", "measured"])
+def test_share_is_that_of_noisy_light_run_through_the_sensor(sensors, name):
+    sensor, scale = sensors[name], np.array([1.0, 2.0, 0.5, 3.0])
+    settings = load("demo", {"camera.width": "24", "camera.height": "20"})
+    share = noise_share(RECORD, settings, sensor, scale)
+    normal = np.random.default_rng(3).standard_normal((400, 20, 24, 4))
+    readings = detected_photons((normal @ NOISE.T + MEAN) * scale, BANDS, sensor)
+    dark = expected_reading(np.zeros((1, 20, 24, 4)), BANDS, sensor).mean()
+    # 480 pixels with 400 draws each know their mean variance to 0.4 % (σ), a few of them weighing
+    # most; five σ
+    expected = readings.var(axis=0, ddof=1).mean() / (readings.mean() + dark)
+    assert share == pytest.approx(expected, rel=0.02)
 
 
 def test_brighter_light_needs_a_cleaner_rendering():

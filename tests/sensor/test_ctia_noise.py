@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.constants import e, k
 
 from megalopta.sensor.ctia_integration import Pixel
 from megalopta.sensor.ctia_noise import CtiaNoise, draw_noise, noise_variance
@@ -39,6 +40,21 @@ def test_draws_have_mean_zero_and_the_variance_stated(noise, bias):
     # |z| < 5 each, false alarm 6e-7
     assert abs(values.mean()) < 5 * np.sqrt(variance / DRAWS)
     assert abs(squares.mean() - variance) < 5 * squares.std() / np.sqrt(DRAWS)
+
+
+@pytest.mark.parametrize("ideality", [1.5, 2.0])
+@pytest.mark.parametrize("bias", [0.0, 1e-3, 0.03])
+def test_drawn_dark_charge_has_the_variance_of_detailed_balance(ideality, bias):
+    diode = Photodiode(saturation_current_a=2e-15, ideality=ideality)
+    held = Pixel(diode, 1e-12, 3.3, 1e10, np.full(DRAWS, bias))
+    rng = generator(2, "ideality", int(bias * 1e6))
+    volts = draw_noise(rng, only(dark_shot=True), held, np.zeros(DRAWS), SECONDS)
+    half = max(bias, 1e-9) * e / (2 * k * diode.temperature_k)
+    net = 2e-15 * -np.expm1(-2 * half / ideality)
+    expected = net / np.tanh(half) * SECONDS / e  # electrons²
+    electrons = (volts * 1e-12 / e) ** 2
+    # |z| < 5, false alarm 6e-7
+    assert abs(electrons.mean() - expected) < 5 * electrons.std() / np.sqrt(DRAWS)
 
 
 def test_photon_shot_noise_is_the_root_of_the_photoelectrons():

@@ -1,4 +1,6 @@
 import hashlib
+import io
+import pickle
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from megalopta.sensor import (
     load_sensor,
     preset,
 )
+from megalopta.sensor.chain import active_effects
 from megalopta.sensor.device import fabricate
 
 SHAPE = (6, 9)
@@ -92,6 +95,13 @@ def test_dark_counts_beyond_all_measure_are_refused_with_what_makes_them(bias, t
         fabricate(hot, SHAPE)
 
 
+def test_a_map_may_be_named_by_its_path_alone(folder):
+    plain = {name: f"{name}.npy" for name in MAPS}
+    before = load(folder).measured
+    write(folder, {"preset": "spadcam", "measured": plain})
+    assert load(folder).measured == before
+
+
 def test_yaml_of_a_device_changes_only_what_it_names(folder):
     write(folder, {"preset": "spadcam", "name": "mine", "counter": {"step_v": 0.03}})
     sensor, spadcam = load(folder), preset("spadcam")
@@ -114,24 +124,77 @@ def test_map_that_changed_since_is_refused(folder):
         fabricate(sensor, SHAPE)
 
 
-def test_map_of_another_size_is_refused(folder):
-    with pytest.raises(ValueError, match=r"shape \(6, 9\), the image \(9, 6\)"):
-        fabricate(load(folder), (9, 6))
+def with_fit(folder, fit):
+    write(folder, {"preset": "spadcam", "measured": {**maps(*MAPS), "fit": fit}})
+    return load(folder)
 
 
 @pytest.mark.parametrize(
-    ("values", "message"),
+    ("fit", "window"),
+    [("top_left", np.s_[:3, :4]), ("center", np.s_[1:4, 2:6])],
+)
+def test_a_window_of_a_larger_device_is_used_where_it_is_asked_for(folder, fit, window):
+    device = fabricate(with_fit(folder, fit), (3, 4))
+    np.testing.assert_array_equal(device.dark_counts_hz, MAPS["dark_counts"][window])
+    np.testing.assert_array_equal(device.efficiency_factor, MAPS["efficiency"][window])
+
+
+@pytest.mark.parametrize("shape", [(3, 4), (6, 8)])
+def test_larger_map_is_refused_with_both_ways_to_use_it(folder, shape):
+    message = r"has 6 × 9, the image \d × \d .*set measured\.fit to top_left or center"
+    with pytest.raises(ValueError, match=message):
+        fabricate(load(folder), shape)
+
+
+@pytest.mark.parametrize("fit", ["exact", "top_left", "center"])
+@pytest.mark.parametrize("shape", [(9, 6), (7, 9), (6, 10)])
+def test_smaller_map_is_always_refused(folder, fit, shape):
+    with pytest.raises(ValueError, match=r"has 6 × 9, the image .*lower camera\.height"):
+        fabricate(with_fit(folder, fit), shape)
+
+
+def test_fit_alone_makes_no_measured_device():
+    assert "measured" not in active_effects(changed(preset("spadcam"), measured={"fit": "center"}))
+
+
+def saved(values, **options):
+    file = io.BytesIO()
+    np.save(file, values, **options)
+    return file.getvalue()
+
+
+GOOD = saved(MAPS["dark_counts"])
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
     [
-        (np.full(SHAPE, -1.0), "below 0 or not finite"),
-        (np.full(SHAPE, np.nan), "below 0 or not finite"),
-        (np.full(SHAPE, "x"), "plain numbers"),
-        (np.full(SHAPE, {}, object), "plain numbers"),
+        (saved(np.full(SHAPE, -1.0)), "below 0 or not finite"),
+        (saved(np.full(SHAPE, np.nan)), "below 0 or not finite"),
+        (saved(np.full(SHAPE, np.inf)), "below 0 or not finite"),
+        (saved(np.full(SHAPE, "x")), "plain numbers"),
+        (saved(np.ones(SHAPE, complex)), "plain numbers"),
+        (saved(np.full(SHAPE, {}, object), allow_pickle=True), "plain numbers"),
+        (saved(np.ones(9)), r"\(rows, columns\) of plain numbers"),
+        (saved(np.ones((*SHAPE, 1))), r"\(rows, columns\) of plain numbers"),
+        (pickle.dumps(MAPS["dark_counts"]), "plain numbers"),
+        (b"", "plain numbers"),
+        (GOOD[:40], "plain numbers"),
+        (GOOD[:-1], "plain numbers"),
+        (GOOD.replace(b"(6, 9)", b"(6,10)"), "plain numbers"),
+        (GOOD.replace(b"(6, 9)", b"(-6,9)"), "plain numbers"),
+        (GOOD.replace(b"(6, 9), }      ", b"(6**9**9,9**9)}"), "plain numbers"),
+        (GOOD.replace(b"{'descr'", b"[[[[[[[["), "plain numbers"),
+        (GOOD.replace(b"<f8", b"\0\xff8"), "plain numbers"),
+        (b"PK\x03\x04" + GOOD, "plain numbers"),
     ],
 )
-def test_impossible_map_is_refused(folder, values, message):
-    np.save(folder / "dark_counts.npy", values, allow_pickle=True)
-    with pytest.raises(ValueError, match=rf"measured\.dark_counts: .*{message}"):
+def test_impossible_map_is_refused_in_one_sentence(folder, content, message):
+    (folder / "dark_counts.npy").write_bytes(content)
+    with pytest.raises(ValueError, match=rf"^measured\.dark_counts: .*{message}") as refusal:
         fabricate(load(folder), SHAPE)
+    assert "\n" not in str(refusal.value)
+    assert "MapFile" not in str(refusal.value)
 
 
 @pytest.mark.parametrize(
@@ -142,6 +205,13 @@ def test_impossible_map_is_refused(folder, values, message):
         ({"preset": "spadcam", "bias": {"onset_v": 2}}, r"bias\.onset_v: 2 is not below"),
         ({"name": "mine"}, "pitch_m: missing"),
         ({"preset": ["spadcam"]}, "no such preset"),
+        ({"preset": "spadcam", "measured": 5}, "measured: give a mapping .* got 5"),
+        ({"preset": "spadcam", "measured": {"dark_counts": 5}}, "5 is no file; give the path"),
+        ({"preset": "spadcam", "measured": {"dark_counts": {}}}, "dark_counts.path: missing"),
+        ({"preset": "spadcam", "measured": {"dark_counts": ".", "fit": "exact"}}, "cannot be read"),
+        ({"preset": "spadcam", "measured": {"dark_counts": "a\0b"}}, "is no path"),
+        ({"preset": "spadcam", "measured": {"fit": "stretch"}}, "measured.fit: .*'center'"),
+        ({"preset": "spadcam", "efficiency": {"path": "none.csv"}}, "efficiency: .*no such file"),
     ],
 )
 def test_impossible_device_is_refused_in_one_sentence(folder, values, message):
@@ -149,13 +219,14 @@ def test_impossible_device_is_refused_in_one_sentence(folder, values, message):
     with pytest.raises(ValueError, match=message) as refusal:
         load_sensor(str(folder / "device.yaml"))
     assert "\n" not in str(refusal.value)
+    assert "MapFile" not in str(refusal.value)
 
 
 def test_missing_files_are_refused(folder):
     with pytest.raises(ValueError, match="cannot be read as YAML"):
         load_sensor(folder / "none.yaml")
     (folder / "efficiency.npy").unlink()
-    with pytest.raises(ValueError, match="does not exist; give the path"):
+    with pytest.raises(ValueError, match=r"efficiency\.npy cannot be read \(no such file"):
         load(folder)
 
 

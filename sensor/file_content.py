@@ -1,0 +1,20 @@
+"""Files that a sensor's description names."""
+
+from pathlib import Path
+
+
+def file_content(path: str | Path, field: str) -> bytes:
+    """Content of a file.
+
+    Raises
+    ------
+    ValueError
+        When it cannot be read; names the field that asks for it.
+    """
+    try:
+        return Path(path).read_bytes()
+    except OSError as problem:
+        reason = (problem.strerror or str(problem)).lower()
+        raise ValueError(f"{field}: {path} cannot be read ({reason}); give a file's path") from None
+    except ValueError:  # a null byte
+        raise ValueError(f"{field}: {str(path)!r} is no path; give a file's path") from None
