@@ -89,6 +89,10 @@ def _check(what: str, folder: Path | None, plots: Path | None) -> None:
     from megalopta.check_physics import run_check_physics
     from megalopta.check_truth import run_check_truth
 
+    if what == "panoramas":
+        from megalopta.check_panoramas import run_check_panoramas
+
+        sys.exit(not run_check_panoramas(folder))
     if what == "physics" and folder is not None:
         raise UserError(f"check physics: takes no dataset, got {folder}")
     if what == "truth" and plots is not None:
@@ -149,8 +153,13 @@ def _parser() -> argparse.ArgumentParser:
     _add_dataset(_add_verb(verbs, "report", report))
     proving = "prove every sensor effect against theory, or a dataset's truth another way"
     check = _add_verb(verbs, "check", proving)
-    check.add_argument("what", choices=["physics", "truth"], help="what to prove")
-    check.add_argument("dataset", nargs="?", type=Path, help="dataset folder, for truth")
+    check.add_argument("what", choices=["physics", "truth", "panoramas"], help="what to prove")
+    check.add_argument(
+        "dataset",
+        nargs="?",
+        type=Path,
+        help="dataset folder, for truth; folder to write new panoramas to, for panoramas",
+    )
     check.add_argument("--plots", type=Path, help="folder for pictures of the counting laws")
     drawing = "draw figures and tables of the dissertation again, as PNG, SVG, CSV and JSON"
     reproduction = _add_verb(verbs, "reproduce", drawing)
