@@ -86,6 +86,10 @@ def _check(what: str, folder: Path | None, plots: Path | None) -> None:
     from megalopta.check_physics import run_check_physics
     from megalopta.check_truth import run_check_truth
 
+    if what == "panoramas":
+        from megalopta.check_panoramas import run_check_panoramas
+
+        sys.exit(not run_check_panoramas(folder))
     if what == "physics" and folder is not None:
         raise UserError(f"check physics: takes no dataset, got {folder}")
     if what != "physics" and plots is not None:
@@ -154,8 +158,14 @@ def _parser() -> argparse.ArgumentParser:
         "files are as they were written"
     )
     check = _add_verb(verbs, "check", proving)
-    check.add_argument("what", choices=["physics", "truth", "files"], help="what to prove")
-    check.add_argument("dataset", nargs="?", type=Path, help="dataset folder, for truth and files")
+    subjects = ["physics", "truth", "files", "panoramas"]
+    check.add_argument("what", choices=subjects, help="what to prove")
+    check.add_argument(
+        "dataset",
+        nargs="?",
+        type=Path,
+        help="dataset folder, for truth and files; folder for new panoramas, for panoramas",
+    )
     check.add_argument("--plots", type=Path, help="folder for pictures of the counting laws")
     drawing = "draw figures and tables of the dissertation again, as PNG, SVG, CSV and JSON"
     reproduction = _add_verb(verbs, "reproduce", drawing)

@@ -5,7 +5,7 @@ import platform
 from importlib.metadata import version
 
 from megalopta import __version__
-from megalopta.render.variant import choose_variant
+from megalopta.render.variant import CUDA_NOTE, choose_variant, find_llvm, has_cuda_device
 
 PACKAGES = (
     "mitsuba",
@@ -40,6 +40,11 @@ def describe() -> str:
         f"{'machine':<14}{platform.platform()}, {os.cpu_count()} cores",
         f"{'rendering':<14}{variant.name}: {variant.reason}",
     ]
+    library, found = find_llvm()
+    if library:
+        lines.append(f"{'libLLVM':<14}{found}, {library}")
+    if has_cuda_device():
+        lines.append(f"{'cuda':<14}{CUDA_NOTE}")
     if variant.advice:
         lines.append(f"{'faster':<14}{variant.advice}")
     return "\n".join(lines)

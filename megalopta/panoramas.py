@@ -1,8 +1,9 @@
 """Templates of the natural stimuli: panoramas rendered by this project, or a file of the user's.
 
 A template is a float64 array (251, m), a full turn, with mean 1: column m follows column 0. Linear
-in light, as a photon count is. The rendered ones lie in the user's cache folder, each in one EXR
-file that names the configuration it was made from; a configuration that changed makes a new file.
+in light, as a photon count is. The four forests come with this package, in half floats, each file
+with the hash of its recipe. A recipe that fits no such file is rendered, once, into the user's
+cache folder; one that changed makes a new file. `megalopta check panoramas` renders them again.
 """
 
 import os
@@ -26,11 +27,14 @@ from megalopta.natural_panorama import (
 from megalopta.noise_record import ATTRIBUTE
 from megalopta.progress import progress
 from megalopta.render.environment import read_picture
-from megalopta.render.exr import read_radiance, write_radiance
+from megalopta.render.exr import read_attributes, read_radiance, write_radiance
 from megalopta.render.noise import RenderNoise
 from megalopta.render.variant import activate, choose_variant
 from megalopta.scenes.panorama import LUMINANCE_SHARES
 
+SHIPPED = Path(__file__).with_name("data") / "panoramas"
+RECIPE = "configurationSha256"
+"""Name of the header attribute with the hash of the recipe."""
 WIDEST, NARROWEST = 4.0, 2.0
 """Columns per row of a panorama, at most and at least."""
 
@@ -38,7 +42,7 @@ WIDEST, NARROWEST = 4.0, 2.0
 def natural_templates(
     cache: Path | None = None, panoramas: Mapping[str, NaturalPanorama] = NATURAL_PANORAMAS
 ) -> dict[str, NDArray[np.float64]]:
-    """Templates (251, m) of the natural stimuli by name; what is not in the cache is rendered.
+    """Templates (251, m) of the natural stimuli by name; what is not there yet is rendered.
 
     Parameters
     ----------
@@ -60,12 +64,41 @@ def natural_templates(
         with progress("Rendering forest panoramas", passes, "exposure") as advance:
             for name in missing:
                 _write(files[name], panoramas[name], *render_panorama(panoramas[name], advance))
-    return {name: _read(path) for name, path in files.items()}
+    return {name: read_template(path) for name, path in files.items()}
 
 
 def panorama_file(name: str, recipe: NaturalPanorama, cache: Path | None = None) -> Path:
-    """File of a rendered panorama, there or not."""
+    """File of a panorama: the shipped one if it shows the recipe, else one in the cache.
+
+    The latter may not be there yet.
+    """
+    shipped = SHIPPED / f"{name}.exr"
+    if shipped.exists() and _recipe_of(shipped) == recipe.sha256:
+        return shipped
     return cache_folder(cache) / "panoramas" / f"{name}-{recipe.sha256[:12]}.exr"
+
+
+def read_template(path: Path) -> NDArray[np.float64]:
+    """Template (251, m) in a file of a panorama. Raises UserError when it cannot be read."""
+    try:
+        radiance, _ = read_radiance(path)
+    except ValueError:
+        raise UserError(
+            f"{path} is no panorama as it was written; remove it, and it is rendered again"
+        ) from None
+    return _with_mean_1(radiance[..., 0].astype(np.float64))
+
+
+def write_template(
+    path: Path, recipe: NaturalPanorama, radiance: NDArray[np.float32], noise: RenderNoise
+) -> None:
+    """Write what is shipped: a rendering over its mean, in half floats, rounded by 0.05 % at most.
+
+    The mean stands in the header, in the record of the noise.
+    """
+    attributes = {**_attributes(recipe, noise), "emissiveUnits": "mean of the panorama"}
+    light = radiance / radiance.mean(dtype=np.float64)
+    write_radiance(path, light, (LUMINANCE_BAND_NM,), attributes, np.float16)
 
 
 def template_from_file(path: Path) -> NDArray[np.float64]:
@@ -103,25 +136,25 @@ def template_from_file(path: Path) -> NDArray[np.float64]:
 def _write(
     path: Path, recipe: NaturalPanorama, radiance: NDArray[np.float32], noise: RenderNoise
 ) -> None:
-    record = {
-        "configuration": recipe.model_dump_json(),
-        "configurationSha256": recipe.sha256,
-        ATTRIBUTE: noise.to_json(),
-    }
     # another process may be rendering the same one
     own = path.with_name(f".{os.getpid()}-{path.name}")
-    write_radiance(own, radiance, (LUMINANCE_BAND_NM,), record)
+    write_radiance(own, radiance, (LUMINANCE_BAND_NM,), _attributes(recipe, noise))
     own.replace(path)
 
 
-def _read(path: Path) -> NDArray[np.float64]:
+def _attributes(recipe: NaturalPanorama, noise: RenderNoise) -> dict[str, str]:
+    return {
+        "configuration": recipe.model_dump_json(),
+        RECIPE: recipe.sha256,
+        ATTRIBUTE: noise.to_json(),
+    }
+
+
+def _recipe_of(path: Path) -> str | None:
     try:
-        radiance, _ = read_radiance(path)
+        return read_attributes(path).get(RECIPE)
     except ValueError:
-        raise UserError(
-            f"{path} is no panorama as it was written; remove it, and it is rendered again"
-        ) from None
-    return _with_mean_1(radiance[..., 0].astype(np.float64))
+        return None  # what cannot be read is rendered again
 
 
 def _with_mean_1(light: NDArray[np.float64]) -> NDArray[np.float64]:

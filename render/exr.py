@@ -50,14 +50,18 @@ def write_radiance(
     radiance: NDArray[np.float32],
     bands_nm: Bands,
     attributes: Mapping[str, str] | None = None,
+    dtype: type[np.float32 | np.float16] = np.float32,
 ) -> None:
-    """Write spectral radiance (H, W, B), W·m⁻²·sr⁻¹·nm⁻¹, with its band edges (nm)."""
+    """Write spectral radiance (H, W, B), W·m⁻²·sr⁻¹·nm⁻¹, with its band edges (nm).
+
+    Half floats are for light that was scaled to about 1 before: night is darker than they reach.
+    """
     if radiance.ndim != 3 or radiance.shape[-1] != len(bands_nm):
         raise ValueError(
             f"radiance of shape {radiance.shape} for {len(bands_nm)} bands: give (H, W, bands)"
         )
     channels = {
-        name: np.ascontiguousarray(radiance[..., index], np.float32)
+        name: np.ascontiguousarray(radiance[..., index], dtype)
         for index, name in enumerate(channel_names(bands_nm))
     }
     edges = " ".join(f"{lower!r}-{upper!r}" for lower, upper in np.asarray(bands_nm).tolist())

@@ -57,7 +57,8 @@ class RenderSettings(
     cells that fill little of the sequence take a quarter or a sixteenth."""
 
     backend: Backend = "auto"
-    """Mitsuba variant family; auto takes cuda, else llvm, else scalar."""
+    """Mitsuba variant family; auto takes llvm, else scalar. Ground truth cannot be right on cuda
+    yet."""
 
     samples_per_pass: Annotated[int, Field(ge=1, le=2**28)] | None = None
     """Most light paths of a frame traced at once: Ctrl-C waits for them. By default one or two

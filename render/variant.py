@@ -1,9 +1,13 @@
-"""Which Mitsuba variant runs: cuda, else llvm, else scalar, without ever risking the process.
+"""Which Mitsuba variant runs: llvm, else scalar, without ever risking the process.
 
 libLLVM 15 and 16 load and then abort the whole process from inside Dr.Jit, which no `except` can
-catch. So a library is let in only after its own `LLVMGetVersion` said that it is known to work
-(Dr.Jit 1.5: 19 and newer; 17 and 18 are untried), and its path is handed to Dr.Jit. The CUDA driver
-is asked for a device in the same manner before a CUDA variant is tried.
+catch. So a library is let in only after its own `LLVMGetVersion` named a version that was tried
+with Dr.Jit 1.5, and its path is handed to Dr.Jit. The user's own `DRJIT_LIBLLVM_PATH` comes first,
+then the library of the package `karellen-llvm-core`, which is installed with this one on Linux
+x86-64, then those of the system.
+
+A CUDA variant runs only where it is asked for by name: its OptiX leaves a hit's shape index zero,
+by which ground truth and baked light tell meshes apart. The driver is asked for a device before.
 """
 
 import ctypes
@@ -13,12 +17,25 @@ import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
+from importlib.metadata import PackageNotFoundError, files
 from pathlib import Path
 
 from megalopta.render.settings import Backend
 
-MINIMUM_LLVM = 19
-_FIRST_UNTRIED_LLVM = 17
+TRIED_LLVM = (19, 20, 21, 22, 23)
+"""Versions that render a forest, by paths and by baked light, to the same bits."""
+_NEWEST_THAT_ABORTS = 16
+_LLVM_PACKAGE = "karellen-llvm-core"
+_REMEDY = (
+    f"install LLVM {TRIED_LLVM[0]} to {TRIED_LLVM[-1]} (Linux x86-64: pip install "
+    f"'{_LLVM_PACKAGE}<{TRIED_LLVM[-1] + 1}'; "
+    "Debian: apt-get install libllvm19)"
+)
+
+CUDA_NOTE = (
+    "a device answers; auto leaves it alone, as ground truth and baked light cannot be right on it "
+    "yet; --render.backend cuda takes it all the same"
+)
 
 _LIBRARY_FOLDERS = {
     "linux": (
@@ -55,43 +72,38 @@ class Variant:
 
 
 def choose_variant(backend: Backend = "auto") -> Variant:
-    """Choose the fastest spectral variant that cannot abort the process.
+    """Choose the fastest spectral variant that is right and cannot abort the process.
 
     Parameters
     ----------
     backend : {"auto", "cuda", "llvm", "scalar"}
-        "auto" takes the first that works; a named one is taken or refused.
+        "auto" takes llvm where it works, else scalar; a named one is taken or refused.
 
     Raises
     ------
     ValueError
         When the named backend is not usable here.
     """
-    if backend in ("auto", "cuda"):
+    if backend == "cuda":
         if has_cuda_device():
-            return Variant("cuda_ad_spectral", "a CUDA device with OptiX answered")
-        if backend == "cuda":
-            raise ValueError(
-                "render.backend 'cuda': no CUDA driver with a device and OptiX answers here; "
-                "use 'auto', 'llvm' or 'scalar'"
-            )
-    if backend in ("auto", "llvm"):
-        library, found = find_llvm()
-        if library:
-            os.environ["DRJIT_LIBLLVM_PATH"] = library
-            return Variant("llvm_ad_spectral", f"{Path(library).name}, LLVM {found}")
-        if backend == "llvm":
-            raise ValueError(
-                f"render.backend 'llvm': {found}; install LLVM {MINIMUM_LLVM} or newer "
-                "(Debian: apt-get install libllvm19) or use 'scalar'"
-            )
-        return Variant(
-            "scalar_spectral",
-            found,
-            f"LLVM {MINIMUM_LLVM} or newer would render long sequences several times as fast "
-            "(Debian: apt-get install libllvm19)",
+            return Variant("cuda_ad_spectral", "as asked; its ground truth cannot be right yet")
+        raise ValueError(
+            "render.backend 'cuda': no CUDA driver with a device and OptiX answers here; "
+            "use 'auto', 'llvm' or 'scalar'"
         )
-    return Variant("scalar_spectral", "as asked")
+    if backend == "scalar":
+        return Variant("scalar_spectral", "as asked")
+    library, found = find_llvm()
+    if library:
+        os.environ["DRJIT_LIBLLVM_PATH"] = library
+        return Variant("llvm_ad_spectral", f"{Path(library).name}, LLVM {found}")
+    if backend == "llvm":
+        raise ValueError(f"render.backend 'llvm': {found}; {_REMEDY}, or use 'scalar'")
+    return Variant(
+        "scalar_spectral",
+        found,
+        f"LLVM would render long sequences several times as fast: {_REMEDY}",
+    )
 
 
 def activate(variant: Variant) -> None:
@@ -114,11 +126,10 @@ def find_llvm() -> tuple[str, str]:
         Its version, or why there is none.
     """
     asked = os.environ.get("DRJIT_LIBLLVM_PATH")
-    candidates = [Path(asked)] if asked else sorted(_llvm_libraries(), key=_newest_first)
     refusals = []
-    for library in candidates:
+    for library in [Path(asked)] if asked else _llvm_libraries():
         version = llvm_version(library)
-        if version and version[0] >= MINIMUM_LLVM:
+        if version and version[0] in TRIED_LLVM:
             return str(library), ".".join(map(str, version))
         refusals.append(f"{library} {_refusal(version)}")
     if asked:
@@ -146,7 +157,7 @@ def _refusal(version: tuple[int, int, int] | None) -> str:
         return "cannot be loaded as a library"
     if version == (0, 0, 0):
         return "tells no LLVM version, as before LLVM 16, which would abort the process"
-    if version[0] < _FIRST_UNTRIED_LLVM:
+    if version[0] <= _NEWEST_THAT_ABORTS:
         return f"is LLVM {version[0]}, which would abort the process"
     return f"is LLVM {version[0]}, which is untried"
 
@@ -166,6 +177,21 @@ def has_cuda_device() -> bool:
 
 
 def _llvm_libraries() -> Iterable[Path]:
+    yield from _packaged_libraries()
+    yield from sorted(_system_libraries(), key=_newest_first)
+
+
+def _packaged_libraries() -> Iterable[Path]:
+    try:
+        installed = files(_LLVM_PACKAGE) or []
+    except PackageNotFoundError:
+        return
+    for file in installed:
+        if re.fullmatch(r"libLLVM\.so\.[\d.]+", file.name):
+            yield Path(str(file.locate())).resolve()
+
+
+def _system_libraries() -> Iterable[Path]:
     seen = set()
     for pattern in _LIBRARY_FOLDERS.get(sys.platform, ()):
         for folder in Path("/").glob(pattern.lstrip("/")):

@@ -1,13 +1,16 @@
 import _ctypes
 import os
+import platform
 import subprocess
 import sys
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import pytest
 
+from megalopta import info
 from megalopta.render import variant
-from megalopta.render.variant import MINIMUM_LLVM, choose_variant, llvm_version
+from megalopta.render.variant import TRIED_LLVM, choose_variant, find_llvm, llvm_version
 
 RENDER = """
 from megalopta.render.variant import choose_variant, activate
@@ -42,9 +45,9 @@ def no_cache():
     variant.find_llvm.cache_clear()
 
 
-def libraries_older_than_minimum():
+def libraries_never_tried():
     found = list(variant._llvm_libraries())
-    return [p for p in found if (llvm_version(p) or (0, 0, 0))[0] < MINIMUM_LLVM]
+    return [path for path in found if (llvm_version(path) or (0, 0, 0))[0] not in TRIED_LLVM]
 
 
 def test_a_file_that_is_no_library_leaves_the_process_alive(tmp_path):
@@ -52,14 +55,15 @@ def test_a_file_that_is_no_library_leaves_the_process_alive(tmp_path):
     assert render_in_a_process_of_its_own(tmp_path / "libLLVM.so") != "llvm_ad_spectral"
 
 
-@pytest.mark.parametrize("library", libraries_older_than_minimum() or [Path("/nonexistent")])
-def test_an_old_libllvm_is_never_handed_to_the_renderer(library):
+@pytest.mark.parametrize("library", libraries_never_tried() or [Path("/nonexistent")])
+def test_an_untried_libllvm_is_never_handed_to_the_renderer(library):
     assert render_in_a_process_of_its_own(library) != "llvm_ad_spectral"
 
 
 @pytest.mark.parametrize(
     ("version", "expected"),
     [
+        ((max(TRIED_LLVM) + 1, 0, 0), "scalar_spectral"),
         ((22, 1, 0), "llvm_ad_spectral"),
         ((19, 0, 0), "llvm_ad_spectral"),
         ((18, 1, 0), "scalar_spectral"),
@@ -102,9 +106,95 @@ def test_the_newest_library_is_asked_first():
     assert [path.name for path in ordered] == [names[1], names[2], names[0], names[3]]
 
 
-def test_cuda_comes_first_when_a_device_answers(monkeypatch):
+def test_cuda_is_taken_only_where_it_is_asked_for(monkeypatch):
     monkeypatch.setattr(variant, "has_cuda_device", lambda: True)
-    assert choose_variant().name == "cuda_ad_spectral"
+    assert not choose_variant("auto").name.startswith("cuda")
+    assert choose_variant("cuda").name == "cuda_ad_spectral"
+
+
+@pytest.mark.parametrize("answers", [True, False])
+def test_info_says_in_one_line_why_cuda_is_not_used_and_how_to_ask_for_it(monkeypatch, answers):
+    monkeypatch.setattr(info, "has_cuda_device", lambda: answers)
+    lines = [line for line in info.describe().splitlines() if line.startswith("cuda")]
+    assert len(lines) == answers
+    assert all("cannot be right" in line and "--render.backend cuda" in line for line in lines)
+
+
+def test_info_names_the_library_in_use_and_its_version(monkeypatch, no_cache):
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/somewhere/libLLVM.so")
+    monkeypatch.setattr(variant, "llvm_version", lambda _: (21, 1, 8))
+    assert "libLLVM       21.1.8, /somewhere/libLLVM.so" in info.describe().splitlines()
+
+
+@pytest.fixture
+def installed(monkeypatch, no_cache, tmp_path):
+    """Libraries of LLVM by path, with their versions, in the package and in the system."""
+    monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
+
+    class File:
+        def __init__(self, name):
+            self.name = name
+
+        def locate(self):
+            return tmp_path / self.name
+
+    def install(packaged, system):
+        def files(_):
+            if not packaged:
+                raise PackageNotFoundError
+            return [
+                File("libLLVM.so"),
+                File("libLTO.so.19.1"),
+                *map(File, packaged),
+                File("RECORD"),
+            ]
+
+        found = {tmp_path / name: number for name, number in packaged.items()}
+        found |= {Path("/usr/lib") / name: number for name, number in system.items()}
+        monkeypatch.setattr(variant, "files", files)
+        monkeypatch.setattr(
+            variant, "_system_libraries", lambda: map(Path("/usr/lib").joinpath, system)
+        )
+        monkeypatch.setattr(variant, "llvm_version", lambda path: (n := found[path]) and (n, 1, 0))
+
+    return install
+
+
+@pytest.mark.parametrize(
+    ("packaged", "system", "chosen"),
+    [
+        ({"libLLVM.so.19.1": 19}, {"libLLVM.so.22.1": 22}, "libLLVM.so.19.1"),
+        ({"libLLVM.so.19.1": None}, {"libLLVM.so.22.1": 22}, "libLLVM.so.22.1"),  # its libc++ lacks
+        ({"libLLVM.so.24.1": 24}, {"libLLVM.so.22.1": 22}, "libLLVM.so.22.1"),
+        ({}, {"libLLVM.so.22.1": 22}, "libLLVM.so.22.1"),
+        ({}, {}, ""),
+    ],
+)
+def test_the_installed_package_comes_before_the_system_where_it_works(
+    installed, packaged, system, chosen
+):
+    installed(packaged, system)
+    assert Path(find_llvm()[0]).name == chosen
+
+
+def test_a_library_of_the_users_own_comes_before_the_package(monkeypatch, installed):
+    installed({"libLLVM.so.19.1": 19}, {})
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/usr/lib/own.so")
+    monkeypatch.setattr(variant, "llvm_version", lambda _: (20, 1, 0))
+    assert find_llvm() == ("/usr/lib/own.so", "20.1.0")
+
+
+@pytest.mark.skipif(
+    (sys.platform, platform.machine()) != ("linux", "x86_64"), reason="the package is for Linux"
+)
+def test_the_package_that_is_installed_with_ours_renders_without_any_other_library(
+    monkeypatch, no_cache
+):
+    monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
+    monkeypatch.setattr(variant, "_system_libraries", lambda: ())
+    library, found = find_llvm()
+    assert found.startswith("19.1.")
+    assert render_in_a_process_of_its_own(library) == "llvm_ad_spectral"
 
 
 def test_a_named_backend_is_taken_or_refused(monkeypatch, no_cache):
@@ -113,11 +203,11 @@ def test_a_named_backend_is_taken_or_refused(monkeypatch, no_cache):
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/nonexistent")
     with pytest.raises(ValueError, match="'cuda': no CUDA driver"):
         choose_variant("cuda")
-    with pytest.raises(ValueError, match=f"'llvm'.*install LLVM {MINIMUM_LLVM}"):
+    with pytest.raises(ValueError, match=f"'llvm'.*install LLVM {TRIED_LLVM[0]}"):
         choose_variant("llvm")
 
 
 def test_scalar_says_what_would_be_faster(monkeypatch, no_cache):
     monkeypatch.setattr(variant, "has_cuda_device", lambda: False)
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/nonexistent")
-    assert "libllvm19" in choose_variant().advice
+    assert "karellen-llvm-core" in choose_variant().advice
