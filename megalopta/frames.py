@@ -19,19 +19,32 @@ def read_radiance_frames(dataset: Dataset, chunk: int) -> Iterator[tuple[int, ND
     frames = dataset.configuration.trajectory.frames
     for first in range(0, frames, chunk):
         indices = range(first, min(first + chunk, frames))
-        yield first, np.stack([_read_radiance(dataset, index) for index in indices])
+        yield first, np.stack([read_radiance_frame(dataset, index) for index in indices])
 
 
 def read_truth_frames(dataset: Dataset) -> Iterator[Truth]:
     """Yield the ground truth of every frame that sensors see."""
     for index in range(dataset.configuration.trajectory.frames):
-        try:
-            yield read_truth(dataset.exposed_truth(index))
-        except (OSError, ValueError) as problem:
-            raise UserError(f"{problem}; {_remedy(dataset)}") from None
+        yield read_truth_frame(dataset, index)
 
 
-def _read_radiance(dataset: Dataset, index: int) -> NDArray[np.float32]:
+def read_truth_frame(dataset: Dataset, index: int) -> Truth:
+    """Ground truth of one frame that sensors see. Raises UserError."""
+    try:
+        truth = read_truth(dataset.exposed_truth(index))
+    except (OSError, ValueError) as problem:
+        raise UserError(f"{problem}; {_remedy(dataset)}") from None
+    camera = dataset.configuration.camera
+    if truth.depth.shape != (camera.height, camera.width):
+        raise UserError(
+            f"{dataset.exposed_truth(index)} has not the image size that dataset.yaml says; "
+            f"{_remedy(dataset)}"
+        )
+    return truth
+
+
+def read_radiance_frame(dataset: Dataset, index: int) -> NDArray[np.float32]:
+    """Radiance (H, W, B) of one frame that sensors see. Raises UserError."""
     try:
         radiance, bands = read_radiance(dataset.exposed_radiance(index))
     except (OSError, ValueError) as problem:

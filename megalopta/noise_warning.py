@@ -1,9 +1,13 @@
-"""Whether the rendering's noise is well below the shot noise of an exposure.
+"""Whether the rendering's noise is well below what a motion detector has to work with.
+
+Motion is read from differences between neighboring pixels. Three things make them: the scene's
+detail, shot noise and the rendering's noise, which flickers like texture that does not move. Where
+the last is small beside either of the others it does no harm: hidden in shot noise, or faint beside
+the detail. In bright light no rendering is as clean as the photons are.
 
 Compared are variances of a pixel's reading, averaged over the image: that of the rendering, from
-the covariance of the bands' noise and what the sensor makes of each band, and that of Poisson
-arrivals, light and dark counts together. A tenth makes the noise of the counts 5 % larger than the
-light's own.
+the covariance of the bands' noise and what the sensor makes of each band, that of Poisson arrivals,
+light and dark counts together, and half the mean square that neighbors differ by without noise.
 """
 
 import math
@@ -17,7 +21,7 @@ from megalopta.configuration import Configuration
 from megalopta.sensor import ImageSensor, detected_photons, expected_reading
 
 LIMIT = 0.1
-"""Largest share of the shot noise's variance that goes without a warning."""
+"""Largest share of the variance of shot noise and detail that goes without a warning."""
 
 _MOST_NAMED = 3
 
@@ -28,7 +32,21 @@ def noise_share(
     sensor: ImageSensor,
     scale: NDArray[np.float64],
 ) -> float:
-    """Variance of the rendering's noise over that of the shot noise.
+    """Variance of the rendering's noise over that of shot noise and detail together.
+
+    The parameters are those of `variances`.
+    """
+    rendering, shot, detail = variances(noise, settings, sensor, scale)
+    return rendering / max(shot + detail, 1e-300)
+
+
+def variances(
+    noise: Mapping[str, Any],
+    settings: Configuration,
+    sensor: ImageSensor,
+    scale: NDArray[np.float64],
+) -> tuple[float, float, float]:
+    """Variances of a pixel's reading: the rendering's noise, shot noise, the scene's detail.
 
     Parameters
     ----------
@@ -47,8 +65,9 @@ def noise_share(
     dark = expected_reading(np.zeros((1, *shape[1:])), bands, sensor)
     arrivals = np.array(noise["mean"]) @ photons.mean(axis=1) + dark.mean()
     products = photons @ photons.T / photons.shape[1]
-    variance = np.sum(products * np.array(noise["covariance"]))
-    return float(variance / max(arrivals, 1e-300))
+    rendering = np.sum(products * np.array(noise["covariance"]))
+    detail = np.sum(products * np.array(noise["detail"])) if "detail" in noise else 0.0
+    return float(rendering), float(arrivals), max(float(detail), 0.0)
 
 
 def noise_warning(
@@ -77,8 +96,8 @@ def noise_warning(
     if len(noisy) > _MOST_NAMED:
         named += f", and {len(noisy) - _MOST_NAMED} worse"
     return (
-        f"the rendering's own noise is more than {math.sqrt(LIMIT):.1g} of the shot noise in "
-        f"{len(noisy)} of {len(shares)} exposures: {named}"
+        f"the rendering's own noise is more than {math.sqrt(LIMIT):.1g} of shot noise and the "
+        f"scene's detail together in {len(noisy)} of {len(shares)} exposures: {named}"
     )
 
 

@@ -5,14 +5,17 @@ signal-to-noise ratio are computed from the radiance of the frames that the repo
 readings and saturation from everything that was stored.
 """
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.configuration import Configuration, LightLevel
 from megalopta.dataset import Dataset
+from megalopta.noise_warning import variances
 from megalopta.report.footage import Footage
+from megalopta.report.records import Record
 from megalopta.scenes.light import illuminance_of
 from megalopta.sensor import (
     ImageSensor,
@@ -51,6 +54,8 @@ class Budget:
         Readings of full pixels.
     photons_per_frame : float
         Detected photons summed over the frame.
+    rendering_noise : float, optional
+        Of a pixel, over its shot noise (standard deviations); None where it was not measured.
     """
 
     sensor: ImageSensor
@@ -63,6 +68,7 @@ class Budget:
     signal_to_noise: tuple[float, float, float]
     saturated_fraction: float
     photons_per_frame: float
+    rendering_noise: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,21 +80,34 @@ class Exposed:
     saturated: NDArray[np.bool_]
 
 
-def exposed(dataset: Dataset, footage: Footage) -> list[Exposed]:
-    """Budget and pictures of every sensor at every light level."""
+def exposed(dataset: Dataset, footage: Footage, record: Record) -> list[Exposed]:
+    """Budget and pictures of every sensor at every light level; `record` is that of the scene."""
+    noise = record.get("monte_carlo") or {}
     return [
-        _exposed(dataset.configuration, footage, read_exposure(dataset, sensor, level), level)
+        _exposed(
+            dataset.configuration, footage, read_exposure(dataset, sensor, level), level, noise
+        )
         for sensor, level in exposures(dataset)
     ]
 
 
 def _exposed(
-    configuration: Configuration, footage: Footage, stored: StoredCounts, level: LightLevel
+    configuration: Configuration,
+    footage: Footage,
+    stored: StoredCounts,
+    level: LightLevel,
+    noise: Record,
 ) -> Exposed:
     exposure, frames = stored.exposure, list(footage.selection.frames)
-    light = footage.radiance * np.asarray(light_scale(configuration, level), np.float32)
+    scale = light_scale(configuration, level)
+    light = footage.radiance * scale.astype(np.float32)
+    budget = _budget(configuration, light, stored, level)
+    if "covariance" in noise:
+        rendering, shot, _ = variances(noise, configuration, stored.sensor, scale)
+        relative = math.sqrt(max(rendering, 0.0) / shot) if shot else math.inf
+        budget = replace(budget, rendering_noise=relative)
     return Exposed(
-        _budget(configuration, light, stored, level),
+        budget,
         footage.selection.pixels(exposure.counts[frames]),
         footage.selection.pixels(exposure.saturated[frames]),
     )

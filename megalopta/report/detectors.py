@@ -1,8 +1,8 @@
 """Section "What the detectors answer": responses as pictures, errors as tables."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import zarr
 from numpy.typing import NDArray
 from PIL import Image
 
-from megalopta.configuration import LightLevel
+from megalopta.configuration import Configuration, LightLevel
 from megalopta.dataset import Dataset
 from megalopta.errors import UserError
 from megalopta.flow.block_detector import BlockDetector
@@ -24,12 +24,9 @@ from megalopta.report.motion import Wheel
 from megalopta.report.parts import Picture, Table, still
 from megalopta.report.text import UNDEFINED, level_name, number, relative_error
 from megalopta.report.truth import against_truth, rotation_table, split_table
-from megalopta.scenes.light import illuminance_of
+from megalopta.report.verdicts import VerdictGroup, verdict_group
 from megalopta.sensor import ImageSensor
 from megalopta.stage_flow import responses_path
-
-ACCURATE = 0.25
-"""The thesis's 2-bit accuracy: an error below 2⁻²."""
 
 Floats = NDArray[np.floating]
 Record = Mapping[str, Any]
@@ -37,17 +34,28 @@ Record = Mapping[str, Any]
 _BRIGHT_PERCENTILE = 99.0
 # Bright sky and dark ground answer a thousandfold differently: a root shows both.
 _ROOT = 3.0
+# Paler on the wheel, a velocity cannot be told from white.
+_PALE = 0.02
+
+
+@dataclass(frozen=True)
+class ResponsePair:
+    """One method's answers at one light level: to the noise-free twin and to the counts."""
+
+    level: str
+    legend: Legend | None
+    pictures: tuple[Picture, Picture]
 
 
 @dataclass(frozen=True)
 class ResponseRow:
-    """One method's answers: noise-free first, then to the counts at every light level."""
+    """One method's answers at every light level."""
 
     method: str
     label: str
     description: str
-    legend: Legend | None
-    pictures: tuple[Picture, ...]
+    is_velocity: bool
+    pairs: tuple[ResponsePair, ...]
 
 
 @dataclass(frozen=True)
@@ -57,23 +65,6 @@ class SensorResponses:
     name: str
     rows: tuple[ResponseRow, ...]
     errors: Table
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """Whether a method reads motion: "both" metrics, "ratio" alone, "neither", "undefined"."""
-
-    kind: str
-    title: str
-
-
-@dataclass(frozen=True)
-class VerdictGroup:
-    """A sensor's verdicts: its light levels, and one row of verdicts per method."""
-
-    sensor: str
-    levels: tuple[str, ...]
-    rows: Mapping[str, tuple[Verdict, ...]]
 
 
 @dataclass(frozen=True)
@@ -88,14 +79,10 @@ class DetectorSection:
     rotation: Table | None
     verdicts: tuple[VerdictGroup, ...]
 
-
-def read_records(dataset: Dataset) -> list[Record]:
-    """Errors of every method on every sensor at every light level, from flow.json."""
-    path = dataset.result("flow.json")
-    try:
-        return list(json.loads(path.read_text("utf-8")))
-    except (OSError, ValueError) as problem:
-        raise UserError(f"{path}: {problem}; run megalopta flow again with --redo") from None
+    @property
+    def kinds(self) -> set[str]:
+        """Verdicts that occur."""
+        return {each.kind for group in self.verdicts for row in group.rows.values() for each in row}
 
 
 def detector_section(
@@ -116,7 +103,8 @@ def detector_section(
         splits=split_table(records),
         rotation=rotation_table(records),
         verdicts=tuple(
-            _verdicts(sensor.name, settings.light_levels, records) for sensor in settings.sensors
+            verdict_group(sensor.name, settings.light_levels, records)
+            for sensor in settings.sensors
         ),
     )
 
@@ -151,56 +139,88 @@ def _sensor_responses(
 ) -> SensorResponses:
     settings = dataset.configuration
     levels = settings.light_levels
-    stores = [_open(dataset, sensor, level) for level in levels]
-    brightest = stores[int(np.argmax([illuminance_of(level) for level in levels]))]
-    rows = []
-    for name in settings.methods:
-        ideal = np.asarray(brightest[f"{name}-ideal"][frame])
-        noisy = [np.asarray(store[name][frame]) for store in stores]
-        rows.append(_row(METHODS[name], ideal, noisy, levels, selection, wheel))
+    rows = tuple(
+        ResponseRow(
+            name,
+            METHODS[name].label,
+            _first_sentence(METHODS[name]),
+            METHODS[name].gives == "velocity",
+            tuple(
+                _pair(dataset, sensor, level, METHODS[name], frame, selection, wheel)
+                for level in levels
+            ),
+        )
+        for name in settings.methods
+    )
     return SensorResponses(
-        sensor.name, tuple(rows), _error_table(sensor.name, settings.methods, levels, records)
+        sensor.name, rows, _error_table(sensor.name, settings.methods, levels, records)
     )
 
 
-def _open(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> Any:
-    path = responses_path(dataset, sensor, level)
-    try:
-        return zarr.open_group(path, mode="r")
-    except (OSError, ValueError) as problem:
-        raise UserError(f"{path}: {problem}; run megalopta flow again with --redo") from None
-
-
-def _row(
+def _pair(
+    dataset: Dataset,
+    sensor: ImageSensor,
+    level: LightLevel,
     method: Detector,
-    ideal: Floats,
-    noisy: Sequence[Floats],
-    levels: Sequence[LightLevel],
+    frame: int,
     selection: Selection,
     wheel: Wheel,
-) -> ResponseRow:
-    titles = ["noise-free", *(level_name(level) for level in levels)]
+) -> ResponsePair:
+    path, name = responses_path(dataset, sensor, level), level_name(level)
+    shape = _shape(dataset.configuration, method)
+    answers = [_read(path, f"{method.name}{kind}", frame, shape) for kind in ("-ideal", "")]
     if method.gives == "velocity":
-        legend = None
-        images = [Image.fromarray(flow_to_rgb(each, wheel.max_speed)) for each in (ideal, *noisy)]
+        images = [Image.fromarray(flow_to_rgb(each, wheel.max_speed)) for each in answers]
+        smallest, nothing, legend = _PALE * wheel.max_speed, "no motion found", None
     else:
-        scale = _response_scale(ideal)
+        scale = _response_scale(answers[0])
         legend = scale.legend(number(scale.low), number(scale.high))
-        images = [scale.picture(selection.pixels(each)) for each in (ideal, *noisy)]
-    return ResponseRow(
-        method.name,
-        method.label,
-        _first_sentence(method),
-        legend,
-        tuple(
-            still(image, title, f"{method.name}, {title}")
-            for image, title in zip(images, titles, strict=True)
-        ),
+        images = [scale.picture(selection.pixels(each)) for each in answers]
+        smallest, nothing = 0.0, "no response"
+    ideal, noisy = (
+        still(
+            image,
+            kind,
+            f"{method.name}, {name}, {kind}",
+            note="" if _largest(each) > smallest else nothing,
+        )
+        for image, each, kind in zip(
+            images, answers, ("noise-free", f"from {sensor.unit}"), strict=True
+        )
     )
+    return ResponsePair(name, legend, (ideal, noisy))
+
+
+def _read(path: Path, name: str, frame: int, shape: tuple[int, ...]) -> Floats:
+    """One frame of an array that must have this shape."""
+    try:
+        values: Any = zarr.open_group(path, mode="r")[name]
+        if values.shape != shape:
+            raise ValueError(f"{name} has shape {values.shape}")
+        return np.asarray(values[frame], np.float64)
+    except (OSError, ValueError, KeyError, TypeError, RuntimeError) as problem:
+        raise UserError(
+            f"{path} cannot be read ({problem}); run megalopta flow again with --redo"
+        ) from None
+
+
+def _shape(settings: Configuration, method: Detector) -> tuple[int, ...]:
+    """Shape of what a method answered."""
+    frames, size = settings.trajectory.frames, (settings.camera.height, settings.camera.width)
+    if not isinstance(method, BlockDetector):
+        return frames, *size
+    grid = method.grid(size)
+    return frames - 1, grid.rows, grid.columns, 2
+
+
+def _largest(answer: Floats) -> float:
+    """Largest response, or speed, that is defined; 0 where there is none."""
+    size = np.abs(answer) if answer.ndim == 2 else np.hypot(answer[..., 0], answer[..., 1])
+    return float(np.max(size[np.isfinite(size)], initial=0.0))
 
 
 def _response_scale(ideal: Floats) -> ColorScale:
-    """One scale for all light levels, from what the noise-free answer spans."""
+    """The scale of a pair, from what the noise-free answer spans."""
     known = ideal[np.isfinite(ideal)]
     high = float(np.percentile(np.abs(known), _BRIGHT_PERCENTILE)) if known.size else 0.0
     high = high or 1.0
@@ -239,27 +259,3 @@ def _error_text(errors: Mapping[str, float | None]) -> str:
 def _find(records: Sequence[Record], sensor: str, level: LightLevel, method: str) -> Record:
     key = (sensor, level, method)
     return next(each for each in records if (each["sensor"], each["level"], each["method"]) == key)
-
-
-def _verdicts(sensor: str, levels: Sequence[LightLevel], records: Sequence[Record]) -> VerdictGroup:
-    methods = dict.fromkeys(each["method"] for each in records)
-    return VerdictGroup(
-        sensor,
-        tuple(level_name(level) for level in levels),
-        {
-            method: tuple(
-                _verdict(_find(records, sensor, level, method)["error"]) for level in levels
-            )
-            for method in methods
-        },
-    )
-
-
-def _verdict(errors: Mapping[str, float | None]) -> Verdict:
-    ratio, literal = errors["ratio"], errors["literal"]
-    if ratio is None or literal is None:
-        return Verdict("undefined", "no motion in any scored frame of the noise-free answer")
-    accurate = (ratio < ACCURATE, literal < ACCURATE)
-    kind = {(True, True): "both", (True, False): "ratio", (False, True): "literal"}
-    text = f"ratio {relative_error(ratio)}, literal {relative_error(literal)}"
-    return Verdict(kind.get(accurate, "neither"), text)

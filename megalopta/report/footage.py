@@ -5,22 +5,19 @@ The last frame is left out: it has no successor and so no true flow.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from megalopta.configuration import Configuration
 from megalopta.dataset import Dataset
-from megalopta.errors import UserError
-from megalopta.render.exr import read_radiance, read_truth
+from megalopta.frames import read_radiance_frame, read_truth_frame
+from megalopta.preview import preview, white_level, white_of
 from megalopta.render.truth import Truth
-
-Content = TypeVar("Content")
+from megalopta.scenes.color import linear_srgb
 
 _LONGEST_SIDE_PX = 160
 _MOST_FRAMES = 40
@@ -51,7 +48,10 @@ class Selection:
 
 @dataclass(frozen=True, eq=False)
 class Footage:
-    """Radiance (n, H, W, B), preview images and ground truth of the selected frames."""
+    """Radiance (n, H, W, B), preview images and ground truth of the selected frames.
+
+    All are of the frames that sensors see, through the shutter.
+    """
 
     selection: Selection
     radiance: NDArray[np.float32]
@@ -77,26 +77,20 @@ def select(configuration: Configuration) -> Selection:
 def read_footage(dataset: Dataset) -> Footage:
     """Read what is shown. Raises UserError when a file cannot be read."""
     selection = select(dataset.configuration)
-    frames = selection.frames
+    radiance = [read_radiance_frame(dataset, index) for index in selection.frames]
     return Footage(
         selection,
-        np.stack([_read(read_radiance, dataset.radiance(index))[0] for index in frames]),
-        tuple(_read(_read_png, _preview(dataset, index)) for index in frames),
-        tuple(_read(read_truth, dataset.truth(index)) for index in frames),
+        np.stack(radiance),
+        _previews(dataset.configuration, radiance),
+        tuple(read_truth_frame(dataset, index) for index in selection.frames),
     )
 
 
-def _preview(dataset: Dataset, index: int) -> Path:
-    return dataset.frame("training/clean", index, "png")
-
-
-def _read(reader: Callable[[Path], Content], path: Path) -> Content:
-    try:
-        return reader(path)
-    except (OSError, ValueError) as problem:
-        raise UserError(f"{problem}; render it again with --redo") from None
-
-
-def _read_png(path: Path) -> NDArray[np.uint8]:
-    with Image.open(path) as image:
-        return np.asarray(image.convert("RGB"))
+def _previews(
+    configuration: Configuration, radiance: Sequence[NDArray[np.float32]]
+) -> tuple[NDArray[np.uint8], ...]:
+    """Pictures of the frames, all exposed alike, after the first."""
+    bands = configuration.render.bands_nm
+    white = white_of(configuration.scene, configuration.light)
+    level = white_level(linear_srgb(radiance[0], bands, white))
+    return tuple(preview(each, bands, white, level) for each in radiance)

@@ -12,7 +12,15 @@ from megalopta.report.charts import signal_chart
 from megalopta.report.footage import Footage
 from megalopta.report.images import gray_scale
 from megalopta.report.parts import RADIANCE_FILM, Picture, Table, film
-from megalopta.report.text import enumerate_words, level_name, level_title, number, percent, short
+from megalopta.report.text import (
+    UNDEFINED,
+    enumerate_words,
+    level_name,
+    level_title,
+    number,
+    percent,
+    short,
+)
 from megalopta.sensor import CtiaSensor, ImageSensor
 from megalopta.sensor.chain import active_effects
 from megalopta.sensor.counter import LARGEST_CAPACITY
@@ -41,6 +49,7 @@ class SensorPanel:
     pictures: tuple[Picture, ...]
     budget: Table
     saturation: str
+    rendering: str
 
 
 @dataclass(frozen=True)
@@ -113,13 +122,21 @@ def _panel(sensor: ImageSensor, footage: Footage, shown: Sequence[Exposed]) -> S
         sensor.name,
         describe(sensor),
         (radiance, *(_counts_film(each) for each in shown)),
-        Table(
-            f"Photon budget of {sensor.name}",
-            _columns(sensor),
-            tuple(_budget_row(each.budget) for each in shown),
-        ),
+        _budget_table(sensor, [each.budget for each in shown]),
         _saturation(sensor, [each.budget for each in shown]),
+        _rendering([each.budget for each in shown]),
     )
+
+
+def _budget_table(sensor: ImageSensor, budgets: Sequence[Budget]) -> Table:
+    columns, rows = _columns(sensor), [_budget_row(each) for each in budgets]
+    if any(each.rendering_noise is not None for each in budgets):
+        columns += ("Rendering : shot noise",)
+        rows = [
+            (*row, UNDEFINED if each.rendering_noise is None else number(each.rendering_noise))
+            for row, each in zip(rows, budgets, strict=True)
+        ]
+    return Table(f"Photon budget of {sensor.name}", columns, tuple(rows))
 
 
 def _columns(sensor: ImageSensor) -> tuple[str, ...]:
@@ -158,6 +175,21 @@ def _budget_row(budget: Budget) -> tuple[str, ...]:
         number(budget.expected),
         number(budget.signal_to_noise[1]),
         percent(budget.saturated_fraction),
+    )
+
+
+def _rendering(budgets: Sequence[Budget]) -> str:
+    """Where the rendering, not the photons, sets how clean a frame is."""
+    noisy = [
+        level_name(each.level)
+        for each in budgets
+        if each.rendering_noise is not None and each.rendering_noise > 1
+    ]
+    if not noisy:
+        return ""
+    return (
+        f"At {enumerate_words(noisy)} the rendering is noisier than the photons: these frames are "
+        "less clean than such light would make them."
     )
 
 

@@ -1,6 +1,5 @@
 """Section "Photons that motion needs": error curves and N_2b of the photon benchmark."""
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,15 +8,13 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from megalopta.dataset import Dataset
-from megalopta.errors import UserError
 from megalopta.flow.methods import METHODS
 from megalopta.flow.threshold import Threshold
 from megalopta.report.budget import Budget
 from megalopta.report.charts import Curve, Need, error_chart, need_chart
-from megalopta.report.detectors import ACCURATE
 from megalopta.report.parts import Table
 from megalopta.report.text import enumerate_words, short
+from megalopta.report.verdicts import ACCURATE
 
 Record = Mapping[str, Any]
 
@@ -60,15 +57,6 @@ class NeedSection:
 def series(method: str) -> int:
     """Number of a method's color and marker, the same in all charts."""
     return list(METHODS).index(method)
-
-
-def read_benchmark(dataset: Dataset) -> Record:
-    """The photon benchmark, from benchmark.json."""
-    path = dataset.result("benchmark.json")
-    try:
-        return dict(json.loads(path.read_text("utf-8")))
-    except (OSError, ValueError) as problem:
-        raise UserError(f"{path}: {problem}; run megalopta bench again with --redo") from None
 
 
 def need_section(benchmark: Record, budgets: Sequence[Budget]) -> NeedSection:

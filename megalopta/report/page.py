@@ -1,5 +1,6 @@
 """All sections of the report, put into the template."""
 
+import math
 from dataclasses import dataclass
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -8,12 +9,13 @@ from megalopta import info
 from megalopta.dataset import STAGES, Dataset
 from megalopta.flow.methods import METHODS
 from megalopta.report.budget import exposed
-from megalopta.report.detectors import DetectorSection, detector_section, read_records
+from megalopta.report.detectors import DetectorSection, detector_section
 from megalopta.report.footage import Footage, read_footage
 from megalopta.report.images import data_uri, rgb_picture, stacked
 from megalopta.report.light import LightSection, light_section
 from megalopta.report.motion import MotionSection, motion_section
-from megalopta.report.needs import NeedSection, need_section, read_benchmark, series
+from megalopta.report.needs import NeedSection, need_section, series
+from megalopta.report.records import Record, read_benchmark, read_records, read_scene_record
 from megalopta.report.rendering import render_noise
 from megalopta.report.summary import (
     dark_findings,
@@ -26,6 +28,7 @@ from megalopta.report.summary import (
 )
 from megalopta.report.svg import series_css
 from megalopta.report.text import duration
+from megalopta.report.verdicts import MEANINGS
 from megalopta.yaml_model import to_yaml
 
 # Faster than this, or slower, a film cannot be followed.
@@ -66,15 +69,15 @@ class Sections:
 
 def page(dataset: Dataset) -> str:
     """Return the report as HTML."""
-    footage, record = read_footage(dataset), dataset.read_scene_record()
-    sections = _sections(dataset, footage)
+    footage, record = read_footage(dataset), read_scene_record(dataset)
+    sections = _sections(dataset, footage, record)
     template = _environment().get_template("template.html")
     return template.render(
         dataset=dataset,
         configuration=dataset.configuration,
         title=title(dataset.configuration),
         lead=lead(dataset.configuration),
-        facts=facts(dataset, sections.motion),
+        facts=facts(dataset.configuration, record, sections.motion),
         sections=sections,
         radiance_film=_radiance_film(footage),
         frames=footage.selection.frames,
@@ -82,6 +85,8 @@ def page(dataset: Dataset) -> str:
         start=_start(footage, sections.detectors),
         playback_hz=_playback_hz(dataset, footage),
         methods=_methods(dataset),
+        meanings=MEANINGS,
+        columns=_columns,
         visible=min(dataset.configuration.render.bands_nm)[0] < _RED_END_NM,
         units=sorted({sensor.unit for sensor in dataset.configuration.sensors}),
         settings=to_yaml(dataset.configuration),
@@ -103,12 +108,12 @@ def _environment() -> Environment:
     )
 
 
-def _sections(dataset: Dataset, footage: Footage) -> Sections:
+def _sections(dataset: Dataset, footage: Footage, record: Record) -> Sections:
     motion, light, detectors, needs = motion_section(footage), None, None, None
     findings: list[str | None] = []
     budgets = []
     if dataset.is_finished("sense"):
-        shown = exposed(dataset, footage)
+        shown = exposed(dataset, footage, record)
         budgets = [each.budget for each in shown]
         light = light_section(dataset.configuration.sensors, footage, shown)
         findings += [light_finding(budgets), *dark_findings(budgets)]
@@ -146,6 +151,11 @@ def _methods(dataset: Dataset) -> list[Method]:
         for name in dataset.configuration.methods
         for index in [series(name)]
     ]
+
+
+def _columns(items: int, most: int) -> int:
+    """So many a row that rows are nearly alike, and the last holds no single one."""
+    return math.ceil(items / math.ceil(items / most))
 
 
 def _timings(dataset: Dataset) -> list[Timing]:

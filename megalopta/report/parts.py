@@ -26,6 +26,8 @@ class Picture:
     frames : int
         Frames of a film, stacked above each other; 0 for a still.
     legend : Legend, optional
+    note : str
+        Written across the picture, where it shows nothing; part of what those read who do not see.
     """
 
     source: str
@@ -33,6 +35,7 @@ class Picture:
     title: str = ""
     frames: int = 0
     legend: Legend | None = None
+    note: str = ""
 
     @property
     def background(self) -> str:
@@ -56,6 +59,6 @@ def film(
     return Picture(data_uri(stacked(images)), alt, title, len(images), legend)
 
 
-def still(image: Image.Image, title: str, alt: str, legend: Legend | None = None) -> Picture:
+def still(image: Image.Image, title: str, alt: str, note: str = "") -> Picture:
     """One picture."""
-    return Picture(data_uri(image), alt, title, legend=legend)
+    return Picture(data_uri(image), f"{alt}: {note}" if note else alt, title, note=note)

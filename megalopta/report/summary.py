@@ -1,15 +1,16 @@
 """The report's opening: what was seen, in words and numbers, and what came out."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from megalopta.configuration import Configuration, LightLevel
-from megalopta.dataset import Dataset
-from megalopta.flow.threshold import format_flux
+from megalopta.flow.methods import METHODS
+from megalopta.flow.threshold import Threshold, format_flux
 from megalopta.report.budget import Budget
-from megalopta.report.detectors import ACCURATE, DetectorSection, VerdictGroup
+from megalopta.report.detectors import DetectorSection
 from megalopta.report.motion import MotionSection
 from megalopta.report.needs import two_bit
 from megalopta.report.text import (
@@ -17,9 +18,9 @@ from megalopta.report.text import (
     level_name,
     level_title,
     number,
-    percent,
     plural,
 )
+from megalopta.report.verdicts import LIMIT, VerdictGroup
 from megalopta.scenes.bench import Bench
 from megalopta.scenes.build import SceneDescription
 from megalopta.scenes.camera import Camera
@@ -31,8 +32,6 @@ from megalopta.scenes.plane import Plane
 
 NO_MOTION = "IM"
 """The yardstick among the methods: it measures brightness."""
-
-LIMIT = percent(ACCURATE)
 
 
 @dataclass(frozen=True)
@@ -63,13 +62,14 @@ def lead(configuration: Configuration) -> str:
     )
 
 
-def facts(dataset: Dataset, motion: MotionSection) -> list[Fact]:
-    """Key numbers of the sequence."""
-    configuration = dataset.configuration
+def facts(
+    configuration: Configuration, record: Mapping[str, Any], motion: MotionSection
+) -> list[Fact]:
+    """Key numbers of the sequence; `record` is that of the scene."""
     camera, trajectory = configuration.camera, configuration.trajectory
     return [
         Fact(f"{trajectory.frames}", f"frames of {camera.width} × {camera.height} px"),
-        *_scene_facts(configuration, dataset.read_scene_record()),
+        *_scene_facts(configuration, record),
         *_seen_facts(motion.objects_seen),
         Fact(f"{motion.median_speed:.2g}", "px per frame, median speed"),
         Fact(f"{trajectory.frame_rate_hz:g}", "frames per second"),
@@ -93,66 +93,133 @@ def light_finding(budgets: Sequence[Budget]) -> str:
         ends = (f"{number(each.signal_to_noise[1])}" for each in (own[-1], own[0]))
         spans.append(f"{' to '.join(ends)} on {sensor}")
     first = [each for each in ranked if each.sensor.name == sensors[0]]
+    # Beyond the visible, light of fewer lux may have more photons.
+    falls = first[-1].photons > first[0].photons
     return (
         f"From {level_name(first[-1].level)} to {level_name(first[0].level)}, the photons on a "
-        f"pixel of {sensors[0]} fall from {number(first[-1].photons)} to "
-        f"{number(first[0].photons)} per frame, and a pixel's median signal-to-noise ratio from "
-        f"{enumerate_words(spans)}."
+        f"pixel of {sensors[0]} {'fall' if falls else 'go'} from {number(first[-1].photons)} to "
+        f"{number(first[0].photons)} per frame, and a pixel's median signal-to-noise ratio goes "
+        f"from {enumerate_words(spans)}."
     )
 
 
 def dark_findings(budgets: Sequence[Budget]) -> list[str]:
-    """From which light on a sensor reads more dark counts or electrons than photons."""
-    darkest_first = sorted(budgets, key=lambda each: each.illuminance_lux)
-    brightest = {each.sensor.name: each for each in darkest_first if each.dark > each.detected}
+    """At which light a sensor reads more dark counts or electrons than photons."""
+    brightest_first = sorted(budgets, key=lambda each: -each.illuminance_lux)
+    drowned: dict[str, list[Budget]] = {}
+    for each in brightest_first:
+        if each.dark > each.detected:
+            drowned.setdefault(each.sensor.name, []).append(each)
     return [
-        f"On {name}, dark {budget.sensor.unit} outnumber the detected photons at "
-        f"{level_name(budget.level)} ({number(budget.dark)} to {number(budget.detected)} per pixel "
-        "and frame) and below."
-        for name, budget in brightest.items()
+        f"On {name}, dark {found[0].sensor.unit} outnumber the detected photons at "
+        f"{enumerate_words([level_name(each.level) for each in found])} "
+        f"({number(found[0].dark)} to {number(found[0].detected)} per pixel and frame"
+        f"{f' at {level_name(found[0].level)}' if len(found) > 1 else ''})."
+        for name, found in drowned.items()
     ]
 
 
 def motion_findings(section: DetectorSection) -> list[str]:
-    """How many detectors read motion, per sensor and light level."""
-    return [_motion_finding(group) for group in section.verdicts if group.rows.keys() - {NO_MOTION}]
+    """How many detectors find the true motion, and how many of the others repeat themselves."""
+    findings = []
+    for group in section.verdicts:
+        methods = [name for name in group.rows if name != NO_MOTION]
+        velocities = [name for name in methods if METHODS[name].gives == "velocity"]
+        responses = [name for name in methods if name not in velocities]
+        if velocities:
+            findings.append(_true_motion(group, velocities))
+        if responses:
+            findings.append(_repetition(group, responses))
+    return findings
 
 
-def _motion_finding(group: VerdictGroup) -> str:
-    rows = [row for method, row in group.rows.items() if method != NO_MOTION]
-    counts = [sum(row[index].kind == "both" for row in rows) for index in range(len(group.levels))]
-    if not any(counts):
-        return (
-            f"On {group.sensor}, no motion detector stays within {LIMIT} of its noise-free answer "
-            "at any light level."
-        )
-    parts = [
-        f"{count or 'none'} at {level}" for count, level in zip(counts, group.levels, strict=True)
-    ]
+def _true_motion(group: VerdictGroup, methods: Sequence[str]) -> str:
+    if all(each.kind == "unknown" for name in methods for each in group.rows[name]):
+        return f"On {group.sensor}, nothing is known to move, so no velocity can be judged."
     return (
-        f"On {group.sensor}, of {plural(len(rows), 'motion detector')} these stay within {LIMIT} "
-        f"of their noise-free answer: {', '.join(parts)}."
+        f"On {group.sensor}, of {plural(len(methods), 'detector')} that measure velocity "
+        f"({enumerate_words(methods)}), the true motion is found (median error below {LIMIT}) by "
+        f"{_where(group, methods, 'right')}."
     )
+
+
+def _repetition(group: VerdictGroup, methods: Sequence[str]) -> str:
+    return (
+        f"On {group.sensor}, of {plural(len(methods), 'detector')} whose response is no velocity "
+        f"({enumerate_words(methods)}), the noise-free answer, right or wrong, is repeated (both "
+        f"errors below {LIMIT}) by {_where(group, methods, 'repeats')}."
+    )
+
+
+def _where(group: VerdictGroup, methods: Sequence[str], kind: str) -> str:
+    """How many methods have a verdict, and which, at each light level."""
+    found = [
+        [name for name in methods if group.rows[name][index].kind == kind]
+        for index in range(len(group.levels))
+    ]
+    words = [f"{len(names)} ({enumerate_words(names)})" if names else "none" for names in found]
+    if len(words) > 1 and len(set(words)) == 1:
+        return f"{words[0]} at {'every' if found[0] else 'any'} light level"
+    return ", ".join(f"{each} at {level}" for each, level in zip(words, group.levels, strict=True))
 
 
 def need_finding(benchmark: Mapping[str, Any]) -> str | None:
-    """Which detector needs the fewest photons, and which the most, at the largest size."""
+    """Which detectors need the fewest photons, and which the most, at the largest size."""
     metric = benchmark["settings"]["metrics"][0]
-    rows, columns = max(curve["shape"] for curve in benchmark["curves"])
+    rows, columns = max(tuple(curve["shape"]) for curve in benchmark["curves"])
     needs = {
-        curve["method"]: need.flux
+        curve["method"]: need
         for curve in benchmark["curves"]
-        if (curve["shape"], curve["metric"]) == ([rows, columns], metric)
-        if curve["method"] != NO_MOTION and (need := two_bit(curve)) and need.flux
+        if (tuple(curve["shape"]), curve["metric"]) == ((rows, columns), metric)
+        if curve["method"] != NO_MOTION and (need := two_bit(curve))
     }
-    if not needs:
+    parts = [*_fewest(needs), *_most(needs)]
+    if not parts:
         return None
-    least, most = min(needs, key=needs.__getitem__), max(needs, key=needs.__getitem__)
     return (
-        f"With perfect pixels and frames of {columns} × {rows} px, {least} needs the fewest "
-        f"photons to stay within {LIMIT} ({metric} error), {format_flux(needs[least])} per frame, "
-        f"and {most} the most, {format_flux(needs[most])}."
+        f"With perfect pixels and frames of {columns} × {rows} px, {', and '.join(parts)}, to "
+        f"repeat the noise-free answer within {LIMIT} ({metric} error). Whether that answer is "
+        "true, this does not say."
     )
+
+
+def _fewest(needs: Mapping[str, Threshold]) -> list[str]:
+    below = [name for name, need in needs.items() if need.kind == "below"]
+    if below:
+        limit = format_flux(max(needs[name].range_min for name in below))
+        return [f"{_named(below)} fewer than {limit} photons per frame"]
+    crossing = {name: need for name, need in needs.items() if need.flux}
+    if not crossing:
+        return []
+    least = min(crossing.values(), key=_flux)
+    # Where intervals overlap, another draw might reverse the order.
+    close = [name for name, need in crossing.items() if (need.low or 0) <= (least.high or math.inf)]
+    rank = " the fewest photons," if len(needs) > len(close) else ""
+    fluxes = enumerate_words([format_flux(_flux(crossing[name])) for name in close])
+    return [f"{_named(close)}{rank} {fluxes} per frame"]
+
+
+def _most(needs: Mapping[str, Threshold]) -> list[str]:
+    above = [name for name, need in needs.items() if need.kind == "above"]
+    if above:
+        limit = format_flux(min(needs[name].range_max for name in above))
+        return [f"{_named(above)} more than {limit}"]
+    crossing = {name: need for name, need in needs.items() if need.flux}
+    if len(crossing) < 2:
+        return []
+    name, most = max(crossing.items(), key=lambda each: _flux(each[1]))
+    others = [need for other, need in crossing.items() if other != name]
+    if any((need.high or math.inf) >= (most.low or 0) for need in others):
+        return []
+    return [f"{name} the most, {format_flux(_flux(most))}"]
+
+
+def _named(methods: Sequence[str]) -> str:
+    return f"{enumerate_words(methods)} need{'s' if len(methods) == 1 else ''}"
+
+
+def _flux(need: Threshold) -> float:
+    return need.flux or math.nan
 
 
 def _scene_facts(configuration: Configuration, record: Mapping[str, Any]) -> list[Fact]:

@@ -8,6 +8,9 @@ from megalopta.flow.threshold import format_flux
 from megalopta.scenes.light import illuminance_of
 
 UNDEFINED = "–"
+FAILS = "fails"
+SENSELESS = 10.0
+"""Error, in what is asked for, from which on a number says no more than that it fails."""
 
 
 def number(value: float) -> str:
@@ -45,10 +48,10 @@ def percent(fraction: float) -> str:
 
 
 def relative_error(value: float | None) -> str:
-    """An error as a percentage, or as a multiple of the answer where it exceeds tenfold."""
+    """An error as a percentage; "fails" from ten times on what is asked for."""
     if value is None or not math.isfinite(value):
         return UNDEFINED
-    return percent(value) if value < 9.995 else f"{number(value)}×"
+    return percent(value) if value < SENSELESS else FAILS
 
 
 def duration(seconds: float) -> str:

@@ -2,14 +2,16 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 from megalopta.flow.truth_splits import FAST_PX, OCCLUDED_SHARE, SLOW_PX
 from megalopta.report.parts import Table
-from megalopta.report.text import UNDEFINED, level_name, number, percent
+from megalopta.report.text import FAILS, SENSELESS, UNDEFINED, level_name, number, percent
 
 Record = Mapping[str, Any]
+Value = TypeVar("Value")
 
+_BOTH = ("ideal", "counts")
 _GROUPS = {
     "slow": f"below {SLOW_PX:g} px",
     "medium": f"{SLOW_PX:g} to {FAST_PX:g} px",
@@ -31,7 +33,7 @@ def against_truth(records: Sequence[Record]) -> tuple[Table, ...]:
 
 
 def split_table(records: Sequence[Record]) -> Table | None:
-    """Mean error by speed and by occlusion, on the exposure where some method errs least."""
+    """Mean error by speed and by occlusion, on the exposure where a method errs least."""
     measured = [each for each in records if "truth_splits" in each]
     if not measured:
         return None
@@ -40,7 +42,7 @@ def split_table(records: Sequence[Record]) -> Table | None:
     blocks = {name: split["ideal"]["blocks"] for name, split in rows[0]["truth_splits"].items()}
     filled = [name for name in _GROUPS if blocks[name]]
     return Table(
-        f"Mean error (px) by speed and occlusion, {_exposure(best)}",
+        f"Mean error (px) by speed and occlusion where it is smallest: {_exposure(best)}",
         ("Detector", *(f"{_GROUPS[name]} ({blocks[name]:,})" for name in filled)),
         tuple(
             (each["method"], *(_error(each["truth_splits"][name]) for name in filled))
@@ -58,9 +60,7 @@ def rotation_table(records: Sequence[Record]) -> Table | None:
     return _by_exposure(
         measured,
         f"Error of the yaw rate (deg/s) of {true} deg/s",
-        lambda each: _both(
-            (each["rotation"][f"{kind}_deg_s"] for kind in ("ideal", "counts")), number
-        ),
+        lambda each: _yaw(each["rotation"]),
     )
 
 
@@ -87,14 +87,29 @@ def _exposure(record: Record) -> str:
     return f"{record['sensor']}, {level_name(record['level'])}"
 
 
+def _yaw(rotation: Record) -> str:
+    largest = SENSELESS * rotation["true_deg_s"] or math.inf
+    errors = (rotation[f"{kind}_deg_s"] for kind in _BOTH)
+    return _both(errors, lambda error: number(error) if error < largest else FAILS)
+
+
 def _error(truth: Mapping[str, Record]) -> str:
-    return _both((truth[kind]["endpoint_error_px"] for kind in ("ideal", "counts")), number)
+    return _both(
+        (truth[kind] for kind in _BOTH),
+        lambda each: _number_of(each["endpoint_error_px"], each["relative_error_median"]),
+    )
+
+
+def _number_of(error_px: float | None, relative: float | None) -> str:
+    if error_px is None:
+        return UNDEFINED
+    return FAILS if relative is not None and relative >= SENSELESS else number(error_px)
 
 
 def _outliers(truth: Mapping[str, Record]) -> str:
-    return _both((truth[kind]["outlier_fraction"] for kind in ("ideal", "counts")), percent)
+    return _both((truth[kind]["outlier_fraction"] for kind in _BOTH), percent)
 
 
-def _both(values: Iterable[float | None], text: Callable[[float], str]) -> str:
+def _both(values: Iterable[Value | None], text: Callable[[Value], str]) -> str:
     """Noise-free → counts."""
     return " → ".join(UNDEFINED if value is None else text(value) for value in values)
