@@ -33,6 +33,8 @@ def write_page(out: Path, figures: Sequence[Figure]) -> Path:
         rows=list(zip(literal, ratio, strict=True)),
         figures=[figure for figure in figures if figure.name != TABLE],
         note=table.caption,
+        findings=[(each.title, each.findings) for each in figures if each.findings],
+        is_quick=table.details.get("quick", False),
     )
     path = out / "chapter-4.html"
     write_text(path, page)

@@ -23,41 +23,41 @@ _NATURAL = _FIXED.model_copy(update={"template": _FOREST[0]})
 
 SWEEPS: Mapping[str, Sweep] = {
     "fig-4.5": Sweep(
-        title="Photons needed over spatial frequency, gratings",
+        title="Figure 4.5: photons needed over spatial frequency, gratings",
         trial=_FIXED,
         vary="template.cycles_per_frame",
         values=tuple(range(1, 10)),
         sizes=POOLING,
     ),
     "fig-4.6": Sweep(
-        title="Photons needed over contrast, gratings",
+        title="Figure 4.6: photons needed over contrast, gratings",
         trial=_FIXED,
         vary="template.contrast",
         values=tuple(step / 10 for step in range(1, 10)),
         sizes=POOLING,
     ),
     "fig-4.7": Sweep(
-        title="Photons needed over dark counts, gratings",
+        title="Figure 4.7: photons needed over dark counts, gratings",
         trial=_FIXED,
         vary="search.dark_counts",
         values=DARK_COUNTS,
         sizes=(240,),
     ),
     "fig-4.8": Sweep(
-        title="Photons needed over velocity, gratings",
+        title="Figure 4.8: photons needed over velocity, gratings",
         trial=_FIXED,
         vary="velocity_px",
         values=VELOCITIES,
         sizes=(60, 240),
     ),
     "fig-4.9": Sweep(
-        title="Photons needed over spatial pooling, gratings",
+        title="Figure 4.9: photons needed over spatial pooling, gratings",
         trial=_FIXED,
         vary="size",
         values=POOLING,
     ),
     "fig-4.10": Sweep(
-        title="Photons needed over dark counts, natural scenes",
+        title="Figure 4.10: photons needed over dark counts, natural scenes",
         trial=_NATURAL,
         templates=_FOREST,
         vary="search.dark_counts",
@@ -65,7 +65,7 @@ SWEEPS: Mapping[str, Sweep] = {
         sizes=(240,),
     ),
     "fig-4.11": Sweep(
-        title="Photons needed over velocity, natural scenes",
+        title="Figure 4.11: photons needed over velocity, natural scenes",
         trial=_NATURAL,
         templates=_FOREST,
         vary="velocity_px",
@@ -73,7 +73,7 @@ SWEEPS: Mapping[str, Sweep] = {
         sizes=(60, 240),
     ),
     "fig-4.12": Sweep(
-        title="Photons needed over velocity, natural scenes with motion blur",
+        title="Figure 4.12: photons needed over velocity, natural scenes with motion blur",
         trial=_NATURAL.model_copy(update={"blurred": True}),
         templates=_FOREST,
         vary="velocity_px",
@@ -81,7 +81,7 @@ SWEEPS: Mapping[str, Sweep] = {
         sizes=(60, 240),
     ),
     "fig-4.13": Sweep(
-        title="Photons needed over spatial pooling, natural scenes",
+        title="Figure 4.13: photons needed over spatial pooling, natural scenes",
         trial=_NATURAL,
         templates=_FOREST,
         vary="size",

@@ -1,7 +1,7 @@
 """How well each method tells motion from standstill and right from left, against photons.
 
 All methods see the same counts of the same textures, at the size, speed and dark counts of the
-dissertation's Table 4.1, and give one answer per block.
+dissertation's Table 4.1, and give one response per block.
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,7 +36,7 @@ LAST_FRAME = 100
 
 DARK_COUNTS = 0.1 * (COLUMNS / SIZE) ** 2
 CONTRAST = 0.5
-ANSWERS = VIEWS * SCORED_FRAMES * 8 * 8
+RESPONSES = VIEWS * SCORED_FRAMES * 8 * 8
 DIRECTIONS = {"still": 0, "right": 1, "left": -1}
 
 _BRIGHT = 1e12
@@ -56,7 +56,7 @@ class Detection:
     """d′ of right against left"""
 
     false_alarms: float
-    """Share of the still scene's blocks beyond half of the median noise-free answer to motion"""
+    """Share of the still scene's blocks beyond half of the median noise-free response to motion"""
 
     curve: Roc
     """Of moving against still"""
@@ -73,15 +73,15 @@ def detections(detectors: Sequence[Detector], flux: float) -> list[Detection]:
         _detection(
             detector,
             flux,
-            {name: _answers(detector, each, flux) for name, each in sequences.items()},
+            {name: _responses(detector, each, flux) for name, each in sequences.items()},
         )
         for detector in detectors
     ]
 
 
-def _detection(detector: Detector, flux: float, answers: Mapping[str, Floats]) -> Detection:
-    still, moving = (motion_evidence(detector, answers[name]) for name in ("still", "right"))
-    left, right = (rightward_evidence(detector, answers[name]) for name in ("left", "right"))
+def _detection(detector: Detector, flux: float, responses: Mapping[str, Floats]) -> Detection:
+    still, moving = (motion_evidence(detector, responses[name]) for name in ("still", "right"))
+    left, right = (rightward_evidence(detector, responses[name]) for name in ("left", "right"))
     return Detection(
         method=detector.name,
         flux=flux,
@@ -97,14 +97,14 @@ def _threshold(detector: Detector) -> float:
     """Half of the median noise-free evidence of motion."""
     frames = detector.memory_frames + SCORED_FRAMES
     means = [_light("right", view, frames) * _BRIGHT for view in range(VIEWS)]
-    return float(np.median(motion_evidence(detector, _answers(detector, means, _BRIGHT)))) / 2
+    return float(np.median(motion_evidence(detector, _responses(detector, means, _BRIGHT)))) / 2
 
 
-def _answers(detector: Detector, sequences: Sequence[NDArray[Any]], flux: float) -> Floats:
-    """Settled answers to all sequences, one after the other."""
+def _responses(detector: Detector, sequences: Sequence[NDArray[Any]], flux: float) -> Floats:
+    """Settled responses to all sequences, one after the other."""
     needed = detector.memory_frames + SCORED_FRAMES
-    answers = [detector.respond(each[-needed:], SIZE**2 / flux) for each in sequences]
-    return np.concatenate([each[-SCORED_FRAMES:] for each in answers])
+    responses = [detector.respond(each[-needed:], SIZE**2 / flux) for each in sequences]
+    return np.concatenate([each[-SCORED_FRAMES:] for each in responses])
 
 
 def _counts(direction: str, view: int, frames: int, flux: float) -> Counts:

@@ -2,11 +2,19 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from matplotlib.figure import Figure as Canvas
 
 Cell: TypeAlias = float | str
+
+
+class Printed(NamedTuple):
+    """One number of ours beside what the dissertation prints, with units."""
+
+    quantity: str
+    ours: str
+    dissertation: str
 
 
 @dataclass(frozen=True)
@@ -18,10 +26,10 @@ class Figure:
     name : str
         As on the command line and in file names: "fig-3.2", "table-3.1".
     title : str
-        What is shown, in one line.
+        What is shown, in one line; of the dissertation's figures with their number: "Figure 3.2:
+        …".
     caption : str
-        How it was made, and our numbers beside those printed in the dissertation, or why the model
-        cannot give them.
+        What is drawn and how it was made, in at most three sentences.
     draw : function
         Adds axes to an empty matplotlib figure of the house style and draws on them.
     columns : tuple of str
@@ -29,7 +37,11 @@ class Figure:
     rows : tuple of tuples
         One value per column; NaN where there is none.
     height_in : float
-        Height of the drawing, without title and caption (inches); it is 7 inches wide.
+        Height of the drawing, without title, table and caption (inches); it is 7 inches wide.
+    printed : tuple of Printed
+        Our numbers beside those of the dissertation, a small table under the drawing.
+    findings : tuple of str
+        Sentences that the numbers of this run bear out.
     details : mapping, optional
         What else belongs to the numbers, ready for JSON: parameters, intervals, error curves.
     """
@@ -41,6 +53,8 @@ class Figure:
     columns: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
     height_in: float = 4.0
+    printed: tuple[Printed, ...] = ()
+    findings: tuple[str, ...] = ()
     details: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -1,8 +1,10 @@
 """Figures and table of Chapter 2: the single-photon pixel and SPADCAM.
 
-The dissertation prints its curves without numbers; what its text gives stands beside ours in the
-captions. SPADCAM's row is a simulated device, made and measured as the real one was: 500 frames at
-each bias, in the dark and under 396 photons/µm²/s of 450 nm, through the counter that saturates.
+The dissertation prints its curves without numbers; what its text gives stands beside ours in a
+table under each figure. SPADCAM's row is a simulated device, made and measured as the real one was:
+500 frames at each bias, in the dark and under 396 photons/µm²/s of 450 nm, through the counter that
+saturates. Over many devices the preset gives what is printed of Figure 2.9 (mean 1.77, median 0.93,
+σ 1.77 Hz/µm²) and 11 quiet pixels of mean 0.76, median 0.73, σ 0.29; one row differs.
 """
 
 from functools import cache
@@ -13,7 +15,7 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import EngFormatter
 from numpy.typing import NDArray
 
-from megalopta.figure import Figure, Registry
+from megalopta.figure import Figure, Printed, Registry
 from megalopta.plot_style import BLACK, BLUE, DASHES, GRAY, PALETTE, draw_table
 from megalopta.sensor import DeadTime, Sensor, changed, expose_rate, preset
 from megalopta.sensor.bias import best_excess_bias, breakdown_offset
@@ -112,12 +114,15 @@ def figure_2_2() -> Figure:
 
     return Figure(
         name="fig-2.2",
-        title="Count rate over photon rate with dead time",
+        title="Figure 2.2: count rate over photon rate with dead time",
         caption=(
-            "Stationary means (Eq. 2.5 and 2.6). Ceilings: 1/τ, and 1/(e·τ) at one photon per "
-            f"dead time. From 100 Hz of dark counts to the ceiling for τ = 100 ns: "
-            f"{decibel[0]:.0f} dB paralyzable, {decibel[1]:.0f} dB non-paralyzable "
-            "(printed: below 100 dB)."
+            "The curves are stationary means (Eq. 2.5 and 2.6) for four dead times τ. The count "
+            "rate ends at 1/τ without and at 1/(e·τ) with paralysis, at one photon per dead time. "
+            "The dynamic range reaches from 100 Hz of dark counts to that ceiling, for τ = 100 ns."
+        ),
+        printed=(
+            Printed("Dynamic range, paralyzable", f"{decibel[0]:.0f} dB", "below 100 dB"),
+            Printed("Dynamic range, non-paralyzable", f"{decibel[1]:.0f} dB", "below 100 dB"),
         ),
         draw=draw,
         columns=(
@@ -148,16 +153,17 @@ def figure_2_9() -> Figure:
 
     return Figure(
         name="fig-2.9",
-        title="Dark count rate over bias, 16 pixels of one row",
+        title="Figure 2.9: dark count rate over bias, 16 pixels of one row",
         caption=(
-            f"One simulated row, {FRAMES} frames of 0.1 s each. At 13.58 V (ours; printed): mean "
-            f"{row.mean():.2f}; 1.77, median {np.median(row):.2f}; 0.93, σ {row.std():.2f}; 1.77 "
-            f"Hz/µm²; {quiet.size}; 11 of 16 pixels below 1.5 Hz/µm², of mean {quiet.mean():.2f}; "
-            f"0.71, median {np.median(quiet):.2f}; 0.63, σ {quiet.std():.2f}; 0.32. Another row "
-            "differs: over many devices the preset gives 1.77, 0.93, 1.77 and 11 pixels of mean "
-            f"0.76, median 0.73, σ 0.29. The rate levels off at {ceiling:.1f} Hz/µm² because the "
-            "counter is full, as in the dissertation. How steeply it grows there is not printed; "
-            "ours is e-fold in 0.12 V."
+            f"One row of the SPADCAM preset is simulated with {FRAMES} frames of 0.1 s at each "
+            f"bias; the rate levels off at {ceiling:.1f} Hz/µm², where the counter is full. "
+            "The table is for 13.58 V; another simulated row differs, since the preset meets the "
+            "printed statistics over many devices."
+        ),
+        printed=(
+            _statistics("All pixels", row, "1.77, 0.93, 1.77 Hz/µm²"),
+            Printed("Pixels below 1.5 Hz/µm²", f"{quiet.size} of {PIXELS}", "11 of 16"),
+            _statistics("These", quiet, "0.71, 0.63, 0.32 Hz/µm²"),
         ),
         draw=draw,
         columns=("anode_v", *(f"pixel_{pixel}_hz_um2" for pixel in range(PIXELS))),
@@ -194,14 +200,12 @@ def figure_2_10() -> Figure:
 
     return Figure(
         name="fig-2.10",
-        title="Cumulative distribution of the dark count rate over one row",
+        title="Figure 2.10: cumulative distribution of the dark count rate over one row",
         caption=(
-            f"The row of fig-2.9. At 13.68 V {full} of 16 counters are full with dark counts in "
-            "0.1 s at 10 mV a count; printed: nearly all. The dissertation does not say which "
-            "step and exposure (above 50 ms) that was. Ours would need exposures about five times "
-            "as long, or a steeper growth with bias, but that would scatter the ordinary pixels "
-            "more (by the 42 mV of breakdown mismatch) than the 0.32 Hz/µm² that were measured."
+            "This is the row of Figure 2.9, exposed for 0.1 s at 10 mV a count. The dissertation "
+            "does not say at which step and exposure (above 50 ms) its counters were full."
         ),
+        printed=(Printed("Counters full at 13.68 V", f"{full} of {PIXELS}", "nearly all of 16"),),
         draw=draw,
         columns=("share", *(f"at_{v:.2f}_v_hz_um2" for v in volts)),
         rows=_rows(share, *ranked),
@@ -227,14 +231,20 @@ def figure_2_11() -> Figure:
 
     return Figure(
         name="fig-2.11",
-        title="Photon detection efficiency over bias, 16 pixels of one row, 450 nm",
+        title="Figure 2.11: photon detection efficiency over bias, 16 pixels of one row, 450 nm",
         caption=(
-            f"Bright less dark counts over photons on the active area, at {PHOTONS_HZ_UM2:g} "
-            f"photons/µm²/s, {FRAMES} frames; a curve ends where a counter was full. Bias for "
-            f"equal efficiency (ours; printed): {1e3 * np.ptp(offsets):.0f} mV; nearly 150 mV peak "
-            f"to peak, σ {1e3 * offsets.std():.0f}; 42 mV. Largest {largest:.2f} %; printed: below "
-            "1 % at about 1 V excess. The height is the preset's, an upper limit; the shape over "
-            "bias is not printed as numbers, ours saturates over 0.2 V."
+            "The efficiency is the bright less the dark counts over the photons on the active "
+            f"area, at {PHOTONS_HZ_UM2:g} photons/µm²/s in {FRAMES} frames; a curve ends where a "
+            "counter was full. Its height is the preset's, an upper limit."
+        ),
+        printed=(
+            Printed(
+                "Bias for equal efficiency, peak to peak",
+                f"{1e3 * np.ptp(offsets):.0f} mV",
+                "nearly 150 mV",
+            ),
+            Printed("Bias for equal efficiency, σ", f"{1e3 * offsets.std():.0f} mV", "42 mV"),
+            Printed("Largest efficiency", f"{largest:.2f} %", "below 1 % at about 1 V excess"),
         ),
         draw=draw,
         columns=("anode_v", *(f"pixel_{pixel}" for pixel in range(PIXELS))),
@@ -275,14 +285,16 @@ def figure_2_12() -> Figure:
 
     return Figure(
         name="fig-2.12",
-        title="Detections over dark counts, 10⁶ photons per pixel and second",
+        title="Figure 2.12: detections over dark counts, 10⁶ photons per pixel and second",
         caption=(
-            "Efficiency times photon rate over dark count rate, in power decibels, from fig-2.9 "
-            f"and fig-2.11. The ratio is largest at {_volts(best)} V, the efficiency at "
-            f"{_volts(most)} V: as printed, the best ratio is at a lower bias than the best "
-            f"efficiency. In the model it lies at {model:.2f} V, just below the biases measured, "
-            "higher by what a pixel's breakdown voltage is, and does not depend on the photon "
-            "rate, which multiplies every curve alike."
+            "The curves are efficiency times photon rate over dark count rate, in power decibels, "
+            "of four pixels of Figures 2.9 and 2.11. Without mismatch the ratio is best at "
+            f"{model:.2f} V (dashed); a pixel whose breakdown voltage is higher has its best as "
+            "much higher, at any photon rate."
+        ),
+        printed=(
+            Printed("Bias of the best ratio", f"{_volts(best)} V", "lower than for efficiency"),
+            Printed("Bias of the best efficiency", f"{_volts(most)} V", "—"),
         ),
         draw=draw,
         columns=("anode_v", *(f"pixel_{pixel}_db" for pixel in chosen)),
@@ -326,12 +338,12 @@ def table_2_1() -> Figure:
 
     return Figure(
         name="table-2.1",
-        title="SPADs of the literature, as presets",
+        title="Table 2.1: SPADs of the literature, as presets",
         caption=(
-            "Printed columns; ours is what the preset of each device measures in 4 s of exposure "
-            "in the dark and under 10⁵ photons per second on the active area. Limits (<, >) are "
-            "taken as values. The efficiency is that of the peak at every wavelength; fill factor "
-            "and dead time are not in the table and stay the user's."
+            'Columns named "ours" are what the preset of each device measures in 4 s in the dark '
+            "and under 10⁵ photons per second on the active area; the others are printed. Limits "
+            "(<, >) are taken as values, and the efficiency is that of the peak at every "
+            "wavelength. Fill factor and dead time are not in the table and stay the user's."
         ),
         draw=draw,
         columns=columns,
@@ -361,6 +373,12 @@ def _table_row(name: str) -> tuple[float | str, ...]:
         (bright_hz - dark_hz) / photons_hz,
         device.peak_nm,
     )
+
+
+def _statistics(which: str, rates: Floats, printed: str) -> Printed:
+    """Mean, median and σ of dark count rates (Hz/µm²)."""
+    ours = f"{rates.mean():.2f}, {np.median(rates):.2f}, {rates.std():.2f} Hz/µm²"
+    return Printed(f"{which}: mean, median, σ", ours, printed)
 
 
 def _index_of(anode_v: float) -> int:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 from scipy.stats import linregress
 
-from megalopta.figure import Figure, Registry
+from megalopta.figure import Figure, Printed, Registry
 from megalopta.plot_style import PALETTE
 from megalopta.sensor import Sensor, changed, expose_events, preset
 from megalopta.sensor.analog_counter import AnalogCounter, analog_pixels
@@ -105,15 +105,26 @@ def _figure(name: str, step_v: float) -> Figure:
 
     return Figure(
         name=name,
-        title=f"Analog counter in low light, steps of {1e3 * step_v:g} mV",
+        title=(
+            f"Figure {name.removeprefix('fig-')}: analog counter in low light, steps of "
+            f"{1e3 * step_v:g} mV"
+        ),
         caption=(
-            f"{_SHOWN} pixels of a simulated row, {LIGHT_HZ:g} photons detected per second besides "
-            "dark counts; right: the first 20 steps. Fall per event over the swing (ours; "
-            f"printed): {1e3 * volts_per_event(row, bottom):.2f} mV; about {1e3 * step_v:g} mV. R² "
-            "down to the bottom of the swing, printed: above 0.99. Ours, over events: "
-            f"{_floor(over_events.min())} or more in all {ROW[1]} pixels, for the model bends by "
-            f"its leak alone. Over time, with the chance of arrivals: {over_time.min():.3f} to "
-            f"{over_time.max():.3f}."
+            f"{_SHOWN} of {ROW[1]} pixels of a simulated row detect {LIGHT_HZ:g} photons per "
+            "second besides dark counts; the first 20 steps are shown on the right. The straight "
+            "line of R² ends at the bottom of the swing; over events the model bends by its leak "
+            "alone, over time also by the chance of arrivals."
+        ),
+        printed=(
+            Printed(
+                "Fall per event over the swing",
+                f"{1e3 * volts_per_event(row, bottom):.2f} mV",
+                f"about {1e3 * step_v:g} mV",
+            ),
+            Printed("Least R² over events", _floor(over_events.min()), "above 0.99"),
+            Printed(
+                "R² over time", f"{over_time.min():.3f} to {over_time.max():.3f}", "above 0.99"
+            ),
         ),
         draw=draw,
         columns=("time_s", *(f"pixel_{pixel}_v" for pixel in range(ROW[1]))),

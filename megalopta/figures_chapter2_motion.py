@@ -12,7 +12,7 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from megalopta.figure import Figure, Registry
+from megalopta.figure import Figure, Printed, Registry
 from megalopta.motion_bench import (
     FRAME_RATE_HZ,
     FRAMES,
@@ -50,24 +50,41 @@ def figure_2_14() -> Figure:
     """Pooled frames as an edge passes."""
     frames = {name: recording(sensor)[:FRAMES] for name, sensor in SENSORS.items()}
     hidden = OPEN_PHOTONS * Bench().shade
-    levels = [
-        f"{shown[0].mean():.0f} and {shown[-1].mean():.0f} ({name})"
-        for name, shown in frames.items()
-    ]
     full = record(SHOWN_MM_S, SENSORS["SPADCAM"]).saturated.mean()
     columns, rows = _map_table(frames, "pixel")
     return Figure(
         name="fig-2.14",
-        title="32 frames of a row of 12 pooled pixels as an edge passes",
+        title="Figure 2.14: 32 frames of a row of 12 pooled pixels as an edge passes",
         caption=(
-            f"{_speed()}. Photons detected per pixel and frame in the open and behind the plate: "
-            f"{OPEN_PHOTONS:g} and {hidden:g} as printed; {PIXELS * OPEN_PHOTONS:.0f} per open "
-            "frame (printed: roughly 1k). Mean counts of the first and the last frame: "
-            f"{'; '.join(levels)}, whose dark counts come on top. Contrast: "
-            f"{100 * (OPEN_PHOTONS - hidden) / (OPEN_PHOTONS + hidden):.0f} % as difference over "
-            f"sum, {100 * (1 - hidden / OPEN_PHOTONS):.0f} % as difference over the open light; "
-            f"printed: 64 %, which neither gives. {100 * full:.1f} % of the counts in SPADCAM's 16 "
-            "rows, all of which fig-2.18 and fig-2.19 use, are full with a hot pixel's dark counts."
+            f"The edge moves by {_speed()}; photons are those detected, and SPADCAM's dark counts "
+            f"come on top. In its 16 rows {100 * full:.1f} % of the counts are full, with a hot "
+            "pixel's dark counts."
+        ),
+        printed=(
+            Printed(
+                "Photons per pixel, open and hidden",
+                f"{OPEN_PHOTONS:g} and {hidden:g}",
+                "65 and 27",
+            ),
+            Printed("Photons per open frame", f"{PIXELS * OPEN_PHOTONS:.0f}", "roughly 1k"),
+            Printed(
+                "Contrast, difference over sum",
+                f"{100 * (OPEN_PHOTONS - hidden) / (OPEN_PHOTONS + hidden):.0f} %",
+                "64 %, undefined",
+            ),
+            Printed(
+                "Contrast, difference over open",
+                f"{100 * (1 - hidden / OPEN_PHOTONS):.0f} %",
+                "64 %, undefined",
+            ),
+            *(
+                Printed(
+                    f"Mean counts, first and last frame, {name}",
+                    f"{shown[0].mean():.0f} and {shown[-1].mean():.0f}",
+                    "—",
+                )
+                for name, shown in frames.items()
+            ),
         ),
         draw=partial(_draw_maps, frames, "Pixel", "Counts"),
         columns=columns,
@@ -81,19 +98,24 @@ def _response_figure(name: str, method: str) -> Figure:
         label: responses(method, recording(sensor)[:FRAMES]) for label, sensor in SENSORS.items()
     }
     settled = detector(method).memory_frames
-    strength = [
-        f"{shown.max(axis=0).mean():.3g} and {shown[settled : FRAMES // 4].mean():.2g} ({label})"
-        for label, shown in maps.items()
-    ]
     columns, rows = _map_table(maps, "detector")
     return Figure(
         name=name,
-        title=f"{method} in the frames of fig-2.14",
+        title=f"Figure {name.removeprefix('fig-')}: {method} in the frames of Figure 2.14",
         caption=(
-            f"Ten detectors with time constants of {1e3 * TIME_CONSTANTS_S[method]:.0f} ms at "
-            f"{FRAME_RATE_HZ:g} frames/s. Mean of the detectors' largest responses, and of their "
-            f"responses before the edge comes, {UNITS[method]}: {'; '.join(strength)}. As printed, "
-            "the edge stands out from a weak baseline, which no number describes there."
+            "Each panel shows ten detectors with time constants of "
+            f"{1e3 * TIME_CONSTANTS_S[method]:.0f} ms at {FRAME_RATE_HZ:g} frames/s. The table has "
+            "the mean of their largest responses, and that of their responses before the edge "
+            "comes; the dissertation gives no numbers."
+        ),
+        printed=tuple(
+            Printed(
+                f"Edge and baseline, {label}",
+                f"{shown.max(axis=0).mean():.3g} and {shown[settled : FRAMES // 4].mean():.2g} "
+                f"{UNITS[method]}",
+                "a weak baseline",
+            )
+            for label, shown in maps.items()
         ),
         draw=partial(_draw_maps, maps, "Detector", f"Response ({UNITS[method]})"),
         columns=columns,
@@ -103,7 +125,7 @@ def _response_figure(name: str, method: str) -> Figure:
 
 
 def figure_2_17() -> Figure:
-    """One pooled pixel and its detectors as the edge passes forth and back."""
+    """One pooled pixel and its detectors as the edge passes and returns."""
     curves = {}
     for name, sensor in SENSORS.items():
         frames = recording(sensor)
@@ -130,12 +152,11 @@ def figure_2_17() -> Figure:
 
     return Figure(
         name="fig-2.17",
-        title="One pooled pixel and its detectors, edge forth and back",
+        title="Figure 2.17: one pooled pixel and its detectors as an edge passes and returns",
         caption=(
-            f"{_speed()}, as printed. Every curve is divided by its largest value. Both detectors "
-            "answer to the falling edge on the way there and to the rising edge on the way back. "
-            "Dark counts lift SPADCAM's pixel; the detectors' high-pass leaves of them only the "
-            "noise."
+            f"The edge moves by {_speed()}, as in the dissertation, and every curve is divided by "
+            "its largest value. Dark counts lift SPADCAM's pixel; the high-pass of the detectors "
+            "leaves only the noise of them."
         ),
         draw=draw,
         columns=(
@@ -185,7 +206,7 @@ def csv_rows(*columns: Floats) -> tuple[tuple[float, ...], ...]:
 
 
 def _speed() -> str:
-    return f"{SHOWN_MM_S:g} mm/s, {pixels_per_frame(SHOWN_MM_S):.2f} pixels/frame"
+    return f"{SHOWN_MM_S:g} mm/s, {pixels_per_frame(SHOWN_MM_S):.2f} px per frame"
 
 
 MOTION: Registry = {

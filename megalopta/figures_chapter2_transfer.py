@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 
-from megalopta.figure import Figure, Registry
+from megalopta.figure import Figure, Printed, Registry
 from megalopta.figures_chapter2_motion import csv_name, csv_rows
 from megalopta.flow.sinusoid_response import ndm_mean, nds_mean
 from megalopta.motion_bench import (
@@ -92,8 +92,12 @@ def _figure(name: str, method: str) -> Figure:
     statistics = {"mean": mean, "sigma": sigma, "snr_db": snr_db}
     return Figure(
         name=name,
-        title=f"Peak response of {method} to an edge over its velocity",
-        caption=_caption(method, found, float(ideal[2] / ideal[1])),
+        title=(
+            f"Figure {name.removeprefix('fig-')}: peak response of {method} to an edge over its "
+            "velocity"
+        ),
+        caption=_caption(method, found),
+        printed=_printed(method, found, float(ideal[2] / ideal[1])),
         draw=draw,
         columns=(
             "speed_mm_s",
@@ -112,30 +116,42 @@ def _figure(name: str, method: str) -> Figure:
     )
 
 
-def _caption(method: str, found: dict[str, list[Peaks]], growth: float) -> str:
-    poisson, spadcam = found.values()
-    rows_db = np.mean([each.row_snr_db for each in spadcam[1:]], axis=0)
-    crossings, rows, detectors = poisson[0].noisy.shape
+def _caption(method: str, found: dict[str, list[Peaks]]) -> str:
+    crossings, rows, detectors = found["Poisson noise only"][0].noisy.shape
+    return (
+        "Points are the mean and σ of the largest response of one detector while an edge crosses, "
+        f"over {crossings} crossings of {detectors} detectors in each of {rows} rows, with time "
+        f"constants of {1e3 * TIME_CONSTANTS_S[method]:.0f} ms and, in SPADCAM, "
+        f"{SHEET_DARK_COUNTS:.0f} dark counts per pixel and frame. The SNR is 20·log10(mean/σ), "
+        "averaged over the speeds but 0; the dissertation does not define its own. The theoretical "
+        f"curve is the mean response ({_EQUATIONS[method]}) to a sinusoid of {THEORY_CYCLES:g} "
+        "cycles along the row, scaled to the same height."
+    )
+
+
+def _printed(method: str, found: dict[str, list[Peaks]], growth: float) -> tuple[Printed, ...]:
+    """SNR, how far NDM is behind NDS (a product doubles relative noise: 6 dB), and linearity."""
+    rows_db = np.mean([each.row_snr_db for each in found["SPADCAM"][1:]], axis=0)
     behind = [
         mean_snr_db(sums) - mean_snr_db(products)
         for sums, products in zip(measured("NDS").values(), measured("NDM").values(), strict=True)
     ]
+    printed_db = f"{PRINTED_SNR_DB[method]} dB, one row"
+    apart_db = PRINTED_SNR_DB["NDS"] - PRINTED_SNR_DB["NDM"]
     return (
-        f"Largest response of one detector while an edge crosses, mean and σ over {crossings} "
-        f"crossings, of {detectors} detectors in each of {rows} rows; time constants "
-        f"{1e3 * TIME_CONSTANTS_S[method]:.0f} ms. Mean of 20·log10(mean/σ) over the speeds but 0 "
-        f"(ours; printed): {mean_snr_db(poisson):.1f} dB with Poisson noise only, "
-        f"{mean_snr_db(spadcam):.1f} dB with the model of SPADCAM ({rows_db.min():.1f} to "
-        f"{rows_db.max():.1f} by row; {SHEET_DARK_COUNTS:.0f} dark counts a frame as measured at "
-        f"13.58 V, no afterpulsing, which was not measured); {PRINTED_SNR_DB[method]} dB. The "
-        "definition is not printed: with 10·log10 ours would be half, far below both printed "
-        "values. Nor is it printed whether 27 and 65 include dark counts; with fewer of these ours "
-        f"lies between the two. NDM is {min(behind):.1f} to {max(behind):.1f} dB behind NDS, as a "
-        "product doubles relative noise (6 dB); printed: 3.1 dB.\n"
-        "Printed: fairly linear below 4 pixels/frame. Ours, for an edge as sharp as can be, grows "
-        f"by a factor {growth:.2f} from 1.67 to 3.33. Theoretical: mean response "
-        f"({_EQUATIONS[method]}) to a sinusoid of {THEORY_CYCLES:g} cycles along the row, scaled "
-        "to the same height."
+        *(
+            Printed(f"SNR, {label}", f"{mean_snr_db(over_speeds):.1f} dB", printed_db)
+            for label, over_speeds in found.items()
+        ),
+        Printed(
+            "SNR of single rows, SPADCAM", f"{rows_db.min():.1f} to {rows_db.max():.1f} dB", "—"
+        ),
+        Printed(
+            "NDM behind NDS", f"{min(behind):.1f} to {max(behind):.1f} dB", f"{apart_db:.1f} dB"
+        ),
+        Printed(
+            "Growth from 1.67 to 3.33 px/frame", f"{growth:.2f} times", "fairly linear below 4"
+        ),
     )
 
 

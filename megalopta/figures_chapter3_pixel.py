@@ -1,8 +1,8 @@
 """Figures of Chapter 3 on the CTIA pixel: how it discharges and what dark current it shows.
 
-The dissertation's measured points are not printed, only some numbers in the text; the captions set
-ours beside these. No constant here was chosen to meet them, but for the three currents that the
-presets of the photodiodes were made from.
+The dissertation's measured points are not printed, only some numbers in the text; a table under
+each figure sets ours beside these. No constant here was chosen to meet them, but for the three
+currents that the presets of the photodiodes were made from.
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import EngFormatter
 from numpy.typing import NDArray
 
-from megalopta.figure import Figure, Registry
+from megalopta.figure import Figure, Printed, Registry
 from megalopta.plot_style import DASHES, MARKERS, PALETTE
 from megalopta.sensor.ctia_bias import DacBias
 from megalopta.sensor.ctia_integration import (
@@ -104,13 +104,21 @@ def figure_3_2() -> Figure:
 
     return Figure(
         name="fig-3.2",
-        title="CTIA pixel discharging from an input offset of 1 mV",
+        title="Figure 3.2: CTIA pixel discharging from an input offset of 1 mV",
         caption=(
-            "Saturation current 100 pA, 100 fF, no light, as in the dissertation. "
-            f"The input moves over the swing by {moved[0]:.0f} mV at 40 dB and "
-            f"{1e3 * moved[1]:.0f} µV at 100 dB (printed: 33 mV and 33 µV). At 40 dB the dark "
-            f"current grows by a factor {growth:.0f} and the swing takes {1e3 * ends[0]:.1f} ms; "
-            f"at 90 dB it takes {1e3 * ends[-1]:.1f} ms and the line is straight."
+            "As in the dissertation, the saturation current is 100 pA, the capacitance 100 fF, and "
+            "there is no light. The less gain, the more the input moves over the swing, and the "
+            "more the dark current grows with it."
+        ),
+        printed=(
+            Printed("Motion of the input at 40 dB", f"{moved[0]:.0f} mV", "33 mV"),
+            Printed("Motion of the input at 100 dB", f"{1e3 * moved[1]:.0f} µV", "33 µV"),
+            Printed("Growth of the dark current at 40 dB", f"{growth:.0f} times", "—"),
+            Printed(
+                "Time of the swing at 40 and 90 dB",
+                f"{1e3 * ends[0]:.1f} and {1e3 * ends[-1]:.1f} ms",
+                "—",
+            ),
         ),
         draw=draw,
         columns=("time_s", *(f"output_at_{gain}_db_v" for gain in gains_db)),
@@ -140,12 +148,11 @@ def figure_3_5() -> Figure:
 
     return Figure(
         name="fig-3.5",
-        title="CTIA pixel discharging in the dark, Si photodiode",
+        title="Figure 3.5: CTIA pixel discharging in the dark, Si photodiode",
         caption=(
-            "Fabricated pixel (10 pF, 130 dB) at DAC codes half a code off zero; SFH229FA as in "
-            "the preset. As printed, the slope falls as the anode is raised, and past zero the "
-            "diode is in forward bias and the pixel does not discharge. The dissertation prints no "
-            "number for this figure."
+            "The fabricated pixel (10 pF, 130 dB) has the preset of the SFH229FA and DAC codes "
+            "half a code off zero. Past zero the diode is in forward bias and the pixel does not "
+            "discharge. The dissertation prints no number for this figure."
         ),
         draw=draw,
         columns=("time_s", *(f"output_at_{1e3 * bias:.2f}_mv_v" for bias in biases)),
@@ -183,16 +190,29 @@ def figure_3_6() -> Figure:
     instantaneous = float(discharge_time(built_pixel("ingaas", 0.1), 0.0, SWING_V))
     return Figure(
         name="fig-3.6",
-        title="Dark current against reverse bias, non-adaptive pixel",
+        title="Figure 3.6: dark current against reverse bias, non-adaptive pixel",
         caption=(
-            "10–90 % estimates at DAC codes, presets of the diodes. From 20 mV to half a code "
-            f"(0.40 mV) the current falls by {drop['si']:.1f} decades for Si and "
-            f"{drop['ingaas']:.1f} for InGaAs (printed: 1–2). At half a code InGaAs has "
-            f"{ampere(currents['ingaas'][0])} (printed, lowest: 700 pA) and Si "
-            f"{ampere(currents['si'][0])} (10.4 fA, which needs a bias within 0.08 mV of zero: one "
-            "offset in ten leaves that). At 100 mV InGaAs discharges in "
-            f"{1e3 * instantaneous:.2f} ms; the bench could not sample that. The model has neither "
-            "generation nor tunneling, by which real diodes rise faster."
+            "Points are 10–90 % estimates at DAC codes with the presets of the diodes, which have "
+            "neither generation nor tunneling, by which real ones rise faster. The lowest current "
+            "measured with Si needs a bias within 0.08 mV of zero, which one offset in ten leaves; "
+            "ours is that at half a code. At 100 mV InGaAs discharges in "
+            f"{1e3 * instantaneous:.2f} ms, which the bench could not sample."
+        ),
+        printed=(
+            *(
+                Printed(
+                    f"Fall from 20 to 0.40 mV, {NAMES[name]}", f"{drop[name]:.1f} decades", "1–2"
+                )
+                for name in ("si", "ingaas")
+            ),
+            *(
+                Printed(
+                    f"Lowest current, {NAMES[name]}",
+                    ampere(currents[name][0]),
+                    ampere(printed[name]),
+                )
+                for name in ("si", "ingaas")
+            ),
         ),
         draw=draw,
         columns=("reverse_bias_v", "dark_current_ingaas_a", "dark_current_si_a"),

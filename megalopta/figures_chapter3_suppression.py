@@ -1,6 +1,18 @@
 """Figures and table of Chapter 3 on suppressing dark current: photocurrents, SNR, Table 3.1.
 
-As in `figures_chapter3_pixel`, the captions set our numbers beside the printed ones.
+As in `figures_chapter3_pixel`, tables under the figures set our numbers beside the printed ones.
+
+The model allows a rise of the SNR from 20 mV to 1 mV of 23.0 dB to an n = 1 diode and of 26.0 dB to
+a shunt, whatever their size, and to both together something between. An error of the bias would
+explain the rest: one DAC code is 0.81 mV, and the offset could not be measured. This is our
+inference; no constant was chosen to meet the printed number.
+
+Of Table 3.1: a non-adaptive pixel has anything from 0 to twice the mean over its offset, so 10.4 fA
+is a lucky code. The saturation current of the silicon preset comes from the poor state at 15 mV,
+which is no test of it. Made from 170 nA at 100 mV, no InGaAs diode with a shunt falls to 5.8 nA at
+17.5 mV: its current must rise faster than in proportion, by tunneling for instance. The leak of the
+gate sets both fine values, as the dissertation says for Si. The least that a leaking gate allows
+goes as the root of the conductance at zero bias.
 """
 
 from collections.abc import Mapping
@@ -11,7 +23,7 @@ from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from megalopta.figure import Figure, Registry
+from megalopta.figure import Figure, Printed, Registry
 from megalopta.figures_chapter3_pixel import (
     NAMES,
     STEP_V,
@@ -57,15 +69,21 @@ def photocurrent_figure(name: str, diode: str, decades_printed: str) -> Figure:
 
     return Figure(
         name=name,
-        title=f"Dark current and photocurrent, {NAMES[diode]} photodiode",
+        title=f"{_number(name)}: dark current and photocurrent, {NAMES[diode]} photodiode",
         caption=(
-            "Each photocurrent is the difference of two 10–90 % estimates. It is constant over "
-            f"bias to {1e6 * max(flat, 1e-6):.0f} ppm (printed: fairly constant), for the model's "
-            "quantum efficiency does not depend on bias. LED1 and LED2 are our choice, "
-            f"{ampere(LED_A[diode][0])} and {ampere(LED_A[diode][1])}: none is printed. From 20 mV "
-            f"to 1 mV the dark current falls by {fall:.2f} decades; printed: {decades_printed}. A "
-            "diode with a shunt cannot do more than 1.30: see "
-            f"{'fig-3.10' if diode == 'si' else 'fig-3.9'}." + _diode_note(diode)
+            "Each photocurrent is the difference of two 10–90 % estimates; the model's quantum "
+            "efficiency does not depend on bias. LED1 and LED2 are our choice, "
+            f"{ampere(LED_A[diode][0])} and {ampere(LED_A[diode][1])}, for none is printed"
+            f"{_diode_note(diode)}. A diode with a shunt cannot fall by more than 1.30 decades, of "
+            f"which {'Figure 3.10' if diode == 'si' else 'Figure 3.9'} tells more."
+        ),
+        printed=(
+            Printed(
+                "Photocurrent over bias",
+                f"constant to {1e6 * max(flat, 1e-6):.0f} ppm",
+                "fairly constant",
+            ),
+            Printed("Fall of the dark current, 20 to 1 mV", f"{fall:.2f} decades", decades_printed),
         ),
         draw=draw,
         columns=("reverse_bias_v", "dark_current_a", "photocurrent_led1_a", "photocurrent_led2_a"),
@@ -73,7 +91,7 @@ def photocurrent_figure(name: str, diode: str, decades_printed: str) -> Figure:
     )
 
 
-def snr_figure(name: str, diode: str, printed_db: float, note: str) -> Figure:
+def snr_figure(name: str, diode: str, printed_db: float, printed: str) -> Figure:
     """Ratio of photocurrent to dark current against bias."""
     biases = dac_sweep(1.2)
     gained = 20 * decades(diode, 20e-3, 1e-3)
@@ -97,16 +115,14 @@ def snr_figure(name: str, diode: str, printed_db: float, note: str) -> Figure:
 
     return Figure(
         name=name,
-        title=f"SNR against reverse bias, {NAMES[diode]} photodiode",
+        title=f"{_number(name)}: SNR against reverse bias, {NAMES[diode]} photodiode",
         caption=(
-            "SNR = 20·log10(photocurrent / dark current). From 20 mV to 1 mV (dotted) ours rises "
-            f"by {gained:.1f} dB; printed: about {printed_db:.0f} dB{note}. The model allows "
-            "23.0 dB to an n = 1 diode and 26.0 dB to a shunt, whatever their size, and to both "
-            "together something between. An error of the bias would explain the rest: were the "
-            f"true bias {1e3 * error:.2f} mV below the one read, the rise would be "
-            f"{printed_db:.0f} dB (dashed). One DAC code is 0.81 mV, and the offset could not be "
-            "measured. This is our inference; no constant was chosen to meet the printed number."
+            "The SNR is 20·log10(photocurrent / dark current). The model allows a rise of 23.0 to "
+            "26.0 dB between the dotted lines, whatever the size of the diode. Were the true bias "
+            f"{1e3 * error:.2f} mV below the one read, where one DAC code is 0.81 mV, the rise "
+            f"would be {printed_db:.0f} dB (dashed): our inference, to which nothing is fitted."
         ),
+        printed=(Printed("Rise from 20 to 1 mV", f"{gained:.1f} dB", printed),),
         draw=draw,
         columns=(
             "reverse_bias_v",
@@ -141,20 +157,16 @@ def table_3_1() -> Figure:
     over = floor["si"] / 33.8e-15, floor["ingaas"] / 2.25e-12
     return Figure(
         name="table-3.1",
-        title="Dark current suppression of the CTIA pixel",
+        title="Table 3.1: dark current suppression of the CTIA pixel",
         caption=(
-            "Non-adaptive: mean of the 10–90 % estimate over an offset that falls anywhere between "
-            "two DAC codes; one pixel has anything from 0 to twice that, so 10.4 fA is a lucky "
-            "code. Adaptive, poor: at 15 mV for Si, which is where the saturation current of the "
-            "preset comes from and no test of it, and at 17.5 mV for InGaAs: made from 170 nA at "
-            "100 mV, no diode with a shunt falls to 5.8 nA there (its current must rise faster "
-            "than in proportion, by tunneling for instance). Fine: end of the programming loop, "
-            f"from {1e3 * TYPICAL_OFFSET_V:.1f} mV in pulses of 500 µV with a leak of 1.5 µV/s; "
-            f"for Si it takes {hours:.1f} h. The leak of the gate sets both fine values, as the "
-            "dissertation says for Si; the last line is the least that a leaking gate allows, "
-            f"{over[0]:.1f} and {over[1]:.1f} times what was measured. It goes as the root of the "
-            f"conductance at zero bias, so that of the real diodes must be {over[0] ** 2:.0f} and "
-            f"{over[1] ** 2:.0f} times smaller than that of the presets."
+            "Non-adaptive is the mean over an offset that falls anywhere between two DAC codes, "
+            "and poor the state at 15 mV (Si, from which the preset was made) and 17.5 mV "
+            "(InGaAs). Fine is the end of the programming loop, from "
+            f"{1e3 * TYPICAL_OFFSET_V:.1f} mV in pulses of 500 µV with a leak of 1.5 µV/s, which "
+            f"takes {hours:.1f} h for Si. The last line is the least that the leak allows, "
+            f"{over[0]:.1f} and {over[1]:.1f} times what was measured: the conductance of the real "
+            f"diodes at zero bias must be {over[0] ** 2:.0f} and {over[1] ** 2:.0f} times smaller "
+            "than that of the presets."
         ),
         draw=draw,
         columns=(
@@ -213,17 +225,17 @@ def _tuned(diode: str) -> Measurement:
 def _diode_note(diode: str) -> str:
     if diode == "si":
         return ""
-    return (
-        " The dissertation describes its diode only as less noisy; ours has the 100 pA of fig-3.2."
-    )
+    return "; the diode, printed only as less noisy, has the 100 pA of Figure 3.2"
+
+
+def _number(name: str) -> str:
+    return f"Figure {name.removeprefix('fig-')}"
 
 
 CTIA_SUPPRESSION: Registry = {
-    "fig-3.7": partial(photocurrent_figure, "fig-3.7", "ingaas_quiet", "about two"),
-    "fig-3.8": partial(photocurrent_figure, "fig-3.8", "si", "about 1.5"),
-    "fig-3.9": partial(
-        snr_figure, "fig-3.9", "ingaas_quiet", 40.0, " (and, in the next sentence, 50 dB)"
-    ),
-    "fig-3.10": partial(snr_figure, "fig-3.10", "si", 30.0, ""),
+    "fig-3.7": partial(photocurrent_figure, "fig-3.7", "ingaas_quiet", "about two decades"),
+    "fig-3.8": partial(photocurrent_figure, "fig-3.8", "si", "about 1.5 decades"),
+    "fig-3.9": partial(snr_figure, "fig-3.9", "ingaas_quiet", 40.0, "about 40 dB, then 50 dB"),
+    "fig-3.10": partial(snr_figure, "fig-3.10", "si", 30.0, "about 30 dB"),
     "table-3.1": table_3_1,
 }

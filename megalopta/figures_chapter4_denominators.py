@@ -5,6 +5,7 @@ at ε it grows as log(1/ε). The `ratio` Σ|ΔR|/Σ|R| has no such pixels.
 """
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from megalopta.chapter4_sweeps import SWEEPS
 from megalopta.engine import Results
 from megalopta.figure import Cell, Figure
+from megalopta.figures_chapter4_findings import division_sentence
 from megalopta.figures_chapter4_table import PRINTED, SIZE
 from megalopta.figures_sweep import needed, threshold_of
 from megalopta.flow.error import METRICS, Metric
@@ -37,6 +39,17 @@ def floored_errors(ideal: NDArray[np.float64], noisy: NDArray[np.float64]) -> ND
     size, difference = np.abs(ideal).ravel(), np.abs(noisy - ideal).ravel()
     floors = FLOORS * size.mean()
     return np.array([np.mean(difference / np.maximum(size, floor)) for floor in floors])
+
+
+def growth_with_floor(errors: NDArray[np.float64]) -> str | None:
+    """Say that the error has no limit, if it grows by a tenth in each of three decades."""
+    at = [float(np.interp(power, np.log10(FLOORS), errors)) for power in (-4, -3, -2, -1)]
+    if not all(small > 1.1 * large for small, large in pairwise(at)):
+        return None
+    return (
+        "On a forest the error of EMD grows with every decade of the floor from 0.1 to 0.0001 of "
+        "the mean response: its value depends on how many pixels happen to be near zero."
+    )
 
 
 def _at_five_px(is_quick: bool) -> dict[str, list[Trial]]:
@@ -80,31 +93,22 @@ def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
         for (kind, metric, name), flux in fluxes.items()
     ]
     factor = fluxes["natural", "literal", "EMD"] / fluxes["natural", "ratio", "EMD"]
-    on_floors, on_fluxes = (
-        ("", "")
-        if is_quick
-        else (
-            " On a forest it grows with every decade of the floor until the sample holds no smaller"
-            " response: it has no limit, and its value depends on how many pixels happen to be near"
-            " zero.",
-            " On natural scenes the former costs EMD about"
-            f" {float(f'{factor:.1g}'):g} times as many photons as the latter: that EMD fails there"
-            " is mostly division by responses near zero.",
-        )
-    )
+    said = (division_sentence(factor), growth_with_floor(curves["natural"]))
+    found = tuple(sentence for sentence in said if sentence)
     return Figure(
         name="denominators",
-        title="Dividing by responses near zero",
+        title="Dividing by responses near zero, frames of 60 × 60 px",
         caption=(
-            f"Left: error of EMD at {FLUX / 1e6:g} million photons per frame and {SIZE} × {SIZE}"
-            " px, with the denominators of Eq. 4.5 floored at a share of the mean response."
-            f"{on_floors} Right: N_2b at 5 px per frame, by the mean of quotients (Eq. 4.5, filled)"
-            f" and by the quotient of means (open).{on_fluxes}"
-        ),
+            f"The left panel has the error of EMD at {FLUX / 1e6:g} million photons per frame of "
+            f"{SIZE} × {SIZE} px, with the denominators of Eq. 4.5 floored at a share of the mean "
+            "response. The right one has N_2b at 5 px per frame, by the mean of quotients (Eq. "
+            f"4.5, filled) and by the quotient of means (open). {' '.join(found[:1])}"
+        ).strip(),
         draw=draw,
         columns=("quantity", "images", "method", "floor", "value"),
         rows=tuple(rows),
         height_in=3.4,
+        findings=found,
     )
 
 

@@ -31,6 +31,7 @@ from megalopta.trial import ROWS, PanoramaTemplate, Template, Trial
 
 _SOURCES = (PHOTOGRAPHED, SWEEPS["fig-4.11"])
 _COLUMNS_APART = 25
+_ALIKE = ("BM", "NDM", "NDS")
 
 
 class Seen(NamedTuple):
@@ -101,9 +102,50 @@ def _seen(method: str, trials: Sequence[Trial], results: Results, templates: Tem
     return Seen(method, template.name, template.coding, information, photons)
 
 
-def _spread(seen: Sequence[Seen]) -> float:
-    products = [each.information * each.photons for each in seen]
-    return max(products) / min(products)
+def inverse_to_information(seen: Sequence[Seen]) -> str | None:
+    """Say that information tells photons, if it halves their spread or more, of every method."""
+    spreads, ranges = [], []
+    for method in PRINTED:
+        gray = [each for each in seen if (each.method, each.coding) == (method, "srgb")]
+        spreads.append(_quotient([each.information * each.photons for each in gray]))
+        ranges.append(_quotient([each.photons for each in gray]))
+    if not all(2 * spread < range_ for spread, range_ in zip(spreads, ranges, strict=True)):
+        return None
+    return (
+        f"In gray values photons vary by factors of {min(ranges):.1f} to {max(ranges):.1f} from "
+        "picture to picture, their product with the information only by "
+        f"{min(spreads):.1f} to {max(spreads):.1f}."
+    )
+
+
+def like_the_open_forest(seen: Sequence[Seen], stars: Mapping[str, float]) -> str | None:
+    """Say that the printed thresholds are those of a picture such as the forest open, if so."""
+    shares = [
+        stars[each.method] / each.information
+        for each in seen
+        if (each.picture, each.coding) == ("open", "srgb") and each.method in _ALIKE
+    ]
+    if not shares or not all(0.5 < share < 2 for share in shares):
+        return None
+    return (
+        "The printed thresholds of BM, NDM and NDS are those of a picture with "
+        f"{min(shares):.1f} to {max(shares):.1f} times the information of the forest open."
+    )
+
+
+def apart(stars: Mapping[str, float]) -> str | None:
+    """Say that the printed threshold of IIA asks for another picture, if it does."""
+    share = stars["IIA"] / math.exp(np.mean([math.log(stars[method]) for method in _ALIKE]))
+    if not share < 0.5:
+        return None
+    return (
+        f"The printed threshold of IIA asks for a picture with {share:.2g} of the information that "
+        "those of BM, NDM and NDS ask for."
+    )
+
+
+def _quotient(values: Sequence[float]) -> float:
+    return max(values) / min(values) if values else math.nan
 
 
 def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
@@ -121,29 +163,18 @@ def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
         )
         for method, (_, printed) in PRINTED.items()
     }
-    asked = ", ".join(f"{value:.2g} ({method})" for method, value in stars.items())
-    spreads = " and ".join(
-        f"{min(factors):.1f} to {max(factors):.1f} {where}"
-        for where, codings in (("in gray values", ("srgb",)), ("in all", ("srgb", "linear")))
-        for factors in [
-            [
-                _spread([each for each in seen if each.method == method and each.coding in codings])
-                for method in PRINTED
-            ]
-        ]
-    )
+    said = (inverse_to_information(seen), like_the_open_forest(seen, stars), apart(stars))
+    found = tuple(sentence for sentence in said if sentence)
     return Figure(
         name="natural-information",
-        title="Natural scenes: photons needed over the information in a picture",
+        title="Photons needed over the information in a picture, natural scenes",
         caption=(
-            f"{SIZE} × {SIZE} px, least of all velocities. Information on motion along x that a "
-            "photon brings: (∂λ/∂x)²/λ at one photon per pixel, with the dark counts beside it at "
-            "the threshold; harmonic mean over the blocks. Lines: inverse to it, through the gray "
-            "values. From picture to picture the product of information and photons varies by "
-            f"factors of {spreads}, depending on the method. Stars: the printed thresholds, where "
-            f"our lines meet them; they ask for pictures of {asked}, and are extrapolated where "
-            "they lie beyond our pictures."
-        ),
+            f"Points are the least photons per frame of {SIZE} × {SIZE} px, of all velocities, "
+            "over the information on motion along x that a photon brings: the harmonic mean over "
+            "the blocks of (∂λ/∂x)²/λ at one photon per pixel, with the dark counts beside it. "
+            "Lines are inverse to it, through the gray values, and stars stand where they meet the "
+            f"printed thresholds. {' '.join(found[:1])}"
+        ).strip(),
         draw=lambda canvas: _draw(canvas, seen, stars),
         columns=("method", "picture", "coding", "information_per_photon", "photons_per_frame"),
         rows=(
@@ -154,6 +185,7 @@ def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
             ),
         ),
         height_in=4.2,
+        findings=found,
     )
 
 

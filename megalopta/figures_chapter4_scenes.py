@@ -55,11 +55,12 @@ def figure_4_2() -> Figure:
     )
     return Figure(
         name="fig-4.2",
-        title="2-D sine grating, 4 cycles per frame, 60 × 60",
+        title="Figure 4.2: 2-D sine grating, 4 cycles per frame, 60 × 60 px",
         caption=(
-            "S = 1 + C·sin(2πf·xr)·sin(2πf·yr), coordinates turned by 45°, C = 1, nearest-neighbor "
-            "pooling. The dissertation's rotation (rot) moves √2·f cycles per frame, no whole "
-            "number, so that a circular shift drags a seam along; periodic has f cycles, no seam."
+            "The grating is S = 1 + C·sin(2πf·xr)·sin(2πf·yr) in coordinates turned by 45°, with "
+            "C = 1 and nearest-neighbor pooling. The dissertation's rotation (rot) moves √2·f cycles per "
+            "frame, no whole number, so that a circular shift drags a seam along; the other "
+            "variant (periodic) has f cycles and no seam."
         ),
         draw=draw,
         columns=("row", "column", *(f"brightness_{variant}" for variant in _VARIANTS)),
@@ -91,7 +92,7 @@ def figure_4_3(cache: Path | None = None) -> Figure:
 
     return Figure(
         name="fig-4.3",
-        title="Forest panoramas, rendered",
+        title="Figure 4.3: rendered forests in place of photographs",
         caption=_caption(statistics),
         draw=draw,
         columns=("template", *(field.name for field in fields(ImageStatistics))),
@@ -111,11 +112,12 @@ def _caption(statistics: Mapping[str, ImageStatistics]) -> str:
 
     return (
         "Four seeded forests in four lights stand in for the photographs of the dissertation, with "
-        "their fields of view. Cylindrical projection: turning the camera shifts columns. Shown as "
-        "sRGB; templates are linear in light. "
-        f"Contrast (σ/mean) {span('contrast')}; power goes as frequency to the exponent "
-        f"{span('spectrum_slope')}; kurtosis of the gradient {span('gradient_kurtosis')}, 3 being "
-        f"normal; share of neighbors that differ by less than 1 % of the mean {span('flat_share')}."
+        "their fields of view, in cylindrical projection, where turning the camera shifts columns. "
+        "They are shown as sRGB, while templates are linear in light. "
+        f"The contrast (σ/mean) is {span('contrast')}, the power goes as frequency to the exponent "
+        f"{span('spectrum_slope')}, the kurtosis of the gradient (3 where normal) is "
+        f"{span('gradient_kurtosis')}, and the share of neighbors that differ by less than 1 % of "
+        f"the mean is {span('flat_share')}."
     )
 
 

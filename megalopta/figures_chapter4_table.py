@@ -1,7 +1,7 @@
 """Table 4.1: the fewest photons with which each method reaches two bits, beside the printed."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from matplotlib.figure import Figure as Canvas
@@ -9,8 +9,9 @@ from matplotlib.figure import Figure as Canvas
 from megalopta.chapter4_sweeps import PHOTOGRAPHED, SWEEPS, in_form
 from megalopta.engine import Results
 from megalopta.figure import Cell, Figure
+from megalopta.figures_chapter4_findings import division_sentence, interpolation_at_one_pixel
 from megalopta.figures_sweep import Needed, sweep_curve
-from megalopta.flow.error import Metric
+from megalopta.flow.error import METRICS, Metric
 from megalopta.flow.threshold import format_flux
 from megalopta.planned import Planned, Templates
 from megalopta.plot_style import draw_table
@@ -27,13 +28,12 @@ PRINTED: Mapping[str, tuple[float, float]] = {
 """Photons per frame on synthetic and natural images."""
 
 NOTE = (
-    "Least N_2b of all experiments on 60 × 60 px. Synthetic: spatial frequency and velocity are "
-    "varied; the interval is that of the photons drawn in the one experiment named. It does "
-    "not hold for the least of many: by chance that is smaller than the least true value. Natural: "
-    "velocity, without and with motion blur; mean of the forests, with the least and the most. "
-    "Photo: the forests in the gray values of a photograph (sRGB), as the dissertation's were. "
-    "What sets natural thresholds apart is measured in figure natural-information. "
-    "Σ|Δ|/Σ|R|: by the quotient of the means, which does not divide by responses near zero."
+    "Each line is the least N_2b, in photons per frame of 60 × 60 px, of all spatial frequencies f "
+    "and velocities v (synthetic), or of all velocities with and without motion blur as the mean "
+    "of the forests (natural; photo: in gray values). Brackets hold the 95 % interval of the one "
+    "experiment named, which does not hold for the least of many, or the least and the most of "
+    "the forests. Σ|Δ|/Σ|R| is N_2b by the quotient of means, which does not divide by responses "
+    "near zero."
 )
 SIZE = 60
 _SOURCES: Mapping[str, tuple[Sweep, ...]] = {
@@ -93,13 +93,19 @@ def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
                 ]
             )
 
+    said = (
+        fewer_in_light(rows),
+        division_of_natural(rows),
+        interpolation_at_one_pixel(in_form(PHOTOGRAPHED, is_quick), results),
+    )
+
     def draw(canvas: Canvas) -> None:
         head = ["", "Thesis", "Ours", "Ratio", "95 % or forests", "Found at", "Σ|Δ|/Σ|R|"]
         draw_table(canvas, head, lines, [1.5, 0.9, 0.9, 0.7, 1.6, 1.6, 1.1])
 
     return Figure(
         name="table-4.1",
-        title="Table 4.1: fewest photons per frame for two bits",
+        title="Table 4.1: fewest photons per frame for two bits, 60 × 60 px",
         caption=NOTE,
         draw=draw,
         columns=(
@@ -116,7 +122,30 @@ def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
         ),
         rows=tuple(rows),
         height_in=5.0,
+        findings=tuple(sentence for sentence in said if sentence),
     )
+
+
+def fewer_in_light(rows: Sequence[Sequence[Cell]]) -> str | None:
+    """Say that light needs fewer photons than gray values, if it does with every method."""
+    light, gray = (_fluxes(rows, images, "literal") for images in ("natural", "photo"))
+    if not all(light[method] < gray[method] for method in PRINTED):
+        return None
+    return (
+        "Every method needs fewer photons of the forests in light than of their gray values, which "
+        "have less contrast."
+    )
+
+
+def division_of_natural(rows: Sequence[Sequence[Cell]]) -> str | None:
+    """Say how much more EMD needs by Eq. 4.5 on natural scenes, if it is much."""
+    by_quotients, by_means = (_fluxes(rows, "natural", each)["EMD"] for each in METRICS)
+    return division_sentence(by_quotients / by_means)
+
+
+def _fluxes(rows: Sequence[Sequence[Cell]], images: str, metric: Metric) -> dict[str, float]:
+    chosen = [row for row in rows if (row[1], row[2]) == (images, metric)]
+    return {str(row[0]): float(row[4]) for row in chosen}
 
 
 def _numbers(found: Best, thesis: float) -> tuple[Cell, ...]:

@@ -1,4 +1,7 @@
-"""Figure "detection": what can be told of motion, and at how many photons."""
+"""Figure "detection": motion and its direction, over the photons; not in the dissertation.
+
+The textures have equal contrast in all octaves. Fluxes do not count dark counts.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -8,10 +11,10 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import PercentFormatter
 
 from megalopta.detection_sweep import (
-    ANSWERS,
     COLUMNS,
     CONTRAST,
     DARK_COUNTS,
+    RESPONSES,
     SIZE,
     SPEED_COLUMNS,
     Detection,
@@ -39,18 +42,16 @@ def detection_figure(
 
     return Figure(
         name="detection",
-        title="What can be told of motion, at how many photons",
+        title="Detecting motion and its direction, over the photons per frame",
         caption=(
-            f"Blocks of {SIZE // 10} × {SIZE // 10} px in frames of {SIZE} × {SIZE} px; one answer "
-            "of each: the velocity between two frames, or the mean response in one. Textures with "
-            f"equal contrast in all octaves (rms {CONTRAST:.0%}) that move by "
-            f"{SPEED_COLUMNS * SIZE / COLUMNS:.2f} px per frame, {DARK_COUNTS:.2f} dark counts per "
-            "pixel, fluxes without them. d′ = √2·Φ⁻¹(area under the ROC), which "
-            f"{ANSWERS:,} answers limit to {_limit():.1f} (dotted). A false "
-            "alarm exceeds half of the median noise-free answer to motion. "
-            f"ROC at {format_flux(shown)} photons per frame. NDM and NDS are blind to direction; "
-            "PC gives all blocks of a frame one answer, from all of its photons. The dissertation "
-            "has no such figure."
+            f"Textures of {100 * CONTRAST:g} % rms contrast move by "
+            f"{SPEED_COLUMNS * SIZE / COLUMNS:.2f} px per frame, with {DARK_COUNTS:.2f} dark "
+            f"counts per pixel; each block of {SIZE // 10} × {SIZE // 10} px in frames of {SIZE} × {SIZE} "
+            "px has one response, a velocity or a mean, but PC one for the whole frame. The "
+            "measure d′ is √2·Φ⁻¹(area under the ROC), which "
+            f"{RESPONSES:,} responses limit to {_limit():.1f} (dotted); NDM and NDS do not depend "
+            "on direction. A false alarm exceeds half of the median noise-free response to motion; "
+            f"the ROC is that at {format_flux(shown)} photons per frame."
         ),
         draw=lambda canvas: _draw_panels(canvas, found, shown),
         columns=(
@@ -70,7 +71,7 @@ def detection_figure(
 
 
 def _limit() -> float:
-    return d_prime(np.zeros(ANSWERS), np.ones(ANSWERS))
+    return d_prime(np.zeros(RESPONSES), np.ones(RESPONSES))
 
 
 def _draw_panels(canvas: Canvas, found: Mapping[str, Sequence[Detection]], roc_flux: float) -> None:

@@ -1,7 +1,7 @@
 """A sweep as a figure: the flux that each detector needs over the varied parameter."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,13 +9,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 
+from megalopta.assets_gen.grating import GratingVariant
 from megalopta.engine import Results
 from megalopta.figure import Cell, Figure
 from megalopta.flow.error import Metric
 from megalopta.flow.threshold import Threshold, format_flux
 from megalopta.plot_style import method_style
 from megalopta.sweep import Sweep, Value
-from megalopta.trial import GratingTemplate, Template, Trial
+from megalopta.trial import ROWS, GratingTemplate, Template, Trial
 
 COLUMNS = (
     "size_px",
@@ -36,6 +37,10 @@ _LABELS = {
     "search.summed_frames": "Frames summed",
     "velocity_px": "Velocity (px per frame)",
     "size": "Pooling N (px)",
+}
+_VARIANTS: Mapping[GratingVariant, str] = {
+    "rot": " (rot, the dissertation's rotation: √2 times as many cycles move, with a seam)",
+    "periodic": " (periodic: exactly so many move, without a seam)",
 }
 _LOGARITHMIC = ("search.dark_counts",)
 _MOST_TICKS = 12
@@ -90,7 +95,7 @@ def sweep_curve(
     return [(value, needed(thresholds)) for value, thresholds in at_value.items()]
 
 
-def sweep_figure(name: str, sweep: Sweep, results: Results, caption: str | None = None) -> Figure:
+def sweep_figure(name: str, sweep: Sweep, results: Results, findings: Sequence[str] = ()) -> Figure:
     """Return N_2b, in the first metric, over the varied parameter; a panel for each size.
 
     Parameters
@@ -100,12 +105,10 @@ def sweep_figure(name: str, sweep: Sweep, results: Results, caption: str | None 
     sweep
     results
         Of its trials.
-    caption : str, optional
-        By default it tells the fixed parameters. What has no point is told in any case.
+    findings : sequence of str
+        Sentences that these results bear out; the caption has the first.
     """
-    if caption is None:
-        caption = _caption(sweep)
-    sizes = (sweep.trial.size,) if sweep.vary == "size" else sweep.sizes or (sweep.trial.size,)
+    sizes = _sizes(sweep)
     rows = math.ceil(len(sizes) / 2)
 
     def draw(canvas: Canvas) -> None:
@@ -124,49 +127,74 @@ def sweep_figure(name: str, sweep: Sweep, results: Results, caption: str | None 
     return Figure(
         name=name,
         title=sweep.title,
-        caption=f"{caption} {_missing(sweep, results)}".strip(),
+        caption=" ".join([_points(sweep, results), _stimulus(sweep), *findings[:1]]),
         draw=draw,
         columns=COLUMNS,
         rows=tuple(_rows(sweep, results)),
         height_in=4.0 if rows == 1 else 2.8 * rows,
+        findings=tuple(findings),
         details=_details(sweep, results),
     )
 
 
-def _caption(sweep: Sweep) -> str:
-    """Say what is drawn, and the parameters that do not vary."""
+def _sizes(sweep: Sweep) -> tuple[int, ...]:
+    """Return the size of each panel."""
+    return (sweep.trial.size,) if sweep.vary == "size" else sweep.sizes or (sweep.trial.size,)
+
+
+def _points(sweep: Sweep, results: Results) -> str:
+    """Say in a sentence what a point is, and where there is none."""
     search = sweep.trial.search
     level = f"{100 * 2.0 ** -search.bits[0]:g} %"
-    metric = {"literal": "Eq. 4.5", "ratio": "quotient of means"}[search.metrics[0]]
-    bars = (
-        "mean over the templates, bars: least and most"
+    metric = {"literal": "Eq. 4.5", "ratio": "the quotient of means"}[search.metrics[0]]
+    flux = f"the photons per frame at which the error of {metric} falls to {level}"
+    text = (
+        f"Each point is the mean over {len(sweep.templates)} templates of {flux}, and its bar"
+        " reaches from the least to the most of them"
         if len(sweep.templates) > 1
-        else f"with {search.confidence:.0%} intervals"
+        else f"Each point gives {flux}, with its {100 * search.confidence:g} % interval"
     )
+    return f"{text}{_missing(sweep, results)}."
+
+
+def _stimulus(sweep: Sweep) -> str:
+    """Say in a sentence what moves, with the parameters that do not vary."""
     trial = sweep.trial
-    fixed = {
-        "template": " and ".join(map(_described, sweep.templates or (trial.template,))),
-        "velocity_px": f"{trial.velocity_px} px per frame",
-        "search.dark_counts": f"{search.dark_counts:g} dark counts per pixel",
-        "search.summed_frames": f"{search.summed_frames} frames summed"
-        if search.summed_frames > 1
-        else "",
-        "blurred": "motion blur" if trial.blurred else "",
-    }
-    told = [text for path, text in fixed.items() if text and not sweep.vary.startswith(path)]
-    return (
-        f"Flux at which the error ({metric}) falls to {level}, {bars}. Fixed: {', '.join(told)}."
-        " Other bits and metrics, if asked for, are in the table of numbers."
+    pictures = " and ".join(
+        dict.fromkeys(_described(each, sweep.vary) for each in sweep.templates or (trial.template,))
     )
+    moving = "" if sweep.vary == "velocity_px" else f" by {trial.velocity_px} px per frame"
+    side = "N" if sweep.vary == "size" or len(_sizes(sweep)) > 1 else str(_sizes(sweep)[0])
+    dark = (
+        f"{trial.search.dark_counts:g} dark counts"
+        if sweep.vary != "search.dark_counts"
+        else "dark counts"
+    )
+    parts = [
+        f"What moves{moving} is {pictures}",
+        f"{dark} per pixel and frame come on top",
+        "motion blurs each frame" if trial.blurred and sweep.vary != "blurred" else "",
+        f"{trial.search.summed_frames} frames are summed"
+        if trial.search.summed_frames > 1 and sweep.vary != "search.summed_frames"
+        else "",
+        f"all this refers to frames of {ROWS} × {ROWS} px, which are brought to {side} × {side} px",
+    ]
+    return f"{'; '.join(filter(None, parts))}."
 
 
-def _described(template: Template) -> str:
-    if isinstance(template, GratingTemplate):
-        return (
-            f"grating ({template.variant}) of {template.cycles_per_frame:g} cycles per frame and"
-            f" {template.contrast:.0%} contrast"
-        )
-    return f"panorama {template.name}" + (", gray values" if template.coding == "srgb" else "")
+def _described(template: Template, vary: str) -> str:
+    """Say what a template shows, less what is varied."""
+    if not isinstance(template, GratingTemplate):
+        if vary == "template.name":
+            return "a panorama"
+        gray = ", in gray values" if template.coding == "srgb" else ""
+        return f"the panorama {template.name}{gray}"
+    parts = {
+        "template.cycles_per_frame": f"{template.cycles_per_frame:g} cycles per frame",
+        "template.contrast": f"{100 * template.contrast:g} % contrast",
+    }
+    of = " and ".join(text for path, text in parts.items() if path != vary)
+    return f"a grating of {of}{'' if vary == 'template.variant' else _VARIANTS[template.variant]}"
 
 
 def _missing(sweep: Sweep, results: Results) -> str:
@@ -187,11 +215,11 @@ def _missing(sweep: Sweep, results: Results) -> str:
                 at = f"{point.value:g}" if isinstance(point.value, float) else str(point.value)
                 where = f"{at} (N = {point.size})" if len(sweep.sizes) > 1 else at
                 found.setdefault((method, reasons[threshold.kind]), {})[where] = None
-    parts = [f"{method} at {', '.join(at)}: {why}" for (method, why), at in found.items()]
+    parts = [f"for {method} at {', '.join(at)} ({why})" for (method, why), at in found.items()]
     if not parts:
         return ""
-    of_one = " in one template or more" if len(sweep.templates) > 1 else ""
-    return f"No point{of_one}: {'; '.join(parts)}."
+    of_one = ", in one template or more," if len(sweep.templates) > 1 else ""
+    return f"; there is none{of_one} {', '.join(parts)}"
 
 
 def _draw_panel(axes: Axes, sweep: Sweep, results: Results, size: int) -> None:

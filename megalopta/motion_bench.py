@@ -1,4 +1,4 @@
-"""The motion bench of §2.4.8 as an experiment: a plate's edge crosses SPADCAM forth and back.
+"""The motion bench of §2.4.8 as an experiment: a plate's edge crosses SPADCAM and returns.
 
 The bench scene is rendered for one row of 16 pixels and exposed by a sensor of 16 such rows, which
 see the same edge: where the dissertation measures one row of its device, here are all. Frames

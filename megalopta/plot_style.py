@@ -5,6 +5,7 @@ readers in gray. Everything stays readable when a figure is shown at half of its
 object interface of matplotlib is used: no window, no state shared between figures.
 """
 
+import re
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -61,7 +62,11 @@ _STYLE: Mapping[Any, Any] = {
 _CAPTION_SIZE = 9.0
 _LINE_IN = 0.168
 _CHARACTERS = 100
+_TITLE_SIZE = 13
+_TITLE_LINE_IN = 0.24
+_TITLE_CHARACTERS = 58
 _MARGIN_IN = 0.12
+_TABLE_COLUMNS_IN = (_MARGIN_IN, 3.3, 5.1)
 
 
 def method_style(name: str) -> dict[str, Any]:
@@ -87,38 +92,49 @@ def house_style() -> Iterator[None]:
         yield
 
 
-def new_canvas(title: str, caption: str, height_in: float) -> Canvas:
+def new_canvas(
+    title: str, caption: str, height_in: float, table: Sequence[Sequence[str]] = ()
+) -> Canvas:
     """Return an empty matplotlib figure with a title above and a caption below the drawing.
 
     Parameters
     ----------
     title, caption : str
-        The caption is wrapped to the width.
+        They are wrapped to the width.
     height_in : float
         Height left for the drawing (inches).
+    table : sequence of rows
+        Three texts per row, shown between drawing and caption; the first row is its head.
     """
-    lines = [line for part in caption.split("\n") for line in textwrap.wrap(part, _CHARACTERS)]
-    below = _LINE_IN * len(lines) + 2 * _MARGIN_IN
-    above = 0.4
+    head, lines = wrapped(title, _TITLE_CHARACTERS), wrapped(caption, _CHARACTERS)
+    above = _TITLE_LINE_IN * len(head) + 0.16
+    tabled = _LINE_IN * len(table) + (_MARGIN_IN if table else 0)
+    below = tabled + _LINE_IN * len(lines) + 2 * _MARGIN_IN
     total = below + height_in + above
     canvas = Canvas(figsize=(WIDTH_IN, total), dpi=_STYLE["savefig.dpi"])
     FigureCanvasAgg(canvas)
     inside = (0.0, below / total, 1.0, height_in / total)
     canvas.set_layout_engine("constrained", rect=inside)
-    left = _MARGIN_IN / WIDTH_IN
-    canvas.text(
-        left, 1 - _MARGIN_IN / total, title, va="top", fontsize=13, fontweight="bold", color=BLACK
-    )
-    canvas.text(
-        left,
-        1 - (above + height_in + _MARGIN_IN) / total,
-        "\n".join(lines),
-        va="top",
-        fontsize=_CAPTION_SIZE,
-        color=BLACK,
-        linespacing=1.3,
-    )
+
+    def write(text: str, left_in: float, top_in: float, **style: Any) -> None:
+        place = left_in / WIDTH_IN, 1 - top_in / total
+        canvas.text(*place, text, va="top", color=BLACK, **style)
+
+    write("\n".join(head), _MARGIN_IN, _MARGIN_IN, fontsize=_TITLE_SIZE, fontweight="bold")
+    top = above + height_in + _MARGIN_IN
+    for row, texts in enumerate(table):
+        weight = "normal" if row else "bold"
+        for text, left in zip(texts, _TABLE_COLUMNS_IN, strict=True):
+            place = left, top + row * _LINE_IN
+            write(text, *place, fontsize=_CAPTION_SIZE, fontweight=weight)
+    write("\n".join(lines), _MARGIN_IN, top + tabled, fontsize=_CAPTION_SIZE, linespacing=1.3)
     return canvas
+
+
+def wrapped(text: str, characters: int) -> list[str]:
+    """Return the lines of a text; no number is parted from its unit."""
+    held = re.sub(r"(?<=[\d×=]) (?=\S)| (?=[×=%])", "\N{NO-BREAK SPACE}", text)
+    return textwrap.wrap(held, characters)
 
 
 def draw_table(

@@ -74,7 +74,8 @@ def reproduce(
         benchmark are kept in its folder `trials`, and are not measured again. With Table 4.1 comes
         a page, chapter-4.html.
     is_quick : bool
-        Whether to draw the figures of Chapter 4 in their quick form.
+        Whether to draw the figures of Chapter 4 in their quick form, into the folder `quick` of
+        `out`: whole ones stay as they are.
     workers : int, optional
         Threads that measure; by default one for each core. Changes no number.
     cache : Path, optional
@@ -96,7 +97,7 @@ def reproduce(
         _check_name(name)
     single = dict.fromkeys(each for name in names for each in _members(name, is_quick))
     figures: Registry = {**FIGURES, "fig-4.3": partial(figure_4_3, cache)}
-    ensure_directory(out)
+    drawn = ensure_directory(out / "quick" if is_quick else out)
     plans = [CHAPTER_4[name] for name in single if name in CHAPTER_4]
     trials = [trial for plan in plans for trial in plan.trials(is_quick)]
     templates = pixels_of((trial.template for trial in trials), cache)
@@ -106,8 +107,8 @@ def reproduce(
     for name in single:
         if name in CHAPTER_4:
             planned.append(CHAPTER_4[name].figure(is_quick, results, templates))
-        paths += write_figure(planned[-1] if name in CHAPTER_4 else figures[name](), out)
-    return [*paths, write_page(out, planned)] if TABLE in single else paths
+        paths += write_figure(planned[-1] if name in CHAPTER_4 else figures[name](), drawn)
+    return [*paths, write_page(drawn, planned)] if TABLE in single else paths
 
 
 def reproduce_sweep(
@@ -133,11 +134,12 @@ def write_figure(figure: Figure, out: Path) -> list[Path]:
     """Draw one figure and write its four files."""
     paths = [out / f"{figure.name}.{kind}" for kind in ("png", "svg", "csv", "json")]
     with house_style():
-        canvas = new_canvas(figure.title, figure.caption, figure.height_in)
+        table = [("", "Ours", "Dissertation"), *figure.printed] if figure.printed else []
+        canvas = new_canvas(figure.title, figure.caption, figure.height_in, table)
         figure.draw(canvas)
         canvas.draw_without_rendering()
         canvas.set_layout_engine("none")  # laid out once is enough for both pictures
-        title = f"{figure.name}: {figure.title}"
+        title = figure.title
         for path, metadata in zip(
             paths, ({"Title": title}, {"Title": title, "Date": None}), strict=False
         ):
@@ -161,6 +163,8 @@ def _record(figure: Figure) -> dict[str, Any]:
         "name": figure.name,
         "title": figure.title,
         "caption": figure.caption,
+        "printed": [each._asdict() for each in figure.printed],
+        "findings": figure.findings,
         "columns": figure.columns,
         "rows": rows,
         **figure.details,

@@ -13,7 +13,16 @@ from numpy.typing import NDArray
 
 from megalopta.flow.threshold import Threshold
 from megalopta.report.budget import Budget
-from megalopta.report.svg import INK, RULE, logarithmic, marker, new_axes, series_color, to_svg
+from megalopta.report.svg import (
+    INK,
+    RULE,
+    in_style,
+    logarithmic,
+    marker,
+    new_axes,
+    series_color,
+    to_svg,
+)
 from megalopta.report.text import level_name, percent, short
 
 # On a telephone the page is as wide as this, so that text keeps its size there.
@@ -51,6 +60,7 @@ class Need:
     thresholds: Mapping[str, Threshold]
 
 
+@in_style
 def signal_chart(budgets: Sequence[Budget], sensors: Sequence[str]) -> Markup:
     """Signal-to-noise ratio of a pixel over illuminance, a line per sensor."""
     figure, axes = new_axes(_WIDTH_PT, 270)
@@ -73,6 +83,7 @@ def signal_chart(budgets: Sequence[Budget], sensors: Sequence[str]) -> Markup:
     return to_svg(figure, "signal", "Signal-to-noise ratio of a pixel over illuminance")
 
 
+@in_style
 def speed_chart(speeds: NDArray[np.floating], median: float) -> Markup:
     """Histogram of the true image speed (px per frame)."""
     figure, axes = new_axes(_WIDTH_PT, 270)
@@ -102,6 +113,7 @@ def _wide_enough(values: NDArray[np.floating]) -> tuple[float, float] | None:
     return 0.95 * middle, 1.05 * middle + 1e-9
 
 
+@in_style
 def error_chart(curves: Sequence[Curve], name: str, level: float, description: str) -> Markup:
     """Error over photons per frame, a curve per method with its interval, log-log."""
     figure, axes = new_axes(_WIDTH_PT, 300)
@@ -124,6 +136,7 @@ def error_chart(curves: Sequence[Curve], name: str, level: float, description: s
     return to_svg(figure, name, description)
 
 
+@in_style
 def need_chart(
     needs: Sequence[Need], budgets: Sequence[Budget], name: str, description: str
 ) -> Markup:

@@ -5,13 +5,17 @@ Figures are drawn in stand-in colors, which become variables of the page's style
 
 import io
 import re
-from typing import Any, Literal
+from collections.abc import Callable
+from typing import Any, Literal, ParamSpec, TypeVar
 
 from markupsafe import Markup, escape
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
 
 INK = "#010101"
 RULE = "#020202"
@@ -62,14 +66,17 @@ def marker(index: int) -> str:
     return MARKERS[index % len(MARKERS)]
 
 
+def in_style(draw: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Let a function draw in the page's style, lines and markers included."""
+    return rc_context(_STYLE)(draw)
+
+
 def new_axes(width_pt: float, height_pt: float) -> tuple[Figure, Axes]:
-    """Return a figure of this size with one pair of axes."""
-    with rc_context(_STYLE):
-        figure = Figure(
-            figsize=(width_pt / _POINTS_PER_INCH, height_pt / _POINTS_PER_INCH),
-            layout="constrained",
-        )
-        return figure, figure.add_subplot()
+    """Return a figure of this size with one pair of axes; for functions that are `in_style`."""
+    figure = Figure(
+        figsize=(width_pt / _POINTS_PER_INCH, height_pt / _POINTS_PER_INCH), layout="constrained"
+    )
+    return figure, figure.add_subplot()
 
 
 def logarithmic(axes: Axes, which: Literal["x", "y"], labels: FuncFormatter) -> None:

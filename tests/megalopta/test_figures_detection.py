@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from megalopta import detection_sweep
-from megalopta.detection_sweep import ANSWERS, SCORED_FRAMES, VIEWS, detections
+from megalopta.detection_sweep import RESPONSES, SCORED_FRAMES, VIEWS, detections
 from megalopta.figures_detection import detection_figure
 from megalopta.flow.detection import d_prime, motion_evidence
 from megalopta.flow.methods import METHODS
 from megalopta.reproduce import FIGURES, write_figure
 
-# Two samples of 1024 answers of equal distribution: the standard error of d′ is 0.044, up to twice
-# that with answers of the same texture alike; five of them.
+# Two samples of 1024 responses of equal distribution: the standard error of d′ is 0.044, up to twice
+# that with responses of the same texture alike; five of them.
 NOTHING = 0.45
-LIMIT = d_prime(np.zeros(ANSWERS), np.ones(ANSWERS))
+LIMIT = d_prime(np.zeros(RESPONSES), np.ones(RESPONSES))
 
 
 @pytest.fixture(scope="module")
@@ -58,14 +58,14 @@ def test_no_method_changes_the_numbers_of_another():
         assert getattr(alone, field) == getattr(together, field)
 
 
-def test_threshold_of_a_method_that_takes_counts_is_half_of_its_answer_to_bright_ones():
+def test_threshold_of_a_method_that_takes_counts_is_half_of_its_response_to_bright_ones():
     flux, method = 1e9, METHODS["PM"]
     counts = [
         detection_sweep._counts("right", view, 1 + SCORED_FRAMES, flux) for view in range(VIEWS)
     ]
-    answers = motion_evidence(method, detection_sweep._answers(method, counts, flux))
+    responses = motion_evidence(method, detection_sweep._responses(method, counts, flux))
     # 3e5 photons per pixel leave noise of 0.2 %
-    assert detection_sweep._threshold(method) == pytest.approx(np.median(answers) / 2, rel=0.01)
+    assert detection_sweep._threshold(method) == pytest.approx(np.median(responses) / 2, rel=0.01)
 
 
 def test_figure_is_registered_and_drawn(figure, tmp_path):

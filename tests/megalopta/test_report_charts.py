@@ -124,3 +124,8 @@ def test_an_image_that_moves_everywhere_alike_has_its_speed_chart(speed):
     speeds = np.full(500, speed, np.float32) + np.float32(1e-6) * np.arange(500) / 500
     svg = speed_chart(speeds, speed)
     assert "share of pixels (%)" in texts(svg)
+
+
+def test_curves_are_drawn_in_the_style_of_the_page():
+    # matplotlib's own lines are 1.5 pt wide
+    assert "stroke-width: 1.8" in signal_chart(BUDGETS, ["spadcam"])
