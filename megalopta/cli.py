@@ -9,13 +9,14 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NoReturn
 
 from pydantic import BaseModel
 
 from megalopta import __version__
-from megalopta.configuration import built_in_names, load, parse
+from megalopta.configuration import Configuration, built_in_names, load, parse
 from megalopta.dataset import open_dataset
-from megalopta.errors import UserError
+from megalopta.errors import UserError, machine_problem
 from megalopta.info import describe
 from megalopta.overrides import settings_help, split_overrides
 from megalopta.progress import say
@@ -41,13 +42,21 @@ _WITHOUT_SETTINGS = ("report", "info", "check", "reproduce", "gallery")
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit."""
+    words = sys.argv[1:] if arguments is None else arguments
     try:
-        _run(sys.argv[1:] if arguments is None else arguments)
-    except (UserError, OSError) as error:
-        print(f"megalopta: {error}", file=sys.stderr)
-        sys.exit(2)
+        _run(words)
+    except UserError as error:
+        _refuse(str(error))
+    except MemoryError as error:
+        _refuse(f"the memory is too small ({error}); ask for less, or free some".replace(" ()", ""))
+    except BrokenPipeError:
+        os._exit(141)  # as if killed by the pipe that nobody reads any more
+    except OSError as error:
+        if (problem := machine_problem(error)) is None:
+            raise
+        _refuse(problem)
     except KeyboardInterrupt:
-        redo = ", without --redo," if "--redo" in sys.argv else ""
+        redo = ", without --redo," if "--redo" in words else ""
         say(
             f"megalopta: interrupted; every file is whole, and the same command{redo} goes on from"
             " there"
@@ -56,8 +65,22 @@ def main(arguments: Sequence[str] | None = None) -> None:
         os._exit(130)  # threads that still compute are not waited for
 
 
+def _refuse(sentence: str) -> NoReturn:
+    print(f"megalopta: {' '.join(sentence.split())}", file=sys.stderr)
+    sys.exit(2)
+
+
+class _Parser(argparse.ArgumentParser):
+    """Tells a mistake as one sentence, without the usage, which fills a screen."""
+
+    def error(self, message: str) -> NoReturn:
+        verb = self.prog.removeprefix("megalopta").strip()
+        raise UserError(f"{verb}: {message}; see {self.prog} --help".removeprefix(": "))
+
+
 def _run(arguments: Sequence[str]) -> None:
-    own, overrides = split_overrides(arguments, _OWN_OPTIONS)
+    model = Sweep if "sweep" in arguments[:1] else Configuration
+    own, overrides = split_overrides(arguments, _OWN_OPTIONS, model)
     options = _parser().parse_args(own)
     if options.verb in _WITHOUT_SETTINGS and overrides:
         raise UserError(f"{options.verb} has no setting --{next(iter(overrides))}")
@@ -74,15 +97,28 @@ def _run(arguments: Sequence[str]) -> None:
     elif options.verb == "gallery":
         _gallery(options.out)
     elif options.verb == "demo":
-        dataset = run_all(options.out, load(options.configuration, overrides), options.redo)
+        dataset = run_all(options.out, _configuration(options, overrides), options.redo)
         print(write_report(dataset))
     elif options.verb == "render":
-        configuration = load(options.configuration, overrides)
-        run_stage(options.out, configuration, "render", options.redo)
+        run_stage(options.out, _configuration(options, overrides), "render", options.redo)
     else:
         stored = to_yaml(open_dataset(options.dataset).configuration)
         configuration = parse(stored, str(options.dataset), overrides)
         run_stage(options.dataset, configuration, options.verb, options.redo)
+
+
+def _configuration(options: argparse.Namespace, overrides: dict[str, str]) -> Configuration:
+    """Read the configuration that is named, or the demo's.
+
+    "airglow" is a light level and a configuration: at the end of a list it could be either.
+    """
+    for path, value in overrides.items():
+        last = value.rpartition(", ")[2].strip("]")
+        if options.configuration is None and "," in value and last in built_in_names():
+            raise UserError(
+                f"{last}: a value of --{path}, or the configuration? give the configuration first"
+            )
+    return load(options.configuration or "demo", overrides)
 
 
 def _check(what: str, folder: Path | None, plots: Path | None) -> None:
@@ -124,7 +160,7 @@ def _gallery(out: Path) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="megalopta",
         description="Scenes with exactly known motion, photon counts, and how well motion can be "
         "read from them.",
@@ -137,7 +173,6 @@ def _parser() -> argparse.ArgumentParser:
         command.add_argument(
             "configuration",
             nargs="?",
-            default="demo",
             help=f"YAML file, or one of {names} (default: demo)",
         )
         command.add_argument(
