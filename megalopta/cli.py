@@ -19,7 +19,7 @@ from megalopta.dataset import open_dataset
 from megalopta.errors import UserError, machine_problem
 from megalopta.info import describe
 from megalopta.overrides import settings_help, split_overrides
-from megalopta.progress import say
+from megalopta.progress import say, working
 from megalopta.report import write_report
 from megalopta.stages import STAGES, run_all, run_stage
 from megalopta.sweep import Sweep, load_sweep
@@ -84,6 +84,11 @@ def _run(arguments: Sequence[str]) -> None:
     options = _parser().parse_args(own)
     if options.verb in _WITHOUT_SETTINGS and overrides:
         raise UserError(f"{options.verb} has no setting --{next(iter(overrides))}")
+    with working(options.verb):
+        _do(options, overrides)
+
+
+def _do(options: argparse.Namespace, overrides: dict[str, str]) -> None:
     if options.verb == "info":
         print(describe())
     elif options.verb == "report":
@@ -219,7 +224,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_verb(
-    verbs: "argparse._SubParsersAction[argparse.ArgumentParser]",
+    verbs: "argparse._SubParsersAction[_Parser]",
     verb: str,
     purpose: str,
     settings: BaseModel | None = None,
@@ -235,7 +240,7 @@ def _add_verb(
 
 
 def _add_stage(
-    verbs: "argparse._SubParsersAction[argparse.ArgumentParser]", verb: str, purpose: str
+    verbs: "argparse._SubParsersAction[_Parser]", verb: str, purpose: str
 ) -> argparse.ArgumentParser:
     command = _add_verb(verbs, verb, purpose, load("demo"))
     command.add_argument(

@@ -177,7 +177,7 @@ def _child(values: Any, step: str, path: str) -> Any:
         return values[int(step)]
     if isinstance(values, dict) and step in values:
         return values[step]
-    known = list(values) if isinstance(values, dict) else []
-    known = range(len(values)) if isinstance(values, list) else known
-    there_is = f"there is {', '.join(map(str, known))}" if known else "there are none"
+    entries = range(len(values)) if isinstance(values, list) else values
+    known = list(map(str, entries)) if isinstance(values, dict | list) else []
+    there_is = f"there is {', '.join(known)}" if known else "there are none"
     raise UserError(f"--{path}: no field {step!r}; {there_is}")

@@ -22,6 +22,9 @@ Floats = NDArray[np.float32]
 _POINTS_AT_ONCE = 2**18
 _METER_RAYS = 2**18
 
+_REASONS = {"Success": "it ends too early", "std::bad_alloc": "too large for the memory"}
+"""What Mitsuba means."""
+
 
 class PanoramaView:
     """A camera before a panorama, ready to be turned.
@@ -156,12 +159,15 @@ def read_picture(path: str) -> Floats:
     try:
         bitmap = mi.Bitmap(path)
         linear = bitmap.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False)
-    except RuntimeError as problem:
+    except (RuntimeError, MemoryError) as problem:
         reason = str(problem).splitlines()[0].rsplit(": ", 1)[-1].rstrip("!")
+        reason = _REASONS.get(reason, reason)
         raise ValueError(
             f"{path} cannot be read as a picture ({reason}); give an HDR, EXR or PNG file"
         ) from None
     rgb = np.array(linear, np.float32)
+    if not rgb.size:
+        raise ValueError(f"{path} holds no pixel; give a picture with light in it")
     if not np.isfinite(rgb).all() or rgb.min() < 0:
         raise ValueError(f"{path} has values that are negative or not finite; mend it")
     return rgb

@@ -7,6 +7,8 @@ not know, stand in the header as `bandEdgesNm`, the unit in `emissiveUnits`.
 A file appears whole or not at all.
 """
 
+import errno
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -171,9 +173,19 @@ def _write(
     temporary = path.with_name(f".{path.name}.part")
     try:
         OpenEXR.File(full_header, dict(channels)).write(str(temporary))
+    except RuntimeError as problem:
+        raise _os_error(problem, path) from problem
+    else:
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _os_error(problem: RuntimeError, path: Path) -> OSError:
+    """The error of the system, such as a full disk, that OpenEXR gives the words of."""
+    codes = [code for code in errno.errorcode if os.strerror(code) in str(problem)]
+    code = codes[0] if codes else errno.EIO
+    return OSError(code, os.strerror(code), str(path))
 
 
 def _read(

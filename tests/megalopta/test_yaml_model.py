@@ -35,7 +35,10 @@ def test_what_is_no_yaml_is_told_with_its_line(text, message):
         ("camera: {fov_deg: yes}", "camera.fov_deg"),
         ("light_levels: [2, true]", "light_levels.1"),
         ("trajectory: {up: [0, false, true]}", "trajectory.up.1"),
-        ("{trajectory: {frame_rate_hz: 1}, sensors: [{preset: ideal, exposure_s: true}]}", "sensors.0.exposure_s"),
+        (
+            "{trajectory: {frame_rate_hz: 1}, sensors: [{preset: ideal, exposure_s: true}]}",
+            "sensors.0.exposure_s",
+        ),
         ("scene: {kind: forest, mix: {beech: true}}", "scene.mix.beech"),
         ("seed: on", "seed"),
     ],
