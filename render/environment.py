@@ -5,6 +5,7 @@ no random noise, only what is lost where the grid is coarser than the picture.
 """
 
 import math
+import re
 
 import mitsuba as mi
 import numpy as np
@@ -22,8 +23,8 @@ Floats = NDArray[np.float32]
 _POINTS_AT_ONCE = 2**18
 _METER_RAYS = 2**18
 
-_REASONS = {"Success": "it ends too early", "std::bad_alloc": "too large for the memory"}
-"""What Mitsuba means."""
+_ENDS_EARLY = re.compile(r"Success|read \d+ out of \d+ bytes")
+"""What Mitsuba says of a file that does."""
 
 
 class PanoramaView:
@@ -161,7 +162,8 @@ def read_picture(path: str) -> Floats:
         linear = bitmap.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False)
     except (RuntimeError, MemoryError) as problem:
         reason = str(problem).splitlines()[0].rsplit(": ", 1)[-1].rstrip("!")
-        reason = _REASONS.get(reason, reason)
+        reason = "it ends too early" if _ENDS_EARLY.search(reason) else reason
+        reason = "too large for the memory" if isinstance(problem, MemoryError) else reason
         raise ValueError(
             f"{path} cannot be read as a picture ({reason}); give an HDR, EXR or PNG file"
         ) from None
