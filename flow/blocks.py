@@ -57,10 +57,12 @@ def block_grid(
     """
     size = min(shape) // BLOCKS_PER_SIDE if block_px is None else block_px
     if size < _SMALLEST_BLOCK_PX or min(shape) // size < fewest_blocks:
+        px = max(size, _SMALLEST_BLOCK_PX)
+        least = BLOCKS_PER_SIDE * px if block_px is None else fewest_blocks * px
         raise ValueError(
             f"frames of {shape[0]} × {shape[1]} px cannot be cut into at least {fewest_blocks} ×"
-            f" {fewest_blocks} blocks of {size} px: give larger frames or another block_px (2 px or"
-            " more)"
+            f" {fewest_blocks} blocks of {px} px: give frames of {least} px or more on a side, or"
+            " another block_px (2 px or more)"
         )
     return BlockGrid(shape=shape, block_px=size)
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from megalopta.files import made_folder
+from megalopta.folders import ensure_directory
 from megalopta.natural_panorama import NATURAL_PANORAMAS, render_panorama
 from megalopta.noise_record import ATTRIBUTE
 from megalopta.panoramas import RECIPE, SHIPPED, read_template, write_template
@@ -82,7 +82,7 @@ def run_check_panoramas(out: Path | None = None, console: Console | None = None)
         Where to print.
     """
     if out:
-        made_folder(out)
+        ensure_directory(out)
     table = Table("forest", "difference", "noise", "of blocks", "noise", "rounding / noise", "")
     passed = True
     passes = sum(recipe.passes for recipe in NATURAL_PANORAMAS.values())

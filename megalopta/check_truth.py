@@ -24,6 +24,7 @@ from megalopta.progress import progress
 from megalopta.rederive import View, motion_from, rederived_flow
 from megalopta.render import Truth, read_radiance, read_truth
 from megalopta.render.exr import read_truth_header
+from megalopta.scenes.motion import Motion
 
 LARGEST_MEDIAN_PX = 1e-3
 LARGEST_SHIFT_PX = 0.3
@@ -82,8 +83,7 @@ def run_check_truth(dataset: Dataset, console: Console | None = None) -> bool:
 def check_truth(dataset: Dataset) -> list[Residual]:
     """Compare all frames of a dataset; needs a finished render stage."""
     dataset.require("render")
-    record = json.loads(dataset.scene_record.read_text("utf-8"))
-    motions = {int(number): motion_from(each) for number, each in record["motions"].items()}
+    motions = _motions(dataset)
     kept: dict[str, list[NDArray[np.float64]]] = {}
     frames = dataset.configuration.trajectory.frames
     with progress("Deriving flow again", frames - 1, "pair") as advance:
@@ -102,6 +102,19 @@ def check_truth(dataset: Dataset) -> list[Residual]:
                 kept.setdefault("image, warped", []).append(np.array([shift]))
             advance()
     return [_residual(name, np.concatenate(kept[name])) for name in sorted(kept)]
+
+
+def _motions(dataset: Dataset) -> dict[int, Motion]:
+    """Motion of each object that moves, by its number."""
+    path = dataset.scene_record
+    try:
+        motions = json.loads(path.read_text("utf-8"))["motions"]
+        return {int(number): motion_from(each) for number, each in motions.items()}
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        raise UserError(
+            f"{path} is damaged; remove it and run: megalopta render {dataset.root} "
+            f"--out {dataset.root}"
+        ) from None
 
 
 def remaining_shift(

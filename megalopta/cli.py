@@ -9,15 +9,16 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NoReturn
 
 from pydantic import BaseModel
 
 from megalopta import __version__
-from megalopta.configuration import built_in_names, load, parse
-from megalopta.errors import UserError
+from megalopta.configuration import Configuration, built_in_names, load, parse
+from megalopta.errors import UserError, machine_problem
 from megalopta.info import describe
 from megalopta.overrides import settings_help, split_overrides
-from megalopta.progress import say
+from megalopta.progress import say, working
 from megalopta.redo import open_dataset_whole
 from megalopta.report import write_report
 from megalopta.stages import STAGES, run_all, run_stage
@@ -41,22 +42,49 @@ _WITHOUT_SETTINGS = ("report", "info", "check", "reproduce", "gallery")
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit."""
+    words = sys.argv[1:] if arguments is None else arguments
     try:
-        _run(sys.argv[1:] if arguments is None else arguments)
-    except (UserError, OSError) as error:
-        print(f"megalopta: {error}", file=sys.stderr)
-        sys.exit(2)
+        _run(words)
+    except UserError as error:
+        _refuse(str(error))
+    except MemoryError as error:
+        _refuse(f"the memory is too small ({error}); ask for less, or free some".replace(" ()", ""))
+    except BrokenPipeError:
+        os._exit(141)  # as if killed by the pipe that nobody reads any more
+    except OSError as error:
+        if (problem := machine_problem(error)) is None:
+            raise
+        _refuse(problem)
     except KeyboardInterrupt:
         say("megalopta: interrupted; every file is whole, and the same command goes on from there")
         sys.stdout.flush()
         os._exit(130)  # threads that still compute are not waited for
 
 
+def _refuse(sentence: str) -> NoReturn:
+    print(f"megalopta: {' '.join(sentence.split())}", file=sys.stderr)
+    sys.exit(2)
+
+
+class _Parser(argparse.ArgumentParser):
+    """Tells a mistake as one sentence, without the usage, which fills a screen."""
+
+    def error(self, message: str) -> NoReturn:
+        verb = self.prog.removeprefix("megalopta").strip()
+        raise UserError(f"{verb}: {message}; see {self.prog} --help".removeprefix(": "))
+
+
 def _run(arguments: Sequence[str]) -> None:
-    own, overrides = split_overrides(arguments, _OWN_OPTIONS)
+    model = Sweep if "sweep" in arguments[:1] else Configuration
+    own, overrides = split_overrides(arguments, _OWN_OPTIONS, model)
     options = _parser().parse_args(own)
     if options.verb in _WITHOUT_SETTINGS and overrides:
         raise UserError(f"{options.verb} has no setting --{next(iter(overrides))}")
+    with working(options.verb):
+        _do(options, overrides)
+
+
+def _do(options: argparse.Namespace, overrides: dict[str, str]) -> None:
     if options.verb == "info":
         print(describe())
     elif options.verb == "report":
@@ -70,15 +98,28 @@ def _run(arguments: Sequence[str]) -> None:
     elif options.verb == "gallery":
         _gallery(options.out)
     elif options.verb == "demo":
-        dataset = run_all(options.out, load(options.configuration, overrides), options.redo)
+        dataset = run_all(options.out, _configuration(options, overrides), options.redo)
         print(write_report(dataset))
     elif options.verb == "render":
-        configuration = load(options.configuration, overrides)
-        run_stage(options.out, configuration, "render", options.redo)
+        run_stage(options.out, _configuration(options, overrides), "render", options.redo)
     else:
         stored = to_yaml(open_dataset_whole(options.dataset).configuration)
         configuration = parse(stored, str(options.dataset), overrides)
         run_stage(options.dataset, configuration, options.verb, options.redo)
+
+
+def _configuration(options: argparse.Namespace, overrides: dict[str, str]) -> Configuration:
+    """Read the configuration that is named, or the demo's.
+
+    "airglow" is a light level and a configuration: at the end of a list it could be either.
+    """
+    for path, value in overrides.items():
+        last = value.rpartition(", ")[2].strip("]")
+        if options.configuration is None and "," in value and last in built_in_names():
+            raise UserError(
+                f"{last}: a value of --{path}, or the configuration? give the configuration first"
+            )
+    return load(options.configuration or "demo", overrides)
 
 
 def _check(what: str, folder: Path | None, plots: Path | None) -> None:
@@ -130,7 +171,7 @@ def _gallery(out: Path) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="megalopta",
         description="Scenes with exactly known motion, photon counts, and how well motion can be "
         "read from them.",
@@ -143,7 +184,6 @@ def _parser() -> argparse.ArgumentParser:
         command.add_argument(
             "configuration",
             nargs="?",
-            default="demo",
             help=f"YAML file, or one of {names} (default: demo)",
         )
         command.add_argument(
@@ -199,7 +239,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_verb(
-    verbs: "argparse._SubParsersAction[argparse.ArgumentParser]",
+    verbs: "argparse._SubParsersAction[_Parser]",
     verb: str,
     purpose: str,
     settings: BaseModel | None = None,
@@ -215,7 +255,7 @@ def _add_verb(
 
 
 def _add_stage(
-    verbs: "argparse._SubParsersAction[argparse.ArgumentParser]", verb: str, purpose: str
+    verbs: "argparse._SubParsersAction[_Parser]", verb: str, purpose: str
 ) -> argparse.ArgumentParser:
     command = _add_verb(verbs, verb, purpose, load("demo"))
     command.add_argument(

@@ -18,7 +18,7 @@ from pydantic import (
     model_validator,
 )
 
-from megalopta.flow.benchmark_settings import BenchmarkSettings
+from megalopta.flow.benchmark_settings import BenchmarkSettings, each_once
 from megalopta.flow.methods import METHODS, THESIS_METHODS
 from megalopta.render.settings import RenderSettings
 from megalopta.scenes.build import SceneDescription
@@ -132,7 +132,7 @@ class Configuration(
         for method in methods:
             if method not in METHODS:
                 raise ValueError(f"{method!r} is unknown: use some of {', '.join(METHODS)}")
-        return methods
+        return each_once(methods)
 
     @model_validator(mode="after")
     def _parts_fit(self) -> "Configuration":

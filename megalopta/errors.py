@@ -1,5 +1,8 @@
-"""A user's mistake, told in one sentence."""
+"""A user's mistake, or the machine's limits, told in one sentence."""
 
+import errno
+import os
+import reprlib
 from collections.abc import Iterator
 from difflib import get_close_matches
 from types import UnionType
@@ -18,12 +21,56 @@ _EXPECTED = {
 }
 
 
+_REMEDIES = {
+    errno.ENOSPC: "the disk is full; make room and run the same command again",
+    errno.EDQUOT: "your share of the disk is full; make room and run the same command again",
+    errno.EFBIG: "the file grows larger than allowed; raise the limit (ulimit -f)",
+    errno.EIO: "the disk fails; use another",
+    errno.EROFS: "the disk is read-only; use another",
+    errno.EACCES: "not permitted; change its permissions, or choose another",
+    errno.EPERM: "not permitted; change its permissions, or choose another",
+    errno.ENOENT: "no such file or folder; check the path",
+    errno.EISDIR: "it is a folder where a file is needed; choose another",
+    errno.ENOTDIR: "a file is in the way; give the path of a folder",
+    errno.EEXIST: "a file is in the way; give another path",
+    errno.ELOOP: "symbolic links lead in a circle; give the file itself",
+    errno.ENAMETOOLONG: "the name is too long; give a shorter one",
+    errno.EMFILE: "too many open files; raise the limit (ulimit -n)",
+    errno.ENFILE: "too many open files on this machine; close some",
+}
+"""What the machine refuses, and the way out."""
+
+
 class UserError(Exception):
     """What the user asked for cannot be done; the message says what, and the way out."""
 
 
+def machine_problem(error: OSError) -> str | None:
+    """What the machine refused, as "path: reason; remedy"; None where the fault is ours."""
+    remedy = _REMEDIES.get(error.errno or 0)
+    if remedy is None or error.filename is None:
+        return remedy
+    return f"{os.fsdecode(error.filename)}: {remedy}"
+
+
+def shortened(value: object) -> str:
+    """A value as Python writes it, cut where it is long or deep."""
+    return _short.repr(value)
+
+
+_short = reprlib.Repr()
+_short.maxstring = _short.maxother = 80
+_short.maxlong = 40
+
+
 def one_sentence(error: ValidationError, model: type[BaseModel]) -> str:
     """The first problem of a failed validation of `model`: field, value and remedy."""
+    place, told = _first_problem(error, model)
+    return f"{place}: {told}" if place else told
+
+
+def _first_problem(error: ValidationError, model: type[BaseModel]) -> tuple[str, str]:
+    """Place and problem."""
     problem = error.errors(include_url=False)[0]
     steps = _typed_path(model, problem["loc"])
     if steps and steps[-1] in _PLAIN_TYPES:
@@ -34,21 +81,20 @@ def one_sentence(error: ValidationError, model: type[BaseModel]) -> str:
         known = _fields_at(model, problem["loc"][:-1])
         near = get_close_matches(str(problem["loc"][-1]), known, n=1, cutoff=0.5)
         hint = f"did you mean {near[0]!r}?" if near else f"the keys are {', '.join(known)}"
-        return f"{place}: unknown key; {hint}"
+        return place, f"unknown key; {hint}"
     if problem["type"] == "missing":
-        return f"{place}: missing; give a value"
+        return place, "missing; give a value"
     if problem["type"] == "union_tag_not_found":
-        return f"{place}: say which kind it is, with the key 'kind'"
+        return place, "say which kind it is, with the key 'kind'"
     if problem["type"] == "union_tag_invalid":
         context = problem["ctx"]
-        return f"{place}: kind {context['tag']!r} is unknown; use {context['expected_tags']}"
+        return place, f"kind {context['tag']!r} is unknown; use {context['expected_tags']}"
     if problem["type"] == "too_short":
-        return f"{place}: empty; give at least one"
-    if problem["type"] in _EXPECTED:
-        return f"{place}: {_EXPECTED[problem['type']]}, got {problem['input']!r}"
+        return place, "empty; give at least one"
     if problem["type"] == "value_error":
-        return f"{place}: {message}" if place else message
-    return f"{place}: {message[0].lower()}{message[1:]}, got {problem['input']!r}"
+        return place, message
+    told = _EXPECTED.get(problem["type"], f"{message[0].lower()}{message[1:]}")
+    return place, f"{told}, got {shortened(problem['input'])}"
 
 
 def _fields_at(model: type[BaseModel], location: Location) -> list[str]:

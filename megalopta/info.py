@@ -21,6 +21,7 @@ PACKAGES = (
     "pydantic",
     "matplotlib",
 )
+_WIDTH = max(map(len, PACKAGES)) + 2
 
 
 def versions() -> dict[str, str]:
@@ -35,10 +36,10 @@ def versions() -> dict[str, str]:
 def describe() -> str:
     """A few lines for a person."""
     variant = choose_variant()
-    lines = [f"{name:<14}{number}" for name, number in versions().items()]
+    lines = [f"{name:<{_WIDTH}}{number}" for name, number in versions().items()]
     lines += [
-        f"{'machine':<14}{platform.platform()}, {os.cpu_count()} cores",
-        f"{'rendering':<14}{variant.name}: {variant.reason}",
+        f"{'machine':<{_WIDTH}}{platform.platform()}, {os.cpu_count()} cores",
+        f"{'rendering':<{_WIDTH}}{variant.name}: {variant.reason}",
     ]
     library, found = find_llvm()
     if library:
@@ -46,5 +47,5 @@ def describe() -> str:
     if has_cuda_device():
         lines.append(f"{'cuda':<14}{CUDA_NOTE}")
     if variant.advice:
-        lines.append(f"{'faster':<14}{variant.advice}")
+        lines.append(f"{'faster':<{_WIDTH}}{variant.advice}")
     return "\n".join(lines)

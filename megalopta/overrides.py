@@ -3,7 +3,8 @@
 import shutil
 import textwrap
 from collections.abc import Iterator, Sequence
-from typing import Any
+from types import UnionType
+from typing import Annotated, Any, Union, get_args, get_origin
 
 import yaml
 from pydantic import BaseModel
@@ -12,17 +13,21 @@ from megalopta.errors import UserError
 
 
 def split_overrides(
-    arguments: Sequence[str], options: Sequence[str]
+    arguments: Sequence[str], options: Sequence[str], model: type[BaseModel]
 ) -> tuple[list[str], dict[str, str]]:
     """Separate settings from the program's own options.
+
+    A setting that holds one value takes one word, a list takes all words up to the next option, so
+    that `render --scene.trees 200 my.yaml` renders my.yaml.
 
     Parameters
     ----------
     arguments : sequence of str
         As typed.
     options : sequence of str
-        The program's own options, such as "--out"; any other "--path" starts a setting, which takes
-        all words up to the next option.
+        The program's own options, such as "--out"; any other "--path" starts a setting.
+    model : type
+        Of the settings; tells which are lists.
 
     Returns
     -------
@@ -33,20 +38,26 @@ def split_overrides(
     """
     own: list[str] = []
     found: dict[str, list[str]] = {}
-    words = own
+    words, is_full = own, False
     for argument in arguments:
         name, equals, value = argument.partition("=")
+        words = own if is_full else words
+        is_full = False
         if argument.startswith("--") and name not in options:
             path = name.removeprefix("--").replace("-", "_")
+            if not path:
+                raise UserError("--: no setting; give its path, such as --camera.width")
             if path in found:
                 raise UserError(f"{name}: given twice; several values follow one another")
             words = found[path] = []
             words += [value] if equals else []
+            is_full = bool(equals) and not _takes_list(model, path)
         elif name in options:
             own.append(argument)
             words = own
         else:
             words.append(argument)
+            is_full = words is not own and not _takes_list(model, path)
     for path, values in found.items():
         if not values:
             raise UserError(f"--{path}: needs a value")
@@ -54,6 +65,34 @@ def split_overrides(
         path: values[0] if len(values) == 1 else f"[{', '.join(values)}]"
         for path, values in found.items()
     }
+
+
+def _takes_list(model: type[BaseModel], path: str) -> bool:
+    """Whether the field at a path may hold a list; also where there is none, which is refused."""
+    types: list[Any] = [model]
+    for step in path.split("."):
+        types = [inner for each in types for inner in _inner_types(each, step)]
+    return not types or any(get_origin(each) is tuple for each in types)
+
+
+def _inner_types(outer: Any, step: str) -> Iterator[Any]:
+    if get_origin(outer) is tuple and step.isdecimal():
+        yield from _plain_types(get_args(outer)[0])
+    elif get_origin(outer) is dict:
+        yield from _plain_types(get_args(outer)[1])
+    elif isinstance(outer, type) and issubclass(outer, BaseModel) and step in outer.model_fields:
+        yield from _plain_types(outer.model_fields[step].annotation)
+
+
+def _plain_types(annotation: Any) -> Iterator[Any]:
+    """Types that an annotation allows, without unions and metadata."""
+    if get_origin(annotation) is Annotated:
+        yield from _plain_types(get_args(annotation)[0])
+    elif get_origin(annotation) in (Union, UnionType):
+        for part in get_args(annotation):
+            yield from _plain_types(part)
+    else:
+        yield annotation
 
 
 def settings_help(configuration: BaseModel) -> str:

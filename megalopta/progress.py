@@ -1,7 +1,13 @@
-"""Progress on the terminal: how far, how fast, how long still."""
+"""Progress: how far, how fast, how long still.
+
+A bar on the terminal. Without one a line every ten seconds, also while a single step takes longer,
+so that a log tells that something is going on.
+"""
 
 import sys
-from collections.abc import Iterator
+import threading
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Protocol
 
@@ -18,7 +24,12 @@ from rich.progress import (
 )
 from rich.text import Text
 
+INTERVAL_S = 10.0
+"""Longest silence without a terminal (s)."""
+
 console = Console(stderr=True)
+_speakers: list[object] = []
+"""Work under way, the outermost first; only the innermost speaks."""
 
 
 class Advance(Protocol):
@@ -47,7 +58,7 @@ def say(text: str) -> None:
 def progress(description: str, total: int, unit: str) -> Iterator[Advance]:
     """Show a bar for `total` steps, which the yielded function counts.
 
-    Without a terminal one line is printed at the end.
+    Without a terminal a line is printed every ten seconds, and one at the end.
     """
     columns = (
         TextColumn("{task.description:<34}"),
@@ -58,9 +69,72 @@ def progress(description: str, total: int, unit: str) -> Iterator[Advance]:
         TextColumn("left"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=console, disable=not console.is_terminal) as bars:
+    done, start = 0, time.monotonic()
+
+    def advance(steps: int = 1) -> None:
+        nonlocal done
+        done += steps
+        bars.advance(task, steps)
+
+    def state() -> str:
+        return f"{description}: {progress_line(done, total, unit, time.monotonic() - start)}"
+
+    with (
+        Progress(*columns, console=console, disable=not console.is_terminal) as bars,
+        _speaking(state),
+    ):
         task = bars.add_task(description, total=total, unit=unit)
-        yield lambda steps=1: bars.advance(task, steps)
-        elapsed = bars.tasks[0].elapsed or 0.0
+        yield advance
+    elapsed = time.monotonic() - start
     if not console.is_terminal:
         print(f"{description}: {total} {unit}s in {elapsed:.1f} s", file=sys.stderr)
+
+
+@contextmanager
+def working(description: str) -> Iterator[None]:
+    """Without a terminal, print a line every ten seconds while nothing inside does."""
+    start = time.monotonic()
+    with _speaking(lambda: f"{description}: at work for {duration(time.monotonic() - start)}"):
+        yield
+
+
+def progress_line(done: int, total: int, unit: str, elapsed_s: float) -> str:
+    """How much is done, how fast, and how long the rest will take."""
+    text = f"{done} of {total} {unit}s"
+    if not done or not elapsed_s:
+        return f"{text} in {duration(elapsed_s)}"
+    rate, left_s = done / elapsed_s, elapsed_s * (total - done) / done
+    speed = f"{rate:.1f} {unit}s/s" if rate >= 1 else f"{1 / rate:.1f} s/{unit}"
+    return f"{text}, {speed}, {duration(left_s)} to go"
+
+
+def duration(seconds: float) -> str:
+    """A time for a person, such as "40 s", "9 min", "3 hours" or "12 days"."""
+    for unit, length, least in (("days", 86400, 2), ("hours", 3600, 2), ("min", 60, 2)):
+        if seconds >= least * length:
+            return f"{seconds / length:.0f} {unit}"
+    return f"{seconds:.0f} s"
+
+
+@contextmanager
+def _speaking(state: Callable[[], str]) -> Iterator[None]:
+    """Print a state at intervals from a thread of its own, unless there is a terminal."""
+    if console.is_terminal:
+        yield
+        return
+    over = threading.Event()
+
+    def speak() -> None:
+        while not over.wait(INTERVAL_S):
+            if _speakers[-1] is over:
+                print(state(), file=sys.stderr, flush=True)
+
+    _speakers.append(over)
+    thread = threading.Thread(target=speak, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+        _speakers.remove(over)

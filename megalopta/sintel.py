@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from skimage.io import imsave
+from PIL import Image
 
 from megalopta.files import atomic_write
 from megalopta.flow.flo import write_flo
@@ -21,7 +21,7 @@ TAG = np.float32(202021.25)
 def write_png(path: Path, image: NDArray[np.uint8]) -> None:
     """Write an 8-bit image (H, W) or (H, W, 3)."""
     with atomic_write(path) as temporary:
-        imsave(temporary, image, check_contrast=False)
+        Image.fromarray(image).save(temporary)
 
 
 def write_depth(path: Path, depth: NDArray[np.float32]) -> None:

@@ -18,7 +18,7 @@ from pydantic import (
 from megalopta.errors import UserError, one_sentence
 from megalopta.flow.benchmark_settings import each_once
 from megalopta.trial import Template, Trial, path_from_its_file, template_names
-from megalopta.yaml_model import mapping, put, read_text, validated
+from megalopta.yaml_model import booleans_for_others, mapping, put, read_text, validated
 
 Value = int | float | bool | str
 _SHARED = ("methods", "search.metrics", "search.bits")
@@ -104,6 +104,8 @@ class Sweep(
             fields = {**fixed, "size": size, "template": template.model_dump(mode="json")}
             put(fields, self.vary, value)
             trial = Trial.model_validate(fields)
+            if any(booleans_for_others(fields, trial)):
+                raise ValueError(f"values: {str(value).lower()} is no number; give numbers")
             # YAML takes 1e-1 for text
             number = operator.attrgetter(self.vary)(trial) if isinstance(value, str) else value
             found.append((number, trial))

@@ -5,6 +5,7 @@ no random noise, only what is lost where the grid is coarser than the picture.
 """
 
 import math
+import re
 
 import mitsuba as mi
 import numpy as np
@@ -21,6 +22,9 @@ Floats = NDArray[np.float32]
 # Rows of points looked up at once, so that memory stays far below that of the directions.
 _POINTS_AT_ONCE = 2**18
 _METER_RAYS = 2**18
+
+_ENDS_EARLY = re.compile(r"Success|read \d+ out of \d+ bytes")
+"""What Mitsuba says of a file that does."""
 
 
 class PanoramaView:
@@ -156,12 +160,16 @@ def read_picture(path: str) -> Floats:
     try:
         bitmap = mi.Bitmap(path)
         linear = bitmap.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False)
-    except RuntimeError as problem:
+    except (RuntimeError, MemoryError) as problem:
         reason = str(problem).splitlines()[0].rsplit(": ", 1)[-1].rstrip("!")
+        reason = "it ends too early" if _ENDS_EARLY.search(reason) else reason
+        reason = "too large for the memory" if isinstance(problem, MemoryError) else reason
         raise ValueError(
             f"{path} cannot be read as a picture ({reason}); give an HDR, EXR or PNG file"
         ) from None
     rgb = np.array(linear, np.float32)
+    if not rgb.size:
+        raise ValueError(f"{path} holds no pixel; give a picture with light in it")
     if not np.isfinite(rgb).all() or rgb.min() < 0:
         raise ValueError(f"{path} has values that are negative or not finite; mend it")
     return rgb

@@ -8,6 +8,7 @@ A file appears whole or not at all.
 """
 
 import errno
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -183,8 +184,15 @@ def _write(
     with atomic_write(path) as temporary:
         try:
             OpenEXR.File(full_header, dict(channels)).write(str(temporary))
-        except RuntimeError as problem:  # OpenEXR's word for a disk that is full, among others
-            raise OSError(errno.EIO, str(problem), str(path)) from problem
+        except RuntimeError as problem:
+            raise _os_error(problem, path) from problem
+
+
+def _os_error(problem: RuntimeError, path: Path) -> OSError:
+    """The error of the system, such as a full disk, that OpenEXR gives the words of."""
+    codes = [code for code in errno.errorcode if os.strerror(code) in str(problem)]
+    code = codes[0] if codes else errno.EIO
+    return OSError(code, os.strerror(code), str(path))
 
 
 def _read(

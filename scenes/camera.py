@@ -28,7 +28,7 @@ class PerspectiveCamera(
     height: Annotated[int, Field(ge=1)] = 120
     """Rows (px)."""
 
-    fov_deg: Annotated[float, Field(gt=0, lt=180)] = 75.0
+    fov_deg: Annotated[float, Field(ge=1e-3, lt=180)] = 75.0
     """Horizontal field of view (degrees)."""
 
     @property

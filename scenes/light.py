@@ -62,6 +62,9 @@ LEVELS: Mapping[str, Level] = {
     "overcast_night": Level(1e-4, planckian(4500), 0.0),
 }
 
+DIMMEST_LUX, BRIGHTEST_LUX = 1e-12, 1e9
+"""Beyond all that there is outdoors, by eight and four orders of magnitude."""
+
 
 class Light(
     BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
@@ -71,7 +74,7 @@ class Light(
     level: LevelName = "twilight"
     """Named light level: sets illuminance, color and the share of the disc."""
 
-    illuminance_lux: Annotated[float, Field(gt=0)] | None = None
+    illuminance_lux: Annotated[float, Field(ge=DIMMEST_LUX, le=BRIGHTEST_LUX)] | None = None
     """Illuminance of an unshaded horizontal plane (lux); None takes the level's."""
 
     color_temperature_k: Annotated[float, Field(ge=1000, le=40000)] | None = None
@@ -129,15 +132,17 @@ def illuminance_of(level: str | float) -> float:
     Raises
     ------
     ValueError
-        For an unknown name or an illuminance that is not positive.
+        For an unknown name or an illuminance that is not between the dimmest and brightest.
     """
     if isinstance(level, str):
         if level not in LEVELS:
             names = ", ".join(get_args(LevelName))
             raise ValueError(f"light level {level!r} is unknown: use one of {names}, or lux")
         return LEVELS[level].illuminance_lux
-    if not 0 < level < math.inf:
-        raise ValueError(f"light level {level} lux: give a positive illuminance")
+    if not DIMMEST_LUX <= level <= BRIGHTEST_LUX:
+        raise ValueError(
+            f"light level {level:g} lux: give between {DIMMEST_LUX:g} and {BRIGHTEST_LUX:g} lux"
+        )
     return float(level)
 
 

@@ -32,7 +32,7 @@ class _Panorama(
     height: Annotated[int, Field(ge=1)] = 360
     """Rows (px)."""
 
-    fov_deg: Annotated[float, Field(gt=0, le=360)] = 360.0
+    fov_deg: Annotated[float, Field(ge=1e-3, le=360)] = 360.0
     """Horizontal field of view (degrees of azimuth); at 360 the image wraps around."""
 
     lower_deg: float

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from megalopta.configuration import load
+from megalopta.configuration import Configuration, load
 from megalopta.overrides import split_overrides
 from megalopta.sweep import Sweep
 from megalopta.yaml_model import mapping, validated
@@ -27,7 +27,7 @@ def test_the_python_example_runs_and_prints_a_photon_flux():
     "line", re.findall(r"^    megalopta ((?:demo|render|sense) [^#\n]*)", README, re.MULTILINE)
 )
 def test_the_settings_on_its_command_lines_are_accepted(line):
-    own, overrides = split_overrides(shlex.split(line), ("--out", "--redo"))
+    own, overrides = split_overrides(shlex.split(line), ("--out", "--redo"), Configuration)
     assert own[0] in ("demo", "render", "sense")
     load("demo", overrides)  # refuses what it does not know
 

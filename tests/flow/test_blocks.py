@@ -25,3 +25,9 @@ def test_block_sums_add_up_the_covered_part():
 def test_too_few_or_too_small_blocks_are_refused(shape, block):
     with pytest.raises(ValueError, match="3 × 3 blocks"):
         block_grid(shape, block)
+
+
+def test_the_message_names_a_size_that_is_enough():
+    with pytest.raises(ValueError, match="blocks of 2 px: give frames of 20 px or more"):
+        block_grid((9, 60))
+    assert block_grid((20, 60)).block_px == 2

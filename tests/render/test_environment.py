@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.render.environment import PanoramaView
+from megalopta.render.environment import PanoramaView, read_picture
 from megalopta.scenes import Panorama, PerspectiveCamera, Trajectory
 from megalopta.scenes.build import build_panorama
 from megalopta.scenes.light import LEVELS
@@ -121,3 +121,17 @@ def test_a_file_that_is_no_picture_is_refused(tmp_path):
     path.write_text("no picture")
     with pytest.raises(ValueError, match=r"text\.hdr cannot be read as a picture"):
         renderer(str(path))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "reason"),
+    [
+        ("short.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\n\0", "ends too early"),
+        ("none.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 0 +X 0\n", "holds no pixel"),
+        ("huge.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1000000 +X 2000000\n", "too large"),
+    ],
+)  # fmt: skip
+def test_a_damaged_picture_is_told_why(tmp_path, name, content, reason):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(ValueError, match=rf"{name} .*{reason}"):
+        read_picture(str(tmp_path / name))

@@ -1,3 +1,4 @@
+import errno
 from dataclasses import fields
 
 import numpy as np
@@ -91,3 +92,14 @@ def test_bands_that_would_share_a_channel_are_refused(tmp_path):
 def test_bands_must_match_the_last_axis(tmp_path):
     with pytest.raises(ValueError, match="3 bands"):
         write_radiance(tmp_path / "a.exr", np.zeros((2, 2, 4), np.float32), BANDS)
+
+
+def test_a_full_disk_is_an_error_of_the_system_that_names_the_file(tmp_path, monkeypatch):
+    def fails(self, path):
+        raise RuntimeError(f'Failed to write to "{path}". No space left on device.')
+
+    monkeypatch.setattr(OpenEXR.File, "write", fails)
+    with pytest.raises(OSError, match="No space left on device: .*a.exr'") as full:
+        write_radiance(tmp_path / "a.exr", np.ones((2, 2, 1), np.float32), ((400, 500),))
+    assert full.value.errno == errno.ENOSPC
+    assert not list(tmp_path.iterdir())

@@ -64,8 +64,14 @@ def test_levels_are_named_or_given_in_lux():
     assert illuminance_of(0.3) == 0.3
     with pytest.raises(ValueError, match="'dusk' is unknown: use one of daylight"):
         illuminance_of("dusk")
-    with pytest.raises(ValueError, match="positive"):
+    with pytest.raises(ValueError, match="lux: give between 1e-12 and 1e.09 lux"):
         illuminance_of(-1.0)
+
+
+@pytest.mark.parametrize("lux", [1e308, 1e-300, 0, -1])
+def test_light_beyond_sense_is_refused(lux):
+    with pytest.raises(ValueError, match="illuminance_lux"):
+        Light(illuminance_lux=lux)
 
 
 def test_spectrum_is_constant_beyond_its_ends_and_refuses_nonsense():

@@ -1,0 +1,71 @@
+"""What the command says of a mistake, and of what the machine refuses."""
+
+import errno
+
+import pytest
+
+from megalopta import cli
+
+
+def refused(capsys, *arguments):
+    with pytest.raises(SystemExit) as stop:
+        cli.main([str(word) for word in arguments])
+    assert stop.value.code == 2
+    told = capsys.readouterr().err
+    assert told.startswith("megalopta: ")
+    assert told.count("\n") == 1
+    return told
+
+
+def test_a_file_after_a_setting_is_the_configuration(capsys, tmp_path):
+    told = refused(capsys, "render", "--scene.trees", "200", tmp_path / "my.yaml")
+    assert "my.yaml: no such configuration" in told
+
+
+def test_a_word_that_could_be_both_is_refused(capsys):
+    told = refused(capsys, "render", "--light-levels", "twilight", "airglow")
+    assert "airglow: a value of --light_levels, or the configuration?" in told
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "the following arguments are required: VERB; see megalopta --help"),
+        (["flow"], "flow: the following arguments are required: dataset; see megalopta flow"),
+        (["check", "all"], "check: argument what: invalid choice: 'all'"),
+        (["reproduce", "fig-2.9", "--workers", "0"], "reproduce: argument --workers: '0'; give a"),
+        (["render", "--"], "--: no setting"),
+    ],
+)
+def test_a_mistyped_command_gets_one_sentence(capsys, arguments, message):
+    assert message in refused(capsys, *arguments)
+
+
+@pytest.mark.parametrize(
+    ("problem", "message"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device", "out/x.exr"), "out/x.exr: the disk is full; make room"),
+        (OSError(errno.ENOSPC, "No space left on device"), "the disk is full; make room"),
+        (PermissionError(errno.EACCES, "Permission denied", "out"), "out: not permitted; change"),
+        (FileExistsError(errno.EEXIST, "File exists", "out"), "out: a file is in the way"),
+        (MemoryError("Unable to allocate 74.5 GiB"), "the memory is too small (Unable to allocate 74.5 GiB)"),
+        (MemoryError(), "the memory is too small; ask for less"),
+    ],
+)  # fmt: skip
+def test_what_the_machine_refuses_is_told_with_file_and_remedy(
+    capsys, monkeypatch, problem, message
+):
+    def fails(words):
+        raise problem
+
+    monkeypatch.setattr(cli, "_run", fails)
+    assert message in refused(capsys, "info")
+
+
+def test_a_fault_of_ours_is_not_told_as_the_users(monkeypatch):
+    def fails(words):
+        raise OSError("no error of the system")
+
+    monkeypatch.setattr(cli, "_run", fails)
+    with pytest.raises(OSError, match="no error of the system"):
+        cli.main(["info"])

@@ -1,0 +1,68 @@
+"""Long work is not silent where there is no terminal."""
+
+import threading
+import time
+
+import pytest
+
+from megalopta import progress
+from megalopta.progress import duration, progress_line, working
+
+
+@pytest.fixture(autouse=True)
+def impatient(monkeypatch):
+    monkeypatch.setattr(progress, "INTERVAL_S", 0.05)
+
+
+def test_a_single_long_step_is_told_at_intervals(capsys):
+    with progress.progress("Rendering", 3, "frame") as advance:
+        time.sleep(0.2)
+        advance()
+        time.sleep(0.2)
+        advance(2)
+    lines = capsys.readouterr().err.splitlines()
+    assert "Rendering: 0 of 3 frames in 0 s" in lines
+    assert any(line.startswith("Rendering: 1 of 3 frames, ") for line in lines)
+    assert lines[-1].startswith("Rendering: 3 frames in 0.4 s")
+
+
+def test_only_the_innermost_work_speaks(capsys):
+    with working("render"):
+        with progress.progress("Rendering", 1, "frame") as advance:
+            time.sleep(0.2)
+            advance()
+        inner = capsys.readouterr().err
+        time.sleep(0.2)
+    assert "Rendering: 0 of 1 frames" in inner
+    assert "at work" not in inner
+    assert "render: at work for 0 s" in capsys.readouterr().err
+
+
+def test_it_is_silent_again_after_a_failure_and_leaves_no_thread(capsys):
+    threads = threading.active_count()
+    with pytest.raises(ZeroDivisionError), working("render"):
+        raise ZeroDivisionError
+    time.sleep(0.15)
+    assert capsys.readouterr().err == ""
+    assert threading.active_count() == threads
+
+
+def test_a_terminal_has_a_bar_instead(capsys, monkeypatch):
+    monkeypatch.setattr(progress.console, "_force_terminal", True)
+    with progress.progress("Rendering", 1, "frame") as advance:
+        time.sleep(0.15)
+        advance()
+    assert "Rendering: " not in capsys.readouterr().err
+
+
+def test_a_line_tells_share_rate_and_what_is_left():
+    assert progress_line(12, 300, "frame", 24) == "12 of 300 frames, 2.0 s/frame, 10 min to go"
+    assert progress_line(30, 60, "pair", 10) == "30 of 60 pairs, 3.0 pairs/s, 10 s to go"
+    assert progress_line(0, 60, "pair", 130) == "0 of 60 pairs in 2 min"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"), [(0.2, "0 s"), (90, "90 s"), (600, "10 min"), (9e3, "2 hours"), (1e6, "12 days")]
+)  # fmt: skip
+def test_durations_are_told_in_the_unit_that_fits(seconds, text):
+    assert duration(seconds) == text
