@@ -6,17 +6,17 @@ with the hash of its recipe. A recipe that fits no such file is rendered, once, 
 cache folder; one that changed makes a new file. `megalopta check panoramas` renders them again.
 """
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta import files
 from megalopta.cache import cache_folder
 from megalopta.errors import UserError
 from megalopta.flow.resize import resize
-from megalopta.folders import ensure_directory
+from megalopta.folders import locked
 from megalopta.natural_panorama import (
     LUMINANCE_BAND_NM,
     NATURAL_PANORAMAS,
@@ -56,15 +56,24 @@ def natural_templates(
     UserError
         When the cache cannot be a folder, or a file in it cannot be read.
     """
-    files = {name: panorama_file(name, recipe, cache) for name, recipe in panoramas.items()}
-    missing = [name for name, path in files.items() if not path.exists()]
-    if missing:
-        ensure_directory(files[missing[0]].parent)
-        passes = sum(panoramas[name].passes for name in missing)
-        with progress("Rendering forest panoramas", passes, "exposure") as advance:
-            for name in missing:
-                _write(files[name], panoramas[name], *render_panorama(panoramas[name], advance))
-    return {name: read_template(path) for name, path in files.items()}
+    paths = {name: panorama_file(name, recipe, cache) for name, recipe in panoramas.items()}
+    absent = [path for path in paths.values() if not path.exists()]
+    if absent:
+        with locked(absent[0].parent):
+            files.sweep(absent[0].parent)
+            _render_absent(paths, panoramas)
+    return {name: read_template(path) for name, path in paths.items()}
+
+
+def _render_absent(paths: Mapping[str, Path], panoramas: Mapping[str, NaturalPanorama]) -> None:
+    """Render what is not there, which another process may have done meanwhile."""
+    absent = [name for name, path in paths.items() if not path.exists()]
+    passes = sum(panoramas[name].passes for name in absent)
+    with progress("Rendering forest panoramas", passes, "exposure") as advance:
+        for name in absent:
+            radiance, noise = render_panorama(panoramas[name], advance)
+            attributes = _attributes(panoramas[name], noise)
+            write_radiance(paths[name], radiance, (LUMINANCE_BAND_NM,), attributes)
 
 
 def panorama_file(name: str, recipe: NaturalPanorama, cache: Path | None = None) -> Path:
@@ -131,15 +140,6 @@ def template_from_file(path: Path) -> NDArray[np.float64]:
     if not light.any():
         raise UserError(f"{path} is black; give a picture with light in it")
     return _with_mean_1(resize(light, (ROWS, round(columns * ROWS / rows)), "area"))
-
-
-def _write(
-    path: Path, recipe: NaturalPanorama, radiance: NDArray[np.float32], noise: RenderNoise
-) -> None:
-    # another process may be rendering the same one
-    own = path.with_name(f".{os.getpid()}-{path.name}")
-    write_radiance(own, radiance, (LUMINANCE_BAND_NM,), _attributes(recipe, noise))
-    own.replace(path)
 
 
 def _attributes(recipe: NaturalPanorama, noise: RenderNoise) -> dict[str, str]:
