@@ -290,7 +290,8 @@ def begin_stages(
         )
     again = [stage for stage in stages if redo and old.has(stage)]
     doomed = with_dependents([*stale, *again])
-    for needed in {need for stage in stages for need in STAGE_NEEDS[stage]}.difference(stages):
+    needs = {need for stage in stages for need in STAGE_NEEDS[stage]}
+    for needed in [stage for stage in STAGES if stage in needs.difference(stages)]:
         if needed in doomed:
             raise UserError(
                 f"{root}: --redo of {stages[0]!r} alone would remove the {needed!r} output, which "
