@@ -8,6 +8,7 @@ under a temporary name and renamed, so it is there whole or not at all.
 
 import operator
 import shutil
+import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,6 +25,7 @@ from megalopta.sensor.image_sensor import ImageSensor
 
 _IMAGE_SENSOR: TypeAdapter[ImageSensor] = TypeAdapter(ImageSensor)
 _FORMAT = "megalopta counts"
+_KINDS = {"counts": "uf", "expected": "f", "saturated": "b"}
 _CHUNK_BYTES = 4 * 2**20
 
 
@@ -79,26 +81,40 @@ def read_counts(path: str | Path) -> StoredCounts:
     FileNotFoundError
         When there is nothing of this name.
     ValueError
-        When it is something else, or lacks a part.
+        When it is something else, lacks a part or is damaged.
     """
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such counts store")
     try:
         group = zarr.open_group(path, mode="r")
-    except (OSError, ValueError) as error:
-        raise ValueError(f"{path}: not a Zarr group; give a folder of counts") from error
-    attributes: dict[str, Any] = dict(group.attrs)
+        attributes: dict[str, Any] = dict(group.attrs)
+    except Exception as problem:  # of a damaged file, anything
+        raise ValueError(f"{path}: not a Zarr group; give a folder of counts") from problem
     if attributes.get("format") != _FORMAT:
         raise ValueError(f"{path}: a Zarr group, but not one of counts; give a folder of counts")
     try:
         return StoredCounts(
-            Exposure(*(np.asarray(group[name]) for name in ("counts", "expected", "saturated"))),
+            _read_exposure(group),
             _IMAGE_SENSOR.validate_python(attributes["sensor"]),
             *(attributes[name] for name in ("seed", "sequence", "illuminance_lux", "extra")),
         )
     except KeyError as missing:
         raise ValueError(f"{path}: lacks {missing}; write the counts again") from missing
+    except Exception as problem:
+        reason = textwrap.shorten(str(problem), 200)
+        raise ValueError(f"{path}: damaged ({reason}); write the counts again") from problem
+
+
+def _read_exposure(group: zarr.Group) -> Exposure:
+    """Frames of a store, if its arrays fit together."""
+    arrays = {name: group[name] for name in _KINDS}
+    for name, array in arrays.items():
+        if not isinstance(array, zarr.Array) or array.dtype.kind not in _KINDS[name]:
+            raise ValueError(f"{name} is no array of its kind of numbers")
+        if array.ndim != 3 or array.shape != arrays["counts"].shape:
+            raise ValueError(f"{name} has shape {array.shape}, counts {arrays['counts'].shape}")
+    return Exposure(*(np.asarray(array) for array in arrays.values()))
 
 
 def _write_group(path: Path, stored: StoredCounts) -> None:
