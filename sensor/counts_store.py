@@ -108,13 +108,16 @@ def read_counts(path: str | Path) -> StoredCounts:
 
 def _read_exposure(group: zarr.Group) -> Exposure:
     """Frames of a store, if its arrays fit together."""
-    arrays = {name: group[name] for name in _KINDS}
-    for name, array in arrays.items():
-        if not isinstance(array, zarr.Array) or array.dtype.kind not in _KINDS[name]:
+    shapes, arrays = [], []
+    for name, kinds in _KINDS.items():
+        array = group[name]
+        if not isinstance(array, zarr.Array) or array.dtype.kind not in kinds:
             raise ValueError(f"{name} is no array of its kind of numbers")
-        if array.ndim != 3 or array.shape != arrays["counts"].shape:
-            raise ValueError(f"{name} has shape {array.shape}, counts {arrays['counts'].shape}")
-    return Exposure(*(np.asarray(array) for array in arrays.values()))
+        arrays.append(array)
+        shapes.append(array.shape)
+    if len(shapes[0]) != 3 or len(set(shapes)) > 1:
+        raise ValueError(f"arrays of shapes {', '.join(map(str, shapes))}")
+    return Exposure(*map(np.asarray, arrays))
 
 
 def _write_group(path: Path, stored: StoredCounts) -> None:

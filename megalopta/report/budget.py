@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from megalopta.configuration import Configuration, LightLevel
 from megalopta.dataset import Dataset
+from megalopta.errors import UserError
 from megalopta.report.footage import Footage
 from megalopta.scenes.light import illuminance_of
 from megalopta.sensor import (
@@ -87,8 +88,12 @@ def _exposed(
 ) -> Exposed:
     exposure, frames = stored.exposure, list(footage.selection.frames)
     light = footage.radiance * np.asarray(light_scale(configuration, level), np.float32)
+    try:
+        budget = _budget(configuration, light, stored, level)
+    except ValueError as problem:  # a measured map is gone
+        raise UserError(f"sensor {stored.sensor.name!r}: {problem}") from None
     return Exposed(
-        _budget(configuration, light, stored, level),
+        budget,
         footage.selection.pixels(exposure.counts[frames]),
         footage.selection.pixels(exposure.saturated[frames]),
     )
