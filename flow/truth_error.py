@@ -4,7 +4,8 @@ The error rate of the thesis (`error`) compares a method with itself; this compa
 motion that the scene really has. The true flow is averaged over the very blocks of the method,
 without the pixels where it is undefined or that are occluded in the next frame, and brought from
 pixels of the full image to pixels of the resized one. Blocks with too few such pixels are left
-out, and so are the blocks at the border.
+out, and so is the outermost block on every side, as in the error of the thesis: of a dense flow
+field, whose blocks are pixels, that is a border of 1 px.
 
 Forward flow lives on the pixels of frame t, block matching on the blocks of frame t + 1: between
 them lies the motion itself, which matters where the flow changes much over a few pixels.
@@ -33,7 +34,7 @@ class TruthError:
     """
 
     blocks: int
-    """Number of blocks and frames whose true velocity is known"""
+    """Number of blocks and frames whose true velocity is known, the outermost blocks left out"""
 
     missing_fraction: float
     """Fraction of them for which the method gave no velocity"""
@@ -131,7 +132,7 @@ def truth_error(
     true_velocities: FloatArray,
     among: NDArray[np.bool_] | None = None,
 ) -> TruthError:
-    """Return how far velocities are from the truth, on the blocks inside the border.
+    """Return how far velocities are from the truth, without the outermost block on every side.
 
     Parameters
     ----------

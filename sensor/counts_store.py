@@ -7,6 +7,7 @@ under a temporary name and renamed, so it is there whole or not at all.
 """
 
 import operator
+import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,6 +24,7 @@ from megalopta.sensor.image_sensor import ImageSensor
 
 _IMAGE_SENSOR: TypeAdapter[ImageSensor] = TypeAdapter(ImageSensor)
 _FORMAT = "megalopta counts"
+_KINDS = {"counts": "uf", "expected": "f", "saturated": "b"}
 _CHUNK_BYTES = 4 * 2**20
 
 
@@ -73,26 +75,43 @@ def read_counts(path: str | Path) -> StoredCounts:
     FileNotFoundError
         When there is nothing of this name.
     ValueError
-        When it is something else, or lacks a part.
+        When it is something else, lacks a part or is damaged.
     """
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such counts store")
     try:
         group = zarr.open_group(path, mode="r")
-    except (OSError, ValueError) as error:
-        raise ValueError(f"{path}: not a Zarr group; give a folder of counts") from error
-    attributes: dict[str, Any] = dict(group.attrs)
+        attributes: dict[str, Any] = dict(group.attrs)
+    except Exception as problem:  # of a damaged file, anything
+        raise ValueError(f"{path}: not a Zarr group; give a folder of counts") from problem
     if attributes.get("format") != _FORMAT:
         raise ValueError(f"{path}: a Zarr group, but not one of counts; give a folder of counts")
     try:
         return StoredCounts(
-            Exposure(*(np.asarray(group[name]) for name in ("counts", "expected", "saturated"))),
+            _read_exposure(group),
             _IMAGE_SENSOR.validate_python(attributes["sensor"]),
             *(attributes[name] for name in ("seed", "sequence", "illuminance_lux", "extra")),
         )
     except KeyError as missing:
         raise ValueError(f"{path}: lacks {missing}; write the counts again") from missing
+    except Exception as problem:
+        reason = textwrap.shorten(str(problem), 200)
+        raise ValueError(f"{path}: damaged ({reason}); write the counts again") from problem
+
+
+def _read_exposure(group: zarr.Group) -> Exposure:
+    """Frames of a store, if its arrays fit together."""
+    shapes, arrays = [], []
+    for name, kinds in _KINDS.items():
+        array = group[name]
+        if not isinstance(array, zarr.Array) or array.dtype.kind not in kinds:
+            raise ValueError(f"{name} is no array of its kind of numbers")
+        arrays.append(array)
+        shapes.append(array.shape)
+    if len(shapes[0]) != 3 or len(set(shapes)) > 1:
+        raise ValueError(f"arrays of shapes {', '.join(map(str, shapes))}")
+    return Exposure(*map(np.asarray, arrays))
 
 
 def _write_group(path: Path, stored: StoredCounts) -> None:

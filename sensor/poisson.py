@@ -1,4 +1,7 @@
-"""Poisson counts, drawn several times faster than NumPy does, for means that differ by draw.
+"""Poisson counts, drawn faster than NumPy does for means below some thousands.
+
+Two to seven times as fast where all means are equal, twice where they differ from draw to draw,
+and 0.6 times as fast at means of 10⁵.
 
 A Poisson count is the sum of independent ones whose means add up. The mean is cut into multiples of
 4096, of 64 and of 1/8, and a rest. The multiples have tables: inversion of the distribution

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from megalopta.configuration import Configuration, LightLevel
 from megalopta.dataset import Dataset
+from megalopta.errors import UserError
 from megalopta.noise_warning import variances
 from megalopta.report.footage import Footage
 from megalopta.report.records import Record
@@ -101,7 +102,10 @@ def _exposed(
     exposure, frames = stored.exposure, list(footage.selection.frames)
     scale = light_scale(configuration, level)
     light = footage.radiance * scale.astype(np.float32)
-    budget = _budget(configuration, light, stored, level)
+    try:
+        budget = _budget(configuration, light, stored, level)
+    except ValueError as problem:  # a measured map is gone
+        raise UserError(f"sensor {stored.sensor.name!r}: {problem}") from None
     if "covariance" in noise:
         rendering, shot, _ = variances(noise, configuration, stored.sensor, scale)
         relative = math.sqrt(max(rendering, 0.0) / shot) if shot else math.inf

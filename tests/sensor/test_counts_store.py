@@ -1,3 +1,4 @@
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -74,6 +75,61 @@ def test_store_that_lacks_an_attribute_is_refused_with_its_name(tmp_path, stored
     del zarr.open_group(tmp_path / "s.zarr").attrs["seed"]
     with pytest.raises(ValueError, match=r"s\.zarr: lacks 'seed'"):
         read_counts(tmp_path / "s.zarr")
+
+
+def tamper(path, **changes):
+    values = json.loads(path.read_text())
+    path.write_text(json.dumps({**values, **changes}))
+
+
+@pytest.mark.parametrize("part", ["counts", "expected", "saturated"])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"shape": [5, 12, 13]},
+        {"shape": [50_000_000, 12_000, 12_000]},
+        {"shape": [5, 144]},
+        {"shape": "wide"},
+        {"data_type": "int8"},
+        {"data_type": "complex64"},
+        {"data_type": "string"},
+        {"codecs": []},
+        {"node_type": "group"},
+        {"zarr_format": 9},
+        {"chunk_grid": {"name": "regular", "configuration": {"chunk_shape": [0, 1, 1]}}},
+    ],
+)
+def test_tampered_array_is_refused_in_one_sentence(tmp_path, stored, part, changes):
+    write_counts(tmp_path / "s.zarr", stored)
+    tamper(tmp_path / "s.zarr" / part / "zarr.json", **changes)
+    with pytest.raises(
+        ValueError, match=r"s\.zarr: (damaged|lacks) .*; write the counts again"
+    ) as no:
+        read_counts(tmp_path / "s.zarr")
+    assert "\n" not in str(no.value)
+
+
+@pytest.mark.parametrize("part", ["", "counts", "expected"])
+@pytest.mark.parametrize("keep", [0, 1, 100, -2])
+def test_truncated_description_is_refused(tmp_path, stored, part, keep):
+    write_counts(tmp_path / "s.zarr", stored)
+    path = tmp_path / "s.zarr" / part / "zarr.json"
+    path.write_bytes(path.read_bytes()[:keep])
+    with pytest.raises(ValueError, match=r"s\.zarr: (damaged|lacks|not a Zarr group)") as no:
+        read_counts(tmp_path / "s.zarr")
+    assert "\n" not in str(no.value)
+
+
+def test_damaged_chunk_and_sensor_are_refused(tmp_path, stored):
+    for name in ("a.zarr", "b.zarr"):
+        write_counts(tmp_path / name, stored)
+    chunk = next(path for path in (tmp_path / "a.zarr/counts/c").rglob("*") if path.is_file())
+    chunk.write_bytes(chunk.read_bytes()[:9])
+    zarr.open_group(tmp_path / "b.zarr").attrs["sensor"] = {"kind": "spad", "pitch_m": -1}
+    for name in ("a.zarr", "b.zarr"):
+        with pytest.raises(ValueError, match=rf"{name}: damaged .*; write the counts again") as no:
+            read_counts(tmp_path / name)
+        assert "\n" not in str(no.value)
 
 
 def test_paths_may_be_text_and_names_numpy_integers(tmp_path, stored):

@@ -1,0 +1,194 @@
+"""Measured devices through the command line."""
+
+import hashlib
+import os
+import pickle
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from megalopta.cli import main
+from megalopta.configuration import load
+from megalopta.dataset import open_dataset
+from megalopta.errors import UserError
+from megalopta.sensor import read_counts
+from megalopta.stages import run_all, run_stage
+
+from .conftest import TINY
+
+EXAMPLE = Path(__file__).parents[2] / "docs/example_device"
+SHAPE = (40, 48)
+
+
+@pytest.fixture(scope="module")
+def rendered(tmp_path_factory):
+    root = tmp_path_factory.mktemp("rendered") / "data"
+    short = load("grating", {**TINY, "trajectory.frames": "3"})
+    return run_stage(root, short, "render").root
+
+
+@pytest.fixture
+def folder(rendered, tmp_path, monkeypatch):
+    """The working folder: a rendered dataset, a device and its dark counts."""
+    shutil.copytree(rendered, tmp_path / "data")
+    np.save(tmp_path / "dark.npy", np.ones((50, 50)))
+    write(tmp_path, {"dark_counts": {"path": "dark.npy"}, "fit": "center"})
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def write(folder, measured, **changes):
+    device = {"preset": "spadcam", "name": "mine", "measured": measured, **changes}
+    (folder / "device.yaml").write_text(yaml.safe_dump(device))
+
+
+def content(root):
+    return {
+        str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(root.rglob("*"))
+        if path.is_file() and path.name != "timings.json"
+    }
+
+
+def sense(*arguments):
+    main(["sense", "data", "--sensors", "[device.yaml]", "--light-levels", "1e-9", *arguments])
+
+
+def counts(root):
+    return read_counts(next((root / "counts/grating").iterdir()))
+
+
+def refusal(capsys, *arguments):
+    """What the command says before it exits with 2."""
+    capsys.readouterr()
+    with pytest.raises(SystemExit) as end:
+        sense(*arguments)
+    assert end.value.code == 2
+    said = capsys.readouterr().err
+    assert said.startswith("megalopta: sense: sensor 'mine': ") or "device.yaml" in said
+    assert said.count("\n") == 1
+    assert "MapFile" not in said
+    return said
+
+
+def test_the_example_device_is_sensed_with_the_middle_of_its_maps(folder):
+    level = ["--light-levels", "1e-9"]  # so dark that only dark counts remain
+    main(["sense", "data", "--sensors", str(EXAMPLE / "device.yaml"), *level])
+    dark_hz = np.load(EXAMPLE / "dark_counts_hz.npy")[44:84, 40:88]
+    expected = counts(folder / "data").exposure.expected
+    # a paralyzable dead time of 1 µs; at its ends an exposure loses less, by 1e-5
+    np.testing.assert_allclose(expected[0], 0.1 * dark_hz * np.exp(-1e-6 * dark_hz), rtol=1e-4)
+
+
+def test_the_readme_shows_the_example_device_as_it_is():
+    readme = (EXAMPLE.parents[1] / "README.md").read_text("utf-8")
+    shown = "".join(
+        f"    {line}\n" for line in (EXAMPLE / "device.yaml").read_text().splitlines()[1:]
+    )
+    assert shown in readme
+
+
+def test_the_dataset_describes_the_device_without_its_yaml_and_curve(folder, monkeypatch):
+    (folder / "pde.csv").write_text("400,0.1\n700,0.2\n")
+    maps = {"dark_counts": "dark.npy", "fit": "top_left"}
+    write(folder, maps, efficiency={"path": "pde.csv"})
+    sense()
+    before = content(folder / "data")
+    for name in ("device.yaml", "pde.csv"):
+        (folder / name).unlink()
+    (sensor,) = open_dataset(folder / "data").configuration.sensors
+    assert sensor.measured.dark_counts.path == str(folder / "dark.npy")
+    assert sensor.efficiency.values == (0.1, 0.2)
+    monkeypatch.chdir(os.sep)
+    main(["sense", str(folder / "data")])
+    assert content(folder / "data") == before
+    main(["sense", str(folder / "data"), "--redo"])
+    assert content(folder / "data") == before
+
+
+def test_a_curve_may_be_given_on_the_command_line(folder):
+    (folder / "pde.csv").write_text("400,0.1\n700,0.2\n")
+    sense()
+    main(["sense", "data", "--sensors.0.efficiency", "{path: pde.csv}", "--redo"])
+    assert counts(folder / "data").sensor.efficiency.wavelengths_nm == (400, 700)
+
+
+def bytes_of(values, **options):
+    np.save("x.npy", values, **options)
+    return Path("x.npy").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: bytes_of(np.ones((50, 50))), r"has 50 × 50, the image 40 × 48 .*set measured.fit"),
+        (lambda: bytes_of(np.ones((16, 16))), "has 16 × 16, the image 40 × 48 .*lower camera"),
+        (lambda: bytes_of(np.full(SHAPE, np.nan)), "not finite"),
+        (lambda: bytes_of(np.full(SHAPE, -1.0)), "below 0"),
+        (lambda: bytes_of(np.full(SHAPE, 1e30)), "Hz in the worst pixel"),
+        (lambda: bytes_of(np.full(SHAPE, "a")), "plain numbers"),
+        (lambda: bytes_of(np.full(SHAPE, {}), allow_pickle=True), "plain numbers"),
+        (lambda: pickle.dumps(np.ones(SHAPE)), "plain numbers"),
+        (lambda: bytes_of(np.ones(SHAPE))[:-1], "plain numbers"),
+        (lambda: bytes_of(np.ones(SHAPE))[:50], "plain numbers"),
+        (lambda: b"", "plain numbers"),
+        (lambda: b"\x93NUMPY\x01\x00\x10\x00{'descr': (((((((", "plain numbers"),
+    ],
+)
+def test_a_bad_map_is_refused_before_anything_is_removed(folder, capsys, make, message):
+    sense()
+    before = content(folder / "data")
+    (folder / "dark.npy").write_bytes(make())
+    write(folder, {"dark_counts": {"path": "dark.npy"}})
+    said = refusal(capsys, "--redo")
+    assert re.search(message, said), said
+    assert content(folder / "data") == before
+
+
+def test_a_missing_map_is_refused(folder, capsys):
+    (folder / "dark.npy").unlink()
+    assert "dark.npy cannot be read (no such file or directory)" in refusal(capsys)
+
+
+def test_a_map_that_changed_since_is_refused(folder, capsys):
+    sense()
+    before = content(folder / "data")
+    np.save(folder / "dark.npy", np.zeros((50, 50)))
+    with pytest.raises(SystemExit):
+        main(["sense", "data", "--redo"])
+    assert "dark.npy has changed since it was first read" in capsys.readouterr().err
+    assert content(folder / "data") == before
+
+
+def test_a_report_names_a_map_that_is_gone(folder, capsys):
+    sense()
+    (folder / "dark.npy").unlink()
+    with pytest.raises(SystemExit) as end:
+        main(["report", "data"])
+    assert end.value.code == 2
+    assert "dark.npy cannot be read (no such file" in capsys.readouterr().err
+
+
+def test_rendering_does_not_ask_whether_sensors_could_expose(tmp_path):
+    over = {**TINY, "trajectory.frames": "2", "trajectory.frame_rate_hz": "30"}
+    fast = load("grating", over)
+    run_stage(tmp_path / "data", fast, "render")
+    with pytest.raises(UserError, match=r"sense: sensor 'spadcam': exposure_s 0\.1 .*0\.0333"):
+        run_stage(tmp_path / "data", fast, "sense")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"trajectory.frame_rate_hz": "30"}, "exposure_s 0.1 is longer than a frame"),
+        ({"render.bands_nm": "[[1000, 1200]]"}, "1000–1200 nm reaches outside the efficiency"),
+    ],
+)
+def test_a_demo_that_cannot_be_sensed_is_refused_before_any_work(tmp_path, change, message):
+    with pytest.raises(UserError, match=f"sense: sensor 'spadcam': .*{message}"):
+        run_all(tmp_path / "data", load("grating", {**TINY, **change}))
+    assert not (tmp_path / "data").exists()
