@@ -46,9 +46,9 @@ def detection_figure(
         caption=(
             f"Textures of {100 * CONTRAST:g} % rms contrast move by "
             f"{SPEED_COLUMNS * SIZE / COLUMNS:.2f} px per frame, with {DARK_COUNTS:.2f} dark "
-            f"counts per pixel; each block of {SIZE // 10} × {SIZE // 10} px in frames of {SIZE} × {SIZE} "
-            "px has one response, a velocity or a mean, but PC one for the whole frame. The "
-            "measure d′ is √2·Φ⁻¹(area under the ROC), which "
+            f"counts per pixel; each block of {SIZE // 10} × {SIZE // 10} px in frames of "
+            f"{SIZE} × {SIZE} px has one response, a velocity or a mean, but PC one for the whole "
+            "frame. The measure d′ is √2·Φ⁻¹(area under the ROC), which "
             f"{RESPONSES:,} responses limit to {_limit():.1f} (dotted); NDM and NDS do not depend "
             "on direction. A false alarm exceeds half of the median noise-free response to motion; "
             f"the ROC is that at {format_flux(shown)} photons per frame."
