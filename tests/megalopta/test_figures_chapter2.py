@@ -13,9 +13,10 @@ from megalopta.sensor.presets import TABLE_2_1
 
 
 @pytest.mark.parametrize("name", CHAPTER_2)
-def test_figure_is_drawn_with_its_numbers(name, tmp_path):
+def test_figure_is_drawn_with_its_numbers(name, tmp_path, check_words):
     figure = CHAPTER_2[name]()
     assert figure.name == name
+    check_words(figure)
     paths = write_figure(figure, tmp_path)
     assert [path.suffix for path in paths] == [".png", ".svg", ".csv", ".json"]
     assert paths[2].read_text("utf-8").count("\n") == len(figure.rows) + 1

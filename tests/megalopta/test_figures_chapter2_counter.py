@@ -18,9 +18,10 @@ STEPS = pytest.mark.parametrize("step_v", [10e-3, 30e-3])
 
 
 @pytest.mark.parametrize("name", COUNTER)
-def test_figure_is_drawn_with_its_numbers(name, tmp_path):
+def test_figure_is_drawn_with_its_numbers(name, tmp_path, check_words):
     figure = FIGURES[name]()
     assert figure.name == name
+    check_words(figure)
     csv = write_figure(figure, tmp_path)[2]
     assert csv.read_text("utf-8").count("\n") == len(figure.rows) + 1
 

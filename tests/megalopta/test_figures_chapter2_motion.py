@@ -12,9 +12,10 @@ def test_registry_holds_the_figures_of_section_2_4_8():
 
 
 @pytest.mark.parametrize("name", [*MOTION, *TRANSFER])
-def test_figure_is_drawn_with_its_numbers(name, tmp_path):
+def test_figure_is_drawn_with_its_numbers(name, tmp_path, check_words):
     figure = FIGURES[name]()
     assert figure.name == name
+    check_words(figure)
     for noise in ("poisson_noise_only_", "spadcam_"):
         assert any(column.startswith(noise) for column in figure.columns)
     csv = write_figure(figure, tmp_path)[2]

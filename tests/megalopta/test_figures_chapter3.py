@@ -22,9 +22,10 @@ def column(name, index):
 
 
 @pytest.mark.parametrize("name", CHAPTER_3)
-def test_figure_draws_labeled_axes_that_are_not_empty(name):
+def test_figure_draws_labeled_axes_that_are_not_empty(name, check_words):
     one = figure(name)
     assert one.name == name
+    check_words(one)
     with house_style():
         canvas = new_canvas(one.title, one.caption, one.height_in)
         one.draw(canvas)

@@ -3,7 +3,6 @@
 import csv
 import json
 import math
-import re
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -306,24 +305,10 @@ def test_quick_figures_leave_whole_ones_as_they_are(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("is_quick", [False, True])
 @pytest.mark.parametrize("name", [name for name in CHAPTER_4 if name != "table-4.times"])
-def test_captions_have_at_most_three_sentences(name, is_quick):
+def test_words_name_the_figure_and_are_few(name, is_quick, check_words):
     trials, rng = CHAPTER_4[name].trials(is_quick), np.random.default_rng(0)
     pixels = {each: rng.uniform(1, 2, (251, 502)) for each in {t.template for t in trials}}
-    figure = CHAPTER_4[name].figure(is_quick, results(trials), pixels)
-    assert 1 <= sentences(figure.caption) <= 3
-
-
-def sentences(text):
-    return len(re.findall(r"(?<!Eq)[.?!](?= [A-Z(]|$)", text))
-
-
-def test_titles_name_the_figure_of_the_dissertation():
-    for name, plan in CHAPTER_4.items():
-        number = re.fullmatch(r"(fig|table)-(\d+\.\d+)", name)
-        if number:
-            kind = {"fig": "Figure", "table": "Table"}[number[1]]
-            title = SWEEPS[name].title if name in SWEEPS else drawn(plan).title
-            assert title.startswith(f"{kind} {number[2]}: ")
+    check_words(CHAPTER_4[name].figure(is_quick, results(trials), pixels))
 
 
 def test_groups_and_figures_of_chapter_4_are_known_by_name(tmp_path):
