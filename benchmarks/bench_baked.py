@@ -5,8 +5,8 @@ that of baked frames is their spread plus their mean difference from path tracin
 equal primary rays, so that the difference converges much sooner than either image.
 
 Errors are relative to the mean of the image, which the sky dominates: it is about eight times that
-of the surfaces. They are no accuracy of the light on surfaces, which is 14 % RMS off with the demo's
-settings (median 8 %, one in twenty by more than 28 %), alike in all frames.
+of the surfaces. They are no accuracy of the light on surfaces, which is 14 % RMS off with the
+demo's settings (median 8 %, one in twenty by more than 28 %), alike in all frames.
 
 Measured in LLVM mode with 32 paths per cell, at 80 px:
 

@@ -79,8 +79,8 @@ def photons(dataset: Dataset, path: Path) -> None:
         "filled: ratio of sums, open: mean of ratios (Eq. 4.5), which near-zero responses dominate"
     )
     axis.set_title(
-        f"{dataset.configuration.scene.preset.capitalize()} forest of the demo; lines: photons of "
-        f"an ideal sensor in {ideal.exposure_s:g} s",
+        f"The demo's forest of {dataset.configuration.scene.trees} trees; gray: photons that an "
+        f"ideal sensor detects in {ideal.exposure_s:g} s",
         loc="left",
         pad=22,
         fontsize=10,

@@ -11,8 +11,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from megalopta import figures_leaderboard, leaderboard
 from megalopta.flow.methods import METHODS
-from megalopta.flow.threshold import format_flux
 from megalopta.flow.stimulus import MovingTemplate
+from megalopta.flow.threshold import format_flux
 from megalopta.flow.translation_bound import translation_information
 from megalopta.plot_style import house_style, new_canvas
 
