@@ -75,8 +75,15 @@ def photons(dataset: Dataset, path: Path) -> None:
         axis.annotate(name, (flux, 1.01), xycoords=("data", "axes fraction"), ha="center")
     axis.set_xscale("log")
     axis.set_xlabel(
-        "photons per frame of 120 × 120 px for an error of 25 % (N_2b)\n"
+        "photons per frame of 120 × 120 px for an error of 25\N{NO-BREAK SPACE}% (N_2b)\n"
         "filled: ratio of sums, open: mean of ratios (Eq. 4.5), which near-zero responses dominate"
+    )
+    axis.set_title(
+        f"The demo's forest of {dataset.configuration.scene.trees} trees; gray: photons that an "
+        f"ideal sensor detects in {ideal.exposure_s:g} s",
+        loc="left",
+        pad=22,
+        fontsize=10,
     )
     axis.spines[["top", "right"]].set_visible(False)
     axis.grid(axis="x", alpha=0.3)

@@ -244,7 +244,7 @@ def figure_2_11() -> Figure:
                 "nearly 150 mV",
             ),
             Printed("Bias for equal efficiency, σ", f"{1e3 * offsets.std():.0f} mV", "42 mV"),
-            Printed("Largest efficiency", f"{largest:.2f} %", "below 1 % at about 1 V excess"),
+            Printed("Largest efficiency", f"{largest:.2f} %", "below 1 % at about 1 V"),
         ),
         draw=draw,
         columns=("anode_v", *(f"pixel_{pixel}" for pixel in range(PIXELS))),

@@ -79,7 +79,7 @@ def figure_2_14() -> Figure:
             ),
             *(
                 Printed(
-                    f"Mean counts, first and last frame, {name}",
+                    f"First and last mean, {name}",
                     f"{shown[0].mean():.0f} and {shown[-1].mean():.0f}",
                     "—",
                 )

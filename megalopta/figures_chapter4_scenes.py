@@ -58,9 +58,9 @@ def figure_4_2() -> Figure:
         title="Figure 4.2: 2-D sine grating, 4 cycles per frame, 60 × 60 px",
         caption=(
             "The grating is S = 1 + C·sin(2πf·xr)·sin(2πf·yr) in coordinates turned by 45°, with "
-            "C = 1 and nearest-neighbor pooling. The dissertation's rotation (rot) moves √2·f cycles "
-            "per frame, no whole number, so that a circular shift drags a seam along; the other "
-            "variant (periodic) has f cycles and no seam."
+            "C = 1 and nearest-neighbor pooling. The dissertation's rotation (rot) moves √2·f "
+            "cycles per frame, no whole number, so that a circular shift drags a seam along; the "
+            "other variant (periodic) has f cycles and no seam."
         ),
         draw=draw,
         columns=("row", "column", *(f"brightness_{variant}" for variant in _VARIANTS)),

@@ -64,7 +64,7 @@ _LINE_IN = 0.168
 _CHARACTERS = 100
 _TITLE_SIZE = 13
 _TITLE_LINE_IN = 0.24
-_TITLE_CHARACTERS = 58
+_TITLE_CHARACTERS = 62
 _MARGIN_IN = 0.12
 _TABLE_COLUMNS_IN = (_MARGIN_IN, 3.3, 5.1)
 
@@ -134,7 +134,7 @@ def new_canvas(
 def wrapped(text: str, characters: int) -> list[str]:
     """Return the lines of a text; no number is parted from its unit."""
     held = re.sub(r"(?<=[\d×=]) (?=\S)| (?=[×=%])", "\N{NO-BREAK SPACE}", text)
-    return textwrap.wrap(held, characters)
+    return textwrap.wrap(held, characters, break_on_hyphens=False)
 
 
 def draw_table(

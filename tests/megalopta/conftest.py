@@ -1,3 +1,5 @@
+import re
+
 import pytest
 
 from megalopta.configuration import load
@@ -20,3 +22,18 @@ TINY = {
 def tiny():
     """A grating sequence that takes a second to render."""
     return load("grating", TINY)
+
+
+@pytest.fixture(scope="session")
+def check_words():
+    """Refuses a figure without the dissertation's number, or with a caption of over 3 sentences."""
+
+    def check(figure):
+        number = re.fullmatch(r"(fig|table)-(\d+\.\d+)", figure.name)
+        if number:
+            kind = {"fig": "Figure", "table": "Table"}[number[1]]
+            assert figure.title.startswith(f"{kind} {number[2]}: ")
+        sentences = re.findall(r"(?<!Eq)[.?!](?= [A-Z(]|$)", figure.caption)
+        assert 1 <= len(sentences) <= 3
+
+    return check

@@ -17,13 +17,11 @@ BOTTOM_V = 0.1
 STEPS = pytest.mark.parametrize("step_v", [10e-3, 30e-3])
 
 
-@pytest.mark.parametrize(("name", "printed"), [("fig-2.7", "10 mV"), ("fig-2.8", "30 mV")])
-def test_figure_is_drawn_with_its_numbers_and_those_printed(name, printed, tmp_path):
+@pytest.mark.parametrize("name", COUNTER)
+def test_figure_is_drawn_with_its_numbers(name, tmp_path, check_words):
     figure = FIGURES[name]()
     assert figure.name == name
-    # §2.4.2
-    assert f"about {printed}" in figure.caption
-    assert "printed: above 0.99" in figure.caption
+    check_words(figure)
     csv = write_figure(figure, tmp_path)[2]
     assert csv.read_text("utf-8").count("\n") == len(figure.rows) + 1
 

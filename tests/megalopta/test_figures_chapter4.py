@@ -154,7 +154,7 @@ def test_open_interval_has_no_limit_in_numbers_nor_in_print():
 @pytest.mark.parametrize("name", ["fig-4.5", "fig-4.7", "fig-4.9", "fig-4.12"])
 def test_sweep_is_drawn_in_panels_and_its_numbers_are_those_of_the_trials(name):
     sweep = SWEEPS[name]
-    figure = sweep_figure(name, sweep, results(sweep.trials), "")
+    figure = sweep_figure(name, sweep, results(sweep.trials))
     assert len(figure.rows) == len(sweep.trials) * 2 * len(METHODS)
     with house_style():
         canvas = new_canvas(figure.title, figure.caption, figure.height_in)
@@ -174,10 +174,40 @@ def test_sweep_says_what_is_fixed_and_which_points_are_missing():
         for curve in found[missing]
     )
     caption = sweep_figure("sweep", sweep, found).caption
-    assert "the error (Eq. 4.5) falls to 25 %, with 95% intervals" in caption
-    assert "grating (rot) of 5 cycles per frame and 90% contrast" in caption
-    assert caption.endswith("No point: IM at 5 (N = 120): undefined.")
+    assert "grating of 5 cycles per frame and 90 % contrast" in caption
+    assert "there is none for IM at 5 (N = 120) (undefined)." in caption
     assert "px per frame" not in caption
+
+
+@pytest.mark.parametrize(
+    ("vary", "values", "told", "untold"),
+    [
+        ("template.contrast", (0.5, 0.9), "5 cycles per frame", "% contrast"),
+        ("template.cycles_per_frame", (3, 5), "90 % contrast", "cycles per frame"),
+        ("template.variant", ("rot", "periodic"), "5 cycles per frame and 90 % contrast", "(rot"),
+        ("search.dark_counts", (1, 10), "by 5 px per frame", "0.1 dark"),
+        ("velocity_px", (1, 5), "0.1 dark counts", "px per frame"),
+    ],
+)
+def test_varying_one_field_of_a_template_leaves_the_others_told(vary, values, told, untold):
+    sweep = Sweep(vary=vary, values=values)
+    caption = sweep_figure("sweep", sweep, results(sweep.trials)).caption
+    assert told in caption
+    assert untold not in caption
+
+
+@pytest.mark.parametrize(
+    ("fields", "size"),
+    [
+        ({"trial": Trial(size=120)}, "120 × 120 px"),
+        ({"sizes": (240,)}, "240 × 240 px"),
+        ({"sizes": (60, 240)}, "N × N px"),
+        ({"vary": "size", "values": (60, 120)}, "N × N px"),
+    ],
+)
+def test_caption_states_the_size_of_frames(fields, size):
+    sweep = Sweep(**fields)
+    assert f"brought to {size}." in sweep_figure("sweep", sweep, results(sweep.trials)).caption
 
 
 @pytest.mark.parametrize(("top", "labels"), [(1.05, True), (8, True), (1000, False)])
@@ -187,7 +217,7 @@ def test_short_axes_have_labels_between_the_decades(top, labels):
     found = {trial: curves(lambda name, flux=flux: flux) for trial, flux in fluxes.items()}
     with house_style():
         canvas = new_canvas("", "", 4)
-        sweep_figure("sweep", sweep, found, "").draw(canvas)
+        sweep_figure("sweep", sweep, found).draw(canvas)
         canvas.draw_without_rendering()
     minor = [label.get_text() for label in canvas.axes[0].get_yticklabels(minor=True)]
     assert any(minor) == labels
@@ -205,11 +235,25 @@ def test_error_diverges_with_the_logarithm_of_the_floor_where_responses_pass_zer
 
 def test_page_shows_the_table_and_the_figures(tmp_path):
     sweep = SWEEPS["fig-4.9"]
-    other = sweep_figure("fig-4.9", sweep, results(sweep.trials), "Its caption.")
+    said = ("BM gains.", "And IIA < EMD.")
+    other = sweep_figure("fig-4.9", sweep, results(sweep.trials), said)
     text = write_page(tmp_path, [other, drawn(TABLE_4_1)]).read_text("utf-8")
     assert text.count("<tr>") == 1 + 3 * len(PRINTED)
     assert "1.20" in text  # 100k / 83k
     assert 'src="fig-4.9.svg"' in text
+    assert "BM gains. And IIA &lt; EMD." in text
+    assert "Quick form" not in text
+
+
+def test_page_tells_no_finding_that_no_figure_has(tmp_path):
+    table = replace(drawn(TABLE_4_1), findings=())
+    text = write_page(tmp_path, [table]).read_text("utf-8")
+    assert "What this run shows" not in text
+
+
+def test_page_of_the_quick_form_says_so(tmp_path):
+    text = write_page(tmp_path, [drawn(CHAPTER_4["table-4.1"], is_quick=True)]).read_text("utf-8")
+    assert "Quick form" in text
 
 
 def test_chapter_4_is_written_and_measured_once(tmp_path, monkeypatch):
@@ -232,22 +276,39 @@ def test_chapter_4_is_written_and_measured_once(tmp_path, monkeypatch):
         "chapter-4.html",
     }
     assert all(path.is_file() for path in paths)
-    record = json.loads((tmp_path / "fig-4.9.json").read_text("utf-8"))
+    assert {path.parent for path in paths} == {tmp_path / "quick"}
+    record = json.loads((tmp_path / "quick" / "fig-4.9.json").read_text("utf-8"))
     assert record["sweep"]["vary"] == "size"
     assert record["quick"] is True
-    assert record["caption"].startswith("Quick form")
-    with (tmp_path / "fig-4.9.csv").open(newline="", encoding="utf-8") as file:
+    assert "quick form" in record["title"]
+    with (tmp_path / "quick" / "fig-4.9.csv").open(newline="", encoding="utf-8") as file:
         assert len(list(csv.DictReader(file))) == len(record["rows"])
 
 
 @pytest.mark.parametrize("name", ["fig-4.8", "fig-4.11", "table-4.1"])
-def test_only_the_quick_form_says_so_and_it_claims_no_findings(name):
+def test_only_the_quick_form_says_so(name):
     quick, whole = (drawn(CHAPTER_4[name], is_quick) for is_quick in (True, False))
-    assert quick.caption.startswith("Quick form")
+    assert "quick form" in quick.title
     assert quick.details["quick"] is True
-    assert "N = 240" not in quick.caption
-    assert "Quick" not in whole.caption
+    assert "quick" not in whole.title
     assert "quick" not in whole.details
+
+
+def test_quick_figures_leave_whole_ones_as_they_are(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "run", lambda trials, *_: results(trials))
+    monkeypatch.setattr(module, "pixels_of", pictures)
+    whole = {path: path.read_bytes() for path in reproduce(["fig-4.9"], tmp_path)}
+    quick = reproduce(["fig-4.9"], tmp_path, is_quick=True)
+    assert not set(quick) & set(whole)
+    assert {path: path.read_bytes() for path in whole} == whole
+
+
+@pytest.mark.parametrize("is_quick", [False, True])
+@pytest.mark.parametrize("name", [name for name in CHAPTER_4 if name != "table-4.times"])
+def test_words_name_the_figure_and_are_few(name, is_quick, check_words):
+    trials, rng = CHAPTER_4[name].trials(is_quick), np.random.default_rng(0)
+    pixels = {each: rng.uniform(1, 2, (251, 502)) for each in {t.template for t in trials}}
+    check_words(CHAPTER_4[name].figure(is_quick, results(trials), pixels))
 
 
 def test_groups_and_figures_of_chapter_4_are_known_by_name(tmp_path):

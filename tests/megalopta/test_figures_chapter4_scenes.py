@@ -27,8 +27,9 @@ def templates(monkeypatch):
     return forests
 
 
-def test_forests_are_drawn_with_their_statistics(templates, tmp_path):
+def test_forests_are_drawn_with_their_statistics(templates, tmp_path, check_words):
     figure = FIGURES["fig-4.3"]()
+    check_words(figure)
     for path in write_figure(figure, tmp_path):
         assert path.stat().st_size > 0
     rows = {

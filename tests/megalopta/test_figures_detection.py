@@ -68,7 +68,8 @@ def test_threshold_of_a_method_that_takes_counts_is_half_of_its_response_to_brig
     assert detection_sweep._threshold(method) == pytest.approx(np.median(responses) / 2, rel=0.01)
 
 
-def test_figure_is_registered_and_drawn(figure, tmp_path):
+def test_figure_is_registered_and_drawn(figure, tmp_path, check_words):
     assert FIGURES["detection"] is detection_figure
+    check_words(figure)
     for path in write_figure(figure, tmp_path):
         assert path.stat().st_size > 0

@@ -12,6 +12,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from megalopta import figures_leaderboard, leaderboard
 from megalopta.flow.methods import METHODS
 from megalopta.flow.stimulus import MovingTemplate
+from megalopta.flow.threshold import format_flux
 from megalopta.flow.translation_bound import translation_information
 from megalopta.plot_style import house_style, new_canvas
 
@@ -63,7 +64,7 @@ _SHOWN = ("IIA", "PM")
 
 
 @pytest.mark.parametrize("name", figures_leaderboard.LIMIT)
-def test_figures_are_drawn_with_their_numbers(name, clean, monkeypatch):
+def test_figures_are_drawn_with_their_numbers(name, clean, monkeypatch, check_words):
     monkeypatch.setattr(figures_leaderboard, "sequences", lambda: clean)
     monkeypatch.setattr(figures_leaderboard, "OURS", ("PM",))
     monkeypatch.setattr(figures_leaderboard, "EFFICIENCY_FLUXES", (1e6, 1e7))
@@ -75,12 +76,24 @@ def test_figures_are_drawn_with_their_numbers(name, clean, monkeypatch):
         figure.draw(canvas)
         canvas.draw_without_rendering()
     assert figure.name == name
+    check_words(figure)
     assert canvas.axes[0].get_xlabel().startswith("Photons per frame")
     assert len(figure.rows) == 2
     if name == "leaderboard":
         assert figure.rows[-1][0] == "IIA"
         assert np.isinf(figure.rows[-1][3])
-        assert figure.rows[0][4] < figure.rows[0][3] < figure.rows[0][5]
+        photons, in_all, low, high = figure.rows[0][3:7]
+        assert low < photons < high
+        assert in_all == 2 * photons
+
+
+def test_caption_tells_which_methods_collect_more_than_two_frames(entries):
+    found = figures_leaderboard._collected(list(entries.values()))
+    total = format_flux(8 * entries["PPM"].photons)
+    assert found.startswith(f"Pooled Poisson matching collects 8 frames ({total} photons in total)")
+    assert "Poisson matching collects 2" not in found
+    without = [entries["PM"], entries["BM"]]
+    assert figures_leaderboard._collected(without) == "All methods collect two frames."
 
 
 def test_speed_is_that_of_the_stimulus():
