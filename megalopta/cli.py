@@ -17,6 +17,7 @@ from megalopta import __version__
 from megalopta.configuration import Configuration, built_in_names, load, parse
 from megalopta.dataset import open_dataset
 from megalopta.errors import UserError, machine_problem
+from megalopta.estimate import announce_sweep
 from megalopta.info import describe
 from megalopta.overrides import settings_help, split_overrides
 from megalopta.progress import say, working
@@ -153,6 +154,7 @@ def _sweep(options: argparse.Namespace, overrides: dict[str, str]) -> None:
     from megalopta.reproduce import reproduce_sweep
 
     sweep = load_sweep(options.sweep, overrides)
+    announce_sweep(sweep)
     name = options.sweep.stem
     for path in reproduce_sweep(name, sweep, options.out, options.workers, options.cache):
         print(path)

@@ -8,6 +8,7 @@ from pathlib import Path
 from megalopta.configuration import Configuration
 from megalopta.dataset import Dataset, begin_stage
 from megalopta.errors import UserError
+from megalopta.estimate import announce, refuse_absurd
 from megalopta.flow import METHODS
 from megalopta.flow.benchmark_settings import checked_warm_up, default_warm_up
 from megalopta.progress import say
@@ -79,11 +80,12 @@ STAGES: Mapping[str, Stage] = {
 def run_stage(root: Path, configuration: Configuration, name: str, redo: bool = False) -> Dataset:
     """Bring one stage of a dataset to its end; what is there already is kept. Raises UserError."""
     stage = STAGES[name]
-    _check(name, configuration)
+    _check(name, configuration, root)
     dataset = begin_stage(root, configuration, name, redo)
     if dataset.is_finished(name):
         say(f"{name}: {root} has it already")
         return dataset
+    announce(configuration, name)
     start = time.perf_counter()
     try:
         stage.work(dataset)
@@ -96,14 +98,15 @@ def run_stage(root: Path, configuration: Configuration, name: str, redo: bool = 
 def run_all(root: Path, configuration: Configuration, redo: bool = False) -> Dataset:
     """Run every stage, after checking that the configuration serves all of them."""
     for name in STAGES:
-        _check(name, configuration)
+        _check(name, configuration, root)
     for name in STAGES:
         dataset = run_stage(root, configuration, name, redo)
     return dataset
 
 
-def _check(name: str, configuration: Configuration) -> None:
+def _check(name: str, configuration: Configuration, root: Path) -> None:
     try:
+        refuse_absurd(configuration, name, root)
         STAGES[name].check(configuration)
     except ValueError as problem:
         raise UserError(f"{name}: {problem}") from None
