@@ -19,16 +19,16 @@ class CurveSettings(
 ):
     """Which error curves are measured, and how closely."""
 
-    flux_min: Annotated[float, Field(gt=0)] = 1e3
+    flux_min: Annotated[float, Field(ge=1e-6, le=1e15)] = 1e3
     """Smallest flux (photons per frame)"""
 
     flux_max: Annotated[float, Field(gt=0, le=1e15)] = 1e12
     """Largest flux (photons per frame)"""
 
-    fluxes_per_decade: Annotated[int, Field(ge=1)] = 2
+    fluxes_per_decade: Annotated[int, Field(ge=1, le=1000)] = 2
     """Number of fluxes per factor of ten"""
 
-    repeats: Annotated[int, Field(ge=2)] = 4
+    repeats: Annotated[int, Field(ge=2, le=100_000)] = 4
     """Independent draws of the whole sequence at each flux; they give the intervals"""
 
     dark_counts: Annotated[float, Field(ge=0, le=1e12)] = 0.1
@@ -84,7 +84,7 @@ class BenchmarkSettings(CurveSettings, frozen=True):
     warm_up: Annotated[int, Field(ge=0)] | None = None
     """Frames not scored at the start; by default 30 of 60 or more, else the longest memory"""
 
-    chunk_frames: Annotated[int, Field(ge=1)] = 16
+    chunk_frames: Annotated[int, Field(ge=1, le=10_000)] = 16
     """Frames processed together; changes memory and speed, never a result"""
 
     @field_validator("sizes")
@@ -96,19 +96,19 @@ class BenchmarkSettings(CurveSettings, frozen=True):
 class SearchSettings(CurveSettings, frozen=True):
     """What is measured on a template that turns, and how closely."""
 
-    repeats: Annotated[int, Field(ge=2)] = 2
+    repeats: Annotated[int, Field(ge=2, le=100_000)] = 2
     """Independent draws of all frames at each flux; they give the intervals"""
 
-    fluxes_per_decade: Annotated[int, Field(ge=1)] = 8
+    fluxes_per_decade: Annotated[int, Field(ge=1, le=1000)] = 8
     """Number of fluxes per factor of ten; those are measured that the thresholds need"""
 
     phases: Annotated[int, Field(ge=1, le=251)] = 4
     """Places around the template at which short sequences start; errors are means over them"""
 
-    frames: Annotated[int, Field(ge=1)] = 6
+    frames: Annotated[int, Field(ge=1, le=10_000)] = 6
     """Frames scored of each of these sequences, after those in which noise reaches its strength"""
 
-    summed_frames: Annotated[int, Field(ge=1)] = 1
+    summed_frames: Annotated[int, Field(ge=1, le=10_000)] = 1
     """Temporal pooling: detectors see the sliding sum of so many frames"""
 
 

@@ -16,6 +16,7 @@ from pydantic import BaseModel
 from megalopta import __version__
 from megalopta.configuration import Configuration, built_in_names, load, parse
 from megalopta.errors import UserError, machine_problem
+from megalopta.estimate import announce_sweep
 from megalopta.info import describe
 from megalopta.overrides import settings_help, split_overrides
 from megalopta.progress import say, working
@@ -159,6 +160,7 @@ def _sweep(options: argparse.Namespace, overrides: dict[str, str]) -> None:
     from megalopta.reproduce import reproduce_sweep
 
     sweep = load_sweep(options.sweep, overrides)
+    announce_sweep(sweep)
     name = options.sweep.stem
     for path in reproduce_sweep(name, sweep, options.out, options.workers, options.cache):
         print(path)

@@ -10,6 +10,7 @@ from megalopta import files
 from megalopta.configuration import Configuration
 from megalopta.dataset import Dataset, begin_stages, existing, whole_of, write_configuration
 from megalopta.errors import UserError
+from megalopta.estimate import announce, refuse_absurd
 from megalopta.flow import METHODS
 from megalopta.flow.benchmark_settings import checked_warm_up, default_warm_up
 from megalopta.folders import locked
@@ -95,7 +96,7 @@ def run_all(root: Path, configuration: Configuration, redo: bool = False) -> Dat
 
 def _run(root: Path, configuration: Configuration, names: Sequence[str], redo: bool) -> Dataset:
     for name in names:
-        _check(name, configuration)
+        _check(name, configuration, root)
     is_new = existing(root) is None  # and a folder of something else is refused
     try:
         with _opened(root, configuration, names, redo) as dataset:
@@ -155,6 +156,7 @@ def _bring_to_end(dataset: Dataset, name: str) -> None:
         say(f"{name}: {dataset.home} has it already")
         return
     _remove_damaged(dataset, name)
+    announce(dataset.configuration, name)
     start = time.perf_counter()
     try:
         STAGES[name].work(dataset)
@@ -172,8 +174,9 @@ def _remove_damaged(dataset: Dataset, name: str) -> None:
         files.remove(path)
 
 
-def _check(name: str, configuration: Configuration) -> None:
+def _check(name: str, configuration: Configuration, root: Path) -> None:
     try:
+        refuse_absurd(configuration, name, root)
         STAGES[name].check(configuration)
     except ValueError as problem:
         raise UserError(f"{name}: {problem}") from None

@@ -21,6 +21,9 @@ from megalopta.trial import Template, Trial, path_from_its_file, template_names
 from megalopta.yaml_model import booleans_for_others, mapping, put, read_text, validated
 
 Value = int | float | bool | str
+MOST_TRIALS = 10_000
+"""In one sweep: more than anybody waits for, and checking them takes a minute."""
+
 _SHARED = ("methods", "search.metrics", "search.bits")
 
 
@@ -74,6 +77,9 @@ class Sweep(
 
     @model_validator(mode="after")
     def _every_trial_is_possible(self) -> Self:
+        count = len(self.values) * len(self.sizes or "1") * len(self.templates or "1")
+        if count > MOST_TRIALS:
+            raise ValueError(f"values: {count} trials; give at most {MOST_TRIALS} in all")
         if self.vary.startswith(_SHARED):
             raise ValueError(
                 f"vary: {self.vary} is the same for a whole figure; give all that are wanted in "

@@ -15,12 +15,12 @@ class RenderSettings(
 ):
     """How radiance is computed."""
 
-    samples_per_pixel: Annotated[int, Field(ge=1)] = 25
+    samples_per_pixel: Annotated[int, Field(ge=1, le=2**20)] = 25
     """Light paths per pixel and frame. Samplers round up: multijitter to a product of two near
     factors, orthogonal to the square of a prime, ldsampler to a power of four; independent takes
     any number."""
 
-    max_depth: Annotated[int, Field(ge=1)] = 4
+    max_depth: Annotated[int, Field(ge=1, le=1000)] = 4
     """Longest path in surface hits plus one: 2 is direct light, each more one bounce. In the demo's
     forest 3, 4 and 5 miss 0.2, 0.01 and 0.00 % of the light of a typical pixel in the visible, 4, 1
     and 0.3 % at 0.9 to 1.7 µm where leaves are bright, for 1.8, 2.4 and 2.6 times the work of 2
@@ -44,7 +44,7 @@ class RenderSettings(
     """Median relative error of a pixel (sum over bands) to stop at: passes of samples_per_pixel are
     added up, two at least, until it is met; None renders one pass."""
 
-    max_passes: Annotated[int, Field(ge=2)] = 16
+    max_passes: Annotated[int, Field(ge=2, le=10_000)] = 16
     """Passes at which a frame is finished even if target_error is not met."""
 
     integrator: Literal["auto", "path", "baked"] = "auto"
@@ -52,7 +52,7 @@ class RenderSettings(
     all views share; auto bakes where nothing moves and there are frames enough to pay for it.
     Scalar variants and scenes with moving objects always take path."""
 
-    bake_samples: Annotated[int, Field(ge=1)] = 32
+    bake_samples: Annotated[int, Field(ge=1, le=2**16)] = 32
     """Light paths per baked cell, a piece of one side of a triangle that is up to 4 pixels long;
     cells that fill little of the sequence take a quarter or a sixteenth."""
 

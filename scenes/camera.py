@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, Field
 
 from megalopta.scenes.panoramic_camera import CylindricalCamera, EquirectangularCamera
-from megalopta.scenes.pixels import SINGULAR_RAD, Float64, pixel_centers
+from megalopta.scenes.pixels import MOST_PX, SINGULAR_RAD, Float64, pixel_centers
 
 
 class PerspectiveCamera(
@@ -22,10 +22,10 @@ class PerspectiveCamera(
     kind: Literal["perspective"] = "perspective"
     """Which camera this is: perspective, equirectangular or cylindrical."""
 
-    width: Annotated[int, Field(ge=1)] = 120
+    width: Annotated[int, Field(ge=1, le=MOST_PX)] = 120
     """Columns (px)."""
 
-    height: Annotated[int, Field(ge=1)] = 120
+    height: Annotated[int, Field(ge=1, le=MOST_PX)] = 120
     """Rows (px)."""
 
     fov_deg: Annotated[float, Field(ge=1e-3, lt=180)] = 75.0

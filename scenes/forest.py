@@ -40,7 +40,7 @@ class Forest(
     """Named forest, open, dense, understorey or clearing: sets every field that is not given."""
     seed: Annotated[int, Field(ge=0)] = 1
     """Which forest: every seed grows another one."""
-    trees: Annotated[int, Field(gt=0)] = 150
+    trees: Annotated[int, Field(gt=0, le=1_000_000)] = 150
     """Trees of the stand, without those of the belt around it (count)."""
     density_per_ha: Annotated[float, Field(ge=10, le=10_000)] = 550.0
     """Trees per hectare; with the number of trees it sets how far the stand reaches (1/ha)."""

@@ -15,7 +15,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, Field, model_validator
 
-from megalopta.scenes.pixels import SINGULAR_RAD, Float64, pixel_centers
+from megalopta.scenes.pixels import MOST_PX, SINGULAR_RAD, Float64, pixel_centers
 
 
 class _Panorama(
@@ -26,10 +26,10 @@ class _Panorama(
     kind: Literal["equirectangular", "cylindrical"]
     """Which camera this is: perspective, equirectangular or cylindrical."""
 
-    width: Annotated[int, Field(ge=1)] = 720
+    width: Annotated[int, Field(ge=1, le=MOST_PX)] = 720
     """Columns (px)."""
 
-    height: Annotated[int, Field(ge=1)] = 360
+    height: Annotated[int, Field(ge=1, le=MOST_PX)] = 360
     """Rows (px)."""
 
     fov_deg: Annotated[float, Field(ge=1e-3, le=360)] = 360.0
@@ -155,7 +155,7 @@ class CylindricalCamera(_Panorama):
     kind: Literal["cylindrical"] = "cylindrical"
     """Which camera this is: perspective, equirectangular or cylindrical."""
 
-    height: Annotated[int, Field(ge=1)] = 230
+    height: Annotated[int, Field(ge=1, le=MOST_PX)] = 230
     """Rows (px)."""
 
     lower_deg: Annotated[float, Field(gt=-90, lt=90)] = -45.0

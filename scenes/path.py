@@ -22,10 +22,10 @@ class Path(
 ):
     """Frames at a steady rate along a path that is known at any time."""
 
-    frames: Annotated[int, Field(ge=1)] = 32
+    frames: Annotated[int, Field(ge=1, le=1_000_000)] = 32
     """Number of frames."""
 
-    frame_rate_hz: Annotated[float, Field(gt=0)] = 10.0
+    frame_rate_hz: Annotated[float, Field(ge=1e-6, le=1e9)] = 10.0
     """Frames per second (Hz)."""
 
     @property

@@ -21,7 +21,7 @@ class Shutter(
     """Time that each row is open (s); 0 blurs nothing. How much light a sensor counts follows from
     its own exposure_s: give both alike."""
 
-    poses: Annotated[int, Field(ge=1)] = 8
+    poses: Annotated[int, Field(ge=1, le=10_000)] = 8
     """Instants of the exposure whose mean is the blurred frame; they share the samples per pixel.
     As many as the fastest image moves in px leave no steps."""
 

@@ -178,7 +178,7 @@ def test_fluxes_are_two_per_decade_from_1e3_to_1e12_as_in_the_thesis():
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"flux_min": 0}, "greater than 0"),
+        ({"flux_min": 0}, "greater than or equal to 0.000001"),
         ({"flux_min": 1e6, "flux_max": 1e6}, "fewer than two fluxes"),
         ({"repeats": 1}, "greater than or equal to 2"),
         ({"sizes": (60, 60)}, "twice"),
