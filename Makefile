@@ -1,11 +1,12 @@
-# Two commands do everything on a bare machine: `make demo` and `make test`.
+# Two commands do everything on a bare machine: `make demo` and `make test`. `make test-all` runs the
+# slow tests too, and the renderer's without LLVM.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 export PIP_CONSTRAINT := $(CURDIR)/constraints.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: install demo test lint types bench clean
+.PHONY: install demo test test-all lint types bench clean
 
 install: $(VENV)/installed
 
@@ -18,8 +19,15 @@ $(VENV)/installed: pyproject.toml constraints.txt
 demo: install
 	$(BIN)/megalopta demo --out out/demo
 
+# All cores; a file stays on one, as its tests share what is costly.
+PYTEST := $(BIN)/python -m pytest --numprocesses auto --dist loadfile
+
 test: lint types
-	$(BIN)/python -m pytest
+	$(PYTEST) -m 'not slow'
+
+test-all: lint types
+	$(PYTEST)
+	DRJIT_LIBLLVM_PATH=/none $(PYTEST) tests/render
 
 lint: install
 	$(BIN)/ruff check .

@@ -22,9 +22,9 @@ from pathlib import Path
 
 from megalopta.render.settings import Backend
 
-TRIED_LLVM = (19, 20, 21, 22, 23)
-"""Versions that render a forest, by paths and by baked light, to the same bits."""
-_NEWEST_THAT_ABORTS = 16
+TRIED_LLVM = (17, 18, 19, 20, 21, 22, 23)
+"""Versions that rendered a forest, by paths and by baked light, and its true flow, to the same bits
+on x86-64; 15 and 16 abort."""
 _LLVM_PACKAGE = "karellen-llvm-core"
 _REMEDY = (
     f"install LLVM {TRIED_LLVM[0]} to {TRIED_LLVM[-1]} (Linux x86-64: pip install "
@@ -157,7 +157,7 @@ def _refusal(version: tuple[int, int, int] | None) -> str:
         return "cannot be loaded as a library"
     if version == (0, 0, 0):
         return "tells no LLVM version, as before LLVM 16, which would abort the process"
-    if version[0] <= _NEWEST_THAT_ABORTS:
+    if version[0] < TRIED_LLVM[0]:
         return f"is LLVM {version[0]}, which would abort the process"
     return f"is LLVM {version[0]}, which is untried"
 

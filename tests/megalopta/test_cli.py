@@ -1,4 +1,4 @@
-"""The installed command, run as a user runs it."""
+"""The command line: what it answers, in this process, and what it is as a process of its own."""
 
 import os
 import signal
@@ -6,9 +6,11 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from megalopta import cli
 from megalopta.render.exr import read_radiance, read_truth
 
 COMMAND = [sys.executable, "-m", "megalopta"]
@@ -18,10 +20,34 @@ SMALL = [
 ]  # fmt: skip
 
 
-def run(*arguments, cwd=None):
-    return subprocess.run(
-        [*COMMAND, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, check=False
+@pytest.fixture
+def run(capsys):
+    """Runs the command line in this process and returns its exit code and what it printed."""
+
+    def run(*arguments):
+        capsys.readouterr()
+        try:
+            cli.main([str(each) for each in arguments])
+            code = 0
+        except SystemExit as stopped:
+            code = stopped.code or 0
+        out, err = capsys.readouterr()
+        return SimpleNamespace(returncode=code, stdout=out, stderr=err)
+
+    return run
+
+
+def test_the_command_is_a_process_whose_exit_code_and_one_sentence_tell_a_mistake(tmp_path):
+    done = subprocess.run(
+        [*COMMAND, "demo", "--scene.treees=5", f"--out={tmp_path / 'out'}"],
+        capture_output=True,
+        text=True,
+        check=False,
     )
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.startswith("megalopta: ")
+    assert done.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize(
@@ -40,7 +66,7 @@ def run(*arguments, cwd=None):
         ),
     ],
 )
-def test_a_mistake_gets_one_sentence_and_exit_code_2(tmp_path, arguments, message):
+def test_a_mistake_gets_one_sentence_and_exit_code_2(run, tmp_path, arguments, message):
     done = run("demo", *arguments, "--out", tmp_path / "out")
     assert done.returncode == 2
     assert message in done.stderr
@@ -50,27 +76,27 @@ def test_a_mistake_gets_one_sentence_and_exit_code_2(tmp_path, arguments, messag
 
 
 @pytest.mark.parametrize("verb", ["sense", "flow", "bench", "report"])
-def test_a_folder_without_dataset_is_named(tmp_path, verb):
+def test_a_folder_without_dataset_is_named(run, tmp_path, verb):
     done = run(verb, tmp_path / "none")
     assert done.returncode == 2
     assert "none: no dataset here" in done.stderr
 
 
-def test_help_shows_settings_with_units_and_defaults():
+def test_help_shows_settings_with_units_and_defaults(run):
     text = run("render", "--help").stdout
     assert "--camera.fov-deg 75" in text
     assert "(degrees)" in text
     assert "--sensors.0.dead-time.dead-time-s 1.0e-06" in text
 
 
-def test_help_of_sweep_shows_its_settings():
+def test_help_of_sweep_shows_its_settings(run):
     text = run("sweep", "--help").stdout
     assert "--trial.search.dark-counts 0.1" in text
     assert "--vary velocity_px" in text
     assert "--redo" not in text
 
 
-def test_info_names_versions_and_the_variant():
+def test_info_names_versions_and_the_variant(run):
     done = run("info")
     assert done.returncode == 0
     assert "mitsuba" in done.stdout
@@ -81,7 +107,7 @@ def files_named(root, pattern):
     return sorted(Path(root).rglob(pattern))
 
 
-def test_ctrl_c_leaves_atomic_writes_and_the_next_run_goes_on(tmp_path):
+def test_ctrl_c_leaves_whole_files_and_the_next_run_goes_on(run, tmp_path):
     out = tmp_path / "data"
     process = subprocess.Popen(
         [*COMMAND, "render", "grating", *SMALL, "--out", str(out)],

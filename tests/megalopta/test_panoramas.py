@@ -15,9 +15,13 @@ NOISE = RenderNoise(2, 0.1, 0.1, (1.0,), ((0.01,),))
 
 
 @pytest.fixture
-def rendered(monkeypatch):
-    """Names of forests by seed, in the order in which they are rendered; each a picture."""
+def rendered(monkeypatch, tmp_path):
+    """Names of forests by seed, in the order in which they are rendered; each a picture.
+
+    No panorama is shipped.
+    """
     order = []
+    monkeypatch.setattr(panoramas, "SHIPPED", tmp_path / "nothing shipped")
 
     def fake(recipe, after_pass):
         after_pass()
