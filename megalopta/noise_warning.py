@@ -58,13 +58,16 @@ def variances(
     scale : (B,)
         Factor from the rendered light to the exposed, per band.
     """
-    bands = settings.render.bands_nm
-    one_band_each = np.diag(scale)[:, None, None, :]
-    photons = detected_photons(one_band_each, bands, sensor).ravel()
-    dark = np.zeros((1, settings.camera.height, settings.camera.width, len(bands)))
-    arrivals = photons @ np.array(noise["mean"]) + expected_reading(dark, bands, sensor).mean()
-    rendering = photons @ np.array(noise["covariance"]) @ photons
-    detail = photons @ np.array(noise["detail"]) @ photons if "detail" in noise else 0.0
+    bands, camera = settings.render.bands_nm, settings.camera
+    shape = len(bands), camera.height, camera.width, len(bands)
+    unit = max(noise["mean"]) or 1.0  # sensors refuse light that is absurdly bright
+    one_band_each = np.broadcast_to(unit * np.diag(scale)[:, None, None, :], shape)
+    photons = detected_photons(one_band_each, bands, sensor).reshape(len(bands), -1) / unit
+    dark = expected_reading(np.zeros((1, *shape[1:])), bands, sensor)
+    arrivals = np.array(noise["mean"]) @ photons.mean(axis=1) + dark.mean()
+    products = photons @ photons.T / photons.shape[1]
+    rendering = np.sum(products * np.array(noise["covariance"]))
+    detail = np.sum(products * np.array(noise["detail"])) if "detail" in noise else 0.0
     return float(rendering), float(arrivals), max(float(detail), 0.0)
 
 
