@@ -60,8 +60,9 @@ def variances(
     """
     bands, camera = settings.render.bands_nm, settings.camera
     shape = len(bands), camera.height, camera.width, len(bands)
-    one_band_each = np.broadcast_to(np.diag(scale)[:, None, None, :], shape)
-    photons = detected_photons(one_band_each, bands, sensor).reshape(len(bands), -1)
+    unit = max(noise["mean"]) or 1.0  # sensors refuse light that is absurdly bright
+    one_band_each = np.broadcast_to(unit * np.diag(scale)[:, None, None, :], shape)
+    photons = detected_photons(one_band_each, bands, sensor).reshape(len(bands), -1) / unit
     dark = expected_reading(np.zeros((1, *shape[1:])), bands, sensor)
     arrivals = np.array(noise["mean"]) @ photons.mean(axis=1) + dark.mean()
     products = photons @ photons.T / photons.shape[1]

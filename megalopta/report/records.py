@@ -125,6 +125,7 @@ class _Scene(TypedDict):
     objects: NotRequired[NonNegativeInt]
     triangles: NotRequired[NonNegativeInt]
     variant: NotRequired[str]
+    integrator: NotRequired[str]
     illuminance: NotRequired[_Illuminance | None]
     monte_carlo: NotRequired[_MonteCarlo | None]
 

@@ -137,17 +137,17 @@ def _true_motion(group: VerdictGroup, methods: Sequence[str]) -> str:
     if all(each.kind == "unknown" for name in methods for each in group.rows[name]):
         return f"On {group.sensor}, nothing is known to move, so no velocity can be judged."
     return (
-        f"On {group.sensor}, of {plural(len(methods), 'detector')} that measure velocity "
-        f"({enumerate_words(methods)}), the true motion is found (median error below {LIMIT}) by "
+        f"On {group.sensor}, detectors that measure velocity ({enumerate_words(methods)}) come "
+        f"within {LIMIT} of the true motion (median over blocks): "
         f"{_where(group, methods, 'right')}."
     )
 
 
 def _repetition(group: VerdictGroup, methods: Sequence[str]) -> str:
     return (
-        f"On {group.sensor}, of {plural(len(methods), 'detector')} whose response is no velocity "
-        f"({enumerate_words(methods)}), the noise-free answer, right or wrong, is repeated (both "
-        f"errors below {LIMIT}) by {_where(group, methods, 'repeats')}."
+        f"On {group.sensor}, detectors that give no velocity ({enumerate_words(methods)}) repeat "
+        f"their noise-free answer within {LIMIT} (both errors), right or wrong: "
+        f"{_where(group, methods, 'repeats')}."
     )
 
 
@@ -157,7 +157,11 @@ def _where(group: VerdictGroup, methods: Sequence[str], kind: str) -> str:
         [name for name in methods if group.rows[name][index].kind == kind]
         for index in range(len(group.levels))
     ]
-    words = [f"{len(names)} ({enumerate_words(names)})" if names else "none" for names in found]
+    total = len(methods)
+    words = [
+        f"{len(names)} of {total} ({enumerate_words(names)})" if names else f"none of {total}"
+        for names in found
+    ]
     if len(words) > 1 and len(set(words)) == 1:
         return f"{words[0]} at {'every' if found[0] else 'any'} light level"
     return ", ".join(f"{each} at {level}" for each, level in zip(words, group.levels, strict=True))
@@ -211,7 +215,7 @@ def _most(needs: Mapping[str, Threshold]) -> list[str]:
     others = [need for other, need in crossing.items() if other != name]
     if any((need.high or math.inf) >= (most.low or 0) for need in others):
         return []
-    return [f"{name} the most, {format_flux(_flux(most))}"]
+    return [f"{name} needs the most, {format_flux(_flux(most))}"]
 
 
 def _named(methods: Sequence[str]) -> str:

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from megalopta.configuration import load
+from megalopta.noise_record import _differences
 from megalopta.noise_warning import LIMIT, noise_share, noise_warning
 from megalopta.sensor import IMAGE_SENSORS, changed, detected_photons, expected_reading
 
@@ -53,6 +54,29 @@ def test_brighter_light_needs_a_cleaner_rendering():
     sensor, one = IMAGE_SENSORS["ideal"], np.ones(4)
     dim, bright = (noise_share(RECORD, SETTINGS, sensor, factor * one) for factor in (1, 100))
     assert bright == pytest.approx(100 * dim, rel=1e-9)
+
+
+def test_noise_that_is_faint_beside_the_scenes_detail_does_no_harm_however_bright_the_light():
+    detail = (20 * np.array(RECORD["covariance"])).tolist()
+    sensor = IMAGE_SENSORS["ideal"]
+    shares = [
+        noise_share({**RECORD, "detail": detail}, SETTINGS, sensor, factor * np.ones(4))
+        for factor in (1, 1e3, 1e5)
+    ]
+    assert shares == sorted(shares)
+    assert shares[-1] == pytest.approx(1 / 20, rel=1e-3)
+
+
+def test_detail_is_what_neighbors_differ_by_beyond_noise():
+    """White noise alone has no detail; a ramp of slope s has s² / 2 between neighbors."""
+    draw = np.random.default_rng(5).standard_normal((300, 300, 4)) @ (1e9 * NOISE).T
+    half = _differences(draw)
+    # 90 000 pixels in 180 000 differences know a variance to about 0.6 % (σ); five of them.
+    np.testing.assert_allclose(np.diag(half), np.diag(1e18 * NOISE @ NOISE.T), rtol=0.03)
+    ramp = np.broadcast_to(0.5 * np.arange(40.0), (30, 40))[..., np.newaxis]
+    along, across = 30 * 39, 29 * 40
+    expected = 0.5**2 / 2 * along / (along + across)
+    assert _differences(ramp) == pytest.approx(expected, rel=1e-12)
 
 
 def test_warning_names_samples_that_are_enough_and_harmless_noise_goes_unmentioned():

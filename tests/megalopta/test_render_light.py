@@ -120,4 +120,5 @@ def test_light_and_noise_are_told_and_warned_of(yard, tmp_path, capsys):
     assert "render: error of a pixel" in told
     run_stage(tmp_path / "data", settings, "sense")
     told = " ".join(capsys.readouterr().err.split())
-    assert "sense: the rendering's own noise is more than 0.3 of the shot noise in 1 of 1" in told
+    assert "sense: the rendering's own noise is more than 0.3 of shot noise and the scene's" in told
+    assert "detail together in 1 of 1 exposures" in told

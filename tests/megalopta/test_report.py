@@ -9,8 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import zarr
 
-from megalopta.configuration import Configuration
+from megalopta import cli
+from megalopta.configuration import Configuration, load
 from megalopta.dataset import Dataset
 from megalopta.errors import UserError
 from megalopta.report import page as report_page
@@ -18,7 +20,8 @@ from megalopta.report import write_report
 from megalopta.report.budget import exposed
 from megalopta.report.footage import read_footage, select
 from megalopta.sensor import DigitalCounter
-from megalopta.stages import run_all
+from megalopta.stage_flow import responses_path
+from megalopta.stages import run_all, run_stage
 
 SECTIONS = ("light", "motion", "detectors", "photons", "made")
 SENSOR = "spad_cam-1"
@@ -74,6 +77,12 @@ def page(dataset):
     return read(write_report(dataset))
 
 
+def rewrite(dataset, stage, path, text):
+    """Put other text into a file of a finished stage."""
+    path.write_text(text)
+    dataset.finish(stage)
+
+
 @pytest.fixture
 def copied(dataset, tmp_path):
     root = tmp_path / 'copy<cam> & "co"'
@@ -126,8 +135,9 @@ def test_every_response_and_every_exposure_is_pictured(page):
     labels = set(page.values("aria-label"))
     for level in ("0.5\u00a0lux", "full\u00a0moon"):
         assert f"Counts of {SENSOR} at {level}" in labels
-        assert {f"{method}, {level}" for method in CONFIGURATION.methods} <= alternatives
-    assert {f"{method}, noise-free" for method in CONFIGURATION.methods} <= alternatives
+        for method in CONFIGURATION.methods:
+            for kind in ("noise-free", "from counts"):
+                assert any(each.startswith(f"{method}, {level}, {kind}") for each in alternatives)
 
 
 def test_there_is_an_error_chart_per_size_and_metric(page):
@@ -162,7 +172,7 @@ def test_noise_of_the_rendering_is_told_wherever_noise_free_is(copied, relative,
             "rms_over_mean": 2 * relative,
             "equivalent_photons_per_pixel": photons,
         }
-    copied.scene_record.write_text(json.dumps(record))
+    rewrite(copied, "render", copied.scene_record, json.dumps(record))
     text = read(write_report(copied)).text
     assert text.count("The rendering itself is as noisy as") == (3 if relative else 0)
     assert text.count("Caution, a noisy rendering.") == (3 if caution else 0)
@@ -186,10 +196,149 @@ def test_a_dataset_without_frames_is_refused(copied):
         write_report(copied)
 
 
-def test_a_damaged_file_is_told_in_one_sentence(copied):
-    copied.result("flow.json").write_text("{")
-    with pytest.raises(UserError, match=r"flow\.json.*run megalopta flow again with --redo"):
+@pytest.mark.parametrize(
+    "text", ["", "{", "{}", "[]", "[1]", "null", '"x"', "NaN", '[{"level": 1}]']
+)
+@pytest.mark.parametrize(
+    ("stage", "name"),
+    [("flow", "flow.json"), ("bench", "benchmark.json"), ("render", "scene.json")],
+)
+def test_a_damaged_file_is_told_in_one_sentence(copied, capsys, stage, name, text):
+    if (name, text) == ("scene.json", "{}"):
+        pytest.skip("a scene's record may be empty")
+    path = copied.scene_record if stage == "render" else copied.result(name)
+    rewrite(copied, stage, path, text)
+    with pytest.raises(SystemExit) as end:
+        cli.main(["report", str(copied.root)])
+    assert end.value.code == 2
+    told = capsys.readouterr().err
+    assert name in told
+    assert f"run: megalopta {stage} {copied.root}" in told
+    assert told.count("\n") == 1
+
+
+def test_a_missing_record_is_told_with_its_detector_sensor_and_light(copied):
+    records = json.loads(copied.result("flow.json").read_text())
+    kept = [each for each in records if (each["method"], each["level"]) != ("NDS", 0.5)]
+    rewrite(copied, "flow", copied.result("flow.json"), json.dumps(kept))
+    with pytest.raises(UserError, match=rf"lacks the errors of NDS on {SENSOR} at 0\.5lux"):
         write_report(copied)
+
+
+def test_a_response_of_another_shape_is_refused(copied):
+    path = responses_path(copied, CONFIGURATION.sensors[0], 0.5)
+    group = zarr.open_group(path, mode="a")
+    del group["BM"]
+    group.create_array("BM", data=np.zeros((2, 1, 1, 2), np.float32))
+    copied.finish("flow")
+    with pytest.raises(UserError, match=r"zarr cannot be read .*\(2, 1, 1, 2\).*--redo"):
+        write_report(copied)
+
+
+def with_answers(dataset, method, level, repeated, correct):
+    """Whether a method repeats its noise-free answer, and whether it is the true motion."""
+    path = dataset.result("flow.json")
+    records = json.loads(path.read_text())
+    for each in records:
+        if (each["sensor"], each["level"], each["method"]) == (SENSOR, level, method):
+            each["error"] = dict.fromkeys(("literal", "ratio"), 0.0 if repeated else 3.0)
+            if "truth" in each:
+                error = 0.1 if correct else 1.0
+                for truth in each["truth"].values():
+                    truth |= {"relative_error_median": error, "outlier_fraction": error}
+    rewrite(dataset, "flow", path, json.dumps(records))
+    return write_report(dataset)
+
+
+def marks(path, method):
+    """The marks of a detector in the table of verdicts, by sensor and light."""
+    row = re.search(rf'<th scope="row" style[^>]*>{method}</th>(.*?)</tr>', path.read_text(), re.S)
+    return re.findall(r'class="dot (\w+)"', row[1])
+
+
+def test_who_repeats_his_own_failure_is_not_praised(copied):
+    path = with_answers(copied, "BM", 0.5, repeated=True, correct=False)
+    assert marks(path, "BM")[0] == "wrong"
+    told = [each for each in findings(path) if each.startswith(f"On {SENSOR}, detectors that meas")]
+    assert len(told) == 1
+    assert "BM" not in told[0].partition("over blocks):")[2].partition("full")[0]
+
+
+def test_who_finds_the_true_motion_is_praised_though_he_does_not_repeat_himself(copied):
+    path = with_answers(copied, "BM", 0.5, repeated=False, correct=True)
+    assert marks(path, "BM")[0] == "right"
+    assert any("1 of 2 (BM) at 0.5 lux" in each for each in findings(path))
+
+
+def test_who_gives_no_velocity_at_best_repeats_himself(copied):
+    path = with_answers(copied, "EMD", 0.5, repeated=True, correct=True)
+    assert marks(path, "EMD")[0] == "repeats"
+    velocities = {kind for method in ("BM", "IIA") for kind in marks(path, method)}
+    assert velocities <= {"right", "wrong", "silent"}
+    assert {kind for method in ("EMD", "NDM", "NDS", "IM") for kind in marks(path, method)} <= {
+        "repeats", "half", "differs", "silent"
+    }  # fmt: skip
+
+
+def findings(path):
+    text = path.read_text().partition("What came out")[2].partition("</ul>")[0]
+    return [each.replace("\u00a0", " ") for each in re.findall("<li>(.*?)</li>", text)]
+
+
+def test_a_picture_without_motion_says_so_at_its_own_light_level(copied):
+    path = responses_path(copied, CONFIGURATION.sensors[1], "full_moon")
+    zarr.open_group(path, mode="a")["BM-ideal"][:] = 0
+    copied.finish("flow")
+    page = read(write_report(copied))
+    blank = "BM, full\u00a0moon, noise-free: no motion found"
+    assert blank in page.values("alt")
+    assert "BM, 0.5\u00a0lux, noise-free" in page.values("alt")
+    told = [each for each in page.values("alt") if each.endswith(("found", "no response"))]
+    notes = page.text.count("no motion found") + page.text.count("no response")
+    assert notes >= len(told)  # on the pictures, too
+
+
+def test_an_error_beyond_sense_reads_fails(copied):
+    path = copied.result("flow.json")
+    records = json.loads(path.read_text())
+    for each in records:
+        if "rotation" in each:
+            each["rotation"]["counts_deg_s"] = 3.8e5
+    rewrite(copied, "flow", path, json.dumps(records))
+    text = read(write_report(copied)).text
+    assert "→ fails" in text
+    assert "380k" not in text
+
+
+@pytest.fixture(scope="module")
+def rolling(tmp_path_factory):
+    settings = load(
+        "grating",
+        {
+            "camera.width": "36",
+            "camera.height": "30",
+            "trajectory.frames": "4",
+            "trajectory.rotation_deg_s": "30",
+            "shutter.readout_s": "0.1",
+            "render.samples_per_pixel": "4",
+            "methods": "[BM]",
+        },
+    )
+    root = tmp_path_factory.mktemp("rolling") / "data"
+    for stage in ("render", "sense", "flow"):
+        dataset = run_stage(root, settings, stage)
+    return dataset
+
+
+def test_a_report_shows_the_frames_and_the_motion_that_sensors_saw(rolling):
+    text = write_report(rolling).read_text("utf-8")
+    assert "read out row by row within 0.1 s" in text
+    assert "Every frame is rendered at one instant" not in text
+    for index in range(4):
+        # Nobody sees the frames of one instant: spoilt, but as large as before.
+        for path in (rolling.radiance(index), rolling.truth(index)):
+            path.write_bytes(bytes(path.stat().st_size))
+    assert write_report(rolling).read_text("utf-8") == text
 
 
 def test_the_same_dataset_gives_the_same_report(dataset):
@@ -212,7 +361,7 @@ def test_a_failed_report_leaves_the_old_one(dataset, monkeypatch):
 
 def test_an_ideal_sensor_detects_every_photon_with_the_noise_of_counting(dataset):
     """Without dark counts and dead time the signal-to-noise ratio of N counts is √N."""
-    budgets = [each.budget for each in exposed(dataset, read_footage(dataset))]
+    budgets = [each.budget for each in exposed(dataset, read_footage(dataset), {})]
     ideal = [budget for budget in budgets if budget.sensor.name == "ideal"]
     for budget in ideal:
         assert budget.dark == 0
@@ -225,7 +374,7 @@ def test_an_ideal_sensor_detects_every_photon_with_the_noise_of_counting(dataset
 
 
 def test_photons_per_frame_are_those_of_all_pixels(dataset):
-    budget = exposed(dataset, read_footage(dataset))[0].budget
+    budget = exposed(dataset, read_footage(dataset), {})[0].budget
     assert budget.photons_per_frame == pytest.approx(36 * 30 * budget.detected, rel=1e-9)
 
 
@@ -256,9 +405,14 @@ def test_a_browser_shows_it_without_errors_and_within_400_pixels(dataset, tmp_pa
         slider.value = 3;
         slider.dispatchEvent(new Event('input'));
         const told = [...page.querySelectorAll('.transport output')].map(each => each.textContent);
+        const nav = page.querySelector('nav'), tiles = [...page.querySelectorAll('.facts div')];
+        root.style.scrollBehavior = 'auto';
+        page.querySelector('#photons').scrollIntoView();
+        const reachable = nav.getBoundingClientRect().top === 0 && this.contentWindow.scrollY > 0;
+        const [before, last] = tiles.slice(-2).map(each => each.offsetTop);
         const overflow = Math.max(root.scrollWidth, page.body.scrollWidth) - root.clientWidth;
         document.body.insertAdjacentHTML('beforeend',
-          `<p>overflow ${{overflow}} frame ${{root.style.getPropertyValue('--frame')}} ${{told}}</p>`);
+          `<p>nav ${{reachable}} alone ${{before !== last}} overflow ${{overflow}} frame ${{root.style.getPropertyValue('--frame')}} ${{told}}</p>`);
         "></iframe>""",
         encoding="utf-8",
     )
@@ -277,5 +431,5 @@ def test_a_browser_shows_it_without_errors_and_within_400_pixels(dataset, tmp_pa
     )
     assert "CONSOLE" not in chromium.stderr
     answer = chromium.stdout.rpartition("<p>")[2]
-    assert answer.startswith("overflow 0 frame 3 frame 4 ·")
+    assert answer.startswith("nav true alone false overflow 0 frame 3 frame 4 ·")
     assert answer.count("frame 4 · 0.30 s") == 3

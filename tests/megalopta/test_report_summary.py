@@ -2,12 +2,10 @@ from dataclasses import replace
 
 import pytest
 
-from megalopta import files
 from megalopta.configuration import Configuration
-from megalopta.dataset import Dataset
 from megalopta.flow.threshold import Threshold
 from megalopta.report.budget import Budget
-from megalopta.report.detectors import DetectorSection, Verdict, VerdictGroup
+from megalopta.report.detectors import DetectorSection
 from megalopta.report.motion import MotionSection, Wheel
 from megalopta.report.summary import (
     dark_findings,
@@ -18,6 +16,7 @@ from megalopta.report.summary import (
     need_finding,
     title,
 )
+from megalopta.report.verdicts import Verdict, VerdictGroup
 from megalopta.sensor import PRESETS
 
 BUDGET = Budget(
@@ -39,8 +38,8 @@ def configured(**values):
     return Configuration.model_validate(values)
 
 
-def curve(method, rows, flux, metric="literal"):
-    need = Threshold("crossing", 0.25, 1e3, 1e12, flux, flux, flux)
+def curve(method, rows, flux, metric="literal", spread=1.1):
+    need = Threshold("crossing", 0.25, 1e3, 1e12, flux, flux / spread, flux * spread)
     thresholds = {"N_2b": need.to_dict()}
     return {"method": method, "shape": [rows, rows], "metric": metric, "thresholds": thresholds}
 
@@ -80,11 +79,10 @@ def test_the_lead_tells_what_stands_there():
     assert "sine grating of contrast 0.9" in lead(configured(scene={"kind": "grating"}))
 
 
-def test_objects_and_triangles_are_told_where_the_renderer_noted_them(tmp_path):
-    dataset = Dataset(tmp_path, configured())
-    assert "triangles" not in [fact.label for fact in facts(dataset, MOTION)]
-    files.write_json(dataset.scene_record, {"objects": 2534, "triangles": 1035334})
-    told = {fact.label: fact.value for fact in facts(dataset, MOTION)}
+def test_objects_and_triangles_are_told_where_the_renderer_noted_them():
+    assert "triangles" not in [fact.label for fact in facts(configured(), {}, MOTION)]
+    record = {"objects": 2534, "triangles": 1035334}
+    told = {fact.label: fact.value for fact in facts(configured(), record, MOTION)}
     assert told["triangles"] == "1,035,334"
     assert told["objects"] == "2,534"
     assert told["trees"] == "150"
@@ -107,36 +105,94 @@ def test_a_single_light_is_told_without_a_span():
     )
 
 
-def test_dark_counts_are_told_from_the_brightest_light_that_they_drown():
+def test_photons_that_do_not_fall_are_not_said_to_fall():
+    # Airglow: fewer lux than starlight, more photons beyond the visible.
+    dark = replace(BUDGET, illuminance_lux=8e-4, level="airglow", photons=9e4)
+    told = light_finding([dark, BUDGET])
+    assert "go from 30.0k to 90.0k per frame" in told
+    assert "fall" not in told
+
+
+def test_dark_counts_are_told_at_every_light_that_they_drown_and_at_no_other():
     bright = replace(BUDGET, illuminance_lux=10.0, level=10.0, detected=140.0)
     dark = replace(BUDGET, illuminance_lux=1e-3, level="starlight", detected=0.014)
-    (told,) = dark_findings([bright, dark, BUDGET])
-    assert "at twilight (64.0 to 14.0 per pixel and frame) and below" in told
+    darkest = replace(BUDGET, illuminance_lux=8e-4, level="airglow", detected=100.0)
+    (told,) = dark_findings([bright, dark, darkest, BUDGET])
+    assert "at twilight and starlight (64.0 to 14.0 per pixel and frame at twilight)." in told
     assert dark_findings([bright]) == []
 
 
-def test_motion_is_read_where_both_errors_are_small_and_intensity_does_not_count():
-    both, ratio = Verdict("both", ""), Verdict("ratio", "")
-    rows = {"BM": (both, ratio), "EMD": (both, ratio), "IM": (both, both)}
-    seeing = VerdictGroup("ideal", ("twilight", "starlight"), rows)
-    blind = VerdictGroup("spadcam", ("twilight",), {"BM": (ratio,), "IM": (both,)})
-    nothing = VerdictGroup("ideal", ("twilight",), {"IM": (both,)})
-    groups = (seeing, blind, nothing)
-    first, second = motion_findings(DetectorSection(0, None, (), (), None, None, groups))
-    assert "of 2 motion detectors" in first
-    assert first.endswith("2 at twilight, none at starlight.")
-    assert "no motion detector" in second
+def section(*groups):
+    return DetectorSection(0, None, (), (), None, None, groups)
+
+
+def verdicts(*kinds):
+    return tuple(Verdict(kind, "") for kind in kinds)
+
+
+def test_findings_count_who_finds_the_true_motion_apart_from_who_repeats_himself():
+    rows = {
+        "BM": verdicts("right", "wrong"),
+        "IIA": verdicts("wrong", "wrong"),
+        "EMD": verdicts("repeats", "half"),
+        "IM": verdicts("repeats", "repeats"),
+    }
+    found = motion_findings(section(VerdictGroup("ideal", ("twilight", "starlight"), rows)))
+    truth, repeated = (each.replace("\u00a0", " ") for each in found)
+    assert "within 25 % of the true motion" in truth
+    assert truth.endswith("1 of 2 (BM) at twilight, none of 2 at starlight.")
+    assert "repeat their noise-free answer" in repeated
+    assert repeated.endswith("1 of 1 (EMD) at twilight, none of 1 at starlight.")
+
+
+def test_findings_say_it_once_where_all_light_levels_are_alike():
+    levels = ("twilight", "starlight")
+    (told,) = motion_findings(
+        section(VerdictGroup("ideal", levels, {"BM": verdicts(*2 * ["wrong"])}))
+    )
+    assert told.endswith("none of 1 at any light level.")
+    (told,) = motion_findings(
+        section(VerdictGroup("ideal", levels, {"BM": verdicts(*2 * ["right"])}))
+    )
+    assert told.endswith("1 of 1 (BM) at every light level.")
+
+
+def test_where_nothing_moves_nobody_is_judged_and_intensity_is_no_detector():
+    still = VerdictGroup("ideal", ("twilight",), {"BM": verdicts("unknown")})
+    nothing = VerdictGroup("ideal", ("twilight",), {"IM": verdicts("repeats")})
+    (told,) = motion_findings(section(still, nothing))
+    assert "nothing is known to move" in told
 
 
 def test_needs_are_compared_at_the_largest_size_without_intensity():
     curves = [curve("NDS", 60, 1.0e3), curve("NDS", 120, 2.43e6), curve("EMD", 120, 2.38e8)]
     curves += [curve("BM", 120, 9e6), curve("IM", 120, 1e4), curve("BM", 120, 1e3, "ratio")]
     told = need_finding({"curves": curves, "settings": {"metrics": ["literal", "ratio"]}})
-    assert "120 × 120 px, NDS needs the fewest photons" in told
-    assert "2.43M per frame, and EMD the most, 238M" in told
+    assert "120 × 120 px, NDS needs the fewest photons, 2.43M per frame" in told
+    assert "and EMD needs the most, 238M," in told
 
 
-def test_without_any_crossing_there_is_no_need_to_tell():
+def finding(*curves):
+    return need_finding({"curves": curves, "settings": {"metrics": ["literal"]}})
+
+
+def test_needs_that_another_draw_might_reverse_are_not_ranked():
+    told = finding(curve("NDS", 60, 1.0e6), curve("BM", 60, 1.05e6), curve("EMD", 60, 1e9))
+    assert "NDS and BM need the fewest photons, 1.00M and 1.05M per frame" in told
+    told = finding(curve("NDS", 60, 1.0e6), curve("BM", 60, 1.05e6))
+    assert "fewest" not in told
+    assert "most" not in told
+
+
+def test_who_needs_more_or_fewer_than_was_tried_is_named():
+    above, below = curve("EMD", 60, 1e3), curve("BM", 60, 1e3)
+    above["thresholds"] = {"N_2b": Threshold("above", 0.25, 1e3, 1e12).to_dict()}
+    below["thresholds"] = {"N_2b": Threshold("below", 0.25, 1e3, 1e12).to_dict()}
+    told = finding(curve("NDS", 60, 1.0e6), above, below)
+    assert "BM needs fewer than 1.00k photons per frame, and EMD needs more than 1.00T" in told
+
+
+def test_without_any_threshold_there_is_no_need_to_tell():
     nothing = curve("BM", 60, 1e3)
-    nothing["thresholds"] = {"N_2b": Threshold("above", 0.25, 1e3, 1e12).to_dict()}
-    assert need_finding({"curves": [nothing], "settings": {"metrics": ["literal"]}}) is None
+    nothing["thresholds"] = {"N_2b": Threshold("undefined", 0.25, 1e3, 1e12).to_dict()}
+    assert finding(nothing) is None

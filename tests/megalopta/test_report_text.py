@@ -54,9 +54,10 @@ def test_percentages_are_zero_only_where_there_is_nothing(fraction, text):
     assert percent(fraction).replace("\u00a0", " ") == text
 
 
-def test_errors_above_tenfold_are_multiples():
+def test_errors_from_tenfold_on_fail():
     assert relative_error(9.42) == "942\u00a0%"
-    assert relative_error(4080.5) == "4.08k×"
+    assert relative_error(10.0) == "fails"
+    assert relative_error(4080.5) == "fails"
     assert relative_error(None) == "–"
 
 
