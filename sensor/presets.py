@@ -33,9 +33,9 @@ as the value.
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
 from pydantic import ValidationError
 
+from megalopta import strict_yaml
 from megalopta.sensor.analog_counter import AnalogCounter
 from megalopta.sensor.bias import Bias
 from megalopta.sensor.change import merged
@@ -194,8 +194,8 @@ def load_sensor(path: str | Path) -> Sensor:
     """
     path = Path(path)
     try:
-        values = yaml.safe_load(path.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        values = strict_yaml.load(path.read_text("utf-8"))
+    except (OSError, ValueError) as error:
         problem = " ".join(str(error).split())
         raise ValueError(f"{path}: cannot be read as YAML: {problem}") from error
     if not isinstance(values, dict):
@@ -203,9 +203,12 @@ def load_sensor(path: str | Path) -> Sensor:
     values["measured"] = with_hashes(values.get("measured", {}), path.parent)
     base = preset(values.pop("preset")).model_dump() if "preset" in values else {}
     try:
-        return Sensor.model_validate(merged(base, values))
+        sensor = Sensor.model_validate(merged(base, values))
     except ValidationError as error:
         raise ValueError(f"{path}: {_first_problem(error)}") from error
+    for place in strict_yaml.booleans_for_others(values, sensor):
+        raise ValueError(f"{path}: {place}: true and false are no numbers; give a number")
+    return sensor
 
 
 def _first_problem(error: ValidationError) -> str:
