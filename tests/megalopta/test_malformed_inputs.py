@@ -360,16 +360,16 @@ def recording(rng, done, folder):
 
 
 FAMILIES = {
-    command_line: 70,
-    setting: 60,
-    scene: 40,
-    yaml_file: 60,
-    sweep_file: 25,
-    record: 40,
-    frame: 25,
-    counts: 30,
-    picture: 30,
-    device: 30,
+    command_line: 50,
+    setting: 45,
+    scene: 30,
+    yaml_file: 45,
+    sweep_file: 20,
+    record: 30,
+    frame: 20,
+    counts: 25,
+    picture: 20,
+    device: 25,
     recording: 15,
 }
 CASES = [(make, seed) for make, number in FAMILIES.items() for seed in range(number)]
