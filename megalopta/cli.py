@@ -7,7 +7,8 @@ that the mistake is ours.
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
@@ -69,6 +70,14 @@ def _refuse(sentence: str) -> NoReturn:
 
 class _Parser(argparse.ArgumentParser):
     """Tells a mistake as one sentence, without the usage, which fills a screen."""
+
+    settings: Callable[[], BaseModel] | None = None
+    """What the help lists, read when it is asked for."""
+
+    def format_help(self) -> str:
+        if self.settings:
+            self.epilog = settings_help(self.settings())
+        return super().format_help()
 
     def error(self, message: str) -> NoReturn:
         verb = self.prog.removeprefix("megalopta").strip()
@@ -225,7 +234,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     _add_workers(reproduction)
     searching = "measure the photons that motion detectors need over any parameter of the benchmark"
-    sweep = _add_verb(verbs, "sweep", searching, Sweep())
+    sweep = _add_verb(verbs, "sweep", searching, Sweep)
     sweep.add_argument("sweep", type=Path, help="YAML file: trial, vary, values, sizes, templates")
     sweep.add_argument(
         "--out", type=Path, default=Path("out/sweeps"), help="folder (default: out/sweeps)"
@@ -244,22 +253,23 @@ def _add_verb(
     verbs: "argparse._SubParsersAction[_Parser]",
     verb: str,
     purpose: str,
-    settings: BaseModel | None = None,
+    settings: Callable[[], BaseModel] | None = None,
 ) -> argparse.ArgumentParser:
-    return verbs.add_parser(
+    command = verbs.add_parser(
         verb,
         help=purpose,
         description=purpose[0].upper() + purpose[1:] + ".",
-        epilog=settings_help(settings) if settings else None,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
+    command.settings = settings
+    return command
 
 
 def _add_stage(
     verbs: "argparse._SubParsersAction[_Parser]", verb: str, purpose: str
 ) -> argparse.ArgumentParser:
-    command = _add_verb(verbs, verb, purpose, load("demo"))
+    command = _add_verb(verbs, verb, purpose, partial(load, "demo"))
     command.add_argument(
         "--redo", action="store_true", help="replace output of another configuration"
     )

@@ -7,6 +7,9 @@ in every band for itself: one rendering serves all levels. What stays is where t
 a full moon sensed from a rendering under an overcast sky casts no shadows.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,21 +42,30 @@ def sense(dataset: Dataset) -> None:
     _warn_of_noise(dataset)
     with progress("Exposing sensors", len(missing), "exposure") as advance:
         for sensor, level in missing:
-            _expose_sequence(dataset, sensor, level)
+            with _refusals_told(sensor, level):
+                _expose_sequence(dataset, sensor, level)
             advance()
     _write_final_images(dataset)
+
+
+@contextmanager
+def _refusals_told(sensor: ImageSensor, level: LightLevel) -> Iterator[None]:
+    """Light that is too bright to draw, or a device that does not fit, is the user's to mend."""
+    try:
+        yield
+    except ValueError as problem:
+        raise UserError(f"sense: {sensor.name} at {level_text(level)}: {problem}") from None
 
 
 def _warn_of_noise(dataset: Dataset) -> None:
     settings, noise = dataset.configuration, dataset.read_scene_record().get("monte_carlo") or {}
     if "covariance" not in noise:
         return
-    shares = {
-        f"{sensor.name} at {level_text(level)}": noise_share(
-            noise, settings, sensor, light_scale(settings, level)
-        )
-        for sensor, level in exposures(dataset)
-    }
+    shares = {}
+    for sensor, level in exposures(dataset):
+        with _refusals_told(sensor, level):
+            share = noise_share(noise, settings, sensor, light_scale(settings, level))
+        shares[f"{sensor.name} at {level_text(level)}"] = share
     if warning := noise_warning(noise, settings, shares):
         say(f"sense: {warning}")
 

@@ -17,8 +17,9 @@ from pydantic import (
 
 from megalopta.errors import UserError, one_sentence
 from megalopta.flow.benchmark_settings import each_once
+from megalopta.strict_yaml import booleans_for_others
 from megalopta.trial import Template, Trial, path_from_its_file, template_names
-from megalopta.yaml_model import booleans_for_others, mapping, put, read_text, validated
+from megalopta.yaml_model import mapping, put, read_text, validated
 
 Value = int | float | bool | str
 MOST_TRIALS = 10_000

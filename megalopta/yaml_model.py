@@ -3,40 +3,17 @@
 Every mistake is told in one sentence that names field, value and remedy.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
 from pydantic import BaseModel, ValidationError
 
-from megalopta.errors import UserError, one_sentence, shortened
+from megalopta import strict_yaml
+from megalopta.errors import UserError, one_sentence
 
 Model = TypeVar("Model", bound=BaseModel)
-
-
-class _Loader(yaml.SafeLoader):
-    """Loads plain data, and refuses a key that comes twice, of which YAML would take the last."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        seen = set()
-        for key, _ in node.value:
-            if isinstance(key, yaml.ScalarNode):
-                if (key.tag, key.value) in seen:
-                    raise _refused(f"the key {key.value!r} comes twice; leave one out", key)
-                seen.add((key.tag, key.value))
-        return super().construct_mapping(node, deep)
-
-    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
-        try:
-            return super().construct_object(node, deep)
-        except (ValueError, LookupError, AttributeError, TypeError):  # PyYAML checks tags too late
-            kind = node.tag.rpartition(":")[2]
-            raise _refused(f"{shortened(node.value)} is no {kind}", node) from None
-
-
-def _refused(problem: str, node: yaml.Node) -> yaml.MarkedYAMLError:
-    return yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
 
 
 def read_text(path: Path, what: str) -> str:
@@ -58,7 +35,7 @@ def read_text(path: Path, what: str) -> str:
 
 def mapping(text: str, source: str) -> dict[str, Any]:
     """Return the mapping that a YAML text holds, empty for an empty text."""
-    values = _safe_yaml(text, source)
+    values = _plain_data(text, source)
     if values is None:
         values = {}
     if not isinstance(values, dict):
@@ -92,7 +69,7 @@ def validated(
         return record
     changed = record.model_dump(mode="json")
     for path, value in sorted(overrides.items(), key=lambda item: _starts_afresh(item[0])):
-        put(changed, path, _safe_yaml(value, f"--{path}"))
+        put(changed, path, _plain_data(value, f"--{path}"))
     return _validated(model, changed, "command line", Path())
 
 
@@ -126,17 +103,11 @@ def put(values: Any, path: str, value: Any) -> None:
         raise UserError(f"--{path}: {'.'.join(parents)} has no fields; give it as a whole")
 
 
-def _safe_yaml(text: str, source: str) -> Any:
+def _plain_data(text: str, source: str) -> Any:
     try:
-        return yaml.load(text, _Loader)
-    except yaml.MarkedYAMLError as problem:
-        told = ", ".join(part for part in (problem.context, problem.problem) if part)
-        line = f" (line {problem.problem_mark.line + 1})" if problem.problem_mark else ""
-        raise UserError(f"{source}: not valid YAML: {told}{line}") from None
-    except yaml.YAMLError as problem:
-        raise UserError(f"{source}: not valid YAML: {problem}") from None
-    except RecursionError:
-        raise UserError(f"{source}: nested too deeply; write it flatter") from None
+        return strict_yaml.load(text)
+    except ValueError as problem:
+        raise UserError(f"{source}: {problem}") from None
 
 
 def _validated(model: type[Model], values: Any, source: str, folder: Path) -> Model:
@@ -144,22 +115,9 @@ def _validated(model: type[Model], values: Any, source: str, folder: Path) -> Mo
         record = model.model_validate(values, context={"folder": folder})
     except ValidationError as error:
         raise UserError(f"{source}: {one_sentence(error, model)}") from None
-    for place in booleans_for_others(values, record):
+    for place in strict_yaml.booleans_for_others(values, record):
         raise UserError(f"{source}: {place}: true and false are no numbers; give a number")
     return record
-
-
-def booleans_for_others(values: Any, record: Any, place: str = "") -> Iterator[str]:
-    """Places where a boolean was given and something else was made of it, such as 1 of true."""
-    if isinstance(values, bool) and not isinstance(record, bool):
-        yield place
-    elif isinstance(values, Mapping) and isinstance(record, BaseModel | Mapping):
-        parts = record if isinstance(record, Mapping) else vars(record)
-        for key in values.keys() & parts.keys():
-            yield from booleans_for_others(values[key], parts[key], f"{place}.{key}".strip("."))
-    elif isinstance(values, list | tuple) and isinstance(record, list | tuple):
-        for index, pair in enumerate(zip(values, record, strict=False)):
-            yield from booleans_for_others(*pair, f"{place}.{index}".strip("."))
 
 
 def _starts_afresh(path: str) -> int:

@@ -81,7 +81,7 @@ def read_radiance(path: Path) -> tuple[NDArray[np.float32], tuple[tuple[float, f
     Raises
     ------
     ValueError
-        When the file is no EXR or not a radiance file of this layout.
+        When the file is no EXR, not a radiance file of this layout, or holds what is no light.
     """
     header, channels = _read(path)
     try:
@@ -93,7 +93,10 @@ def read_radiance(path: Path) -> tuple[NDArray[np.float32], tuple[tuple[float, f
             f"{path} is not a spectral-radiance EXR of this layout (bandEdgesNm and channels "
             "S0.<center>nm); render it again"
         ) from None
-    return np.stack(planes, axis=-1).astype(np.float32, copy=False), bands
+    radiance = np.stack(planes, axis=-1).astype(np.float32, copy=False)
+    if not ((radiance >= 0) & (radiance < np.inf)).all():
+        raise ValueError(f"{path} holds values that are negative or not finite; render it again")
+    return radiance, bands
 
 
 def read_size(path: Path) -> tuple[int, int]:

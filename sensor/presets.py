@@ -35,9 +35,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import ValidationError
 
+from megalopta import strict_yaml
 from megalopta.sensor.analog_counter import AnalogCounter
 from megalopta.sensor.bias import Bias
 from megalopta.sensor.change import merged
@@ -197,20 +197,23 @@ def load_sensor(path: str | Path) -> Sensor:
     """
     path = Path(path)
     try:
-        values = yaml.safe_load(path.read_text("utf-8"))
-    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
+        values = strict_yaml.load(path.read_text("utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
         problem = " ".join(str(error).split())
         raise ValueError(f"{path}: cannot be read as YAML: {problem}") from error
     if not isinstance(values, dict):
         raise ValueError(f"{path}: a sensor is a mapping of fields to values")
     try:
-        values = with_files(values, path.parent)
-        base = preset(values.pop("preset")).model_dump() if "preset" in values else {}
-        return Sensor.model_validate(merged(base, values))
+        given = with_files(values, path.parent)
+        base = preset(given.pop("preset")).model_dump() if "preset" in given else {}
+        sensor = Sensor.model_validate(merged(base, given))
     except ValidationError as error:
         raise ValueError(f"{path}: {_first_problem(error)}") from error
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
+    for place in strict_yaml.booleans_for_others(values, sensor):
+        raise ValueError(f"{path}: {place}: true and false are no numbers; give a number")
+    return sensor
 
 
 def with_files(values: Mapping[str, Any], folder: Path) -> dict[str, Any]:

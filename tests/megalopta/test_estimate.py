@@ -37,7 +37,7 @@ def test_a_value_beyond_sense_is_refused_by_its_field(path, value):
     ("changes", "message"),
     [
         ({"trajectory.frames": "1000000"}, r"1000000 frames of 120 × 120 would take about .* days of work"),
-        ({"camera.width": "32768", "camera.height": "32768"}, r"about 1.15 TB of memory, and this machine has .*; lower"),
+        ({"camera.width": "32768", "camera.height": "32768"}, r"about 1.1[0-9] TB of memory, and this machine has .*; lower"),
     ],
 )  # fmt: skip
 def test_a_rendering_beyond_the_machine_is_refused_before_it_is_begun(tmp_path, changes, message):
