@@ -5,7 +5,7 @@ import platform
 from importlib.metadata import version
 
 from megalopta import __version__
-from megalopta.render.variant import CUDA_NOTE, choose_variant, find_llvm, has_cuda_device
+from megalopta.render.variant import CUDA_NOTE, choose_variant, has_cuda_device, llvm_in_use
 
 PACKAGES = (
     "mitsuba",
@@ -40,7 +40,7 @@ def describe() -> str:
         f"{'machine':<14}{platform.platform()}, {os.cpu_count()} cores",
         f"{'rendering':<14}{variant.name}: {variant.reason}",
     ]
-    library, found = find_llvm()
+    library, found = llvm_in_use()
     if library:
         lines.append(f"{'libLLVM':<14}{found}, {library}")
     if has_cuda_device():
