@@ -5,7 +5,7 @@ import platform
 from importlib.metadata import version
 
 from megalopta import __version__
-from megalopta.render.variant import CUDA_NOTE, choose_variant, find_llvm, has_cuda_device
+from megalopta.render.variant import CUDA_NOTE, choose_variant, has_cuda_device, llvm_in_use
 
 PACKAGES = (
     "mitsuba",
@@ -41,7 +41,7 @@ def describe() -> str:
         f"{'machine':<{_WIDTH}}{platform.platform()}, {os.cpu_count()} cores",
         f"{'rendering':<{_WIDTH}}{variant.name}: {variant.reason}",
     ]
-    library, found = find_llvm()
+    library, found = llvm_in_use()
     if library:
         lines.append(f"{'libLLVM':<14}{found}, {library}")
     if has_cuda_device():

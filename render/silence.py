@@ -1,4 +1,4 @@
-"""Load Dr.Jit without its complaint on standard error where there is no libLLVM.
+"""Load Dr.Jit with the libLLVM that was chosen, without its complaint where there is none.
 
 It writes a line of its own on import, past Python; the choice of variant says the same, with the
 remedy. Imported before anything else of this folder.
@@ -6,6 +6,8 @@ remedy. Imported before anything else of this folder.
 
 import os
 import sys
+
+from megalopta.render.variant import llvm_in_use
 
 
 def _load_silently() -> None:
@@ -20,5 +22,6 @@ def _load_silently() -> None:
         os.close(nowhere)
 
 
+llvm_in_use()
 if "drjit" not in sys.modules:
     _load_silently()

@@ -2,9 +2,9 @@
 
 libLLVM 15 and 16 load and then abort the whole process from inside Dr.Jit, which no `except` can
 catch. So a library is let in only after its own `LLVMGetVersion` named a version that was tried
-with Dr.Jit 1.5, and its path is handed to Dr.Jit. The user's own `DRJIT_LIBLLVM_PATH` comes first,
-then the library of the package `karellen-llvm-core`, which is installed with this one on Linux
-x86-64, then those of the system.
+with Dr.Jit 1.5, and its path is handed to Dr.Jit before that is imported, as it looks for a library
+but then. The user's own `DRJIT_LIBLLVM_PATH` comes first, then the library of the package
+`karellen-llvm-core`, which is installed with this one on Linux x86-64, then those of the system.
 
 A CUDA variant runs only where it is asked for by name: its OptiX leaves a hit's shape index zero,
 by which ground truth and baked light tell meshes apart. The driver is asked for a device before.
@@ -93,9 +93,8 @@ def choose_variant(backend: Backend = "auto") -> Variant:
         )
     if backend == "scalar":
         return Variant("scalar_spectral", "as asked")
-    library, found = find_llvm()
+    library, found = llvm_in_use()
     if library:
-        os.environ["DRJIT_LIBLLVM_PATH"] = library
         return Variant("llvm_ad_spectral", f"{Path(library).name}, LLVM {found}")
     if backend == "llvm":
         raise ValueError(f"render.backend 'llvm': {found}; {_REMEDY}, or use 'scalar'")
@@ -115,6 +114,25 @@ def activate(variant: Variant) -> None:
 
 
 @cache
+def llvm_in_use() -> tuple[str, str]:
+    """Library that Dr.Jit has bound, or is to bind, and its version, as `find_llvm` gives them.
+
+    The first call chooses, if it comes before Dr.Jit is imported; else that has chosen already.
+    """
+    if "drjit" not in sys.modules:
+        library, found = find_llvm()
+        if library:
+            os.environ["DRJIT_LIBLLVM_PATH"] = library
+        return library, found
+    from drjit.detail import llvm_version as bound_version
+
+    version = bound_version()
+    if version[0] in TRIED_LLVM:
+        return "libLLVM of Dr.Jit's own choice", ".".join(map(str, version))
+    refusal = _refusal(version) if version[0] > 0 else "is none"
+    return "", f"the LLVM that Dr.Jit found {refusal}; import megalopta.render before mitsuba"
+
+
 def find_llvm() -> tuple[str, str]:
     """Find a libLLVM that Dr.Jit can use.
 

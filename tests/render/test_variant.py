@@ -13,6 +13,7 @@ from megalopta.render import variant
 from megalopta.render.variant import TRIED_LLVM, choose_variant, find_llvm, llvm_version
 
 RENDER = """
+from pathlib import Path
 from megalopta.render.variant import choose_variant, activate
 chosen = choose_variant()
 activate(chosen)
@@ -22,27 +23,35 @@ scene = mi.load_dict({"type": "scene", "light": {"type": "constant"},
                                  "height": 8}}, "integrator": {"type": "path"}})
 assert float(mi.render(scene, spp=1).array[0]) > 0
 print(chosen.name)
+maps = Path("/proc/self/maps")
+if maps.exists():
+    print(*{line.split()[-1] for line in maps.read_text().splitlines() if "libLLVM" in line})
 """
 
 
-def render_in_a_process_of_its_own(library):
+def render_in_a_process_of_its_own(library=None, before=""):
+    """Name of the variant, and the libraries of LLVM in the process, one line each."""
+    environment = {name: each for name, each in os.environ.items() if name != "DRJIT_LIBLLVM_PATH"}
+    if library:
+        environment["DRJIT_LIBLLVM_PATH"] = str(library)
     done = subprocess.run(
-        [sys.executable, "-c", RENDER],
-        env={**os.environ, "DRJIT_LIBLLVM_PATH": str(library)},
+        [sys.executable, "-c", before + RENDER],
+        env=environment,
         capture_output=True,
         text=True,
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    assert done.stderr == ""  # Dr.Jit's own complaint is told better by the choice of variant
+    if not before:
+        assert done.stderr == ""  # Dr.Jit's own complaint is told better by the choice of variant
     return done.stdout.strip()
 
 
 @pytest.fixture
-def no_cache():
-    variant.find_llvm.cache_clear()
-    yield
-    variant.find_llvm.cache_clear()
+def unbound(monkeypatch):
+    """As if Dr.Jit were not imported yet: a library is searched."""
+    for module in (variant, info):
+        monkeypatch.setattr(module, "llvm_in_use", find_llvm)
 
 
 def libraries_never_tried():
@@ -52,12 +61,22 @@ def libraries_never_tried():
 
 def test_a_file_that_is_no_library_leaves_the_process_alive(tmp_path):
     (tmp_path / "libLLVM.so").write_text("no library")
-    assert render_in_a_process_of_its_own(tmp_path / "libLLVM.so") != "llvm_ad_spectral"
+    assert render_in_a_process_of_its_own(tmp_path / "libLLVM.so").startswith("scalar")
 
 
 @pytest.mark.parametrize("library", libraries_never_tried() or [Path("/nonexistent")])
-def test_an_untried_libllvm_is_never_handed_to_the_renderer(library):
-    assert render_in_a_process_of_its_own(library) != "llvm_ad_spectral"
+@pytest.mark.parametrize("before", ["", "import drjit"], ids=["first", "after Dr.Jit"])
+def test_an_untried_libllvm_is_never_used_by_the_renderer(library, before):
+    assert render_in_a_process_of_its_own(library, before).startswith("scalar")
+
+
+def test_dr_jit_that_was_imported_before_keeps_its_choice_and_the_reason_says_so(monkeypatch):
+    monkeypatch.setattr("drjit.detail.llvm_version", lambda: (-1, -1, -1))
+    variant.llvm_in_use.cache_clear()
+    try:
+        assert "import megalopta.render before mitsuba" in choose_variant().reason
+    finally:
+        variant.llvm_in_use.cache_clear()
 
 
 @pytest.mark.parametrize(
@@ -71,7 +90,7 @@ def test_an_untried_libllvm_is_never_handed_to_the_renderer(library):
         (None, "scalar_spectral"),
     ],
 )
-def test_llvm_is_let_in_by_the_version_it_reports(monkeypatch, no_cache, version, expected):
+def test_llvm_is_let_in_by_the_version_it_reports(monkeypatch, unbound, version, expected):
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/somewhere/libLLVM.so")
     monkeypatch.setattr(variant, "llvm_version", lambda _: version)
     monkeypatch.setattr(variant, "has_cuda_device", lambda: False)
@@ -87,7 +106,7 @@ def test_llvm_is_let_in_by_the_version_it_reports(monkeypatch, no_cache, version
         ((99, 1, 0), "is LLVM 99, which is untried"),
     ],
 )
-def test_a_refused_library_is_named_with_what_is_wrong(monkeypatch, no_cache, version, clause):
+def test_a_refused_library_is_named_with_what_is_wrong(monkeypatch, unbound, version, clause):
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/somewhere/libLLVM.so")
     monkeypatch.setattr(variant, "llvm_version", lambda _: version)
     with pytest.raises(ValueError, match=f"DRJIT_LIBLLVM_PATH: /somewhere/libLLVM.so {clause}"):
@@ -120,14 +139,14 @@ def test_info_says_in_one_line_why_cuda_is_not_used_and_how_to_ask_for_it(monkey
     assert all("cannot be right" in line and "--render.backend cuda" in line for line in lines)
 
 
-def test_info_names_the_library_in_use_and_its_version(monkeypatch, no_cache):
+def test_info_names_the_library_in_use_and_its_version(monkeypatch, unbound):
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/somewhere/libLLVM.so")
     monkeypatch.setattr(variant, "llvm_version", lambda _: (21, 1, 8))
     assert "libLLVM       21.1.8, /somewhere/libLLVM.so" in info.describe().splitlines()
 
 
 @pytest.fixture
-def installed(monkeypatch, no_cache, tmp_path):
+def installed(monkeypatch, unbound, tmp_path):
     """Libraries of LLVM by path, with their versions, in the package and in the system."""
     monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
 
@@ -187,17 +206,14 @@ def test_a_library_of_the_users_own_comes_before_the_package(monkeypatch, instal
 @pytest.mark.skipif(
     (sys.platform, platform.machine()) != ("linux", "x86_64"), reason="the package is for Linux"
 )
-def test_the_package_that_is_installed_with_ours_renders_without_any_other_library(
-    monkeypatch, no_cache
-):
-    monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
-    monkeypatch.setattr(variant, "_system_libraries", lambda: ())
-    library, found = find_llvm()
-    assert found.startswith("19.1.")
-    assert render_in_a_process_of_its_own(library) == "llvm_ad_spectral"
+def test_the_package_that_is_installed_with_ours_renders_without_any_other_library(unbound):
+    (library,) = variant._packaged_libraries()
+    name, bound = render_in_a_process_of_its_own().splitlines()
+    assert name == "llvm_ad_spectral"
+    assert Path(bound) == library
 
 
-def test_a_named_backend_is_taken_or_refused(monkeypatch, no_cache):
+def test_a_named_backend_is_taken_or_refused(monkeypatch, unbound):
     assert choose_variant("scalar").name == "scalar_spectral"
     monkeypatch.setattr(variant, "has_cuda_device", lambda: False)
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/nonexistent")
@@ -207,7 +223,7 @@ def test_a_named_backend_is_taken_or_refused(monkeypatch, no_cache):
         choose_variant("llvm")
 
 
-def test_scalar_says_what_would_be_faster(monkeypatch, no_cache):
+def test_scalar_says_what_would_be_faster(monkeypatch, unbound):
     monkeypatch.setattr(variant, "has_cuda_device", lambda: False)
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/nonexistent")
     assert "karellen-llvm-core" in choose_variant().advice
