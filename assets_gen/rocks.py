@@ -9,7 +9,7 @@ from megalopta.assets_gen.noise import PlaneWaves, plane_waves
 from megalopta.assets_gen.surface import FloatArray, Surface, cross, unit
 from megalopta.assets_gen.tube import tube_faces
 
-TILE_M = 1.2
+STONE_TILE_M = 1.2
 """Size of one tile of the stone's texture around the boulder (m)."""
 ROUNDNESS = 9.0
 """Exponent of the soft minimum over the cutting planes; larger gives sharper edges."""
@@ -30,12 +30,12 @@ def grow_rock(rng: np.random.Generator, sides: int = 28) -> Surface:
     squash = np.array([1.0, rng.uniform(0.65, 1.0), rng.uniform(0.45, 0.85)])
     body, apex = (squash * boulder.radius(d)[..., None] * d for d in (grid, top))
     body[:, -1] = body[:, 0]
-    u = azimuth / (2 * np.pi) * round(np.pi / TILE_M)
-    uv = np.stack(np.broadcast_arrays(u, elevation[:, None] / (2 * TILE_M)), axis=-1)
+    u = azimuth / (2 * np.pi) * round(np.pi / STONE_TILE_M)
+    uv = np.stack(np.broadcast_arrays(u, elevation[:, None] / (2 * STONE_TILE_M)), axis=-1)
     return Surface(
         np.concatenate([body.reshape(-1, 3), apex.reshape(-1, 3)]),
         tube_faces(rings, sides),
-        np.concatenate([uv.reshape(-1, 2), [[u[-1] / 2, np.pi / 4 / TILE_M]]]),
+        np.concatenate([uv.reshape(-1, 2), [[u[-1] / 2, np.pi / 4 / STONE_TILE_M]]]),
         np.concatenate([_normals(body), top.reshape(-1, 3)]),
     )
 

@@ -16,7 +16,7 @@ from megalopta.assets_gen.surface import FloatArray, Surface, unit
 
 TRAIL_M = (3.0, 14.0)
 """The land is level up to the first distance from the path and rolls freely from the second on."""
-TILE_M = 5.0
+GROUND_TILE_M = 5.0
 """Size of one tile of the ground's texture (m)."""
 GROWTH = 1.15
 """Each step of the ground's grid outside its fine part is this many times the one before."""
@@ -61,7 +61,7 @@ class Terrain:
 
     def uv(self, points: FloatArray) -> FloatArray:
         """Return texture coordinates at points (n, 2) (m); tiles do not quite line up."""
-        return points / TILE_M + np.stack([wave(points) for wave in self.drift], axis=-1)
+        return points / GROUND_TILE_M + np.stack([wave(points) for wave in self.drift], axis=-1)
 
 
 def _smooth_step(x: FloatArray, start: float, end: float) -> FloatArray:

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from megalopta.assets_gen.bark import furrowed_bark, papery_bark, scaly_bark, smooth_bark
 from megalopta.assets_gen.foliage import ATLAS_TILES
 from megalopta.assets_gen.noise import tileable_noise, to_weight
-from megalopta.assets_gen.rocks import TILE_M as STONE_TILE_M
+from megalopta.assets_gen.rocks import STONE_TILE_M
 from megalopta.assets_gen.splats import strew
 from megalopta.assets_gen.surface import FloatArray
-from megalopta.assets_gen.terrain import TILE_M
+from megalopta.assets_gen.terrain import GROUND_TILE_M
 
 GROUND_SHAPE = (1024, 1024)
 LEAF_TEXELS = 64
@@ -21,7 +21,7 @@ LEAF_TEXELS = 64
 
 def litter_texture(rng: np.random.Generator) -> NDArray[np.float32]:
     """Return a tileable floor of fallen leaves and twigs; 1 is bright litter, 0 bare soil."""
-    size, area_m2 = (TILE_M, TILE_M), TILE_M**2
+    size, area_m2 = (GROUND_TILE_M, GROUND_TILE_M), GROUND_TILE_M**2
     leaves = strew(GROUND_SHAPE, size, int(750 * area_m2), (0.035, 0.12), 0.5, 0.0, 3.0, rng)
     twigs = strew(GROUND_SHAPE, size, int(12 * area_m2), (0.1, 0.4), 0.04, 0.0, 3.0, rng)
     patches = tileable_noise(GROUND_SHAPE, size, (0.15, 1.8), 1.1, rng)
@@ -36,7 +36,7 @@ def litter_texture(rng: np.random.Generator) -> NDArray[np.float32]:
 
 def turf_texture(rng: np.random.Generator) -> NDArray[np.float32]:
     """Return a tileable short turf or carpet of moss: fine blades on slow patches; 1 is bright."""
-    size, area_m2 = (TILE_M, TILE_M), TILE_M**2
+    size, area_m2 = (GROUND_TILE_M, GROUND_TILE_M), GROUND_TILE_M**2
     blades = strew(GROUND_SHAPE, size, int(1200 * area_m2), (0.03, 0.11), 0.12, 0.0, 3.0, rng)
     patches = tileable_noise(GROUND_SHAPE, size, (0.15, 2.5), 1.0, rng)
     grain = tileable_noise(GROUND_SHAPE, size, (0.01, 0.06), 0.4, rng)

@@ -22,7 +22,7 @@ from megalopta.info import describe
 from megalopta.overrides import settings_help, split_overrides
 from megalopta.progress import say, working
 from megalopta.redo import open_dataset_whole
-from megalopta.report import write_report
+from megalopta.report.write import write_report
 from megalopta.stages import STAGES, run_all, run_stage
 from megalopta.sweep import Sweep, load_sweep
 from megalopta.yaml_model import to_yaml

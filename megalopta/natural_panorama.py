@@ -26,13 +26,12 @@ from megalopta.scenes.forest import Forest
 from megalopta.scenes.light import Light
 from megalopta.scenes.panoramic_camera import CylindricalCamera
 from megalopta.scenes.trajectory import Trajectory
+from megalopta.trial import ROWS
 
 RECIPE_VERSION = 1
 """Of scenes and renderer, raised by whoever changes what a panorama of the same configuration
 shows: plants, ground, light, camera or sampling, but not where the code stands. The test that
 renders the shipped panoramas again fails where a raise was forgotten."""
-ROWS = 251
-"""Rows of every template, and columns of a frame (px)."""
 LUMINANCE_BAND_NM = (507.0, 614.0)
 """As wide as the photopic V(λ) is when squared off (107 nm), about its centroid of 560 nm."""
 

@@ -15,10 +15,8 @@ from numpy.typing import NDArray
 
 from megalopta.render.bands import Bands
 from megalopta.render.merge import MergedMesh
-from megalopta.render.panorama_sensor import NAME as PANORAMA
-from megalopta.render.panorama_sensor import register_panorama
-from megalopta.render.rows_sensor import NAME as ROWS
-from megalopta.render.rows_sensor import register_rows
+from megalopta.render.panorama_sensor import PANORAMA, register_panorama
+from megalopta.render.rows_sensor import ROWS, register_rows
 from megalopta.scenes.camera import Camera, PerspectiveCamera
 from megalopta.scenes.panoramic_camera import CylindricalCamera
 from megalopta.scenes.scene import Emission, Lighting, Material, Scene

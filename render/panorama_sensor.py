@@ -9,7 +9,7 @@ import mitsuba as mi
 
 from megalopta.render.python_sensor import python_sensor
 
-NAME = "panorama"
+PANORAMA = "panorama"
 
 
 @cache
@@ -60,4 +60,4 @@ def register_panorama(variant: str) -> None:
             ray = mi.Ray3f(origin, self.to_world @ direction, time, wavelengths)
             return ray, weight
 
-    mi.register_sensor(NAME, PanoramaSensor)
+    mi.register_sensor(PANORAMA, PanoramaSensor)

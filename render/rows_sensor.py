@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from megalopta.render.python_sensor import python_sensor
 
-NAME = "rows"
+ROWS = "rows"
 
 
 @cache
@@ -51,4 +51,4 @@ def register_rows(variant: str) -> None:
             ray.o, ray.d = transform @ ray.o, transform @ ray.d
             return ray, weight
 
-    mi.register_sensor(NAME, RowsSensor)
+    mi.register_sensor(ROWS, RowsSensor)

@@ -10,7 +10,7 @@ from scipy.ndimage import binary_erosion
 from megalopta.configuration import built_in_names, load, parse
 from megalopta.errors import UserError
 from megalopta.frames import read_radiance_frames, read_truth_frames
-from megalopta.report import write_report
+from megalopta.report.write import write_report
 from megalopta.scenes.airglow import AIRGLOW
 from megalopta.sense_check import check_sense
 from megalopta.sensor import (

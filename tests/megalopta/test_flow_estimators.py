@@ -8,7 +8,7 @@ import pytest
 
 from megalopta.configuration import Configuration, load
 from megalopta.flow.methods import METHODS, THESIS_METHODS
-from megalopta.report import write_report
+from megalopta.report.write import write_report
 from megalopta.rotation import rotation_error, yaw_rates_deg_s
 from megalopta.scenes.trajectory import Trajectory
 from megalopta.stages import run_stage

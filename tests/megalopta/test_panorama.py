@@ -9,7 +9,7 @@ import pytest
 from megalopta.configuration import load
 from megalopta.errors import UserError
 from megalopta.render.exr import read_radiance, read_truth
-from megalopta.report import write_report
+from megalopta.report.write import write_report
 from megalopta.scenes.panoramic_camera import CylindricalCamera
 from megalopta.stages import run_all, run_stage
 

@@ -16,9 +16,9 @@ from megalopta.configuration import Configuration, load
 from megalopta.dataset import Dataset
 from megalopta.errors import UserError
 from megalopta.report import page as report_page
-from megalopta.report import write_report
 from megalopta.report.budget import exposed
 from megalopta.report.footage import read_footage, select
+from megalopta.report.write import write_report
 from megalopta.sensor import DigitalCounter
 from megalopta.stage_flow import responses_path
 from megalopta.stages import run_all, run_stage
