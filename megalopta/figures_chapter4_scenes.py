@@ -16,11 +16,12 @@ from megalopta.assets_gen.seeding import generator
 from megalopta.figure import Figure, Registry
 from megalopta.flow.image_statistics import ImageStatistics, image_statistics, power_spectrum
 from megalopta.flow.resize import resize
-from megalopta.natural_panorama import NATURAL_PANORAMAS, ROWS
+from megalopta.natural_panorama import NATURAL_PANORAMAS
 from megalopta.panoramas import natural_templates
 from megalopta.plot_style import BLACK, DASHES, PALETTE
 from megalopta.preview import white_level
 from megalopta.scenes.color import encode_srgb
+from megalopta.trial import ROWS
 
 Floats = NDArray[np.float64]
 

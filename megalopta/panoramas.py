@@ -20,7 +20,6 @@ from megalopta.folders import locked
 from megalopta.natural_panorama import (
     LUMINANCE_BAND_NM,
     NATURAL_PANORAMAS,
-    ROWS,
     NaturalPanorama,
     render_panorama,
 )
@@ -31,6 +30,7 @@ from megalopta.render.exr import read_attributes, read_radiance, write_radiance
 from megalopta.render.noise import RenderNoise
 from megalopta.render.variant import activate, choose_variant
 from megalopta.scenes.panorama import LUMINANCE_SHARES
+from megalopta.trial import ROWS
 
 SHIPPED = Path(__file__).with_name("data") / "panoramas"
 RECIPE = "configurationSha256"
