@@ -26,10 +26,10 @@ from typing import Any
 
 import numpy as np
 
-from megalopta.configuration import Configuration, load
+from megalopta.config.configuration import Configuration, load
 from megalopta.render import SceneRenderer, frame_seed
 from megalopta.scenes.build import build_scene
-from megalopta.scenes.light import LEVELS
+from megalopta.scenes.lighting.levels import LEVELS
 
 
 def renderer(configuration: Configuration, integrator: str) -> SceneRenderer:

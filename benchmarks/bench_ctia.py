@@ -14,10 +14,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from megalopta.scenes.airglow import AIRGLOW
+from megalopta.scenes.spectra.airglow import AIRGLOW
 from megalopta.sensor import CtiaSensor, ctia_preset, expose_ctia, expose_photocurrent, photocurrent
-from megalopta.sensor.ctia_photodiode import ELEMENTARY_CHARGE_C
-from megalopta.sensor.randomness import generator
+from megalopta.sensor.ctia.photodiode import ELEMENTARY_CHARGE_C
+from megalopta.sensor.sampling.streams import generator
 
 SHAPE = (4, 240, 240)
 REPEATS = 7

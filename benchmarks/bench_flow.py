@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from megalopta.chapter4_sweeps import POOLING, SWEEPS
-from megalopta.flow import short_sequences
-from megalopta.flow.detector import FloatArray
-from megalopta.flow.methods import method
-from megalopta.flow.photons import draw_counts
-from megalopta.trial import GratingTemplate, Trial, measure
+from megalopta.experiments.thesis_sweeps import POOLING, SWEEPS
+from megalopta.experiments.trial import GratingTemplate, Trial, measure
+from megalopta.flow.benchmark import short_sequences
+from megalopta.flow.detectors.base import FloatArray
+from megalopta.flow.detectors.registry import method
+from megalopta.flow.stimuli.photons import draw_counts
 
 FRAMES = 16
 

@@ -18,21 +18,22 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from megalopta.configuration import load
-from megalopta.dataset import Dataset
-from megalopta.render import film, rays
+from megalopta.config.configuration import load
+from megalopta.dataset.store import Dataset
 from megalopta.render.renderer import SceneRenderer
+from megalopta.render.sensors import film
 from megalopta.render.settings import RenderSettings
+from megalopta.render.truth import rays
 from megalopta.scenes.build import build_scene
-from megalopta.scenes.camera import PerspectiveCamera
-from megalopta.scenes.forest import Forest
-from megalopta.scenes.light import Light
-from megalopta.scenes.motion import Drift
-from megalopta.scenes.objects import MovingObject
-from megalopta.scenes.panoramic_camera import EquirectangularCamera
-from megalopta.scenes.sway import Wind
-from megalopta.scenes.trajectory import Trajectory
-from megalopta.stage_render import FrameWriter
+from megalopta.scenes.cameras.panoramic import EquirectangularCamera
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.forest.description import Forest
+from megalopta.scenes.forest.sway import Wind
+from megalopta.scenes.lighting.levels import Light
+from megalopta.scenes.moving_objects import MovingObject
+from megalopta.scenes.trajectories.steady import Trajectory
+from megalopta.scenes.world.motion import Drift
+from megalopta.stages.render import FrameWriter
 
 inside = 0.0
 

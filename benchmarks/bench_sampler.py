@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from megalopta.configuration import Configuration, load
+from megalopta.config.configuration import Configuration, load
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.scenes import build_scene
-from megalopta.scenes.scene import Scene
+from megalopta.scenes.world.scene import Scene
 
 # Sampler, samples of a pass, passes averaged.
 SPLITS = (

@@ -26,9 +26,9 @@ from megalopta.sensor import (
     expose_rate,
     preset,
 )
-from megalopta.sensor.binary import draw_binary
-from megalopta.sensor.brute_force import brute_force_counts
-from megalopta.sensor.randomness import generator
+from megalopta.sensor.readout.binary import draw_binary
+from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.selfcheck.brute_force import brute_force_counts
 
 SHAPE = (4, 240, 240)
 REPEATS = 7

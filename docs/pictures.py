@@ -13,7 +13,7 @@ from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 from skimage.io import imread
 
-from megalopta.dataset import Dataset, open_dataset
+from megalopta.dataset.store import Dataset, open_dataset
 from megalopta.flow import THESIS_METHODS, flow_to_rgb, wheel_legend
 from megalopta.render import read_truth
 from megalopta.sensor import read_counts

@@ -10,7 +10,7 @@ import sys
 def main() -> None:
     """Load and run the command line."""
     try:
-        from megalopta import cli
+        from megalopta.cli import main as cli
     except KeyboardInterrupt:
         sys.exit(130)
     cli.main()

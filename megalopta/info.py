@@ -5,7 +5,7 @@ import platform
 from importlib.metadata import version
 
 from megalopta import __version__
-from megalopta.render.variant import CUDA_NOTE, choose_variant, has_cuda_device, llvm_in_use
+from megalopta.render import CUDA_NOTE, choose_variant, has_cuda_device, llvm_in_use
 
 PACKAGES = (
     "mitsuba",

@@ -8,31 +8,8 @@ far = renderer.flow(poses, 0, 7, trajectory.times_s)
 blurred = renderer.exposed(trajectory, Shutter(exposure_s=0.02), 0, seed=0)
 """
 
-from megalopta.render import silence  # noqa: F401  # before all that loads Dr.Jit
-from megalopta.render.exr import (
-    read_attributes,
-    read_radiance,
-    read_truth,
-    write_radiance,
-    write_truth,
-)
-from megalopta.render.renderer import SceneRenderer
-from megalopta.render.settings import RenderSettings, frame_seed
-from megalopta.render.truth import Flow, Truth, out_of_view
-from megalopta.render.variant import Variant, choose_variant
+import lazy_loader
 
-__all__ = [
-    "Flow",
-    "RenderSettings",
-    "SceneRenderer",
-    "Truth",
-    "Variant",
-    "choose_variant",
-    "frame_seed",
-    "out_of_view",
-    "read_attributes",
-    "read_radiance",
-    "read_truth",
-    "write_radiance",
-    "write_truth",
-]
+from megalopta.render import silence  # noqa: F401  # before all that loads Dr.Jit
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -15,14 +15,10 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.render import rays
-from megalopta.render.mitsuba_scene import DISC_POINTS
-from megalopta.scenes.photometry import (
-    MAXIMUM_EFFICACY_LM_W,
-    luminous,
-    luminous_efficiency,
-)
-from megalopta.scenes.scene import Sun
+from megalopta.render.loading import DISC_POINTS
+from megalopta.render.truth import rays
+from megalopta.scenes.spectra import MAXIMUM_EFFICACY_LM_W, luminous, luminous_efficiency
+from megalopta.scenes.world import Sun
 
 Float64 = NDArray[np.float64]
 

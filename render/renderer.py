@@ -11,21 +11,17 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from megalopta.render.baked import BakedLightIntegrator, path_tracing_reason
-from megalopta.render.environment import PanoramaView
-from megalopta.render.film import Film
-from megalopta.render.geometry import Geometry
+from megalopta.render.baking import BakedLightIntegrator, path_tracing_reason
 from megalopta.render.illuminance import Illuminance, LightMeter, LightSurvey
-from megalopta.render.merge import MovingMesh, merge
-from megalopta.render.mitsuba_scene import load_scene, move_meshes
+from megalopta.render.loading import MovingMesh, PanoramaView, load_scene, merge, move_meshes
+from megalopta.render.sensors import Film
 from megalopta.render.settings import RenderSettings, bake_seed, instant_seed
-from megalopta.render.truth import Flow, Truth, TruthTracer
+from megalopta.render.truth import Flow, Geometry, Instant, Rolling, Truth, TruthTracer
 from megalopta.render.variant import Variant, activate, choose_variant
-from megalopta.render.views import Instant, Rolling
-from megalopta.scenes.camera import Camera
-from megalopta.scenes.path import Path
-from megalopta.scenes.scene import Scene
-from megalopta.scenes.shutter import Shutter
+from megalopta.scenes import Shutter
+from megalopta.scenes.cameras import Camera
+from megalopta.scenes.trajectories import Path
+from megalopta.scenes.world import Scene
 
 
 class SceneRenderer:

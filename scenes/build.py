@@ -6,16 +6,22 @@ from typing import Annotated
 
 from pydantic import Field
 
-from megalopta.scenes.bench import Bench, build_bench
-from megalopta.scenes.camera import Camera
+from megalopta.scenes.cameras import Camera
 from megalopta.scenes.forest import Forest, build_forest
-from megalopta.scenes.grating import Grating, build_grating
-from megalopta.scenes.light import Light
-from megalopta.scenes.objects import MovingObject, with_objects
-from megalopta.scenes.panorama import Panorama, build_panorama
-from megalopta.scenes.plane import Plane, build_plane
-from megalopta.scenes.scene import Scene
-from megalopta.scenes.trajectory import CameraPath, Trajectory
+from megalopta.scenes.lighting import Light
+from megalopta.scenes.moving_objects import MovingObject, with_objects
+from megalopta.scenes.stimuli import (
+    Bench,
+    Grating,
+    Panorama,
+    Plane,
+    build_bench,
+    build_grating,
+    build_panorama,
+    build_plane,
+)
+from megalopta.scenes.trajectories import CameraPath, Trajectory
+from megalopta.scenes.world import Scene
 
 SceneDescription = Annotated[
     Forest | Grating | Plane | Bench | Panorama, Field(discriminator="kind")

@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 import megalopta.render  # noqa: F401  # before tests import mitsuba, which chooses a libLLVM itself
-from megalopta.scenes.color import encode_srgb
+from megalopta.scenes.spectra.color import encode_srgb
 
 
 @pytest.fixture

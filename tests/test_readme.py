@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from megalopta.configuration import Configuration, load
-from megalopta.overrides import split_overrides
-from megalopta.sweep import Sweep
-from megalopta.yaml_model import mapping, validated
+from megalopta.cli.overrides import split_overrides
+from megalopta.config.configuration import Configuration, load
+from megalopta.config.yaml_model import mapping, validated
+from megalopta.experiments.sweep import Sweep
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from megalopta.sensor import changed, preset
-from megalopta.sensor.bias import breakdown_offset
-from megalopta.sensor.device import fabricate
+from megalopta.sensor.effects.bias import breakdown_offset
+from megalopta.sensor.spad.fixed_pattern import fabricate
 
 FOLDER = Path(__file__).parent
 SHAPE = (128, 128)

@@ -11,13 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.configuration import Configuration, LightLevel
+from megalopta.config import Configuration, LightLevel
 from megalopta.dataset import Dataset
 from megalopta.errors import UserError
-from megalopta.noise_warning import variances
 from megalopta.report.footage import Footage
 from megalopta.report.records import Record
-from megalopta.scenes.light import illuminance_of
+from megalopta.scenes.lighting import illuminance_of
 from megalopta.sensor import (
     ImageSensor,
     StoredCounts,
@@ -26,7 +25,7 @@ from megalopta.sensor import (
     incident_photons,
     reading_signal_to_noise,
 )
-from megalopta.stage_sense import exposures, light_scale, read_exposure
+from megalopta.stages import exposures, light_scale, read_exposure, variances
 
 # Pixels between these percentiles are drawn as the spread of the signal-to-noise ratio.
 _SPREAD_PERCENT = (5, 50, 95)

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
-from megalopta.flow.threshold import Threshold
+from megalopta.flow.metrics import Threshold
 from megalopta.report.budget import Budget
 from megalopta.report.svg import (
     INK,

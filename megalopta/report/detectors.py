@@ -10,14 +10,12 @@ import zarr
 from numpy.typing import NDArray
 from PIL import Image
 
-from megalopta.configuration import Configuration, LightLevel
+from megalopta.config import Configuration, LightLevel
 from megalopta.dataset import Dataset
 from megalopta.errors import UserError
-from megalopta.flow.block_detector import BlockDetector
-from megalopta.flow.color_wheel import flow_to_rgb
-from megalopta.flow.detector import Detector
-from megalopta.flow.methods import METHODS
-from megalopta.flow.truth_error import block_flow
+from megalopta.flow.detectors import METHODS, BlockDetector, Detector
+from megalopta.flow.files import flow_to_rgb
+from megalopta.flow.metrics import block_flow
 from megalopta.report.footage import Footage, Selection
 from megalopta.report.images import ColorScale, Legend, map_scale
 from megalopta.report.motion import Wheel
@@ -26,7 +24,7 @@ from megalopta.report.text import UNDEFINED, level_name, number, relative_error
 from megalopta.report.truth import against_truth, rotation_table, split_table
 from megalopta.report.verdicts import VerdictGroup, verdict_group
 from megalopta.sensor import ImageSensor
-from megalopta.stage_flow import responses_path
+from megalopta.stages import responses_path
 
 Floats = NDArray[np.floating]
 Record = Mapping[str, Any]

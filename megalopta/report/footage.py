@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.configuration import Configuration
-from megalopta.dataset import Dataset
-from megalopta.frames import read_radiance_frame, read_truth_frame
-from megalopta.preview import preview, white_level, white_of
+from megalopta.config import Configuration
+from megalopta.dataset import Dataset, read_radiance_frame, read_truth_frame
 from megalopta.render.truth import Truth
-from megalopta.scenes.color import linear_srgb
+from megalopta.scenes import preview, white_level, white_of
+from megalopta.scenes.spectra import linear_srgb
 
 _LONGEST_SIDE_PX = 160
 _MOST_FRAMES = 40

@@ -22,8 +22,8 @@ from megalopta.report.text import (
     short,
 )
 from megalopta.sensor import CtiaSensor, ImageSensor
-from megalopta.sensor.chain import active_effects
-from megalopta.sensor.counter import LARGEST_CAPACITY
+from megalopta.sensor.counters import LARGEST_CAPACITY
+from megalopta.sensor.spad import active_effects
 
 _RECOVERY = {
     "ideal": "no dead time",

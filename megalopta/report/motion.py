@@ -8,7 +8,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 from PIL import Image
 
-from megalopta.flow.color_wheel import flow_to_rgb, wheel_legend
+from megalopta.flow.files import flow_to_rgb, wheel_legend
 from megalopta.render.truth import Truth
 from megalopta.report.charts import speed_chart
 from megalopta.report.footage import Footage, Selection

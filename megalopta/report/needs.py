@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from megalopta.flow.methods import METHODS
-from megalopta.flow.threshold import Threshold
+from megalopta.flow.detectors import METHODS
+from megalopta.flow.metrics import Threshold
 from megalopta.report.budget import Budget
 from megalopta.report.charts import Curve, Need, error_chart, need_chart
 from megalopta.report.parts import Table

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from megalopta import info
+from megalopta.config import to_yaml
 from megalopta.dataset import STAGES, Dataset
-from megalopta.flow.methods import METHODS
+from megalopta.flow.detectors import METHODS
 from megalopta.report.budget import exposed
 from megalopta.report.detectors import DetectorSection, detector_section
 from megalopta.report.footage import Footage, read_footage
@@ -29,7 +30,6 @@ from megalopta.report.summary import (
 from megalopta.report.svg import series_css
 from megalopta.report.text import duration
 from megalopta.report.verdicts import MEANINGS
-from megalopta.yaml_model import to_yaml
 
 # Faster than this, or slower, a film cannot be followed.
 _PLAYBACK_HZ = (2.0, 25.0)

@@ -17,10 +17,10 @@ from pydantic import (
 )
 from typing_extensions import TypedDict
 
-from megalopta.configuration import level_text
+from megalopta.config import level_text
 from megalopta.dataset import Dataset
 from megalopta.errors import UserError
-from megalopta.flow.methods import METHODS
+from megalopta.flow.detectors import METHODS
 
 Record = Mapping[str, Any]
 Metric = Literal["literal", "ratio"]

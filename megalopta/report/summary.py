@@ -6,29 +6,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from megalopta.configuration import Configuration, LightLevel
-from megalopta.flow.methods import METHODS
-from megalopta.flow.threshold import Threshold, format_flux
+from megalopta.config import Configuration, LightLevel
+from megalopta.flow.detectors import METHODS
+from megalopta.flow.metrics import Threshold, format_flux
 from megalopta.report.budget import Budget
 from megalopta.report.detectors import DetectorSection
 from megalopta.report.motion import MotionSection
 from megalopta.report.needs import two_bit
-from megalopta.report.text import (
-    enumerate_words,
-    level_name,
-    level_title,
-    number,
-    plural,
-)
+from megalopta.report.text import enumerate_words, level_name, level_title, number, plural
 from megalopta.report.verdicts import LIMIT, VerdictGroup
-from megalopta.scenes.bench import Bench
-from megalopta.scenes.build import SceneDescription
-from megalopta.scenes.camera import Camera
+from megalopta.scenes import SceneDescription
+from megalopta.scenes.cameras import Camera
 from megalopta.scenes.forest import Forest
-from megalopta.scenes.grating import Grating
-from megalopta.scenes.light import illuminance_of
-from megalopta.scenes.panorama import Panorama
-from megalopta.scenes.plane import Plane
+from megalopta.scenes.lighting import illuminance_of
+from megalopta.scenes.stimuli import Bench, Grating, Panorama, Plane
 
 NO_MOTION = "IM"
 """The yardstick among the methods: it measures brightness."""

@@ -3,9 +3,9 @@
 import math
 from collections.abc import Sequence
 
-from megalopta.configuration import LightLevel
-from megalopta.flow.threshold import format_flux
-from megalopta.scenes.light import illuminance_of
+from megalopta.config import LightLevel
+from megalopta.flow.metrics import format_flux
+from megalopta.scenes.lighting import illuminance_of
 
 UNDEFINED = "–"
 FAILS = "fails"

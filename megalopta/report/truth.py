@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
-from megalopta.flow.truth_splits import FAST_PX, OCCLUDED_SHARE, SLOW_PX
+from megalopta.flow.metrics import FAST_PX, OCCLUDED_SHARE, SLOW_PX
 from megalopta.report.parts import Table
 from megalopta.report.text import FAILS, SENSELESS, UNDEFINED, level_name, number, percent
 

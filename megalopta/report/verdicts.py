@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from megalopta.configuration import LightLevel
+from megalopta.config import LightLevel
 from megalopta.report.text import level_name, percent, relative_error
 
 ACCURATE = 0.25

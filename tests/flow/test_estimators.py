@@ -9,15 +9,15 @@ import cv2
 import numpy as np
 import pytest
 
-from megalopta.flow.block_matching import BlockMatching
-from megalopta.flow.farneback import Farneback
-from megalopta.flow.gray_detector import eight_bits
-from megalopta.flow.inverse_search import DenseInverseSearch
-from megalopta.flow.lucas_kanade import LucasKanade
-from megalopta.flow.methods import METHODS
-from megalopta.flow.opencv import one_thread
-from megalopta.flow.phase_correlation import PhaseCorrelation
-from megalopta.flow.total_variation import TotalVariation
+from megalopta.flow.detectors.block_matching import BlockMatching
+from megalopta.flow.detectors.farneback import Farneback
+from megalopta.flow.detectors.gray_detector import eight_bits
+from megalopta.flow.detectors.inverse_search import DenseInverseSearch
+from megalopta.flow.detectors.lucas_kanade import LucasKanade
+from megalopta.flow.detectors.opencv import one_thread
+from megalopta.flow.detectors.phase_correlation import PhaseCorrelation
+from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.detectors.total_variation import TotalVariation
 
 from .textures import drifting_texture
 

@@ -2,7 +2,7 @@ import re
 
 import pytest
 
-from megalopta.configuration import load
+from megalopta.config.configuration import load
 
 TINY = {
     "camera.width": "48",

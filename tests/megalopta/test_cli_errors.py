@@ -4,7 +4,7 @@ import errno
 
 import pytest
 
-from megalopta import cli
+from megalopta.cli import main as cli
 
 
 def refused(capsys, *arguments):

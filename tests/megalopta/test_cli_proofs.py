@@ -2,7 +2,8 @@
 
 import pytest
 
-from megalopta import check_physics, cli
+from megalopta.checks import physics as check_physics
+from megalopta.cli import main as cli
 
 
 def test_a_failed_check_is_exit_code_1(monkeypatch):

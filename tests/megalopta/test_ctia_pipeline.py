@@ -7,21 +7,15 @@ import pytest
 import zarr
 from scipy.ndimage import binary_erosion
 
-from megalopta.configuration import built_in_names, load, parse
+from megalopta.config.configuration import built_in_names, load, parse
+from megalopta.dataset.frames import read_radiance_frames, read_truth_frames
 from megalopta.errors import UserError
-from megalopta.frames import read_radiance_frames, read_truth_frames
 from megalopta.report.write import write_report
-from megalopta.scenes.airglow import AIRGLOW
-from megalopta.sense_check import check_sense
-from megalopta.sensor import (
-    CtiaSensor,
-    DacBias,
-    FloatingGateBias,
-    expose_ctia,
-    reading_electrons,
-)
-from megalopta.stage_sense import light_scale, read_exposure
-from megalopta.stages import run_all
+from megalopta.scenes.spectra.airglow import AIRGLOW
+from megalopta.sensor import CtiaSensor, DacBias, FloatingGateBias, expose_ctia, reading_electrons
+from megalopta.stages.pipeline import run_all
+from megalopta.stages.sense import light_scale, read_exposure
+from megalopta.stages.sense_check import check_sense
 
 SMALL = {
     "name": "night",

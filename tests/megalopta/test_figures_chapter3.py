@@ -3,11 +3,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from megalopta.figures_chapter3_pixel import CTIA_PIXEL
-from megalopta.figures_chapter3_suppression import CTIA_SUPPRESSION, bias_error
-from megalopta.plot_style import house_style, new_canvas
-from megalopta.sensor.ctia_photodiode import Photodiode, reverse_current
-from megalopta.sensor.ctia_presets import PHOTODIODES
+from megalopta.figures.chapter3.pixel import CTIA_PIXEL
+from megalopta.figures.chapter3.suppression import CTIA_SUPPRESSION, bias_error
+from megalopta.figures.style import house_style, new_canvas
+from megalopta.sensor.ctia.photodiode import Photodiode, reverse_current
+from megalopta.sensor.ctia.presets import PHOTODIODES
 
 CHAPTER_3 = {**CTIA_PIXEL, **CTIA_SUPPRESSION}
 

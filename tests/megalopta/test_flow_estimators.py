@@ -6,12 +6,12 @@ import re
 import numpy as np
 import pytest
 
-from megalopta.configuration import Configuration, load
-from megalopta.flow.methods import METHODS, THESIS_METHODS
+from megalopta.config.configuration import Configuration, load
+from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
+from megalopta.flow.egomotion.yaw_rate import rotation_error, yaw_rates_deg_s
 from megalopta.report.write import write_report
-from megalopta.rotation import rotation_error, yaw_rates_deg_s
-from megalopta.scenes.trajectory import Trajectory
-from megalopta.stages import run_stage
+from megalopta.scenes.trajectories.steady import Trajectory
+from megalopta.stages.pipeline import run_stage
 
 from .conftest import TINY
 

@@ -14,9 +14,9 @@ import time
 import numpy as np
 import pytest
 
-from megalopta.dataset import open_dataset
-from megalopta.stages import run_all
-from megalopta.yaml_model import to_yaml
+from megalopta.config.yaml_model import to_yaml
+from megalopta.dataset.store import open_dataset
+from megalopta.stages.pipeline import run_all
 
 IS_LONG = os.environ.get("MEGALOPTA_LONG") == "1"
 KILLS = 20 if IS_LONG else 1

@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 import yaml
 
-from megalopta import cli
-from megalopta.configuration import load
-from megalopta.overrides import _settings
+from megalopta.cli import main as cli
+from megalopta.cli.overrides import _settings
+from megalopta.config.configuration import load
+from megalopta.config.yaml_model import to_yaml
 from megalopta.sensor import PRESETS
-from megalopta.stages import run_stage
-from megalopta.yaml_model import to_yaml
+from megalopta.stages.pipeline import run_stage
 
 CPU_S, WALL_S = 10, 120
 """Longest a case may compute; and wait, which depends on what else the machine does."""

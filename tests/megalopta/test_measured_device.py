@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 import yaml
 
-from megalopta.cli import main
-from megalopta.configuration import load
-from megalopta.dataset import open_dataset
+from megalopta.cli.main import main
+from megalopta.config.configuration import load
+from megalopta.dataset.store import open_dataset
 from megalopta.errors import UserError
 from megalopta.sensor import read_counts
-from megalopta.stages import run_all, run_stage
+from megalopta.stages.pipeline import run_all, run_stage
 
 from .conftest import TINY
 

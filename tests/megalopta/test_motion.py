@@ -6,16 +6,16 @@ import shutil
 import numpy as np
 import pytest
 
-from megalopta import cli
-from megalopta.check_truth import check_truth
-from megalopta.configuration import load
-from megalopta.dataset import open_dataset
+from megalopta.checks.truth import check_truth
+from megalopta.cli import main as cli
+from megalopta.config.configuration import load
+from megalopta.dataset.frames import read_radiance_frames, read_truth_frames
+from megalopta.dataset.store import open_dataset
 from megalopta.errors import UserError
-from megalopta.frames import read_radiance_frames, read_truth_frames
 from megalopta.render import read_radiance, read_truth, write_truth
 from megalopta.render.exr import read_truth_header
 from megalopta.sensor import expected_counts, read_counts
-from megalopta.stages import run_stage
+from megalopta.stages.pipeline import run_stage
 
 OBJECTS = (
     "[{name: crate, position_m: [3, 0.3, 1.5], motion: {velocity_m_s: [0, -2, 0.4], "

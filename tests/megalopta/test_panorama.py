@@ -6,12 +6,12 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from megalopta.configuration import load
+from megalopta.config.configuration import load
 from megalopta.errors import UserError
 from megalopta.render.exr import read_radiance, read_truth
 from megalopta.report.write import write_report
-from megalopta.scenes.panoramic_camera import CylindricalCamera
-from megalopta.stages import run_all, run_stage
+from megalopta.scenes.cameras.panoramic import CylindricalCamera
+from megalopta.stages.pipeline import run_all, run_stage
 
 from .conftest import TINY
 

@@ -7,12 +7,12 @@ import OpenEXR
 import pytest
 import trimesh
 
-from megalopta.configuration import load, parse
+from megalopta.config.configuration import load, parse
 from megalopta.errors import UserError
 from megalopta.render import read_attributes, read_radiance
-from megalopta.scenes.scene import Asset, Material, Placement, Scene
-from megalopta.scenes.spectrum import flat
-from megalopta.stages import run_stage
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.world.scene import Asset, Material, Placement, Scene
+from megalopta.stages.pipeline import run_stage
 
 SMALL = {
     "camera.width": "24",

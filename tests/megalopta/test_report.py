@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 import zarr
 
-from megalopta import cli
-from megalopta.configuration import Configuration, load
-from megalopta.dataset import Dataset
+from megalopta.cli import main as cli
+from megalopta.config.configuration import Configuration, load
+from megalopta.dataset.store import Dataset
 from megalopta.errors import UserError
 from megalopta.report import page as report_page
 from megalopta.report.budget import exposed
 from megalopta.report.footage import read_footage, select
 from megalopta.report.write import write_report
 from megalopta.sensor import DigitalCounter
-from megalopta.stage_flow import responses_path
-from megalopta.stages import run_all, run_stage
+from megalopta.stages.flow import responses_path
+from megalopta.stages.pipeline import run_all, run_stage
 
 SECTIONS = ("light", "motion", "detectors", "photons", "made")
 SENSOR = "spad_cam-1"

@@ -4,7 +4,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from megalopta.flow.threshold import Threshold
+from megalopta.flow.metrics.photon_threshold import Threshold
 from megalopta.report.budget import Budget
 from megalopta.report.charts import Curve, Need, error_chart, need_chart, signal_chart, speed_chart
 from megalopta.sensor import PRESETS

@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import pytest
 
-from megalopta.configuration import Configuration
-from megalopta.flow.threshold import Threshold
+from megalopta.config.configuration import Configuration
+from megalopta.flow.metrics.photon_threshold import Threshold
 from megalopta.report.budget import Budget
 from megalopta.report.detectors import DetectorSection
 from megalopta.report.motion import MotionSection, Wheel

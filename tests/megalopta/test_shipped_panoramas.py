@@ -6,10 +6,21 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from megalopta import check_panoramas, cli, panoramas
-from megalopta.check_panoramas import LIMIT, compare, run_check_panoramas
-from megalopta.natural_panorama import NATURAL_PANORAMAS, RECIPE_VERSION, render_panorama
-from megalopta.panoramas import SHIPPED, natural_templates, panorama_file, write_template
+from megalopta.checks import panoramas as check_panoramas
+from megalopta.checks.panoramas import LIMIT, compare, run_check_panoramas
+from megalopta.cli import main as cli
+from megalopta.experiments import panoramas
+from megalopta.experiments.panorama_recipes import (
+    NATURAL_PANORAMAS,
+    RECIPE_VERSION,
+    render_panorama,
+)
+from megalopta.experiments.panoramas import (
+    SHIPPED,
+    natural_templates,
+    panorama_file,
+    write_template,
+)
 from megalopta.render.noise import RenderNoise
 
 RECIPE = NATURAL_PANORAMAS["open"]
@@ -69,7 +80,7 @@ def test_another_recipe_is_not_answered_with_the_shipped_file(shipped, tmp_path,
 
 def test_a_raised_version_is_another_recipe(monkeypatch):
     before = RECIPE.sha256
-    monkeypatch.setattr("megalopta.natural_panorama.RECIPE_VERSION", RECIPE_VERSION + 1)
+    monkeypatch.setattr("megalopta.experiments.panorama_recipes.RECIPE_VERSION", RECIPE_VERSION + 1)
     assert RECIPE.sha256 != before
 
 

@@ -6,10 +6,10 @@ import trimesh
 
 from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
-from megalopta.scenes.camera import PerspectiveCamera
-from megalopta.scenes.scene import Asset, Emission, Material, Placement, Scene
-from megalopta.scenes.spectrum import flat
-from megalopta.scenes.trajectory import Trajectory
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.trajectories.steady import Trajectory
+from megalopta.scenes.world.scene import Asset, Emission, Material, Placement, Scene
 
 from .conftest import quad
 

@@ -7,10 +7,10 @@ import trimesh
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.render.illuminance import LightMeter
 from megalopta.scenes import Light, PerspectiveCamera, Trajectory
-from megalopta.scenes.light import LEVELS
-from megalopta.scenes.photometry import luminous, luminous_efficiency
-from megalopta.scenes.scene import Asset, Lighting, Material, Placement, Scene, Sun
-from megalopta.scenes.spectrum import flat
+from megalopta.scenes.lighting.levels import LEVELS
+from megalopta.scenes.spectra.photometry import luminous, luminous_efficiency
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.world.scene import Asset, Lighting, Material, Placement, Scene, Sun
 
 from .conftest import quad
 

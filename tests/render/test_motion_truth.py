@@ -12,12 +12,12 @@ from scipy.spatial.transform import Rotation
 
 from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
-from megalopta.scenes.camera import PerspectiveCamera
-from megalopta.scenes.motion import Drift, RigidMotion, Tour
-from megalopta.scenes.scene import Asset, Lighting, Material, Placement, Scene
-from megalopta.scenes.spectrum import flat
-from megalopta.scenes.sway import Sway
-from megalopta.scenes.trajectory import Trajectory
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.forest.sway import Sway
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.trajectories.steady import Trajectory
+from megalopta.scenes.world.motion import Drift, RigidMotion, Tour
+from megalopta.scenes.world.scene import Asset, Lighting, Material, Placement, Scene
 
 from .conftest import quad, sphere_cap
 

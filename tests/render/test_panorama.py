@@ -8,15 +8,15 @@ from scipy.spatial.transform import Rotation
 
 from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
-from megalopta.render.truth import out_of_view
-from megalopta.scenes.camera import PerspectiveCamera
-from megalopta.scenes.panoramic_camera import CylindricalCamera, EquirectangularCamera
-from megalopta.scenes.scene import Asset, Lighting, Material, Placement, Scene
-from megalopta.scenes.spectrum import flat
-from megalopta.scenes.trajectory import Trajectory
+from megalopta.render.truth.tracer import out_of_view
+from megalopta.scenes.cameras.panoramic import CylindricalCamera, EquirectangularCamera
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.trajectories.steady import Trajectory
+from megalopta.scenes.world.scene import Asset, Lighting, Material, Placement, Scene
 
 from .conftest import glowing_room, placed
-from .test_truth import plane_distance, sphere_cap, sphere_distance
+from .truth.test_tracer import plane_distance, sphere_cap, sphere_distance
 
 SPHERE = EquirectangularCamera(width=144, height=72)
 CYLINDER = CylindricalCamera(width=144, height=60, lower_deg=-50, upper_deg=45)

@@ -6,12 +6,12 @@ import trimesh
 
 from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings, frame_seed
-from megalopta.scenes.camera import PerspectiveCamera
-from megalopta.scenes.light import Light
-from megalopta.scenes.reflectance import LEAF_LIGHT
-from megalopta.scenes.scene import Lighting, Material, Scene, Sun, Texture
-from megalopta.scenes.spectrum import Spectrum, flat
-from megalopta.scenes.trajectory import Trajectory
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.lighting.levels import Light
+from megalopta.scenes.spectra.reflectance import LEAF_LIGHT
+from megalopta.scenes.spectra.spectrum import Spectrum, flat
+from megalopta.scenes.trajectories.steady import Trajectory
+from megalopta.scenes.world.scene import Lighting, Material, Scene, Sun, Texture
 
 from .conftest import placed
 

@@ -5,12 +5,12 @@ import pytest
 
 from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings, frame_seed, instant_seed
-from megalopta.scenes.camera import PerspectiveCamera
-from megalopta.scenes.motion import Drift, RigidMotion
-from megalopta.scenes.scene import Asset, Emission, Material, Placement, Scene
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.shutter import Shutter
-from megalopta.scenes.spectrum import flat
-from megalopta.scenes.trajectory import Trajectory
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.trajectories.steady import Trajectory
+from megalopta.scenes.world.motion import Drift, RigidMotion
+from megalopta.scenes.world.scene import Asset, Emission, Material, Placement, Scene
 
 from .conftest import quad
 

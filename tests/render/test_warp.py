@@ -7,11 +7,11 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
-from megalopta.scenes.camera import PerspectiveCamera
-from megalopta.scenes.grating import Grating, build_grating
-from megalopta.scenes.scene import Asset, Emission, Material, Placement, Scene
-from megalopta.scenes.spectrum import flat
-from megalopta.scenes.trajectory import Trajectory
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.stimuli.grating import Grating, build_grating
+from megalopta.scenes.trajectories.steady import Trajectory
+from megalopta.scenes.world.scene import Asset, Emission, Material, Placement, Scene
 
 from .conftest import quad
 

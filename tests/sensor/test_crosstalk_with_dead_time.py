@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from megalopta.sensor.afterpulsing import Afterpulsing
-from megalopta.sensor.avalanche_counts import count_moments
-from megalopta.sensor.avalanches import AvalancheEffects, simulate_counts
-from megalopta.sensor.check import two_sample_z
-from megalopta.sensor.crosstalk import Crosstalk
-from megalopta.sensor.dead_time import DeadTime
-from megalopta.sensor.gating import Gate
-from megalopta.sensor.randomness import generator
+from megalopta.sensor.avalanches.counts import count_moments
+from megalopta.sensor.avalanches.simulation import AvalancheEffects, simulate_counts
+from megalopta.sensor.effects.afterpulsing import Afterpulsing
+from megalopta.sensor.effects.crosstalk import Crosstalk
+from megalopta.sensor.effects.dead_time import DeadTime
+from megalopta.sensor.effects.gating import Gate
+from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.selfcheck.comparison import two_sample_z
 
 TAU_S, EXPOSURE_S, RATE_HZ, EXPOSURES = 1e-6, 2e-5, 8e5, 4000
 

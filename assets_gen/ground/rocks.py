@@ -1,0 +1,90 @@
+"""Boulders: solids cut by random planes, weathered, half sunk into the ground."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from megalopta.assets_gen import FloatArray, Surface, cross, unit
+from megalopta.assets_gen.patterns import PlaneWaves, plane_waves
+from megalopta.assets_gen.plants import GOLDEN_ANGLE, UP, outward, tube_faces
+
+STONE_TILE_M = 1.2
+"""Size of one tile of the stone's texture around the boulder (m)."""
+ROUNDNESS = 9.0
+"""Exponent of the soft minimum over the cutting planes; larger gives sharper edges."""
+
+
+def grow_rock(rng: np.random.Generator, sides: int = 28) -> Surface:
+    """Return a boulder about 1 m wide, its widest part at the ground; scale it to any size.
+
+    In each direction its radius is the soft minimum over a dozen planes, plus weathering; the
+    surface is a grid of `sides` meridians, closed at the top, and open to nothing but the ground.
+    """
+    rings = max(sides // 2, 3)
+    elevation = np.linspace(-0.7, np.pi / 2, rings + 1)[:-1]
+    azimuth = 2 * np.pi * np.arange(sides + 1) / sides
+    grid = _directions(azimuth[None, :], elevation[:, None])
+    top = np.array([[[0.0, 0.0, 1.0]]])
+    boulder = _cut(rng)
+    squash = np.array([1.0, rng.uniform(0.65, 1.0), rng.uniform(0.45, 0.85)])
+    body, apex = (squash * boulder.radius(d)[..., None] * d for d in (grid, top))
+    body[:, -1] = body[:, 0]
+    u = azimuth / (2 * np.pi) * round(np.pi / STONE_TILE_M)
+    uv = np.stack(np.broadcast_arrays(u, elevation[:, None] / (2 * STONE_TILE_M)), axis=-1)
+    return Surface(
+        np.concatenate([body.reshape(-1, 3), apex.reshape(-1, 3)]),
+        tube_faces(rings, sides),
+        np.concatenate([uv.reshape(-1, 2), [[u[-1] / 2, np.pi / 4 / STONE_TILE_M]]]),
+        np.concatenate([_normals(body), top.reshape(-1, 3)]),
+    )
+
+
+def _directions(azimuth: FloatArray, elevation: FloatArray) -> FloatArray:
+    level = np.cos(elevation)
+    up = np.sin(elevation) * np.ones_like(azimuth)
+    return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), up], axis=-1)
+
+
+@dataclass(frozen=True)
+class _Boulder:
+    """A convex solid cut by planes, with dents.
+
+    Attributes
+    ----------
+    planes : (n, 3) float64
+        Unit normals.
+    distances_m : (n,) float64
+        From the middle to each plane (m).
+    dents : three PlaneWaves
+        Weathering as a sum of fields over the planes xy, yz and zx (m).
+    """
+
+    planes: FloatArray
+    distances_m: FloatArray
+    dents: tuple[PlaneWaves, ...]
+
+    def radius(self, direction: FloatArray) -> FloatArray:
+        """Distance from the middle to the surface in directions (..., 3) (m)."""
+        toward = np.maximum(direction @ self.planes.T, 1e-3) / self.distances_m
+        smooth = np.sum(toward**ROUNDNESS, axis=-1) ** (-1 / ROUNDNESS)
+        pairs = ([0, 1], [1, 2], [2, 0])
+        dents = [dent(direction[..., pair]) for dent, pair in zip(self.dents, pairs, strict=True)]
+        return np.asarray(smooth + sum(dents))
+
+
+def _cut(rng: np.random.Generator) -> _Boulder:
+    # Evenly spread normals, disturbed: purely random ones would leave some sides uncut.
+    level = 1 - (2 * np.arange(14) + 1) / 14
+    even = np.sqrt(1 - level**2)[:, None] * outward(GOLDEN_ANGLE * np.arange(14)) + np.outer(
+        level, UP
+    )
+    planes = unit(even + 0.35 * rng.standard_normal(even.shape))
+    dents = tuple(plane_waves((0.25, 1.2), 0.022, 12, rng) for _ in range(3))
+    return _Boulder(planes, rng.uniform(0.4, 0.58, 14), dents)
+
+
+def _normals(body: FloatArray) -> FloatArray:
+    """Return outward vertex normals of a grid whose last column repeats the first."""
+    around = np.concatenate([body[:, -2:-1], body, body[:, 1:2]], axis=1)
+    along = np.gradient(body, axis=0)
+    return unit(cross(around[:, 2:] - around[:, :-2], along)).reshape(-1, 3)

@@ -1,0 +1,64 @@
+"""Points strewn in the plane with a minimum distance (Poisson disk), by throwing darts."""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from megalopta.assets_gen import FloatArray
+
+JAMMING = 0.547
+"""Share of the plane under disks as wide as the least distance when no further dart fits."""
+
+
+def poisson_disk(
+    low: FloatArray, high: FloatArray, count: int, spacing_m: float, rng: np.random.Generator
+) -> FloatArray:
+    """Return `count` points of a box that keep their distance from each other.
+
+    Parameters
+    ----------
+    low, high : (2,) float64
+        Corners of the box (m).
+    count : int
+        How many points.
+    spacing_m : float
+        Least distance between two points (m).
+    rng : Generator
+        The darts; a dart that falls too close to an earlier one is lost.
+
+    Returns
+    -------
+    ndarray
+        Shape (count, 2), in the order of the throws.
+
+    Raises
+    ------
+    ValueError
+        If the points would fill more than nine tenths of what random throwing can fill.
+    """
+    cover = count * np.pi * spacing_m**2 / 4 / np.prod(high - low)
+    if count > 1 and cover > 0.9 * JAMMING:
+        raise ValueError(
+            f"spacing_m: {count} points {spacing_m:g} m apart do not fit into "
+            f"{high[0] - low[0]:g} m × {high[1] - low[1]:g} m; lower the density or the spacing"
+        )
+    kept = np.empty((0, 2))
+    while len(kept) < count:
+        darts = rng.uniform(low, high, (4 * count, 2))
+        kept = np.concatenate([kept, darts])[_survivors(np.concatenate([kept, darts]), spacing_m)]
+    return kept[:count]
+
+
+def distance_to(points: cKDTree, places: FloatArray) -> FloatArray:
+    """Return the distance (n,) from each place (n, d) to the nearest of the points."""
+    distance, _ = points.query(places)
+    return np.asarray(distance)
+
+
+def _survivors(darts: FloatArray, spacing_m: float) -> list[int]:
+    """Return the indices of the darts that no earlier surviving dart excludes."""
+    pairs = cKDTree(darts).query_pairs(spacing_m, output_type="ndarray")
+    alive = np.ones(len(darts), dtype=bool)
+    for earlier, later in pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))].tolist():
+        if alive[earlier]:
+            alive[later] = False
+    return np.flatnonzero(alive).tolist()

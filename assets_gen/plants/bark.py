@@ -1,0 +1,82 @@
+"""Bark patterns as tileable weights between a light and a dark reflectance (1 is dark).
+
+The patterns imitate appearance, not growth: plates between cracks for spruce, bands of lenticels
+and dark scars on white for birch, gray blotches with fine wrinkles for beech, long ridges that
+split and join for oak. Each has contrast
+from half a meter down to the texel, because motion detectors live on it.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from megalopta.assets_gen import FloatArray
+from megalopta.assets_gen.patterns import strew, tileable_noise, to_weight
+
+TILE_M = (0.8, 1.6)
+"""Size of one tile around and along the trunk (m)."""
+SHAPE = (1024, 512)
+"""Texels along and around."""
+
+
+def _noise(
+    wavelengths_m: tuple[float, float], exponent: float, rng: np.random.Generator, stretch: float
+) -> FloatArray:
+    return tileable_noise(SHAPE, TILE_M[::-1], wavelengths_m, exponent, rng, stretch)
+
+
+def smooth_bark(rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return beech-like bark: soft blotches, lichen, fine horizontal wrinkles."""
+    blotches = _noise((0.05, 0.6), 1.4, rng, 1.5)
+    lichen = np.maximum(_noise((0.015, 0.25), 1.2, rng, 1.2) - 0.9, 0)
+    wrinkles = np.minimum(_noise((0.004, 0.12), 0.6, rng, 0.15), 0)
+    grain = _noise((0.0035, 0.02), 0.3, rng, 1.0)
+    return to_weight(0.45 * blotches - 1.3 * lichen - 0.45 * wrinkles + 0.22 * grain)
+
+
+def papery_bark(rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return birch-like bark: white, with thin dark bands and black diamond scars."""
+    shade = (
+        -0.95
+        + 0.35 * _noise((0.03, 0.5), 1.2, rng, 0.5)
+        + 0.18 * _noise((0.0035, 0.03), 0.4, rng, 0.3)
+    )
+    bands = strew(SHAPE, TILE_M[::-1], 620, (0.015, 0.11), 0.1, np.pi / 2, 0.06, rng)
+    scars = strew(SHAPE, TILE_M[::-1], 24, (0.05, 0.2), 0.4, np.pi / 2, 0.25, rng)
+    crack = _noise((0.004, 0.1), 0.9, rng, 2.0)
+    dark = np.where(
+        np.isnan(scars), np.where(np.isnan(bands), -9.0, 0.35 + bands), 1.2 + 0.4 * crack
+    )
+    return to_weight(np.maximum(shade, dark))
+
+
+def scaly_bark(rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return spruce-like bark: small plates of different shade between dark cracks."""
+    rows, columns = SHAPE
+    size = np.array(TILE_M[::-1])
+    centers = rng.random((1500, 2)) * size
+    v, u = np.meshgrid(
+        (np.arange(rows) + 0.5) / rows, (np.arange(columns) + 0.5) / columns, indexing="ij"
+    )
+    warp = np.stack([_noise((0.02, 0.2), 1.0, rng, 1.0) for _ in range(2)], axis=-1)
+    texels = (np.stack([v, u], axis=-1) * size + 0.006 * warp) % size
+    # Plates are taller than wide: measure distances on a squeezed torus.
+    squeeze = np.array([0.6, 1.0])
+    tree = cKDTree(centers * squeeze, boxsize=size * squeeze)
+    distance, plate = tree.query(texels.reshape(-1, 2) * squeeze % (size * squeeze), k=2)
+    gap = np.diff(distance, axis=-1).reshape(SHAPE)
+    shade = rng.normal(0, 0.45, len(centers))[np.asarray(plate)[:, 0]].reshape(SHAPE)
+    cracks = 1.9 * np.exp(-gap / 0.0035)
+    broad = 0.35 * _noise((0.1, 0.8), 1.2, rng, 2.0)
+    grain = 0.25 * _noise((0.0035, 0.03), 0.4, rng, 1.5)
+    return to_weight(cracks - 0.55 + shade + broad + grain)
+
+
+def furrowed_bark(rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return oak-like bark: long ridges that split and join between deep dark furrows."""
+    waves = _noise((0.03, 0.12), 0.6, rng, 5.0)
+    furrows = np.exp(-((waves / 0.3) ** 2))
+    cracks = np.maximum(_noise((0.01, 0.06), 0.5, rng, 0.4) - 1.0, 0)
+    broad = 0.3 * _noise((0.1, 0.8), 1.2, rng, 2.0)
+    grain = 0.3 * _noise((0.0035, 0.03), 0.4, rng, 2.0)
+    return to_weight(1.9 * furrows + 0.8 * cracks - 0.8 + broad + grain)

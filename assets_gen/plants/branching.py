@@ -1,0 +1,199 @@
+"""The axes of a plant, grown from its species' data: stem, branches and leafy twigs."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.assets_gen import FloatArray, unit
+from megalopta.assets_gen.plants.colonization import colonize, crown_points, profile_radius
+from megalopta.assets_gen.plants.skeleton import IndexArray, Skeleton, smoothed, sum_toward_root
+from megalopta.assets_gen.plants.species import Colonized, Species, Whorled
+
+GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
+UP = np.array([0.0, 0.0, 1.0])
+LEADER = 0.88
+"""Share of the height that the stem itself reaches; the rest is branches that grow from its end."""
+THIN_TIPS = 3
+"""Branches that supply no more tips than this bear leafy twigs."""
+BURIED_M = 0.35
+"""How far stems reach into the ground, so that none hangs in the air on a slope."""
+FOOT_M = (0.0, 0.1, 0.25, 0.5)
+"""Heights where the stem's widening into roots is resolved."""
+
+
+@dataclass(frozen=True)
+class Branching:
+    """A skeleton, and the axes of it that bear leaves.
+
+    Attributes
+    ----------
+    skeleton : Skeleton
+        All axes.
+    bearing : (a, s) intp
+        Node indices, from base to tip, of the twigs that bear leaves; all have s nodes.
+    """
+
+    skeleton: Skeleton
+    bearing: IndexArray
+
+
+def grow_axes(species: Species, rng: np.random.Generator) -> Branching:
+    """Return the axes of one plant; the stem's foot is at the origin."""
+    if isinstance(species.growth, Whorled):
+        return _grow_whorled(species, species.growth, rng)
+    return _grow_colonized(species, species.growth, rng)
+
+
+def outward(azimuth: FloatArray) -> FloatArray:
+    """Return horizontal unit vectors (n, 3)."""
+    return np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=-1)
+
+
+def sideways(direction: FloatArray, turn: FloatArray) -> FloatArray:
+    """Return unit vectors across `direction` (n, 3), turned about it; 0 is horizontal."""
+    level = unit(np.cross(direction, UP) + 1e-9)
+    return np.cos(turn)[:, None] * level + np.sin(turn)[:, None] * np.cross(level, direction)
+
+
+def stem_axis(
+    height_m: float, wander: float, step_m: float, rng: np.random.Generator
+) -> FloatArray:
+    """Return a slightly wandering stem from below the ground to `height_m`, shape (k, 3) (m).
+
+    The sideways drift is the sum of three sines of random direction whose amplitudes fall with
+    their frequency; it is zero at the ground.
+    """
+    z = np.linspace(FOOT_M[-1] + step_m, height_m, 2 + int(height_m / step_m))
+    z = np.concatenate([[-BURIED_M, *FOOT_M], z])
+    order = np.arange(1, 4)
+    phase, azimuth = rng.uniform(0, 2 * np.pi, (2, 3))
+    waves = np.sin(np.pi * order * z[:, None] / height_m + phase) - np.sin(phase)
+    waves *= wander * height_m / order**2
+    return np.stack([waves @ np.cos(azimuth), waves @ np.sin(azimuth), z], axis=-1)
+
+
+def _grow_colonized(species: Species, growth: Colonized, rng: np.random.Generator) -> Branching:
+    first_azimuth = rng.uniform(0, 2 * np.pi)
+    skeleton = Skeleton(np.empty((0, 3)), np.empty(0, dtype=np.intp))
+    buds: list[IndexArray] = []
+    for stem in range(species.stems):
+        azimuth = first_azimuth + stem * GOLDEN_ANGLE
+        skeleton, stem_nodes = _with_stem(skeleton, species, growth, azimuth, rng)
+        skeleton, ends = _with_scaffold(skeleton, stem_nodes, species, growth, rng)
+        buds.append(ends)
+    points = crown_points(species.crown, species.height_m, growth.points, rng)
+    grown = colonize(skeleton, np.concatenate(buds), points, growth.step_m, growth.tropism, rng)
+    return _with_shoots(smoothed(grown, 2), growth, rng)
+
+
+def _with_stem(
+    skeleton: Skeleton,
+    species: Species,
+    growth: Colonized,
+    azimuth: float,
+    rng: np.random.Generator,
+) -> tuple[Skeleton, IndexArray]:
+    """Add a stem and return its nodes too; one of several is splayed toward `azimuth`."""
+    several = species.stems > 1
+    top = LEADER * species.height_m * (rng.uniform(0.6, 1) if several else 1)
+    axis = stem_axis(top, species.wander, growth.step_m, rng)
+    if several:
+        level = np.clip(axis[:, 2:] / species.height_m, 0, 1)
+        reach = 0.08 + 0.6 * species.crown.radius_m * level**1.3
+        axis += reach * (np.cos(azimuth), np.sin(azimuth), 0)
+    nodes = len(skeleton.positions) + np.arange(len(axis))
+    parents = np.where(np.arange(len(axis)) > 0, nodes - 1, -1)
+    return skeleton.extended(axis, parents), nodes
+
+
+def _with_scaffold(
+    skeleton: Skeleton,
+    stem: IndexArray,
+    species: Species,
+    growth: Colonized,
+    rng: np.random.Generator,
+) -> tuple[Skeleton, IndexArray]:
+    """Add first-order branches; return the nodes that grow on: their ends and the stem's."""
+    count = growth.scaffold
+    z = skeleton.positions[stem, 2]
+    low = species.crown.base * species.height_m
+    heights = low + (z[-1] - low) * (np.arange(count) + 0.3) / count
+    bearers = stem[np.searchsorted(z, heights).clip(1, len(z) - 1)]
+    azimuth = rng.uniform(0, 2 * np.pi) + GOLDEN_ANGLE * np.arange(count)
+    azimuth += rng.normal(0, 0.25, count)
+    angle = np.radians(growth.insertion_deg) + rng.normal(0, 0.12, count)
+    direction = np.sin(angle)[:, None] * outward(azimuth) + np.cos(angle)[:, None] * UP
+    inner = skeleton.positions[bearers] + growth.step_m * direction
+    outer = inner + growth.step_m * unit(direction + 0.1 * UP)
+    first = len(skeleton.positions) + np.arange(count)
+    grown = skeleton.extended(inner, bearers).extended(outer, first)
+    return grown, np.concatenate([stem[-1:], first + count])
+
+
+def _with_shoots(skeleton: Skeleton, growth: Colonized, rng: np.random.Generator) -> Branching:
+    """Put leafy twigs of two internodes on the tips and along the thinnest branches."""
+    bearers, at_tip = _shoot_bearers(skeleton, growth.shoots, rng)
+    ahead = unit(skeleton.internodes()[bearers])
+    turn = GOLDEN_ANGLE * np.arange(len(bearers)) + rng.normal(0, 0.3, len(bearers))
+    spread = np.where(at_tip, 0.25, 1.1)[:, None]
+    down = -growth.shoot_droop * UP
+    half = growth.shoot_m / 2 * rng.uniform(0.7, 1.2, (len(bearers), 1))
+    start = unit(ahead + spread * sideways(ahead, turn) + 0.5 * down)
+    middle = skeleton.positions[bearers] + half * start
+    end = middle + half * unit(start + 1.5 * down)
+    first = len(skeleton.positions) + np.arange(len(bearers))
+    grown = skeleton.extended(middle, bearers).extended(end, first)
+    return Branching(grown, np.stack([bearers, first, first + len(bearers)], axis=-1))
+
+
+def _shoot_bearers(
+    skeleton: Skeleton, count: int, rng: np.random.Generator
+) -> tuple[IndexArray, NDArray[np.bool_]]:
+    """Return nodes that get twigs, and which are tips: all tips, then thin branches."""
+    is_tip = skeleton.child_counts() == 0
+    is_thin = sum_toward_root(skeleton, is_tip.astype(float)) <= THIN_TIPS
+    tips = np.flatnonzero(is_tip)
+    lateral = rng.permutation(np.tile(np.flatnonzero(is_thin & ~is_tip), 2))
+    bearers = np.concatenate([tips, np.sort(lateral[: max(count - len(tips), 0)])])
+    return bearers, is_tip[bearers]
+
+
+def _grow_whorled(species: Species, growth: Whorled, rng: np.random.Generator) -> Branching:
+    axis = stem_axis(species.height_m, species.wander, growth.spacing_m / 2, rng)
+    stem = Skeleton(axis, np.arange(-1, len(axis) - 1))
+    bearers, azimuth = _whorl_buds(species, growth, axis[:, 2], rng)
+    low = species.crown.base * species.height_m
+    level = ((axis[bearers, 2] - low) / (species.height_m - low)).clip(0, 1)
+    angle = np.radians(np.interp(level, [0, 1], growth.insertion_deg))
+    angle += rng.normal(0, 0.08, len(level))
+    length = profile_radius(species.crown, level) * rng.uniform(0.75, 1.12, len(level))
+    sag = growth.droop * (1 - 0.6 * level)
+    nodes = axis[bearers, None] + _sagging(azimuth, angle, length, sag)
+    first = len(axis) + np.arange(nodes[..., 0].size).reshape(nodes.shape[:2])
+    bearing = np.concatenate([bearers[:, None], first], axis=1)
+    return Branching(stem.extended(nodes.reshape(-1, 3), bearing[:, :-1].ravel()), bearing)
+
+
+def _whorl_buds(
+    species: Species, growth: Whorled, z: FloatArray, rng: np.random.Generator
+) -> tuple[IndexArray, FloatArray]:
+    """Return the stem's node and the azimuth of every branch, for nodes at heights `z`."""
+    tiers = np.arange(species.crown.base * species.height_m, z[-1] - 0.3, growth.spacing_m)
+    count = len(tiers) * growth.branches
+    heights = np.repeat(tiers, growth.branches) + growth.spacing_m / 6 * rng.standard_normal(count)
+    bearers = np.searchsorted(z, heights).clip(1, len(z) - 2)
+    turn = np.repeat(rng.uniform(0, 2 * np.pi, len(tiers)), growth.branches)
+    even = 2 * np.pi * np.arange(count) / growth.branches
+    return bearers, turn + even + rng.normal(0, 0.2, count)
+
+
+def _sagging(
+    azimuth: FloatArray, angle: FloatArray, length: FloatArray, sag: FloatArray
+) -> FloatArray:
+    """Return the nodes (n, 4, 3) of branches that sag and turn up again at the tip."""
+    share = np.array([0.25, 0.5, 0.75, 1.0])
+    out = share * np.sin(angle)[:, None]
+    up = share * np.cos(angle)[:, None] - sag[:, None] * np.sin(np.pi * share**0.8)
+    shape = out[..., None] * outward(azimuth)[:, None] + up[..., None] * UP
+    return np.asarray(length[:, None, None] * shape)

@@ -1,0 +1,102 @@
+"""Plants for a distant view: the same individual with fewer, larger leaves and twigs.
+
+Leaves and twigs are thinned at random and the rest enlarged to the same total area (Cook et al.
+2007, "Stochastic simplification of aggregate detail", ACM TOG 26:3), so that crowns keep their
+place, their outline, their color, the distribution of their leaf angles and, nearly, the share of
+sky that shows through them.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from megalopta.assets_gen import FloatArray, Surface, join
+from megalopta.assets_gen.plants.growth import Plant, bark_around
+from megalopta.assets_gen.plants.skeleton import IndexArray, axes
+
+
+@dataclass(frozen=True)
+class Detail:
+    """How coarsely a plant is drawn.
+
+    Attributes
+    ----------
+    merged : int
+        Leaves, and twigs, that are merged into one.
+    thinnest_m : float
+        Branches of a smaller radius at their base are twigs (m).
+    chord_m : float
+        Branches that bend and taper less than this are drawn straight (m).
+    """
+
+    merged: int
+    thinnest_m: float
+    chord_m: float
+
+
+def coarsened(plant: Plant, detail: Detail, rng: np.random.Generator) -> tuple[Surface, Surface]:
+    """Return wood and leaves of a plant drawn coarsely."""
+    return _wood(plant, detail, rng), merged_leaves(plant.leaves, detail.merged, rng)
+
+
+def _wood(plant: Plant, detail: Detail, rng: np.random.Generator) -> Surface:
+    """Return stems and branches drawn straighter, and a few thick twigs instead of many thin."""
+    skeleton, radii = plant.branching.skeleton, plant.radii_m
+    nodes = axes(skeleton, radii)
+    base = np.array([radii[axis[1]] for axis in nodes])
+    is_stem = np.array([skeleton.parents[axis[0]] < 0 for axis in nodes])
+    thin = np.flatnonzero(~is_stem & (base < detail.thinnest_m))
+    area = np.array([tube.area for tube in plant.tubes])
+    widening = np.where(np.isin(np.arange(len(nodes)), thin), 0.0, 1.0)
+    if len(thin):
+        chosen, factor = _one_of_each(area[thin], detail.merged, rng)
+        widening[thin[chosen]] = factor
+    chord_m = max(detail.chord_m, plant.species.chord_m)
+    kept = np.flatnonzero(widening)
+    return join(
+        [
+            bark_around(plant.species, skeleton, widening[i] * radii, nodes[i], chord_m, rng)
+            for i in kept.tolist()
+        ]
+    )
+
+
+def _one_of_each(
+    area: FloatArray, merged: int, rng: np.random.Generator
+) -> tuple[IndexArray, FloatArray]:
+    """Return one of every `merged` neighbors, at random, and all their area over its own."""
+    starts = np.arange(0, len(area), merged)
+    sizes = np.diff(np.append(starts, len(area)))
+    chosen = starts + (rng.random(len(starts)) * sizes).astype(np.intp)
+    return chosen, np.add.reduceat(area, starts) / area[chosen]
+
+
+def merged_leaves(leaves: Surface, merged: int, rng: np.random.Generator) -> Surface:
+    """Return one triangle for every `merged` neighbors among leaves of two triangles each.
+
+    It lies where one of them lies, chosen at random, and has the area of them all.
+    """
+    corners = leaves.vertices.reshape(-1, 4, 3)
+    area = leaf_areas(corners)
+    chosen, factor = _one_of_each(area, merged, rng)
+    base, left, tip, right = corners[chosen].swapaxes(0, 1)
+    across = (right - left) / 2
+    middle = corners[chosen].mean(axis=1)[:, None]
+    triangle = np.stack([base + across, base - across, tip], axis=1)
+    triangle += middle - triangle.mean(axis=1, keepdims=True)
+    flat_area = np.linalg.norm(np.cross(2 * across, tip - base), axis=1) / 2
+    scale = np.sqrt(factor * area[chosen] / flat_area)[:, None, None]
+    uv = leaves.uv.reshape(-1, 4, 2)[chosen]
+    half = (uv[:, 3] - uv[:, 1]) * (1, 0) / 2
+    return Surface(
+        (middle + scale * (triangle - middle)).reshape(-1, 3),
+        np.arange(3 * len(chosen)).reshape(-1, 3),
+        np.stack([uv[:, 0] + half, uv[:, 0] - half, uv[:, 2]], axis=1).reshape(-1, 2),
+    )
+
+
+def leaf_areas(corners: FloatArray) -> FloatArray:
+    """Return the area (n,) of leaves of two triangles, corners (n, 4, 3) (m, m²)."""
+    diagonal = corners[:, 2] - corners[:, 0]
+    halves = [np.cross(corners[:, side] - corners[:, 0], diagonal) for side in (1, 3)]
+    return np.asarray(sum(np.linalg.norm(half, axis=-1) / 2 for half in halves))

@@ -1,0 +1,84 @@
+"""Leaves and sprays of needles as folded diamonds of two triangles."""
+
+import numpy as np
+
+from megalopta.assets_gen import FloatArray, Surface, unit
+from megalopta.assets_gen.plants.branching import UP, sideways
+from megalopta.assets_gen.plants.skeleton import IndexArray
+from megalopta.assets_gen.plants.species import Foliage
+
+ATLAS_TILES = 8
+"""Leaf textures hold this many leaves in a row and in a column; every leaf shows one of them."""
+
+
+def place_leaves(axes: FloatArray, foliage: Foliage, rng: np.random.Generator) -> Surface:
+    """Return the leaves along bearing twigs `axes` (a, s, 3) (m), from base to tip of each twig."""
+    axis, share, rank = _attachments(axes, foliage)
+    base, ahead = _along(axes, axis, share)
+    turn = np.radians(foliage.divergence_deg) * rank + rng.normal(0, 0.25, len(rank))
+    direction = _leaf_directions(ahead, turn, foliage, rng)
+    normal = UP + foliage.tilt * rng.normal(0, 0.7, direction.shape)
+    size = (1 - (1 - foliage.shrink) * share) * rng.uniform(0.75, 1.2, len(share))
+    return blades(base, direction, normal, size, foliage, rng)
+
+
+def _attachments(axes: FloatArray, foliage: Foliage) -> tuple[IndexArray, FloatArray, IndexArray]:
+    """Return for every leaf its axis, its place along it (share of the length) and its rank."""
+    length = np.linalg.norm(np.diff(axes, axis=1), axis=2).sum(axis=1)
+    count = np.maximum(np.round(length * (1 - foliage.bare) * foliage.per_m), 2).astype(np.intp)
+    axis = np.repeat(np.arange(len(axes)), count)
+    rank = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    share = foliage.bare + (1 - foliage.bare) * (rank + 0.5) / count[axis]
+    return axis, np.where(rank == count[axis] - 1, 1.0, share), rank
+
+
+def _along(axes: FloatArray, axis: IndexArray, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the point and the direction at a share of the way along each axis."""
+    place = share * (axes.shape[1] - 1)
+    segment = np.minimum(place.astype(np.intp), axes.shape[1] - 2)
+    start, end = axes[axis, segment], axes[axis, segment + 1]
+    return start + (place - segment)[:, None] * (end - start), unit(end - start)
+
+
+def _leaf_directions(
+    ahead: FloatArray, turn: FloatArray, foliage: Foliage, rng: np.random.Generator
+) -> FloatArray:
+    angle = np.radians(foliage.angle_deg)
+    direction = np.cos(angle) * ahead + np.sin(angle) * sideways(ahead, turn) - foliage.droop * UP
+    return unit(direction + rng.normal(0, 0.15, direction.shape))
+
+
+def blades(
+    base: FloatArray,
+    direction: FloatArray,
+    facing: FloatArray,
+    size: FloatArray,
+    foliage: Foliage,
+    rng: np.random.Generator,
+) -> Surface:
+    """Return one folded diamond per leaf.
+
+    Parameters
+    ----------
+    base, direction, facing : (n, 3) float64
+        Attachment (m), unit vector along the midrib, and where the upper side should face.
+    size : (n,) float64
+        Factor on length and width.
+    foliage : Foliage
+        Proportions.
+    rng : Generator
+        Chooses each leaf's tile of the leaf texture.
+    """
+    across = unit(np.cross(facing, direction))
+    normal = np.cross(direction, across)
+    fold = np.radians(foliage.fold_deg)
+    length, half = size[:, None] * foliage.length_m, size[:, None] * foliage.width_m / 2
+    middle = base + foliage.widest * length * direction + half * np.sin(fold) * normal
+    offset = half * np.cos(fold) * across
+    corners = np.stack([base, middle - offset, base + length * direction, middle + offset], axis=1)
+    first = 4 * np.arange(len(base))[:, None, None]
+    faces = (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
+    tile = rng.integers(0, ATLAS_TILES, (len(base), 1, 2))
+    w = foliage.widest
+    local = np.array([[0.5, 0.02], [0.98, w], [0.5, 0.98], [0.02, w]])
+    return Surface(corners.reshape(-1, 3), faces, ((tile + local) / ATLAS_TILES).reshape(-1, 2))

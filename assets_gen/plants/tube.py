@@ -1,0 +1,103 @@
+"""Round, tapering tubes swept along an axis: trunks, branches and twigs.
+
+The cross-section is carried along by rotation-minimizing frames (double reflection, Wang et al.
+2008, ACM TOG 27:2), so that the bark never twists more than its axis does. Every tube is closed: a
+flat cap at the base, which lies inside the axis that bears it or in the ground, and a point at the
+tip. The column of vertices at the texture's seam is doubled in place; welded by position, a tube is
+watertight.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.assets_gen import FloatArray, Surface, cross, unit
+
+
+def rotation_minimizing_frames(axis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return tangents, normals and binormals, each (k, 3), along a polyline `axis` (k, 3)."""
+    steps = axis[1:] - axis[:-1]
+    headings = unit(steps)
+    tangents = unit(np.concatenate([headings[:1], headings[:-1] + headings[1:], headings[-1:]]))
+    helper = np.eye(3)[abs(tangents[0]).argmin()]
+    normals = [unit(cross(tangents[0], helper))]
+    for i, step in enumerate(steps):
+        second = tangents[i + 1] - _reflected(tangents[i], step)
+        normals.append(_reflected(_reflected(normals[i], step), second))
+    across = np.array(normals)
+    return tangents, across, cross(tangents, across)
+
+
+def _reflected(vector: FloatArray, direction: FloatArray) -> FloatArray:
+    """Return a vector mirrored at the plane across `direction`."""
+    square = direction @ direction
+    return vector - 2 / square * (direction @ vector) * direction if square > 1e-20 else vector
+
+
+def sweep(
+    axis: FloatArray,
+    profile: FloatArray,
+    tile_m: tuple[float, float],
+    uv_origin: FloatArray,
+    whole_tiles: bool,
+) -> Surface:
+    """Return the closed tube around an axis.
+
+    Parameters
+    ----------
+    axis : (k, 3) float64
+        Center line from base to tip (m).
+    profile : (k - 1, sides) float64
+        Radius of each ring toward each side (m); the last node of the axis is the pointed tip.
+    tile_m : (float, float)
+        Size of one texture tile around and along the tube (m).
+    uv_origin : (2,) float64
+        Texture coordinates where the tube begins.
+    whole_tiles : bool
+        Stretch the texture to a whole number of tiles around the base, which hides the seam.
+    """
+    rings, sides = profile.shape
+    _, normals, binormals = rotation_minimizing_frames(axis)
+    angle = 2 * np.pi * np.arange(sides)[:, None] / sides
+    spokes = np.cos(angle) * normals[:-1, None] + np.sin(angle) * binormals[:-1, None]
+    grid = axis[:-1, None] + profile[..., None] * spokes
+    return Surface(
+        np.concatenate([_seamed(grid), axis[-1:]]),
+        tube_faces(rings, sides),
+        _tube_uv(axis, profile, tile_m, whole_tiles) + uv_origin,
+        np.concatenate([_seamed(_grid_normals(grid, axis)), unit(axis[-1:] - axis[-2:-1])]),
+    )
+
+
+def _tube_uv(
+    axis: FloatArray, profile: FloatArray, tile_m: tuple[float, float], whole_tiles: bool
+) -> FloatArray:
+    around = 2 * np.pi * profile[0].mean() / tile_m[0]
+    turns = max(round(around), 1) if whole_tiles else around
+    steps = np.linalg.norm(axis[1:] - axis[:-1], axis=1)
+    length = np.concatenate([[0.0], np.cumsum(steps)]) / tile_m[1]
+    u, v = np.meshgrid(np.linspace(0, turns, profile.shape[1] + 1), length[:-1])
+    tip = [[turns / 2, length[-1]]]
+    return np.concatenate([np.stack([u, v], axis=-1).reshape(-1, 2), tip])
+
+
+def _seamed(grid: FloatArray) -> FloatArray:
+    return np.concatenate([grid, grid[:, :1]], axis=1).reshape(-1, 3)
+
+
+def _grid_normals(grid: FloatArray, axis: FloatArray) -> FloatArray:
+    tip = np.broadcast_to(axis[-1], (1, *grid.shape[1:]))
+    rows = np.concatenate([grid[:1], grid, tip])
+    columns = np.concatenate([grid[:, -1:], grid, grid[:, :1]], axis=1)
+    return unit(cross(columns[:, 2:] - columns[:, :-2], rows[2:] - rows[:-2]))
+
+
+def tube_faces(rings: int, sides: int) -> NDArray[np.int64]:
+    """Return the triangles of a tube: walls between rings, the pointed tip, the base."""
+    index = np.arange(rings * (sides + 1)).reshape(rings, sides + 1)
+    low, high = index[:-1], index[1:]
+    a, b, c, d = (x.ravel() for x in (low[:, :-1], low[:, 1:], high[:, 1:], high[:, :-1]))
+    walls = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
+    last, apex = index[-1], np.full(sides, rings * (sides + 1))
+    tip = np.stack([last[:-1], last[1:], apex], -1)
+    base = [(0, side + 1, side) for side in range(1, sides - 1)]
+    return np.concatenate([walls, tip, np.array(base)])

@@ -1,0 +1,145 @@
+"""Small plants of the forest floor: ferns, grass, herbs, flowers, bilberry, loose fallen leaves.
+
+All but grass are leaves of two triangles each, which `detail.merged_leaves` can merge.
+"""
+
+import numpy as np
+
+from megalopta.assets_gen import FloatArray, Surface, unit
+from megalopta.assets_gen.plants.branching import UP, outward
+from megalopta.assets_gen.plants.foliage import ATLAS_TILES, blades
+from megalopta.assets_gen.plants.species import Foliage
+
+PINNA = Foliage(
+    length_m=0.2,
+    width_m=0.055,
+    widest=0.3,
+    per_m=1,
+    bare=0,
+    divergence_deg=180,
+    angle_deg=75,
+    droop=0.1,
+    tilt=0.2,
+    fold_deg=8,
+    shrink=1,
+    blade="leaf",
+)
+HERB_LEAF = PINNA.model_copy(update={"length_m": 0.14, "width_m": 0.065, "widest": 0.6})
+BILBERRY_LEAF = PINNA.model_copy(update={"length_m": 0.07, "width_m": 0.04, "widest": 0.5})
+PETAL = PINNA.model_copy(update={"length_m": 0.026, "width_m": 0.018, "widest": 0.6})
+FALLEN_LEAF = PINNA.model_copy(update={"length_m": 0.09, "width_m": 0.055, "fold_deg": 25})
+
+GRASS_BLADES = 28
+"""Blades of a tuft of grass."""
+
+
+def grow_fern(rng: np.random.Generator) -> Surface:
+    """Return a fern of arching fronds, about 0.6 m high and 1.3 m wide."""
+    fronds, pairs = 8, 8
+    azimuth = 2 * np.pi * (np.arange(fronds) + rng.uniform(-0.3, 0.3, fronds)) / fronds
+    length = rng.uniform(0.6, 0.95, fronds)
+    share = np.linspace(0.2, 1, pairs)
+    point, ahead = _arches(azimuth, length, rng.uniform(0.9, 1.25, fronds), share)
+    base, ahead = (np.repeat(x.reshape(-1, 3), 2, axis=0) for x in (point, ahead))
+    across = unit(np.cross(ahead, UP))
+    side = np.tile([1.0, -1.0], fronds * pairs)[:, None]
+    direction = unit(side * across + 0.35 * ahead + rng.normal(0, 0.06, base.shape))
+    upper = np.cross(across, ahead) + rng.normal(0, 0.2, base.shape)
+    taper = np.repeat(np.sin(np.pi * (0.12 + 0.8 * share)) ** 0.8, 2)
+    size = np.tile(taper, fronds) * np.repeat(length, 2 * pairs) / 0.8
+    return blades(base, direction, upper, size, PINNA, rng)
+
+
+def _arches(
+    azimuth: FloatArray, length: FloatArray, steep: FloatArray, share: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return points and directions (n, k, 3) along stalks that rise at `steep` (rad) and bend."""
+    bend = steep[:, None] - 1.5 * share**1.5
+    heading = np.cos(bend)[..., None] * outward(azimuth)[:, None] + np.sin(bend)[..., None] * UP
+    step = length[:, None] * np.diff(share, prepend=0)
+    return np.cumsum(step[..., None] * heading, axis=1), heading
+
+
+def grow_herbs(rng: np.random.Generator) -> Surface:
+    """Return a patch, 0.9 m wide, of low herbs: rosettes of leaves that rise from the ground."""
+    plants, leaves = 14, 5
+    spots = 0.28 * rng.standard_normal((plants, 3)) * (1, 1, 0) - 0.02 * UP
+    base = np.repeat(spots, leaves, axis=0)
+    azimuth, steep = rng.uniform(0, 2 * np.pi, len(base)), rng.uniform(0.3, 1.0, len(base))
+    direction = np.cos(steep)[:, None] * outward(azimuth) + np.sin(steep)[:, None] * UP
+    facing = UP + rng.normal(0, 0.3, direction.shape)
+    size = np.repeat(rng.uniform(0.6, 1.3, plants), leaves) * rng.uniform(0.8, 1.2, len(base))
+    return blades(base, direction, facing, size, HERB_LEAF, rng)
+
+
+def grow_flowers(rng: np.random.Generator) -> tuple[Surface, Surface]:
+    """Return the leaves and the petals of a patch, 0.8 m wide, of flowers 0.2 m high."""
+    plants, petals = 16, 6
+    spots = 0.25 * rng.standard_normal((plants, 3)) * (1, 1, 0)
+    azimuth = 2 * np.pi * rng.random((plants, 1)) + 2 * np.pi * np.arange(3) / 3
+    base = np.repeat(spots + 0.07 * UP, 3, axis=0)
+    leaves = _rosette(base, azimuth.ravel(), 0.35, 0.75 * np.ones(3 * plants), HERB_LEAF, rng)
+    heads = spots + rng.uniform(0.13, 0.22, (plants, 1)) * UP
+    azimuth = 2 * np.pi * rng.random((plants, 1)) + 2 * np.pi * np.arange(petals) / petals
+    size = np.repeat(rng.uniform(0.8, 1.3, plants), petals)
+    base = np.repeat(heads, petals, axis=0)
+    return leaves, _rosette(base, azimuth.ravel(), 0.25, size, PETAL, rng)
+
+
+def _rosette(
+    base: FloatArray,
+    azimuth: FloatArray,
+    steep: float,
+    size: FloatArray,
+    leaf: Foliage,
+    rng: np.random.Generator,
+) -> Surface:
+    direction = np.cos(steep) * outward(azimuth) + np.sin(steep) * UP
+    facing = UP + rng.normal(0, 0.2, direction.shape)
+    return blades(base, direction, facing, size, leaf, rng)
+
+
+def grow_bilberry(rng: np.random.Generator) -> Surface:
+    """Return a low shrub, 0.35 m high and 0.8 m wide: small leaves on upright shoots."""
+    shoots, leaves = 22, 7
+    foot = 0.2 * rng.standard_normal((shoots, 3)) * (1, 1, 0)
+    azimuth, steep = rng.uniform(0, 2 * np.pi, shoots), rng.uniform(0.9, 1.5, shoots)
+    length = rng.uniform(0.2, 0.38, shoots)
+    share = np.linspace(0.25, 1, leaves)
+    point, ahead = _arches(azimuth, length, steep, share)
+    base = (foot[:, None] + point).reshape(-1, 3)
+    turn = outward(rng.uniform(0, 2 * np.pi, len(base)))
+    direction = unit(0.5 * ahead.reshape(-1, 3) + turn)
+    facing = UP + rng.normal(0, 0.4, base.shape)
+    size = rng.uniform(0.8, 1.3, len(base))
+    return blades(base, direction, facing, size, BILBERRY_LEAF, rng)
+
+
+def grow_grass(rng: np.random.Generator, merged: int = 1) -> Surface:
+    """Return a tuft of grass, about 0.4 m high: blades of three triangles that bend outward.
+
+    For a distant view, `merged` blades are drawn as one of their width.
+    """
+    count = max(round(GRASS_BLADES / merged), 1)
+    azimuth = rng.uniform(0, 2 * np.pi, count)
+    length, steep = rng.uniform(0.25, 0.6, count), rng.uniform(1.0, 1.5, count)
+    point, _ = _arches(azimuth, length, steep, np.array([0.55, 1.0]))
+    root = 0.11 * rng.standard_normal((count, 3)) * (1, 1, 0) - 0.03 * UP
+    half = 0.006 * GRASS_BLADES / count * outward(azimuth + np.pi / 2)
+    middle, tip = root + point[:, 0], root + point[:, 1]
+    corners = np.stack([root - half, root + half, middle + half, middle - half, tip], axis=1)
+    faces = 5 * np.arange(count)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3], [3, 2, 4]])
+    local = np.array([[0.4, 0.02], [0.6, 0.02], [0.6, 0.5], [0.4, 0.5], [0.5, 0.98]])
+    uv = (rng.integers(0, ATLAS_TILES, (count, 1, 2)) + local) / ATLAS_TILES
+    return Surface(corners.reshape(-1, 3), faces.reshape(-1, 3), uv.reshape(-1, 2))
+
+
+def strew_litter(rng: np.random.Generator) -> Surface:
+    """Return a patch, 1.2 m wide, of loose leaves lying on level ground."""
+    count = 45
+    azimuth, heading = rng.uniform(0, 2 * np.pi, (2, count))
+    distance = 0.6 * np.sqrt(rng.random((count, 1)))
+    base = distance * outward(azimuth) + rng.uniform(0, 0.02, (count, 1)) * UP
+    direction = unit(outward(heading) + rng.normal(0.1, 0.2, (count, 1)) * UP)
+    facing = UP + rng.normal(0, 0.35, (count, 3))
+    return blades(base, direction, facing, rng.uniform(0.6, 1.3, count), FALLEN_LEAF, rng)

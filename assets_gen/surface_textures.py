@@ -1,0 +1,114 @@
+"""Textures by name, as weights in [0, 1] between two reflectances; ground and leaves."""
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.assets_gen.ground import GROUND_TILE_M, STONE_TILE_M
+from megalopta.assets_gen.patterns import strew, tileable_noise, to_weight
+from megalopta.assets_gen.plants import (
+    ATLAS_TILES,
+    furrowed_bark,
+    papery_bark,
+    scaly_bark,
+    smooth_bark,
+)
+from megalopta.assets_gen.surface import FloatArray
+
+GROUND_SHAPE = (1024, 1024)
+LEAF_TEXELS = 64
+"""Rows and columns of one leaf in the atlas."""
+
+
+def litter_texture(rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return a tileable floor of fallen leaves and twigs; 1 is bright litter, 0 bare soil."""
+    size, area_m2 = (GROUND_TILE_M, GROUND_TILE_M), GROUND_TILE_M**2
+    leaves = strew(GROUND_SHAPE, size, int(750 * area_m2), (0.035, 0.12), 0.5, 0.0, 3.0, rng)
+    twigs = strew(GROUND_SHAPE, size, int(12 * area_m2), (0.1, 0.4), 0.04, 0.0, 3.0, rng)
+    patches = tileable_noise(GROUND_SHAPE, size, (0.15, 1.8), 1.1, rng)
+    grain = tileable_noise(GROUND_SHAPE, size, (0.01, 0.06), 0.4, rng)
+    soil = -1.3 + 0.5 * grain
+    litter = np.where(np.isnan(leaves), soil, leaves - 0.1 + 0.15 * grain)
+    # Litter is thin where the patches' noise is low: soil shows through.
+    floor = np.where(patches + 0.3 * grain > -0.6, litter, soil)
+    floor = np.where(np.isnan(twigs), floor, 0.9 * twigs - 0.2)
+    return to_weight(1.5 * floor + 0.45 * patches - 0.35)
+
+
+def turf_texture(rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return a tileable short turf or carpet of moss: fine blades on slow patches; 1 is bright."""
+    size, area_m2 = (GROUND_TILE_M, GROUND_TILE_M), GROUND_TILE_M**2
+    blades = strew(GROUND_SHAPE, size, int(1200 * area_m2), (0.03, 0.11), 0.12, 0.0, 3.0, rng)
+    patches = tileable_noise(GROUND_SHAPE, size, (0.15, 2.5), 1.0, rng)
+    grain = tileable_noise(GROUND_SHAPE, size, (0.01, 0.06), 0.4, rng)
+    turf = np.where(np.isnan(blades), -0.9 + 0.4 * grain, 0.3 + blades)
+    return to_weight(turf + 0.4 * patches)
+
+
+def _leaf_coordinates() -> tuple[FloatArray, FloatArray]:
+    texels = ATLAS_TILES * LEAF_TEXELS
+    place = (np.arange(texels) + 0.5) / LEAF_TEXELS % 1
+    v, u = np.meshgrid(place, place, indexing="ij")
+    return v, np.abs(u - 0.5)
+
+
+def _leaf_tones(rng: np.random.Generator) -> FloatArray:
+    tones = rng.uniform(-0.7, 0.7, (ATLAS_TILES, ATLAS_TILES))
+    return tones.repeat(LEAF_TEXELS, axis=0).repeat(LEAF_TEXELS, axis=1)
+
+
+def leaf_texture(rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return an atlas of leaves of many shades with veins and blotches; 1 is lightest."""
+    v, off = _leaf_coordinates()
+    texels = ATLAS_TILES * LEAF_TEXELS
+    blotches = tileable_noise((texels, texels), (8.0, 8.0), (0.05, 0.8), 1.0, rng)
+    veins = 0.8 * (off < 0.03) + 0.45 * ((7 * (v - 1.2 * off)) % 1 < 0.16)
+    signal = _leaf_tones(rng) + veins + 0.25 * blotches - 0.15
+    return to_weight(signal)
+
+
+def needle_texture(rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return an atlas of needle sprays: bright needles over dark gaps, slanted off the twig."""
+    v, off = _leaf_coordinates()
+    texels = ATLAS_TILES * LEAF_TEXELS
+    blotches = tileable_noise((texels, texels), (8.0, 8.0), (0.05, 0.8), 1.0, rng)
+    needles = np.cos(2 * np.pi * 11 * (v - 0.9 * off)) - 1.0 * (off < 0.04)
+    signal = _leaf_tones(rng) + 0.6 * needles + 0.25 * blotches
+    return to_weight(signal)
+
+
+def stone_texture(rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return tileable granite: speckled grain, stains, round spots of pale lichen."""
+    shape, size = (512, 512), (STONE_TILE_M, STONE_TILE_M)
+    grain = tileable_noise(shape, size, (0.005, 0.03), 0.2, rng)
+    stains = tileable_noise(shape, size, (0.06, 1.2), 1.2, rng)
+    lichen = strew(shape, size, 60, (0.03, 0.12), 0.9, 0.0, 3.0, rng)
+    stone = 0.35 * grain + 0.55 * stains - 0.3
+    return to_weight(np.where(np.isnan(lichen), stone, 0.7 + lichen + 0.3 * grain))
+
+
+def mossy_texture(rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return tileable old bark, 0, with cushions of moss, 1."""
+    shape, size = (512, 512), (1.6, 0.8)
+    cushions = tileable_noise(shape, size, (0.08, 0.8), 1.0, rng)
+    fibers = tileable_noise(shape, size, (0.01, 0.1), 0.5, rng, 4.0)
+    return to_weight(2.2 * cushions + 0.6 * fibers - 0.6)
+
+
+TEXTURES: Mapping[str, Callable[[np.random.Generator], NDArray[np.float32]]] = MappingProxyType(
+    {
+        "furrowed": furrowed_bark,
+        "smooth": smooth_bark,
+        "papery": papery_bark,
+        "scaly": scaly_bark,
+        "leaf": leaf_texture,
+        "needles": needle_texture,
+        "litter": litter_texture,
+        "turf": turf_texture,
+        "stone": stone_texture,
+        "mossy": mossy_texture,
+    }
+)
+"""Every texture by name: a weight (H, W) in [0, 1]; all but the atlases of leaves tile."""

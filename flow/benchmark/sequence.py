@@ -1,0 +1,237 @@
+"""The photon benchmark: how many photons per frame a detector needs (thesis, Chapter 4).
+
+A clean sequence is resized, scaled to a photon flux, and drawn; each detector answers to the
+counts and to the clean sequence, and the error between the two answers is followed over the flux.
+Counts are multiplied by pixels/flux before the detectors see them, so that the answer to the clean
+sequence does not depend on the flux (the dark counts it adds are the same everywhere; detectors
+that notice such an offset get the clean sequence with it). All detectors see the same draws.
+
+The sequence passes in chunks of frames, all fluxes of one chunk at a time, so memory does not grow
+with its length. Every draw has a random stream of its own, so neither chunks nor the choice of
+fluxes, sizes or detectors changes a number. Standard errors (`error_curve`) are estimated in blocks
+of frames longer than the memory of the detector.
+
+For a template that turns past a window, `photon_search` finds the thresholds alone with a fraction
+of the draws.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from megalopta.flow.benchmark.result import BenchmarkResult
+from megalopta.flow.benchmark.settings import (
+    BenchmarkSettings,
+    checked_warm_up,
+    default_warm_up,
+    work_units,
+)
+from megalopta.flow.detectors import Detector, FloatArray, Frames
+from megalopta.flow.metrics import ErrorCurve, ErrorSums, Metric, combine, error_curve, error_sums
+from megalopta.flow.stimuli import Counts, brightness, draw_counts, resize
+
+__all__ = [
+    "BenchmarkResult",
+    "BenchmarkSettings",
+    "ErrorCurve",
+    "default_warm_up",
+    "photon_benchmark",
+    "work_units",
+]
+
+Progress = Callable[[int], object]
+"""Called with the work done since the last call, in the units of `work_units`."""
+
+Parts = Callable[[str, Callable[[], list[ErrorSums]]], list[ErrorSums]]
+"""Gives a part of the work by its name: what was kept of it, or else what the callable returns."""
+
+
+def photon_benchmark(
+    frames: Frames,
+    methods: Sequence[Detector],
+    settings: BenchmarkSettings,
+    seed: int,
+    sequence: str,
+    on_progress: Progress | None = None,
+    parts: Parts = lambda name, work: work(),
+) -> BenchmarkResult:
+    """Return the error of each method over the photon flux, and the fluxes it needs.
+
+    Parameters
+    ----------
+    frames : (T, H, W)
+        Clean sequence, any quantity proportional to the light.
+    methods
+        Detectors of different names.
+    settings
+    seed : int
+        Any integer.
+    sequence : str
+        Name of the sequence; sequences of different names are drawn independently.
+    on_progress
+        Called with the work done since the last call; the total is `work_units`.
+    parts
+        Where parts of the work are kept, so that a run that was stopped goes on: one for each size
+        and repeat, a sum of shape (fluxes, T) for each method.
+
+    Raises
+    ------
+    ValueError
+        When the frames are no light, too few or too small, or a size exceeds theirs.
+    """
+    brightness(frames)
+    warm_up = checked_warm_up(frames.shape, methods, settings)
+    curves: list[ErrorCurve] = []
+    for size in settings.sizes:
+        stimulus = _stimulus(frames, size, settings, seed, sequence)
+        for method, sums in zip(
+            methods, _measured(stimulus, methods, settings, on_progress, parts), strict=True
+        ):
+            curves += [
+                _curve(stimulus, method, sums, metric, warm_up, settings)
+                for metric in settings.metrics
+            ]
+    return BenchmarkResult(
+        sequence=sequence,
+        seed=seed,
+        settings=settings,
+        methods=tuple(methods),
+        frames=(frames.shape[0], frames.shape[1], frames.shape[2]),
+        warm_up=warm_up,
+        curves=tuple(curves),
+    )
+
+
+@dataclass(frozen=True)
+class _Stimulus:
+    """A resized clean sequence, and the photons it gives."""
+
+    frames: Frames
+    brightness: float
+    dark_counts: float
+    """Per frame and resized pixel"""
+
+    seed: int
+    sequence: str
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.frames.shape[1], self.frames.shape[2]
+
+    @property
+    def pixels(self) -> int:
+        return self.shape[0] * self.shape[1]
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Names the sequence at this size in random streams."""
+        return self.sequence, f"{self.shape[0]}x{self.shape[1]}"
+
+    def chunks(self, length: int) -> Iterator[tuple[int, FloatArray]]:
+        """Yield the number of the first frame and the frames, as shares of the flux."""
+        for first in range(0, len(self.frames), length):
+            yield first, self.frames[first : first + length] / np.float64(self.brightness)
+
+    def counts(self, means: FloatArray, flux: float, repeat: int, first_frame: int) -> Counts:
+        return draw_counts(
+            means, self.seed, *self.key, f"{flux:.6g}", repeat, first_frame=first_frame
+        )
+
+
+def _stimulus(
+    frames: Frames, size: int, settings: BenchmarkSettings, seed: int, sequence: str
+) -> _Stimulus:
+    resized = resize(frames, size, settings.resize)
+    pixel_area = frames[0].size / resized[0].size
+    return _Stimulus(
+        resized, brightness(resized), settings.dark_counts * pixel_area, seed, sequence
+    )
+
+
+class _Comparison:
+    """One detector at one flux: its answers to counts against those to the clean sequence."""
+
+    def __init__(self, method: Detector, shape: tuple[int, int]) -> None:
+        self.method = method
+        self.answer_to_counts = method.start(shape)
+        self.answer_to_means = None if method.ignores_offset else method.start(shape)
+        self.sums: list[ErrorSums] = []
+
+    def add(self, ideal: FloatArray, means: FloatArray, counts: Counts, scale: float) -> None:
+        if self.answer_to_means is not None:
+            ideal = self.answer_to_means(means, scale)
+        self.sums.append(error_sums(self.method, ideal, self.answer_to_counts(counts, scale)))
+
+
+def _measured(
+    stimulus: _Stimulus,
+    methods: Sequence[Detector],
+    settings: BenchmarkSettings,
+    on_progress: Progress | None,
+    parts: Parts,
+) -> list[ErrorSums]:
+    """Return the sums of each method, (fluxes, repeats, T)."""
+    repeats = [
+        parts(
+            f"{stimulus.key[1]}-{repeat}",
+            partial(_one_repeat, stimulus, methods, settings, repeat, on_progress),
+        )
+        for repeat in range(settings.repeats)
+    ]
+    return [
+        combine(sums, lambda each: np.stack(each, axis=1)) for sums in zip(*repeats, strict=True)
+    ]
+
+
+def _one_repeat(
+    stimulus: _Stimulus,
+    methods: Sequence[Detector],
+    settings: BenchmarkSettings,
+    repeat: int,
+    on_progress: Progress | None,
+) -> list[ErrorSums]:
+    """Return the sums of each method, (fluxes, T)."""
+    answers_to_light = [method.start(stimulus.shape) for method in methods]
+    comparisons = [
+        [_Comparison(method, stimulus.shape) for method in methods] for _ in settings.fluxes
+    ]
+    for first_frame, light in stimulus.chunks(settings.chunk_frames):
+        ideals = [answer(light, stimulus.pixels) for answer in answers_to_light]
+        for flux, at_flux in zip(settings.fluxes, comparisons, strict=True):
+            means = light * flux + stimulus.dark_counts
+            counts = stimulus.counts(means, flux, repeat, first_frame)
+            for ideal, comparison in zip(ideals, at_flux, strict=True):
+                comparison.add(ideal, means, counts, stimulus.pixels / flux)
+            if on_progress is not None:
+                on_progress(counts.size)
+    return [
+        combine([combine(each.sums, np.concatenate) for each in of_method], np.stack)
+        for of_method in zip(*comparisons, strict=True)
+    ]
+
+
+def _curve(
+    stimulus: _Stimulus,
+    method: Detector,
+    sums: ErrorSums,
+    metric: Metric,
+    warm_up: int,
+    settings: BenchmarkSettings,
+) -> ErrorCurve:
+    scored = combine([sums], lambda parts: parts[0][..., warm_up:])
+    frames = scored.scored.shape[-1]
+    blocks = max(1, frames // (method.memory_frames + 1))
+    return error_curve(
+        method,
+        stimulus.shape,
+        metric,
+        settings.fluxes,
+        scored,
+        [block * frames // blocks for block in range(blocks)],
+        settings.bits,
+        settings.confidence,
+        stimulus.seed,
+        *stimulus.key,
+    )

@@ -1,0 +1,172 @@
+"""What a photon benchmark measures, how closely, and how much work that is."""
+
+import math
+from collections.abc import Sequence
+from itertools import product
+from typing import Annotated, Any, Self
+
+from pydantic import BaseModel, Field, field_validator, model_validator
+
+from megalopta.flow.detectors import Detector
+from megalopta.flow.metrics import METRICS, Metric
+from megalopta.flow.stimuli import ResizeKind, resized_shape
+
+THESIS_WARM_UP = 30
+
+
+class CurveSettings(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """Which error curves are measured, and how closely."""
+
+    flux_min: Annotated[float, Field(ge=1e-6, le=1e15)] = 1e3
+    """Smallest flux (photons per frame)"""
+
+    flux_max: Annotated[float, Field(gt=0, le=1e15)] = 1e12
+    """Largest flux (photons per frame)"""
+
+    fluxes_per_decade: Annotated[int, Field(ge=1, le=1000)] = 2
+    """Number of fluxes per factor of ten"""
+
+    repeats: Annotated[int, Field(ge=2, le=100_000)] = 4
+    """Independent draws of the whole sequence at each flux; they give the intervals"""
+
+    dark_counts: Annotated[float, Field(ge=0, le=1e12)] = 0.1
+    """Dark counts per frame and pixel of the frames before resizing"""
+
+    metrics: Annotated[tuple[Metric, ...], Field(min_length=1)] = METRICS
+    """Error metrics: "literal" is Eq. 4.5, "ratio" does not divide by near-zero responses"""
+
+    bits: Annotated[tuple[Annotated[int, Field(ge=1, le=16)], ...], Field(min_length=1)] = (2, 3, 4)
+    """Accuracies whose flux is wanted, n bits being an error of 2⁻ⁿ"""
+
+    confidence: Annotated[float, Field(gt=0, lt=1)] = 0.95
+    """Probability that an interval holds"""
+
+    @field_validator("metrics", "bits")
+    @classmethod
+    def _each_once(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
+        return each_once(values)
+
+    @model_validator(mode="after")
+    def _two_fluxes(self) -> Self:
+        if len(self.fluxes) < 2:
+            raise ValueError(
+                f"flux_min {self.flux_min:g} to flux_max {self.flux_max:g} at"
+                f" {self.fluxes_per_decade} per decade holds fewer than two fluxes: widen the range"
+            )
+        return self
+
+    @property
+    def fluxes(self) -> tuple[float, ...]:
+        """Photons per frame, growing by equal factors from the smallest, up to the largest."""
+        decades = math.log10(self.flux_max / self.flux_min)
+        steps = math.floor(decades * self.fluxes_per_decade + 1e-9)
+        return tuple(
+            self.flux_min * 10 ** (step / self.fluxes_per_decade) for step in range(steps + 1)
+        )
+
+
+class BenchmarkSettings(CurveSettings, frozen=True):
+    """What is measured on a sequence, and how closely."""
+
+    sizes: Annotated[tuple[Annotated[int, Field(ge=3)], ...], Field(min_length=1)] = (
+        60,
+        120,
+        180,
+        240,
+    )
+    """Rows of the resized frames (px); the columns follow in proportion"""
+
+    resize: ResizeKind = "nearest"
+    """How frames are resized: "nearest" subsamples as the thesis does, "area" pools the light"""
+
+    warm_up: Annotated[int, Field(ge=0)] | None = None
+    """Frames not scored at the start; by default 30 of 60 or more, else the longest memory"""
+
+    chunk_frames: Annotated[int, Field(ge=1, le=10_000)] = 16
+    """Frames processed together; changes memory and speed, never a result"""
+
+    @field_validator("sizes")
+    @classmethod
+    def _sizes_once(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
+        return each_once(values)
+
+
+class SearchSettings(CurveSettings, frozen=True):
+    """What is measured on a template that turns, and how closely."""
+
+    repeats: Annotated[int, Field(ge=2, le=100_000)] = 2
+    """Independent draws of all frames at each flux; they give the intervals"""
+
+    fluxes_per_decade: Annotated[int, Field(ge=1, le=1000)] = 8
+    """Number of fluxes per factor of ten; those are measured that the thresholds need"""
+
+    phases: Annotated[int, Field(ge=1, le=251)] = 4
+    """Places around the template at which short sequences start; errors are means over them"""
+
+    frames: Annotated[int, Field(ge=1, le=10_000)] = 6
+    """Frames scored of each of these sequences, after those in which noise reaches its strength"""
+
+    summed_frames: Annotated[int, Field(ge=1, le=10_000)] = 1
+    """Temporal pooling: detectors see the sliding sum of so many frames"""
+
+
+def each_once(values: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return values of which none comes twice, or refuse them."""
+    twice = [value for value in values if values.count(value) > 1]
+    if twice:
+        raise ValueError(f"{twice[0]} is named twice: name each once")
+    return values
+
+
+def work_units(frames_shape: tuple[int, ...], settings: BenchmarkSettings) -> int:
+    """Return the work of a benchmark of frames (T, H, W): the number of pixels that are drawn."""
+    shapes = (resized_shape((frames_shape[1], frames_shape[2]), size) for size in settings.sizes)
+    pixels = sum(rows * columns for rows, columns in shapes)
+    return frames_shape[0] * pixels * len(settings.fluxes) * settings.repeats
+
+
+def default_warm_up(n_frames: int, methods: Sequence[Detector]) -> int:
+    """Return how many frames not to score at the start of a sequence.
+
+    The thesis's 30 when the sequence has at least 60; in a shorter one the smallest number after
+    which the slowest filter of these methods has decayed to 1 %.
+    """
+    if n_frames >= 2 * THESIS_WARM_UP:
+        return THESIS_WARM_UP
+    return max(method.memory_frames for method in methods)
+
+
+def checked_warm_up(
+    frames_shape: tuple[int, ...], methods: Sequence[Detector], settings: BenchmarkSettings
+) -> int:
+    """Return the number of frames not to score, after checking that a benchmark is possible.
+
+    Parameters
+    ----------
+    frames_shape
+        (T, H, W) of the clean sequence.
+    methods
+        Detectors of different names.
+    settings
+
+    Raises
+    ------
+    ValueError
+        When frames are too few or too small, or a size exceeds theirs.
+    """
+    names = [method.name for method in methods]
+    if not names or len(set(names)) < len(names):
+        raise ValueError(f"methods {names}: give at least one, each under a name of its own")
+    for size, method in product(settings.sizes, methods):
+        method.start(resized_shape((frames_shape[1], frames_shape[2]), size))
+    warm_up = settings.warm_up
+    if warm_up is None:
+        warm_up = default_warm_up(frames_shape[0], methods)
+    if frames_shape[0] - warm_up < 2:
+        raise ValueError(
+            f"{frames_shape[0]} frames leave fewer than two to score after a warm_up of {warm_up}:"
+            " give more frames or a shorter warm_up"
+        )
+    return warm_up

@@ -1,0 +1,133 @@
+"""One interface for everything that turns frames into motion.
+
+A detector is a frozen parameter object. `respond` takes a whole sequence; `start` gives the same
+detector as a function of successive chunks of a sequence, so that a long one never has to be in
+memory. Both give the same numbers, however the sequence is cut.
+
+To add a detector: derive from `Detector` in a file of its own, put one line into
+`megalopta.flow.detectors.registry`, write one test.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field
+
+FloatArray = NDArray[np.float64]
+Frames = NDArray[Any]
+Responder = Callable[[Frames, float], FloatArray]
+"""The next chunk of frames (n, H, W) and its scale to the responses of that chunk."""
+
+
+class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False):
+    """A motion detector with its parameters.
+
+    A "response" detector gives one number per pixel and frame, (T, H, W). A "velocity" detector
+    compares neighboring frames and gives one velocity per block and pair of frames,
+    (T − 1, rows, columns, 2).
+    """
+
+    gives: ClassVar[Literal["response", "velocity"]]
+    ignores_offset: ClassVar[bool] = True
+    """A constant added to all pixels of all frames does not change the response."""
+    takes_counts: ClassVar[bool] = False
+    """The frames must be photon counts: their noise says how far to trust them, so the response to
+    scaled frames is another. The scale is then ignored."""
+
+    tells_direction: ClassVar[bool] = False
+    """Motion to the right and to the left give different responses."""
+
+    minimum_frames: ClassVar[int] = 1
+
+    name: Annotated[str, Field(min_length=1)]
+    """Short name, as in the legends of the literature"""
+
+    label: Annotated[str, Field(min_length=1)]
+    """Name in words"""
+
+    @property
+    @abstractmethod
+    def memory_frames(self) -> int:
+        """Frames after which less than 1 % of the past is left in the response."""
+
+    @property
+    def noise_memory_frames(self) -> int:
+        """Frames after which noise is at full strength, within 1 % of its power."""
+        return self.memory_frames
+
+    @abstractmethod
+    def start(self, shape: tuple[int, int]) -> Responder:
+        """Return the detector at rest, to be fed a sequence of frames (H, W) chunk by chunk.
+
+        Raises
+        ------
+        ValueError
+            When frames of this shape are too small for the detector.
+        """
+
+    @abstractmethod
+    def scored(self, responses: FloatArray) -> FloatArray:
+        """Return what errors are computed from, (T, rows, columns, components), no borders."""
+
+    def expected_deviation(self, means: FloatArray, scale: float) -> FloatArray | None:
+        """Return E|response to counts − response to their means|, where it has a closed form.
+
+        Parameters
+        ----------
+        means : (T, H, W), mean counts
+        scale : float
+            As for `respond`.
+
+        Returns
+        -------
+        As `respond`, or None where counts must be drawn to know it.
+        """
+        return None
+
+    def respond(self, frames: Frames, scale: float = 1.0) -> FloatArray:
+        """Return the responses to the sequence `scale` · `frames`.
+
+        Parameters
+        ----------
+        frames : (T, H, W), counts or intensities
+        scale : float
+            Brings counts to common brightness, for instance pixels per frame / photons per frame.
+            Velocities do not depend on it.
+
+        Returns
+        -------
+        (T, H, W), or (T − 1, rows, columns, 2) in px per frame, NaN where undefined.
+
+        Raises
+        ------
+        ValueError
+            When the frames are not a sequence, too few or too small.
+        """
+        if frames.ndim != 3 or len(frames) < self.minimum_frames:
+            raise ValueError(
+                f"frames of shape {frames.shape}: {self.name} needs a sequence (T, H, W) of at"
+                f" least {self.minimum_frames} frames"
+            )
+        return self.start((frames.shape[1], frames.shape[2]))(frames, scale)
+
+
+def in_pairs(match: Callable[[Frames], FloatArray]) -> Responder:
+    """Return a responder that hands `match` every pair of neighboring frames exactly once.
+
+    Parameters
+    ----------
+    match
+        Frames (n, H, W) to the results of their n − 1 pairs.
+    """
+    last: Frames | None = None
+
+    def respond(frames: Frames, scale: float) -> FloatArray:
+        nonlocal last
+        joined = frames if last is None else np.concatenate((last, frames))
+        last = frames[-1:].copy()
+        return match(joined)
+
+    return respond

@@ -1,0 +1,207 @@
+"""Correlation detectors after insect vision: EMD, NDM and NDS (thesis §4.3.3, Eqs. 4.1 to 4.4).
+
+Every pixel is high-passed over the frames, h; a low-pass of h is its delayed copy, g; neighbors
+along x are combined, and the result is low-passed, y. With x the pixel's value in the next frame,
+
+    low += a(x − low)   h = x − low   g += a(h − g)   R = combination of h and g   y += b(R − y)
+
+    EMD: R = g[j]·h[j+1] − h[j]·g[j+1]
+    NDM: R = |h[j]·(g[j−1] + g[j+1])|
+    NDS: R = |h[j] + g[j−1] + g[j+1]|
+
+Per frame, a = 1/(1 + τ) with the time constant τ in frames. The first frame is taken to have been
+there forever. The thesis states the rectification for NDS only; for NDM it is inferred.
+
+The responses encode motion but are no velocities: they depend on contrast, spatial frequency and
+brightness too. On ½(1 + C sin(ωt + jφ)), with Hh = (1 − a)(1 − z)/(1 − (1 − a)z) and Hl = a/(1 −
+(1 − a)z) at z = exp(−iω), h1 = |Hh|, h2 = |Hl|, φ2 = arg Hl, their means are
+
+    EMD: (C²/4)·h1²·h2·sin φ2·sin φ
+    NDM: (C²/4)·h1²·h2·cos φ2·cos φ, before rectification
+    NDS: 2A/π with A = (C/2)·h1·√(1 + 4·h2·cos φ·cos φ2 + 4·h2²·cos² φ)
+
+(Eq. 4.3 is misprinted; `sinusoid_response` computes the last two). Motion toward +x has φ < 0 and
+the delay φ2 < 0: EMD is then positive.
+"""
+
+import math
+from abc import abstractmethod
+from functools import cache
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from numba import njit
+from pydantic import Field
+
+from megalopta.flow.detectors.base import Detector, FloatArray, Frames, Responder
+
+FilterStep = Annotated[float, Field(gt=0, le=1)]
+_FORGOTTEN = 0.01
+_LONG = 30
+"""Time constants; e⁻³⁰ is left."""
+_TINY = 1e-20
+
+_ELEMENTARY, _PRODUCT, _RECTIFIED_PRODUCT, _RECTIFIED_SUM = range(4)
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _combine(kind: int, h: Any, g: Any, combined: Any) -> None:
+    """Combine a row of h and one of its delayed copy g; the outermost pixels lack a neighbor."""
+    inner = range(1, h.size - 1)
+    if kind == _ELEMENTARY:
+        for j in inner:
+            combined[j] = g[j] * h[j + 1] - h[j] * g[j + 1]
+    elif kind == _RECTIFIED_SUM:
+        for j in inner:
+            combined[j] = abs(h[j] + g[j - 1] + g[j + 1])
+    else:
+        for j in inner:
+            combined[j] = h[j] * (g[j - 1] + g[j + 1])
+        if kind == _RECTIFIED_PRODUCT:
+            for j in inner:
+                combined[j] = abs(combined[j])
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _advance(
+    kind: int, frames: Any, scale: float, a: float, b: float, low: Any, g: Any, y: Any, outputs: Any
+) -> None:
+    """Pass frames through all filters; their states low, g and y change in place."""
+    h, combined = np.empty((2, frames.shape[2]))
+    for t in range(frames.shape[0]):
+        for i in range(frames.shape[1]):
+            for j in range(h.size):
+                pixel = frames[t, i, j] * scale
+                low[i, j] += a * (pixel - low[i, j])
+                h[j] = pixel - low[i, j]
+                g[i, j] += a * (h[j] - g[i, j])
+            _combine(kind, h, g[i], combined)
+            for j in range(1, h.size - 1):
+                y[i, j] += b * (combined[j] - y[i, j])
+                outputs[t, i, j] = y[i, j]
+
+
+class CorrelationDetector(Detector, frozen=True):
+    """What EMD, NDM and NDS have in common: their filters and their state."""
+
+    gives: ClassVar[Literal["response", "velocity"]] = "response"
+
+    filter_step: FilterStep
+    """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
+
+    output_step: FilterStep = 0.8
+    """Step b of the low-pass at the output; 1 is no low-pass"""
+
+    @property
+    def memory_frames(self) -> int:
+        """Frames after which less than 1 % of the past is left in the delayed copy, smoothed."""
+        return _settled(self.filter_step, self.output_step, power=1)
+
+    @property
+    def noise_memory_frames(self) -> int:
+        """Frames after which less than 1 % of the power of white noise is left in it."""
+        return _settled(self.filter_step, self.output_step, power=2)
+
+    def start(self, shape: tuple[int, int]) -> Responder:
+        """Return the filters at rest; see `Detector.start`. First and last column stay NaN."""
+        rows, columns = shape
+        if rows in (0, 2) or columns < 3:
+            raise ValueError(
+                f"frames of {rows} × {columns} px: {self.name} needs 3 × 3 px, or one row of 3"
+            )
+        low = None
+        delayed, smoothed = np.zeros((2, *shape))
+
+        def respond(frames: Frames, scale: float) -> FloatArray:
+            nonlocal low
+            if low is None and len(frames):
+                low = frames[0] * np.float64(scale)
+            responses = np.empty(frames.shape)
+            responses[..., [0, -1]] = np.nan
+            steps = (self.filter_step, self.output_step)
+            _advance(self._kind, frames, float(scale), *steps, low, delayed, smoothed, responses)
+            return responses
+
+        return respond
+
+    def scored(self, responses: FloatArray) -> FloatArray:
+        """Return pixels 2 to N − 1 of each side, as in Eq. 4.5; a single row has no border rows."""
+        rows = slice(None) if responses.shape[1] == 1 else slice(1, -1)
+        return responses[:, rows, 1:-1, np.newaxis]
+
+    @property
+    @abstractmethod
+    def _kind(self) -> int: ...
+
+
+@cache
+def _settled(filter_step: float, output_step: float, power: int) -> int:
+    """Return after how many frames 1 % is left of the response to one bright frame.
+
+    Its path is the longest, high-pass, delay and low-pass at the output: three poles, two of them
+    equal, so that it decays more slowly than any one.
+    """
+    frames = math.ceil(_LONG / min(filter_step, output_step))
+    delay, smoothing = (
+        np.fft.rfft(step * (1 - step) ** np.arange(frames), 2 * frames)
+        for step in (filter_step, output_step)
+    )
+    response = np.abs(np.fft.irfft((1 - delay) * delay * smoothing)[:frames]) ** power
+    left = 1 - np.cumsum(response) / max(response.sum(), _TINY)  # a step of 1 leaves nothing
+    return 1 + int(np.argmax(left < _FORGOTTEN))
+
+
+class ElementaryMotionDetector(CorrelationDetector, frozen=True):
+    """EMD: directional, positive for motion toward +x; Hassenstein and Reichardt."""
+
+    tells_direction: ClassVar[bool] = True
+
+    name: str = "EMD"
+    """Short name"""
+
+    label: str = "Elementary motion detector"
+    """Name in words"""
+
+    filter_step: FilterStep = 0.30
+    """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
+
+    @property
+    def _kind(self) -> int:
+        return _ELEMENTARY
+
+
+class NonDirectionalMultiplication(CorrelationDetector, frozen=True):
+    """NDM: blind to the direction of motion, quadratic in contrast."""
+
+    name: str = "NDM"
+    """Short name"""
+
+    label: str = "Non-directional multiplication"
+    """Name in words"""
+
+    filter_step: FilterStep = 0.625
+    """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
+
+    rectified: bool = True
+    """Whether the output is the absolute value of the product"""
+
+    @property
+    def _kind(self) -> int:
+        return _RECTIFIED_PRODUCT if self.rectified else _PRODUCT
+
+
+class NonDirectionalSummation(CorrelationDetector, frozen=True):
+    """NDS: blind to the direction of motion, linear in contrast; Rivera-Alvidrez."""
+
+    name: str = "NDS"
+    """Short name"""
+
+    label: str = "Non-directional summation"
+    """Name in words"""
+
+    filter_step: FilterStep = 0.714
+    """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
+
+    @property
+    def _kind(self) -> int:
+        return _RECTIFIED_SUM

@@ -1,0 +1,82 @@
+"""Image interpolation (IIA), Srinivasan's gradient method for small shifts.
+
+Each block of frame t + 1 is written as a linear interpolation between frame t shifted by one pixel
+to either side, and the two coefficients, its velocity, follow by least squares (Srinivasan 1994,
+translation only; thesis §4.3.2). With differences gx = f(x−1) − f(x+1), gy likewise over rows, and
+d = f_{t+1} − f_t, summed over the block,
+
+    A = Σgx²   B = Σgx·gy   C = Σgy²   D = Σd·gx   E = Σd·gy
+    v_x = 2(CD − BE)/(AC − B²)         v_y = 2(AE − BD)/(AC − B²)
+
+On a sinusoid of k rad/px that moves d px this is sin(kd)/sin k, not d: it holds while the shift is
+small against the texture. A block whose gradients have one direction only, or none, has no
+velocity (NaN).
+"""
+
+from functools import partial
+from typing import Literal
+
+import numpy as np
+from numba import njit
+
+from megalopta.flow.detectors.base import FloatArray, Frames, Responder, in_pairs
+from megalopta.flow.detectors.block_detector import BlockDetector
+from megalopta.flow.detectors.blocks import BlockGrid
+
+_SINGULAR = 1e-9
+"""Share of AC below which AC − B² is rounding: gradients of one direction only."""
+
+
+class ImageInterpolation(BlockDetector, frozen=True):
+    """Least-squares velocity of each block from references one pixel to either side."""
+
+    name: str = "IIA"
+    """Short name"""
+
+    label: str = "Image interpolation"
+    """Name in words"""
+
+    scored_components: Literal["x", "xy"] = "x"
+    """What the benchmark compares: the thesis's motion is horizontal, so its x component"""
+
+    def start(self, shape: tuple[int, int]) -> Responder:
+        """Return the estimator for frames (H, W); see `Detector.start`."""
+        return in_pairs(partial(_velocities, self.grid(shape)))
+
+    def scored(self, responses: FloatArray) -> FloatArray:
+        """Return the velocity, by default its x component, of the blocks inside."""
+        return responses[:, 1:-1, 1:-1, : len(self.scored_components)]
+
+
+def _velocities(grid: BlockGrid, frames: Frames) -> FloatArray:
+    velocities = np.empty((len(frames) - 1, grid.rows, grid.columns, 2))
+    exact = np.ascontiguousarray(frames, np.float64)
+    _solve(exact, grid.top, grid.left, grid.block_px, velocities)
+    return velocities
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc"})  # type: ignore[untyped-decorator]
+def _solve(frames: FloatArray, top: int, left: int, size: int, velocities: FloatArray) -> None:
+    height, width = frames.shape[1:]
+    for pair, i, j in np.ndindex(velocities.shape[:3]):
+        A = B = C = D = E = 0.0
+        # pixels at the edge of the frame lack a neighbor
+        first, last = max(left + j * size, 1), min(left + (j + 1) * size, width - 1)
+        for y in range(max(top + i * size, 1), min(top + (i + 1) * size, height - 1)):
+            above, below = frames[pair, y - 1, first:last], frames[pair, y + 1, first:last]
+            before, behind = frames[pair, y, first - 1 : last - 1], frames[pair, y, first + 1 :]
+            here, next_frame = frames[pair, y, first:last], frames[pair + 1, y, first:last]
+            for x in range(last - first):
+                gx, gy = before[x] - behind[x], above[x] - below[x]
+                change = next_frame[x] - here[x]
+                A += gx * gx
+                B += gx * gy
+                C += gy * gy
+                D += change * gx
+                E += change * gy
+        determinant = A * C - B * B
+        if determinant > _SINGULAR * A * C:
+            velocities[pair, i, j, 0] = 2 * (C * D - B * E) / determinant
+            velocities[pair, i, j, 1] = 2 * (A * E - B * D) / determinant
+        else:
+            velocities[pair, i, j] = np.nan

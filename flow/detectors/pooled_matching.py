@@ -1,0 +1,65 @@
+"""Poisson matching pooled over up to eight frames of one velocity (PPM).
+
+n frames of a texture that moves steadily tell its velocity v with a variance of no less than
+1/(J·Σ(t − t̄)²), which is 2/J for two frames and 1/(42·J) for eight: a displacement over five
+frames is measured no worse than one over one. So the search goes from short to long baselines:
+
+1. The costs of all pairs of neighboring frames are added, and searched as in `poisson_matching`.
+2. Pairs a third of the frames apart are compared near the displacement expected from 1.
+3. Pairs two thirds apart likewise; their displacement over their distance is the velocity. With
+   eight frames these are three pairs without a common frame, whose variance is 1/(37.5·J): the
+   pairs in between would add a ninth.
+
+Blocks ride with the content: each is displaced half of the way back and half of the way forth, so
+that long baselines stay near the block and inside the frame. Velocities are those of the newest
+pair under the assumption that nothing has accelerated since the oldest frame; at the start of a
+sequence there are fewer frames to pool.
+"""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from megalopta.flow.detectors.base import FloatArray
+from megalopta.flow.detectors.block_pairs import BlockPairs
+from megalopta.flow.detectors.poisson_matching import PoissonMatching
+
+_REFINING_RADIUS_PX = 2
+"""Largest error of an expected displacement; one at this edge is refused."""
+
+
+class PooledMatching(PoissonMatching, frozen=True):
+    """Velocity of each block by the likelihood of its counts in several frames."""
+
+    name: str = "PPM"
+    """Short name"""
+
+    label: str = "Pooled Poisson matching"
+    """Name in words"""
+
+    frames: Annotated[int, Field(ge=3, le=32)] = 8
+    """Frames that are taken to have one velocity, the newest included"""
+
+    @property
+    def memory_frames(self) -> int:
+        """The frames that are pooled with the newest."""
+        return self.frames - 1
+
+    def _velocity(self, pairs: BlockPairs, radius: int) -> FloatArray:
+        velocities = pairs.neighbors(radius)
+        for baseline in baselines(len(pairs)):
+            expected = np.rint(np.nan_to_num(velocities * baseline)).astype(np.int64)
+            shifts = pairs.shifts(baseline, expected, _REFINING_RADIUS_PX)
+            inside = np.abs(shifts - expected).max(axis=1, keepdims=True) < _REFINING_RADIUS_PX
+            velocities = np.where(inside, shifts / baseline, velocities)
+        return velocities
+
+
+def baselines(frames: int) -> list[int]:
+    """Return the distances in time by which a velocity from neighboring frames is refined.
+
+    Of pairs k of n frames apart, n − k pairs tell the velocity with a weight of k² each; those
+    2n/3 apart tell most.
+    """
+    return sorted({round(frames / 3), round(2 * frames / 3)} - {0, 1})

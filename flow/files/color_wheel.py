@@ -1,0 +1,78 @@
+"""Flow as color: hue is direction, saturation is speed, as on the Middlebury wheel.
+
+The hues are those of Baker et al. (IJCV 92, 2011), unevenly spaced so that they look even: motion
+to the right is red, down yellow, left cyan, up violet. No motion is white; at `max_speed` a color
+is pure; beyond it, it is darkened to three quarters, so that what exceeds the scale shows.
+Undefined flow is mid gray.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.flow.detectors import FloatArray
+
+Rgb = NDArray[np.uint8]
+
+_UNDEFINED = 128
+_BEYOND_SCALE = 0.75
+
+# The corners of the RGB cube around the wheel, red first, and the steps from each to the next.
+_CORNERS = np.array([(1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1), (1, 0, 1), (1, 0, 0)])
+_STEPS = np.array([15, 6, 4, 11, 13, 6])
+_TURN = np.concatenate(([0.0], np.cumsum(_STEPS) / _STEPS.sum()))
+
+
+def flow_to_rgb(flow: NDArray[np.floating[Any]], max_speed: float) -> Rgb:
+    """Return a picture (..., 3) of flows (..., 2), +x right, +y down.
+
+    Parameters
+    ----------
+    flow : (..., 2)
+        NaN where undefined.
+    max_speed : float
+        Speed of the pure color, in the unit of the flow.
+
+    Raises
+    ------
+    ValueError
+        When the maximum is not positive or the flow has no two components.
+    """
+    if not 0 < max_speed < np.inf:
+        raise ValueError(f"max_speed {max_speed!r}: give a positive speed")
+    if flow.shape[-1:] != (2,):
+        raise ValueError(f"flow of shape {flow.shape}: give (..., 2)")
+    undefined = np.isnan(flow).any(axis=-1)
+    x, y = np.moveaxis(np.where(undefined[..., np.newaxis], 0, flow).astype(np.float64), -1, 0)
+    speed = np.hypot(x, y)[..., np.newaxis] / max_speed
+    hue = _hue(np.arctan2(y, x) / (2 * np.pi) % 1.0)
+    color = np.where(speed <= 1, 1 - speed * (1 - hue), _BEYOND_SCALE * hue)
+    picture = np.round(255 * color).astype(np.uint8)
+    picture[undefined] = _UNDEFINED
+    return picture
+
+
+def wheel_legend(side_px: int) -> Rgb:
+    """Return the wheel as a picture (side, side, 3): each point has the color of its direction.
+
+    The rim stands for the maximum speed, the center for none; outside is white.
+
+    Raises
+    ------
+    ValueError
+        When the side is below 3 px.
+    """
+    if side_px < 3:
+        raise ValueError(f"side_px {side_px}: give 3 px or more")
+    position = (2 * np.arange(side_px) + 1 - side_px) / side_px
+    flow = np.stack(np.meshgrid(position, position), axis=-1)
+    outside = np.hypot(flow[..., 0], flow[..., 1]) > 1
+    picture = flow_to_rgb(flow, 1.0)
+    picture[outside] = 255
+    return picture
+
+
+def _hue(turn: FloatArray) -> FloatArray:
+    channels = [np.interp(turn, _TURN, _CORNERS[:, channel]) for channel in range(3)]
+    return np.stack(channels, axis=-1)

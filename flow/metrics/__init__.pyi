@@ -1,0 +1,48 @@
+from .curve import ErrorCurve, error_curve
+from .detection import Roc, d_prime, false_alarm_rate, motion_evidence, rightward_evidence, roc
+from .efficiency import (
+    bound_photons,
+    confined_velocities,
+    is_within,
+    photons_for_half,
+    variance_efficiency,
+)
+from .endpoint_error import TruthError, block_flow, block_share, truth_error
+from .photon_threshold import Threshold, format_flux
+from .response_error import METRICS, ErrorSums, Metric, combine, error_sums
+from .splits import FAST_PX, OCCLUDED_SHARE, SLOW_PX, truth_splits
+from .translation_bound import least_covariance, least_covariance_along_x, translation_information
+
+__all__ = [
+    "FAST_PX",
+    "METRICS",
+    "OCCLUDED_SHARE",
+    "SLOW_PX",
+    "ErrorCurve",
+    "ErrorSums",
+    "Metric",
+    "Roc",
+    "Threshold",
+    "TruthError",
+    "block_flow",
+    "block_share",
+    "bound_photons",
+    "combine",
+    "confined_velocities",
+    "d_prime",
+    "error_curve",
+    "error_sums",
+    "false_alarm_rate",
+    "format_flux",
+    "is_within",
+    "least_covariance",
+    "least_covariance_along_x",
+    "motion_evidence",
+    "photons_for_half",
+    "rightward_evidence",
+    "roc",
+    "translation_information",
+    "truth_error",
+    "truth_splits",
+    "variance_efficiency",
+]

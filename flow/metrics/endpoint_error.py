@@ -1,0 +1,220 @@
+"""Error of a velocity method against the renderer's true flow.
+
+The error rate of the thesis (`error`) compares a method with itself; this compares it with the
+motion that the scene really has. The true flow is averaged over the very blocks of the method,
+without the pixels where it is undefined or that are occluded in the next frame, and brought from
+pixels of the full image to pixels of the resized one. Blocks with too few such pixels are left
+out, and so is the outermost block on every side, as in the error of the thesis: of a dense flow
+field, whose blocks are pixels, that is a border of 1 px.
+
+Forward flow lives on the pixels of frame t, block matching on the blocks of frame t + 1: between
+them lies the motion itself, which matters where the flow changes much over a few pixels.
+"""
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.flow.detectors import BlockGrid, FloatArray
+
+OUTLIER = 0.25
+"""Relative error of a velocity beyond which it is an outlier: the thesis's 2-bit accuracy."""
+
+
+@dataclass(frozen=True)
+class TruthError:
+    """Error of velocities against the truth over all blocks and frames; NaN when there are none.
+
+    Undefined velocities (a block without texture) count as missing, and as a relative error of 1,
+    as the answer 0 would; the errors in px and in degrees are those of the defined ones.
+    """
+
+    blocks: int
+    """Number of blocks and frames whose true velocity is known, the outermost blocks left out"""
+
+    missing_fraction: float
+    """Fraction of them for which the method gave no velocity"""
+
+    endpoint_error_px: float
+    """Mean length of the difference (px of the resized image per frame)"""
+
+    endpoint_error_median_px: float
+    """Median length of the difference (px per frame)"""
+
+    angular_error_deg: float
+    """Mean angle between (v_x, v_y, 1) of method and truth; Barron, Fleet and Beauchemin 1994"""
+
+    bias_px: tuple[float, float]
+    """Mean difference in x and y, method minus truth (px per frame)"""
+
+    spread_px: tuple[float, float]
+    """Standard deviation of the difference in x and y (px per frame)"""
+
+    relative_error_median: float
+    """Median of |difference| / |truth|, where the truth is not 0"""
+
+    outlier_fraction: float
+    """Fraction with a relative error above 25 %, where the truth is not 0"""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields ready for JSON; what is undefined is None."""
+        return {name: _json(value) for name, value in asdict(self).items()}
+
+
+def block_flow(
+    true_flow: NDArray[np.floating],
+    grid: BlockGrid,
+    occluded: NDArray[np.bool_] | None = None,
+    valid_fraction: float = 0.5,
+) -> FloatArray:
+    """Return the true velocity of each block, px of the resized image per frame.
+
+    Parameters
+    ----------
+    true_flow : (T − 1, H, W, 2)
+        Forward flow, px of the full image, +x right, +y down; NaN where undefined.
+    grid
+        Blocks of the method, in the resized image.
+    occluded : (T − 1, H, W), optional
+        Pixels that are hidden in the next frame.
+    valid_fraction : float
+        A block with a smaller fraction of usable pixels has no true velocity.
+
+    Returns
+    -------
+    (T − 1, rows, columns, 2), NaN where there is no true velocity.
+
+    Raises
+    ------
+    ValueError
+        When the shapes do not match.
+    """
+    if true_flow.ndim != 4 or true_flow.shape[-1] != 2:
+        raise ValueError(f"true_flow of shape {true_flow.shape}: give (T − 1, H, W, 2)")
+    if occluded is not None and occluded.shape != true_flow.shape[:3]:
+        raise ValueError(
+            f"occluded of shape {occluded.shape}: give {true_flow.shape[:3]}, as the flow"
+        )
+    usable = np.isfinite(true_flow).all(axis=-1)
+    if occluded is not None:
+        usable &= ~occluded
+    height, width = true_flow.shape[1:3]
+    y, x = _memberships((height, width), grid)
+    known = np.where(usable[..., np.newaxis], true_flow, 0).astype(np.float64)
+    sums = np.stack([y @ known[..., axis] @ x.T for axis in range(2)], axis=-1)
+    pixels = y @ usable.astype(np.float64) @ x.T
+    enough = (pixels > 0) & (pixels >= valid_fraction * np.outer(y.sum(axis=1), x.sum(axis=1)))
+    scale = np.array([grid.shape[1] / width, grid.shape[0] / height])
+    return np.asarray(sums * scale / np.where(enough, pixels, np.nan)[..., np.newaxis])
+
+
+def block_share(mask: NDArray[np.bool_], grid: BlockGrid) -> FloatArray:
+    """Return the share of each block's pixels that a mask marks, (T, rows, columns).
+
+    Parameters
+    ----------
+    mask : (T, H, W)
+        On the full image, such as the pixels that are hidden in the next frame.
+    grid
+        Blocks of the method, in the resized image.
+    """
+    y, x = _memberships((mask.shape[1], mask.shape[2]), grid)
+    pixels = np.outer(y.sum(axis=1), x.sum(axis=1))
+    return np.asarray(y @ mask.astype(np.float64) @ x.T / pixels)
+
+
+def truth_error(
+    velocities: FloatArray,
+    true_velocities: FloatArray,
+    among: NDArray[np.bool_] | None = None,
+) -> TruthError:
+    """Return how far velocities are from the truth, without the outermost block on every side.
+
+    Parameters
+    ----------
+    velocities : (T − 1, rows, columns, 2)
+        As a detector gives them, px per frame.
+    true_velocities : (T − 1, rows, columns, 2)
+        From `block_flow` on the detector's blocks.
+    among : (T − 1, rows, columns), optional
+        Count these blocks only.
+
+    Raises
+    ------
+    ValueError
+        When the shapes differ.
+    """
+    if velocities.shape != true_velocities.shape:
+        raise ValueError(
+            f"velocities {velocities.shape} and true velocities {true_velocities.shape} differ in"
+            " shape: average the truth over the blocks of the method"
+        )
+    known = np.isfinite(true_velocities[:, 1:-1, 1:-1]).all(axis=-1)
+    if among is not None:
+        known &= among[:, 1:-1, 1:-1]
+    truth = true_velocities[:, 1:-1, 1:-1][known]
+    answer = velocities[:, 1:-1, 1:-1][known]
+    given = np.asarray(np.isfinite(answer).all(axis=-1))
+    difference = answer[given] - truth[given]
+    endpoint = np.hypot(*difference.T)
+    relative = _relative_errors(answer, truth)
+    return TruthError(
+        blocks=len(truth),
+        missing_fraction=_mean(~given),
+        endpoint_error_px=_mean(endpoint),
+        endpoint_error_median_px=_median(endpoint),
+        angular_error_deg=_mean(_angles_deg(answer[given], truth[given])),
+        bias_px=(_mean(difference[:, 0]), _mean(difference[:, 1])),
+        spread_px=(_spread(difference[:, 0]), _spread(difference[:, 1])),
+        relative_error_median=_median(relative),
+        outlier_fraction=_mean(relative > OUTLIER),
+    )
+
+
+def _memberships(shape: tuple[int, int], grid: BlockGrid) -> tuple[FloatArray, FloatArray]:
+    """Return which rows and columns of a full image (H, W) lie in which blocks."""
+    return (
+        _membership(shape[0], grid.shape[0], grid.top, grid.block_px, grid.rows),
+        _membership(shape[1], grid.shape[1], grid.left, grid.block_px, grid.columns),
+    )
+
+
+def _membership(full: int, resized: int, start: int, block: int, blocks: int) -> FloatArray:
+    """Return 1 where a full pixel's center lies in a block, (blocks, full)."""
+    centers = (np.arange(full) + 0.5) * (resized / full)
+    index = np.floor((centers - start) / block)
+    return np.where(index == np.arange(blocks)[:, np.newaxis], 1.0, 0.0)
+
+
+def _relative_errors(answer: FloatArray, truth: FloatArray) -> FloatArray:
+    speed = np.hypot(*truth.T)
+    moving = speed > 0
+    relative = np.hypot(*(answer - truth)[moving].T) / speed[moving]
+    return np.where(np.isnan(relative), 1.0, relative)
+
+
+def _angles_deg(first: FloatArray, second: FloatArray) -> FloatArray:
+    a, b = (np.column_stack((each, np.ones(len(each)))) for each in (first, second))
+    cross = np.linalg.norm(np.cross(a, b), axis=1)
+    return np.asarray(np.degrees(np.arctan2(cross, np.sum(a * b, axis=1))))
+
+
+def _json(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_json(each) for each in value]
+    return None if math.isnan(value) else value
+
+
+def _mean(values: NDArray[Any]) -> float:
+    return float(values.mean()) if values.size else math.nan
+
+
+def _median(values: FloatArray) -> float:
+    return float(np.median(values)) if values.size else math.nan
+
+
+def _spread(values: FloatArray) -> float:
+    return float(values.std()) if values.size else math.nan

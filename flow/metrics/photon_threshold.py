@@ -1,0 +1,183 @@
+"""The photon flux at which an error falls below a level: N_2b, N_3b, N_4b of the thesis, §4.3.4.
+
+n-bit accuracy is an error of 2⁻ⁿ. The threshold is the first downward crossing of the measured
+curve, interpolated linearly in log error over log flux.
+
+The interval holds, in 95 % of draws, what the mean of infinitely many draws of the same frames
+would give (another single draw lies outside more often). The errors at the fluxes of
+the curve are disturbed, each independently of the others as the photons were drawn independently,
+by their relative standard error times Student's t of its degrees of freedom, and the crossing is
+taken again, 2000 times; the interval holds the central part. It contains neither the variation
+between scenes nor the error of interpolating between two fluxes.
+"""
+
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from megalopta.flow.detectors import FloatArray
+
+_REPLICATES = 2000
+_LOWEST_ERROR = 1e-3
+"""Smaller errors, in levels, are raised to this (block matching reaches 0, which has no log)."""
+
+_LARGEST_EXPONENT = 50.0
+"""Disturbances beyond a factor exp(50) are one and the same: the error is unknown there."""
+
+_UNITS = ((1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""))
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """A flux, or the reason why there is none; prints as "41.2k [39.0k, 43.5k]"."""
+
+    kind: Literal["crossing", "above", "below", "undefined"]
+    """Whether the curve crosses the level, stays above or starts below it, or does not exist"""
+
+    level: float
+    """Error level"""
+
+    range_min: float
+    """Smallest flux of the curve (photons per frame)"""
+
+    range_max: float
+    """Largest flux of the curve (photons per frame)"""
+
+    flux: float | None = None
+    """Where the curve crosses the level (photons per frame)"""
+
+    low: float | None = None
+    """Lower end of the confidence interval; None is below the curve"""
+
+    high: float | None = None
+    """Upper end of the confidence interval; None is above the curve"""
+
+    def __str__(self) -> str:
+        if self.kind == "undefined" or self.flux is None:
+            outside = {"above": _above(self.range_max), "below": _below(self.range_min)}
+            return outside.get(self.kind, "undefined")
+        return f"{format_flux(self.flux)} {self.interval}"
+
+    @property
+    def interval(self) -> str:
+        """The interval of a crossing in print: "[39.0k, 43.5k]", or "[39.0k, > 1e9]" if open."""
+        low = _below(self.range_min) if self.low is None else format_flux(self.low)
+        high = _above(self.range_max) if self.high is None else format_flux(self.high)
+        return f"[{low}, {high}]"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields, ready for JSON; `Threshold(**fields)` reads them back."""
+        return asdict(self)
+
+
+def threshold(
+    fluxes: ArrayLike,
+    errors: ArrayLike,
+    standard_errors: ArrayLike,
+    degrees_of_freedom: float,
+    level: float,
+    rng: np.random.Generator,
+    confidence: float = 0.95,
+) -> Threshold:
+    """Return the flux at which a measured error curve first falls below a level.
+
+    Parameters
+    ----------
+    fluxes : (n,)
+        Photons per frame, growing.
+    errors : (n,)
+        NaN where the error is undefined.
+    standard_errors : (n,)
+        Standard errors of the errors.
+    degrees_of_freedom : float
+        Of the standard errors.
+    level : float
+        0.25 for N_2b.
+    rng
+        For the interval.
+    confidence : float
+        Probability that the interval holds.
+
+    Raises
+    ------
+    ValueError
+        When there are fewer than two fluxes or they do not grow.
+    """
+    flux, error = np.asarray(fluxes, np.float64), np.asarray(errors, np.float64)
+    if flux.size < 2 or np.any(np.diff(flux) <= 0):
+        raise ValueError(f"fluxes {flux.tolist()}: give two or more, in growing order")
+    bounds = (float(flux[0]), float(flux[-1]))
+    if not np.all(np.isfinite(error)):
+        return Threshold("undefined", level, *bounds)
+    crossing = float(first_crossing(flux, error, level))
+    if crossing in (0.0, np.inf):
+        return Threshold("above" if crossing else "below", level, *bounds)
+    replicates = _disturbed(error, np.asarray(standard_errors), degrees_of_freedom, rng)
+    tail = (1 - confidence) / 2
+    low, high = np.quantile(
+        first_crossing(flux, replicates, level), (tail, 1 - tail), method="inverted_cdf"
+    )
+    # On a flat, noisy curve the first of many accidental crossings comes early: keep the estimate.
+    low, high = float(min(low, crossing)), float(max(high, crossing))
+    return Threshold(
+        "crossing",
+        level,
+        *bounds,
+        flux=crossing,
+        low=low if low > 0 else None,
+        high=high if high < np.inf else None,
+    )
+
+
+def first_crossing(fluxes: FloatArray, errors: FloatArray, level: float) -> NDArray[np.float64]:
+    """Return where curves first fall below a level; 0 if they start below, inf if they never do.
+
+    Parameters
+    ----------
+    fluxes : (n,)
+        Growing.
+    errors : (..., n)
+    level : float
+    """
+    below = errors < level
+    after = np.maximum(below.argmax(axis=-1), 1)
+    before_error = np.take_along_axis(errors, after[..., np.newaxis] - 1, -1)[..., 0]
+    after_error = np.take_along_axis(errors, after[..., np.newaxis], -1)[..., 0]
+    log_before = np.log(np.maximum(before_error, level) / level)
+    log_after = np.log(np.clip(after_error / level, _LOWEST_ERROR, 1))
+    with np.errstate(invalid="ignore"):
+        share = log_before / (log_before - log_after)
+    crossing = fluxes[after - 1] * (fluxes[after] / fluxes[after - 1]) ** share
+    crossing = np.where(below[..., 0], 0.0, crossing)
+    return np.where(below.any(axis=-1), crossing, np.inf)
+
+
+def format_flux(flux: float) -> str:
+    """Return a flux to three digits with a unit prefix: 41.2k, 154M."""
+    unit, prefix = next((pair for pair in _UNITS if flux >= 0.9995 * pair[0]), _UNITS[-1])
+    value = flux / unit
+    decimals = 2 if value < 9.995 else 1 if value < 99.95 else 0
+    return f"{value:.{decimals}f}{prefix}"
+
+
+def _disturbed(
+    errors: FloatArray, standard_errors: FloatArray, degrees: float, rng: np.random.Generator
+) -> FloatArray:
+    """Return replicates of a curve, (replicates, n)."""
+    relative = np.divide(standard_errors, errors, out=np.zeros_like(errors), where=errors > 0)
+    exponents = relative * rng.standard_t(degrees, (_REPLICATES, errors.size))
+    return errors * np.exp(np.clip(exponents, -_LARGEST_EXPONENT, _LARGEST_EXPONENT))
+
+
+def _above(flux: float) -> str:
+    return f"> {_bound(flux)}"
+
+
+def _below(flux: float) -> str:
+    return f"< {_bound(flux)}"
+
+
+def _bound(flux: float) -> str:
+    return f"{flux:g}".replace("e+0", "e").replace("e+", "e")

@@ -1,0 +1,119 @@
+"""How far the response to photon counts is from the response to the noise-free sequence.
+
+Thesis Eq. 4.5, on the pixels or blocks that a detector scores (`Detector.scored`):
+
+    literal: mean of |R_stoch − R_ideal| / |R_ideal|, the denominator at least 1e-20
+    ratio:   Σ|R_stoch − R_ideal| / Σ|R_ideal|
+
+`literal` is the thesis's. Where responses pass through zero its mean is carried by a few pixels,
+and grows with their number instead of converging; `ratio` has no such pixels. Absolute values are
+norms when a response is a vector. Neither compares with the true motion: a detector that is always
+wrong in the same way has error zero (see `truth_error`).
+
+Blocks whose ideal velocity is zero or undefined are not scored (0/0), nor are, in `literal`,
+frames whose ideal response is zero everywhere. An undefined response to noise where the ideal one
+is defined counts as error 1, as the answer 0 would.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from typing import Literal
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from megalopta.flow.detectors import Detector, FloatArray
+
+Metric = Literal["literal", "ratio"]
+METRICS: tuple[Metric, ...] = ("literal", "ratio")
+SMALLEST_DENOMINATOR = 1e-20
+
+
+@dataclass(frozen=True)
+class ErrorSums:
+    """Sums over the scored pixels or blocks of each frame, (..., T); errors are their quotients."""
+
+    relative: FloatArray
+    """Σ |R_stoch − R_ideal| / |R_ideal|"""
+
+    deviation: FloatArray
+    """Σ |R_stoch − R_ideal|"""
+
+    magnitude: FloatArray
+    """Σ |R_ideal|"""
+
+    scored: FloatArray
+    """Number of pixels or blocks"""
+
+    def parts(self, metric: Metric) -> tuple[FloatArray, FloatArray]:
+        """Return numerator and denominator of the error, per frame."""
+        if metric == "literal":
+            responds = self.magnitude > 0
+            return self.relative * responds, self.scored * responds
+        return self.deviation, self.magnitude
+
+    def of_sequence(self, metric: Metric) -> float:
+        """Return the error over all frames; NaN when the ideal response is zero everywhere."""
+        numerator, denominator = self.parts(metric)
+        return float(quotient(numerator.sum(), denominator.sum()))
+
+
+def combine(sums: Sequence[ErrorSums], how: Callable[[list[FloatArray]], FloatArray]) -> ErrorSums:
+    """Return sums as one, by np.concatenate (more frames) or np.stack (a new axis)."""
+    names = [field.name for field in fields(ErrorSums)]
+    return ErrorSums(*(how([getattr(each, name) for each in sums]) for name in names))
+
+
+def error_sums(detector: Detector, ideal: FloatArray, noisy: FloatArray) -> ErrorSums:
+    """Return what the errors of `noisy` responses against `ideal` ones are made of.
+
+    Parameters
+    ----------
+    detector
+        The detector that gave the responses.
+    ideal, noisy : (T, H, W) or (T − 1, rows, columns, 2)
+
+    Raises
+    ------
+    ValueError
+        When the two have different shapes.
+    """
+    if ideal.shape != noisy.shape:
+        raise ValueError(f"ideal responses {ideal.shape} and noisy ones {noisy.shape} differ")
+    sums = np.zeros((4, len(ideal)))
+    skip_zero = detector.gives == "velocity"
+    _add_up(detector.scored(ideal), detector.scored(noisy), skip_zero, sums)
+    return ErrorSums(*sums)
+
+
+def quotient(
+    numerator: NDArray[np.float64] | np.float64, denominator: NDArray[np.float64] | np.float64
+) -> FloatArray:
+    """Return a/b, NaN where b is 0: nothing was scored, or nothing moved."""
+    undefined = np.full(np.shape(denominator), np.nan)
+    return np.divide(numerator, denominator, out=undefined, where=np.asarray(denominator) > 0)
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _add_up(ideal: FloatArray, noisy: FloatArray, skip_zero: bool, sums: FloatArray) -> None:
+    frames, rows, columns, components = ideal.shape
+    for t in range(frames):
+        relative = deviation = magnitude = 0.0
+        scored = 0
+        for i in range(rows):
+            for j in range(columns):
+                size = abs(ideal[t, i, j, 0])
+                difference = abs(noisy[t, i, j, 0] - ideal[t, i, j, 0])
+                if components > 1:
+                    size = np.hypot(size, ideal[t, i, j, 1])
+                    difference = np.hypot(difference, noisy[t, i, j, 1] - ideal[t, i, j, 1])
+                if np.isnan(size) or (skip_zero and size == 0):
+                    continue
+                if np.isnan(difference):
+                    difference = size
+                relative += difference / max(size, SMALLEST_DENOMINATOR)
+                deviation += difference
+                magnitude += size
+                scored += 1
+        sums[0, t], sums[1, t], sums[2, t], sums[3, t] = relative, deviation, magnitude, scored

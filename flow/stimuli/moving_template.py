@@ -1,0 +1,121 @@
+"""Clean frames of the flow benchmark: a template that moves past a window (thesis, §4.2).
+
+A template is a full turn of the surroundings, (rows, columns), and a frame is a square window of as
+many columns as rows; frame t sees the template shifted by +v·t columns, around the circle, so its
+content moves to the right. Motion blur is that of a camera whose shutter stays open between frames.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from megalopta.flow.detectors import FloatArray, Frames
+from megalopta.flow.stimuli.resizing import ResizeKind, resize, resized_shape
+
+
+class BlackFrameError(ValueError):
+    """A frame without light cannot be scaled to a flux."""
+
+
+@dataclass(frozen=True)
+class MovingTemplate:
+    """What a turning camera sees, frame by frame."""
+
+    template: FloatArray
+    """(rows, columns), light of any unit; columns at least as many as rows"""
+
+    velocity_px: int
+    """Columns per frame, positive to the right"""
+
+    size: int
+    """Rows and columns of the frames after resizing (px)"""
+
+    resize: ResizeKind = "nearest"
+    """How frames are resized"""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no template."""
+        rows, columns = self.template.shape
+        if columns < rows:
+            raise ValueError(
+                f"template of {rows} × {columns} px: give at least as many columns as rows"
+            )
+        if not (self.template.min() >= 0 and np.isfinite(self.template.sum())):
+            raise ValueError("template holds negative or non-finite values: give light, 0 or more")
+        resized_shape((rows, rows), self.size)
+
+    @cached_property
+    def _lines(self) -> FloatArray:
+        """The template with rows resized, and its first columns once more at its end."""
+        rows, columns = self.template.shape
+        lines = resize(self.template, (self.size, columns), self.resize)
+        return np.concatenate((lines, lines[:, :rows]), axis=1)
+
+    @property
+    def effective_velocity_px(self) -> float:
+        """Motion of the resized frames (px per frame): v·N/rows."""
+        return self.velocity_px * self.size / len(self.template)
+
+    def light(self, shift_px: int, count: int) -> FloatArray:
+        """Return frames as shares of the flux, (count, size, size), each of sum 1.
+
+        Parameters
+        ----------
+        shift_px : int
+            Columns by which the template is shifted in the first of them.
+        count : int
+
+        Raises
+        ------
+        BlackFrameError
+            When a frame is black.
+        """
+        rows, columns = self.template.shape
+        starts = -(shift_px + self.velocity_px * np.arange(count)) % columns
+        frames = np.empty((count, self.size, self.size))
+        for frame, start in zip(frames, starts, strict=True):
+            window = self._lines[:, start : start + rows]
+            frame[:] = resize(window, (self.size, self.size), self.resize)
+        sums = frames.sum(axis=(1, 2), keepdims=True)
+        if not sums.min() > 0:
+            raise BlackFrameError(
+                f"a frame of the template, {rows} columns of it, is black and cannot be scaled to"
+                " a flux; give a picture with light everywhere around"
+            )
+        frames /= sums
+        return frames
+
+
+def blurred(template: FloatArray, length_px: float) -> FloatArray:
+    """Return a template smeared along its rows by a motion of some columns, around the circle.
+
+    Each pixel becomes the mean over a line of this length, MATLAB's fspecial('motion', length, 0):
+    taps are the shares of the line that lie in each pixel.
+
+    Raises
+    ------
+    ValueError
+        When the length is negative.
+    """
+    if not length_px >= 0:
+        raise ValueError(f"length_px {length_px:g}: give the length of the motion, 0 or more")
+    if length_px <= 1:  # the line stays in its pixel
+        return template
+    reach = int(np.ceil((length_px - 1) / 2))
+    offsets = np.arange(-reach, reach + 1)
+    half = length_px / 2
+    taps = np.minimum(offsets + 0.5, half) - np.maximum(offsets - 0.5, -half)
+    smeared = np.zeros_like(template)
+    for offset, tap in zip(offsets, taps / length_px, strict=True):
+        smeared += tap * np.roll(template, offset, axis=1)
+    return smeared
+
+
+def summed(frames: Frames, window: int) -> Frames:
+    """Return the sliding sum of `window` successive frames, (T − window + 1, H, W)."""
+    if window == 1:
+        return frames
+    total = np.cumsum(frames, axis=0, dtype=frames.dtype if frames.dtype.kind == "f" else np.uint64)
+    total[window:] -= total[:-window].copy()
+    return total[window - 1 :]

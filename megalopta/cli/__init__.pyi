@@ -1,0 +1,5 @@
+from . import main
+
+__all__ = [
+    "main",
+]

@@ -1,0 +1,29 @@
+from .configuration import (
+    Configuration,
+    LightLevel,
+    built_in_names,
+    differences,
+    level_text,
+    load,
+    parse,
+)
+from .estimate import announce, announce_sweep, refuse_absurd
+from .yaml_model import mapping, put, read_text, to_yaml, validated
+
+__all__ = [
+    "Configuration",
+    "LightLevel",
+    "announce",
+    "announce_sweep",
+    "built_in_names",
+    "differences",
+    "level_text",
+    "load",
+    "mapping",
+    "parse",
+    "put",
+    "read_text",
+    "refuse_absurd",
+    "to_yaml",
+    "validated",
+]

@@ -1,0 +1,271 @@
+"""One frozen configuration for a sequence: YAML file, command line, provenance record.
+
+A YAML file gives any part of it; the rest has defaults. On the command line a field is named by its
+path, `--scene.trees 200`, and its value is read as YAML.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import (
+    BaseModel,
+    Field,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+
+from megalopta.config.yaml_model import mapping, read_text, validated
+from megalopta.flow.benchmark import BenchmarkSettings, each_once
+from megalopta.flow.detectors import METHODS, THESIS_METHODS
+from megalopta.render import RenderSettings
+from megalopta.scenes import MovingObject, SceneDescription, Shutter
+from megalopta.scenes.cameras import Camera, PerspectiveCamera
+from megalopta.scenes.forest import Forest
+from megalopta.scenes.lighting import Light, illuminance_of
+from megalopta.scenes.trajectories import CameraPath, Trajectory
+from megalopta.sensor import IMAGE_SENSORS, ImageSensor, merged
+from megalopta.sensor.spad import load_sensor, with_files
+
+LightLevel = float | str
+
+# Longer ones, such as a recorded path, are cut where two configurations are compared.
+_LONGEST_VALUE = 60
+
+
+class Configuration(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """A sequence: what is seen, how it is rendered, sensed and measured."""
+
+    name: str = "forest"
+    """Name of the sequence and of its folders: letters, digits, dash and underscore."""
+
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Seed of rendering noise and photon arrivals; 0 is a seed like any other."""
+
+    scene: SceneDescription = Forest()
+    """What stands there."""
+
+    objects: tuple[MovingObject, ...] = ()
+    """Boxes and balls put into the scene, at rest or on paths of their own."""
+
+    light: Light = Light()
+    """The light that the scene is rendered under."""
+
+    camera: Camera = PerspectiveCamera()
+    """Projection, image size and field of view."""
+
+    trajectory: CameraPath = Trajectory()
+    """How the camera moves."""
+
+    shutter: Shutter = Shutter()
+    """Motion blur and rolling shutter of the frames that sensors see."""
+
+    render: RenderSettings = RenderSettings()
+    """Samples, depth, bands and backend."""
+
+    light_levels: Annotated[tuple[LightLevel, ...], Field(min_length=1)] = (
+        "twilight",
+        "full_moon",
+        "quarter_moon",
+        "starlight",
+    )
+    """Levels to sense at, by name or in lux: the rendered light is scaled, its color kept."""
+
+    sensors: Annotated[tuple[ImageSensor, ...], Field(min_length=1)] = (
+        IMAGE_SENSORS["spadcam"],
+        IMAGE_SENSORS["ideal"],
+    )
+    """Sensors to expose. In YAML a preset's name, a mapping with `preset` and changes to it, one of
+    `kind` spad or ctia with all of its fields, or the path of a measured device's YAML file;
+    `efficiency: {path: FILE.csv}` is a curve, `measured: {dark_counts: FILE.npy}` a map. Paths are
+    relative to the file that they stand in; on the command line, to the working folder."""
+
+    methods: Annotated[
+        tuple[str, ...],
+        Field(min_length=1, description=f"Motion detectors to run, of {', '.join(METHODS)}."),
+    ] = THESIS_METHODS
+
+    benchmark: BenchmarkSettings = BenchmarkSettings(sizes=(60,))
+    """The search for the photons that each detector needs."""
+
+    @field_validator("name")
+    @classmethod
+    def _name_is_a_folder(cls, name: str) -> str:
+        return _folder_name(name)
+
+    @field_validator("light_levels", mode="before")
+    @classmethod
+    def _lux_are_numbers(cls, levels: Any) -> Any:
+        # YAML reads 1e-3, without a decimal point, as text.
+        if isinstance(levels, str) or not isinstance(levels, Sequence):
+            return levels
+        return tuple(_number_if_it_is_one(level) for level in levels)
+
+    @field_validator("light_levels")
+    @classmethod
+    def _levels_are_known(cls, levels: tuple[LightLevel, ...]) -> tuple[LightLevel, ...]:
+        for level in levels:
+            illuminance_of(level)
+        if len(set(map(level_text, levels))) < len(levels):
+            raise ValueError(f"{list(levels)}: each level once")
+        return levels
+
+    @field_validator("sensors", mode="before")
+    @classmethod
+    def _sensors_by_preset(cls, sensors: Any, validation: ValidationInfo) -> Any:
+        if isinstance(sensors, str) or not isinstance(sensors, Sequence):
+            return sensors
+        folder = (validation.context or {}).get("folder", Path())
+        return tuple(_resolve_sensor(sensor, folder) for sensor in sensors)
+
+    @field_validator("methods")
+    @classmethod
+    def _methods_are_known(cls, methods: tuple[str, ...]) -> tuple[str, ...]:
+        for method in methods:
+            if method not in METHODS:
+                raise ValueError(f"{method!r} is unknown: use some of {', '.join(METHODS)}")
+        return each_once(methods)
+
+    @model_validator(mode="after")
+    def _parts_fit(self) -> "Configuration":
+        if self.trajectory.frames < 2:
+            raise ValueError("trajectory.frames 1: motion needs at least 2 frames")
+        names = [_folder_name(sensor.name) for sensor in self.sensors]
+        if len(set(names)) < len(names):
+            raise ValueError(f"sensors {names}: give each sensor a name of its own")
+        self._check_shutter(1 / self.trajectory.frame_rate_hz)
+        return self
+
+    def _check_shutter(self, period_s: float) -> None:
+        shutter = self.shutter
+        for name in ("exposure_s", "readout_s"):
+            if getattr(shutter, name) > period_s * (1 + 1e-9):
+                raise ValueError(
+                    f"shutter.{name} {getattr(shutter, name):g} is longer than a frame at "
+                    f"trajectory.frame_rate_hz {self.trajectory.frame_rate_hz:g}; use at most "
+                    f"{period_s:g}"
+                )
+        moves = any(not thing.is_at_rest for thing in self.objects)
+        if shutter.readout_s and (moves or getattr(self.scene, "wind", None)):
+            raise ValueError(
+                f"shutter.readout_s {shutter.readout_s:g} needs a scene at rest, but objects or "
+                "trees move: use 0, or leave them still"
+            )
+
+
+def level_text(level: LightLevel) -> str:
+    """A light level as text, such as "starlight" or "0.05lux"."""
+    return level if isinstance(level, str) else f"{level:.12g}lux"
+
+
+def _folder_name(name: str) -> str:
+    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]*", name):
+        raise ValueError(f"{name!r} cannot name a folder: use letters, digits, - and _")
+    return name
+
+
+def _number_if_it_is_one(level: Any) -> Any:
+    try:
+        return float(level) if isinstance(level, str) else level
+    except ValueError:
+        return level
+
+
+def _resolve_sensor(sensor: Any, folder: Path) -> Any:
+    if isinstance(sensor, str) and sensor.endswith((".yaml", ".yml")):
+        return load_sensor(folder / sensor)
+    if isinstance(sensor, str):
+        sensor = {"preset": sensor}
+    if not isinstance(sensor, Mapping):
+        return sensor
+    sensor = with_files(sensor, folder)
+    if "preset" not in sensor:
+        return {"kind": "spad", **sensor}
+    name = sensor["preset"]
+    if not isinstance(name, str) or name not in IMAGE_SENSORS:
+        raise ValueError(f"preset {name!r} is unknown: use one of {', '.join(IMAGE_SENSORS)}")
+    changes = {key: value for key, value in sensor.items() if key != "preset"}
+    return merged(IMAGE_SENSORS[name].model_dump(mode="json"), changes)
+
+
+def built_in_names() -> list[str]:
+    """Names of the configurations that come with the program."""
+    folder = resources.files("megalopta.config") / "presets"
+    return sorted(
+        Path(entry.name).stem for entry in folder.iterdir() if entry.name.endswith(".yaml")
+    )
+
+
+def load(source: str, overrides: Mapping[str, str] | None = None) -> Configuration:
+    """Read a built-in configuration by name, or a YAML file, and apply overrides.
+
+    Parameters
+    ----------
+    source : str
+        Name of a built-in configuration, path of a YAML file, or a dataset's folder.
+    overrides : mapping, optional
+        Field path, such as "scene.trees", to a value in YAML.
+
+    Raises
+    ------
+    UserError
+        With one sentence that names field, value and remedy.
+    """
+    if source in built_in_names():
+        text = (
+            resources.files("megalopta.config")
+            .joinpath("presets", f"{source}.yaml")
+            .read_text("utf-8")
+        )
+        return parse(text, source, overrides)
+    path = Path(source)
+    path = path / "dataset.yaml" if path.is_dir() else path
+    known = f"configuration; give a YAML file or one of {', '.join(built_in_names())}"
+    return parse(read_text(path, known), source, overrides, path.parent)
+
+
+def parse(
+    text: str,
+    source: str,
+    overrides: Mapping[str, str] | None = None,
+    folder: Path = Path(),
+) -> Configuration:
+    """Configuration from YAML text; `source` names it in errors. Raises UserError.
+
+    Paths in the text are relative to `folder`, those in overrides to the working folder.
+    """
+    values = mapping(text, source)
+    if "configuration" in values:  # a dataset.yaml
+        values = values["configuration"]
+    return validated(Configuration, values, source, overrides, folder)
+
+
+def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
+    """Lines "path: old → new" for every value that differs between two dumped configurations."""
+    before, after = dict(_leaves(old)), dict(_leaves(new))
+    return [
+        f"{path}: {_brief(before.get(path, 'absent'))} → {_brief(after.get(path, 'absent'))}"
+        for path in {**before, **after}
+        if before.get(path, ...) != after.get(path, ...)
+    ]
+
+
+def _brief(value: Any) -> str:
+    text = str(value)
+    return text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]!r}…"
+
+
+def _leaves(values: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    if isinstance(values, Mapping):
+        for key, value in values.items():
+            yield from _leaves(value, f"{path}.{key}" if path else str(key))
+    elif isinstance(values, list) and any(isinstance(value, Mapping) for value in values):
+        for index, value in enumerate(values):
+            yield from _leaves(value, f"{path}.{index}")
+    else:
+        yield path, values

@@ -1,0 +1,255 @@
+"""How large a stage will be, before anything is built: what is absurd is refused with the figure.
+
+Times and sizes are right to an order of magnitude, as the constants below are: measured on the demo
+and the grating on two cores of a server, with LLVM.
+"""
+
+import os
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from megalopta.config.configuration import Configuration
+from megalopta.errors import UserError
+from megalopta.experiments import Sweep
+from megalopta.flow.benchmark import work_units
+from megalopta.progress import duration, say
+from megalopta.scenes import glows
+from megalopta.scenes.stimuli import Panorama
+
+LONGEST_S = 30 * 86400.0
+"""Longer work is refused: it is a mistake, or too much for one machine."""
+WORTH_TELLING_S, WORTH_TELLING_BYTES = 300.0, 1e9
+"""From here on a line says what is to come."""
+
+_SAMPLES_PER_S = 1e5
+"""Light paths of a forest, all bounces included."""
+_DIRECT_SAMPLES_PER_S = 1e6
+"""Light paths of a scene that only glows, and points of a panorama."""
+_FRAME_S = 0.1
+"""Truth and files of a frame."""
+_EXPOSED_PER_S, _DETECTED_PER_S, _BENCHED_PER_S = 1e6, 3e6, 1e7
+"""Pixels of a sensor, and pixels of a detector in the stages flow and bench."""
+
+_BAND_BYTES, _TRUTH_BYTES, _TRAINING_BYTES = 3.9, 41, 14
+"""Per pixel on disk, compressed; rendering noise does not compress."""
+_COUNTS_BYTES, _RESPONSE_BYTES = 10, 5
+"""Per pixel on disk: of an exposure, and of a detector's responses to one."""
+_PROGRAM_BYTES, _RENDERED_BYTES, _POSE_BYTES = 1e9, 1000, 1000
+"""In memory: the program, a pixel while it is rendered, a frame's pose."""
+_EXPOSURE_BYTES, _FLOW_BYTES, _LIGHT_BYTES = 26, 16, 16
+"""In memory, of a pixel of all frames: exposed, its true flow, its light in the benchmark."""
+
+_SEARCHED_FLUXES = 20
+"""Fluxes at which a search measures a detector."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What one stage will take.
+
+    Attributes
+    ----------
+    stage : str
+        Its name.
+    frames, width, height : int
+        Of the sequence.
+    samples : float
+        Light paths, or pixels that sensors expose and detectors see.
+    disk_bytes, memory_bytes, seconds : float
+        On disk, at most in memory, and of work.
+    """
+
+    stage: str
+    frames: int
+    width: int
+    height: int
+    samples: float
+    disk_bytes: float
+    memory_bytes: float
+    seconds: float
+
+    def __str__(self) -> str:
+        """One line for a person."""
+        return (
+            f"{self.stage}: {self.frames} frames of {self.width} × {self.height}, "
+            f"about {size(self.disk_bytes)}, about {duration(self.seconds)}"
+        )
+
+
+def estimate(settings: Configuration, stage: str) -> Estimate:
+    """Return what a stage of a configuration will take."""
+    return _ESTIMATES[stage](settings)
+
+
+def refuse_absurd(settings: Configuration, stage: str, root: Path) -> None:
+    """Refuse a stage that exceeds this machine or a month, before anything is built.
+
+    Raises
+    ------
+    UserError
+        With what it would take, what there is, and the settings to lower.
+    """
+    foreseen = estimate(settings, stage)
+    limits = (
+        (foreseen.memory_bytes, _memory_bytes(), size, "of memory, and this machine has"),
+        (foreseen.seconds, LONGEST_S, duration, "of work, more than the longest that is begun,"),
+        (foreseen.disk_bytes, _room_bytes(root), size, f"on disk, and {root} has room for"),
+    )
+    for needed, most, told, clause in limits:
+        if needed > most:
+            raise UserError(
+                f"{stage}: {foreseen.frames} frames of {foreseen.width} × {foreseen.height} would "
+                f"take about {told(needed)} {clause} {told(most)}; lower {_REMEDIES[stage]}"
+            )
+
+
+def announce(settings: Configuration, stage: str) -> None:
+    """Say what is to come where it is much."""
+    foreseen = estimate(settings, stage)
+    if foreseen.seconds > WORTH_TELLING_S or foreseen.disk_bytes > WORTH_TELLING_BYTES:
+        say(str(foreseen))
+
+
+def announce_sweep(sweep: Sweep) -> None:
+    """Say how many trials a sweep has; refuse one that takes longer than a month."""
+    trials = sweep.trials
+    seconds = sum(
+        trial.size**2
+        * len(trial.methods)
+        * (trial.search.frames + trial.search.summed_frames)
+        * trial.search.phases
+        * trial.search.repeats
+        * _SEARCHED_FLUXES
+        / _BENCHED_PER_S
+        for trial in trials
+    )
+    if seconds > LONGEST_S:
+        raise UserError(
+            f"sweep: {len(trials)} trials would take about {duration(seconds)} of work, more than "
+            f"the longest that is begun, {duration(LONGEST_S)}; lower trial.search.repeats or "
+            "frames, or give fewer values"
+        )
+    if seconds > WORTH_TELLING_S:
+        say(f"sweep: {len(trials)} trials, about {duration(seconds)}")
+
+
+def size(number: float) -> str:
+    """An amount of memory for a person, such as "40 GB"."""
+    for unit, bytes_ in (("PB", 1e15), ("TB", 1e12), ("GB", 1e9)):
+        if number >= bytes_:
+            return f"{number / bytes_:.3g} {unit}"
+    return f"{number / 1e6:.0f} MB"
+
+
+def _render(settings: Configuration) -> Estimate:
+    frames, pixels = _frames_and_pixels(settings)
+    shutter, bands = settings.shutter, len(settings.render.bands_nm)
+    passes = settings.render.max_passes if settings.render.target_error else 1
+    times = passes if shutter.is_instant else passes + 1
+    samples = float(frames * pixels * settings.render.samples_per_pixel * times)
+    is_direct = glows(settings.scene) or isinstance(settings.scene, Panorama)
+    per_s = _DIRECT_SAMPLES_PER_S if is_direct else _SAMPLES_PER_S
+    truths = 2 if shutter.readout_s else 1
+    radiances = 1 if shutter.is_instant else 2
+    per_pixel = bands * _BAND_BYTES * radiances + _TRUTH_BYTES * truths + _TRAINING_BYTES
+    return _of(
+        settings,
+        "render",
+        samples,
+        disk_bytes=frames * pixels * per_pixel,
+        memory_bytes=pixels * (_RENDERED_BYTES + 16 * bands) + frames * _POSE_BYTES,
+        seconds=frames * (_FRAME_S + settings.shutter.poses * (0.01 if radiances > 1 else 0))
+        + samples / per_s,
+    )
+
+
+def _sense(settings: Configuration) -> Estimate:
+    frames, pixels = _frames_and_pixels(settings)
+    exposed = float(frames * pixels * len(settings.sensors) * len(settings.light_levels))
+    return _of(
+        settings,
+        "sense",
+        exposed,
+        disk_bytes=exposed * _COUNTS_BYTES,
+        memory_bytes=float(frames * pixels * _EXPOSURE_BYTES),
+        seconds=exposed / _EXPOSED_PER_S,
+    )
+
+
+def _flow(settings: Configuration) -> Estimate:
+    frames, pixels = _frames_and_pixels(settings)
+    methods, exposures = len(settings.methods), len(settings.sensors) * len(settings.light_levels)
+    seen = float(frames * pixels * exposures * methods)
+    per_pixel = _EXPOSURE_BYTES + _FLOW_BYTES + 2 * _RESPONSE_BYTES * methods
+    return _of(
+        settings,
+        "flow",
+        seen,
+        disk_bytes=seen * _RESPONSE_BYTES,
+        memory_bytes=float(frames * pixels * per_pixel),
+        seconds=seen / _DETECTED_PER_S,
+    )
+
+
+def _bench(settings: Configuration) -> Estimate:
+    frames, pixels = _frames_and_pixels(settings)
+    shape = frames, settings.camera.height, settings.camera.width
+    drawn = float(work_units(shape, settings.benchmark) * len(settings.methods))
+    return _of(
+        settings,
+        "bench",
+        drawn,
+        disk_bytes=0.0,
+        memory_bytes=float(frames * pixels * _LIGHT_BYTES),
+        seconds=drawn / _BENCHED_PER_S,
+    )
+
+
+_ESTIMATES: Mapping[str, Callable[[Configuration], Estimate]] = {
+    "render": _render,
+    "sense": _sense,
+    "flow": _flow,
+    "bench": _bench,
+}
+_REMEDIES = {
+    "render": "trajectory.frames, camera.width and height, or render.samples_per_pixel",
+    "sense": "trajectory.frames or the camera's size, or give fewer sensors or light_levels",
+    "flow": "trajectory.frames or the camera's size, or give fewer methods or exposures",
+    "bench": "trajectory.frames, benchmark.fluxes_per_decade or repeats, or give fewer sizes",
+}
+
+
+def _frames_and_pixels(settings: Configuration) -> tuple[int, int]:
+    return settings.trajectory.frames, settings.camera.width * settings.camera.height
+
+
+def _of(
+    settings: Configuration,
+    stage: str,
+    samples: float,
+    *,
+    disk_bytes: float,
+    memory_bytes: float,
+    seconds: float,
+) -> Estimate:
+    camera, frames = settings.camera, settings.trajectory.frames
+    memory = _PROGRAM_BYTES + memory_bytes
+    return Estimate(
+        stage, frames, camera.width, camera.height, samples, disk_bytes, memory, seconds
+    )
+
+
+def _memory_bytes() -> float:
+    """Physical memory of this machine."""
+    return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+
+
+def _room_bytes(root: Path) -> float:
+    """What is free at a folder, made or not, with what is in it: that may be part of the output."""
+    there = next(
+        folder for folder in (root.absolute(), *root.absolute().parents) if folder.exists()
+    )
+    held = sum(path.stat().st_size for path in root.rglob("*") if path.is_file())
+    return float(shutil.disk_usage(there).free + held)

@@ -1,0 +1,64 @@
+"""Ground truth in the file formats of MPI-Sintel, so that its loaders read them unmodified.
+
+Depth (.dpt) and camera (.cam) files start with the float32 tag 202021.25. Sintel counts pixel
+centers at integers, half a pixel less than our continuous image coordinates.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from megalopta.files import atomic_write
+from megalopta.flow.files import write_flo
+from megalopta.render.truth import Truth, out_of_view
+from megalopta.scenes.cameras import PerspectiveCamera
+
+TAG = np.float32(202021.25)
+
+
+def write_png(path: Path, image: NDArray[np.uint8]) -> None:
+    """Write an 8-bit image (H, W) or (H, W, 3)."""
+    with atomic_write(path) as temporary:
+        Image.fromarray(image).save(temporary)
+
+
+def write_depth(path: Path, depth: NDArray[np.float32]) -> None:
+    """Write a .dpt file of depth (H, W) in m; the sky is infinite."""
+    height, width = depth.shape
+    with atomic_write(path) as temporary, temporary.open("wb") as file:
+        file.write(TAG.tobytes())
+        file.write(np.array([width, height], "<i4").tobytes())
+        file.write(np.ascontiguousarray(depth, "<f4").tobytes())
+
+
+def write_camera(path: Path, camera: PerspectiveCamera, pose: NDArray[np.float64]) -> None:
+    """Write a .cam file: intrinsics (3, 3) and world-to-camera extrinsics (3, 4), float64.
+
+    The format knows only the pinhole.
+    """
+    intrinsics = camera.intrinsics - [[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]]
+    extrinsics = np.linalg.inv(pose)[:3]
+    with atomic_write(path) as temporary, temporary.open("wb") as file:
+        file.write(TAG.tobytes())
+        file.write(np.ascontiguousarray(intrinsics, "<f8").tobytes())
+        file.write(np.ascontiguousarray(extrinsics, "<f8").tobytes())
+
+
+def write_flow(root: Path, sequence: str, index: int, truth: Truth, wraps: bool) -> None:
+    """Write forward flow (.flo) of a frame, with the masks of unmatched and of undefined pixels.
+
+    Unmatched ("occlusions") means hidden in the next frame or outside of it, which an image that
+    wraps around is not to the left or right.
+    """
+    name = f"frame_{index + 1:04d}"
+    undefined = np.asarray(np.isnan(truth.flow_forward).any(axis=-1))
+    unmatched: NDArray[np.bool_] = truth.occluded_forward | out_of_view(truth.flow_forward, wraps)
+    write_flo(root / "flow" / sequence / f"{name}.flo", truth.flow_forward)
+    write_png(root / "occlusions" / sequence / f"{name}.png", _mask(unmatched))
+    write_png(root / "invalid" / sequence / f"{name}.png", _mask(undefined))
+
+
+def _mask(flags: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    return np.where(flags, 255, 0).astype(np.uint8)

@@ -1,0 +1,191 @@
+"""How many photons each velocity method needs, how fast it is, and what the limit is.
+
+Dead leaves of 251 rows drift by 3 columns per frame, are brought to 240 × 240 px by area, and are
+drawn at fluxes of 1e3 to 1e7 photons per frame. Every method sees each 24 × 24 block alone with a
+margin of 7 px (`flow.efficiency`) and is held against the true velocity, 2.87 px per frame.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from megalopta.assets_gen import generator
+from megalopta.assets_gen.stimuli import dead_leaves
+from megalopta.flow.benchmark import milliseconds_per_frame
+from megalopta.flow.detectors import BlockDetector, BlockGrid, Detector, block_grid
+from megalopta.flow.metrics import (
+    bound_photons,
+    confined_velocities,
+    is_within,
+    least_covariance,
+    least_covariance_along_x,
+    photons_for_half,
+    translation_information,
+    variance_efficiency,
+)
+from megalopta.flow.stimuli import MovingTemplate, draw_counts
+
+Floats = NDArray[np.float64]
+
+SIZE_PX = 240
+TEMPLATE_ROWS = 251
+STEP_COLUMNS = 3
+SPEED_PX = STEP_COLUMNS * SIZE_PX / TEMPLATE_ROWS
+FRAMES = 8
+MARGIN_PX = 7
+LEVEL = 0.25
+FLUXES = tuple(10 ** (3 + step / 3) for step in range(13))
+"""1e3 to 1e7 photons per frame"""
+
+EFFICIENCY_FLUXES = (3e4, 1e5, 3e5, 1e6, 3e6, 1e7)
+_SEQUENCES = 8
+"""As many textures: what one window shows is not independent of the next."""
+_TIMING_FLUX = 3e5
+GRID = block_grid((SIZE_PX, SIZE_PX))
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One line of the leaderboard."""
+
+    detector: Detector
+    photons: float
+    """Photons per frame for a median error of 25 % of the truth; infinite where never"""
+
+    low: float
+    high: float
+    """What infinitely many textures and photons would give, in 95 % of cases"""
+
+    frames: int
+    """Frames behind one estimate"""
+
+    bound_photons: float
+    """What the bound of the block's own pixels needs with so many frames"""
+
+    cut_bound_photons: float
+    """What the bound of all pixels seen, block and margin, needs"""
+
+    ms_per_frame: float
+    """CPU time of 240 × 240 px, in this process"""
+
+    @property
+    def efficiency(self) -> float:
+        """Photons that the bound of the block needs over those that the method needs."""
+        return self.bound_photons / self.photons if self.photons > 0 else math.inf
+
+
+def sequences(smallest_radius_px: float = 3.0) -> Floats:
+    """Return sequences of dead leaves, (n, FRAMES, H, W), each frame of sum 1."""
+    shape = (TEMPLATE_ROWS, TEMPLATE_ROWS + FRAMES * STEP_COLUMNS)
+    clean = []
+    for seed in range(_SEQUENCES):
+        texture = dead_leaves(shape, generator(seed, "leaderboard"), (smallest_radius_px, 80.0))
+        clean.append(MovingTemplate(texture, STEP_COLUMNS, SIZE_PX, "area").light(0, FRAMES))
+    return np.stack(clean)
+
+
+def information(clean: Floats, margin_px: int = 0) -> Floats:
+    """Return J of every block inside at one photon per frame, (n, rows − 2, columns − 2, 2, 2).
+
+    Parameters
+    ----------
+    clean : (n, FRAMES, H, W)
+    margin_px : int
+        Pixels around each block that are counted with it.
+    """
+    pixels = np.stack(
+        [translation_information(each[-1], BlockGrid(GRID.shape, 1)) for each in clean]
+    )
+    side, step = GRID.block_px + 2 * margin_px, GRID.block_px
+    windows = sliding_window_view(pixels, (side, side), axis=(1, 2))
+    first = step - margin_px
+    rows, columns = (slice(first, first + (n - 2) * step, step) for n in (GRID.rows, GRID.columns))
+    return np.asarray(windows[:, rows, columns].sum(axis=(-2, -1)))
+
+
+def bound(information: Floats, frames: int) -> float:
+    """Return the photons per frame that the bound needs for a median endpoint error of 25 %."""
+    return bound_photons(least_covariance(information, frames), SPEED_PX, LEVEL)
+
+
+def bound_along_x(information: Floats) -> float:
+    """Return `bound` of two frames for the x component, were it known that nothing moves in y."""
+    return bound_photons(least_covariance_along_x(information), SPEED_PX, LEVEL)
+
+
+def ranked(clean: Floats, methods: Mapping[str, Detector]) -> list[Entry]:
+    """Return the methods that give a velocity, fewest photons first.
+
+    Parameters
+    ----------
+    clean : (n, FRAMES, H, W)
+        From `sequences`.
+    methods : mapping
+        Names to detectors; those that give no velocity of blocks are passed over.
+    """
+    known, known_with_margin = information(clean), information(clean, MARGIN_PX)
+    drawn: dict[float, list[NDArray[np.unsignedinteger]]] = {}
+
+    def counts(flux: float) -> Sequence[NDArray[np.unsignedinteger]]:
+        if flux not in drawn:
+            drawn[flux] = [draw(each, flux, index) for index, each in enumerate(clean)]
+        return drawn[flux]
+
+    def entry(detector: BlockDetector) -> Entry:
+        def is_good(flux: float) -> NDArray[np.bool_]:
+            velocities = [
+                confined_velocities(detector, each, GRID, MARGIN_PX) for each in counts(flux)
+            ]
+            return is_within(np.stack(velocities), (SPEED_PX, 0.0), LEVEL)
+
+        frames = detector.memory_frames + 1
+        return Entry(
+            detector,
+            *photons_for_half(is_good, FLUXES, generator(0, "leaderboard interval")),
+            frames,
+            bound(known, frames),
+            bound(known_with_margin, frames),
+            milliseconds_per_frame(detector, counts(_TIMING_FLUX)[0]),
+        )
+
+    entries = [entry(each) for each in methods.values() if isinstance(each, BlockDetector)]
+    return sorted(entries, key=lambda each: (each.photons, each.detector.name))
+
+
+def draw(clean: Floats, flux: float, sequence: int, repeat: int = 0) -> NDArray[np.unsignedinteger]:
+    """Return counts of one sequence at a flux; every (sequence, flux, repeat) has its stream."""
+    return draw_counts(clean * flux, 0, "leaderboard", sequence, f"{flux:.6g}", repeat)
+
+
+def efficiencies(
+    clean: Floats, detector: BlockDetector, fluxes: Sequence[float], draws: int
+) -> list[float]:
+    """Return bound over variance of one method at each flux, frames seen whole.
+
+    Parameters
+    ----------
+    clean : (n, FRAMES, H, W)
+    detector
+        Uses the newest `memory_frames` + 1 frames.
+    fluxes
+        Photons per frame.
+    draws : int
+        Independent draws of each sequence; the variance of each block is over them.
+    """
+    frames = detector.memory_frames + 1
+    least = least_covariance(information(clean), frames)
+    result = []
+    for flux in fluxes:
+        velocities = [
+            [
+                detector.respond(draw(each[-frames:], flux, index, repeat))[-1, 1:-1, 1:-1]
+                for index, each in enumerate(clean)
+            ]
+            for repeat in range(1, draws + 1)
+        ]
+        result.append(variance_efficiency(np.array(velocities), least / flux))
+    return result

@@ -1,0 +1,169 @@
+"""Trials run side by side, each stored as soon as it is done.
+
+A result is found again by the hash of all that it depends on: the trial, the pixels of its template
+and the code that measures. So a run that was killed goes on where it stopped, figures share trials,
+and no stale result is ever used. Any `concurrent.futures` executor does: threads (the kernels
+release Python's lock), processes, or that of a Dask cluster, `Client.get_executor()`.
+"""
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+from megalopta import files, flow
+from megalopta.errors import UserError
+from megalopta.experiments import trial
+from megalopta.experiments.trial import Array, Template, Trial, measure, template_names
+from megalopta.flow.metrics import ErrorCurve
+from megalopta.flow.stimuli import BlackFrameError
+from megalopta.folders import ensure_directory, locked
+from megalopta.progress import progress
+from megalopta.sensor.sampling import poisson
+from megalopta.sensor.sampling import streams as randomness
+
+_LIBRARIES = ("numba", "numpy", "opencv-python-headless", "scikit-image", "scipy")
+
+Curves = tuple[ErrorCurve, ...]
+Results = Mapping[Trial, Curves]
+
+
+def run_trials(
+    trials: Iterable[Trial],
+    templates: Mapping[Template, Array],
+    store: Path,
+    executor: Executor,
+    on_progress: Callable[[int], object] = lambda work: None,
+) -> dict[Trial, Curves]:
+    """Return the error curves of all trials.
+
+    Parameters
+    ----------
+    trials
+        Each is run once, however often it comes.
+    templates
+        Every template to its pixels.
+    store : Path
+        Folder of the results; made if it does not exist.
+    executor
+    on_progress
+        Called with the work done since the last call, in the units of `work_units`.
+
+    Raises
+    ------
+    UserError
+        When a template cannot be measured, such as one with a black frame.
+    """
+    ensure_directory(store)
+    results: dict[Trial, Curves] = {}
+    running: dict[Future[Curves], tuple[Trial, Path]] = {}
+    hashes = {template: _hash(pixels.tobytes()) for template, pixels in templates.items()}
+    # the longest first, so that no worker is left alone with one at the end
+    for each in sorted(set(trials), key=lambda trial: (-trial.size, trial.model_dump_json())):
+        template = hashes[each.template]
+        path = store / f"{_hash(each.model_dump_json(), template, _code())}.json"
+        stored = _read(path)
+        if stored is None:
+            stimulus = _hash(json.dumps(each.stimulus), template)
+            future = executor.submit(measure, each, templates[each.template], stimulus)
+            running[future] = each, path
+        else:
+            results[each] = stored
+            on_progress(_work(each))
+    try:
+        for future in as_completed(running):
+            each, path = running[future]
+            try:
+                results[each] = future.result()
+            except BlackFrameError as problem:
+                raise UserError(f"{template_names([each.template])[0]}: {problem}") from None
+            _write(path, each, results[each])
+            on_progress(_work(each))
+    finally:
+        for future in running:
+            future.cancel()
+    return results
+
+
+def run(
+    trials: Sequence[Trial],
+    templates: Mapping[Template, Array],
+    store: Path,
+    workers: int | None = None,
+) -> dict[Trial, Curves]:
+    """Return the error curves of all trials, measured by threads under a progress bar.
+
+    Parameters
+    ----------
+    trials, templates, store
+        As in `run_trials`.
+    workers : int, optional
+        Threads; by default one for each core.
+    """
+    if not trials:
+        return {}
+    with locked(store):
+        files.sweep(store)
+        return _run_by_threads(trials, templates, store, workers)
+
+
+def _run_by_threads(
+    trials: Sequence[Trial],
+    templates: Mapping[Template, Array],
+    store: Path,
+    workers: int | None,
+) -> dict[Trial, Curves]:
+    threads = ThreadPoolExecutor(workers or os.cpu_count())
+    try:
+        with progress("Searching photon thresholds", work_units(trials), "kpixel") as advance:
+            return run_trials(trials, templates, store, threads, advance)
+    finally:
+        # who interrupts does not wait for trials that are half done
+        threads.shutdown(wait=False, cancel_futures=True)
+
+
+def work_units(trials: Iterable[Trial]) -> int:
+    """Return the work of trials: the thousands of pixels in one frame of each."""
+    return sum(map(_work, set(trials)))
+
+
+def _work(trial: Trial) -> int:
+    return max(1, trial.size**2 // 1000)
+
+
+def _hash(*parts: str | bytes) -> str:
+    digest = hashlib.blake2b(digest_size=16)
+    for part in parts:
+        body = part.encode() if isinstance(part, str) else part
+        digest.update(f"{len(body)}:".encode() + body)
+    return digest.hexdigest()
+
+
+@cache
+def _code() -> str:
+    """Return the hash of the code that measures, and of the libraries that it measures with."""
+    versions = [f"{name} {version(name)}" for name in _LIBRARIES]
+    paths = [Path(str(module.__file__)) for module in (flow, trial, poisson, randomness)]
+    sources = (*sorted(paths[0].parent.glob("*.py")), *paths)
+    return _hash(*versions, *(path.read_bytes() for path in sources))
+
+
+def _read(path: Path) -> Curves | None:
+    """Return what is stored; None where there is nothing, or a file that is damaged."""
+    try:
+        record = json.loads(path.read_text("utf-8"))
+        return tuple(ErrorCurve.from_dict(fields) for fields in record["curves"])
+    except (FileNotFoundError, ValueError, LookupError, TypeError, AttributeError):
+        return None
+
+
+def _write(path: Path, trial: Trial, curves: Curves) -> None:
+    record = {
+        "trial": trial.model_dump(mode="json"),
+        "curves": [curve.to_dict() for curve in curves],
+    }
+    files.write_json(path, record)

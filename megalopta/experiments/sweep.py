@@ -1,0 +1,133 @@
+"""A sweep of the flow benchmark as data: fixed parameters, and one that is varied."""
+
+import operator
+from collections.abc import Iterator
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple, Self
+
+from pydantic import (
+    BaseModel,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+
+from megalopta.config import mapping, put, read_text, validated
+from megalopta.errors import UserError, one_sentence
+from megalopta.experiments.trial import Template, Trial, path_from_its_file, template_names
+from megalopta.flow.benchmark import each_once
+from megalopta.strict_yaml import booleans_for_others
+
+Value = int | float | bool | str
+MOST_TRIALS = 10_000
+"""In one sweep: more than anybody waits for, and checking them takes a minute."""
+
+_SHARED = ("methods", "search.metrics", "search.bits")
+
+
+class Point(NamedTuple):
+    """One trial of a sweep, and where it stands."""
+
+    size: int
+    value: Value
+    template: str
+    """Short name"""
+
+    trial: Trial
+
+
+class Sweep(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """Trials that differ in one parameter; in several sizes, averaged over several templates."""
+
+    title: str = "Photons that motion detectors need"
+    """What is shown, in one line"""
+
+    trial: Trial = Trial()
+    """The fixed parameters"""
+
+    vary: str = "velocity_px"
+    """Path of the varied parameter in a trial, such as template.contrast or search.dark_counts"""
+
+    values: Annotated[tuple[Value, ...], Field(min_length=1)] = (1, 2, 5, 10)
+    """Its values"""
+
+    sizes: tuple[int, ...] = ()
+    """Spatial pooling (px), a panel of the figure each; by default that of the trial"""
+
+    templates: tuple[Template, ...] = ()
+    """Templates that thresholds are averaged over; by default that of the trial"""
+
+    @field_validator("values")
+    @classmethod
+    def _paths_from_their_file(
+        cls, values: tuple[Value, ...], validation: ValidationInfo
+    ) -> tuple[Value, ...]:
+        if validation.data.get("vary") != "template.name":
+            return values
+        return tuple(path_from_its_file(str(value), validation) for value in values)
+
+    @field_validator("values", "sizes", "templates")
+    @classmethod
+    def _each_once(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
+        return each_once(values)
+
+    @model_validator(mode="after")
+    def _every_trial_is_possible(self) -> Self:
+        count = len(self.values) * len(self.sizes or "1") * len(self.templates or "1")
+        if count > MOST_TRIALS:
+            raise ValueError(f"values: {count} trials; give at most {MOST_TRIALS} in all")
+        if self.vary.startswith(_SHARED):
+            raise ValueError(
+                f"vary: {self.vary} is the same for a whole figure; give all that are wanted in "
+                "the trial"
+            )
+        if self.vary == "size" and self.sizes:
+            raise ValueError("sizes: size is varied already; leave sizes out")
+        try:
+            trials = self.trials
+        except ValidationError as error:
+            raise ValueError(one_sentence(error, Trial)) from None
+        except UserError as error:
+            raise ValueError(str(error).replace("--", "vary: ", 1)) from None
+        if len(set(trials)) < len(trials):
+            raise ValueError(
+                f"two trials are the same: {self.vary} is varied, so values and templates must"
+                " differ in it; give each once"
+            )
+        return self
+
+    def points(self) -> Iterator[Point]:
+        """Yield the trials: sizes, in them values, in them templates."""
+        fixed = self.trial.model_dump(mode="json")
+        found: list[tuple[Value, Trial]] = []
+        for size, value, template in product(
+            self.sizes or (self.trial.size,), self.values, self.templates or (self.trial.template,)
+        ):
+            fields = {**fixed, "size": size, "template": template.model_dump(mode="json")}
+            put(fields, self.vary, value)
+            trial = Trial.model_validate(fields)
+            if any(booleans_for_others(fields, trial)):
+                raise ValueError(f"values: {str(value).lower()} is no number; give numbers")
+            # YAML takes 1e-1 for text
+            number = operator.attrgetter(self.vary)(trial) if isinstance(value, str) else value
+            found.append((number, trial))
+        templates = list(dict.fromkeys(trial.template for _, trial in found))
+        names = dict(zip(templates, template_names(templates), strict=True))
+        for value, trial in found:
+            yield Point(trial.size, value, names[trial.template], trial)
+
+    @property
+    def trials(self) -> list[Trial]:
+        """All trials."""
+        return [point.trial for point in self.points()]
+
+
+def load_sweep(path: Path, overrides: dict[str, str] | None = None) -> Sweep:
+    """Read a sweep from a YAML file, and apply settings of the command line. Raises UserError."""
+    text = read_text(path, "sweep; give a YAML file")
+    return validated(Sweep, mapping(text, str(path)), str(path), overrides, path.parent)

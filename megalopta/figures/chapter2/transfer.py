@@ -1,0 +1,160 @@
+"""Figures 2.18 and 2.19 of §2.4.8: peak responses of NDM and NDS over the velocity of an edge.
+
+The dissertation gives one signal-to-noise ratio per detector and no definition. Here it is 20·log10
+of the mean peak response of one detector over its standard deviation between crossings, averaged
+over all speeds but standstill.
+"""
+
+from functools import partial
+
+import numpy as np
+from matplotlib.figure import Figure as Canvas
+from numpy.typing import NDArray
+
+from megalopta.experiments import (
+    PIXELS,
+    SENSORS,
+    SPEEDS_MM_S,
+    TIME_CONSTANTS_S,
+    UNITS,
+    Peaks,
+    filter_step,
+    peaks,
+    pixels_per_frame,
+)
+from megalopta.figures import BLACK, BLUE, GREEN, ORANGE, Figure, Printed, Registry
+from megalopta.figures.chapter2.edge import csv_name, csv_rows
+from megalopta.flow.detectors import ndm_mean, nds_mean
+
+Floats = NDArray[np.float64]
+
+THEORY_CYCLES = 0.5
+"""Cycles of the theoretical sinusoid along the row; the dissertation says only: below 1."""
+PRINTED_SNR_DB = {"NDM": 12.6, "NDS": 15.7}
+SHEET_DARK_COUNTS = 1.77 * 360 * 0.1
+"""Hz/µm² (§2.4.7) · µm² · s."""
+_EQUATIONS = {"NDM": "Eq. 4.2", "NDS": "Eq. 4.3, corrected"}
+_MEANS = {"NDM": ndm_mean, "NDS": nds_mean}
+
+
+def measured(method: str) -> dict[str, list[Peaks]]:
+    """Peak responses at every speed, for each noise model."""
+    return {
+        name: [peaks(speed, sensor)[method] for speed in SPEEDS_MM_S]
+        for name, sensor in SENSORS.items()
+    }
+
+
+def mean_snr_db(over_speeds: list[Peaks]) -> float:
+    """Mean over all speeds but standstill, which comes first."""
+    return float(np.mean([each.snr_db for each in over_speeds[1:]]))
+
+
+def theory(method: str, velocity: Floats) -> Floats:
+    """Mean response to a sinusoid of contrast 1 that moves by so many pixels per frame."""
+    phase = 2 * np.pi * THEORY_CYCLES / PIXELS
+    return _MEANS[method](filter_step(method), phase * velocity, phase, 1.0)
+
+
+def _figure(name: str, method: str) -> Figure:
+    velocity = np.array([pixels_per_frame(speed) for speed in SPEEDS_MM_S])
+    found = measured(method)
+    mean = {label: np.array([each.mean for each in row]) for label, row in found.items()}
+    sigma = {label: np.array([each.deviation for each in row]) for label, row in found.items()}
+    snr_db = {label: np.array([each.snr_db for each in row]) for label, row in found.items()}
+    ideal = np.array([each.ideal.mean() for each in found["Poisson noise only"]])
+    fine = np.linspace(0, velocity[-1], 201)
+    scale = ideal.max() / theory(method, velocity).max()
+
+    def draw(canvas: Canvas) -> None:
+        axes = canvas.subplots()
+        curve = scale * theory(method, fine)
+        axes.plot(fine, curve, "--", color=BLACK, lw=1.6, label="theoretical, sinusoid")
+        axes.plot(velocity, ideal, "-", color=GREEN, lw=1.6, label="edge without noise")
+        styles = (("o", BLUE, -0.1), ("s", ORANGE, 0.1))
+        for label, (marker, color, shift) in zip(found, styles, strict=True):
+            axes.errorbar(
+                velocity + shift,
+                mean[label],
+                sigma[label],
+                fmt=marker,
+                color=color,
+                capsize=3,
+                lw=1.4,
+                label=f"{label}, mean SNR {mean_snr_db(found[label]):.1f} dB",
+            )
+        axes.set_xlabel("Image velocity (pixels/frame)")
+        axes.set_ylabel(f"Peak response ({UNITS[method]})")
+        axes.set_ylim(0, None)
+        axes.legend(loc="lower right")
+
+    statistics = {"mean": mean, "sigma": sigma, "snr_db": snr_db}
+    return Figure(
+        name=name,
+        title=(
+            f"Figure {name.removeprefix('fig-')}: peak response of {method} to an edge over its "
+            "velocity"
+        ),
+        caption=_caption(method, found),
+        printed=_printed(method, found, float(ideal[2] / ideal[1])),
+        draw=draw,
+        columns=(
+            "speed_mm_s",
+            "velocity_px_per_frame",
+            "theoretical",
+            "without_noise",
+            *(f"{csv_name(label)}_{what}" for label in found for what in statistics),
+        ),
+        rows=csv_rows(
+            np.array(SPEEDS_MM_S),
+            velocity,
+            scale * theory(method, velocity),
+            ideal,
+            *(values[label] for label in found for values in statistics.values()),
+        ),
+    )
+
+
+def _caption(method: str, found: dict[str, list[Peaks]]) -> str:
+    crossings, rows, detectors = found["Poisson noise only"][0].noisy.shape
+    return (
+        "Points are the mean and σ of the largest response of one detector while an edge crosses, "
+        f"over {crossings} crossings of {detectors} detectors in each of {rows} rows, with time "
+        f"constants of {1e3 * TIME_CONSTANTS_S[method]:.0f} ms and, in SPADCAM, "
+        f"{SHEET_DARK_COUNTS:.0f} dark counts per pixel and frame. The SNR is 20·log10(mean/σ), "
+        "averaged over the speeds but 0; the dissertation does not define its own. The theoretical "
+        f"curve is the mean response ({_EQUATIONS[method]}) to a sinusoid of {THEORY_CYCLES:g} "
+        "cycles along the row, scaled to the same height."
+    )
+
+
+def _printed(method: str, found: dict[str, list[Peaks]], growth: float) -> tuple[Printed, ...]:
+    """SNR, how far NDM is behind NDS (a product doubles relative noise: 6 dB), and linearity."""
+    rows_db = np.mean([each.row_snr_db for each in found["SPADCAM"][1:]], axis=0)
+    behind = [
+        mean_snr_db(sums) - mean_snr_db(products)
+        for sums, products in zip(measured("NDS").values(), measured("NDM").values(), strict=True)
+    ]
+    printed_db = f"{PRINTED_SNR_DB[method]} dB, one row"
+    apart_db = PRINTED_SNR_DB["NDS"] - PRINTED_SNR_DB["NDM"]
+    return (
+        *(
+            Printed(f"SNR, {label}", f"{mean_snr_db(over_speeds):.1f} dB", printed_db)
+            for label, over_speeds in found.items()
+        ),
+        Printed(
+            "SNR of single rows, SPADCAM", f"{rows_db.min():.1f} to {rows_db.max():.1f} dB", "—"
+        ),
+        Printed(
+            "NDM behind NDS", f"{min(behind):.1f} to {max(behind):.1f} dB", f"{apart_db:.1f} dB"
+        ),
+        Printed(
+            "Growth from 1.67 to 3.33 px/frame", f"{growth:.2f} times", "fairly linear below 4"
+        ),
+    )
+
+
+TRANSFER: Registry = {
+    "fig-2.18": partial(_figure, "fig-2.18", "NDM"),
+    "fig-2.19": partial(_figure, "fig-2.19", "NDS"),
+}

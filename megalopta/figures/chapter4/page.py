@@ -1,0 +1,41 @@
+"""Chapter 4 on one page: our Table 4.1 beside the dissertation's, the figures, and what differs."""
+
+from collections.abc import Sequence
+from importlib import resources
+from pathlib import Path
+
+from jinja2 import Environment, StrictUndefined
+
+from megalopta.figures import Figure
+from megalopta.files import write_text
+from megalopta.flow.metrics import format_flux
+
+TABLE = "table-4.1"
+
+
+def write_page(out: Path, figures: Sequence[Figure]) -> Path:
+    """Write chapter-4.html beside the pictures of some figures, one of them Table 4.1.
+
+    Returns
+    -------
+    Path
+        Of the page.
+    """
+    (table,) = (figure for figure in figures if figure.name == TABLE)
+    rows = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
+    literal, ratio = (
+        [row for row in rows if row["metric"] == name] for name in ("literal", "ratio")
+    )
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+    environment.filters["flux"] = format_flux
+    text = resources.files("megalopta.figures.chapter4").joinpath("page.html").read_text("utf-8")
+    page = environment.from_string(text).render(
+        rows=list(zip(literal, ratio, strict=True)),
+        figures=[figure for figure in figures if figure.name != TABLE],
+        note=table.caption,
+        findings=[(each.title, each.findings) for each in figures if each.findings],
+        is_quick=table.details.get("quick", False),
+    )
+    path = out / "chapter-4.html"
+    write_text(path, page)
+    return path

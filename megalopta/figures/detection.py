@@ -1,0 +1,125 @@
+"""Figure "detection": motion and its direction, over the photons; not in the dissertation.
+
+The textures have equal contrast in all octaves. Fluxes do not count dark counts.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Canvas
+from matplotlib.ticker import PercentFormatter
+
+from megalopta.experiments import (
+    COLUMNS,
+    CONTRAST,
+    DARK_COUNTS,
+    RESPONSES,
+    SIZE,
+    SPEED_COLUMNS,
+    Detection,
+    detections,
+)
+from megalopta.figures.figure import Figure, Registry
+from megalopta.figures.style import GRAY, method_style
+from megalopta.flow.detectors import METHODS
+from megalopta.flow.metrics import d_prime, format_flux
+
+FLUXES = tuple(10 ** (half / 2) for half in range(5, 14))
+ROC_FLUX = 3e4
+
+
+def detection_figure(
+    methods: Sequence[str] | None = None, fluxes: Sequence[float] = FLUXES
+) -> Figure:
+    """d′ against photons per frame, false alarms, and one ROC, for all methods or some."""
+    names = [name for name in METHODS if name != "IM"] if methods is None else list(methods)
+    detectors = [METHODS[name] for name in names]
+    at_flux = [detections(detectors, flux) for flux in fluxes]
+    found = dict(zip(names, zip(*at_flux, strict=True), strict=True))
+    shown = min(fluxes, key=lambda flux: abs(np.log(flux / ROC_FLUX)))
+
+    return Figure(
+        name="detection",
+        title="Detecting motion and its direction, over the photons per frame",
+        caption=(
+            f"Textures of {100 * CONTRAST:g} % rms contrast move by "
+            f"{SPEED_COLUMNS * SIZE / COLUMNS:.2f} px per frame, with {DARK_COUNTS:.2f} dark "
+            f"counts per pixel; each block of {SIZE // 10} × {SIZE // 10} px in frames of "
+            f"{SIZE} × {SIZE} px has one response, a velocity or a mean, but PC one for the whole "
+            "frame. The measure d′ is √2·Φ⁻¹(area under the ROC), which "
+            f"{RESPONSES:,} responses limit to {_limit():.1f} (dotted); NDM and NDS do not depend "
+            "on direction. A false alarm exceeds half of the median noise-free response to motion; "
+            f"the ROC is that at {format_flux(shown)} photons per frame."
+        ),
+        draw=lambda canvas: _draw_panels(canvas, found, shown),
+        columns=(
+            "method",
+            "photons_per_frame",
+            "d_prime_motion",
+            "d_prime_direction",
+            "false_alarm_rate",
+        ),
+        rows=tuple(
+            (each.method, each.flux, each.motion, each.direction, each.false_alarms)
+            for measured in found.values()
+            for each in measured
+        ),
+        height_in=7.4,
+    )
+
+
+def _limit() -> float:
+    return d_prime(np.zeros(RESPONSES), np.ones(RESPONSES))
+
+
+def _draw_panels(canvas: Canvas, found: Mapping[str, Sequence[Detection]], roc_flux: float) -> None:
+    panels = canvas.subplot_mosaic(
+        [["motion", "direction"], ["false_alarms", "roc"], ["legend", "legend"]],
+        height_ratios=(1, 1, 0.18),
+    )
+    _draw_curves(panels["motion"], found, lambda each: each.motion)
+    _draw_curves(panels["direction"], found, lambda each: each.direction)
+    _draw_curves(panels["false_alarms"], found, lambda each: each.false_alarms)
+    for name, title in (("motion", "Moving from still"), ("direction", "Right from left")):
+        panels[name].axhline(_limit(), color=GRAY, linewidth=1, linestyle=":")
+        panels[name].set(title=title, ylabel="d′")
+    panels["false_alarms"].set(title="False alarms in a still scene", ylabel="Share of blocks")
+    panels["false_alarms"].yaxis.set_major_formatter(PercentFormatter(1))
+    _draw_roc(panels["roc"], found, roc_flux)
+    handles, labels = panels["motion"].get_legend_handles_labels()
+    panels["legend"].set_axis_off()
+    panels["legend"].legend(
+        handles,
+        labels,
+        loc="center",
+        ncols=6,
+        handlelength=2.8,
+        columnspacing=1.1,
+        markerscale=0.8,
+    )
+
+
+def _draw_curves(
+    axes: Axes,
+    found: Mapping[str, Sequence[Detection]],
+    value: Callable[[Detection], float],
+) -> None:
+    for name, measured in found.items():
+        fluxes = [each.flux for each in measured]
+        axes.plot(fluxes, [value(each) for each in measured], label=name, **method_style(name))
+    axes.set(xscale="log", xlabel="Photons per frame")
+
+
+def _draw_roc(axes: Axes, found: Mapping[str, Sequence[Detection]], flux: float) -> None:
+    for name, measured in found.items():
+        curve = next(each.curve for each in measured if each.flux == flux)
+        style = method_style(name) | {"marker": ""}
+        axes.plot(curve.false_alarms, curve.hits, **style)
+    axes.plot([0, 1], [0, 1], color=GRAY, linewidth=1, linestyle=":")
+    axes.set(title="ROC, moving from still", xlabel="False alarms", ylabel="Hits")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(PercentFormatter(1))
+
+
+DETECTION: Registry = {"detection": detection_figure}

@@ -1,0 +1,233 @@
+"""The leaderboard of all velocity methods, and how near the two made for it come to the limit.
+
+Both bounds take the texture as known and no block as mistaken, which no method can at few photons.
+Methods may draw on the margin of a block, so that the bound of the block alone does not limit them
+strictly; that of block and margin, in the table of numbers, does. The bound holds for unbiased
+methods: one that smooths over its neighbors or leans toward a fixed velocity can exceed an
+efficiency of 1 and still be wrong.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Canvas
+from matplotlib.ticker import EngFormatter
+
+from megalopta.experiments import (
+    EFFICIENCY_FLUXES,
+    FLUXES,
+    GRID,
+    MARGIN_PX,
+    SPEED_PX,
+    Entry,
+    bound,
+    bound_along_x,
+    efficiencies,
+    information,
+    ranked,
+    sequences,
+)
+from megalopta.figures.figure import Figure, Registry
+from megalopta.figures.style import BLACK, BLUE, GRAY, ORANGE, method_style
+from megalopta.flow.detectors import METHODS, BlockDetector
+from megalopta.flow.metrics import format_flux
+
+OURS = ("PM", "PPM")
+DRAWS = 12
+_BLOCK, _CUT = (f"{side} × {side} px" for side in (GRID.block_px, GRID.block_px + 2 * MARGIN_PX))
+_POOLED_SEQUENCES = 2
+"""Eight frames a draw: fewer sequences do."""
+
+
+def leaderboard() -> Figure:
+    """Photons, efficiency and time of every method that gives the velocity of blocks."""
+    clean = sequences()
+    known, seen = information(clean), information(clean, MARGIN_PX)
+    entries = ranked(clean, METHODS)
+    two, eight = bound(known, 2), bound(known, 8)
+
+    return Figure(
+        name="leaderboard",
+        title="Photons needed to measure the velocity of an isolated block",
+        caption=(
+            f"In {len(clean)} sequences of dead leaves of 240 × 240 px, which drift by "
+            f"{SPEED_PX:.2f} px per frame, each method sees one block of {_BLOCK} with a margin of "
+            f"{MARGIN_PX} px and nothing else: on whole frames and photographs the order of "
+            "methods can be another. Beside each bar (whiskers: 95 % of bootstraps; hatched: never "
+            f"below 25 % up to {format_flux(FLUXES[-1])} photons) stand its photons per frame, the "
+            "share of them that the bound of as many frames needs, and CPU time per frame. "
+            f"{_collected(entries)}"
+        ),
+        draw=lambda canvas: _draw_board(canvas.subplots(), entries, {2: two, 8: eight}),
+        columns=(
+            "method",
+            "label",
+            "frames",
+            "photons_per_frame",
+            "photons_in_all_frames",
+            "low",
+            "high",
+            "bound_photons_per_frame",
+            "block_and_margin_bound_photons_per_frame",
+            "efficiency",
+            "photons_over_two_frame_bound",
+            "cpu_ms_per_frame",
+        ),
+        rows=tuple(
+            (
+                each.detector.name,
+                each.detector.label,
+                float(each.frames),
+                each.photons,
+                each.frames * each.photons,
+                each.low,
+                each.high,
+                each.bound_photons,
+                each.cut_bound_photons,
+                each.efficiency,
+                each.photons / two,
+                each.ms_per_frame,
+            )
+            for each in entries
+        ),
+        height_in=0.8 + 0.36 * len(entries),
+        details={
+            "bounds": {
+                "two_frames": two,
+                "eight_frames": eight,
+                "two_frames_along_x_with_y_known": bound_along_x(known),
+                "two_frames_block_and_margin": bound(seen, 2),
+                "eight_frames_block_and_margin": bound(seen, 8),
+            }
+        },
+    )
+
+
+def _collected(entries: Sequence[Entry]) -> str:
+    """Say which methods collect the photons of more than two frames."""
+    many = [each for each in entries if each.frames > 2]
+    if not many:
+        return "All methods collect two frames."
+    names = " and ".join(
+        f"{each.detector.label} collects {each.frames} frames"
+        + (
+            f" ({format_flux(each.frames * each.photons)} photons in total)"
+            if math.isfinite(each.photons)
+            else ""
+        )
+        for each in many
+    )
+    return f"{names}, to be held against their bound, all other methods two."
+
+
+def efficiency() -> Figure:
+    """Bound over variance of the two methods that aim at the limit, against the flux."""
+    clean = sequences()
+    known, seen = information(clean), information(clean, MARGIN_PX)
+    curves = {}
+    for name in OURS:
+        detector = METHODS[name]
+        assert isinstance(detector, BlockDetector)
+        few = clean if detector.memory_frames == 1 else clean[:_POOLED_SEQUENCES]
+        curves[name] = efficiencies(few, detector, EFFICIENCY_FLUXES, DRAWS)
+
+    def draw(canvas: Canvas) -> None:
+        axes = canvas.subplots()
+        for name, values in curves.items():
+            axes.semilogx(
+                EFFICIENCY_FLUXES,
+                values,
+                label=METHODS[name].label,
+                **method_style(name),
+            )
+        axes.axhline(0.5, color=GRAY, linestyle=":")
+        axes.annotate(
+            "variance twice the bound",
+            (EFFICIENCY_FLUXES[0], 0.5),
+            xytext=(2, 4),
+            textcoords="offset points",
+            color=BLACK,
+            fontsize=9.5,
+        )
+        axes.set_ylim(0, 1.05)
+        axes.set_xlabel("Photons per frame")
+        axes.set_ylabel("Efficiency (bound / variance)")
+        axes.legend(loc="lower right")
+
+    return Figure(
+        name="efficiency",
+        title="Variance of our two methods against the Poisson bound",
+        caption=(
+            f"Dead leaves of 240 × 240 px drift by {SPEED_PX:.2f} px per frame; the efficiency is "
+            f"the bound over the variance, both over x and y, of {DRAWS} draws of the photons, in "
+            "the median block. Each method is held against the bound of the frames that it "
+            f"collects ({_frames_of(OURS)}) and of the {_BLOCK} of a block alone, though it sees "
+            f"whole frames: the bound of {_CUT} asks for "
+            f"{bound(seen, 2) / bound(known, 2):.2f} times the photons. The variance leaves out "
+            "bias, so a biased method can exceed 1 and still be wrong."
+        ),
+        draw=draw,
+        columns=("photons_per_frame", *(f"{name}_efficiency" for name in curves)),
+        rows=tuple(zip(EFFICIENCY_FLUXES, *curves.values(), strict=True)),
+    )
+
+
+def _frames_of(names: Sequence[str]) -> str:
+    return ", ".join(f"{METHODS[name].label} {METHODS[name].memory_frames + 1}" for name in names)
+
+
+def _draw_board(axes: Axes, entries: Sequence[Entry], bounds: Mapping[int, float]) -> None:
+    """Draw a bar for each method, and the bounds of two and eight frames."""
+    for place, entry in enumerate(entries):
+        needed = entry.photons if math.isfinite(entry.photons) else FLUXES[-1]
+        color = BLUE if entry.detector.name in OURS else GRAY
+        hatch = None if math.isfinite(entry.photons) else "///"
+        axes.barh(
+            place,
+            needed,
+            height=0.62,
+            color=color if hatch is None else "none",
+            edgecolor=color,
+            hatch=hatch,
+        )
+        high = min(entry.high, FLUXES[-1])
+        if hatch is None:
+            axes.plot([entry.low, high], [place, place], "|-", color=BLACK, linewidth=1.2)
+        axes.annotate(
+            _beside(entry),
+            (max(needed, high), place),
+            xytext=(5, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=9.5,
+            bbox={"color": "white", "pad": 0.5},
+        )
+    for (frames, flux), dash in zip(bounds.items(), ("--", ":"), strict=True):
+        axes.axvline(flux, color=ORANGE, linestyle=dash, label=f"bound, {frames} frames")
+    axes.set_xscale("log")
+    axes.set_xlim(min(*bounds.values(), FLUXES[0]) / 1.6, 40 * FLUXES[-1])
+    axes.set_xticks(10.0 ** np.arange(3, round(math.log10(FLUXES[-1])) + 1))
+    axes.minorticks_off()
+    axes.set_yticks(range(len(entries)), [_label(each) for each in entries])
+    axes.set_ylim(len(entries) - 0.4, -1.6)
+    axes.grid(visible=False, axis="y")
+    axes.set_xlabel("Photons per frame for a median error of 25 %")
+    axes.legend(loc="upper right", ncols=2, frameon=True, framealpha=1, edgecolor="none")
+
+
+def _label(entry: Entry) -> str:
+    frames = f",\n{entry.frames} frames" if entry.frames > 2 else ""
+    return f"{entry.detector.label}{frames}"
+
+
+def _beside(entry: Entry) -> str:
+    time = f"{float(f'{entry.ms_per_frame:.2g}'):g} ms"
+    if not math.isfinite(entry.photons):
+        return f"never · {time}"
+    photons = EngFormatter(sep="")(float(f"{entry.photons:.2g}"))
+    return f"{photons} · {100 * entry.efficiency:.2g} % · {time}"
+
+
+LIMIT: Registry = {"leaderboard": leaderboard, "efficiency": efficiency}

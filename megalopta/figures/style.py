@@ -1,0 +1,172 @@
+"""House style of all figures: one width, one type size, colors that color-blind readers can tell.
+
+The colors are those of Okabe and Ito (2008). Curves should differ in marker or dash as well, for
+readers in gray. Everything stays readable when a figure is shown at half of its width. Only the
+object interface of matplotlib is used: no window, no state shared between figures.
+"""
+
+import re
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import matplotlib
+from cycler import cycler
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure as Canvas
+from matplotlib.typing import LineStyleType
+
+from megalopta.flow.detectors import METHODS, THESIS_METHODS
+
+WIDTH_IN = 7.0
+
+BLUE = "#0072B2"
+ORANGE = "#E69F00"
+GREEN = "#009E73"
+VERMILION = "#D55E00"
+PURPLE = "#CC79A7"
+SKY = "#56B4E9"
+BLACK = "#1A1A1A"
+GRAY = "#7F7F7F"
+PALETTE = (BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY, BLACK)
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+DASHES: tuple[LineStyleType, ...] = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
+
+_STYLE: Mapping[Any, Any] = {
+    "axes.axisbelow": True,
+    "axes.edgecolor": GRAY,
+    "axes.grid": True,
+    "axes.labelcolor": BLACK,
+    "axes.labelsize": 12,
+    "axes.prop_cycle": cycler(color=PALETTE),
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlesize": 12,
+    "font.family": "DejaVu Sans",  # comes with matplotlib: the same letters on every machine
+    "font.size": 11,
+    "grid.color": "#E3E3E3",
+    "grid.linewidth": 0.8,
+    "legend.fontsize": 10.5,
+    "legend.frameon": False,
+    "lines.linewidth": 2.0,
+    "lines.markersize": 6,
+    "mathtext.fontset": "dejavusans",
+    "path.simplify": True,
+    "savefig.dpi": 200,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "megalopta",  # names inside an SVG are random otherwise
+    "xtick.color": BLACK,
+    "ytick.color": BLACK,
+}
+_CAPTION_SIZE = 9.0
+_LINE_IN = 0.168
+_CHARACTERS = 100
+_TITLE_SIZE = 13
+_TITLE_LINE_IN = 0.24
+_TITLE_CHARACTERS = 62
+_MARGIN_IN = 0.12
+_TABLE_COLUMNS_IN = (_MARGIN_IN, 3.3, 5.1)
+
+
+def method_style(name: str) -> dict[str, Any]:
+    """Return color, marker and dash of a method: the dissertation's in full lines, others dashed.
+
+    No two methods share color, marker and dash, and none has another look in another figure.
+    """
+    lap, place = divmod(list(METHODS).index(name), len(PALETTE))
+    return {
+        "color": PALETTE[place],
+        "marker": MARKERS[(place + lap) % len(MARKERS)],
+        "linestyle": "-" if name in THESIS_METHODS else "--",
+    }
+
+
+@contextmanager
+def house_style() -> Iterator[None]:
+    """Matplotlib's settings inside the block; they are as before after it."""
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        for key, value in _STYLE.items():
+            matplotlib.rcParams[key] = value
+        yield
+
+
+def new_canvas(
+    title: str, caption: str, height_in: float, table: Sequence[Sequence[str]] = ()
+) -> Canvas:
+    """Return an empty matplotlib figure with a title above and a caption below the drawing.
+
+    Parameters
+    ----------
+    title, caption : str
+        They are wrapped to the width.
+    height_in : float
+        Height left for the drawing (inches).
+    table : sequence of rows
+        Three texts per row, shown between drawing and caption; the first row is its head.
+    """
+    head, lines = wrapped(title, _TITLE_CHARACTERS), wrapped(caption, _CHARACTERS)
+    above = _TITLE_LINE_IN * len(head) + 0.16
+    tabled = _LINE_IN * len(table) + (_MARGIN_IN if table else 0)
+    below = tabled + _LINE_IN * len(lines) + 2 * _MARGIN_IN
+    total = below + height_in + above
+    canvas = Canvas(figsize=(WIDTH_IN, total), dpi=_STYLE["savefig.dpi"])
+    FigureCanvasAgg(canvas)
+    inside = (0.0, below / total, 1.0, height_in / total)
+    canvas.set_layout_engine("constrained", rect=inside)
+
+    def write(text: str, left_in: float, top_in: float, **style: Any) -> None:
+        place = left_in / WIDTH_IN, 1 - top_in / total
+        canvas.text(*place, text, va="top", color=BLACK, **style)
+
+    write("\n".join(head), _MARGIN_IN, _MARGIN_IN, fontsize=_TITLE_SIZE, fontweight="bold")
+    top = above + height_in + _MARGIN_IN
+    for row, texts in enumerate(table):
+        weight = "normal" if row else "bold"
+        for text, left in zip(texts, _TABLE_COLUMNS_IN, strict=True):
+            place = left, top + row * _LINE_IN
+            write(text, *place, fontsize=_CAPTION_SIZE, fontweight=weight)
+    write("\n".join(lines), _MARGIN_IN, top + tabled, fontsize=_CAPTION_SIZE, linespacing=1.3)
+    return canvas
+
+
+def wrapped(text: str, characters: int) -> list[str]:
+    """Return the lines of a text; no number is parted from its unit."""
+    held = re.sub(r"(?<=[\d×=]) (?=\S)| (?=[×=%])", "\N{NO-BREAK SPACE}", text)
+    return textwrap.wrap(held, characters, break_on_hyphens=False)
+
+
+def draw_table(
+    canvas: Canvas,
+    columns: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    widths: Sequence[float] | None = None,
+) -> None:
+    """Draw a table of text with a rule under its head and light rules between its rows.
+
+    Parameters
+    ----------
+    canvas : matplotlib figure
+    columns : sequence of str
+        Head of each column.
+    rows : sequence of sequences of str
+        One text per column.
+    widths : sequence of float, optional
+        Relative width of each column; equal where not given.
+    """
+    axes = canvas.subplots()
+    axes.set_axis_off()
+    share = [1.0] * len(columns) if widths is None else list(widths)
+    share = [width / sum(share) for width in share]
+    starts = [sum(share[:column]) for column in range(len(share))]
+    lines = len(rows) + 1
+    for line, row in enumerate([columns, *rows]):
+        height = 1 - (line + 0.5) / lines
+        for start, text in zip(starts, row, strict=True):
+            weight = "bold" if line == 0 else "normal"
+            axes.text(start + 0.01, height, text, va="center", fontsize=10.5, fontweight=weight)
+        color, width = (BLACK, 1.2) if line == 0 else ("#E3E3E3", 0.8)
+        axes.plot([0, 1], [1 - (line + 1) / lines] * 2, color=color, linewidth=width)
+    axes.set_xlim(0, 1)
+    axes.set_ylim(0, 1)

@@ -1,0 +1,5 @@
+from .sheet import write_gallery
+
+__all__ = [
+    "write_gallery",
+]

@@ -1,0 +1,240 @@
+"""The render stage: scene to radiance and ground truth of every frame, on disk."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta import files
+from megalopta.config import Configuration
+from megalopta.dataset import ATTRIBUTE, Dataset, noise_record, sintel
+from megalopta.errors import UserError
+from megalopta.progress import progress, say
+from megalopta.render import (
+    MEASURED_EVERY,
+    RenderNoise,
+    SceneRenderer,
+    frame_seed,
+    read_radiance,
+    render_once,
+    render_until,
+    write_radiance,
+    write_truth,
+)
+from megalopta.scenes import build_scene, preview, white_level, white_of
+from megalopta.scenes.cameras import PerspectiveCamera
+from megalopta.scenes.spectra import linear_srgb
+from megalopta.scenes.world import Scene
+
+# Points below the camera's path where the illuminance is measured.
+_LIGHT_METERS = 9
+
+
+def render(dataset: Dataset) -> None:
+    """Render the frames of which any file is not there yet."""
+    frames = range(dataset.configuration.trajectory.frames)
+    missing = [
+        index for index in frames if not all(path.exists() for path in _frame_files(dataset, index))
+    ]
+    if missing or not dataset.scene_record.exists():
+        say("render: building the scene")
+        writer = FrameWriter(dataset)
+        say(f"render: {writer.objects} objects, {writer.triangles:,} triangles; {writer.variant}")
+        say(f"render: integrator {writer.integrator}")
+        with progress("Rendering radiance and truth", len(missing), "frame") as advance:
+            for index in missing:
+                writer.write(index)
+                advance()
+        record: dict[str, Any] = {
+            **writer.record(),
+            "illuminance": writer.illuminance(),
+            "monte_carlo": noise_record(dataset, writer.samples_per_pixel),
+        }
+        files.write_json(dataset.scene_record, record)
+        _say_illuminance(record["illuminance"])
+        _say_noise(dataset.configuration, record["monte_carlo"])
+    _write_previews(dataset)
+
+
+def _frame_files(dataset: Dataset, index: int) -> list[Path]:
+    kinds = [("depth", "dpt")]
+    if isinstance(dataset.configuration.camera, PerspectiveCamera):
+        kinds += [("camdata_left", "cam")]
+    if index + 1 < dataset.configuration.trajectory.frames:
+        kinds += [("flow", "flo"), ("occlusions", "png"), ("invalid", "png")]
+    training = [dataset.frame(f"training/{kind}", index, suffix) for kind, suffix in kinds]
+    of_shutter = dataset.exposed_radiance(index), dataset.exposed_truth(index)
+    return [dataset.radiance(index), dataset.truth(index), *of_shutter, *training]
+
+
+def build(settings: Configuration) -> Scene:
+    """Build the scene of a configuration. Raises UserError."""
+    try:
+        return build_scene(
+            settings.scene,
+            settings.light,
+            settings.camera,
+            settings.trajectory,
+            settings.objects,
+        )
+    except ValueError as problem:
+        raise UserError(f"scene: {problem}") from None
+
+
+def _load(scene: Scene, settings: Configuration, poses: NDArray[np.float64]) -> SceneRenderer:
+    try:
+        return SceneRenderer(scene, settings.camera, settings.render, poses, settings.seed)
+    except ValueError as problem:
+        raise UserError(f"render: {problem}") from None
+
+
+class FrameWriter:
+    """Renders single frames of a dataset's sequence to their files."""
+
+    def __init__(self, dataset: Dataset) -> None:
+        self._dataset = dataset
+        settings = dataset.configuration
+        scene = build(settings)
+        self._poses = settings.trajectory.poses()
+        self._times_s = settings.trajectory.times_s
+        self._renderer = _load(scene, settings, self._poses)
+        self._kinds, self._origin_m = scene.kinds, scene.origin_m
+        self._motions = {
+            str(index + 1): placement.motion.record()
+            for index, placement in enumerate(scene.placements)
+            if placement.motion
+        }
+        self.objects, self.triangles = len(scene.placements), scene.triangle_count
+        self.variant, self.integrator = self._renderer.variant, self._renderer.integrator
+        self.samples_per_pixel = self._renderer.samples_per_pixel
+
+    def record(self) -> dict[str, Any]:
+        """What was rendered, for the scene's record: counts, names of kinds, motions by object."""
+        return {
+            "objects": self.objects,
+            "triangles": self.triangles,
+            "variant": self.variant.name,
+            "integrator": self.integrator,
+            "kinds": list(self._kinds),
+            "motions": self._motions,
+        }
+
+    def _view(self, index: int) -> dict[str, str]:
+        """Attributes of a truth file: camera, pose, time and names, so that it explains itself."""
+        camera = self._dataset.configuration.camera
+        return {
+            "camera": camera.model_dump_json(),
+            "cameraToWorld": " ".join(map(repr, self._poses[index].ravel().tolist())),
+            "depthMeaning": camera.depth_meaning,
+            "kindNames": json.dumps(self._kinds),
+            "timeSeconds": repr(float(self._times_s[index])),
+        }
+
+    def write(self, index: int) -> None:
+        """Render one frame to all its files."""
+        dataset, pose, time = self._dataset, self._poses[index], float(self._times_s[index])
+        settings = dataset.configuration
+        radiance, noise = self._radiance(index)
+        truth = self._renderer.truth(self._poses, index, self._times_s)
+        attributes = {
+            "illuminanceLux": f"{settings.light.resolved().illuminance_lux:g}",
+            "timeSeconds": f"{time:.9g}",
+        }
+        if noise:
+            attributes[ATTRIBUTE] = noise.to_json()
+        write_radiance(dataset.radiance(index), radiance, settings.render.bands_nm, attributes)
+        if index + 1 < len(self._poses):
+            root, wraps = dataset.root / "training", settings.camera.wraps
+            sintel.write_flow(root, dataset.sequence, index, truth, wraps)
+        sintel.write_depth(dataset.frame("training/depth", index, "dpt"), truth.depth)
+        if isinstance(settings.camera, PerspectiveCamera):
+            camera_path = dataset.frame("training/camdata_left", index, "cam")
+            sintel.write_camera(camera_path, settings.camera, pose)
+        write_truth(dataset.truth(index), truth, self._origin_m, self._view(index))
+        if not settings.shutter.is_instant:
+            self._write_exposed(index, attributes)
+
+    def _write_exposed(self, index: int, attributes: Mapping[str, str]) -> None:
+        """Render one frame as the shutter takes it; its seeds are unrelated to the sharp one's."""
+        dataset, settings = self._dataset, self._dataset.configuration
+        path, shutter = settings.trajectory, settings.shutter
+        radiance = self._renderer.exposed(path, shutter, index, settings.seed)
+        times = {
+            "exposureSeconds": repr(shutter.exposure_s), "readoutSeconds": repr(shutter.readout_s)
+        }  # fmt: skip
+        file, bands_nm = dataset.exposed_radiance(index), settings.render.bands_nm
+        write_radiance(file, radiance, bands_nm, {**attributes, **times})
+        if shutter.readout_s:
+            truth = self._renderer.shutter_truth(path, shutter, index)
+            file = dataset.exposed_truth(index)
+            write_truth(file, truth, self._origin_m, {**self._view(index), **times})
+
+    def illuminance(self) -> dict[str, Any] | None:
+        """Measured lux in the open and below the camera's path; None for a scene that glows."""
+        frames = np.unique(np.linspace(0, len(self._poses) - 1, _LIGHT_METERS).astype(int))
+        survey = self._renderer.light_survey(self._poses[frames, :3, 3])
+        if survey is None:
+            return None
+        return {
+            "requested_lux": self._dataset.configuration.light.resolved().illuminance_lux,
+            "unshaded_lux": survey.unshaded.lux,
+            "unshaded_standard_error_lux": survey.unshaded.standard_error_lux,
+            "ground": [asdict(point) for point in survey.ground],
+        }
+
+    def _radiance(self, index: int) -> tuple[NDArray[np.float32], RenderNoise | None]:
+        settings = self._dataset.configuration
+
+        def render_pass(number: int) -> NDArray[np.float32]:
+            seed = frame_seed(settings.seed, index, number)
+            return self._renderer.radiance(self._poses[index], seed, float(self._times_s[index]))
+
+        target = settings.render.target_error
+        if target is None:
+            return render_once(render_pass, measured=index % MEASURED_EVERY == 0)
+        return render_until(render_pass, target, settings.render.max_passes)
+
+
+def _say_illuminance(light: Mapping[str, Any] | None) -> None:
+    if not light:
+        return
+    text = f"{light['requested_lux']:.4g} lux requested, {light['unshaded_lux']:.3g} measured"
+    ground = [point["lux"] for point in light["ground"]]
+    if ground:
+        text += (
+            f" in the open and {np.mean(ground):.3g} on the ground below the camera "
+            f"({min(ground):.2g} to {max(ground):.2g} along its path)"
+        )
+    say(f"render: {text}")
+
+
+def _say_noise(settings: Configuration, noise: Mapping[str, Any] | None) -> None:
+    if not noise or not noise["median_relative"]:
+        return
+    typical = noise["median_relative"]
+    say(f"render: error of a pixel {typical:.2%} (median), from independent renderings")
+    target = settings.render.target_error
+    worst = max(noise["median_relative_of_frames"])
+    if target is not None and worst > target:
+        missed = sum(error > target for error in noise["median_relative_of_frames"])
+        say(
+            f"render: {missed} of {settings.trajectory.frames} frames did not meet target_error "
+            f"{target:g} in {settings.render.max_passes} passes, the worst has {worst:.2g}: raise "
+            "render.max_passes or render.samples_per_pixel"
+        )
+
+
+def _write_previews(dataset: Dataset) -> None:
+    """Tone-mapped radiance, all frames exposed alike, after the first."""
+    configuration = dataset.configuration
+    white = white_of(configuration.scene, configuration.light)
+    level = None
+    for index in range(configuration.trajectory.frames):
+        radiance, bands = read_radiance(dataset.radiance(index))
+        level = level or white_level(linear_srgb(radiance, bands, white))
+        image = preview(radiance, bands, white, level)
+        sintel.write_png(dataset.frame("training/clean", index, "png"), image)

@@ -1,0 +1,152 @@
+"""The sense stage: radiance to the readings of every sensor at every light level, on disk.
+
+A SPAD array reads counts, an array of CTIA pixels electrons.
+
+Light is additive, so a scene under the same light made k times as bright has k times the radiance,
+in every band for itself: one rendering serves all levels. What stays is where the light comes from:
+a full moon sensed from a rendering under an overcast sky casts no shadows.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.config import Configuration, LightLevel, level_text
+from megalopta.dataset import Dataset, exposure_name, read_radiance_frames, sintel
+from megalopta.errors import UserError
+from megalopta.progress import progress, say
+from megalopta.scenes import glows
+from megalopta.scenes.lighting import LEVELS, illuminance_of
+from megalopta.scenes.spectra import Spectrum
+from megalopta.sensor import (
+    Exposure,
+    ImageSensor,
+    StoredCounts,
+    expose_image,
+    read_counts,
+    write_counts,
+)
+from megalopta.stages.noise_warning import noise_share, noise_warning
+
+# Frames held in memory at once, as radiance.
+_CHUNK_FRAMES = 16
+
+
+def sense(dataset: Dataset) -> None:
+    """Expose what is not there yet."""
+    missing = [pair for pair in exposures(dataset) if not dataset.counts(*pair).exists()]
+    _warn_of_noise(dataset)
+    with progress("Exposing sensors", len(missing), "exposure") as advance:
+        for sensor, level in missing:
+            with _refusals_told(sensor, level):
+                _expose_sequence(dataset, sensor, level)
+            advance()
+    _write_final_images(dataset)
+
+
+@contextmanager
+def _refusals_told(sensor: ImageSensor, level: LightLevel) -> Iterator[None]:
+    """Light that is too bright to draw, or a device that does not fit, is the user's to mend."""
+    try:
+        yield
+    except ValueError as problem:
+        raise UserError(f"sense: {sensor.name} at {level_text(level)}: {problem}") from None
+
+
+def _warn_of_noise(dataset: Dataset) -> None:
+    settings, noise = dataset.configuration, dataset.read_scene_record().get("monte_carlo") or {}
+    if "covariance" not in noise:
+        return
+    shares = {}
+    for sensor, level in exposures(dataset):
+        with _refusals_told(sensor, level):
+            share = noise_share(noise, settings, sensor, light_scale(settings, level))
+        shares[f"{sensor.name} at {level_text(level)}"] = share
+    if warning := noise_warning(noise, settings, shares):
+        say(f"sense: {warning}")
+
+
+def exposures(dataset: Dataset) -> list[tuple[ImageSensor, LightLevel]]:
+    """Every sensor at every light level."""
+    settings = dataset.configuration
+    return [(sensor, level) for sensor in settings.sensors for level in settings.light_levels]
+
+
+def read_exposure(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> StoredCounts:
+    """Counts of one sensor at one light level. Raises UserError when they cannot be read."""
+    try:
+        return read_counts(dataset.counts(sensor, level))
+    except (OSError, ValueError, KeyError, RuntimeError) as problem:
+        again = f"megalopta sense {dataset.home} --redo"
+        raise UserError(
+            f"{dataset.counts(sensor, level)} cannot be read ({problem}); run: {again}"
+        ) from None
+
+
+def light_scale(configuration: Configuration, level: LightLevel) -> NDArray[np.float64]:
+    """Factor (B,) per band from the rendered light to a level.
+
+    A named level has its own spectrum (taken as flat within a band); a level in lux, and a scene
+    that glows by itself, keep the color that was rendered.
+    """
+    rendered = configuration.light.resolved()
+    bands = configuration.render.bands_nm
+    if (
+        glows(configuration.scene)
+        or not isinstance(level, str)
+        or level == configuration.light.level
+    ):
+        return np.full(len(bands), illuminance_of(level) / rendered.illuminance_lux)
+    before, after = rendered.spectrum(), LEVELS[level].spectrum()
+    return np.array([_band_mean(after, band) / _band_mean(before, band) for band in bands])
+
+
+def _band_mean(spectrum: Spectrum, band: tuple[float, float]) -> float:
+    grid = np.linspace(*band, 1025)  # airglow has a corner every 20 nm
+    return float(np.trapezoid(spectrum(grid), grid) / (band[1] - band[0]))
+
+
+def _expose_sequence(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> None:
+    configuration = dataset.configuration
+    sequence = f"{dataset.sequence}/{exposure_name(sensor, level)}"
+    scale = light_scale(configuration, level).astype(np.float32)
+    chunks = [
+        expose_image(
+            radiance * scale,
+            configuration.render.bands_nm,
+            sensor,
+            seed=configuration.seed,
+            sequence=sequence,
+            first_frame=first,
+            frame_period_s=1 / configuration.trajectory.frame_rate_hz,
+        )
+        for first, radiance in read_radiance_frames(dataset, _CHUNK_FRAMES)
+    ]
+    exposure = Exposure(
+        *(
+            np.concatenate([getattr(chunk, field) for chunk in chunks])
+            for field in ("counts", "expected", "saturated")
+        )
+    )
+    path = dataset.counts(sensor, level)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    stored = StoredCounts(
+        exposure, sensor, configuration.seed, sequence, illuminance_of(level), {"level": level}
+    )
+    write_counts(path, stored)
+
+
+def _write_final_images(dataset: Dataset) -> None:
+    """Counts of the first sensor at the first light level as gray images, all exposed alike."""
+    configuration = dataset.configuration
+    stored = read_exposure(dataset, configuration.sensors[0], configuration.light_levels[0])
+    white = max(float(np.percentile(stored.exposure.counts, 99)), 1.0)
+    for index, counts in enumerate(stored.exposure.counts):
+        sintel.write_png(dataset.frame("training/final", index, "png"), _gray(counts / white))
+
+
+def _gray(values: NDArray[np.float64]) -> NDArray[np.uint8]:
+    level = (255 * np.clip(values, 0, 1) ** (1 / 2.2) + 0.5).astype(np.uint8)
+    return np.repeat(level[..., None], 3, axis=-1)

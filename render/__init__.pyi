@@ -1,0 +1,43 @@
+from .bands import Bands
+from .exr import (
+    read_attributes,
+    read_radiance,
+    read_size,
+    read_truth,
+    read_truth_header,
+    write_radiance,
+    write_truth,
+)
+from .noise import MEASURED_EVERY, RenderNoise, RunningMean, render_once, render_until
+from .renderer import SceneRenderer
+from .settings import RenderSettings, frame_seed
+from .truth.tracer import Flow, Truth, out_of_view
+from .variant import CUDA_NOTE, Variant, activate, choose_variant, has_cuda_device, llvm_in_use
+
+__all__ = [
+    "CUDA_NOTE",
+    "MEASURED_EVERY",
+    "Bands",
+    "Flow",
+    "RenderNoise",
+    "RenderSettings",
+    "RunningMean",
+    "SceneRenderer",
+    "Truth",
+    "Variant",
+    "activate",
+    "choose_variant",
+    "frame_seed",
+    "has_cuda_device",
+    "llvm_in_use",
+    "out_of_view",
+    "read_attributes",
+    "read_radiance",
+    "read_size",
+    "read_truth",
+    "read_truth_header",
+    "render_once",
+    "render_until",
+    "write_radiance",
+    "write_truth",
+]

@@ -1,0 +1,6 @@
+from .integrator import BakedLightIntegrator, path_tracing_reason
+
+__all__ = [
+    "BakedLightIntegrator",
+    "path_tracing_reason",
+]

@@ -1,0 +1,225 @@
+"""Every face side cut into cells, small enough that the light on each may be taken as even.
+
+A cell is a piece of one side of one triangle. With the corner opposite the longest edge as origin,
+the two edges that meet there are cut into pieces, which lays a grid of parallelograms over the
+triangle. Pieces are a few pixels long, as seen from where the camera comes closest; where vertex
+normals turn they are short enough that the normal turns little within one.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from megalopta.render.loading import MergedMesh
+from megalopta.scenes.cameras import Camera
+
+UInt32 = NDArray[np.uint32]
+
+PIECE_PX = 4.0
+"""Longest piece of an edge, in pixels of the camera where it comes closest."""
+TURN_RAD = 0.25
+"""A shading normal turns by at most this much along a piece that is longer than a pixel (rad)."""
+MOST_PIECES = 128
+"""Most pieces an edge is cut into."""
+NEAREST_M = 0.3
+"""What comes nearer to the camera than this is cut as if it came no nearer (m)."""
+MOST_CELLS = 2**30
+"""The table of cells takes four bytes for each."""
+
+
+def pixel_angle(camera: Camera) -> float:
+    """Mean angle between neighboring pixels (rad)."""
+    directions = camera.directions()
+    steps = [
+        np.linalg.norm(np.diff(directions, axis=axis), axis=-1).ravel()
+        for axis in (0, 1)
+        if directions.shape[axis] > 1
+    ]
+    return float(np.concatenate(steps).mean()) if steps else 1.0
+
+
+@dataclass(frozen=True)
+class Cells:
+    """How the cells of M meshes with F faces in all, in loading order, are numbered.
+
+    Attributes
+    ----------
+    first_face : (M,)
+        Number of the first face of each mesh.
+    first_cell : (F,)
+        Number of the first cell of each face: front side row by row, then back side.
+    origin : (F,)
+        Corner, 0 to 2, at which both coordinates are 0.
+    pieces : (2, F)
+        Into how many pieces the edges to the next corner and to the one after it are cut.
+    count : int
+        All cells.
+    """
+
+    first_face: UInt32
+    first_cell: UInt32
+    origin: UInt32
+    pieces: UInt32
+    count: int
+
+    @classmethod
+    def of(
+        cls,
+        meshes: Sequence[MergedMesh],
+        camera: Camera,
+        positions: NDArray[np.float64],
+    ) -> "Cells":
+        """Cut meshes for a camera that comes to positions (T, 3).
+
+        Raises
+        ------
+        ValueError
+            When there are more cells than a table holds.
+        """
+        path, pixel_rad = cKDTree(positions), pixel_angle(camera)
+        cuts = [_cut(mesh, path, pixel_rad) for mesh in meshes]
+        origin = np.concatenate([origin for origin, _ in cuts])
+        pieces = np.concatenate([pieces for _, pieces in cuts], axis=1)
+        ends = np.cumsum(2 * pieces.prod(axis=0, dtype=np.int64))
+        count = int(ends[-1])
+        if count > MOST_CELLS:
+            raise ValueError(
+                f"render.integrator 'baked': the surfaces make {count} cells of a few pixels, "
+                f"and {MOST_CELLS} fit; use 'path', or a smaller camera"
+            )
+        faces = np.cumsum([0, *(len(mesh.faces) for mesh in meshes)])
+        return cls(
+            faces[:-1].astype(np.uint32),
+            np.concatenate([[0], ends[:-1]]).astype(np.uint32),
+            origin,
+            pieces,
+            count,
+        )
+
+    def patches(self, cell: UInt32) -> "Patches":
+        """Where cells (C,) lie."""
+        face = np.searchsorted(self.first_cell, cell, side="right") - 1
+        mesh = np.searchsorted(self.first_face, face, side="right") - 1
+        pieces = self.pieces[:, face]
+        side, place = np.divmod(cell - self.first_cell[face], pieces[0] * pieces[1])
+        triangle = (face - self.first_face[mesh]).astype(np.uint32)
+        indices = np.stack(np.divmod(place, pieces[1]))
+        return Patches(mesh.astype(np.uint32), triangle, side, self.origin[face], pieces, indices)
+
+
+@dataclass(frozen=True)
+class Patches:
+    """Where C cells lie: mesh, triangle in it, side (1 is the back), and place on the triangle.
+
+    `indices` (2, C) count the pieces from the origin to the cell along the two edges.
+    """
+
+    mesh: UInt32
+    triangle: UInt32
+    side: UInt32
+    origin: UInt32
+    pieces: UInt32
+    indices: UInt32
+
+    def barycentric(self, of: Callable[[UInt32], Any], a: Any, b: Any) -> Any:
+        """Mitsuba's barycentric coordinates of points at (a, b), 0 to 1, in cells.
+
+        Parameters
+        ----------
+        of : callable
+            Takes values of cells (C,) to those of points (N,).
+        a, b : Float (N,)
+        """
+        n = [mi.Float(of(pieces)) for pieces in self.pieces]
+        index = [mi.Float(of(values)) for values in self.indices]
+        u, v = ((i + x) / m for i, x, m in zip(index, (a, b), n, strict=True))
+        # A cell on the longest edge lies half outside: its points there are turned about its
+        # center, and what still lies outside, where pieces differ in number, moves to the edge.
+        outside = u + v > 1
+        u = dr.select(outside, (2 * index[0] + 1) / n[0] - u, u)
+        v = dr.select(outside, (2 * index[1] + 1) / n[1] - v, v)
+        total = dr.maximum(u + v, 1)
+        u, v = u / total, v / total
+        rest, origin = 1 - u - v, of(self.origin)
+        return mi.Point2f(
+            dr.select(origin == 0, u, dr.select(origin == 1, rest, v)),
+            dr.select(origin == 0, v, dr.select(origin == 1, u, rest)),
+        )
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What N rays see, in Mitsuba's types.
+
+    `mesh` and `cell` mean something where `shaded`: where a surface was hit that does not glow.
+    """
+
+    point: Any
+    front: Any
+    shaded: Any
+    mesh: Any
+    cell: Any
+
+
+class CellFinder:
+    """Which cells rays hit, inside Mitsuba."""
+
+    def __init__(self, cells: Cells) -> None:
+        self._first_face = mi.UInt(cells.first_face)
+        self._first_cell = mi.UInt(cells.first_cell)
+        self._origin = mi.UInt(cells.origin)
+        self._pieces = [mi.UInt(pieces) for pieces in cells.pieces]
+
+    def look(self, loaded: Any, rays: Any) -> Sight:
+        """Trace rays through a loaded scene."""
+        hit = loaded.ray_intersect_preliminary(rays, coherent=True)
+        point = hit.compute_surface_interaction(rays, mi.RayFlags.All)
+        front = point.wi.z > 0
+        shaded = point.is_valid() & ~point.shape.is_emitter()
+        cell = self.find(hit, front, shaded)
+        return Sight(point, front, shaded, hit.shape_index, cell)
+
+    def find(self, hit: Any, front: Any, active: Any) -> Any:
+        """Cell of preliminary intersections (N,) on their front or back sides."""
+        face = dr.gather(mi.UInt, self._first_face, hit.shape_index, active) + hit.prim_index
+        first, origin, *pieces = (
+            dr.gather(mi.UInt, table, face, active)
+            for table in (self._first_cell, self._origin, *self._pieces)
+        )
+        b1, b2 = hit.prim_uv
+        b0 = 1 - b1 - b2
+        u = dr.select(origin == 0, b1, dr.select(origin == 1, b2, b0))
+        v = dr.select(origin == 0, b2, dr.select(origin == 1, b0, b1))
+        i, j = (
+            dr.minimum(mi.UInt(dr.maximum(x, 0) * n), n - 1)
+            for x, n in zip((u, v), pieces, strict=True)
+        )
+        side = dr.select(front, mi.UInt(0), mi.UInt(1))
+        return first + (side * pieces[0] + i) * pieces[1] + j
+
+
+def _cut(mesh: MergedMesh, path: cKDTree, pixel_rad: float) -> tuple[UInt32, UInt32]:
+    """Origin (F,) and pieces (2, F) of the faces of a mesh."""
+    corners = mesh.vertices[mesh.faces].astype(np.float64)
+    lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+    # Edge i leads from corner i to the next: the longest one leaves the corner after the origin.
+    origin = (np.argmax(lengths, axis=1) + 2) % 3
+    edges = np.stack([origin, (origin + 2) % 3])
+    faces = np.arange(len(origin))
+    center = corners.mean(axis=1)
+    radius = np.linalg.norm(corners - center[:, None], axis=2).max(axis=1)
+    distance = np.maximum(path.query(center)[0] - radius, NEAREST_M)
+    pixels = lengths[faces, edges] / (pixel_rad * distance)
+    pieces = pixels / PIECE_PX
+    if mesh.normals is not None:
+        normals = mesh.normals[mesh.faces].astype(np.float64)
+        cosines = np.einsum("fij,fij->fi", normals, np.roll(normals, -1, axis=1))
+        turns = np.arccos(np.clip(cosines, -1, 1))[faces, edges]
+        pieces = np.maximum(pieces, np.minimum(turns / TURN_RAD, pixels))
+    return origin.astype(np.uint32), np.ceil(pieces).clip(1, MOST_PIECES).astype(np.uint32)

@@ -1,0 +1,174 @@
+"""A panorama at infinity seen by a camera: no paths are traced, the picture is looked up.
+
+A pixel is the mean over a square grid of points in it, of the picture read bilinearly. That leaves
+no random noise, only what is lost where the grid is coarser than the picture.
+"""
+
+import math
+import re
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.render import Bands
+from megalopta.scenes.cameras import Camera
+from megalopta.scenes.spectra import Spectrum, luminous
+from megalopta.scenes.world import Environment
+
+Floats = NDArray[np.float32]
+
+# Rows of points looked up at once, so that memory stays far below that of the directions.
+_POINTS_AT_ONCE = 2**18
+_METER_RAYS = 2**18
+
+_ENDS_EARLY = re.compile(r"Success|read \d+ out of \d+ bytes")
+"""What Mitsuba says of a file that does."""
+
+
+class PanoramaView:
+    """A camera before a panorama, ready to be turned.
+
+    Parameters
+    ----------
+    environment : Environment
+    camera : Camera
+    bands_nm : sequence of (lower, upper)
+    samples : int
+        Points per pixel, rounded up to a square.
+    """
+
+    def __init__(
+        self, environment: Environment, camera: Camera, bands_nm: Bands, samples: int
+    ) -> None:
+        self._grid = math.isqrt(samples - 1) + 1
+        fine = {"width": camera.width * self._grid, "height": camera.height * self._grid}
+        self._axes = camera.model_copy(update=fine).directions().astype(np.float32)
+        self._turn = math.radians(environment.turn_deg)
+        self._rgb = load_panorama(environment)
+        self._efficacy = [luminous(spectrum) for spectrum in environment.spectra]
+        self._band_means = band_means(environment.spectra, bands_nm).astype(np.float32)
+
+    @property
+    def samples_per_pixel(self) -> int:
+        """Points per pixel."""
+        return self._grid**2
+
+    def radiance(self, pose: NDArray[np.float64]) -> Floats:
+        """Spectral radiance (H, W, B) seen from a pose (4, 4), W·m⁻²·sr⁻¹·nm⁻¹, band means."""
+        rotation = pose[:3, :3].T.astype(np.float32)
+        step = self._grid * max(1, _POINTS_AT_ONCE // (self._grid * self._axes.shape[1]))
+        strips = [
+            self._pixels(self._axes[first : first + step] @ rotation)
+            for first in range(0, len(self._axes), step)
+        ]
+        return np.concatenate(strips) @ self._band_means
+
+    def illuminance(self) -> float:
+        """Lux on a horizontal plane, measured along rays like those of the pixels."""
+        directions = cosine_directions(_METER_RAYS)
+        return (
+            float(look_up(self._rgb, directions, self._turn).mean(axis=0) @ self._efficacy)
+            * math.pi
+        )
+
+    def _pixels(self, directions: Floats) -> Floats:
+        colors = look_up(self._rgb, directions, self._turn)
+        height, width = (size // self._grid for size in directions.shape[:2])
+        points = colors.reshape(height, self._grid, width, self._grid, 3)
+        return np.asarray(points.mean(axis=(1, 3)))
+
+
+def look_up(rgb: Floats, directions: Floats, turn_rad: float = 0.0) -> Floats:
+    """Colors (..., 3) in directions (..., 3) of an equirectangular picture, bilinear."""
+    rows, columns = rgb.shape[:2]
+    azimuth = np.arctan2(directions[..., 1], directions[..., 0]) - turn_rad
+    polar = np.arccos(np.clip(directions[..., 2], -1, 1))
+    x = (0.5 - azimuth / (2 * math.pi)) * columns - 0.5
+    y = np.clip(polar / math.pi * rows - 0.5, 0, rows - 1)
+    left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    u, v = (x - left)[..., None], (y - top)[..., None]
+    bottom, right = np.minimum(top + 1, rows - 1), (left + 1) % columns
+    left %= columns
+    upper = (1 - u) * rgb[top, left] + u * rgb[top, right]
+    lower = (1 - u) * rgb[bottom, left] + u * rgb[bottom, right]
+    return np.asarray((1 - v) * upper + v * lower, np.float32)
+
+
+def cosine_directions(count: int) -> Floats:
+    """Unit vectors (count, 3) to the upper hemisphere, as dense as the cosine to the zenith."""
+    index = np.arange(count)
+    radius, angle = np.sqrt((index + 0.5) / count), index * math.pi * (3 - math.sqrt(5))
+    up = np.sqrt(1 - radius**2)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), up], -1).astype(np.float32)
+
+
+def band_means(
+    spectra: tuple[Spectrum, Spectrum, Spectrum], bands_nm: Bands
+) -> NDArray[np.float64]:
+    """Means (3, B) of the three spectra over the bands."""
+    grids = [np.linspace(*band, 1025) for band in bands_nm]
+    return np.array(
+        [[np.trapezoid(s(grid), grid) / (grid[-1] - grid[0]) for grid in grids] for s in spectra]
+    )
+
+
+def load_panorama(environment: Environment) -> Floats:
+    """Read the picture (H, W, 3) so that it gives the illuminance with the spectra as they are.
+
+    Raises
+    ------
+    ValueError
+        When the file cannot be read, has changed, or is no panorama.
+    """
+    path = environment.file.path
+    environment.file.read()  # refuses what is not there or has changed
+    rgb = read_picture(path)
+    rows, columns = rgb.shape[:2]
+    if columns != 2 * rows:
+        raise ValueError(
+            f"{path} has {columns} × {rows} pixels; a panorama is twice as wide as it is high"
+        )
+    efficacy = np.array([luminous(spectrum) for spectrum in environment.spectra])
+    lux = horizontal(rgb) @ efficacy
+    if lux <= 0:
+        raise ValueError(f"{path} is black above the horizon; give a picture with light in it")
+    return np.asarray(rgb * (environment.illuminance_lux / lux), np.float32)
+
+
+def horizontal(rgb: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Integral (3,) of the picture's upper half over solid angle, times the cosine to the zenith.
+
+    A row between the polar angles a and b has the weight ∫ cos θ·sin θ dθ = (sin²b − sin²a)/2, so
+    that a picture of ones gives π.
+    """
+    rows, columns = rgb.shape[:2]
+    edges = np.clip(np.arange(rows + 1) * math.pi / rows, 0, math.pi / 2)
+    weights = np.diff(np.sin(edges) ** 2) / 2 * (2 * math.pi / columns)
+    return np.asarray(weights @ rgb.sum(axis=1, dtype=np.float64))
+
+
+def read_picture(path: str) -> Floats:
+    """Read a picture (H, W, 3) in linear sRGB; PNG is decoded, an alpha channel left out.
+
+    Raises
+    ------
+    ValueError
+        When it cannot be read, or holds values that are negative or not finite.
+    """
+    try:
+        bitmap = mi.Bitmap(path)
+        linear = bitmap.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False)
+    except (RuntimeError, MemoryError) as problem:
+        reason = str(problem).splitlines()[0].rsplit(": ", 1)[-1].rstrip("!")
+        reason = "it ends too early" if _ENDS_EARLY.search(reason) else reason
+        reason = "too large for the memory" if isinstance(problem, MemoryError) else reason
+        raise ValueError(
+            f"{path} cannot be read as a picture ({reason}); give an HDR, EXR or PNG file"
+        ) from None
+    rgb = np.array(linear, np.float32)
+    if not rgb.size:
+        raise ValueError(f"{path} holds no pixel; give a picture with light in it")
+    if not np.isfinite(rgb).all() or rgb.min() < 0:
+        raise ValueError(f"{path} has values that are negative or not finite; mend it")
+    return rgb

@@ -1,0 +1,244 @@
+"""Scene data to a loaded Mitsuba scene: materials, merged meshes, lights, film and sensor.
+
+Every spectral quantity is handed over as it is (spectral variants apply no color conversion). A
+film channel is the integral of radiance against a box of height 1/width, so that it reads the band
+mean in W·m⁻²·sr⁻¹·nm⁻¹.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.render import Bands
+from megalopta.render.loading.meshes import MergedMesh
+from megalopta.render.sensors import PANORAMA, ROWS, register_panorama, register_rows
+from megalopta.scenes.cameras import Camera, CylindricalCamera, PerspectiveCamera
+from megalopta.scenes.spectra import Spectrum
+from megalopta.scenes.world import Emission, Lighting, Material, Scene
+
+# Mitsuba's spectra are zero beyond their table; ours go on at the end values.
+_SPECTRUM_LIMITS_NM = (100.0, 4000.0)
+
+# Points that stand for the disc of sun or moon: at 10 m they blur a shadow's edge in steps of 1 cm.
+# They cost no time, since a path looks at one of them.
+DISC_POINTS = 64
+
+
+def load_scene(scene: Scene, meshes: Sequence[MergedMesh]) -> Any:
+    """Load scene data into Mitsuba; the active variant must be a spectral one."""
+    lights = _lights(scene.lighting) if scene.lighting else {}
+    shapes = {
+        f"mesh_{index:03d}": _mesh(f"mesh_{index:03d}", mesh, scene.materials)
+        for index, mesh in enumerate(meshes)
+    }
+    return mi.load_dict({"type": "scene", **lights, **shapes})
+
+
+def load_sensor(camera: Camera, bands_nm: Bands, sampler: str, samples: int, rows: int) -> Any:
+    """Return a sensor for strips of `rows` image rows, with one film channel per band.
+
+    It sees nothing useful before it is aimed.
+    """
+    parts = _film_and_sampler(camera, bands_nm, sampler, samples, rows)
+    return mi.load_dict({**_optics(camera), **parts})
+
+
+def load_rows_sensor(
+    camera: Camera, bands_nm: Bands, sampler: str, samples: int, rows: int, optics: Any
+) -> Any:
+    """Return a sensor as `load_sensor` does whose rows have poses of their own.
+
+    It looks through `optics`, a sensor for the same strips at Mitsuba's identity.
+    """
+    register_rows(mi.variant())
+    sensor = mi.load_dict(
+        {"type": ROWS, **_film_and_sampler(camera, bands_nm, sampler, samples, rows)}
+    )
+    sensor.optics = optics
+    return sensor
+
+
+def _film_and_sampler(
+    camera: Camera, bands_nm: Bands, sampler: str, samples: int, rows: int
+) -> dict[str, Any]:
+    film: dict[str, Any] = {
+        "type": "specfilm",
+        "width": camera.width,
+        "height": rows,
+        "component_format": "float32",
+        # The only filter that is bit-reproducible in vectorized variants, and a pixel is a box.
+        "rfilter": {"type": "box"},
+    }
+    for index, (lower, upper) in enumerate(bands_nm):
+        film[f"band_{index:03d}"] = {
+            "type": "regular",
+            "wavelength_min": lower,
+            "wavelength_max": upper,
+            "values": ",".join([repr(1 / (upper - lower))] * 2),
+        }
+    return {"film": film, "sampler": {"type": sampler, "sample_count": samples}}
+
+
+def aim(
+    parameters: Any, camera: Camera, pose: NDArray[np.float64], first_row: int, rows: int
+) -> None:
+    """Bring a sensor, by its `mi.traverse` parameters, to a pose (4, 4) and a strip of rows."""
+    parameters["to_world"] = sensor_transform(pose)
+    if isinstance(camera, PerspectiveCamera):
+        center = (camera.height / 2 - first_row) / rows
+        parameters["principal_point_offset_y"] = 0.5 - center
+    else:
+        lower, upper = camera.heights
+        per_row = (upper - lower) / camera.height
+        top = upper - first_row * per_row
+        parameters["heights"] = mi.Point2f(top - rows * per_row, top)
+    parameters.update()
+
+
+def _optics(camera: Camera) -> dict[str, Any]:
+    if isinstance(camera, PerspectiveCamera):
+        return {
+            "type": "perspective",
+            "fov": camera.fov_deg,
+            "fov_axis": "x",
+            "near_clip": 1e-3,
+            "far_clip": 1e5,
+        }
+    register_panorama(mi.variant())
+    return {
+        "type": PANORAMA,
+        "fov": math.radians(camera.fov_deg),
+        "is_cylinder": isinstance(camera, CylindricalCamera),
+    }
+
+
+def sensor_transform(pose: NDArray[np.float64]) -> Any:
+    """Mitsuba's sensor transform of a pose."""
+    return mi.Transform4f(sensor_transform_matrix(pose).tolist())
+
+
+def sensor_transform_matrix(pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The matrix of a pose (..., 4, 4) for Mitsuba, which looks along +z with +x left, +y up."""
+    return np.asarray(pose @ np.diag([-1.0, -1.0, 1.0, 1.0]))
+
+
+def _lights(lighting: Lighting) -> dict[str, Any]:
+    lights: dict[str, Any] = {}
+    if max(lighting.sky.values):
+        lights["sky"] = {"type": "constant", "radiance": _spectrum(lighting.sky)}
+    if lighting.sun:
+        irradiance = _spectrum(lighting.sun.irradiance.scaled(1 / DISC_POINTS))
+        for index, point in enumerate(lighting.sun.points(DISC_POINTS).tolist()):
+            lights[f"sun_{index:02d}"] = {
+                "type": "directional",
+                "direction": [-x for x in point],
+                "irradiance": irradiance,
+                "sampling_weight": 1 / DISC_POINTS,  # all of them as often as the sky
+            }
+    return lights
+
+
+def gather(shapes: Sequence[Any]) -> Any:
+    """Return a scene of loaded shapes, in their order, to trace rays through."""
+    return mi.load_dict(
+        {"type": "scene", **{f"mesh_{index:03d}": shape for index, shape in enumerate(shapes)}}
+    )
+
+
+def bare_mesh(vertices: NDArray[np.float32], faces: NDArray[np.uint32]) -> Any:
+    """Load a mesh of vertices (V, 3) and faces (F, 3) without any material."""
+    loaded = mi.Mesh("bare", len(vertices), len(faces))
+    buffers = mi.traverse(loaded)
+    buffers["vertex_positions"] = vertices.ravel()
+    buffers["faces"] = faces.ravel()
+    buffers.update()
+    return loaded
+
+
+def move_meshes(
+    scene: Any,
+    vertices: Mapping[int, NDArray[np.float32]],
+    normals: Mapping[int, NDArray[np.float32]] | None = None,
+) -> None:
+    """Give some of a scene's meshes, by their index, other vertices and normals (V, 3)."""
+    shapes = scene.shapes()
+    for index, positions in vertices.items():
+        buffers = mi.traverse(shapes[index])
+        buffers["vertex_positions"] = positions.ravel()
+        buffers.update()
+    for index, directions in (normals or {}).items():
+        # Only now: with new positions Mitsuba computes normals of its own.
+        buffers = mi.traverse(shapes[index])
+        buffers["vertex_normals"] = directions.ravel()
+        buffers.update()
+    scene.parameters_changed([])
+
+
+def _mesh(name: str, mesh: MergedMesh, materials: Mapping[str, Material]) -> Any:
+    material = materials[mesh.material]
+    properties = mi.Properties()
+    if material.emission:
+        properties["mesh_emitter"] = mi.load_dict(
+            {"type": "area", "radiance": _emission(material.emission)}
+        )
+    properties["mesh_bsdf"] = mi.load_dict(_bsdf(material))
+    loaded = mi.Mesh(
+        name,
+        len(mesh.vertices),
+        len(mesh.faces),
+        has_vertex_normals=mesh.normals is not None,
+        has_vertex_texcoords=mesh.uv is not None,
+        props=properties,
+    )
+    buffers = mi.traverse(loaded)
+    buffers["vertex_positions"] = mesh.vertices.ravel()
+    buffers["faces"] = mesh.faces.ravel()
+    if mesh.normals is not None:
+        buffers["vertex_normals"] = mesh.normals.ravel()
+    if mesh.uv is not None:
+        buffers["vertex_texcoords"] = mesh.uv.ravel()
+    buffers.update()
+    return loaded
+
+
+def _bsdf(material: Material) -> dict[str, Any]:
+    if material.emission:
+        return {"type": "diffuse", "reflectance": {"type": "spectrum", "value": 0.0}}
+    diffuse = {"type": "diffuse", "reflectance": _spectrum(material.reflectance)}
+    if material.texture:
+        diffuse = {
+            "type": "blendbsdf",
+            "weight": bitmap(material.texture.weight),
+            "first": diffuse,
+            "second": {"type": "diffuse", "reflectance": _spectrum(material.texture.reflectance)},
+        }
+    return {"type": "twosided", "surface": diffuse}
+
+
+def _emission(emission: Emission) -> dict[str, Any]:
+    if emission.pattern is None:
+        return {"type": "spectrum", "value": emission.radiance}
+    return bitmap(emission.pattern * np.float32(emission.radiance))
+
+
+def bitmap(values: NDArray[np.float32]) -> dict[str, Any]:
+    """Mitsuba texture of values (H, W) that tile the uv square, row 0 at v = 0."""
+    # Mitsuba's first row is v = 0, as ours.
+    image = np.ascontiguousarray(values[..., None], dtype=np.float32)
+    return {"type": "bitmap", "bitmap": mi.Bitmap(image), "raw": True, "wrap_mode": "repeat"}
+
+
+def _spectrum(spectrum: Spectrum) -> dict[str, Any]:
+    if not max(spectrum.values):
+        return {"type": "spectrum", "value": 0.0}  # a table without any mass is refused
+    first, last = _SPECTRUM_LIMITS_NM
+    table = [
+        (first, spectrum.values[0]),
+        *zip(spectrum.wavelengths_nm, spectrum.values, strict=True),
+        (last, spectrum.values[-1]),
+    ]
+    return {"type": "spectrum", "value": table}

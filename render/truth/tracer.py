@@ -1,0 +1,163 @@
+"""Ground truth of one frame from rays through the pixel centers.
+
+A surface point P is found by the renderer's own geometry, in float64 (`geometry`); its flow is
+where the other camera sees P as it is at the other frame's time, minus the pixel center. Points at
+infinity (the sky) move by rotation alone. Whether the other camera sees P is decided by a
+visibility ray against the geometry of that time, not by comparing depths, which misjudges more
+pixels than are truly hidden.
+
+Flow is in px of the stored image, +x right, +y down; NaN where the other camera has no image of the
+point, as behind a pinhole. The other frame may be any of the sequence.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.render.truth.geometry import Geometry, Surface
+from megalopta.render.truth.views import View
+from megalopta.scenes.cameras import Camera
+from megalopta.scenes.world import Scene
+
+Float64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Flow:
+    """Where the points that one frame sees are in another (H, W).
+
+    Attributes
+    ----------
+    displacement : (H, W, 2) float32
+        Way (x, y) in px; NaN where undefined.
+    occluded : (H, W) bool
+        Whether something stands between the point and the other frame's camera.
+    out_of_view : (H, W) bool
+        Whether the point leaves the image, or has no flow.
+    """
+
+    displacement: NDArray[np.float32]
+    occluded: NDArray[np.bool_]
+    out_of_view: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What is known exactly about one frame (H, W).
+
+    Attributes
+    ----------
+    depth : (H, W) float32
+        Distance along the optical axis, in panoramas along the ray, m; infinite for the sky.
+    position : (H, W, 3) float64
+        World position of what the pixel center sees, m; NaN for the sky.
+    normal : (H, W, 3) float32
+        Geometric unit normal in world axes, toward the camera; NaN for the sky.
+    object_id : (H, W) uint32
+        Index into `Scene.placements` plus one; 0 for the sky.
+    kind_id : (H, W) uint32
+        Index into `Scene.kinds` plus one; 0 for the sky.
+    flow_forward, flow_backward : (H, W, 2) float32
+        Displacement (x, y) in px to the next and to the previous frame; NaN where undefined,
+        everywhere when there is no such frame.
+    occluded_forward, occluded_backward : (H, W) bool
+        Whether something stands between the point and the camera of the next or previous frame.
+    out_of_view_forward, out_of_view_backward : (H, W) bool
+        Whether the point leaves the image, or has no flow.
+    """
+
+    depth: NDArray[np.float32]
+    position: NDArray[np.float64]
+    normal: NDArray[np.float32]
+    object_id: NDArray[np.uint32]
+    kind_id: NDArray[np.uint32]
+    flow_forward: NDArray[np.float32]
+    flow_backward: NDArray[np.float32]
+    occluded_forward: NDArray[np.bool_]
+    occluded_backward: NDArray[np.bool_]
+    out_of_view_forward: NDArray[np.bool_]
+    out_of_view_backward: NDArray[np.bool_]
+
+
+class TruthTracer:
+    """Traces the truth of a scene's frames.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    geometry : Geometry
+        Its merged meshes, loaded.
+    camera : Camera
+        Where the pixel centers look.
+    """
+
+    def __init__(self, scene: Scene, geometry: Geometry, camera: Camera) -> None:
+        self._geometry = geometry
+        self._camera = camera
+        self._origin = np.asarray(scene.origin_m)
+        kind_ids = {kind: index + 1 for index, kind in enumerate(scene.kinds)}
+        kinds = [0, *(kind_ids[placement.kind] for placement in scene.placements)]
+        self._kind_of_object = np.array(kinds, np.uint32)
+        self._axes = camera.directions().reshape(-1, 3)
+
+    def truth(self, view: View, following: View | None, previous: View | None) -> Truth:
+        """Ground truth of a frame, with flow toward the next and the previous one, if any."""
+        shape = self._camera.height, self._camera.width
+        surface, distance = self._see(view)
+        object_id = self._geometry.object_id[surface.triangle].reshape(shape)
+        position = np.where(surface.is_sky[:, None], np.nan, surface.points + self._origin)
+        forward, backward = self._flow(surface, following), self._flow(surface, previous)
+        return Truth(
+            depth=self._camera.depth(distance.reshape(shape)).astype(np.float32),
+            position=position.reshape(*shape, 3),
+            normal=surface.normal.reshape(*shape, 3).astype(np.float32),
+            object_id=object_id,
+            kind_id=self._kind_of_object[object_id],
+            flow_forward=forward.displacement,
+            flow_backward=backward.displacement,
+            occluded_forward=forward.occluded,
+            occluded_backward=backward.occluded,
+            out_of_view_forward=forward.out_of_view,
+            out_of_view_backward=backward.out_of_view,
+        )
+
+    def flow(self, view: View, other: View) -> Flow:
+        """Where the points that one frame sees are in another frame."""
+        return self._flow(self._see(view)[0], other)
+
+    def _see(self, view: View) -> tuple[Surface, Float64]:
+        eyes = view.pixels(self._camera)
+        surface = self._geometry.seen(eyes.origin, eyes.to_world(self._axes), view.time_s)
+        distance = np.linalg.norm(surface.points - eyes.origin, axis=-1)
+        return surface, np.where(surface.is_sky, np.inf, distance)
+
+    def _flow(self, surface: Surface, other: View | None) -> Flow:
+        shape = self._camera.height, self._camera.width
+        if other is None:
+            nowhere = np.full((*shape, 2), np.nan, np.float32)
+            return Flow(nowhere, np.zeros(shape, bool), np.ones(shape, bool))
+        points = self._geometry.carried(surface, other.time_s)
+        eyes = other.seeing(self._camera, points, surface.is_sky)
+        way = np.where(surface.is_sky[:, None], points, points - eyes.origin)
+        displacement = self._camera.displacement(eyes.to_camera(way).reshape(*shape, 3))
+        length = np.linalg.norm(way, axis=-1)
+        distance = np.where(surface.is_sky, np.inf, length)
+        hidden = self._geometry.is_hidden(
+            eyes.origin, way / length[:, None], distance, other.time_s
+        )
+        flow = displacement.astype(np.float32)
+        return Flow(flow, hidden.reshape(shape), out_of_view(flow, self._camera.wraps))
+
+
+def out_of_view(flow: NDArray[np.float32], wraps: bool = False) -> NDArray[np.bool_]:
+    """Whether a pixel's point (H, W) leaves the image along its flow (H, W, 2), or has no flow.
+
+    An image that wraps around has no left and right edge to leave by.
+    """
+    height, width = flow.shape[:2]
+    x = np.arange(width) + 0.5 + flow[..., 0]
+    y = np.arange(height)[:, None] + 0.5 + flow[..., 1]
+    inside = np.isfinite(x) if wraps else (x >= 0) & (x <= width)
+    return np.asarray(~(inside & (y >= 0) & (y <= height)))

@@ -1,0 +1,48 @@
+from .build import SceneDescription, build_scene, glows
+from .cameras.panoramic import CylindricalCamera, EquirectangularCamera
+from .cameras.perspective import Camera, PerspectiveCamera
+from .forest.description import Forest
+from .forest.sway import Wind
+from .lighting.levels import Light
+from .moving_objects import MovingObject
+from .shutter import Shutter
+from .stimuli.grating import Grating
+from .stimuli.motion_bench import Bench
+from .stimuli.panorama import Panorama
+from .stimuli.plane import Plane
+from .tone_mapping import preview, white_level, white_of
+from .trajectories.hover import Hover
+from .trajectories.orbit import Orbit
+from .trajectories.recorded import Recorded
+from .trajectories.spline import Spline
+from .trajectories.steady import CameraPath, Trajectory
+from .world.scene import Scene
+
+__all__ = [
+    "Bench",
+    "Camera",
+    "CameraPath",
+    "CylindricalCamera",
+    "EquirectangularCamera",
+    "Forest",
+    "Grating",
+    "Hover",
+    "Light",
+    "MovingObject",
+    "Orbit",
+    "Panorama",
+    "PerspectiveCamera",
+    "Plane",
+    "Recorded",
+    "Scene",
+    "SceneDescription",
+    "Shutter",
+    "Spline",
+    "Trajectory",
+    "Wind",
+    "build_scene",
+    "glows",
+    "preview",
+    "white_level",
+    "white_of",
+]

@@ -1,0 +1,177 @@
+"""Panoramic cameras, around the full circle or a part of it.
+
+Columns are equidistant in azimuth (0 along +z, growing toward +x). Rows of the equirectangular
+camera are equidistant in elevation; the cylindrical camera's film is a cylinder around the vertical
+axis, so its rows are equidistant in the tangent of elevation.
+
+At elevation e a column is only cos(e) columns of the horizon wide: toward the poles horizontal
+motion in px, and any error of it, grows by 1/cos(e).
+"""
+
+import math
+from abc import abstractmethod
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, Field, model_validator
+
+from megalopta.scenes.cameras.pixels import MOST_PX, SINGULAR_RAD, Float64, pixel_centers
+
+
+class _Panorama(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """What the two panoramic cameras share; they differ in the height that rows are equal in."""
+
+    kind: Literal["equirectangular", "cylindrical"]
+    """Which camera this is: perspective, equirectangular or cylindrical."""
+
+    width: Annotated[int, Field(ge=1, le=MOST_PX)] = 720
+    """Columns (px)."""
+
+    height: Annotated[int, Field(ge=1, le=MOST_PX)] = 360
+    """Rows (px)."""
+
+    fov_deg: Annotated[float, Field(ge=1e-3, le=360)] = 360.0
+    """Horizontal field of view (degrees of azimuth); at 360 the image wraps around."""
+
+    lower_deg: float
+    upper_deg: float
+
+    @model_validator(mode="after")
+    def _field_is_upright(self) -> "_Panorama":
+        if self.lower_deg >= self.upper_deg:
+            raise ValueError(
+                f"lower_deg {self.lower_deg:g} is not below upper_deg {self.upper_deg:g}: give the "
+                "lower elevation first"
+            )
+        return self
+
+    @property
+    def wraps(self) -> bool:
+        """Whether the left and right edge of the image are the same place."""
+        return self.fov_deg == 360
+
+    @property
+    def depth_meaning(self) -> str:
+        """Along what depth is measured."""
+        return "along the ray"
+
+    @property
+    def focal_length_px(self) -> float:
+        """Focal length in pixels: columns per radian of azimuth."""
+        return self.width / math.radians(self.fov_deg)
+
+    @property
+    def steepest_tangent(self) -> float:
+        """Largest |tan(elevation)| that the camera sees when it is level."""
+        return max(abs(math.tan(math.radians(end))) for end in (self.lower_deg, self.upper_deg))
+
+    @property
+    @abstractmethod
+    def heights(self) -> tuple[float, float]:
+        """Height on the film, in focal lengths, of the image's lower and upper edge."""
+
+    def pixel_centers(self) -> Float64:
+        """Image coordinates (H, W, 2) of all pixel centers, (x, y) in px."""
+        return pixel_centers(self.width, self.height)
+
+    def directions(self) -> Float64:
+        """Unit vectors (H, W, 3) through the pixel centers, in camera axes."""
+        x, y = np.moveaxis(self.pixel_centers(), -1, 0)
+        azimuth = (x / self.width - 0.5) * math.radians(self.fov_deg)
+        lower, upper = self.heights
+        radius, rise = self._meridian(upper - y / self.height * (upper - lower))
+        return np.stack([radius * np.sin(azimuth), -rise, radius * np.cos(azimuth)], axis=-1)
+
+    def project(self, points: Float64) -> Float64:
+        """Image coordinates (..., 2) in px of points (..., 3) in camera axes.
+
+        Only directions count, so a point at infinity is given as its direction. NaN for points
+        within 1e-5 rad of the vertical through the camera, which have no azimuth.
+        """
+        right, down, forward = np.moveaxis(points, -1, 0)
+        radius = np.hypot(right, forward)
+        radius = np.where(radius > SINGULAR_RAD * np.abs(down), radius, np.nan)
+        lower, upper = self.heights
+        x = np.arctan2(right, forward) / math.radians(self.fov_deg) + 0.5
+        y = (upper - self._film_height(radius, -down)) / (upper - lower)
+        return np.stack([np.where(np.isnan(y), np.nan, x) * self.width, y * self.height], axis=-1)
+
+    def displacement(self, points: Float64) -> Float64:
+        """Way in px (H, W, 2) from each pixel center to where its point (H, W, 3) is seen.
+
+        Around a full circle it goes the shorter way, across the seam if need be.
+        """
+        way = self.project(points) - self.pixel_centers()
+        if self.wraps:
+            half = self.width / 2
+            way[..., 0] = (way[..., 0] + half) % self.width - half
+        return way
+
+    def depth(self, distance: Float64) -> Float64:
+        """Depth (H, W), m: the distances (H, W) along the rays themselves."""
+        return distance
+
+    @abstractmethod
+    def _meridian(self, height: Float64) -> tuple[Float64, Float64]:
+        """Cosine and sine of the elevation of a height on the film."""
+
+    @abstractmethod
+    def _film_height(self, radius: Float64, rise: Float64) -> Float64:
+        """Height on the film of points that far from the vertical and that far up."""
+
+
+class EquirectangularCamera(_Panorama):
+    """Panorama whose rows are equidistant in elevation, 2:1 for the whole sphere."""
+
+    kind: Literal["equirectangular"] = "equirectangular"
+    """Which camera this is: perspective, equirectangular or cylindrical."""
+
+    lower_deg: Annotated[float, Field(ge=-90, le=90)] = -90.0
+    """Elevation at the lower edge of the image (degrees)."""
+
+    upper_deg: Annotated[float, Field(ge=-90, le=90)] = 90.0
+    """Elevation at the upper edge of the image (degrees)."""
+
+    @property
+    def heights(self) -> tuple[float, float]:
+        """Height on the film, in focal lengths, of the image's lower and upper edge."""
+        return math.radians(self.lower_deg), math.radians(self.upper_deg)
+
+    def _meridian(self, height: Float64) -> tuple[Float64, Float64]:
+        return np.cos(height), np.sin(height)
+
+    def _film_height(self, radius: Float64, rise: Float64) -> Float64:
+        return np.arctan2(rise, radius)
+
+
+class CylindricalCamera(_Panorama):
+    """Panorama on a cylinder: verticals stay straight, rows are equidistant in tan(elevation).
+
+    At the default size and field of view pixels are square within half a percent.
+    """
+
+    kind: Literal["cylindrical"] = "cylindrical"
+    """Which camera this is: perspective, equirectangular or cylindrical."""
+
+    height: Annotated[int, Field(ge=1, le=MOST_PX)] = 230
+    """Rows (px)."""
+
+    lower_deg: Annotated[float, Field(gt=-90, lt=90)] = -45.0
+    """Elevation at the lower edge of the image (degrees)."""
+
+    upper_deg: Annotated[float, Field(gt=-90, lt=90)] = 45.0
+    """Elevation at the upper edge of the image (degrees)."""
+
+    @property
+    def heights(self) -> tuple[float, float]:
+        """Height on the film, in focal lengths, of the image's lower and upper edge."""
+        return math.tan(math.radians(self.lower_deg)), math.tan(math.radians(self.upper_deg))
+
+    def _meridian(self, height: Float64) -> tuple[Float64, Float64]:
+        length = np.hypot(1, height)
+        return 1 / length, height / length
+
+    def _film_height(self, radius: Float64, rise: Float64) -> Float64:
+        return rise / radius

@@ -1,0 +1,183 @@
+"""A forest around a camera's path, as scene data."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import BaseModel, Field, field_validator, model_validator
+from scipy.spatial import cKDTree
+
+from megalopta.assets_gen import generator
+from megalopta.assets_gen.ground import Terrain, ground_surface, make_terrain
+from megalopta.assets_gen.plants import TREES, WOODY
+from megalopta.scenes.forest.planting import FloatArray, Planting, dense_path, tree_positions
+from megalopta.scenes.forest.plants import materials, plant_assets
+from megalopta.scenes.forest.size import MOST_TRIANGLES, foreseen_size
+from megalopta.scenes.forest.stand import LAYERS, PRESETS
+from megalopta.scenes.forest.sway import Wind, swaying
+from megalopta.scenes.world import Asset, Placement, Scene
+
+RIM_WIDTH_M, RIM_HEIGHT_M = 22.0, 7.0
+"""Behind the stand the land rises over this width by this height (m)."""
+HORIZON_M = 160.0
+"""The ground reaches this far beyond the stand (m)."""
+GROUND_STEP_M, GROUND_NEAR_M = 0.4, 10.0
+"""Grid of the ground's mesh up to a distance from the path (m)."""
+
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+
+
+class Forest(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """A mixed stand of trees with undergrowth on gently rolling ground."""
+
+    kind: Literal["forest"] = "forest"
+    """Kind of scene."""
+    preset: Literal["open", "dense", "understorey", "clearing"] | None = None
+    """Named forest, open, dense, understorey or clearing: sets every field that is not given."""
+    seed: Annotated[int, Field(ge=0)] = 1
+    """Which forest: every seed grows another one."""
+    trees: Annotated[int, Field(gt=0, le=1_000_000)] = 150
+    """Trees of the stand, without those of the belt around it (count)."""
+    density_per_ha: Annotated[float, Field(ge=10, le=10_000)] = 550.0
+    """Trees per hectare; with the number of trees it sets how far the stand reaches (1/ha)."""
+    mix: dict[str, NotNegative] = Field(default={"beech": 0.45, "birch": 0.25, "spruce": 0.3})
+    """Share of each species, of aspen, beech, birch, oak, pine and spruce; relative to the sum
+    (1)."""
+    height_spread: Annotated[float, Field(ge=0, le=0.3)] = 0.15
+    """Standard deviation of tree height over the species' mean; cut at twice this (1)."""
+    undergrowth: Annotated[float, Field(ge=0, le=4)] = 1.0
+    """Factor on all densities of undergrowth_per_m2 (1)."""
+    undergrowth_per_m2: dict[str, NotNegative] = Field(
+        default={kind: layer.per_m2 for kind, layer in LAYERS.items()}
+    )
+    """Density of each kind of undergrowth where it is densest; kinds not named are absent
+    (1/m²)."""
+    clearance_m: Annotated[float, Field(ge=0.3, le=100)] = 1.2
+    """Least distance from the camera's path to the middle of a trunk (m)."""
+    ground: Literal["litter", "meadow", "moss"] = "litter"
+    """What covers the ground between the plants: litter, meadow or moss."""
+    relief_m: Annotated[float, Field(ge=0, le=3)] = 0.6
+    """Root mean square height of the rolling land beside the path (m)."""
+    detail: Annotated[float, Field(gt=0, le=1000)] = 1.0
+    """Factor on the distances beyond which plants are drawn coarser; 1000 draws all in full."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _take_preset(cls, given: Any) -> Any:
+        name = given.get("preset") if isinstance(given, Mapping) else None
+        return {**PRESETS[name], **given} if isinstance(name, str) and name in PRESETS else given
+
+    wind: Wind | None = None
+    """Wind that makes trees and bushes sway; null is calm."""
+
+    @field_validator("mix")
+    @classmethod
+    def _check_mix(cls, mix: dict[str, float]) -> dict[str, float]:
+        unknown = sorted(mix.keys() - TREES.keys())
+        if unknown:
+            raise ValueError(f"no species {unknown}; choose from {sorted(TREES)}")
+        if sum(mix.values()) <= 0:
+            raise ValueError(f"the shares {mix} sum to 0; give one species a positive share")
+        return mix
+
+    @field_validator("undergrowth_per_m2")
+    @classmethod
+    def _check_undergrowth(cls, densities: dict[str, float]) -> dict[str, float]:
+        unknown = sorted(densities.keys() - LAYERS.keys())
+        if unknown:
+            raise ValueError(f"no kind {unknown}; choose from {sorted(LAYERS)}")
+        return densities
+
+    @model_validator(mode="after")
+    def _check_size(self) -> "Forest":
+        check_size(self, 0.0)
+        return self
+
+    @property
+    def densities_per_m2(self) -> dict[str, float]:
+        """Densities of the undergrowth with the common factor applied (1/m²)."""
+        return {kind: self.undergrowth * d for kind, d in self.undergrowth_per_m2.items()}
+
+
+def foreseen(forest: Forest, path_m: float) -> tuple[float, float]:
+    """Return how many plants and triangles the forest will have around a path, roughly."""
+    return foreseen_size(
+        forest.trees,
+        forest.density_per_ha,
+        forest.clearance_m,
+        forest.densities_per_m2,
+        forest.detail,
+        path_m,
+    )
+
+
+def check_size(forest: Forest, path_m: float) -> None:
+    """Refuse a forest around a path of the given length that would not fit into memory."""
+    plants, triangles = foreseen(forest, path_m)
+    if triangles > MOST_TRIANGLES:
+        raise ValueError(
+            f"trees {forest.trees}, density_per_ha {forest.density_per_ha:g}, undergrowth "
+            f"{forest.undergrowth:g} and detail {forest.detail:g} make about {plants:.2g} plants "
+            f"of {triangles:.2g} triangles, more than {MOST_TRIANGLES:.2g}; lower one of them"
+        )
+
+
+def build_forest(forest: Forest, path_xy: ArrayLike) -> Scene:
+    """Return the forest around a path, without light.
+
+    Parameters
+    ----------
+    forest : Forest
+        What grows.
+    path_xy : (n, 2) array_like
+        Camera positions (m). Trunks keep `clearance_m` from the line through them, and the ground
+        along it is level, at height 0, but for a few centimeters.
+
+    Returns
+    -------
+    Scene
+        `lighting` is None; placements are named by species, "ground" is the first.
+
+    Raises
+    ------
+    ValueError
+        If the path is not a finite (n, 2) array, or so long that the trees cannot surround it.
+    """
+    path_points = _checked_path(path_xy)
+    check_size(forest, float(np.linalg.norm(np.diff(path_points, axis=0), axis=1).sum()))
+    path = cKDTree(dense_path(path_points))
+    trees, edge_m = tree_positions(
+        forest.seed, forest.trees, forest.density_per_ha, forest.clearance_m, path
+    )
+    rim_m = (edge_m, edge_m + RIM_WIDTH_M)
+    rng = generator(forest.seed, "terrain")
+    terrain = make_terrain(path, forest.relief_m, rim_m, RIM_HEIGHT_M, rng)
+    planting = Planting(forest.seed, path, terrain, forest.detail)
+    placements = (
+        Placement("ground", "ground", np.eye(4)),
+        *planting.trees(forest.mix, forest.height_spread, trees),
+        *planting.thicket(edge_m),
+        *planting.undergrowth(forest.densities_per_m2, edge_m),
+    )
+    assets = plant_assets(forest.seed, {placement.asset for placement in placements[1:]})
+    assets["ground"] = _ground_asset(forest.ground, terrain, path, edge_m)
+    if forest.wind:
+        placements = tuple(swaying(placements, assets, WOODY, forest.wind))
+    return Scene(materials(forest.seed, assets), assets, placements)
+
+
+def _checked_path(path_xy: ArrayLike) -> FloatArray:
+    path = np.asarray(path_xy, dtype=float)
+    if path.ndim != 2 or path.shape[1] != 2 or not len(path) or not np.all(np.isfinite(path)):
+        raise ValueError(f"path_xy: shape {path.shape}; give finite positions of shape (n, 2)")
+    return path
+
+
+def _ground_asset(cover: str, terrain: Terrain, path: cKDTree, edge_m: float) -> Asset:
+    low, high = path.mins - GROUND_NEAR_M, path.maxes + GROUND_NEAR_M
+    surface = ground_surface(terrain, low, high, GROUND_STEP_M, edge_m + HORIZON_M)
+    return Asset({f"{cover} ground": surface.to_mesh()})

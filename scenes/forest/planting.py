@@ -1,0 +1,186 @@
+"""Where plants stand around a camera's path, and how each of them is turned.
+
+Trees are planted as a Poisson-disk pattern at the stand's density; the ones nearest the path are
+the stand. Behind them a belt of more trees, bushes and saplings on rising ground closes the
+horizon. Undergrowth grows in patches. How coarsely a plant is drawn depends on its distance from
+the whole path, so nothing changes shape while the camera moves.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from megalopta.assets_gen import generator
+from megalopta.assets_gen.ground import Terrain, distance_to, poisson_disk
+from megalopta.assets_gen.patterns import plane_waves
+from megalopta.assets_gen.plants import WOODY
+from megalopta.scenes.forest.stand import LAYERS, LEVELS, SMALL_DETAIL
+from megalopta.scenes.world import Placement
+
+FloatArray = NDArray[np.float64]
+
+INDIVIDUALS = 5
+"""Distinct grown plants of each kind; turned, leaning and scaled, they do not look repeated."""
+REGULARITY = 0.72
+"""Least distance between trees in units of 1/√density; 0.83 is the most that fits."""
+LEAST_DEPTH_M = 8.0
+"""The stand reaches at least this far beyond the clearance on all sides."""
+BELT_M = 16.0
+"""Width of the belt of trees, bushes and saplings around the stand (m)."""
+THICKET_PER_M2 = 0.14
+"""Bushes and saplings of the belt (1/m²)."""
+THICKET: Mapping[str, float] = {"young spruce": 0.45, "hazel": 0.35, "young beech": 0.2}
+"""Their kinds and shares."""
+LYING = ("litter", "log", "rock")
+"""What follows the slope of the ground instead of standing upright."""
+SLOPE_STEP_M = 1.5
+"""The slope under what lies is that between points this far apart in front and behind."""
+
+
+def dense_path(path_xy: FloatArray) -> FloatArray:
+    """Return the path with points at most half a meter apart: they stand for the line."""
+    gaps = np.linalg.norm(np.diff(path_xy, axis=0), axis=1)
+    place = np.concatenate([[0.0], np.cumsum(gaps)])
+    every = np.union1d(place, np.arange(0, place[-1], 0.5))
+    return np.stack([np.interp(every, place, path_xy[:, i]) for i in range(2)], axis=-1)
+
+
+def tree_positions(
+    seed: int, trees: int, density_per_ha: float, clearance_m: float, path: cKDTree
+) -> tuple[FloatArray, float]:
+    """Return where trees stand (n, 2), nearest to the path first, and the stand's reach (m).
+
+    The first `trees` are the stand; behind them it goes on for the width of the belt.
+    """
+    density_per_m2 = density_per_ha / 1e4
+    reach = np.sqrt(trees / density_per_m2 / np.pi) + clearance_m + BELT_M
+    rng = generator(seed, "planting")
+    planted = _strewn(path, (clearance_m, np.inf), reach, density_per_m2, REGULARITY, rng)
+    distance = distance_to(path, planted)
+    order = np.argsort(distance, kind="stable")
+    edge_m = float(distance[order[trees - 1]])
+    if edge_m < clearance_m + LEAST_DEPTH_M:
+        raise ValueError(
+            f"trees: {trees} trees at {density_per_ha:g} per hectare reach only {edge_m:.1f} m "
+            f"from the path, less than {clearance_m + LEAST_DEPTH_M:g} m; "
+            "plant more trees, lower density_per_ha or shorten the path"
+        )
+    return planted[order[distance[order] < edge_m + BELT_M]], edge_m
+
+
+def _strewn(
+    path: cKDTree,
+    ring_m: tuple[float, float],
+    margin_m: float,
+    per_m2: float,
+    regularity: float,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """Return Poisson-disk points in a box around the path whose distance from it lies in a ring."""
+    low, high = path.mins - margin_m, path.maxes + margin_m
+    count = int(per_m2 * np.prod(high - low))
+    points = poisson_disk(low, high, count, regularity / np.sqrt(per_m2), rng)
+    distance = distance_to(path, points)
+    return points[(distance >= ring_m[0]) & (distance <= ring_m[1])]
+
+
+@dataclass(frozen=True)
+class Planting:
+    """What every planting step needs to know.
+
+    Attributes
+    ----------
+    seed : int
+        Of the forest.
+    path : cKDTree
+        Points of the camera's path (m).
+    terrain : Terrain
+        The ground.
+    detail : float
+        Factor on the distances where plants get coarser.
+    """
+
+    seed: int
+    path: cKDTree
+    terrain: Terrain
+    detail: float
+
+    def trees(
+        self, mix: Mapping[str, float], height_spread: float, points: FloatArray
+    ) -> Iterator[Placement]:
+        """Put a tree on every point (n, 2), its species drawn from the mix."""
+        rng = generator(self.seed, "trees")
+        names = sorted(mix)
+        shares = np.array([mix[name] for name in names])
+        kinds = [names[i] for i in rng.choice(len(names), len(points), p=shares / shares.sum())]
+        deviation = rng.standard_normal(len(points)).clip(-2, 2)
+        return self._place(kinds, points, 1 + height_spread * deviation, rng)
+
+    def thicket(self, edge_m: float) -> Iterator[Placement]:
+        """Close the view between the trunks around a stand that reaches to `edge_m`."""
+        rng = generator(self.seed, "thicket")
+        ring = (edge_m - 7, edge_m + BELT_M)
+        points = _strewn(self.path, ring, ring[1], THICKET_PER_M2, 0.6, rng)
+        kinds = rng.choice(list(THICKET), len(points), p=list(THICKET.values())).tolist()
+        return self._place(kinds, points, 0.5 + 1.9 * rng.random(len(points)) ** 1.5, rng)
+
+    def undergrowth(self, per_m2: Mapping[str, float], edge_m: float) -> Iterator[Placement]:
+        """Strew every kind at its density."""
+        for kind, density in per_m2.items():
+            layer, rng = LAYERS[kind], generator(self.seed, "undergrowth", kind)
+            ring = (layer.clearance_m, min(layer.reach_m, edge_m - 2))
+            if density > 0:
+                points = _clumped(_strewn(self.path, ring, ring[1], density, 0.6, rng), rng)
+                scales = rng.uniform(*layer.scale, len(points))
+                yield from self._place([kind] * len(points), points, scales, rng)
+
+    def _place(
+        self, kinds: Sequence[str], points: FloatArray, scales: FloatArray, rng: np.random.Generator
+    ) -> Iterator[Placement]:
+        """Put one plant per point (n, 2) on the ground, turned at random, leaning slightly."""
+        finer = np.array([1.0 if kind in WOODY else SMALL_DETAIL for kind in kinds])
+        limits = [level.beyond_m * self.detail for level in LEVELS[1:]]
+        levels = np.searchsorted(limits, distance_to(self.path, points) / finer)
+        heights, slopes = self.terrain.height(points), self._slopes(points)
+        turns = _random_turns(len(points), rng)
+        for index, kind in enumerate(kinds):
+            turn = slopes[index] @ turns[index] if kind in LYING else turns[index]
+            to_world = np.eye(4)
+            to_world[:3, :3] = scales[index] * turn
+            to_world[:3, 3] = (*points[index], heights[index])
+            name = f"{kind} {rng.integers(INDIVIDUALS)} {LEVELS[levels[index]].name}"
+            yield Placement(name, kind, to_world)
+
+    def _slopes(self, points: FloatArray) -> FloatArray:
+        """Return rotations (n, 3, 3) that tilt the vertical to the ground's normal."""
+        steps = SLOPE_STEP_M * np.eye(2)
+        rise = np.stack(
+            [self.terrain.height(points + s) - self.terrain.height(points - s) for s in steps],
+            axis=-1,
+        ) / (2 * SLOPE_STEP_M)
+        steep = np.linalg.norm(rise, axis=-1, keepdims=True)
+        across = np.column_stack([rise[:, 1:], -rise[:, :1], np.zeros(len(points))])
+        angle = -np.arctan(steep) / np.maximum(steep, 1e-12)
+        return Rotation.from_rotvec(-angle * across).as_matrix()
+
+
+def _random_turns(count: int, rng: np.random.Generator) -> FloatArray:
+    """Return rotations by any angle about the vertical, then by a degree or so out of it."""
+    turn, toward = rng.uniform(0, 2 * np.pi, (2, count))
+    lean = np.radians(1.2) * rng.standard_normal(count)
+    none = np.zeros(count)
+    upright = Rotation.from_rotvec(np.column_stack([none, none, turn]))
+    leaning = Rotation.from_rotvec(
+        np.column_stack([lean * np.cos(toward), lean * np.sin(toward), none])
+    )
+    return (leaning * upright).as_matrix()
+
+
+def _clumped(points: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Thin points out so that patches and gaps a few meters wide appear."""
+    patches = plane_waves((3.0, 14.0), 1.0, 24, rng)
+    return points[rng.random(len(points)) < 0.5 + 0.5 * np.tanh(1.2 * patches(points))]

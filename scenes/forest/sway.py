@@ -1,0 +1,141 @@
+"""Trees that sway in the wind: bending that grows with the square of the height.
+
+A point at height z of a tree of height h is displaced sideways by (z/h)²·d(t), its height stays.
+That is the first mode of a cantilever to a few percent, as long as the top moves by little against
+the height. d(t) is an ellipse: along the wind d_a·sin(ωt + φ), across it less, at a frequency
+slightly off. The frequency falls with the height as observed on conifers (Moore and Maguire,
+Trees 18, 2004, give 0.1 Hz + 3.4 Hz·D/h² with the diameter D in cm and h in m; with D growing as h
+that is nearly 1/h).
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field
+
+from megalopta.assets_gen import generator
+from megalopta.scenes.world import Asset, Placement
+
+Float64 = NDArray[np.float64]
+
+FREQUENCY_TIMES_HEIGHT = 6.0
+"""Frequency of a tree times its height (Hz·m): 0.3 Hz at 20 m."""
+FREQUENCY_SPREAD = 0.15
+"""Largest relative deviation of a single tree's frequency."""
+ACROSS, DETUNING = 0.4, 1.13
+"""Amplitude and frequency across the wind, in units of those along it."""
+
+
+class Wind(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """Wind that makes trees and bushes sway."""
+
+    amplitude_m: Annotated[float, Field(gt=0, le=3)] = 0.3
+    """Largest way along the wind of the top of a tree 20 m high (m); others in proportion."""
+
+    direction_deg: float = 0.0
+    """Direction of the wind (degrees from +x toward +y)."""
+
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Phases and frequencies of the trees."""
+
+
+@dataclass(frozen=True)
+class Sway:
+    """One tree's bending.
+
+    Attributes
+    ----------
+    foot_m : (x, y, z)
+        Where it stands.
+    height_m : float
+        Height of its top above the foot.
+    along : (x, y)
+        Unit vector of the wind.
+    amplitude_m : float
+        Largest way of the top along the wind.
+    frequency_hz : float
+        Of the swaying along the wind.
+    phases_rad : (along, across)
+        At time 0.
+    """
+
+    foot_m: tuple[float, float, float]
+    height_m: float
+    along: tuple[float, float]
+    amplitude_m: float
+    frequency_hz: float
+    phases_rad: tuple[float, float]
+
+    def carry(self, points: Float64, time_s: float) -> Float64:
+        """Where points (n, 3) of the tree at rest are at a time."""
+        return points + self._bend(points, time_s)
+
+    def undo(self, points: Float64, time_s: float) -> Float64:
+        """Where points (n, 3) of a time are on the tree at rest."""
+        return points - self._bend(points, time_s)  # heights do not change
+
+    def turn(self, normals: Float64, points: Float64, time_s: float) -> Float64:
+        """Unit normals (n, 3) at a time of those at points (n, 3) of the tree at rest."""
+        # Normals go with the inverse transpose of the bending's Jacobian, here I + slope ⊗ z.
+        slope = 2 * self._height(points)[:, None] / self.height_m * self._top(time_s)
+        turned = normals.copy()
+        turned[:, 2] -= (slope * normals[:, :2]).sum(axis=1)
+        return np.asarray(turned / np.linalg.norm(turned, axis=1, keepdims=True))
+
+    def record(self) -> dict[str, Any]:
+        """The motion in numbers, for a file."""
+        return {"kind": "sway", **asdict(self)}
+
+    def _bend(self, points: Float64, time_s: float) -> Float64:
+        bend = np.zeros_like(points)
+        bend[:, :2] = self._height(points)[:, None] ** 2 * self._top(time_s)
+        return bend
+
+    def _height(self, points: Float64) -> Float64:
+        """Heights (n,) above the foot in units of the tree's; nothing below the foot bends."""
+        return np.maximum(points[:, 2] - self.foot_m[2], 0) / self.height_m
+
+    def _top(self, time_s: float) -> Float64:
+        """Way of the top (2,), m."""
+        angle = 2 * np.pi * self.frequency_hz * time_s
+        along = self.amplitude_m * np.sin(angle + self.phases_rad[0])
+        across = ACROSS * self.amplitude_m * np.sin(DETUNING * angle + self.phases_rad[1])
+        x, y = self.along
+        return np.array([along * x - across * y, along * y + across * x])
+
+
+def swaying(
+    placements: Iterable[Placement], assets: Mapping[str, Asset], kinds: Iterable[str], wind: Wind
+) -> Iterator[Placement]:
+    """Yield placements, those of the named kinds with a motion in the wind, each its own."""
+    kinds = frozenset(kinds)
+    angle = np.radians(wind.direction_deg)
+    along = float(np.cos(angle)), float(np.sin(angle))
+    tops = {name: _top_of(asset) for name, asset in assets.items()}
+    for index, placement in enumerate(placements):
+        if placement.kind not in kinds:
+            yield placement
+            continue
+        rng = generator(wind.seed, "sway", index)
+        height = tops[placement.asset] * float(np.linalg.norm(placement.to_world[:3, 0]))
+        deviation = 1 + FREQUENCY_SPREAD * float(rng.uniform(-1, 1))
+        first, second = rng.uniform(0, 2 * np.pi, 2).tolist()
+        x, y, z = placement.to_world[:3, 3].tolist()
+        sway = Sway(
+            foot_m=(x, y, z),
+            height_m=height,
+            along=along,
+            amplitude_m=wind.amplitude_m * height / 20,
+            frequency_hz=FREQUENCY_TIMES_HEIGHT / height * deviation,
+            phases_rad=(first, second),
+        )
+        yield replace(placement, motion=sway)
+
+
+def _top_of(asset: Asset) -> float:
+    return max(float(mesh.bounds[1][2]) for mesh in asset.parts.values())

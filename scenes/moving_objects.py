@@ -1,0 +1,99 @@
+"""Boxes and balls that a configuration puts into a scene, at rest or moving."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, BeforeValidator, Field
+from scipy.spatial.transform import Rotation
+
+from megalopta.assets_gen import generator
+from megalopta.assets_gen.patterns import tileable_noise, to_weight
+from megalopta.assets_gen.stimuli import ball, box, checkerboard
+from megalopta.scenes.spectra import flat
+from megalopta.scenes.trajectories import steady_unless_told
+from megalopta.scenes.world import (
+    Asset,
+    Drift,
+    Material,
+    ObjectMotion,
+    Placement,
+    RigidMotion,
+    Scene,
+    Texture,
+)
+
+Vector = tuple[float, float, float]
+Length = Annotated[float, Field(gt=0)]
+Reflectance = Annotated[float, Field(ge=0, le=1)]
+
+
+class MovingObject(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """A textured box or ball."""
+
+    name: str = "box"
+    """What it is to a person; the kind under which the truth lists it."""
+
+    shape: Literal["box", "ball"] = "box"
+    """Shape of the object."""
+
+    size_m: tuple[Length, Length, Length] = (0.5, 0.5, 0.5)
+    """Extent along its own axes (x, y, z in m)."""
+
+    position_m: Vector = (5.0, 0.0, 1.5)
+    """Center at the first frame (x, y, z in m; z is up)."""
+
+    turn_deg: Vector = (0.0, 0.0, 0.0)
+    """Orientation at the first frame: turns about the world's x, then y, then z (degrees)."""
+
+    pattern: Literal["checker", "noise", "plain"] = "noise"
+    """What is painted on it."""
+
+    tile_m: Length = 0.25
+    """Size of the pattern's square, which repeats (m)."""
+
+    reflectances: tuple[Reflectance, Reflectance] = (0.1, 0.7)
+    """Reflectance of the pattern's dark and bright parts, the same at every wavelength (1)."""
+
+    motion: Annotated[ObjectMotion, BeforeValidator(steady_unless_told)] = Drift()
+    """How it moves, from its position and orientation at the first frame."""
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether it neither goes nor spins."""
+        return self.motion == Drift(spin_axis=self.motion.spin_axis)
+
+
+def with_objects(scene: Scene, objects: Sequence[MovingObject]) -> Scene:
+    """Add objects to a scene, after those that are there; each has a material of its own."""
+    materials, assets = dict(scene.materials), dict(scene.assets)
+    placements = list(scene.placements)
+    for index, thing in enumerate(objects):
+        name = f"object {index} {thing.name}"
+        materials[name] = _material(thing, index)
+        body = (box if thing.shape == "box" else ball)(thing.size_m, thing.tile_m)
+        assets[name] = Asset({name: body.to_mesh()})
+        to_world = np.eye(4)
+        to_world[:3, :3] = Rotation.from_euler("xyz", thing.turn_deg, degrees=True).as_matrix()
+        to_world[:3, 3] = thing.position_m
+        motion = None if thing.is_at_rest else RigidMotion(thing.position_m, thing.motion)
+        placements.append(Placement(name, thing.name, to_world, motion))
+    return replace(scene, materials=materials, assets=assets, placements=tuple(placements))
+
+
+def _material(thing: MovingObject, index: int) -> Material:
+    dark, bright = map(flat, thing.reflectances)
+    if thing.pattern == "plain":
+        return Material(bright)
+    return Material(dark, Texture(_pattern(thing.pattern, index), bright))
+
+
+def _pattern(pattern: str, index: int) -> NDArray[np.float32]:
+    if pattern == "checker":
+        return checkerboard().astype(np.float32)
+    rng = generator(index, "object")
+    return to_weight(2 * tileable_noise((128, 128), (1.0, 1.0), (0.05, 0.5), 1.0, rng))

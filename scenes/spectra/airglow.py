@@ -1,0 +1,57 @@
+"""Airglow: the light of the moonless night sky, 0.37 to 1.8 µm, in absolute units.
+
+On a moonless night most of the short-wave infrared comes from hydroxyl some 87 km up (the Meinel
+bands) and from molecular oxygen (1.27 µm). From 0.89 µm on the table is the radiance of the zenith
+seen from the ground, in means over 20 nm, put together from published figures:
+
+- shape of the hydroxyl bands: the line list of Rousselot et al. (2000, A&A 354, 1134), its
+  intensities taken as photon rates and summed over 20 nm;
+- between the lines, 590 photons·s⁻¹·m⁻²·arcsec⁻²·µm⁻¹ at all wavelengths (Maihara et al. 1993, PASP
+  105, 940, measured at 1.665 µm);
+- height: the sky over Paranal has 14.4 mag·arcsec⁻² in H (Cuby et al. 2000), with the zero point of
+  1.133e-9 W·m⁻²·µm⁻¹ (Cohen et al. 2003), as the mean over 1.51 to 1.79 µm;
+- oxygen: what is then missing at 1.17 to 1.33 µm from 16.5 mag·arcsec⁻² in J (same sources,
+  3.129e-9 W·m⁻²·µm⁻¹), all of it at 1.26 to 1.28 µm. It comes to 11 kilorayleigh.
+
+Below, where stars and zodiacal light have the larger part, it is five broad bands: 22.3, 22.6,
+21.6, 20.9 and 19.7 mag·arcsec⁻² in U, B, V, R and I, the mean over Paranal (Patat 2003, A&A 400,
+1183), at the effective wavelengths and zero points of Bessell et al. (1998, A&A 333, 231). That
+makes 0.8 mlux, and 117 µW/m² at 0.9 to 1.7 µm, on a horizontal plane.
+
+Checks that were not put in: the OH(4-2) band then has 78 kilorayleigh, and 80 is usual; between
+lines, at 1.1913 µm, 4.5e-9 W·m⁻²·sr⁻¹·nm⁻¹ were measured (Nguyen et al. 2016, arXiv:1510.07567),
+where the 590 photons make 4.2e-9.
+
+How far to trust it: a mean over 100 nm or more is good to some 20 % for a usual sky, as far as its
+sources agree; a single value of the table is not, for lines fall to one side or the other of an
+edge. Real airglow changes by a factor of two within a night, grows toward the horizon by up to a
+factor of six (van Rhijn) and has moving waves; here it is the same everywhere. Clouds are left out.
+Beyond its ends the table is constant and means nothing.
+"""
+
+from megalopta.scenes.spectra.spectrum import Spectrum
+
+# nm, nW·cm⁻²·sr⁻¹·µm⁻¹
+_VISIBLE = ((366.0, 0.214), (438.0, 0.245), (545.0, 0.354), (641.0, 0.404), (798.0, 0.632))
+_FIRST_NM = 890.0
+_STEP_NM = 20.0
+# nW·cm⁻²·sr⁻¹·µm⁻¹, means over 20 nm
+# fmt: off
+_RADIANCE = (
+    1.08, 0.61, 0.97, 1.01, 1.08, 1.50, 1.75, 2.69, 1.61, 1.65,
+    3.50, 1.49, 1.93, 4.03, 1.74, 0.92, 3.64, 3.12, 1.15, 8.19,
+    3.20, 3.19, 1.14, 0.48, 2.16, 3.31, 6.61, 7.50, 5.23, 7.96,
+    7.15, 11.9, 12.3, 9.31, 5.25, 12.2, 12.8, 7.38, 6.96, 9.67,
+    7.06, 8.71, 6.42, 3.34, 7.51, 8.89,
+)
+# fmt: on
+_SI = 1e-8
+"""From nW·cm⁻²·sr⁻¹·µm⁻¹ to W·m⁻²·sr⁻¹·nm⁻¹."""
+
+_INFRARED = tuple((_FIRST_NM + _STEP_NM * step, value) for step, value in enumerate(_RADIANCE))
+
+AIRGLOW = Spectrum(
+    tuple(wavelength for wavelength, _ in _VISIBLE + _INFRARED),
+    tuple(_SI * value for _, value in _VISIBLE + _INFRARED),
+)
+"""Radiance of the moonless zenith, W·m⁻²·sr⁻¹·nm⁻¹."""

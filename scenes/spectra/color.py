@@ -1,0 +1,76 @@
+"""Spectral bands to color for display: CIE 1931 matching functions, white balance, sRGB.
+
+The matching functions are the multi-lobe Gaussian fits of Wyman, Sloan and Shirley (JCGT 2(2),
+2013), good to about 1 %: for looking at, not for photometry.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from megalopta.scenes.spectra.spectrum import Spectrum
+
+# (weight, center nm, 1/width below, 1/width above), per lobe of x, y and z.
+_LOBES = (
+    (
+        (1.056, 599.8, 0.0264, 0.0323),
+        (0.362, 442.0, 0.0624, 0.0374),
+        (-0.065, 501.1, 0.0490, 0.0382),
+    ),
+    ((0.821, 568.8, 0.0213, 0.0247), (0.286, 530.9, 0.0613, 0.0322)),
+    ((1.217, 437.0, 0.0845, 0.0278), (0.681, 459.0, 0.0385, 0.0725)),
+)
+
+_XYZ_FROM_SRGB = np.array(
+    [
+        [0.4124564, 0.3575761, 0.1804375],
+        [0.2126729, 0.7151522, 0.0721750],
+        [0.0193339, 0.1191920, 0.9503041],
+    ]
+)
+_D65 = _XYZ_FROM_SRGB.sum(axis=1)
+
+Bands = Sequence[tuple[float, float]]
+
+
+def matching_functions(wavelength_nm: ArrayLike) -> NDArray[np.float64]:
+    """CIE 1931 x̄, ȳ, z̄ at each wavelength (nm), stacked on the last axis."""
+    wavelength = np.asarray(wavelength_nm, dtype=np.float64)
+
+    def lobe(weight: float, center: float, below: float, above: float) -> NDArray[np.float64]:
+        width = np.where(wavelength < center, below, above)
+        return np.asarray(weight * np.exp(-0.5 * ((wavelength - center) * width) ** 2))
+
+    return np.stack([sum(lobe(*part) for part in lobes) for lobes in _LOBES], axis=-1)
+
+
+def bands_to_xyz(radiance: NDArray[np.floating], bands_nm: Bands) -> NDArray[np.float64]:
+    """XYZ (..., 3), up to a common factor, of band-mean radiance (..., B)."""
+    matrix = [
+        np.trapezoid(matching_functions(grid), grid, axis=0)
+        for grid in (np.linspace(lower, upper, 65) for lower, upper in bands_nm)
+    ]
+    return np.asarray(radiance @ np.stack(matrix))
+
+
+def linear_srgb(
+    radiance: NDArray[np.floating], bands_nm: Bands, white: Spectrum
+) -> NDArray[np.float64]:
+    """Linear sRGB (..., 3) of radiance (..., B), up to a common factor.
+
+    What has the spectrum of `white` comes out neutral. Without any visible band the result is gray.
+    """
+    band_white = np.array([white(np.linspace(*band, 65)).mean() for band in bands_nm])
+    light = bands_to_xyz(band_white, bands_nm)
+    if light[1] < 1e-2 * band_white.max():
+        return np.repeat(radiance.mean(axis=-1, keepdims=True), 3, axis=-1).astype(np.float64)
+    balanced = bands_to_xyz(radiance, bands_nm) * (light[1] / light) * _D65
+    return np.asarray(np.clip(balanced @ np.linalg.inv(_XYZ_FROM_SRGB).T, 0, None))
+
+
+def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.uint8]:
+    """8-bit sRGB of linear values; 1 is white, brighter is white too."""
+    bounded = np.clip(linear, 0, 1)
+    curved = np.where(bounded <= 0.0031308, 12.92 * bounded, 1.055 * bounded ** (1 / 2.4) - 0.055)
+    return np.asarray(curved * 255 + 0.5).astype(np.uint8)

@@ -1,0 +1,178 @@
+"""The camera inside a cylinder whose wall glows with a pattern.
+
+One frame of grating spans the horizontal field of view, counted in azimuth along the wall and in
+the same angular measure up the wall. Columns of a perspective image are not equidistant in azimuth,
+so "f cycles per frame" is met over the whole frame and exceeded at its center. The wall is just as
+high as a level camera on the axis sees, so the camera may only turn about the vertical.
+"""
+
+import math
+from typing import Annotated, Literal
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field
+
+from megalopta.assets_gen import generator
+from megalopta.assets_gen.stimuli import (
+    GratingVariant,
+    Pattern,
+    bars,
+    moving_cycles,
+    open_cylinder,
+    random_dots,
+    sine_grating,
+)
+from megalopta.scenes.cameras import Camera
+from megalopta.scenes.spectra import flat, luminous
+from megalopta.scenes.trajectories import Trajectory
+from megalopta.scenes.world import Asset, Emission, Material, Placement, Scene
+
+_RADIUS_M = 10.0
+_TEXELS = 4096
+_STEEPEST_TANGENT = 4.0
+
+
+class Grating(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """A pattern on a cylinder around the camera: the 2-D sine grating, bars, or random dots."""
+
+    kind: Literal["grating"] = "grating"
+    """Which scene this is."""
+
+    pattern: Pattern = "sine_2d"
+    """sine_2d: the grating of the flow benchmark; sine and square: vertical bars; dots: random
+    disks of half a period's diameter that cover half of the wall."""
+
+    contrast: Annotated[float, Field(ge=0, le=1)] = 0.9
+    """Michelson contrast C."""
+
+    cycles_per_frame: Annotated[float, Field(gt=0)] = 5.0
+    """Spatial frequency f (cycles per horizontal field of view)."""
+
+    phases_rad: tuple[float, float] = (0.0, 0.0)
+    """Phases of the two factors of sine_2d; the first is that of bars (rad)."""
+
+    variant: GratingVariant = "periodic"
+    """Of sine_2d. rot: as the dissertation writes, √2·f moving cycles; periodic: exactly f."""
+
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Which random dots."""
+
+
+def build_grating(
+    grating: Grating,
+    camera: Camera,
+    trajectory: Trajectory,
+    illuminance_lux: float,
+) -> Scene:
+    """The glowing cylinder around a camera that turns in place.
+
+    Its mean luminance is that of a uniform sky of the given illuminance, its spectrum is flat.
+
+    Raises
+    ------
+    ValueError
+        When the moving part does not close around the cylinder, the camera cannot resolve it, or
+        the trajectory looks past the wall.
+    """
+    fov = math.radians(camera.fov_deg)
+    _check_trajectory(trajectory)
+    _check_height(camera)
+    _check_frequency(grating, camera)
+    half_height = 1.05 * camera.steepest_tangent
+    pattern = _pattern(grating, fov, half_height)
+    wall = open_cylinder(_RADIUS_M, 2 * half_height * _RADIUS_M)
+    to_world = np.eye(4)
+    to_world[:3, 3] = trajectory.position_m
+    return glowing("grating", wall, to_world, pattern, illuminance_lux)
+
+
+def sky_radiance(illuminance_lux: float) -> float:
+    """Radiance (W·m⁻²·sr⁻¹·nm⁻¹) of a uniform sky of flat spectrum that gives the illuminance."""
+    return illuminance_lux / math.pi / luminous(flat(1.0))
+
+
+def glowing(
+    kind: str,
+    mesh: trimesh.Trimesh,
+    to_world: NDArray[np.float64],
+    pattern: NDArray[np.float64],
+    illuminance_lux: float,
+) -> Scene:
+    """One mesh that glows, where its pattern is 1, like a sky of the illuminance; flat spectrum."""
+    emission = Emission(sky_radiance(illuminance_lux), pattern.astype(np.float32))
+    return Scene(
+        materials={kind: Material(flat(0.0), None, emission)},
+        assets={kind: Asset({kind: mesh})},
+        placements=(Placement(kind, kind, to_world),),
+    )
+
+
+def _pattern(grating: Grating, fov: float, half_height: float) -> NDArray[np.float64]:
+    """Value 1 ± C on the unrolled wall, row 0 at its foot."""
+    rows = math.ceil(_TEXELS * half_height / math.pi)  # as fine as around
+    columns = _TEXELS
+    x = -(np.arange(columns) + 0.5) / columns * 2 * math.pi / fov
+    y = ((np.arange(rows) + 0.5) / rows - 0.5) * 2 * half_height / fov
+    cycles, contrast = grating.cycles_per_frame, grating.contrast
+    if grating.pattern == "dots":
+        size = (2 * half_height / fov * cycles, 2 * math.pi / fov * cycles)
+        return random_dots((rows, columns), size, contrast, generator(grating.seed, "dots"))
+    if grating.pattern == "sine_2d":
+        return sine_grating(
+            x[None, :], y[:, None], contrast, cycles, grating.phases_rad, grating.variant
+        )
+    wave = bars(cycles * x, contrast, grating.phases_rad[0], grating.pattern == "square")
+    return np.tile(wave, (4, 1))
+
+
+def _check_trajectory(trajectory: Trajectory) -> None:
+    height = trajectory.position_m[2]
+    if trajectory.look_at_m[2] != height:
+        raise ValueError(
+            f"trajectory.look_at_m {trajectory.look_at_m} is not level with position_m, so the "
+            f"camera would look past the grating: give it the height {height:g}"
+        )
+    if any(trajectory.up[:2]) or trajectory.up[2] < 0:
+        raise ValueError(
+            f"trajectory.up {trajectory.up} tilts the camera, which would look past the grating: "
+            "use (0, 0, 1)"
+        )
+    if any(trajectory.velocity_m_s):
+        raise ValueError(
+            f"trajectory.velocity_m_s {trajectory.velocity_m_s} takes the camera off the axis of "
+            "the grating: use (0, 0, 0) and turn with rotation_deg_s"
+        )
+
+
+def _check_height(camera: Camera) -> None:
+    if camera.steepest_tangent > _STEEPEST_TANGENT:
+        limit = math.floor(math.degrees(math.atan(_STEEPEST_TANGENT)))
+        raise ValueError(
+            f"the grating's cylinder ends {limit}° above and below the horizon and the "
+            f"{camera.kind} camera looks past it: take a smaller field of view, in a panorama "
+            f"camera.lower_deg -{limit} and camera.upper_deg {limit}"
+        )
+
+
+def _check_frequency(grating: Grating, camera: Camera) -> None:
+    cycles = moving_cycles(grating.cycles_per_frame, grating.variant, grating.pattern)
+    around = cycles * 360 / camera.fov_deg
+    # The pixel at the center spans the largest angle.
+    most = math.radians(camera.fov_deg) * camera.focal_length_px / 2
+    if cycles > most:
+        raise ValueError(
+            f"scene.cycles_per_frame {grating.cycles_per_frame:g}: {cycles:.3g} cycles over "
+            f"{camera.width} columns are beyond half a cycle per pixel at the image center; "
+            f"use at most {grating.cycles_per_frame * most / cycles:.4g}"
+        )
+    if grating.pattern != "dots" and abs(around - round(around)) > 1e-6:
+        closing = grating.cycles_per_frame * round(around) / around
+        raise ValueError(
+            f"scene.cycles_per_frame {grating.cycles_per_frame:g} makes {around:.4g} cycles around "
+            f"the cylinder at a field of view of {camera.fov_deg:g}°, which does not close: "
+            f"use {closing:.8g}"
+        )

@@ -1,0 +1,81 @@
+"""The motion bench of the dissertation's SPADCAM (§2.4.8): a plate crosses the beam over a row.
+
+There a metal plate on a 3-D printer moves at 1 to 10 mm/s between a monochromator and the bare
+array, 16 pixels of 60 µm in a row, read out 10 times a second: 1.67 to 16.7 pixels per frame. The
+pixels it hides still get light around it: 27 photons per pixel and frame against 65.
+
+Here the camera stands in for the array. Its rays meet the plate's plane one pixel pitch apart, and
+it moves past the resting plate instead of the plate past it, which makes the same images: a camera
+velocity of 0.01 m/s to the right is a plate that moves at 10 mm/s to the left. Its edges
+are sharp; how much the beam's divergence blurred the real ones is not known. The true flow is that
+of the plate, and of the open beam as if it moved with it.
+"""
+
+from itertools import pairwise
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, Field
+
+from megalopta.assets_gen.stimuli import board
+from megalopta.scenes.cameras import Camera
+from megalopta.scenes.spectra import flat
+from megalopta.scenes.stimuli.grating import sky_radiance
+from megalopta.scenes.stimuli.plane import board_pose, seen_rectangle
+from megalopta.scenes.trajectories import CameraPath
+from megalopta.scenes.world import Asset, Emission, Material, Placement, Scene
+
+
+class Bench(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """A plate with straight edges that the sensor moves past."""
+
+    kind: Literal["bench"] = "bench"
+    """Which scene this is."""
+
+    pixel_pitch_um: Annotated[float, Field(gt=0)] = 60.0
+    """Distance between pixels, measured on the plate (µm)."""
+
+    plate_mm: Annotated[float, Field(gt=0)] = 10.0
+    """Width of the plate along the row (mm)."""
+
+    edge_mm: float = 1.0
+    """Where its near edge stands at the first frame, right of the middle of the row (mm)."""
+
+    shade: Annotated[float, Field(ge=0, le=1)] = 27 / 65
+    """Light that reaches a hidden pixel, as a share of what an open one gets (1)."""
+
+
+def build_bench(
+    bench: Bench, camera: Camera, trajectory: CameraPath, illuminance_lux: float
+) -> Scene:
+    """The plate before the beam; open pixels see a sky of the illuminance.
+
+    Raises
+    ------
+    ValueError
+        When the camera turns so far that it looks past the plate's plane.
+    """
+    poses = trajectory.poses()
+    distance_m = bench.pixel_pitch_um * 1e-6 * camera.focal_length_px
+    low, high = seen_rectangle(camera, poses, distance_m)
+    edges = 1e-3 * np.array([bench.edge_mm, bench.edge_mm + bench.plate_mm])
+    limits = np.concatenate([[low[0]], np.clip(edges, low[0], high[0]), [high[0]]])
+    pose = board_pose(poses[0], distance_m)
+    radiance = sky_radiance(illuminance_lux)
+    parts = [("beam 1", "beam"), ("plate", "plate"), ("beam 2", "beam")]
+    seen = [
+        (name, kind, x)
+        for (name, kind), x in zip(parts, pairwise(limits), strict=True)
+        if x[1] > x[0]
+    ]
+    assets = {
+        name: Asset({kind: board(np.array([left, low[1]]), np.array([right, high[1]]), 1.0)})
+        for name, kind, (left, right) in seen
+    }
+    glow = {"beam": radiance, "plate": radiance * bench.shade}
+    kinds = {kind for _, kind, _ in seen}
+    materials = {kind: Material(flat(0.0), None, Emission(glow[kind])) for kind in sorted(kinds)}
+    placements = tuple(Placement(name, kind, pose) for name, kind, _ in seen)
+    return Scene(materials, assets, placements)

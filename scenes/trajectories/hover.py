@@ -1,0 +1,75 @@
+"""The camera held in place, trembling."""
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+from scipy.spatial.transform import Rotation
+
+from megalopta.assets_gen import generator
+from megalopta.scenes.trajectories.base import Float64, Path, Vector, check_view, looking
+
+_WAVES = 48
+
+
+class Hover(Path, frozen=True):
+    """A fixed pose with random jitter of limited bandwidth, as of a hovering animal or drone.
+
+    Each of the six degrees of freedom is a sum of sines of random phase, their frequencies spread
+    evenly up to the bandwidth: nearly Gaussian, smooth, and known at any time.
+    """
+
+    kind: Literal["hover"] = "hover"
+    """Which path this is: steady, orbit, spline, recorded or hover."""
+
+    position_m: Vector = (0.0, 0.0, 1.5)
+    """Mean camera position (x, y, z in m; z is up)."""
+
+    look_at_m: Vector = (10.0, 0.0, 1.5)
+    """Point seen at the image center without jitter (x, y, z in m)."""
+
+    up: Vector = (0.0, 0.0, 1.0)
+    """Direction that is up in the image."""
+
+    jitter_m: Annotated[float, Field(ge=0)] = 0.02
+    """Root mean square of the position along each axis (m)."""
+
+    jitter_deg: Annotated[float, Field(ge=0, le=30)] = 1.0
+    """Root mean square of the angle about each camera axis (degrees)."""
+
+    bandwidth_hz: Annotated[float, Field(gt=0)] = 2.0
+    """Highest frequency of the jitter (Hz)."""
+
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Which jitter."""
+
+    @model_validator(mode="after")
+    def _view_is_defined(self) -> "Hover":
+        check_view(self.position_m, self.look_at_m, self.up)
+        return self
+
+    def course(self, times_s: Float64) -> tuple[Float64, Float64]:
+        """Positions (n, 3), m, and rotations (n, 3, 3), camera axes to world."""
+        jitter = self._jitter(times_s)
+        first = looking(np.subtract(self.look_at_m, self.position_m)[None], self.up)
+        turns = Rotation.from_rotvec(np.radians(self.jitter_deg) * jitter[:, 3:]).as_matrix()
+        return np.asarray(self.position_m) + self.jitter_m * jitter[:, :3], first @ turns
+
+    def _jitter(self, times_s: Float64) -> Float64:
+        """Six independent signals (n, 6) of mean square 1 over long times."""
+        rng = generator(self.seed, "hover")
+        # One frequency from each of equal intervals: no gap in the band, no common period.
+        place = (np.arange(_WAVES) + rng.random((6, _WAVES))) / _WAVES
+        phase = rng.uniform(0, 2 * np.pi, (6, _WAVES))
+        rate = 2 * np.pi * self.bandwidth_hz * place
+        jitter = np.zeros((len(times_s), 6))
+        for wave in range(_WAVES):  # one at a time: times may be as many as pixels
+            jitter += np.sin(times_s[:, None] * rate[:, wave] + phase[:, wave])
+        return np.asarray(np.sqrt(2 / _WAVES) * jitter)
+
+    def __str__(self) -> str:
+        """What the camera does."""
+        return (
+            f"hovers in place with a jitter of {100 * self.jitter_m:g} cm and "
+            f"{self.jitter_deg:g}° up to {self.bandwidth_hz:g} Hz"
+        )

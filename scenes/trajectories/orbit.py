@@ -1,0 +1,50 @@
+"""The camera on a circle around a point that it looks at."""
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from megalopta.scenes.trajectories.base import Float64, Path, Vector, looking
+
+
+class Orbit(Path, frozen=True):
+    """A level circle around a point, which stays at the image center."""
+
+    kind: Literal["orbit"] = "orbit"
+    """Which path this is: steady, orbit, spline, recorded or hover."""
+
+    center_m: Vector = (0.0, 0.0, 1.5)
+    """Point that is looked at (x, y, z in m; z is up)."""
+
+    radius_m: Annotated[float, Field(gt=0)] = 5.0
+    """Radius of the circle (m)."""
+
+    height_m: float = 0.0
+    """Height of the circle above the point (m)."""
+
+    rate_deg_s: float = 10.0
+    """Way around the circle (degrees/s); positive is counterclockwise seen from above."""
+
+    start_deg: float = 180.0
+    """Where on the circle the first frame is (degrees from +x toward +y)."""
+
+    def course(self, times_s: Float64) -> tuple[Float64, Float64]:
+        """Positions (n, 3), m, and rotations (n, 3, 3), camera axes to world."""
+        angle = np.radians(self.start_deg + self.rate_deg_s * times_s)
+        outward = np.stack(
+            [
+                self.radius_m * np.cos(angle),
+                self.radius_m * np.sin(angle),
+                np.full_like(angle, self.height_m),
+            ],
+            axis=-1,
+        )
+        return np.asarray(self.center_m) + outward, looking(-outward, (0, 0, 1))
+
+    def __str__(self) -> str:
+        """What the camera does."""
+        return (
+            f"circles a point at {self.radius_m:g} m by {abs(self.rate_deg_s):g}° per second, "
+            "looking at it"
+        )

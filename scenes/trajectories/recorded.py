@@ -1,0 +1,126 @@
+"""The camera on a path that was recorded: time, position and orientation in a CSV file.
+
+Positions are interpolated by a cubic spline, orientations by spherical linear interpolation
+(Shoemake, SIGGRAPH 1985).
+"""
+
+import csv
+import io
+import math
+from functools import lru_cache
+from pathlib import Path as FilePath
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
+
+from megalopta.scenes.trajectories.base import Float64, Path
+
+COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
+_LARGEST_NORM_ERROR = 0.01
+
+
+def content_of(source: object) -> object:
+    """The text of a CSV file, given its path or the text itself."""
+    if not isinstance(source, str) or "\n" in source:
+        return source
+    try:
+        text = FilePath(source).expanduser().read_text("utf-8") + "\n"
+        read_recording(text)
+    except UnicodeDecodeError:
+        raise ValueError(f"{source} is not a text file in UTF-8; give a CSV file") from None
+    except OSError:
+        raise ValueError(f"{source}: no such file; give the path of a CSV file") from None
+    except ValueError as problem:
+        raise ValueError(f"{source}: {problem}") from None
+    return text
+
+
+class Recorded(Path, frozen=True):
+    """Six degrees of freedom from a file; what the file holds becomes part of the configuration."""
+
+    kind: Literal["recorded"] = "recorded"
+    """Which path this is: steady, orbit, spline, recorded or hover."""
+
+    csv: Annotated[str, BeforeValidator(content_of)]
+    """Path of a CSV file with the columns t (s), x, y, z (m) and qx, qy, qz, qw (unit quaternion
+    from camera axes, +x right, +y down, +z forward, to world axes); a first line of names may be
+    there. It is read once: from then on this is the file's text."""
+
+    start_s: Annotated[float, Field(ge=0)] = 0.0
+    """Time in the recording at which the first frame is taken, counted from its first line (s)."""
+
+    @model_validator(mode="after")
+    def _recording_lasts(self) -> "Recorded":
+        lasts = float(np.ptp(read_recording(self.csv)[:, 0]))
+        needed = self.start_s + (self.frames - 1) / self.frame_rate_hz
+        if needed > lasts * (1 + 1e-9):
+            most = math.floor((lasts - self.start_s) * self.frame_rate_hz * (1 + 1e-9)) + 1
+            remedy = f"at most {most} frames" if self.start_s <= lasts else "a smaller start_s"
+            raise ValueError(
+                f"csv: the recording lasts {lasts:g} s, but the frames are taken from "
+                f"{self.start_s:g} to {needed:g} s: use {remedy}"
+            )
+        return self
+
+    def course(self, times_s: Float64) -> tuple[Float64, Float64]:
+        """Positions (n, 3), m, and rotations (n, 3, 3), camera axes to world.
+
+        Shortly before and after the recording the motion goes on as it was.
+        """
+        recording = read_recording(self.csv)
+        knots = recording[:, 0] - recording[0, 0]
+        times = times_s + self.start_s
+        turns = Rotation.from_quat(recording[:, 4:])
+        first = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(knots) - 2)
+        part = (times - knots[first]) / np.diff(knots)[first]
+        steps = (turns[:-1].inv() * turns[1:]).as_rotvec()
+        rotations = turns[first] * Rotation.from_rotvec(part[:, None] * steps[first])
+        return CubicSpline(knots, recording[:, 1:4])(times), rotations.as_matrix()
+
+    def __str__(self) -> str:
+        """What the camera does."""
+        return "follows a recorded path"
+
+
+@lru_cache(maxsize=4)
+def read_recording(text: str) -> Float64:
+    """Read a recording (n, 8) from the text of its CSV file; columns as in COLUMNS.
+
+    Raises
+    ------
+    ValueError
+        With the first line that is wrong, and why.
+    """
+    rows: list[list[float]] = []
+    for number, fields in enumerate(csv.reader(io.StringIO(text)), 1):
+        names = tuple(field.strip() for field in fields)
+        if not any(names) or (not rows and names == COLUMNS):
+            continue
+        rows.append(_numbers(names, number))
+        if len(rows) > 1 and rows[-1][0] <= rows[-2][0]:
+            raise ValueError(f"line {number}: t {rows[-1][0]:g} s does not grow; sort by time")
+    if len(rows) < 2:
+        raise ValueError(f"{len(rows)} poses; a path needs at least 2")
+    return np.array(rows)
+
+
+def _numbers(fields: tuple[str, ...], number: int) -> list[float]:
+    try:
+        values = [float(field) for field in fields]
+    except ValueError:
+        values = []
+    if len(values) != len(COLUMNS) or not all(map(math.isfinite, values)):
+        raise ValueError(
+            f"line {number}: {','.join(fields)[:60]!r} is not the 8 numbers "
+            f"{','.join(COLUMNS)}; correct the line"
+        )
+    norm = math.hypot(*values[4:])
+    if abs(norm - 1) > _LARGEST_NORM_ERROR:
+        raise ValueError(
+            f"line {number}: the quaternion {values[4:]} has norm {norm:.3g}; give unit "
+            "quaternions in the order qx,qy,qz,qw"
+        )
+    return values

@@ -1,0 +1,76 @@
+"""The camera's path: steady, orbit, spline, recorded or hover; `kind` tells which.
+
+Steady, the default, turns in place, moves along a line, or both at once.
+"""
+
+import math
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
+from scipy.spatial.transform import Rotation
+
+from megalopta.scenes.trajectories.base import (
+    Float64,
+    Path,
+    Vector,
+    check_view,
+    looking,
+    steady_unless_told,
+)
+from megalopta.scenes.trajectories.hover import Hover
+from megalopta.scenes.trajectories.orbit import Orbit
+from megalopta.scenes.trajectories.recorded import Recorded
+from megalopta.scenes.trajectories.spline import Spline
+
+
+class Trajectory(Path, frozen=True):
+    """Steady rotation about `up` together with steady translation; either rate may be zero."""
+
+    kind: Literal["steady"] = "steady"
+    """Which path this is: steady, orbit, spline, recorded or hover."""
+
+    position_m: Vector = (0.0, 0.0, 1.5)
+    """Camera position at the first frame (x, y, z in m; z is up)."""
+
+    look_at_m: Vector = (10.0, 0.0, 1.5)
+    """Point seen at the image center of the first frame (x, y, z in m)."""
+
+    up: Vector = (0.0, 0.0, 1.0)
+    """Direction that is up in the image; also the axis of rotation."""
+
+    rotation_deg_s: float = 0.0
+    """Turning rate about `up` (degrees/s); positive turns left, so that the image moves right."""
+
+    velocity_m_s: Vector = (0.0, 0.0, 0.0)
+    """Velocity (x, y, z in m/s)."""
+
+    @model_validator(mode="after")
+    def _view_is_defined(self) -> "Trajectory":
+        check_view(self.position_m, self.look_at_m, self.up)
+        return self
+
+    def course(self, times_s: Float64) -> tuple[Float64, Float64]:
+        """Positions (n, 3), m, and rotations (n, 3, 3), camera axes to world."""
+        up = np.asarray(self.up) / np.linalg.norm(self.up)
+        angles = np.radians(self.rotation_deg_s) * times_s
+        turns = Rotation.from_rotvec(angles[:, None] * up).as_matrix()
+        first = looking(np.subtract(self.look_at_m, self.position_m)[None], up)
+        positions = np.asarray(self.position_m) + times_s[:, None] * np.asarray(self.velocity_m_s)
+        return positions, turns @ first
+
+    def __str__(self) -> str:
+        """What the camera does."""
+        speed, turn = math.hypot(*self.velocity_m_s), self.rotation_deg_s
+        side = "left" if turn > 0 else "right"
+        turning = f"turns {side} by {abs(turn):g}° per second" if turn else ""
+        moving = f"moves at {speed:.3g} m per second" if speed else ""
+        return " and ".join(part for part in (turning, moving) if part) or "stands still"
+
+
+CameraPath = Annotated[
+    Trajectory | Orbit | Spline | Recorded | Hover,
+    Field(discriminator="kind"),
+    BeforeValidator(steady_unless_told),
+]
+"""Any path of the camera in a configuration; without `kind`, a steady one."""

@@ -1,0 +1,243 @@
+"""A scene as plain frozen data: materials, shapes, where they stand and what lights them.
+
+World coordinates are right-handed meters with z up. Nothing here knows the renderer: `render`
+merges the placed meshes by material and keeps the table from a triangle back to its object. It
+computes in float32, so coordinates are handed to it relative to `Scene.origin_m`.
+
+An object id is the position in `Scene.placements` plus one; 0 means that nothing was hit.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from megalopta.scenes.spectra import Spectrum
+from megalopta.scenes.world.hashed_file import HashedFile
+from megalopta.scenes.world.motion import Motion
+
+
+@dataclass(frozen=True)
+class Texture:
+    """A second reflectance mixed in over the surface: (1 − w)·reflectance + w·texture.reflectance.
+
+    Attributes
+    ----------
+    weight : (H, W) float32 in [0, 1]
+        Tiles over the uv square; row 0 is v = 0.
+    reflectance : Spectrum
+        Reached where the weight is 1.
+    """
+
+    weight: NDArray[np.float32]
+    reflectance: Spectrum
+
+
+@dataclass(frozen=True)
+class Material:
+    """A two-sided diffuse surface (Lambert), or one that emits.
+
+    Attributes
+    ----------
+    reflectance : Spectrum
+        Diffuse reflectance, 0 to 1.
+    texture : Texture, optional
+        Needs meshes with uv coordinates.
+    emission : Emission, optional
+        Makes the surface a source; reflectance is then ignored.
+    """
+
+    reflectance: Spectrum
+    texture: Texture | None = None
+    emission: "Emission | None" = None
+
+
+@dataclass(frozen=True)
+class Emission:
+    """Radiance leaving a surface, the same at every wavelength: pattern(u, v) · radiance.
+
+    Attributes
+    ----------
+    radiance : float
+        W·m⁻²·sr⁻¹·nm⁻¹ where the pattern is 1.
+    pattern : (H, W) float32, optional
+        Non-negative factor over the uv square; row 0 is v = 0. None means 1.
+    """
+
+    radiance: float
+    pattern: NDArray[np.float32] | None = None
+
+
+@dataclass(frozen=True)
+class Asset:
+    """A shape made of one mesh per material.
+
+    Attributes
+    ----------
+    parts : mapping of material name to trimesh.Trimesh
+        Meters, outward normals. Vertex normals are used as given when the mesh carries them in
+        `metadata["smooth"]`; otherwise faces are flat.
+    """
+
+    parts: Mapping[str, trimesh.Trimesh]
+
+
+@dataclass(frozen=True)
+class Placement:
+    """One object: an asset, its species or kind, and its pose.
+
+    Attributes
+    ----------
+    asset : str
+        Key into `Scene.assets`.
+    kind : str
+        What it is to a person: "beech", "fern", "ground".
+    to_world : (4, 4) float64
+        Rotation, uniform scale and translation (m).
+    motion : Motion, optional
+        How the object, so placed, moves or bends with time; None where it is at rest.
+    """
+
+    asset: str
+    kind: str
+    to_world: NDArray[np.float64]
+    motion: Motion | None = None
+
+
+@dataclass(frozen=True)
+class Sun:
+    """A distant disc, evenly bright: sun or moon. It casts light and is not itself seen.
+
+    Attributes
+    ----------
+    direction : (x, y, z)
+        Unit vector from the scene toward the center of the disc.
+    irradiance : Spectrum
+        On a plane facing the disc, W·m⁻²·nm⁻¹.
+    angular_diameter_deg : float
+        As seen from the scene; 0 is a point. Sun and moon: 0.53.
+    """
+
+    direction: tuple[float, float, float]
+    irradiance: Spectrum
+    angular_diameter_deg: float = 0.53
+
+    def points(self, count: int) -> NDArray[np.float64]:
+        """Unit vectors (count, 3) toward points that share the disc evenly, on a sunflower spiral.
+
+        References
+        ----------
+        Vogel (1979), Mathematical Biosciences 44:179.
+        """
+        axis = np.asarray(self.direction)
+        across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+        across /= np.linalg.norm(across)
+        index = np.arange(count)
+        radius = np.tan(np.radians(self.angular_diameter_deg) / 2) * np.sqrt((index + 0.5) / count)
+        angle = index * np.pi * (3 - np.sqrt(5))
+        offset = np.outer(np.cos(angle), across) + np.outer(np.sin(angle), np.cross(axis, across))
+        points = axis + radius[:, None] * offset
+        return np.asarray(points / np.linalg.norm(points, axis=1, keepdims=True))
+
+
+@dataclass(frozen=True)
+class Lighting:
+    """Light from outside the scene: a uniform sky and, perhaps, a disc.
+
+    Attributes
+    ----------
+    sky : Spectrum
+        Radiance of the sky, the same from every direction, W·m⁻²·sr⁻¹·nm⁻¹.
+    sun : Sun, optional
+        The sun or moon.
+    """
+
+    sky: Spectrum
+    sun: Sun | None = None
+
+
+@dataclass(frozen=True)
+class Environment:
+    """A photographed panorama at infinity, seen in place of a uniform sky.
+
+    Attributes
+    ----------
+    file : HashedFile
+        Equirectangular picture in linear sRGB (HDR, EXR) or sRGB-coded (PNG): its center column
+        lies in direction +x, azimuth grows to the left, row 0 is the zenith.
+    turn_deg : float
+        Turns it counterclockwise about z.
+    spectra : (red, green, blue)
+        Spectrum of one unit of each primary, in any unit.
+    illuminance_lux : float
+        That its upper half gives to a horizontal plane.
+    """
+
+    file: HashedFile
+    turn_deg: float
+    spectra: tuple[Spectrum, Spectrum, Spectrum]
+    illuminance_lux: float
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything that is rendered, but for the camera.
+
+    Attributes
+    ----------
+    materials : mapping of name to Material
+        The names are the keys of `Asset.parts`.
+    assets : mapping of name to Asset
+        Each shape once, however often it is placed.
+    placements : tuple of Placement
+        The objects; object id = index + 1.
+    lighting : Lighting, optional
+        None where only the surfaces emit.
+    origin_m : (x, y, z)
+        A point near the camera. The renderer's coordinates are relative to it, so that they are
+        precise also far from the world's origin.
+    environment : Environment, optional
+        Stands alone: it lights no objects.
+    """
+
+    materials: Mapping[str, Material]
+    assets: Mapping[str, Asset]
+    placements: tuple[Placement, ...]
+    lighting: Lighting | None = None
+    origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    environment: Environment | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse dangling names and objects before a panorama."""
+        if self.environment and (self.placements or self.lighting):
+            raise ValueError(
+                "scene: an environment lights no objects; leave out placements and lighting"
+            )
+        for placement in self.placements:
+            if placement.asset not in self.assets:
+                raise ValueError(f"placement of {placement.asset!r}: no such asset in the scene")
+        for name, asset in self.assets.items():
+            missing = asset.parts.keys() - self.materials.keys()
+            if missing:
+                raise ValueError(f"asset {name!r}: no material {sorted(missing)} in the scene")
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Names of all kinds of objects, sorted; kind id = index + 1."""
+        return tuple(sorted({placement.kind for placement in self.placements}))
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether any object moves."""
+        return any(placement.motion for placement in self.placements)
+
+    @property
+    def triangle_count(self) -> int:
+        """Number of triangles as placed."""
+        faces = {
+            name: sum(len(mesh.faces) for mesh in asset.parts.values())
+            for name, asset in self.assets.items()
+        }
+        return sum(faces[placement.asset] for placement in self.placements)

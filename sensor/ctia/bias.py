@@ -1,0 +1,156 @@
+"""What sets the diode's bias, and how close to zero it can get.
+
+Non-adaptive (Fig. 3.1a): a digital-to-analog converter holds the anode, the amplifier's reference
+V_P and its offset the cathode, so the reverse bias is V_P + offset − code·LSB. Of the 12 bits on
+3.3 V, one step is 0.81 mV, and the offset falls anywhere between two.
+
+Adaptive (Fig. 3.1b, §3.3.3): a floating gate in the amplifier trims the offset itself, which is
+then the bias. A tunneling pulse of 1 ms at 14.15 V raises the gate by about 500 µV; the gate leaks
+back at 1.5 µV/s, and the offset moves by about 1 mV per °C (simulated, there). Pulses go one way
+only: they lower the reverse bias, the leak raises it again. Before them the chip is erased by
+ultraviolet light, which puts every gate where pulses are needed; how far is not printed.
+
+Both are trimmed to the smallest reverse bias that is not below a target, for a diode in forward
+bias cannot discharge the pixel. What remains is spread evenly over one step. A gate that starts
+below the target stays there, as no pulse can help it.
+
+Assumed: one volt on the gate is one volt of offset (the dissertation compares the two directly but
+could not measure it), a step does not depend on the gate's voltage, it grows in proportion to the
+length of the pulse, and no pulse differs from another.
+"""
+
+from typing import Annotated, Literal, TypeAlias
+
+import numpy as np
+from pydantic import BaseModel, Field
+
+from megalopta.sensor.ctia.photodiode import Floats, Reals
+
+
+class FixedBias(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """No trimming: every pixel keeps the offset of its amplifier on top of a common bias."""
+
+    kind: Literal["fixed"] = "fixed"
+    """Names this way of setting the bias."""
+    reverse_bias_v: float = 0.0
+    """Reverse bias of a pixel without offset (V)."""
+
+
+class DacBias(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """Non-adaptive: every pixel's anode has the best code of a digital-to-analog converter."""
+
+    kind: Literal["dac"] = "dac"
+    """Names this way of setting the bias."""
+    bits: Annotated[int, Field(ge=1, le=24)] = 12
+    """Resolution of the converter (bits)."""
+    rail_v: Annotated[float, Field(gt=0)] = 3.3
+    """Full scale of the converter (V)."""
+    reference_v: Annotated[float, Field(ge=0)] = 1.65
+    """Reference V_P of the amplifier, at the other side of the diode (V)."""
+    target_v: float = 0.0
+    """The reverse bias is the smallest that is not below this (V)."""
+
+    @property
+    def step_v(self) -> float:
+        """Voltage between two codes (V)."""
+        return float(self.rail_v / 2**self.bits)
+
+
+class FloatingGateBias(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """Adaptive: every pixel's offset is trimmed by pulses on a floating gate."""
+
+    kind: Literal["floating_gate"] = "floating_gate"
+    """Names this way of setting the bias."""
+    pulse_rate_v_s: Annotated[float, Field(gt=0)] = 0.5
+    """Rise of the gate during a pulse of 14.15 V (V/s); 0.5 is 500 µV in 1 ms."""
+    pulse_s: Annotated[float, Field(gt=0)] = 1e-3
+    """Length of a pulse (s)."""
+    leak_v_s: Annotated[float, Field(ge=0)] = 1.5e-6
+    """Rise of the reverse bias as the gate leaks (V/s)."""
+    drift_v_k: float = 1e-3
+    """Rise of the reverse bias with temperature (V/K)."""
+    erased_v: Annotated[float, Field(ge=0)] = 0.1
+    """Reverse bias that the erased gate adds to the offset, before the first pulse (V)."""
+    target_v: float = 0.0
+    """Right after calibration the reverse bias is the smallest that is not below this (V)."""
+    age_s: Annotated[float, Field(ge=0)] = 0.0
+    """Time from calibration to the first frame (s)."""
+    warming_k: float = 0.0
+    """Temperature now minus temperature at calibration (K)."""
+
+    @property
+    def step_v(self) -> float:
+        """Change of the bias by one pulse (V)."""
+        return self.pulse_rate_v_s * self.pulse_s
+
+
+Bias: TypeAlias = FixedBias | DacBias | FloatingGateBias
+
+
+def dac_bias(dac: DacBias, code: int | np.ndarray, offset_v: Reals = 0.0) -> Floats:
+    """Reverse bias at a code, V.
+
+    Raises
+    ------
+    ValueError
+        When the converter has no such code.
+    """
+    codes = np.asarray(code)
+    if np.any((codes < 0) | (codes >= 2**dac.bits)):
+        raise ValueError(
+            f"code: {codes.tolist()}; a {dac.bits}-bit converter has 0 to {2**dac.bits - 1}"
+        )
+    return np.asarray(dac.reference_v + offset_v - codes * dac.step_v)
+
+
+def best_code(dac: DacBias, offset_v: Reals = 0.0) -> np.ndarray:
+    """Code of the smallest reverse bias that is not below the target.
+
+    Raises
+    ------
+    ValueError
+        When the offset is outside what the rail can compensate.
+    """
+    codes = np.floor((dac.reference_v + np.asarray(offset_v) - dac.target_v) / dac.step_v)
+    if np.any((codes < 0) | (codes >= 2**dac.bits)):
+        raise ValueError(
+            f"offset_v: {np.asarray(offset_v).tolist()} V cannot be compensated between 0 and "
+            f"{dac.rail_v:g} V around reference_v {dac.reference_v:g} V; choose another reference"
+        )
+    return codes.astype(np.int64)
+
+
+def gate_bias(
+    gate: FloatingGateBias,
+    bias_v: Reals,
+    *,
+    pulses: int = 0,
+    wait_s: float = 0.0,
+    warming_k: float = 0.0,
+) -> Floats:
+    """Reverse bias after so many pulses, so long a wait and so much warming, V."""
+    moved = gate.leak_v_s * wait_s + gate.drift_v_k * warming_k - gate.step_v * pulses
+    return np.asarray(bias_v + moved)
+
+
+def trimmed_bias(bias: Bias, offset_v: Reals) -> Floats:
+    """Reverse bias of pixels with these offsets at the start of the first frame, V."""
+    offset = np.asarray(offset_v, np.float64)
+    if isinstance(bias, FixedBias):
+        return offset + bias.reverse_bias_v
+    if isinstance(bias, DacBias):
+        return dac_bias(bias, best_code(bias, offset), offset)
+    above = offset + bias.erased_v - bias.target_v
+    trimmed = bias.target_v + np.where(above < 0, above, np.mod(above, bias.step_v))
+    return gate_bias(bias, trimmed, wait_s=bias.age_s, warming_k=bias.warming_k)
+
+
+def drift_rate(bias: Bias) -> float:
+    """Rise of the reverse bias during an exposure, V/s."""
+    return bias.leak_v_s if isinstance(bias, FloatingGateBias) else 0.0

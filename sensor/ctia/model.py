@@ -1,0 +1,106 @@
+"""Everything that describes an array of CTIA pixels, and the fixed pattern of one device.
+
+Offset, gain and dark current differ from pixel to pixel and are fixed by the device seed and the
+pixel's row and column: the offset and the gain in decibels are normal (§3.2.4), the factor on the
+dark current is log-normal with mean 1 (ours; the dissertation measured single pixels). What of the
+offset is left as bias depends on how the bias is set (`ctia_bias`).
+
+Source: dissertation, Chapter 3, for the pixel; the array is ours.
+"""
+
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from pydantic import BaseModel, Field
+
+from megalopta.sensor.ctia.bias import Bias, FixedBias, drift_rate, trimmed_bias
+from megalopta.sensor.ctia.integration import Pixel, gain_from_db
+from megalopta.sensor.ctia.noise import CtiaNoise
+from megalopta.sensor.ctia.photodiode import Floats, Photodiode
+from megalopta.sensor.optics import Efficiency, Lens
+from megalopta.sensor.sampling import pixel_normals
+from megalopta.sensor.spad import Sensor
+
+
+class CtiaSensor(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """An array of photodiodes, each with a CTIA, behind a lens."""
+
+    unit: ClassVar[str] = "electrons"
+    """What its readings are in, where they stand beside those of other sensors."""
+
+    kind: Literal["ctia"] = "ctia"
+    """Names this kind of image sensor."""
+    name: Annotated[str, Field(min_length=1)]
+    """What the sensor is called in files and reports."""
+    source: str = ""
+    """Where its figures come from."""
+    pitch_m: Annotated[float, Field(gt=0)]
+    """Distance between the centers of neighboring pixels (m); a pixel is pitch × pitch."""
+    fill_factor: Annotated[float, Field(gt=0, le=1)] = 1.0
+    """Light-sensitive fraction of the pixel's area (0 to 1)."""
+    exposure_s: Annotated[float, Field(gt=0)]
+    """Time from reset to reading (s)."""
+    lens: Lens = Lens()
+    """The lens in front of it."""
+    efficiency: Efficiency
+    """Quantum efficiency: electrons per photon on the light-sensitive area, over wavelength."""
+    diode: Photodiode
+    """Current law of the photodiode in the dark."""
+    capacitance_f: Annotated[float, Field(gt=0)] = 10e-12
+    """Integration capacitor (F)."""
+    swing_v: Annotated[float, Field(gt=0)] = 3.3
+    """Discharge at which the output reaches its lower rail (V): the pixel is saturated."""
+    gain_db: Annotated[float, Field(ge=20, le=200)] = 130.0
+    """Mean open-loop gain of the amplifiers (dB)."""
+    gain_sigma_db: Annotated[float, Field(ge=0)] = 0.0
+    """Standard deviation of the gain over the pixels (dB)."""
+    offset_v: float = 0.0
+    """Mean input offset of the amplifiers, positive: reverse bias (V)."""
+    offset_sigma_v: Annotated[float, Field(ge=0)] = 0.0
+    """Standard deviation of the offset over the pixels (V)."""
+    dark_sigma: Annotated[float, Field(ge=0)] = 0.0
+    """Relative standard deviation of the dark current at equal bias over the pixels."""
+    bias: Annotated[Bias, Field(discriminator="kind")] = FixedBias()
+    """How the reverse bias of the diodes is set."""
+    noise: CtiaNoise = CtiaNoise()
+    """Which noise its readings have."""
+    device_seed: int = 0
+    """Which device of this kind: fixes offset, gain and dark current of every pixel."""
+
+    @property
+    def optics(self) -> Sensor:
+        """Lens, pixel and quantum efficiency as a sensor that counts every electron."""
+        return Sensor(
+            name=self.name,
+            pitch_m=self.pitch_m,
+            fill_factor=self.fill_factor,
+            exposure_s=self.exposure_s,
+            lens=self.lens,
+            efficiency=self.efficiency,
+        )
+
+
+def pixels(sensor: CtiaSensor, shape: tuple[int, int]) -> Pixel:
+    """Every pixel of a device at its first frame, with its fixed pattern."""
+    offset = sensor.offset_v + sensor.offset_sigma_v * _normal(sensor, shape, "offset")
+    gain_db = sensor.gain_db + sensor.gain_sigma_db * _normal(sensor, shape, "gain")
+    return Pixel(
+        diode=sensor.diode,
+        capacitance_f=sensor.capacitance_f,
+        swing_v=sensor.swing_v,
+        gain=gain_from_db(gain_db),
+        bias_v=trimmed_bias(sensor.bias, offset),
+        drift_v_s=drift_rate(sensor.bias),
+        dark_scale=_log_normal(sensor.dark_sigma, _normal(sensor, shape, "dark current")),
+    )
+
+
+def _normal(sensor: CtiaSensor, shape: tuple[int, int], purpose: str) -> Floats:
+    return pixel_normals(shape, sensor.device_seed, f"ctia {purpose}")
+
+
+def _log_normal(relative_sigma: float, standard: Floats) -> Floats:
+    log_variance = np.log1p(relative_sigma**2)
+    return np.asarray(np.exp(np.sqrt(log_variance) * standard - log_variance / 2))

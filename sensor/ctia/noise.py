@@ -1,0 +1,115 @@
+"""Noise of a CTIA reading, as volts at the output of the pixel.
+
+- photon shot noise: the photoelectrons are Poisson, variance q·I_ph·t in C²;
+- dark shot noise: two opposite Poisson currents of the junction (`junction_currents`), and the
+  thermal noise of the shunt, variance 2·k·T·t/R (C²). It stays at zero bias, where the net current
+  is zero: bias tuning removes the dark current, but not the thermal noise of its conductance;
+- reset (kTC) noise: k·T/C in V², unless the reset level is read too and subtracted;
+- read noise: normal, of all that follows the pixel.
+
+The bias that counts is that in the middle of the discharge. Left out: charge that comes by chance
+also moves the bias, by 1/A of its voltage, which matters only where the dark current changes during
+the exposure by as much as itself, that is for poor amplifiers; 1/f noise of the amplifier.
+
+Source: dissertation §3.3.4 names the terms without figures; the laws are textbook ones.
+"""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import BaseModel, Field
+
+from megalopta.sensor.ctia.integration import Pixel, discharge, reverse_bias, start
+from megalopta.sensor.ctia.photodiode import (
+    BOLTZMANN_J_K,
+    ELEMENTARY_CHARGE_C,
+    Floats,
+    junction_currents,
+    noise_current,
+)
+
+
+class CtiaNoise(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """Which noise a CTIA reading has."""
+
+    photon_shot: bool = True
+    """Whether photoelectrons arrive by chance."""
+    dark_shot: bool = True
+    """Whether the dark diode is noisy: shot noise of its junction, thermal noise of its shunt."""
+    reset: bool = True
+    """Whether resetting the capacitor leaves kTC noise; off: the reset level is subtracted."""
+    read_noise_v: Annotated[float, Field(ge=0)] = 0.0
+    """Standard deviation of everything after the pixel (V); 0: none."""
+
+
+def draw_noise(
+    rng: np.random.Generator, noise: CtiaNoise, pixel: Pixel, photocurrent_a: Floats, time_s: float
+) -> Floats:
+    """Draw the deviation of readings from the noise-free discharge, V.
+
+    Parameters
+    ----------
+    rng : numpy Generator
+    noise : CtiaNoise
+    pixel : Pixel
+    photocurrent_a : array
+        A, one per pixel.
+    time_s : float
+        Since reset.
+    """
+    elapsed, bias = _halfway(pixel, photocurrent_a, time_s)
+    volts = np.zeros(np.broadcast_shapes(np.shape(photocurrent_a), elapsed.shape))
+    if noise.photon_shot:
+        volts += _poisson_charge(rng, photocurrent_a * elapsed) / pixel.capacitance_f
+    if noise.dark_shot:
+        volts += _dark_charge(rng, pixel, bias, elapsed) / pixel.capacitance_f
+    normal = _reset_variance(noise, pixel) + noise.read_noise_v**2
+    if normal > 0:
+        volts += rng.normal(0.0, np.sqrt(normal), volts.shape)
+    return volts
+
+
+def noise_variance(noise: CtiaNoise, pixel: Pixel, photocurrent_a: Floats, time_s: float) -> Floats:
+    """Variance of `draw_noise`, V²; its mean is 0."""
+    elapsed, bias = _halfway(pixel, photocurrent_a, time_s)
+    equivalent = noise_current(pixel.diode, bias, pixel.dark_scale)
+    shot = noise.photon_shot * photocurrent_a + noise.dark_shot * equivalent
+    charge = ELEMENTARY_CHARGE_C * shot * elapsed
+    return np.asarray(
+        charge / pixel.capacitance_f**2 + _reset_variance(noise, pixel) + noise.read_noise_v**2
+    )
+
+
+def _halfway(pixel: Pixel, photocurrent_a: Floats, time_s: float) -> tuple[Floats, Floats]:
+    """Time during which the output moves, s, and the reverse bias in the middle of it, V."""
+    wait, bias = start(pixel, photocurrent_a)
+    elapsed = np.maximum(time_s - wait, 0.0)
+    middle = np.where(elapsed > 0, time_s - elapsed / 2, 0.0)
+    discharged = discharge(pixel, photocurrent_a, time_s) / 2
+    return elapsed, np.maximum(reverse_bias(pixel, middle, discharged), bias)
+
+
+def _dark_charge(rng: np.random.Generator, pixel: Pixel, bias: Floats, elapsed: Floats) -> Floats:
+    diode = pixel.diode
+    time = np.asarray(pixel.dark_scale) * elapsed
+    reverse, forward = junction_currents(diode, bias)
+    charge = _poisson_charge(rng, reverse * time)
+    charge -= _poisson_charge(rng, forward * time)
+    if diode.shunt_ohm is not None:
+        conductance = diode.shunt_s * np.asarray(pixel.dark_scale)
+        variance = 2 * BOLTZMANN_J_K * diode.temperature_k * conductance * elapsed
+        charge += rng.normal(0.0, np.sqrt(np.broadcast_to(variance, charge.shape)))
+    return charge
+
+
+def _poisson_charge(rng: np.random.Generator, charge: Floats) -> Floats:
+    """Charge of a Poisson number of electrons less its mean, C."""
+    electrons = charge / ELEMENTARY_CHARGE_C
+    return np.asarray(ELEMENTARY_CHARGE_C * (rng.poisson(electrons) - electrons))
+
+
+def _reset_variance(noise: CtiaNoise, pixel: Pixel) -> float:
+    kelvin = pixel.diode.temperature_k
+    return noise.reset * BOLTZMANN_J_K * kelvin / pixel.capacitance_f

@@ -1,0 +1,42 @@
+from . import afterpulsing, bias, crosstalk, dead_time, gated_paralyzable, temperature
+from .afterpulsing import Afterpulsing, draw_carriers, draw_delay
+from .bias import Bias, best_excess_bias, breakdown_offset
+from .crosstalk import Crosstalk, neighborhood
+from .dark_counts import DarkCounts, dark_count_rate, mean_density
+from .dead_time import MOST_ARRIVALS, DeadTime, check_arrivals, expected_counts
+from .gating import Gate, is_open, open_fraction, open_time, wall_time
+from .jitter import Jitter, stamp
+from .temperature import Temperature, dark_count_factor
+
+__all__ = [
+    "MOST_ARRIVALS",
+    "Afterpulsing",
+    "Bias",
+    "Crosstalk",
+    "DarkCounts",
+    "DeadTime",
+    "Gate",
+    "Jitter",
+    "Temperature",
+    "afterpulsing",
+    "best_excess_bias",
+    "bias",
+    "breakdown_offset",
+    "check_arrivals",
+    "crosstalk",
+    "dark_count_factor",
+    "dark_count_rate",
+    "dead_time",
+    "draw_carriers",
+    "draw_delay",
+    "expected_counts",
+    "gated_paralyzable",
+    "is_open",
+    "mean_density",
+    "neighborhood",
+    "open_fraction",
+    "open_time",
+    "stamp",
+    "temperature",
+    "wall_time",
+]

@@ -1,0 +1,137 @@
+"""Excess bias and its mismatch: efficiency and dark counts move together.
+
+A pixel whose breakdown voltage lies δ above the nominal one has V = excess_v − δ. Relative to the
+values at reference_v,
+
+    efficiency    f(V)/f(reference),   f(V) = 1 − exp(−(V − onset_v)/efficiency_scale_v)
+    dark counts   exp((V − reference)/dark_efold_v)
+
+and both are 0 below the onset.
+
+The first is the usual saturating probability that a carrier starts an avalanche; `onset_v` is the
+excess bias at which avalanches become large enough to be seen. The second is empirical and holds
+where it was fitted. Their ratio, the thesis's signal-to-noise ratio, is largest at
+
+    V* = onset + efficiency_scale·ln(1 + dark_efold/efficiency_scale)
+
+whatever the flux, and below every bias at which efficiency is largest. δ is normal.
+
+A map measured on a device holds each pixel's mismatch already. It is multiplied by the factor from
+the reference bias to this one at the pixel's own δ, 1 at the reference bias.
+
+Source: dissertation §2.4.4 to §2.4.7. An `efficiency_scale_v` or `dark_efold_v` of none switches
+that dependence off.
+"""
+
+from collections.abc import Callable
+from typing import Annotated, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import BaseModel, Field, model_validator
+
+from megalopta.sensor.sampling import pixel_normals
+
+Floats = NDArray[np.float64]
+
+
+class Bias(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """Excess bias, what depends on it and how it scatters; by default nothing does."""
+
+    excess_v: Annotated[float, Field(gt=0)] = 1.0
+    """Bias above the nominal breakdown voltage (V)."""
+    reference_v: Annotated[float, Field(gt=0)] = 1.0
+    """Excess bias at which the efficiency curve and the dark count rates hold (V)."""
+    onset_v: Annotated[float, Field(ge=0)] = 0.0
+    """Excess bias below which nothing is counted (V)."""
+    efficiency_scale_v: Annotated[float, Field(gt=0)] | None = None
+    """Voltage scale of the saturation of the efficiency (V); none: it does not depend on bias."""
+    dark_efold_v: Annotated[float, Field(gt=0)] | None = None
+    """Rise in bias that multiplies dark counts by e (V); none: they do not depend on bias."""
+    breakdown_sigma_v: Annotated[float, Field(ge=0)] = 0.0
+    """Standard deviation of the breakdown voltage over the pixels (V)."""
+
+    @model_validator(mode="after")
+    def _check_onset(self) -> Self:
+        if self.onset_v >= self.reference_v:
+            raise ValueError(
+                f"bias.onset_v: {self.onset_v:g} is not below reference_v {self.reference_v:g}, "
+                "where the efficiency curve holds; lower it"
+            )
+        scales = self.efficiency_scale_v, self.dark_efold_v
+        if self.is_on and self.onset_v == 0 and scales == (None, None):
+            raise ValueError(
+                f"bias: excess_v {self.excess_v:g}, reference_v {self.reference_v:g}, "
+                f"breakdown_sigma_v {self.breakdown_sigma_v:g}, but nothing depends on bias; give "
+                "efficiency_scale_v, dark_efold_v or onset_v"
+            )
+        return self
+
+    @property
+    def is_on(self) -> bool:
+        """Whether a pixel is anywhere but at the reference bias."""
+        return self.excess_v != self.reference_v or self.breakdown_sigma_v > 0
+
+
+def breakdown_offset(bias: Bias, shape: tuple[int, int], device_seed: int) -> Floats:
+    """Breakdown voltage of every pixel of a device above the nominal one, V, (rows, columns)."""
+    if bias.breakdown_sigma_v == 0:
+        return np.zeros(shape)
+    return bias.breakdown_sigma_v * pixel_normals(shape, device_seed, "breakdown voltage")
+
+
+def efficiency_factor(bias: Bias, breakdown_offset_v: ArrayLike) -> Floats:
+    """Efficiency relative to that at the reference bias."""
+    excess = bias.excess_v - np.asarray(breakdown_offset_v, np.float64)
+    is_sensitive = excess > bias.onset_v
+    if bias.efficiency_scale_v is None:
+        return np.asarray(is_sensitive, np.float64)
+    trigger = -np.expm1(-np.maximum(excess - bias.onset_v, 0) / bias.efficiency_scale_v)
+    return np.asarray(trigger / _reference_trigger(bias))
+
+
+def dark_count_factor(bias: Bias, breakdown_offset_v: ArrayLike) -> Floats:
+    """Dark count rate relative to that at the reference bias."""
+    excess = bias.excess_v - np.asarray(breakdown_offset_v, np.float64)
+    is_sensitive = excess > bias.onset_v
+    if bias.dark_efold_v is None:
+        return np.asarray(is_sensitive, np.float64)
+    with np.errstate(over="ignore"):  # `fabricate` refuses what is not finite
+        growth = np.exp((excess - bias.reference_v) / bias.dark_efold_v)
+    return np.where(is_sensitive, growth, 0.0)
+
+
+def since_measurement(
+    factor: Callable[[Bias, ArrayLike], Floats], bias: Bias, breakdown_offset_v: ArrayLike
+) -> Floats:
+    """What one of the factors above does to a map measured at the reference bias.
+
+    The measurement stands, with factor 1, in a pixel that is below the onset at that bias.
+    """
+    at_reference = bias.model_copy(update={"excess_v": bias.reference_v})
+    now, then = (factor(each, breakdown_offset_v) for each in (bias, at_reference))
+    return np.divide(now, then, out=np.ones_like(now), where=then > 0)
+
+
+def best_excess_bias(bias: Bias) -> float:
+    """Excess bias, V, at which efficiency over dark count rate is largest.
+
+    Raises
+    ------
+    ValueError
+        When efficiency or dark counts do not depend on bias.
+    """
+    scale, efold = bias.efficiency_scale_v, bias.dark_efold_v
+    if scale is None or efold is None:
+        raise ValueError(
+            f"bias: efficiency_scale_v {scale} and dark_efold_v {efold}; give both, there is no "
+            "best bias without"
+        )
+    return bias.onset_v + scale * float(np.log1p(efold / scale))
+
+
+def _reference_trigger(bias: Bias) -> float:
+    assert bias.efficiency_scale_v is not None
+    return float(-np.expm1(-(bias.reference_v - bias.onset_v) / bias.efficiency_scale_v))

@@ -1,0 +1,111 @@
+"""Dark counts: avalanches without a photon, Poisson, at a rate that is each pixel's own.
+
+The rate per active area is drawn once per device: for most pixels from a normal distribution cut
+off at zero, for the fraction of "hot" pixels from a log-normal one (positive, long tail). The
+pattern belongs to the device seed and to the pixel's row and column, so it is the same in every
+frame and for any image size.
+
+Source: dissertation §2.4.4 and §2.4.7, where the bulk is called normal and hot pixels lie outside
+of it. The log-normal is ours: five hot pixels were measured. The rate is that of one bias and one
+temperature.
+"""
+
+from typing import Annotated, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field, model_validator
+from scipy.special import ndtr, ndtri
+
+from megalopta.sensor.sampling import pixel_uniforms
+
+_UM2_PER_M2 = 1e12
+
+
+class DarkCounts(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """Distribution of the dark count rate over the pixels; all zero: no dark counts."""
+
+    bulk_mean_hz_um2: Annotated[float, Field(ge=0)] = 0.0
+    """Mean of the normal distribution of ordinary pixels before the cut at zero (Hz/µm²)."""
+    bulk_sigma_hz_um2: Annotated[float, Field(ge=0)] = 0.0
+    """Standard deviation of that normal distribution (Hz/µm²)."""
+    hot_fraction: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """Fraction of pixels that are hot (0 to 1)."""
+    hot_mean_hz_um2: Annotated[float, Field(ge=0)] = 0.0
+    """Mean rate of hot pixels (Hz/µm²)."""
+    hot_sigma_hz_um2: Annotated[float, Field(ge=0)] = 0.0
+    """Standard deviation of the rate of hot pixels (Hz/µm²)."""
+
+    @model_validator(mode="after")
+    def _check_hot(self) -> Self:
+        if self.hot_mean_hz_um2 == 0 and (self.hot_fraction > 0 or self.hot_sigma_hz_um2 > 0):
+            raise ValueError(
+                f"dark_counts.hot_mean_hz_um2: 0 with hot_fraction {self.hot_fraction:g} and "
+                f"hot_sigma_hz_um2 {self.hot_sigma_hz_um2:g}; give hot pixels a rate or none"
+            )
+        return self
+
+
+def dark_count_rate(
+    dark_counts: DarkCounts, shape: tuple[int, int], active_area_m2: float, device_seed: int
+) -> NDArray[np.float64]:
+    """Dark count rate of every pixel of a device, Hz.
+
+    Parameters
+    ----------
+    dark_counts : DarkCounts
+    shape : (rows, columns)
+    active_area_m2 : float
+        Light-sensitive area of one pixel.
+    device_seed : int
+        Which device: the pattern is fixed by it.
+    """
+    is_hot = pixel_uniforms(shape, device_seed, "dark counts, hot") < dark_counts.hot_fraction
+    rank = 1 - pixel_uniforms(shape, device_seed, "dark counts, rate")
+    density = np.where(is_hot, _hot_density(dark_counts, rank), _bulk_density(dark_counts, rank))
+    return density * (active_area_m2 * _UM2_PER_M2)
+
+
+def mean_density(dark_counts: DarkCounts) -> float:
+    """Mean over devices of the dark count rate per active area, Hz/µm²."""
+    return _moment(dark_counts, _bulk_moments(dark_counts)[0], dark_counts.hot_mean_hz_um2)
+
+
+def density_variance(dark_counts: DarkCounts) -> float:
+    """Variance over devices of the dark count rate per active area, (Hz/µm²)²."""
+    bulk = _bulk_moments(dark_counts)[1]
+    hot = dark_counts.hot_mean_hz_um2**2 + dark_counts.hot_sigma_hz_um2**2
+    return _moment(dark_counts, bulk, hot) - mean_density(dark_counts) ** 2
+
+
+def _moment(dark_counts: DarkCounts, bulk: float, hot: float) -> float:
+    return (1 - dark_counts.hot_fraction) * bulk + dark_counts.hot_fraction * hot
+
+
+def _bulk_density(dark_counts: DarkCounts, rank: NDArray[np.float64]) -> NDArray[np.float64]:
+    # rank in (0, 1] is the upper tail probability, which keeps the quantile finite
+    mean, sigma = dark_counts.bulk_mean_hz_um2, dark_counts.bulk_sigma_hz_um2
+    if sigma == 0:
+        return np.full_like(rank, mean)
+    return np.maximum(mean - sigma * ndtri(rank * ndtr(mean / sigma)), 0.0)
+
+
+def _bulk_moments(dark_counts: DarkCounts) -> tuple[float, float]:
+    # first and second moment of a normal distribution truncated at zero
+    mean, sigma = dark_counts.bulk_mean_hz_um2, dark_counts.bulk_sigma_hz_um2
+    if sigma == 0:
+        return mean, mean**2
+    cut = mean / sigma
+    hazard = np.exp(-(cut**2) / 2) / np.sqrt(2 * np.pi) / ndtr(cut)
+    first = mean + sigma * hazard
+    return float(first), float(mean * first + sigma**2)
+
+
+def _hot_density(dark_counts: DarkCounts, rank: NDArray[np.float64]) -> NDArray[np.float64]:
+    mean, sigma = dark_counts.hot_mean_hz_um2, dark_counts.hot_sigma_hz_um2
+    if sigma == 0:
+        return np.full_like(rank, mean)
+    log_variance = np.log1p((sigma / mean) ** 2)
+    return np.asarray(mean * np.exp(-np.sqrt(log_variance) * ndtri(rank) - log_variance / 2))

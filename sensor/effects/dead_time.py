@@ -1,0 +1,117 @@
+"""Dead time: what a detector misses while it recovers from the event before.
+
+Three kinds. `ideal`: none, counts are Poisson. `nonparalyzable` and `paralyzable`: see the modules
+of these names for the laws. In all of them τ is the same for every pixel and every event and the
+rate is constant during the exposure. When the exposure starts, the detector is live and idle, or it
+has been running for long (`stationary`) and may be blind.
+"""
+
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import BaseModel, Field, model_validator
+
+from megalopta.sensor.effects import nonparalyzable, paralyzable
+from megalopta.sensor.sampling import draw_poisson
+
+MOST_ARRIVALS = 1e15
+# Far below any detector's; denormal times have no finite inverse.
+_SHORTEST_S = 1e-15
+
+Floats = NDArray[np.float64]
+
+
+class DeadTime(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """Recovery of a pixel after an event."""
+
+    kind: Literal["ideal", "nonparalyzable", "paralyzable"] = "ideal"
+    """No dead time, active quench (lost arrivals do nothing) or passive quench (they extend it)."""
+    dead_time_s: Annotated[float, Field(ge=0)] = 0.0
+    """Time during which the pixel is blind (s), at least 1e-15; 0 with ideal."""
+    start: Literal["live", "stationary"] = "live"
+    """Pixel at the start of an exposure: live and idle, or as after running for long."""
+
+    @model_validator(mode="after")
+    def _check_dead_time(self) -> Self:
+        if self.kind == "ideal" and self.dead_time_s > 0:
+            raise ValueError(
+                f"dead_time.dead_time_s: {self.dead_time_s:g} does nothing with kind 'ideal'; use "
+                "kind 'nonparalyzable' or 'paralyzable', or leave the time out"
+            )
+        if self.kind != "ideal" and self.dead_time_s < _SHORTEST_S:
+            raise ValueError(
+                f"dead_time.dead_time_s: {self.dead_time_s:g} is below {_SHORTEST_S:g} s "
+                f"with kind {self.kind!r}; give a time or use kind 'ideal'"
+            )
+        return self
+
+
+def expected_counts(
+    rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime
+) -> NDArray[np.float64]:
+    """Exact mean number of counts in one exposure; as `moments`."""
+    return moments(rate_hz, exposure_s, dead_time)[0]
+
+
+def variance_counts(
+    rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime
+) -> NDArray[np.float64]:
+    """Exact variance of the number of counts in one exposure; as `moments`."""
+    return moments(rate_hz, exposure_s, dead_time)[1]
+
+
+def moments(rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime) -> tuple[Floats, Floats]:
+    """Exact mean and variance of the number of counts in one exposure.
+
+    Parameters
+    ----------
+    rate_hz : array of any shape
+        Rate of arrivals, photons and dark counts together.
+    exposure_s : float
+    dead_time : DeadTime
+
+    Raises
+    ------
+    ValueError
+        When a rate or the exposure is negative or not finite.
+    """
+    arrivals = check_arrivals(rate_hz, exposure_s)
+    fraction, is_stationary = dead_time.dead_time_s / exposure_s, dead_time.start == "stationary"
+    if dead_time.kind == "paralyzable":
+        mean, variance = paralyzable.moments(arrivals, fraction, is_stationary)
+    elif dead_time.kind == "nonparalyzable":
+        mean, variance = nonparalyzable.moments(arrivals, fraction, is_stationary)
+    else:
+        mean, variance = arrivals, arrivals.copy()
+    return mean.reshape(np.shape(rate_hz)), variance.reshape(np.shape(rate_hz))
+
+
+def draw_counts(
+    rng: np.random.Generator, rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime
+) -> NDArray[np.int64]:
+    """Draw the number of counts in one exposure; as `moments`."""
+    arrivals = check_arrivals(rate_hz, exposure_s)
+    fraction, is_stationary = dead_time.dead_time_s / exposure_s, dead_time.start == "stationary"
+    if dead_time.kind == "paralyzable":
+        counts = paralyzable.draw(rng, arrivals, fraction, is_stationary)
+    elif dead_time.kind == "nonparalyzable":
+        counts = nonparalyzable.draw(rng, arrivals, fraction, is_stationary)
+    else:
+        counts = draw_poisson(rng, arrivals)
+    return counts.reshape(np.shape(rate_hz))
+
+
+def check_arrivals(rate_hz: ArrayLike, exposure_s: float) -> Floats:
+    """Mean number of arrivals in the exposure, flat, or refuse them."""
+    if not 0 < exposure_s < np.inf:
+        raise ValueError(f"exposure_s: {exposure_s}; must be positive and finite (s)")
+    rate = np.asarray(rate_hz, np.float64).ravel()
+    if rate.size and not (rate.min() >= 0 and rate.max() * exposure_s <= MOST_ARRIVALS):
+        raise ValueError(
+            f"rate_hz: from {rate.min():g} to {rate.max():g}; must be finite, not negative, and at "
+            f"most {MOST_ARRIVALS / exposure_s:g} Hz ({MOST_ARRIVALS:g} arrivals an exposure)"
+        )
+    return rate * exposure_s

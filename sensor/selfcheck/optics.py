@@ -1,0 +1,78 @@
+"""Light on the die against integrals over the exit pupil of the lens.
+
+The pupil is a disc of diameter f/N at the distance f from the die, every point of it as bright as
+the scene, L. Seen from a point s of the die, a piece dA of it at p adds L·cos²θ·dA/|p − s|² with
+cos θ = f/|p − s|. Both laws of `optics` follow from this: π/(4·N² + 1) on the axis, and cos⁴ where
+the pupil is narrow.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.constants import c, h
+from scipy.integrate import dblquad, quad
+
+from megalopta.sensor.optics import Efficiency, Lens
+from megalopta.sensor.selfcheck.comparison import Row, exact_row
+from megalopta.sensor.spad import Sensor, detection_rate
+
+_CURVE = Efficiency(wavelengths_nm=(400, 550, 700), values=(0.1, 0.4, 0.2))
+_ROWS, _COLUMNS, _FOV_DEG = 5, 9, 80.0
+
+
+def check_lens() -> Iterator[Row]:
+    """Detections of a pixel on the axis, for fast and slow lenses."""
+    radiance = 1e-6
+    per_watt, _ = quad(
+        lambda nm: float(_CURVE(np.array(nm))) * nm * 1e-9 / (h * c), 400, 700, points=[550]
+    )
+    for f_number, transmission in ((0.95, 0.9), (1.4, 1.0), (5.6, 0.8)):
+        sensor = _sensor(Lens(f_number=f_number, transmission=transmission))
+        photons = radiance * transmission * _seen_pupil(f_number, 0.0, 0.0) * per_watt
+        measured = detection_rate(np.full((1, 1, 1, 1), radiance), [(400, 700)], sensor)
+        expected = photons * 0.5 * 10e-6**2
+        yield exact_row(
+            "lens",
+            f"detections at f/{f_number:g} (1/s)",
+            expected,
+            float(measured[0, 0, 0]),
+            1e-6 * expected,
+        )
+
+
+def check_falloff() -> Iterator[Row]:
+    """Light at the edges of an image relative to its middle."""
+    f_number = 100.0
+    sensor = _sensor(Lens(f_number=f_number, falloff_fov_deg=_FOV_DEG))
+    image = detection_rate(np.ones((1, _ROWS, _COLUMNS, 1)), [(400, 700)], sensor)[0]
+    focal_pixels = _COLUMNS / 2 / np.tan(np.radians(_FOV_DEG / 2))
+    right, down = _COLUMNS // 2 / focal_pixels, _ROWS // 2 / focal_pixels
+    axis = _seen_pupil(f_number, 0.0, 0.0)
+    for name, row, column, at in (
+        ("right edge", _ROWS // 2, -1, (right, 0.0)),
+        ("top edge", 0, _COLUMNS // 2, (0.0, -down)),
+        ("corner", -1, 0, (-right, down)),
+    ):
+        measured = float(image[row, column] / image[_ROWS // 2, _COLUMNS // 2])
+        # a pupil of f/100 is wide enough to differ from a point by some 1e-4
+        yield exact_row(
+            "cos⁴ falloff", f"{name} over middle", _seen_pupil(f_number, *at) / axis, measured, 3e-4
+        )
+
+
+def _sensor(lens: Lens) -> Sensor:
+    return Sensor(
+        name="optics", pitch_m=10e-6, fill_factor=0.5, exposure_s=1.0, lens=lens, efficiency=_CURVE
+    )
+
+
+def _seen_pupil(f_number: float, x: float, y: float) -> float:
+    """Irradiance per radiance of the pupil at a point of the die, in focal lengths, sr."""
+    seen, _ = dblquad(
+        lambda r, phi: r / (1 + (r * np.cos(phi) - x) ** 2 + (r * np.sin(phi) - y) ** 2) ** 2,
+        0,
+        2 * np.pi,
+        0,
+        1 / (2 * f_number),
+    )
+    return float(seen)

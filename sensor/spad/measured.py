@@ -1,0 +1,149 @@
+"""A measured device: a YAML file with the fields of `Sensor`, and maps of its pixels as .npy files.
+
+    preset: spadcam
+    name: spadcam-3
+    efficiency: {path: pde.csv}
+    measured:
+      dark_counts: dark_counts_hz.npy
+      breakdown: breakdown_offset_v.npy
+      fit: center
+
+Paths are relative to the YAML file. The maps are hashed when the file is read, and a map that has
+changed since is refused, so that a fixed pattern on record stays what it was. Pickled objects are
+never loaded.
+"""
+
+import hashlib
+import io
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field, model_validator
+
+from megalopta.sensor import file_content
+
+Floats = NDArray[np.float64]
+Fit = Literal["exact", "top_left", "center"]
+
+
+class MapFile(BaseModel, frozen=True, extra="forbid", use_attribute_docstrings=True):
+    """One number per pixel, in a .npy file; a plain path will do."""
+
+    path: str
+    """Where the file is."""
+    sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] | None = None
+    """Hash of the file; a file with another one is refused. None: not checked."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _path_alone_will_do(cls, values: Any) -> Any:
+        if isinstance(values, str | Path):
+            return {"path": str(values)}
+        if not isinstance(values, Mapping | cls):
+            raise ValueError(f"{values!r} is no file; give the path of a .npy file")
+        return values
+
+
+class MeasuredMaps(BaseModel, frozen=True, extra="forbid", use_attribute_docstrings=True):
+    """Maps that take the place of drawn patterns; none by default."""
+
+    dark_counts: MapFile | None = None
+    """Dark count rate of every pixel (Hz) at the reference bias and temperature."""
+    efficiency: MapFile | None = None
+    """Efficiency of every pixel relative to the curve, at the reference bias."""
+    breakdown: MapFile | None = None
+    """Breakdown voltage of every pixel above the nominal one (V)."""
+    fit: Fit = "exact"
+    """Which pixels of a map larger than the image are used: top_left or center takes a window of
+    the image's size there, exact refuses the map."""
+
+    @property
+    def has_any(self) -> bool:
+        """Whether there is a map."""
+        return any((self.dark_counts, self.efficiency, self.breakdown))
+
+
+def load_map(
+    file: MapFile,
+    shape: tuple[int, int],
+    field: str,
+    fit: Fit = "exact",
+    lowest: float = 0.0,
+) -> Floats:
+    """Read a map for an image of (rows, columns) pixels.
+
+    Raises
+    ------
+    ValueError
+        When the file is missing, has changed, does not fit, holds no plain numbers or impossible
+        ones.
+    """
+    content = file_content(file.path, field)
+    if file.sha256 is not None and hashlib.sha256(content).hexdigest() != file.sha256:
+        raise ValueError(
+            f"{field}: {file.path} has changed since it was first read; restore it, or name it "
+            "anew without a sha256"
+        )
+    values = _plain_array(content)
+    if values is None or values.ndim != 2:
+        raise ValueError(
+            f"{field}: {file.path} does not hold one whole array (rows, columns) of plain numbers; "
+            "write it with numpy.save"
+        )
+    if not np.all((values >= lowest) & (values < np.inf)):
+        below = "" if lowest < -1e300 else f"below {lowest:g} or "
+        raise ValueError(
+            f"{field}: {file.path} holds values {below}not finite; replace those pixels"
+        )
+    return _window(values, shape, fit, f"{field}: {file.path}").astype(np.float64)
+
+
+def _plain_array(content: bytes) -> NDArray[Any] | None:
+    try:
+        values = np.lib.format.read_array(io.BytesIO(content), allow_pickle=False)
+    except Exception:  # a damaged header can raise anything
+        return None
+    return values if values.dtype.kind in "fiu" else None
+
+
+def _window(values: NDArray[Any], shape: tuple[int, int], fit: Fit, name: str) -> NDArray[Any]:
+    sizes = f"{_pixels(values.shape)}, the image {_pixels(shape)} (rows × columns)"
+    spare = np.subtract(values.shape, shape)
+    if spare.min() < 0:
+        raise ValueError(
+            f"{name} has {sizes}; lower camera.height or camera.width, or measure more pixels"
+        )
+    if spare.max() > 0 and fit == "exact":
+        raise ValueError(
+            f"{name} has {sizes}; set measured.fit to top_left or center to use a part of it"
+        )
+    top, left = spare // 2 if fit == "center" else (0, 0)
+    return values[top : top + shape[0], left : left + shape[1]]
+
+
+def _pixels(shape: tuple[int, ...]) -> str:
+    return f"{shape[0]} × {shape[1]}"
+
+
+def with_hashes(maps: Any, folder: Path) -> Any:
+    """Make the paths of a `measured` mapping absolute and add the hashes of files without one."""
+    if not isinstance(maps, Mapping):
+        return maps
+    return {
+        name: value if name == "fit" else _with_hash(value, folder, f"measured.{name}")
+        for name, value in maps.items()
+    }
+
+
+def _with_hash(file: Any, folder: Path, field: str) -> Any:
+    if isinstance(file, str):
+        file = {"path": file}
+    if not isinstance(file, Mapping) or not isinstance(file.get("path"), str):
+        return file
+    path = str((folder / file["path"]).absolute())
+    if file.get("sha256"):
+        return {**file, "path": path}
+    return {**file, "path": path, "sha256": hashlib.sha256(file_content(path, field)).hexdigest()}

@@ -1,0 +1,101 @@
+"""Everything that describes one image sensor, as plain frozen data."""
+
+from typing import Annotated, ClassVar, Literal, Self
+
+from pydantic import BaseModel, Field, model_validator
+
+from megalopta.sensor.avalanches import AvalancheEffects
+from megalopta.sensor.counters import AnalogCounter, DigitalCounter
+from megalopta.sensor.effects import (
+    Afterpulsing,
+    Bias,
+    Crosstalk,
+    DarkCounts,
+    DeadTime,
+    Gate,
+    Jitter,
+    Temperature,
+    open_fraction,
+)
+from megalopta.sensor.optics import Efficiency, Lens
+from megalopta.sensor.spad.measured import MeasuredMaps
+
+
+class Sensor(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """A single-photon image sensor behind a lens; the number of pixels is that of the image."""
+
+    unit: ClassVar[str] = "counts"
+    """What its readings are in."""
+
+    kind: Literal["spad"] = "spad"
+    """Names this kind of image sensor."""
+    name: Annotated[str, Field(min_length=1)]
+    """What the sensor is called in files and reports."""
+    source: str = ""
+    """Where its figures come from."""
+    pitch_m: Annotated[float, Field(gt=0)]
+    """Distance between the centers of neighboring pixels (m); a pixel is pitch × pitch."""
+    fill_factor: Annotated[float, Field(gt=0, le=1)]
+    """Light-sensitive fraction of the pixel's area (0 to 1)."""
+    exposure_s: Annotated[float, Field(gt=0)]
+    """Time during which events are counted for one frame (s)."""
+    lens: Lens = Lens()
+    """The lens in front of it."""
+    efficiency: Efficiency
+    """Photon detection efficiency of the light-sensitive area over wavelength."""
+    bias: Bias = Bias()
+    """Excess bias and breakdown mismatch, which move efficiency and dark counts; off by default."""
+    temperature: Temperature = Temperature()
+    """Temperature, which moves dark counts; by default that at which they were given."""
+    dark_counts: DarkCounts = DarkCounts()
+    """Events without light; off by default."""
+    measured: MeasuredMaps = MeasuredMaps()
+    """Measured maps of the pixels of one device, in place of drawn ones; none by default."""
+    gate: Gate = Gate()
+    """Periodic window of sensitivity; always open by default."""
+    dead_time: DeadTime = DeadTime()
+    """Recovery after an event; none by default."""
+    afterpulsing: Afterpulsing = Afterpulsing()
+    """Events fired by carriers of earlier ones; off by default."""
+    crosstalk: Crosstalk = Crosstalk()
+    """Events fired by those of neighboring pixels; off by default."""
+    jitter: Jitter = Jitter()
+    """Scatter of the time stamps of events; none by default."""
+    counter: Annotated[DigitalCounter | AnalogCounter, Field(discriminator="kind")] = (
+        DigitalCounter()
+    )
+    """What counts the events in the pixel; by default one that is practically never full."""
+    device_seed: int = 0
+    """Which device of this kind: fixes the pattern of its pixels (any integer, 0 included). Where
+    two sensors share it, pixels at the same place rank alike in each of their patterns."""
+
+    @model_validator(mode="after")
+    def _check_gate(self) -> Self:
+        if open_fraction(self.gate, self.exposure_s) == 0:
+            raise ValueError(
+                f"gate: it does not open in an exposure_s of {self.exposure_s:g}; lower phase_s "
+                f"{self.gate.phase_s:g} or expose for longer"
+            )
+        return self
+
+    @property
+    def counter_capacity(self) -> int:
+        """Largest count a pixel can hold."""
+        return self.counter.capacity
+
+    @property
+    def avalanche_effects(self) -> AvalancheEffects:
+        """What decides which avalanches occur."""
+        return AvalancheEffects(self.dead_time, self.afterpulsing, self.gate, self.crosstalk)
+
+    @property
+    def pixel_area_m2(self) -> float:
+        """Area of a whole pixel, m²."""
+        return self.pitch_m**2
+
+    @property
+    def active_area_m2(self) -> float:
+        """Light-sensitive area of a pixel, m²."""
+        return self.pixel_area_m2 * self.fill_factor

@@ -1,0 +1,238 @@
+"""Sensors by name, as plain data.
+
+`ideal` has the pixel, lens and exposure of `spadcam`, so that what differs is the device alone: all
+the light on the pixel is counted, nothing else is.
+
+`spadcam` follows the device sheet of dissertation §2.4 at 13.58 V anode voltage, which is 1.18 V
+excess bias (13.40 V is about 1 V there). Measured there: pitch, active area, dark counts of one row
+of 16 pixels, "peak efficiency below 1 % at 450 nm", quenching, breakdown spread, counter step and
+leakage. Chosen here, because it is not given:
+
+- the spectral shape: absorption of silicon in 0.4 µm under a dead surface of 0.1 µm. Only the
+  height at 450 nm rests on a measurement, and that is an upper limit. The motion bench of §2.4.8
+  (93 nW at 700 nm, 65 counts in 0.1 s), if its beam covered 100 mm², allows 0.055 % at 700 nm where
+  this curve has 0.11 %; how much light reached the chip there is not known;
+- dead time 1 µs: §2.4.1 says that recovery exceeds this;
+- the lens: the thesis lights the bare die;
+- dependence on bias, which the thesis shows as curves without numbers: counting sets in at 0.87 V
+  excess, 3 σ of mismatch below 1 V, where all 16 pixels of a row were measured; dark counts grow
+  e-fold in 0.12 V, so that breakdown mismatch makes most of the spread of ordinary pixels;
+  efficiency saturates over 0.2 V. The best ratio of the two is then at 0.96 V, where the
+  measurements begin. The height of the efficiency is such that it stays below 1 % at any bias;
+- dark counts: five numbers of the row (mean 1.77, median 0.93, σ 1.77 Hz/µm², 11 of 16 pixels
+  below 1.5, σ 0.32 among these), met with mismatch included, fix the mixture;
+- read noise 1 mV and 12 bits of the ADC; the swing follows from 320 counts of 10 mV.
+
+The devices of Table 2.1 have the efficiency and dark counts printed there, at the bias printed
+there. Only the peak of the efficiency is given: these presets have it at all wavelengths, so use
+them near that wavelength. Fill factor, dead time, mismatch and counter are not in the table; they
+have fill factor 1 (pitch² is the active area) and no other effect. A limit ("<5k", ">1k") is taken
+as the value.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from megalopta import strict_yaml
+from megalopta.sensor import merged
+from megalopta.sensor.counters import AnalogCounter
+from megalopta.sensor.effects import Bias, DarkCounts, DeadTime
+from megalopta.sensor.optics import Efficiency, Lens, with_curve
+from megalopta.sensor.spad.measured import with_hashes
+from megalopta.sensor.spad.model import Sensor
+
+_LENS = Lens(f_number=1.4, transmission=0.9)
+
+
+@dataclass(frozen=True)
+class TableDevice:
+    """One column of Table 2.1, as printed.
+
+    Attributes
+    ----------
+    reference : str
+        First author and number in the thesis's bibliography.
+    node : str
+        CMOS process.
+    dark_counts_hz : float
+        Dark count rate at room temperature, Hz.
+    limit : str
+        "<" or ">" where the table gives a limit of the dark count rate.
+    excess_bias_v : float
+        Excess bias of both measurements, V.
+    active_area_um2 : float
+        Light-sensitive area, µm².
+    density_hz_um2 : float
+        Dark count rate per area as the table prints it, Hz/µm².
+    peak_efficiency : float
+        Largest detection probability, 0 to 1.
+    peak_nm : float
+        Wavelength of it, nm.
+    """
+
+    reference: str
+    node: str
+    dark_counts_hz: float
+    limit: str
+    excess_bias_v: float
+    active_area_um2: float
+    density_hz_um2: float
+    peak_efficiency: float
+    peak_nm: float
+
+
+TABLE_2_1: dict[str, TableDevice] = {
+    "niclass-800nm": TableDevice("Niclass [72]", "0.8 µm", 350, "", 5, 38, 9.2, 0.12, 635),
+    "niclass-350nm": TableDevice("Niclass [71]", "0.35 µm", 750, "", 3.3, 78, 9.6, 0.36, 465),
+    "mandai-180nm": TableDevice("Mandai [73]", "180 nm", 5e3, "<", 4, 78, 64, 0.36, 600),
+    "gersbach-130nm-5v": TableDevice("Gersbach [74]", "130 nm", 11e3, "", 5, 58, 190, 0.36, 480),
+    "gersbach-130nm-2v": TableDevice("Gersbach [74]", "130 nm", 220, "", 2, 58, 3.8, 0.26, 480),
+    "richardson-130nm": TableDevice("Richardson [75]", "130 nm", 25, "", 1.4, 50, 0.5, 0.28, 500),
+    "webster-130nm": TableDevice("Webster [70]", "130 nm", 1e3, ">", 12, 50, 20, 0.72, 560),
+}
+"""Columns of Table 2.1 by the name of their preset."""
+
+
+def _table_preset(name: str, device: TableDevice) -> Sensor:
+    density = device.dark_counts_hz / device.active_area_um2
+    return Sensor(
+        name=name,
+        source=f"Berkovich, dissertation (2017), Table 2.1: {device.reference}, {device.node}",
+        pitch_m=device.active_area_um2**0.5 * 1e-6,
+        fill_factor=1.0,
+        exposure_s=0.1,
+        lens=_LENS,
+        efficiency=Efficiency(wavelengths_nm=(200.0, 1100.0), values=(device.peak_efficiency,) * 2),
+        bias=Bias(excess_v=device.excess_bias_v, reference_v=device.excess_bias_v),
+        dark_counts=DarkCounts(bulk_mean_hz_um2=density),
+    )
+
+
+PRESETS: dict[str, Sensor] = {
+    "ideal": Sensor(
+        name="ideal",
+        source="definition",
+        pitch_m=60e-6,
+        fill_factor=1.0,
+        exposure_s=0.1,
+        lens=_LENS,
+        efficiency=Efficiency(wavelengths_nm=(200.0, 2000.0), values=(1.0, 1.0)),
+    ),
+    "spadcam": Sensor(
+        name="spadcam",
+        source="Berkovich, dissertation (2017), §2.4; spectral shape, lens and dead time assumed",
+        pitch_m=60e-6,
+        fill_factor=0.1,
+        exposure_s=0.1,
+        lens=_LENS,
+        efficiency=Efficiency(
+            wavelengths_nm=(
+                *(200, 350, 375, 400, 450, 500, 550),
+                *(600, 650, 700, 800, 900, 1000, 1100),
+            ),
+            values=(
+                *(0.0, 0.0001, 0.0008, 0.0059, 0.0078, 0.0050, 0.0033),
+                *(0.0023, 0.0016, 0.0011, 0.0005, 0.0002, 0.00005, 0.0),
+            ),
+        ),
+        bias=Bias(
+            excess_v=1.18,
+            reference_v=1.18,
+            onset_v=0.87,
+            efficiency_scale_v=0.2,
+            dark_efold_v=0.12,
+            breakdown_sigma_v=0.042,
+        ),
+        dark_counts=DarkCounts(
+            bulk_mean_hz_um2=0.765,
+            bulk_sigma_hz_um2=0.2,
+            hot_fraction=0.276,
+            hot_mean_hz_um2=4.0,
+            hot_sigma_hz_um2=0.2,
+        ),
+        dead_time=DeadTime(kind="paralyzable", dead_time_s=1e-6),
+        counter=AnalogCounter(
+            step_v=10e-3,
+            leak_v_s=7.2e-3,
+            leak_sigma_v_s=0.69e-3,
+            read_noise_v=1e-3,
+            adc_bits=12,
+        ),
+    ),
+    **{name: _table_preset(name, device) for name, device in TABLE_2_1.items()},
+}
+
+
+def preset(name: str) -> Sensor:
+    """Return a sensor by name.
+
+    Raises
+    ------
+    ValueError
+        When there is none of this name.
+    """
+    if not isinstance(name, str) or name not in PRESETS:
+        raise ValueError(f"sensor {name!r}: no such preset; choose from {', '.join(PRESETS)}")
+    return PRESETS[name]
+
+
+def load_sensor(path: str | Path) -> Sensor:
+    """Read a sensor, such as a measured device, from a YAML file.
+
+    The file has the fields of `Sensor`; with `preset` the rest is taken from there. Paths in it are
+    relative to the file.
+
+    Raises
+    ------
+    ValueError
+        When the file or a map is missing, or a field is unknown or impossible.
+    """
+    path = Path(path)
+    try:
+        values = strict_yaml.load(path.read_text("utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        problem = " ".join(str(error).split())
+        raise ValueError(f"{path}: cannot be read as YAML: {problem}") from error
+    if not isinstance(values, dict):
+        raise ValueError(f"{path}: a sensor is a mapping of fields to values")
+    try:
+        given = with_files(values, path.parent)
+        base = preset(given.pop("preset")).model_dump() if "preset" in given else {}
+        sensor = Sensor.model_validate(merged(base, given))
+    except ValidationError as error:
+        raise ValueError(f"{path}: {_first_problem(error)}") from error
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+    for place in strict_yaml.booleans_for_others(values, sensor):
+        raise ValueError(f"{path}: {place}: true and false are no numbers; give a number")
+    return sensor
+
+
+def with_files(values: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Make a sensor's fields independent of the folder that the paths among them start from.
+
+    Maps get absolute paths and hashes, an efficiency curve in a file becomes numbers.
+    """
+    resolved = dict(values)
+    for name, resolve in (("measured", with_hashes), ("efficiency", with_curve)):
+        if name in resolved:
+            resolved[name] = resolve(resolved[name], folder)
+    return resolved
+
+
+def _first_problem(error: ValidationError) -> str:
+    problem = error.errors(include_url=False)[0]
+    place = ".".join(map(str, problem["loc"]))
+    if problem["type"] == "extra_forbidden":
+        return f"{place}: no such field; remove it"
+    if problem["type"] == "missing":
+        return f"{place}: missing; give a value or a preset"
+    if problem["type"] in ("model_type", "model_attributes_type", "dict_type"):
+        return f"{place}: give a mapping of fields to values, got {problem['input']!r}"
+    if problem["type"] == "value_error":
+        return problem["msg"].removeprefix("Value error, ")
+    return f"{place}: {problem['msg']}, got {problem['input']!r}"

@@ -1,0 +1,208 @@
+"""The photon benchmark: known thresholds, calibrated standard errors, and independence of the way."""
+
+import json
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from megalopta.flow.benchmark.sequence import (
+    BenchmarkSettings,
+    default_warm_up,
+    photon_benchmark,
+    work_units,
+)
+from megalopta.flow.detectors.registry import THESIS_METHODS, method
+
+ALL = tuple(method(name) for name in THESIS_METHODS)
+
+
+def grating(contrast=0.9, frames=40, size=120, cycles=5, step=3):
+    """A plaid with a whole number of periods that moves right, seamless around the frame."""
+    phase = 2 * np.pi * cycles * np.arange(size) / size
+    image = 1 + contrast * np.sin(phase) * np.sin(phase[:, np.newaxis])
+    return np.stack([np.roll(image, step * t, axis=1) for t in range(frames)])
+
+
+def settings(**changes):
+    base = {"sizes": (60,), "flux_min": 1e4, "flux_max": 1e7, "dark_counts": 0, "repeats": 2}
+    return BenchmarkSettings(**(base | changes))
+
+
+def measured(frames, methods, chosen, seed=0, sequence="grating", on_progress=None):
+    return photon_benchmark(frames, methods, chosen, seed, sequence, on_progress)
+
+
+@pytest.mark.parametrize(("size", "expected"), [(60, 36480), (120, 145919)])
+def test_intensity_reaches_two_bits_at_10_133_photons_per_pixel(size, expected):
+    # Four million pixels leave 0.2 % in N_2b; the curve is straight over these 8 %.
+    chosen = settings(
+        sizes=(size,),
+        flux_min=expected * 0.96,
+        flux_max=expected * 1.04,
+        fluxes_per_decade=40,
+        repeats=4,
+        metrics=("ratio",),
+        bits=(2,),
+    )
+    frames = np.ones((300 if size == 60 else 75, size, size))
+    result = measured(frames, [method("IM")], chosen)
+    assert result.curve("IM", size, "ratio").thresholds[2].flux == pytest.approx(expected, rel=0.01)
+
+
+def test_required_flux_goes_as_contrast_to_the_power_of_minus_two():
+    contrasts = np.array([0.2, 0.4, 0.8])
+    fluxes = [
+        measured(grating(contrast), [method("NDS")], settings(metrics=("ratio",)))
+        .curve("NDS", 60, "ratio")
+        .thresholds[2]
+        .flux
+        for contrast in contrasts
+    ]
+    slope = np.polyfit(np.log(contrasts), np.log(np.array(fluxes, float)), 1)[0]
+    assert slope == pytest.approx(-2, abs=0.1)
+
+
+def test_dark_counts_raise_the_required_flux_by_their_square_root():
+    # Far above the signal the noise is that of the dark counts: N_2b ∝ √dark counts.
+    fluxes = [
+        measured(
+            grating(), [method("NDS")], settings(dark_counts=dark, flux_max=1e8, metrics=("ratio",))
+        )
+        .curve("NDS", 60, "ratio")
+        .thresholds[2]
+        .flux
+        for dark in (100, 10000)
+    ]
+    assert np.log10(fluxes[1] / fluxes[0]) / 2 == pytest.approx(0.5, abs=0.05)
+
+
+def test_block_matching_of_motion_far_below_a_pixel_is_undefined():
+    # 1 px per frame in 240 px wide frames is a quarter of a pixel at 60 px, which reads as rest.
+    result = measured(grating(size=240, step=1, frames=20), [method("BM")], settings(warm_up=1))
+    assert str(result.curve("BM", 60).thresholds[2]) == "undefined"
+    assert all(np.isnan(result.curve("BM", 60).errors))
+
+
+def test_a_still_scene_has_no_threshold_for_any_motion_detector():
+    result = measured(grating(step=0, frames=20), ALL, settings(warm_up=5, flux_max=1e5))
+    for curve in result.curves:
+        assert (curve.thresholds[2].kind == "undefined") == (curve.method != "IM")
+
+
+@pytest.mark.parametrize("changes", [{"chunk_frames": 1}, {"chunk_frames": 7}])
+def test_results_do_not_depend_on_chunks(changes):
+    frames = grating(frames=20, size=60)[:, :30, :36]
+    base = {"sizes": (30,), "fluxes_per_decade": 1, "warm_up": 5}
+    expected = measured(frames, ALL, settings(**base))
+    assert measured(frames, ALL, settings(**base, **changes)).curves == expected.curves
+
+
+def test_results_do_not_depend_on_the_company_of_methods_sizes_and_fluxes():
+    frames = grating(frames=20, size=60)
+    many = measured(
+        frames, ALL, settings(sizes=(30, 60), fluxes_per_decade=2, warm_up=13, metrics=("ratio",))
+    )
+    alone = measured(
+        frames, [method("NDM")], settings(fluxes_per_decade=1, warm_up=13, metrics=("ratio",))
+    )
+    assert alone.curves[0].errors == many.curve("NDM", 60, "ratio").errors[::2]
+
+
+def test_seed_and_name_of_the_sequence_each_give_other_draws():
+    frames = grating(frames=20, size=60)
+    results = [
+        measured(frames, [method("IM")], settings(warm_up=0), seed, name).curves[0].errors
+        for seed, name in ((0, "a"), (1, "a"), (0, "b"), (0, "a"))
+    ]
+    assert len(set(results)) == 3
+    assert results[0] == results[3]
+
+
+@pytest.mark.parametrize("name", ["EMD", "BM"])
+def test_standard_error_is_the_scatter_between_seeds(name):
+    # The frames of one draw depend on each other (the filters of EMD, the shared frame of two
+    # pairs). Over 100 seeds and 4 fluxes the quotient of scatters is known within 5 %: 0.75 to
+    # 1.25 is five times that.
+    frames = grating(frames=60, size=60, cycles=6)[:, :30, :30]
+    chosen = settings(sizes=(30,), fluxes_per_decade=1, metrics=("ratio",), bits=(2,), warm_up=20)
+    curves = [measured(frames, [method(name)], chosen, seed).curves[0] for seed in range(100)]
+    scatter = np.std([curve.errors for curve in curves], axis=0, ddof=1)
+    promised = np.sqrt(np.mean(np.square([curve.standard_errors for curve in curves]), axis=0))
+    seen = scatter > 0
+    assert 0.75 < np.mean(promised[seen] / scatter[seen]) < 1.25
+
+
+def test_progress_adds_up_to_the_work():
+    done = []
+    chosen = settings(sizes=(30, 60), warm_up=5)
+    frames = grating(frames=20)
+    measured(frames, [method("IM")], chosen, on_progress=done.append)
+    assert sum(done) == work_units(frames.shape, chosen)
+    assert len(done) > 10
+
+
+def test_dark_counts_are_given_per_pixel_of_the_original():
+    # 10 dark counts on 120 × 120 are 40 on 60 × 60; with next to no light all error is theirs.
+    chosen = settings(dark_counts=10, flux_min=1, flux_max=10, fluxes_per_decade=1, warm_up=0)
+    curve = measured(np.ones((20, 120, 120)), [method("IM")], chosen).curve("IM", 60)
+    # E|X − λ|/λ is 2 P(X = 40) at λ = 40.
+    assert curve.errors[0] == pytest.approx(0.1259, rel=0.01)
+
+
+def test_result_is_ready_for_json():
+    result = measured(grating(step=0, frames=20), ALL, settings(warm_up=5))
+    fields = json.loads(json.dumps(result.to_dict(), allow_nan=False))
+    assert fields["methods"]["BM"]["name"] == "BM"
+    assert fields["settings"]["sizes"] == [60]
+    assert fields["curves"][0]["thresholds"]["N_2b"]["kind"] == "undefined"
+    assert BenchmarkSettings(**fields["settings"]) == result.settings
+
+
+def test_curve_that_was_not_measured_is_refused_with_those_that_were():
+    result = measured(grating(frames=20), [method("IM")], settings(warm_up=0))
+    with pytest.raises(ValueError, match=r"no literal curve of 'BM' at 60 px: choose from IM"):
+        result.curve("BM", 60)
+
+
+def test_warm_up_is_the_thesis_or_the_longest_memory():
+    assert default_warm_up(60, ALL) == 30
+    assert default_warm_up(24, ALL) == method("EMD").memory_frames
+    assert default_warm_up(24, [method("BM"), method("IM")]) == 1
+
+
+def test_fluxes_are_two_per_decade_from_1e3_to_1e12_as_in_the_thesis():
+    np.testing.assert_allclose(BenchmarkSettings().fluxes, np.logspace(3, 12, 19), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"flux_min": 0}, "greater than or equal to 0.000001"),
+        ({"flux_min": 1e6, "flux_max": 1e6}, "fewer than two fluxes"),
+        ({"repeats": 1}, "greater than or equal to 2"),
+        ({"sizes": (60, 60)}, "twice"),
+        ({"sizes": ()}, "at least 1"),
+        ({"metrics": ("median",)}, "literal"),
+        ({"speed": 3}, "Extra inputs"),
+    ],
+)
+def test_settings_refuse_nonsense(changes, sentence):
+    with pytest.raises(ValidationError, match=sentence):
+        settings(**changes)
+
+
+@pytest.mark.parametrize(
+    ("frames", "methods", "changes", "sentence"),
+    [
+        (np.ones((20, 50, 50)), ALL, {}, "size 60 × 60 px"),
+        (np.ones((20, 60, 60)), ALL, {"sizes": (12,)}, "3 × 3 blocks"),
+        (np.ones((10, 60, 60)), ALL, {}, "fewer than two to score after a warm_up of 20"),
+        (np.zeros((20, 60, 60)), ALL, {}, "black"),
+        (np.ones((20, 60, 60)), [], {}, "at least one"),
+        (np.ones((20, 60, 60)), [method("IM")] * 2, {}, "a name of its own"),
+    ],
+)
+def test_what_cannot_be_measured_is_refused_before_the_work(frames, methods, changes, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        measured(frames, methods, settings(**changes))

@@ -1,0 +1,71 @@
+"""Block matching against brute force in NumPy, and on motion that it can measure exactly."""
+
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from megalopta.flow.detectors.block_matching import BlockMatching, thesis_radius_px
+
+BENCHMARK = Path(__file__).parents[3] / "benchmarks" / "bench_flow.py"
+brute_force = runpy.run_path(str(BENCHMARK))["numpy_block_matching"]
+
+
+def moving(frames, velocity, size=60, seed=0):
+    """White noise whose content moves by (x, y) px per frame around a torus."""
+    image = np.random.default_rng(seed).integers(0, 1000, (size, size)).astype(np.uint16)
+    x, y = velocity
+    return np.stack([np.roll(image, (t * y, t * x), axis=(0, 1)) for t in range(frames)])
+
+
+@pytest.mark.parametrize("velocity", [(3, 0), (-3, 0), (0, 2), (1, -3), (0, 0)])
+def test_integer_motion_inside_the_radius_is_exact(velocity):
+    velocities = BlockMatching().respond(moving(3, velocity))
+    assert velocities.shape == (2, 10, 10, 2)
+    np.testing.assert_array_equal(
+        velocities[:, 1:-1, 1:-1], np.broadcast_to(velocity, (2, 8, 8, 2))
+    )
+
+
+@pytest.mark.parametrize("dtype", [np.uint16, np.uint32, np.int64, np.float64])
+@pytest.mark.parametrize(("mean", "block", "radius"), [(0.05, 6, 3), (1, 10, 4), (2000, 5, 7)])
+def test_noise_full_of_ties_equals_brute_force(dtype, mean, block, radius):
+    counts = np.random.default_rng(3).poisson(mean, (3, 60, 90)).astype(dtype)
+    velocities = BlockMatching(block_px=block, radius_px=radius).respond(counts)
+    for pair in range(2):
+        expected = brute_force(counts[pair], counts[pair + 1], block, radius)
+        np.testing.assert_array_equal(velocities[pair], expected)
+
+
+def test_first_of_equal_candidates_wins():
+    # In an empty frame all candidates are equal; the first one lies up and to the left of the
+    # block as far as the frame allows, which is motion down and to the right.
+    velocities = BlockMatching().respond(np.zeros((2, 60, 60), np.uint16))
+    np.testing.assert_array_equal(velocities[0, 1:, 1:], np.full((9, 9, 2), 3))
+    np.testing.assert_array_equal(velocities[0, 0, 0], (0, 0))
+
+
+def test_thesis_radii_are_the_default():
+    assert [thesis_radius_px((n, n)) for n in (60, 120, 180, 240)] == [3, 4, 6, 7]
+
+
+def test_blocks_of_other_frames_are_square_and_centered():
+    image = np.random.default_rng(5).random((47, 83))
+    frames = np.stack([image, np.roll(image, 2, axis=1)])
+    detector = BlockMatching()
+    grid = detector.grid((47, 83))
+    assert (grid.block_px, grid.rows, grid.columns) == (4, 11, 20)
+    velocities = detector.respond(frames)
+    np.testing.assert_array_equal(velocities[0, 1:-1, 1:-1], np.tile((2, 0), (9, 18, 1)))
+
+
+def test_counts_beyond_32_bits_are_compared_without_loss():
+    frames = moving(2, (2, 1)).astype(np.uint64) + 2**40
+    np.testing.assert_array_equal(
+        BlockMatching().respond(frames)[0, 1:-1, 1:-1], np.tile((2, 1), (8, 8, 1))
+    )
+
+
+def test_frames_that_are_not_numbers_give_no_velocity():
+    assert np.isnan(BlockMatching().respond(np.full((2, 30, 30), np.nan))).all()

@@ -1,0 +1,54 @@
+"""Image interpolation on textures for which its answer is known."""
+
+import numpy as np
+import pytest
+
+from megalopta.flow.detectors.image_interpolation import ImageInterpolation
+
+
+def drifting(k_x, shift, size=60, k_y=2 * np.pi / 6, frames=2):
+    """A sinusoid along x that drifts by `shift` px per frame over a still one along y.
+
+    The still one gives the blocks a second gradient; both have whole periods in a block.
+    """
+    y, x = np.mgrid[:size, :size]
+    return np.stack([np.sin(k_x * (x - t * shift)) + np.sin(k_y * y) for t in range(frames)])
+
+
+@pytest.mark.parametrize("shift", [0.1, 0.5, 1.0, -0.7, 2.0])
+@pytest.mark.parametrize("wavelength", [6, 3])
+def test_velocity_on_a_sinusoid_is_sin_kd_over_sin_k(shift, wavelength):
+    k = 2 * np.pi / wavelength
+    velocities = ImageInterpolation().respond(drifting(k, shift))[0, 1:-1, 1:-1]
+    np.testing.assert_allclose(velocities[..., 0], np.sin(k * shift) / np.sin(k), atol=1e-12)
+    np.testing.assert_allclose(velocities[..., 1], 0, atol=1e-12)
+
+
+def test_velocity_downward_is_positive_y():
+    frames = drifting(2 * np.pi / 6, 0.5).transpose(0, 2, 1)
+    velocities = ImageInterpolation().respond(frames)[0, 1:-1, 1:-1]
+    k = 2 * np.pi / 6
+    np.testing.assert_allclose(velocities[..., 1], np.sin(0.5 * k) / np.sin(k), atol=1e-12)
+    np.testing.assert_allclose(velocities[..., 0], 0, atol=1e-12)
+
+
+def test_small_motion_of_a_smooth_texture_is_nearly_right():
+    y, x = np.mgrid[:60, :60]
+    frames = np.stack([np.sin(0.3 * (x - 0.2 * t)) * np.cos(0.25 * (y + 0.1 * t)) for t in (0, 1)])
+    velocities = ImageInterpolation(block_px=20).respond(frames)
+    # (sin kd / sin k) / d exceeds 1 by about k²/6, 1.5 % here.
+    np.testing.assert_allclose(velocities[0, 1, 1], (0.2, -0.1), rtol=0.03)
+
+
+@pytest.mark.parametrize("axes", [(), (1,), (2,)])
+def test_texture_of_fewer_than_two_directions_has_no_velocity(axes):
+    y, x = np.mgrid[:30, :30]
+    image = {(): np.ones((30, 30)), (1,): np.sin(y), (2,): np.sin(x)}[axes]
+    frames = np.stack([image, np.roll(image, 1, axis=1)])
+    assert np.isnan(ImageInterpolation().respond(frames)).all()
+
+
+def test_thesis_scores_the_horizontal_component():
+    velocities = np.zeros((3, 10, 10, 2))
+    assert ImageInterpolation().scored(velocities).shape == (3, 8, 8, 1)
+    assert ImageInterpolation(scored_components="xy").scored(velocities).shape == (3, 8, 8, 2)

@@ -1,0 +1,160 @@
+"""Rotation rates from local answers: against the known rotation of a panorama."""
+
+import numpy as np
+import pytest
+
+from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.egomotion.wide_field import fit_wide_field
+
+DEGREES_PER_PX = 0.6  # 600 columns are a full turn
+
+
+def panorama(seed, blur_px=2.0, shape=(60, 600)):
+    """Fourier transform along the rows of a log-normal texture without a seam."""
+    rng = np.random.default_rng(seed)
+    fy, fx = np.fft.fftfreq(shape[0])[:, np.newaxis], np.fft.rfftfreq(shape[1])
+    spectrum = np.fft.rfft2(rng.normal(size=shape))
+    spectrum *= np.exp(-2 * (np.pi * blur_px) ** 2 * (fx**2 + fy**2))
+    texture = np.fft.irfft2(spectrum, shape)
+    return np.fft.rfft(np.exp(0.4 * texture / texture.std()), axis=1)
+
+
+def turning(spectrum, rates_deg, columns=120):
+    """Views of a cylindrical camera that turns to the right by so many degrees per frame."""
+    angles = np.concatenate(([0.0], np.cumsum(rates_deg))) / DEGREES_PER_PX
+    ramp = 2j * np.pi * np.fft.rfftfreq(600)
+    views = [np.fft.irfft(spectrum * np.exp(ramp * angle), 600, axis=1) for angle in angles]
+    return np.stack(views)[..., :columns]
+
+
+def swinging(frames, fastest_deg, seed, slowness=1):
+    """Rates that rise and fall, to either side."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(frames) / slowness
+    waves = sum(np.sin(2 * np.pi * (f * t + rng.random())) for f in (0.01, 0.023, 0.037))
+    return fastest_deg * waves / np.abs(waves).max()
+
+
+def answers(name, seed, rates, photons_per_pixel):
+    views = turning(panorama(seed), rates)
+    counts = np.random.default_rng(seed + 100).poisson(photons_per_pixel * views / views.mean())
+    return METHODS[name].respond(counts, 1 / photons_per_pixel)
+
+
+@pytest.mark.parametrize("name", ["LK", "FB"])
+def test_velocities_give_the_rotation_of_another_panorama(name):
+    learned = swinging(40, 0.6, seed=0)
+    rates = swinging(40, 0.5, seed=1)
+    field = fit_wide_field(answers(name, 0, learned, 200), learned)
+    # A camera that turns right by 1° sees its surroundings move left by 1/0.6 px. Their bias on
+    # smooth textures is below 2 %, and photon noise takes some from the longer of their shifts.
+    inside = field.slopes[1:-1, 1:-1]
+    np.testing.assert_allclose(np.median(inside[..., 0]), -1 / DEGREES_PER_PX, rtol=0.05)
+    assert abs(np.median(inside[..., 1])) < 0.05
+    error = field.rates(answers(name, 1, rates, 200)) - rates
+    # Another texture has other blocks that are hard: twice the standard error of the fit.
+    assert np.sqrt(np.mean(error**2)) < 0.05 * 0.5 + 2 * field.standard_error
+
+
+def test_correlation_detectors_give_the_rotation_of_a_panorama_of_the_same_kind():
+    learned, rates = (swinging(120, 0.3, seed=seed, slowness=3) for seed in (0, 1))
+    frames = slice(21, None)  # responses settle within 13 frames; response t + 1 belongs to rate t
+    emd = [answers("EMD", seed, each, 500) for seed, each in ((0, learned), (1, rates))]
+    field = fit_wide_field(emd[0][frames], learned[20:])
+    found = field.rates(emd[1][frames])
+    # It lags by two or three frames and goes with contrast squared: a correlation, no accuracy.
+    assert np.corrcoef(found, rates[20:])[0, 1] > 0.9
+    assert np.median(field.slopes[np.isfinite(emd[0][-1])]) < 0
+
+
+def known_answers(seed, rates, slopes, noise):
+    rng = np.random.default_rng(seed)
+    return slopes * rates[:, np.newaxis] + noise * rng.normal(size=(len(rates), slopes.size))
+
+
+def test_spread_is_that_of_the_matched_filter():
+    rng = np.random.default_rng(5)
+    slopes, noise = rng.normal(size=200), np.full(200, 2.0)
+    learned, rates = rng.normal(size=4000), rng.normal(size=4000)
+    field = fit_wide_field(known_answers(1, learned, slopes, noise), learned)
+    error = field.rates(known_answers(2, rates, slopes, noise)) - rates
+    expected = 1 / np.sqrt(np.sum((slopes / noise) ** 2))
+    # A standard deviation of 4000 is known to 1.1 %; five of them, and 1 % for the fitted slopes.
+    assert error.std() == pytest.approx(expected, rel=0.065)
+    assert field.standard_error == pytest.approx(expected, rel=0.065)
+    assert abs(error.mean()) < 5 * expected / np.sqrt(4000) + 5 * expected / np.sqrt(4000)
+
+
+@pytest.mark.parametrize(("places", "frames", "seeds"), [(2000, 40, 8), (5000, 100, 8)])
+def test_many_weak_places_do_not_draw_the_rate_to_zero(places, frames, seeds):
+    # All slopes together have a hundred times less power than their noise in one frame. A filter
+    # that takes the squares of noisy slopes would find 0.3 and 0.2 of the rate. The ratio of the
+    # found rate to the true one has a standard deviation of 0.09 and 0.03 for one seed; the first
+    # is 0.06 too small, as a mean of quotients. Five standard deviations of the mean and that.
+    ratios = []
+    for seed in range(seeds):
+        rng = np.random.default_rng(seed)
+        slopes, noise = rng.normal(0, 0.1, places), np.ones(places)
+        learned, rates = rng.normal(size=frames), rng.normal(size=400)
+        field = fit_wide_field(known_answers(seed + 100, learned, slopes, noise), learned)
+        found = field.rates(known_answers(seed + 200, rates, slopes, noise))
+        ratios.append(found @ rates / (rates @ rates))
+    assert np.mean(ratios) == pytest.approx(1, abs=0.23)
+
+
+def test_noisy_places_weigh_less():
+    rng = np.random.default_rng(6)
+    slopes, noise = np.ones(40), np.where(np.arange(40) < 20, 0.5, 5.0)
+    learned = rng.normal(size=500)
+    field = fit_wide_field(known_answers(3, learned, slopes, noise), learned)
+    assert field.weights[:20].min() > 1.5 * field.weights[20:].max()
+
+
+def test_a_place_that_answered_wildly_once_spoils_nothing():
+    rates = np.full(10, 6.0)
+    once = known_answers(9, rates, np.ones(20), np.full(20, 0.1))
+    wild = once.copy()
+    wild[3, 7] = 1e6
+    # Nineteen places with 1.6 % noise each remain: five standard errors of their mean are 2 %.
+    np.testing.assert_allclose(fit_wide_field(wild, rates).rates(once), rates, rtol=0.02)
+
+
+def test_undefined_answers_leave_the_rate_right():
+    rng = np.random.default_rng(7)
+    slopes, rates = rng.normal(size=30), rng.normal(size=25)
+    exact = rates[:, np.newaxis] * slopes
+    gaps = np.where(rng.random(exact.shape) < 0.5, np.nan, exact)
+    gaps[:, 0] = np.nan
+    gaps[3] = np.nan
+    field = fit_wide_field(gaps, rates)
+    found = field.rates(gaps)
+    assert np.isnan(found[3])
+    assert field.weights[0] == 0
+    np.testing.assert_allclose(np.delete(found, 3), np.delete(rates, 3), rtol=1e-12)
+
+
+def test_rate_is_a_weighted_sum_in_the_unit_of_the_fit():
+    rates = np.array([1.0, -2.0, 3.0])
+    once = known_answers(8, rates, np.array([1.0, 2.0]), np.full(2, 0.1))
+    degrees, radians = (fit_wide_field(once, rates * unit) for unit in (1.0, np.pi / 180))
+    np.testing.assert_allclose(np.degrees(radians.rates(once)), degrees.rates(once))
+    np.testing.assert_allclose(degrees.rates(2 * once), 2 * degrees.rates(once))
+
+
+@pytest.mark.parametrize(
+    ("answers_shape", "rates", "words"),
+    [
+        ((4, 2), np.ones(3), "give one each"),
+        ((4, 2), np.zeros(4), "rates other than 0"),
+        ((4, 2), np.ones(4), "no answer depends on the rate"),
+    ],
+)
+def test_what_cannot_be_learned_from_is_refused(answers_shape, rates, words):
+    with pytest.raises(ValueError, match=words):
+        fit_wide_field(np.zeros(answers_shape), rates)
+
+
+def test_answers_of_another_size_are_refused():
+    field = fit_wide_field(np.ones((3, 2)), np.ones(3))
+    with pytest.raises(ValueError, match=r"fitted to \(T, 2\)"):
+        field.rates(np.ones((3, 4)))

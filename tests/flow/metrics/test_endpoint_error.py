@@ -1,0 +1,131 @@
+"""Averaging of the true flow over blocks, and the errors against it."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from megalopta.flow.detectors.block_matching import BlockMatching
+from megalopta.flow.detectors.blocks import block_grid
+from megalopta.flow.detectors.image_interpolation import ImageInterpolation
+from megalopta.flow.metrics.endpoint_error import block_flow, truth_error
+from megalopta.flow.stimuli.resizing import resize
+
+
+def uniform(velocity, shape=(120, 120), pairs=2):
+    return np.tile(np.asarray(velocity, np.float32), (pairs, *shape, 1))
+
+
+def test_image_moving_right_agrees_with_its_truth_through_resizing():
+    # 6 px per frame in 240 px are 3 px per frame in 120 px, of which pooled pixels hold exactly two.
+    image = np.random.default_rng(0).random((240, 240))
+    frames = np.stack([np.roll(image, 6 * t, axis=1) for t in range(3)])
+    detector = BlockMatching()
+    velocities = detector.respond(resize(frames, 120, "area"))
+    truth = block_flow(uniform((6, 0), (240, 240)), detector.grid((120, 120)))
+    np.testing.assert_allclose(truth, np.tile((3, 0), (2, 10, 10, 1)))
+    error = truth_error(velocities, truth)
+    assert error.endpoint_error_px == error.angular_error_deg == error.outlier_fraction == 0
+    assert error.blocks == 2 * 64
+
+
+def test_image_interpolation_shows_its_bias_sin_kd_over_sin_k():
+    k, d = 2 * np.pi / 6, 1.5
+    y, x = np.mgrid[:60, :60]
+    frames = np.stack([np.sin(k * (x - d * t)) + np.sin(k * y) for t in range(3)])
+    detector = ImageInterpolation()
+    truth = block_flow(uniform((d, 0), (60, 60)), detector.grid((60, 60)))
+    error = truth_error(detector.respond(frames), truth)
+    bias = np.sin(k * d) / np.sin(k) - d
+    assert error.bias_px == pytest.approx((bias, 0), abs=1e-6)
+    assert error.spread_px == pytest.approx((0, 0), abs=1e-6)
+    assert error.relative_error_median == pytest.approx(-bias / d, rel=1e-5)
+
+
+def test_components_scale_with_their_own_axis():
+    truth = block_flow(uniform((4, 4), (90, 120)), block_grid((30, 60)))
+    np.testing.assert_allclose(truth[..., 0], 4 * 60 / 120, rtol=1e-6)
+    np.testing.assert_allclose(truth[..., 1], 4 * 30 / 90, rtol=1e-6)
+
+
+def test_blocks_average_exactly_the_pixels_whose_centers_they_hold():
+    rng = np.random.default_rng(1)
+    flow, hidden = rng.normal(size=(1, 97, 83, 2)), rng.random((1, 97, 83)) < 0.2
+    flow[rng.random((1, 97, 83)) < 0.1] = np.nan
+    grid = block_grid((64, 50), 7)
+    averaged = block_flow(flow, grid, hidden, valid_fraction=0)
+    for i, j in np.ndindex(grid.rows, grid.columns):
+        inside = [
+            flow[0, row, column]
+            for row in range(97)
+            for column in range(83)
+            if 0 <= (row + 0.5) * 64 / 97 - grid.top - 7 * i < 7
+            and 0 <= (column + 0.5) * 50 / 83 - grid.left - 7 * j < 7
+            and not hidden[0, row, column]
+        ]
+        expected = np.nanmean(inside, axis=0) * (50 / 83, 64 / 97)
+        np.testing.assert_allclose(averaged[0, i, j], expected, rtol=1e-9)
+
+
+def test_blocks_with_too_few_known_pixels_have_no_truth():
+    flow, hidden = uniform((1, 0), (60, 60), 1), np.zeros((1, 60, 60), bool)
+    flow[0, :6, :6][:4] = np.nan  # two thirds of the first block
+    hidden[0, 6:12, :6][:, :4] = True  # and of the one below it
+    truth = block_flow(flow, block_grid((60, 60)), hidden)
+    assert np.isnan(truth[0, :2, 0]).all()
+    assert not np.isnan(truth[0, 2:]).any()
+    assert not np.isnan(block_flow(flow, block_grid((60, 60)), hidden, 0.3)).any()
+
+
+def test_angular_error_is_measured_in_space_and_time():
+    # (1, 0, 1) and (0, 1, 1) enclose 60°.
+    error = truth_error(np.tile((1.0, 0.0), (1, 3, 3, 1)), np.tile((0.0, 1.0), (1, 3, 3, 1)))
+    assert error.angular_error_deg == pytest.approx(60)
+    assert error.endpoint_error_px == pytest.approx(math.sqrt(2))
+
+
+def test_bias_spread_and_outliers_are_those_of_the_differences():
+    rng = np.random.default_rng(2)
+    truth = np.tile((2.0, -1.0), (20, 12, 12, 1))
+    difference = rng.normal((0.3, -0.2), (0.5, 0.1), truth.shape)
+    error = truth_error(truth + difference, truth)
+    inside = difference[:, 1:-1, 1:-1].reshape(-1, 2)
+    lengths = np.hypot(*inside.T)
+    assert error.bias_px == pytest.approx(tuple(inside.mean(axis=0)))
+    assert error.spread_px == pytest.approx(tuple(inside.std(axis=0)))
+    assert error.endpoint_error_median_px == pytest.approx(np.median(lengths))
+    assert error.outlier_fraction == pytest.approx(np.mean(lengths > 0.25 * math.sqrt(5)))
+
+
+def test_missing_velocities_are_outliers_but_have_no_length():
+    truth = np.tile((2.0, 0.0), (1, 4, 4, 1))
+    velocities = truth.copy()
+    velocities[0, 1, 1] = np.nan
+    error = truth_error(velocities, truth)
+    assert (error.missing_fraction, error.outlier_fraction) == (0.25, 0.25)
+    assert error.endpoint_error_px == 0
+
+
+def test_without_any_known_block_the_error_is_undefined_and_still_json():
+    error = truth_error(np.zeros((1, 4, 4, 2)), np.full((1, 4, 4, 2), np.nan))
+    assert error.blocks == 0
+    fields = json.loads(json.dumps(error.to_dict(), allow_nan=False))
+    assert fields["endpoint_error_px"] is None
+    assert fields["bias_px"] == [None, None]
+
+
+def test_still_blocks_do_not_enter_relative_errors():
+    error = truth_error(np.ones((1, 4, 4, 2)), np.zeros((1, 4, 4, 2)))
+    assert math.isnan(error.outlier_fraction)
+    assert error.endpoint_error_px == pytest.approx(math.sqrt(2))
+
+
+def test_shapes_that_do_not_match_are_refused():
+    grid = block_grid((60, 60))
+    with pytest.raises(ValueError, match=r"give \(T − 1, H, W, 2\)"):
+        block_flow(np.zeros((60, 60, 2)), grid)
+    with pytest.raises(ValueError, match="occluded of shape"):
+        block_flow(uniform((1, 0)), grid, np.zeros((1, 120, 120), bool))
+    with pytest.raises(ValueError, match="differ in shape"):
+        truth_error(np.zeros((1, 10, 10, 2)), np.zeros((2, 10, 10, 2)))

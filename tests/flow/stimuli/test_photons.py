@@ -1,0 +1,68 @@
+"""Brightness and draws. Statistical tests use |z| < 5, which fails with probability 6e-7."""
+
+import numpy as np
+import pytest
+
+from megalopta.flow.stimuli.photons import brightness, draw_counts
+
+
+def frames(shape=(6, 40, 50)):
+    return np.random.default_rng(0).random(shape)
+
+
+def test_brightness_is_the_mean_over_the_sequence_of_the_sum_over_a_frame():
+    growing = frames() * np.arange(1, 7)[:, None, None]
+    assert brightness(growing) == pytest.approx(np.mean([frame.sum() for frame in growing]))
+
+
+def test_brightness_of_narrow_integers_does_not_overflow():
+    assert brightness(np.full((2, 20, 20), 255, np.uint8)) == 255 * 400
+
+
+def test_counts_have_the_poisson_mean_and_variance():
+    means = np.full((5, 100, 200), 7.3)
+    counts = draw_counts(means, 0, "scene").astype(np.float64)
+    n = counts.size
+    assert abs(counts.mean() - 7.3) < 5 * np.sqrt(7.3 / n)
+    # Var(s²) of a Poisson law: (λ + 2λ²)/n.
+    assert abs(counts.var() - 7.3) < 5 * np.sqrt((7.3 + 2 * 7.3**2) / n)
+
+
+def test_counts_of_a_frame_do_not_depend_on_the_chunk_it_is_drawn_in():
+    means = 5 * frames()
+    whole = draw_counts(means, 3, "scene", 1)
+    parts = [draw_counts(means[i : i + 2], 3, "scene", 1, first_frame=i) for i in (0, 2, 4)]
+    np.testing.assert_array_equal(np.concatenate(parts), whole)
+
+
+def test_seed_key_and_frame_each_give_another_draw():
+    means = np.full((1, 20, 20), 10.0)
+    draws = [
+        draw_counts(means, 0, "a"),
+        draw_counts(means, 1, "a"),
+        draw_counts(means, 0, "b"),
+        draw_counts(means, 0, "a", first_frame=1),
+    ]
+    assert len({draw.tobytes() for draw in draws}) == 4
+
+
+@pytest.mark.parametrize(("mean", "dtype"), [(100, np.uint16), (1e5, np.uint32), (1e12, np.uint64)])
+def test_counts_have_the_narrowest_type_that_holds_them(mean, dtype):
+    counts = draw_counts(np.full((1, 4, 4), float(mean)), 0, "scene")
+    assert counts.dtype == dtype
+    assert abs(counts.astype(float).mean() - mean) < 5 * np.sqrt(mean / 16)
+
+
+@pytest.mark.parametrize(
+    ("bad", "sentence"),
+    [
+        (-frames(), "negative or non-finite"),
+        (frames() * np.nan, "negative or non-finite"),
+        (np.zeros((2, 4, 4)), "black"),
+        (np.ones((4, 4)), "give a sequence"),
+        (np.ones((0, 4, 4)), "give a sequence"),
+    ],
+)
+def test_frames_that_are_no_light_are_refused(bad, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        brightness(bad)

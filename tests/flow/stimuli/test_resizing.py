@@ -1,0 +1,51 @@
+import numpy as np
+import pytest
+
+from megalopta.flow.stimuli.resizing import resize, resized_shape
+
+
+def frames(shape=(3, 251, 251)):
+    return np.random.default_rng(0).random(shape)
+
+
+@pytest.mark.parametrize("size", [60, 120, 240, 251, (7, 100)])
+def test_area_keeps_the_total_of_each_frame(size):
+    before, after = frames(), resize(frames(), size, "area")
+    np.testing.assert_allclose(after.sum(axis=(1, 2)), before.sum(axis=(1, 2)), rtol=1e-12)
+
+
+def test_area_of_a_whole_ratio_is_the_sum_over_tiles():
+    image = frames((12, 20))
+    np.testing.assert_allclose(
+        resize(image, (4, 5), "area"), image.reshape(4, 3, 5, 4).sum(axis=(1, 3))
+    )
+
+
+def test_area_keeps_the_center_of_light():
+    # A linear ramp keeps its shape: the mean position of the light does not move.
+    image = np.tile(np.arange(1.0, 252), (251, 1))
+    after = resize(image, 60, "area").sum(axis=0)
+    center = (np.arange(60) + 0.5) @ after / after.sum() * 251 / 60
+    pooled = (np.arange(251) + 0.5) @ image[0] / image[0].sum()
+    assert center == pytest.approx(pooled, rel=1e-3)
+
+
+@pytest.mark.parametrize("size", [60, 120, 180, 240])
+def test_nearest_takes_the_pixel_at_each_center(size):
+    index = np.floor((np.arange(size) + 0.5) * 251 / size).astype(int)
+    np.testing.assert_array_equal(resize(frames(), size), frames()[:, index][:, :, index])
+
+
+def test_nearest_keeps_the_type():
+    assert resize(np.ones((4, 6), np.uint16), 2).dtype == np.uint16
+
+
+def test_columns_follow_the_rows_in_proportion():
+    assert resized_shape((120, 160), 60) == (60, 80)
+    assert resize(frames((2, 120, 160)), 60, "area").shape == (2, 60, 80)
+
+
+@pytest.mark.parametrize("size", [0, 252, (10, 300), (0, 5)])
+def test_enlarging_and_vanishing_are_refused(size):
+    with pytest.raises(ValueError, match="choose sizes from 1 px to that of the frames"):
+        resize(frames(), size)

@@ -1,0 +1,137 @@
+"""The command line: what it answers, in this process, and what it is as a process of its own."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from megalopta.cli import main as cli
+from megalopta.render.exr import read_radiance, read_truth
+
+COMMAND = [sys.executable, "-m", "megalopta"]
+SMALL = [
+    "--camera.width=48", "--camera.height=40", "--render.samples-per-pixel=1",
+    "--trajectory.frames=400", "--benchmark.sizes=[40]",
+]  # fmt: skip
+
+
+@pytest.fixture
+def run(capsys):
+    """Runs the command line in this process and returns its exit code and what it printed."""
+
+    def run(*arguments):
+        capsys.readouterr()
+        try:
+            cli.main([str(each) for each in arguments])
+            code = 0
+        except SystemExit as stopped:
+            code = stopped.code or 0
+        out, err = capsys.readouterr()
+        return SimpleNamespace(returncode=code, stdout=out, stderr=err)
+
+    return run
+
+
+def test_the_command_is_a_process_whose_exit_code_and_one_sentence_tell_a_mistake(tmp_path):
+    done = subprocess.run(
+        [*COMMAND, "demo", "--scene.treees=5", f"--out={tmp_path / 'out'}"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.startswith("megalopta: ")
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--scene.treees", "5"], "unknown key; did you mean 'trees'?"),
+        (["--sensors.0.exposure-s", "-1"], "sensors.0.exposure_s: input should be greater than 0"),
+        (["--trajectory.up", "1", "0", "0.03"], "is parallel to the view"),
+        (["--camera.kind", "fisheye"], "camera: kind 'fisheye' is unknown; use 'perspective'"),
+        (["nowhere.yaml"], "nowhere.yaml: no such configuration"),
+        (["--scene.trees"], "--scene.trees: needs a value"),
+        (["--light-levels", "dusk"], "'dusk' is unknown"),
+        (
+            ["--camera.height", "40"],
+            "bench: size 60 × 180 px of frames of 40 × 120 px: choose sizes",
+        ),
+    ],
+)
+def test_a_mistake_gets_one_sentence_and_exit_code_2(run, tmp_path, arguments, message):
+    done = run("demo", *arguments, "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert done.stderr.startswith("megalopta: ")
+    assert done.stderr.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("verb", ["sense", "flow", "bench", "report"])
+def test_a_folder_without_dataset_is_named(run, tmp_path, verb):
+    done = run(verb, tmp_path / "none")
+    assert done.returncode == 2
+    assert "none: no dataset here" in done.stderr
+
+
+def test_help_shows_settings_with_units_and_defaults(run):
+    text = run("render", "--help").stdout
+    assert "--camera.fov-deg 75" in text
+    assert "(degrees)" in text
+    assert "--sensors.0.dead-time.dead-time-s 1.0e-06" in text
+
+
+def test_help_of_sweep_shows_its_settings(run):
+    text = run("sweep", "--help").stdout
+    assert "--trial.search.dark-counts 0.1" in text
+    assert "--vary velocity_px" in text
+    assert "--redo" not in text
+
+
+def test_info_names_versions_and_the_variant(run):
+    done = run("info")
+    assert done.returncode == 0
+    assert "mitsuba" in done.stdout
+    assert "_spectral" in done.stdout
+
+
+def files_named(root, pattern):
+    return sorted(Path(root).rglob(pattern))
+
+
+def test_ctrl_c_leaves_whole_files_and_the_next_run_goes_on(run, tmp_path):
+    out = tmp_path / "data"
+    process = subprocess.Popen(
+        [*COMMAND, "render", "grating", *SMALL, "--out", str(out)],
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+        # a shell that runs tests in the background has its children ignore Ctrl-C
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    deadline = time.monotonic() + 120
+    while len(files_named(out, "truth/*/*.exr")) < 3 and time.monotonic() < deadline:
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=30)
+    assert process.returncode == 130, stderr
+    assert "interrupted; every file is whole" in stderr
+    assert "Traceback" not in stderr
+    assert not files_named(out, ".*")
+    truths = files_named(out, "truth/*/*.exr")
+    assert 3 <= len(truths) < 400
+    for path in truths:
+        read_truth(path)
+    for path in files_named(out, "radiance/*/*.exr"):
+        read_radiance(path)
+    changed = run("render", "grating", *SMALL, "--seed", "1", "--out", out)
+    assert changed.returncode == 2
+    assert "seed: 0 → 1" in changed.stderr

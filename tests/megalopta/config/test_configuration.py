@@ -1,0 +1,176 @@
+import hashlib
+
+import numpy as np
+import pytest
+import yaml
+
+from megalopta.config.configuration import built_in_names, differences, load, parse
+from megalopta.config.yaml_model import to_yaml
+from megalopta.errors import UserError
+from megalopta.scenes.forest.description import Forest
+
+
+@pytest.mark.parametrize("name", built_in_names())
+def test_built_in_configurations_survive_yaml(name):
+    configuration = load(name)
+    assert parse(to_yaml(configuration), "again") == configuration
+
+
+def test_overrides_reach_nested_fields_and_list_items():
+    changed = load(
+        "demo",
+        {"scene.trees": "120", "sensors.0.exposure_s": "0.05", "light_levels": "[starlight, 0.5]"},
+    )
+    assert changed.scene.trees == 120
+    assert changed.sensors[0].exposure_s == 0.05
+    assert changed.light_levels == ("starlight", 0.5)
+
+
+def test_a_single_value_for_a_list_makes_a_list_of_one():
+    changed = load("demo", {"light_levels": "starlight", "sensors": "ideal", "methods": "BM"})
+    assert changed.light_levels == ("starlight",)
+    assert [sensor.name for sensor in changed.sensors] == ["ideal"]
+    assert changed.methods == ("BM",)
+
+
+def test_levels_in_lux_are_read_however_they_are_written():
+    assert parse("light_levels: [1e-3, 0.05, starlight]", "x").light_levels == (
+        0.001, 0.05, "starlight",
+    )  # fmt: skip
+
+
+def test_a_kind_given_last_keeps_what_is_given_with_it():
+    camera = load("demo", {"camera.width": "90", "camera.kind": "equirectangular"}).camera
+    assert (camera.kind, camera.width, camera.height) == ("equirectangular", 90, 360)
+
+
+def test_another_kind_of_scene_starts_afresh():
+    changed = load("demo", {"scene.kind": "grating", "scene.cycles_per_frame": "5"})
+    assert changed.scene.kind == "grating"
+
+
+def test_another_preset_starts_the_scene_afresh_in_whatever_order_it_is_given():
+    changed = load("demo", {"scene.trees": "320", "scene.preset": "clearing"})
+    assert changed.scene == Forest(preset="clearing", trees=320)
+    assert load("demo", {"scene.preset": "null"}).scene == Forest()
+    assert load("grating", {"scene.preset": "open", "scene.kind": "forest"}).scene == Forest(
+        preset="open"
+    )
+
+
+def test_presets_of_forests_are_read_from_yaml_with_changes():
+    text = "scene: {kind: forest, preset: dense, mix: {oak: 1}}"
+    assert parse(text, "x").scene == Forest(preset="dense", mix={"oak": 1})
+
+
+def test_sensors_are_given_by_preset_with_changes():
+    text = "sensors: [ideal, {preset: spadcam, name: cold, dark_counts: {bulk_mean_hz_um2: 0.1}}]"
+    ideal, cold = parse(text, "x").sensors
+    assert ideal.name == "ideal"
+    assert cold.dark_counts.bulk_mean_hz_um2 == 0.1
+    assert cold.dark_counts.hot_fraction > 0  # the rest of the preset stays
+    assert cold.counter_capacity == 320
+
+
+@pytest.fixture
+def measured(tmp_path):
+    np.save(tmp_path / "dark.npy", np.ones((4, 4)))
+    device = {
+        "preset": "spadcam",
+        "name": "mine",
+        "measured": {"dark_counts": {"path": "dark.npy"}},
+    }
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(device))
+    (tmp_path / "night.yaml").write_text(yaml.safe_dump({"sensors": ["mine.yaml"]}))
+    (tmp_path / "inline.yaml").write_text(yaml.safe_dump({"sensors": [device]}))
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", ["night.yaml", "inline.yaml"])
+def test_measured_device_is_found_beside_the_configuration_and_hashed(measured, name):
+    (sensor,) = load(str(measured / name)).sensors
+    file = sensor.measured.dark_counts
+    assert sensor.name == "mine"
+    assert file.path == str(measured / "dark.npy")
+    assert file.sha256 == hashlib.sha256((measured / "dark.npy").read_bytes()).hexdigest()
+
+
+def test_measured_device_on_the_command_line_is_found_from_the_working_folder(
+    measured, monkeypatch
+):
+    monkeypatch.chdir(measured)
+    (sensor,) = load("demo", {"sensors": "mine.yaml"}).sensors
+    assert sensor.measured.dark_counts.path == str(measured / "dark.npy")
+
+
+def test_record_of_a_measured_device_can_be_read_without_its_map(measured):
+    configuration = load(str(measured / "night.yaml"))
+    (measured / "dark.npy").unlink()
+    assert parse(to_yaml(configuration), "again") == configuration
+
+
+def test_missing_map_and_missing_device_are_named(measured):
+    (measured / "dark.npy").unlink()
+    with pytest.raises(
+        UserError, match=r"measured\.dark_counts: .*dark\.npy cannot be read \(no such file"
+    ):
+        load(str(measured / "inline.yaml"))
+    (measured / "mine.yaml").unlink()
+    with pytest.raises(UserError, match=r"mine\.yaml: cannot be read as YAML"):
+        load(str(measured / "night.yaml"))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("scene: {kind: forest, treees: 5}", r": scene\.treees: unknown key; did you mean 'trees'"),
+        ("camrea: {}", "camrea: unknown key; did you mean 'camera'"),
+        ("sensors: [{preset: spadcam, exposure_s: -1}]", r"sensors\.0\.exposure_s: .*greater than 0, got -1"),
+        ("sensors: [spadcan]", "'spadcan' is unknown: use one of"),
+        ("trajectory: {position_m: [0, 0, 1], look_at_m: [0, 0, 5]}", "up .* is parallel to the view"),
+        ("render: {samples_per_pass: 0}", r"render\.samples_per_pass: .*greater than or equal to 1, got 0"),
+        ("camera: {kind: fisheye}", "camera: kind 'fisheye' is unknown; use 'perspective', 'equirectangular'"),
+        ("camera: {kind: cylindrical, upper_deg: 90}", r": camera\.upper_deg: .*less than 90, got 90"),
+        ("camera: {kind: equirectangular, fov: 90}", r"camera\.fov: unknown key; did you mean 'fov_deg'"),
+        ("light_levels: [dusk]", "'dusk' is unknown: use one of daylight"),
+        ("light_levels: [starlight, starlight]", "each level once"),
+        ("methods: [XX]", "'XX' is unknown: use some of BM"),
+        ("trajectory: {frames: 1}", "at least 2 frames"),
+        ("sensors: [ideal, ideal]", "name of its own"),
+        ("scene: {trees: 5}", "scene: say which kind it is, with the key 'kind'"),
+        ("scene: {kind: desert}", "scene: kind 'desert' is unknown; use 'forest', 'grating'"),
+        ("scene: {kind: forest, trees: -1}", r": scene\.trees: .*greater than 0, got -1"),
+        ("sensors: []", "sensors: empty; give at least one"),
+        ("sensors: [{preset: [spadcam]}]", "is unknown: use one of"),
+        ("name: ../up", "cannot name a folder"),
+        ("sensors: [{preset: ideal, name: ../../up}]", "'../../up' cannot name a folder"),
+        ("light_levels: [0.1, 1e-1]", "each level once"),
+        ("seed: abc", "seed: .*valid integer.*, got 'abc'"),
+        ("- a", "a configuration is a mapping"),
+        ("a: [", "not valid YAML"),
+        ("a: !!python/object/apply:os.system [ls]", "not valid YAML"),
+    ],
+)  # fmt: skip
+def test_mistakes_get_one_sentence_with_field_and_remedy(text, message):
+    with pytest.raises(UserError, match=message) as caught:
+        parse(text, "file.yaml")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_named_with_the_built_in_ones():
+    with pytest.raises(UserError, match=r"none\.yaml: no such configuration.*demo"):
+        load("none.yaml")
+
+
+def test_an_override_of_nothing_says_what_there_is():
+    with pytest.raises(UserError, match=r"--sensors\.7\.name: no field '7'; there is 0, 1"):
+        load("demo", {"sensors.7.name": "x"})
+    with pytest.raises(UserError, match="unknown key; did you mean 'trees'"):
+        load("demo", {"scene.treess": "3"})
+
+
+def test_differences_name_every_changed_leaf():
+    old = yaml.safe_load("a: {b: 1, c: [1, 2]}\nd: [{e: 1}]")
+    new = yaml.safe_load("a: {b: 2, c: [1, 3]}\nd: [{e: 1}, {e: 2}]")
+    assert differences(old, new) == ["a.b: 1 → 2", "a.c: [1, 2] → [1, 3]", "d.1.e: absent → 2"]
+    assert differences(old, old) == []

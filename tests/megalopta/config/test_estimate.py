@@ -1,0 +1,118 @@
+"""What is absurd is refused with the figure before anything is built; what is much is announced."""
+
+import shutil
+
+import pytest
+
+from megalopta.config import estimate
+from megalopta.config.configuration import load
+from megalopta.config.estimate import announce, announce_sweep, refuse_absurd, size
+from megalopta.errors import UserError
+from megalopta.experiments.sweep import Sweep
+from megalopta.stages.pipeline import run_all, run_stage
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("trajectory.frames", "1000000000"),
+        ("camera.width", "100000"),
+        ("camera.fov_deg", "1e-300"),
+        ("shutter.poses", "1000000000"),
+        ("benchmark.fluxes_per_decade", "100000000"),
+        ("benchmark.repeats", "1000000000"),
+        ("render.samples_per_pixel", "1000000000"),
+        ("light.illuminance_lux", "1e308"),
+        ("light.illuminance_lux", "1e-300"),
+        ("light_levels", "[1e300]"),
+        ("scene.trees", "1" + "0" * 400),
+    ],
+)
+def test_a_value_beyond_sense_is_refused_by_its_field(path, value):
+    with pytest.raises(UserError, match=path):
+        load("demo", {path: value})
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"trajectory.frames": "1000000"}, r"1000000 frames of 120 × 120 would take about .* days of work"),
+        ({"camera.width": "32768", "camera.height": "32768"}, r"about 1.1[0-9] TB of memory, and this machine has .*; lower"),
+    ],
+)  # fmt: skip
+def test_a_rendering_beyond_the_machine_is_refused_before_it_is_begun(tmp_path, changes, message):
+    with pytest.raises(UserError, match=message):
+        run_stage(tmp_path / "out", load("demo", changes), "render")
+    assert not list(tmp_path.iterdir())
+
+
+def test_every_stage_is_weighed_before_the_first_begins(tmp_path):
+    settings = load("demo", {"benchmark.repeats": "100000", "benchmark.fluxes_per_decade": "1000"})
+    with pytest.raises(UserError, match=r"bench: .* days of work, more than .* 30 days; lower"):
+        run_all(tmp_path / "out", settings)
+    assert not list(tmp_path.iterdir())
+
+
+def test_more_than_the_disk_holds_is_refused(tmp_path, monkeypatch):
+    full = shutil.disk_usage(tmp_path)._replace(free=1000)
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: full)
+    with pytest.raises(UserError, match=r"render: .* MB on disk, and .*/out has room for 0 MB"):
+        refuse_absurd(load("demo"), "render", tmp_path / "out")
+
+
+def test_what_is_there_already_takes_no_more_room(tmp_path, monkeypatch):
+    (tmp_path / "part").write_bytes(bytes(50_000_000))
+    full = shutil.disk_usage(tmp_path)._replace(free=1000)
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: full)
+    refuse_absurd(load("demo"), "render", tmp_path)
+
+
+@pytest.mark.parametrize("name", ["demo", "airglow", "grating", "bench"])
+@pytest.mark.parametrize("stage", ["render", "sense", "flow", "bench"])
+def test_the_built_in_configurations_are_no_long_work(tmp_path, capsys, name, stage):
+    refuse_absurd(load(name), stage, tmp_path)
+    assert estimate.estimate(load(name), stage).seconds < 3600
+
+
+def test_long_work_is_announced(capsys):
+    settings = load(
+        "demo", {"trajectory.frames": "3000", "camera.width": "640", "camera.height": "480"}
+    )
+    announce(settings, "render")
+    told = capsys.readouterr().err
+    assert told.startswith("render: 3000 frames of 640 × 480, about 65.")
+    assert told.endswith(" GB, about 5 days\n")
+
+
+def test_short_work_is_not(capsys):
+    announce(load("grating"), "render")
+    assert capsys.readouterr().err == ""
+
+
+def test_work_grows_with_what_it_is_made_of():
+    few, many = (load("demo", {"trajectory.frames": frames}) for frames in ("40", "80"))
+    for stage in ("render", "sense", "flow", "bench"):
+        first, second = estimate.estimate(few, stage), estimate.estimate(many, stage)
+        assert second.seconds == pytest.approx(2 * first.seconds)
+        assert second.disk_bytes == pytest.approx(2 * first.disk_bytes)
+        assert second.memory_bytes > first.memory_bytes
+
+
+def test_a_sweep_of_months_is_refused_and_one_of_minutes_announced(capsys):
+    trial = {"search": {"repeats": 100_000, "phases": 251}}
+    with pytest.raises(UserError, match=r"sweep: 4 trials would take about .* days"):
+        announce_sweep(Sweep.model_validate({"trial": trial}))
+    announce_sweep(Sweep.model_validate({"trial": {"size": 240, "search": {"repeats": 20}}}))
+    assert capsys.readouterr().err.startswith("sweep: 4 trials, about ")
+
+
+def test_a_sweep_of_too_many_trials_is_refused():
+    with pytest.raises(ValueError, match="20000 trials; give at most 10000 in all"):
+        Sweep.model_validate({"vary": "seed", "values": list(range(20_000))})
+
+
+@pytest.mark.parametrize(
+    ("number", "text"), [(3e6, "3 MB"), (4.04e10, "40.4 GB"), (2e13, "20 TB"), (1.5e15, "1.5 PB")]
+)
+def test_sizes_are_told_in_the_unit_that_fits(number, text):
+    assert size(number) == text

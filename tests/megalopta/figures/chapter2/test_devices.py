@@ -1,0 +1,63 @@
+import numpy as np
+import pytest
+
+from megalopta.figures.chapter2.devices import (
+    ANODE_V,
+    CHAPTER_2,
+    dark_density,
+    measure_row,
+    measured_efficiency,
+)
+from megalopta.figures.reproduction import write_figure
+from megalopta.sensor.spad.presets import TABLE_2_1
+
+
+@pytest.mark.parametrize("name", CHAPTER_2)
+def test_figure_is_drawn_with_its_numbers(name, tmp_path, check_words):
+    figure = CHAPTER_2[name]()
+    assert figure.name == name
+    check_words(figure)
+    paths = write_figure(figure, tmp_path)
+    assert [path.suffix for path in paths] == [".png", ".svg", ".csv", ".json"]
+    assert paths[2].read_text("utf-8").count("\n") == len(figure.rows) + 1
+
+
+def test_quiet_pixels_of_the_table_are_those_drawn():
+    figure = CHAPTER_2["fig-2.9"]()
+    rates = np.array(figure.rows)[np.isclose([row[0] for row in figure.rows], 13.58), 1:].ravel()
+    (quiet,) = (each for each in figure.printed if each.quantity == "Pixels below 1.5 Hz/µm²")
+    assert quiet.ours == f"{np.sum(rates < 1.5)} of 16"
+
+
+def test_every_pixel_counts_at_every_bias_measured():
+    assert np.all(measure_row().dark > 0)
+
+
+def test_efficiency_stays_below_one_percent_wherever_it_was_measured():
+    # the mean of 500 frames of at most 320 counts is good to 0.005 %
+    assert 0.0085 < np.nanmax(measured_efficiency(measure_row())) < 0.01
+
+
+def test_dark_counts_rise_with_bias_until_the_counter_is_full():
+    density = dark_density(measure_row())
+    assert np.all(np.diff(np.nan_to_num(density).mean(axis=1)) > 0)
+    # 319 or 320 counts in 0.1 s on 360 µm²
+    assert np.nanmax(density) == pytest.approx(8.87, abs=0.03)
+
+
+def test_best_ratio_is_at_a_lower_bias_than_the_best_efficiency():
+    row = measure_row()
+    efficiency = measured_efficiency(row)
+    ratio = efficiency / dark_density(row)
+    best, most = (ANODE_V[np.nanargmax(each, axis=0)] for each in (ratio, efficiency))
+    assert np.all(best <= most)
+    assert np.mean(best < most) > 0.8
+
+
+def test_table_agrees_with_its_printed_densities():
+    rows = {row[0]: row for row in CHAPTER_2["table-2.1"]().rows}
+    assert list(rows) == list(TABLE_2_1)
+    for row in rows.values():
+        # printed with two digits; counting 1600 pixels for 4 s is good to 0.5 %
+        assert row[6] == pytest.approx(row[5], rel=0.025)
+        assert row[8] == pytest.approx(row[7], rel=0.01)

@@ -1,0 +1,44 @@
+import numpy as np
+import pytest
+
+from megalopta.experiments.panorama_recipes import NATURAL_PANORAMAS
+from megalopta.figures.chapter4 import scenes as module
+from megalopta.figures.reproduction import FIGURES, write_figure
+from megalopta.flow.stimuli.statistics import image_statistics
+
+
+def test_grating_is_the_product_of_two_turned_sines_at_the_pixels_that_pooling_keeps():
+    figure = FIGURES["fig-4.2"]()
+    row, column, brightness = np.array(figure.rows)[:, :3].T
+    # floor((i + 1/2)·251/60) + 1/2, in frames of 251 pixels.
+    y, x = (((2 * index + 1) * 251 // 120 + 0.5) / 251 for index in (row, column))
+    along, across = ((x + y) / 2**0.5, (y - x) / 2**0.5)
+    expected = 1 + np.sin(8 * np.pi * along) * np.sin(8 * np.pi * across)
+    np.testing.assert_allclose(brightness, expected, atol=1e-12)
+
+
+@pytest.fixture
+def templates(monkeypatch):
+    forests = {
+        name: np.random.default_rng(recipe.forest.seed).gamma(2, 0.5, (251, recipe.camera.width))
+        for name, recipe in NATURAL_PANORAMAS.items()
+    }
+    monkeypatch.setattr(module, "natural_templates", lambda cache=None: forests)
+    return forests
+
+
+def test_forests_are_drawn_with_their_statistics(templates, tmp_path, check_words):
+    figure = FIGURES["fig-4.3"]()
+    check_words(figure)
+    for path in write_figure(figure, tmp_path):
+        assert path.stat().st_size > 0
+    rows = {
+        name: dict(zip(figure.columns[1:], values, strict=True)) for name, *values in figure.rows
+    }
+    assert set(rows) == {*templates, "dead leaves"}
+    for name, template in templates.items():
+        # Gamma noise of shape 2 has contrast 1/√2; 141 000 pixels and more: σ = 0.3 %.
+        assert rows[name]["contrast"] == pytest.approx(2**-0.5, rel=0.02)
+        assert rows[name] == vars(image_statistics(template))
+    # Dead leaves have the scale-free spectrum that noise has not.
+    assert rows["dead leaves"]["spectrum_slope"] < -1.5 < rows["open"]["spectrum_slope"]

@@ -1,0 +1,113 @@
+import csv
+import json
+
+import matplotlib
+import numpy as np
+import pytest
+
+from megalopta.errors import UserError
+from megalopta.figures import reproduction as module
+from megalopta.figures.figure import Figure
+from megalopta.figures.reproduction import FIGURES, reproduce, write_figure
+
+
+def draw(canvas):
+    axes = canvas.subplots()
+    axes.plot([0, 1], [0, 2], label="line")
+    axes.set_xlabel("Time (s)")
+    axes.legend()
+
+
+EXAMPLE = Figure(
+    name="example",
+    title="An example",
+    caption="What it shows. " * 20,
+    draw=draw,
+    columns=("time_s", "name", "output_v"),
+    rows=((0.0, "a, b", 1 / 3), (1.0, "c", np.nan)),
+)
+
+
+def test_each_figure_becomes_a_picture_a_drawing_and_its_numbers(tmp_path):
+    paths = write_figure(EXAMPLE, tmp_path / "new")
+    assert [path.suffix for path in paths] == [".png", ".svg", ".csv", ".json"]
+    assert {path.stem for path in paths} == {"example"}
+    assert paths[0].read_bytes().startswith(b"\x89PNG")
+    assert "<svg" in paths[1].read_text(encoding="utf-8")
+    assert sorted(path.name for path in (tmp_path / "new").iterdir()) == sorted(
+        path.name for path in paths
+    )
+
+
+def test_numbers_survive_the_file(tmp_path):
+    path = write_figure(EXAMPLE, tmp_path)[2]
+    with path.open(newline="", encoding="utf-8") as file:
+        head, *rows = csv.reader(file)
+    assert tuple(head) == EXAMPLE.columns
+    assert rows[0][1] == "a, b"
+    assert float(rows[0][2]) == pytest.approx(1 / 3, rel=1e-8)
+    assert np.isnan(float(rows[1][2]))
+
+
+def test_numbers_are_in_json_too_and_what_is_undefined_is_null(tmp_path):
+    record = json.loads(write_figure(EXAMPLE, tmp_path)[3].read_text("utf-8"))
+    assert record["columns"] == list(EXAMPLE.columns)
+    assert record["rows"] == [[0.0, "a, b", 1 / 3], [1.0, "c", None]]
+
+
+def test_same_figure_gives_the_same_bytes(tmp_path):
+    first, second = (write_figure(EXAMPLE, tmp_path / name) for name in "ab")
+    for one, other in zip(first, second, strict=True):
+        assert one.read_bytes() == other.read_bytes()
+
+
+def test_drawing_leaves_no_trace_in_matplotlib(tmp_path):
+    before = dict(matplotlib.rcParams)
+    write_figure(EXAMPLE, tmp_path)
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_failed_figure_leaves_no_file(tmp_path):
+    def fail(canvas):
+        raise RuntimeError("no ink")
+
+    broken = Figure("broken", "", "", fail, (), ())
+    with pytest.raises(RuntimeError, match="no ink"):
+        write_figure(broken, tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_reproduce_writes_every_figure_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "FIGURES", {"example": lambda: EXAMPLE})
+    paths = reproduce(["example"], tmp_path)
+    assert all(path.is_file() for path in paths)
+    assert len(paths) == 4
+
+
+def test_unknown_name_is_refused_with_the_closest_before_anything_is_written(tmp_path):
+    out = tmp_path / "out"
+    with pytest.raises(UserError, match=r"fig-3\.22.*did you mean fig-3\.2"):
+        reproduce(["fig-3.5", "fig-3.22"], out)
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("name", ["out", "out/deeper"])
+def test_file_in_place_of_the_folder_is_refused_before_anything_is_drawn(tmp_path, name):
+    (tmp_path / "out").touch()
+    with pytest.raises(UserError, match="a file is in the way; give the path of a folder"):
+        reproduce(["fig-2.9"], tmp_path / name)
+
+
+def test_no_name_is_refused_with_the_list(tmp_path):
+    with pytest.raises(UserError, match=r"fig-3\.2, fig-3\.5"):
+        reproduce([], tmp_path)
+
+
+def test_ragged_numbers_are_refused():
+    with pytest.raises(ValueError, match="does not fit"):
+        Figure("x", "", "", draw, ("a", "b"), ((1.0,),))
+
+
+def test_registry_holds_the_figures_of_chapter_3():
+    asked = [f"fig-3.{number}" for number in (2, 5, 6, 7, 8, 9, 10)] + ["table-3.1"]
+    assert set(asked) <= set(FIGURES)

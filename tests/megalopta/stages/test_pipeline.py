@@ -1,0 +1,409 @@
+"""The stages on a real, tiny dataset: what they write, resume, refuse and repeat."""
+
+import hashlib
+import json
+import shutil
+
+import numpy as np
+import pytest
+import zarr
+
+from megalopta.checks.integrity import check_files, run_check_files
+from megalopta.cli.main import main
+from megalopta.config.configuration import load
+from megalopta.dataset.store import STAGES as ORDER
+from megalopta.dataset.store import open_dataset
+from megalopta.errors import UserError
+from megalopta.flow.benchmark import sequence as benchmark
+from megalopta.flow.files.flo import read_flo
+from megalopta.render.exr import read_radiance, read_truth
+from megalopta.scenes.spectra.blackbody import planckian
+from megalopta.scenes.spectra.photometry import luminous
+from megalopta.scenes.spectra.spectrum import Spectrum
+from megalopta.sensor import expected_counts, read_counts
+from megalopta.stages import flow as stage_flow
+from megalopta.stages.pipeline import run_all, run_stage
+from megalopta.stages.render import FrameWriter
+from megalopta.stages.sense import light_scale
+
+
+@pytest.fixture(scope="session")
+def finished(tiny, tmp_path_factory):
+    root = tmp_path_factory.mktemp("finished") / "data"
+    return run_all(root, tiny)
+
+
+@pytest.fixture
+def copy(finished, tmp_path):
+    shutil.copytree(finished.root, tmp_path / "data")
+    return open_dataset(tmp_path / "data")
+
+
+def content(root):
+    """Every file's bytes but for the time it took."""
+    return {
+        str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(root.rglob("*"))
+        if path.is_file() and path.name != "timings.json"
+    }
+
+
+def test_the_tree_is_sintels_with_one_flow_less_than_frames(finished):
+    training = finished.root / "training"
+    counts = {kind.name: len(list((kind / "grating").iterdir())) for kind in training.iterdir()}
+    assert counts == {
+        "clean": 24, "final": 24, "depth": 24, "camdata_left": 24,
+        "flow": 23, "occlusions": 23, "invalid": 23,
+    }  # fmt: skip
+
+
+def test_flow_files_hold_the_truth_of_the_exr(finished):
+    truth = read_truth(finished.truth(3)).flow_forward
+    stored = read_flo(finished.frame("training/flow", 3, "flo"))
+    np.testing.assert_array_equal(stored, truth)
+    assert (truth[..., 0] > 0).all()  # the camera turns left
+
+
+def test_depth_and_camera_files_follow_sintels_layout(finished):
+    raw = finished.frame("training/depth", 0, "dpt").read_bytes()
+    assert np.frombuffer(raw[:4], "<f4")[0] == np.float32(202021.25)
+    width, height = np.frombuffer(raw[4:12], "<i4")
+    depth = np.frombuffer(raw[12:], "<f4").reshape(height, width)
+    np.testing.assert_array_equal(depth, read_truth(finished.truth(0)).depth)
+    raw = finished.frame("training/camdata_left", 0, "cam").read_bytes()
+    intrinsics = np.frombuffer(raw[4:76], "<f8").reshape(3, 3)
+    extrinsics = np.frombuffer(raw[76:], "<f8").reshape(3, 4)
+    pose = finished.configuration.trajectory.poses()[0]
+    # The pixel right at the principal point sees along the optical axis.
+    ahead = pose[:3, 3] + 5 * pose[:3, 2]
+    x, y, w = intrinsics @ (extrinsics @ np.append(ahead, 1))
+    np.testing.assert_allclose([x / w, y / w], [48 / 2 - 0.5, 40 / 2 - 0.5], atol=1e-9)
+
+
+def test_counts_stand_beside_their_noise_free_twin(finished):
+    configuration = finished.configuration
+    sensor, level = configuration.sensors[1], "starlight"
+    stored = read_counts(finished.counts(sensor, level))
+    radiance, bands = read_radiance(finished.radiance(5))
+    twin = expected_counts(radiance[None] * np.float32(1e-3), bands, sensor)
+    np.testing.assert_allclose(stored.exposure.expected[5], twin[0], rtol=1e-6)
+    z = (stored.exposure.counts - stored.exposure.expected) / np.sqrt(stored.exposure.expected)
+    # 34 560 Poisson counts: the mean of z is within 5 σ but for 6e-7 of all seeds.
+    assert abs(z.mean()) * np.sqrt(z.size) < 5
+
+
+def test_noise_of_two_exposures_is_unrelated(finished):
+    first, second = finished.configuration.light_levels
+    sensor = finished.configuration.sensors[1]
+    residuals = []
+    for level in (first, second):
+        exposure = read_counts(finished.counts(sensor, level)).exposure
+        residuals.append((exposure.counts - exposure.expected).ravel())
+    correlation = np.corrcoef(*residuals)[0, 1]
+    assert abs(correlation) * np.sqrt(residuals[0].size) < 5  # false alarm 6e-7
+
+
+def test_responses_and_errors_of_every_method_are_there(finished):
+    records = json.loads(finished.result("flow.json").read_text())
+    settings = finished.configuration
+    assert len(records) == 6 * len(settings.sensors) * len(settings.light_levels)
+    by_method = {r["method"]: r for r in records if r["sensor"] == "ideal"}
+    assert set(by_method) == set(settings.methods)
+    assert {name for name, r in by_method.items() if "truth" in r} == {"BM", "IIA"}
+    group = zarr.open_group(finished.result("responses") / "ideal-starlight.zarr", mode="r")
+    assert set(group) == {f"{m}{end}" for m in settings.methods for end in ("", "-ideal")}
+
+
+def test_light_raises_no_error_in_bright_light(finished):
+    records = json.loads(finished.result("flow.json").read_text())
+    ideal = {
+        (r["method"], r["level"]): r["error"]["ratio"] for r in records if r["sensor"] == "ideal"
+    }
+    for method in ("IIA", "NDM", "NDS", "IM"):
+        assert ideal[method, "twilight"] < 0.3 * ideal[method, "starlight"]
+
+
+def test_every_seed_and_setting_is_in_the_dataset(finished):
+    assert open_dataset(finished.root).configuration == finished.configuration
+
+
+def test_a_second_run_changes_no_byte(copy):
+    before = content(copy.root)
+    run_all(copy.root, copy.configuration)
+    assert content(copy.root) == before
+
+
+def test_an_interrupted_rendering_goes_on_to_the_same_bytes(copy, monkeypatch, tmp_path):
+    write, calls = FrameWriter.write, []
+
+    def interrupted(self, index):
+        calls.append(index)
+        if len(calls) == 5:
+            raise KeyboardInterrupt
+        write(self, index)
+
+    monkeypatch.setattr(FrameWriter, "write", interrupted)
+    root = tmp_path / "broken"
+    with pytest.raises(KeyboardInterrupt):
+        run_all(root, copy.configuration)
+    assert not [path for path in root.rglob("*") if path.name.startswith(".")]
+    monkeypatch.undo()
+    run_all(root, copy.configuration)
+    assert content(root) == content(copy.root)
+
+
+def test_another_configuration_is_refused_with_the_difference(copy):
+    before = content(copy.root)
+    changed = copy.configuration.model_copy(update={"seed": 7})
+    with pytest.raises(UserError, match=r"holds render and sense and flow and bench .*seed: 0 → 7"):
+        run_stage(copy.root, changed, "render")
+    assert content(copy.root) == before
+
+
+def test_redo_replaces_what_disagrees_and_keeps_the_rest(copy):
+    rendering = content(copy.root / "radiance")
+    changed = copy.configuration.model_copy(update={"light_levels": (0.5,)})
+    with pytest.raises(UserError, match="light_levels"):
+        run_stage(copy.root, changed, "sense")
+    dataset = run_stage(copy.root, changed, "sense", redo=True)
+    assert content(copy.root / "radiance") == rendering
+    assert dataset.counts(changed.sensors[0], 0.5).exists()
+    assert not dataset.has("flow")
+    assert dataset.is_finished("sense")
+
+
+def test_redo_of_a_later_stage_never_takes_the_rendering_with_it(copy):
+    before = content(copy.root)
+    changed = copy.configuration.model_copy(update={"seed": 9})
+    with pytest.raises(UserError, match=r"would remove the 'render' output, .*seed: 0 → 9"):
+        run_stage(copy.root, changed, "flow", redo=True)
+    assert content(copy.root) == before
+
+
+def test_a_dataset_is_made_again_from_its_own_description(copy, tmp_path):
+    again = load(str(copy.root))
+    assert again == copy.configuration
+    run_all(tmp_path / "again", again)
+    assert content(tmp_path / "again") == content(copy.root)
+
+
+def test_a_missing_file_makes_its_stage_unfinished(copy):
+    before = content(copy.root)
+    copy.frame("training/flow", 4, "flo").unlink()
+    assert not copy.is_finished("render")
+    run_stage(copy.root, copy.configuration, "render")
+    assert content(copy.root) == before
+
+
+@pytest.mark.parametrize(
+    "name", ["radiance/grating/frame_0003.exr", "counts/grating/ideal-starlight.zarr/zarr.json"]
+)
+def test_a_truncated_file_is_made_again_by_its_stage_alone(copy, name):
+    before = content(copy.root)
+    path = copy.root / name
+    path.write_bytes(path.read_bytes()[:100])
+    stage = "sense" if "counts" in name else "render"
+    later = "flow" if stage == "sense" else "bench"
+    copy.forget(later)
+    with pytest.raises(UserError, match=rf"{path} is missing or damaged; run first: .* {stage} "):
+        run_stage(copy.root, copy.configuration, later)
+    run_stage(copy.root, copy.configuration, stage)
+    run_stage(copy.root, copy.configuration, later)
+    assert {name: before[name] for name in content(copy.root) if name != "manifest.jsonl"} == {
+        name: each for name, each in content(copy.root).items() if name != "manifest.jsonl"
+    }
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("render", "{root}", "--out", "{root}", "--scene.cycles-per-frame", "4.25"),  # not closed
+        ("sense", "{root}", "--light-levels", "1e300"),
+        ("sense", "{root}", "--sensors", "[missing.yaml]"),
+        ("flow", "{root}", "--methods", "XX"),
+    ],
+)
+def test_a_refused_redo_leaves_everything_as_it_was(copy, command, capsys):
+    before = content(copy.root)
+    with pytest.raises(SystemExit) as end:
+        main([*(word.format(root=copy.root) for word in command), "--redo"])
+    assert end.value.code == 2
+    assert len(capsys.readouterr().err.strip().splitlines()) in (1, 2)  # "building", and why not
+    assert content(copy.root) == before
+
+
+def test_a_redo_that_fails_on_a_damaged_frame_leaves_everything_as_it_was(copy):
+    path = copy.radiance(20)
+    path.write_bytes(bytes(path.stat().st_size))
+    before = content(copy.root)
+    with pytest.raises(UserError, match="frame_0021"):
+        run_stage(copy.root, copy.configuration, "sense", redo=True)
+    assert content(copy.root) == before
+
+
+def test_a_refused_first_stage_leaves_no_folder(tiny, tmp_path):
+    scene = tiny.scene.model_copy(update={"cycles_per_frame": 4.25})
+    with pytest.raises(UserError, match="does not close"):
+        run_stage(tmp_path / "data", tiny.model_copy(update={"scene": scene}), "render")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_a_killed_writer_left_is_swept_and_not_entered(copy):
+    before = content(copy.root)
+    copy.forget("sense")
+    (copy.root / "counts/grating/.part-0123456789ab-x.zarr").mkdir(parents=True)
+    (copy.root / "counts/grating/.part-0123456789ab-x.zarr/zarr.json").write_text("{")
+    run_all(copy.root, copy.configuration)
+    assert content(copy.root) == before
+
+
+def test_flow_goes_on_after_an_interruption(copy, monkeypatch):
+    before = content(copy.root)
+    copy.forget("flow")
+    write = stage_flow._write_responses
+
+    def interrupted(path, *rest):
+        write(path, *rest)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(stage_flow, "_write_responses", interrupted)
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            run_stage(copy.root, copy.configuration, "flow")
+    monkeypatch.undo()
+    monkeypatch.setattr(stage_flow, "_compare", _counting(stage_flow._compare, calls := []))
+    run_stage(copy.root, copy.configuration, "flow")
+    assert len(calls) == len(copy.configuration.methods) * 2  # two of four exposures were there
+    run_stage(copy.root, copy.configuration, "bench")
+    assert content(copy.root) == before
+
+
+def test_bench_goes_on_after_an_interruption(copy, monkeypatch):
+    before = content(copy.root)
+    copy.forget("bench")
+    work, calls = benchmark._one_repeat, []
+
+    def interrupted(*arguments):
+        if calls:
+            raise KeyboardInterrupt
+        calls.append(arguments)
+        return work(*arguments)
+
+    monkeypatch.setattr(benchmark, "_one_repeat", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        run_stage(copy.root, copy.configuration, "bench")
+    monkeypatch.setattr(benchmark, "_one_repeat", _counting(work, calls := []))
+    run_stage(copy.root, copy.configuration, "bench")
+    assert len(calls) == copy.configuration.benchmark.repeats - 1
+    assert content(copy.root) == before
+
+
+def _counting(function, calls):
+    def counted(*arguments):
+        calls.append(arguments)
+        return function(*arguments)
+
+    return counted
+
+
+def test_damage_is_named_with_its_remedy(copy, capsys):
+    assert check_files(copy) == []
+    (copy.root / "litter.txt").write_text("?")
+    path = copy.counts(copy.configuration.sensors[0], "twilight") / "counts/c/0/0/0"
+    path.write_bytes(bytes(path.stat().st_size))
+    copy.radiance(3).unlink()
+    assert not run_check_files(copy)
+    text = capsys.readouterr().out
+    assert f"{copy.radiance(3)}: is missing; run: megalopta render {copy.root} --out" in text
+    assert f"{path}: is not as it was written; remove {path.parents[4]} and run" in text
+    assert "litter.txt: belongs to no stage" in text
+    assert "3 damaged, missing or unknown" in text
+
+
+def test_damaged_bookkeeping_is_named(copy):
+    (copy.root / "manifest.jsonl").write_text("{half")
+    with pytest.raises(UserError, match=r"manifest\.jsonl is damaged"):
+        run_stage(copy.root, copy.configuration, "bench")
+
+
+def test_sequences_shorter_than_a_filter_are_refused(tiny, tmp_path):
+    short = tiny.model_copy(update={"trajectory": tiny.trajectory.model_copy(update={"frames": 6})})
+    with pytest.raises(UserError, match="EMD settles: use at least 22"):
+        run_all(tmp_path / "data", short)
+    assert not (tmp_path / "data").exists()
+
+
+def test_a_scene_that_cannot_be_built_is_a_users_mistake(tiny, tmp_path):
+    scene = tiny.scene.model_copy(update={"cycles_per_frame": 4.25})
+    open_seam = tiny.model_copy(update={"scene": scene})
+    with pytest.raises(UserError, match=r"scene: .*does not close"):
+        run_stage(tmp_path / "data", open_seam, "render")
+
+
+def test_noise_of_the_rendering_is_measured(finished):
+    record = json.loads(finished.scene_record.read_text())
+    # Four pixels wide bars at one sample: noise, but far less than the signal.
+    assert 1e-3 < record["monte_carlo"]["median_relative"] < 0.5
+    assert record["objects"] == 1
+    assert record["monte_carlo"]["measured_frames"] == [0, 16]
+    assert len(record["monte_carlo"]["median_relative_of_frames"]) == 24
+    assert record["illuminance"] is None  # the grating glows by itself
+
+
+def test_named_levels_bring_their_color_and_their_illuminance():
+    settings = load("demo", {"render.bands_nm": "[[380, 770]]"})
+    bands = tuple((float(a), float(a + 10)) for a in range(380, 770, 10))
+    fine = settings.model_copy(
+        update={"render": settings.render.model_copy(update={"bands_nm": bands})}
+    )
+    before = planckian(9000)
+    after = np.array([before(np.mean(band)) for band in bands]) * light_scale(fine, "starlight")
+    spectrum = Spectrum(tuple(float(np.mean(band)) for band in bands), tuple(after))
+    # One band per 10 nm: the band means follow the Planckian to within 0.1 %.
+    ratio = luminous(spectrum) / luminous(before)
+    assert ratio == pytest.approx(1e-3, rel=2e-3)
+    expected = planckian(4500)
+    shape = after / [expected(np.mean(band)) for band in bands]
+    np.testing.assert_allclose(shape, shape.mean(), rtol=2e-3)
+
+
+def test_a_stage_needs_the_ones_before_it(tiny, tmp_path):
+    with pytest.raises(
+        UserError, match="stage 'render' is not finished .*run first: megalopta render"
+    ):
+        run_stage(tmp_path / "new", tiny, "sense")
+
+
+def test_a_folder_of_something_else_is_left_alone(tiny, tmp_path):
+    (tmp_path / "thesis.tex").write_text("precious")
+    with pytest.raises(UserError, match="exists and is no dataset"):
+        run_stage(tmp_path, tiny, "render")
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_a_damaged_frame_is_named(copy):
+    copy.forget("sense")
+    path = copy.radiance(2)
+    path.write_bytes(bytes(path.stat().st_size))
+    with pytest.raises(
+        UserError,
+        match=r"frame_0003\.exr cannot be read as EXR.*remove the file and run: megalopta render",
+    ):
+        run_stage(copy.root, copy.configuration, "sense")
+
+
+def test_frames_too_small_for_a_method_are_refused_before_any_work(tmp_path, tiny):
+    small = tiny.model_copy(update={"camera": tiny.camera.model_copy(update={"height": 12})})
+    with pytest.raises(UserError, match=r"flow: .*12 × 48 px cannot be cut"):
+        run_all(tmp_path / "data", small)
+    assert not (tmp_path / "data").exists()
+
+
+def test_every_stage_is_entered_with_the_hash_of_its_files(finished):
+    lines = finished.manifest()
+    assert [line["stage"] for line in lines] == list(ORDER)
+    for line in lines:
+        for name, (size, digest) in line["files"].items():
+            data = (finished.root / name).read_bytes()
+            assert len(data) == size
+            assert hashlib.blake2b(data, digest_size=16).hexdigest() == digest

@@ -1,0 +1,238 @@
+"""Baked light against closed forms and against the path tracer."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+import trimesh
+
+from megalopta.render.baking import integrator as baked
+from megalopta.render.baking import light as bake
+from megalopta.render.baking.integrator import path_tracing_reason
+from megalopta.render.renderer import SceneRenderer
+from megalopta.render.settings import RenderSettings, bake_seed, frame_seed
+from megalopta.render.variant import choose_variant
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.spectra.spectrum import Spectrum, flat
+from megalopta.scenes.trajectories.steady import Trajectory
+from megalopta.scenes.world.scene import (
+    Asset,
+    Emission,
+    Lighting,
+    Material,
+    Placement,
+    Scene,
+    Sun,
+    Texture,
+)
+
+from ..conftest import quad
+
+vectorized = pytest.mark.skipif(
+    choose_variant().name.startswith("scalar"), reason="baking needs a vectorized variant"
+)
+CAMERA = PerspectiveCamera(width=24, height=24, fov_deg=40)
+# Five bands need two groups of Mitsuba's four wavelengths.
+BANDS = ((400.0, 450.0), (450.0, 500.0), (500.0, 600.0), (600.0, 700.0), (900.0, 1000.0))
+SKY = Spectrum((300.0, 500.0, 700.0, 1100.0), (1e-9, 2e-9, 4e-9, 4e-9))
+LEAF = Spectrum((400.0, 550.0, 700.0, 750.0), (0.05, 0.12, 0.06, 0.5))
+SUN_DIRECTION = (math.sin(1.0), 0.0, math.cos(1.0))
+DOWN = Trajectory(frames=2, position_m=(0, 0, 2), look_at_m=(0, 0, 0), up=(1, 0, 0)).poses()
+UP = Trajectory(frames=2, position_m=(0, 0, 0.5), look_at_m=(0, 0, 1), up=(1, 0, 0)).poses()
+
+
+def scene_of(lighting, **parts):
+    """One object per material."""
+    return Scene(
+        {name: material for name, (material, _) in parts.items()},
+        {name: Asset({name: mesh}) for name, (_, mesh) in parts.items()},
+        tuple(Placement(name, name, np.eye(4)) for name in parts),
+        lighting,
+    )
+
+
+def renderer_of(scene, poses, seed=0, camera=CAMERA, **settings):
+    settings = RenderSettings(**{"samples_per_pixel": 4, "integrator": "baked", **settings})
+    return SceneRenderer(scene, camera, settings, poses, seed)
+
+
+def band_means(*spectra):
+    """Means of a product of spectra; independent of the renderer: fine midpoint sums."""
+    grids = [np.linspace(a, b, 20001) for a, b in BANDS]
+    middles = [0.5 * (grid[1:] + grid[:-1]) for grid in grids]
+    return np.array([np.prod([s(m) for s in spectra], axis=0).mean() for m in middles])
+
+
+def square(height, half_width):
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * float(half_width)
+    corners[:, 2] = height
+    return quad(corners)
+
+
+@vectorized
+def test_plane_under_uniform_sky_shows_the_band_mean_of_reflectance_times_light(ground):
+    scene = scene_of(Lighting(SKY), ground=(Material(LEAF), ground))
+    image = renderer_of(scene, DOWN, bands_nm=BANDS, bake_samples=1024).radiance(DOWN[0], 1)
+    expected = band_means(LEAF, SKY)
+    # Every path meets the same sky. Wavelengths, one in each 64th of a band at least, are placed
+    # by chance per cell: over such a part the product changes by at most 1/64 of itself, and the
+    # mean over 100 cells and more is ten times as close.
+    np.testing.assert_allclose(image, np.broadcast_to(expected, image.shape), 1 / 64)
+    np.testing.assert_allclose(image.mean(axis=(0, 1)), expected, 1 / 640)
+
+
+@vectorized
+def test_plane_under_the_sun_follows_the_cosine_law(ground):
+    light = Lighting(flat(0.0), Sun(SUN_DIRECTION, SKY))
+    scene = scene_of(light, ground=(Material(LEAF), ground))
+    image = renderer_of(scene, DOWN, bands_nm=BANDS).radiance(DOWN[0], 1)
+    expected = band_means(LEAF, SKY) * math.cos(1.0) / math.pi
+    np.testing.assert_allclose(image, np.broadcast_to(expected, image.shape), 1e-4)
+
+
+@vectorized
+def test_texture_mixes_the_two_reflectances_by_its_weight_in_sky_and_sunlight(ground):
+    ground.visual = trimesh.visual.TextureVisuals(uv=np.zeros((4, 2)))
+    weight = np.full((4, 4), 0.25, np.float32)
+    light = Lighting(flat(1e-9), Sun(SUN_DIRECTION, flat(3e-9)))
+    material = Material(flat(0.2), Texture(weight, flat(0.6)))
+    image = renderer_of(scene_of(light, ground=(material, ground)), DOWN).radiance(DOWN[0], 1)
+    np.testing.assert_allclose(image, 0.3e-9 * (1 + 3 * math.cos(1.0) / math.pi), 1e-4)
+
+
+@vectorized
+def test_a_leaf_over_black_ground_is_lit_above_and_dark_below(ground):
+    leaf = Material(flat(0.4)), square(1.0, 0.3)
+    scene = scene_of(Lighting(flat(1e-9)), ground=(Material(flat(0.0)), ground), leaf=leaf)
+    above, below = (
+        renderer_of(scene, poses).radiance(poses[0], 1).mean(axis=-1)[10:14, 10:14]
+        for poses in (DOWN, UP)
+    )
+    np.testing.assert_allclose(above, 0.4e-9, 1e-4)
+    # The ground ends a kilometer away, so a millionth of the view is sky.
+    assert below.max() < 1e-6 * 0.4e-9
+
+
+@vectorized
+def test_white_walls_under_an_even_sky_cannot_be_told_from_it():
+    # The furnace: what a surface that absorbs nothing sends out is what comes in, after any number
+    # of bounces. A box that is open above.
+    box = trimesh.creation.box((2, 2, 2))
+    box.update_faces(box.face_normals[:, 2] < 0.5)
+    box.unmerge_vertices()
+    scene = scene_of(Lighting(flat(1e-9)), box=(Material(flat(1.0)), box))
+    image = renderer_of(scene, DOWN, max_depth=200, bake_samples=64).radiance(DOWN[0], 1)
+    # Mitsuba ends long paths with a chance of 5 % per bounce, so a path's value has a standard
+    # deviation of about 0.3; the mean over 30,000 of them is five standard deviations from 1 %.
+    assert image.mean() == pytest.approx(1e-9, rel=0.01)
+
+
+@vectorized
+@pytest.mark.parametrize("pattern", [None, np.full((8, 8), 0.5, np.float32)], ids=["even", "half"])
+def test_glowing_walls_show_their_own_radiance_on_their_front_alone(pattern):
+    wall = square(1.0, 50.0)
+    wall.visual = trimesh.visual.TextureVisuals(uv=wall.vertices[:, :2])
+    material = Material(flat(0.5), None, Emission(3e-6, pattern))
+    scene = scene_of(None, wall=(material, wall))
+    above, below = (renderer_of(scene, poses).radiance(poses[0], 1) for poses in (DOWN, UP))
+    np.testing.assert_allclose(above, 3e-6 * (1 if pattern is None else 0.5), 1e-5)
+    assert below.max() == 0
+
+
+def thicket(lighting):
+    """Leaves in front of a textured trunk with smooth normals on sloping ground."""
+    rng = np.random.default_rng(5)
+    corners = rng.uniform([-1.5, -1.5, 0.2], [1.5, 1.5, 2.5], (150, 1, 3))
+    corners = corners + 0.25 * rng.normal(size=(150, 3, 3))
+    leaves = trimesh.Trimesh(corners.reshape(-1, 3), np.arange(450).reshape(-1, 3), process=False)
+    trunk = trimesh.creation.cylinder(0.25, 3, sections=10)
+    trunk.apply_translation([0, 0, 1.5])
+    trunk.metadata["smooth"] = True
+    trunk.visual = trimesh.visual.TextureVisuals(uv=trunk.vertices[:, 1:])
+    weight = rng.random((16, 16)).astype(np.float32)
+    bark = Material(flat(0.1), Texture(weight, Spectrum((400.0, 700.0), (0.3, 0.7))))
+    ground = trimesh.Trimesh([[-4, -4, 0], [4, -4, 0.5], [4, 4, 0], [-4, 4, -0.5]])
+    ground = trimesh.Trimesh(ground.vertices, [[0, 1, 2], [0, 2, 3]], process=False)
+    return scene_of(
+        lighting,
+        leaf=(Material(LEAF), leaves),
+        trunk=(bark, trunk),
+        ground=(Material(flat(0.3)), ground),
+    )
+
+
+ORBIT = Trajectory(frames=4, position_m=(4, 0, 1.5), look_at_m=(0, 0, 1), rotation_deg_s=10).poses()
+
+
+@vectorized
+@pytest.mark.parametrize("sun", [None, Sun(SUN_DIRECTION, flat(2e-8))], ids=["sky", "sun"])
+def test_frames_agree_with_path_tracing_in_the_mean_and_in_each_pixel(sun):
+    scene = thicket(Lighting(SKY, sun))
+    camera = PerspectiveCamera(width=40, height=40, fov_deg=40)
+    common = {"samples_per_pixel": 256, "camera": camera, "max_depth": 4}
+    tracer = renderer_of(scene, ORBIT, integrator="path", **common)
+    light = renderer_of(scene, ORBIT, bake_samples=256, **common)
+    assert light.integrator == "baked"
+    # The same seed sends the same primary rays, so edges are sampled alike in both.
+    paths, quick = (
+        np.array([each.radiance(ORBIT[1], seed) for seed in range(8)]).astype(float)
+        for each in (tracer, light)
+    )
+    differences = (quick - paths) / paths.mean()
+    noise = differences.var(axis=0, ddof=1) / len(differences)
+    difference = differences.mean(axis=0)
+    # The specification's bounds; what the path tracer's own noise adds is taken off, with five
+    # standard errors to spare.
+    error = math.sqrt(noise.mean() / noise.size)
+    assert difference.mean() == pytest.approx(0, abs=5e-3 + 5 * error)
+    assert np.mean(difference**2) - np.mean(noise) < 0.02**2
+
+
+@vectorized
+def test_frames_do_not_depend_on_which_were_rendered_before_nor_on_batches(monkeypatch):
+    scene = thicket(Lighting(SKY, Sun(SUN_DIRECTION, flat(2e-8))))
+    frames = [renderer.radiance(ORBIT[3], 7) for renderer in [renderer_of(scene, ORBIT)]]
+    resumed = renderer_of(scene, ORBIT)
+    for frame in (0, 2):
+        resumed.radiance(ORBIT[frame], frame)
+    frames.append(resumed.radiance(ORBIT[3], 7))
+    monkeypatch.setattr(bake, "_PATHS_AT_ONCE", 1000)
+    monkeypatch.setattr(bake, "_FIRST_ROWS", 1)
+    frames.append(renderer_of(scene, ORBIT).radiance(ORBIT[3], 7))
+    assert frames[0].tobytes() == frames[1].tobytes() == frames[2].tobytes()
+    other = renderer_of(scene, ORBIT, seed=1).radiance(ORBIT[3], 7)
+    assert frames[0].tobytes() != other.tobytes()
+
+
+@vectorized
+def test_samples_beyond_one_pass_are_taken_in_several(monkeypatch):
+    scene = thicket(Lighting(SKY))
+    whole = renderer_of(scene, ORBIT, samples_per_pixel=256).radiance(ORBIT[0], 1)
+    monkeypatch.setattr(baked, "_SAMPLES_AT_ONCE", 100 * 24 * 24)
+    parts = renderer_of(scene, ORBIT, samples_per_pixel=256).radiance(ORBIT[0], 1)
+    # Other jitter in the same strata: four passes of 64. A pass left out, or one too bright, would
+    # move the mean by a quarter.
+    assert parts.mean() == pytest.approx(whole.mean(), rel=0.01)
+
+
+def test_paths_are_traced_where_baking_is_not_asked_for_or_cannot_pay(ground):
+    def reason(scene, variant="llvm_ad_spectral", frames=400, integrator="auto"):
+        settings = RenderSettings(integrator=integrator)
+        return path_tracing_reason(scene, variant, np.zeros((frames, 4, 4)), settings)
+
+    still = scene_of(Lighting(SKY), ground=(Material(LEAF), ground))
+    assert reason(still) == ""
+    assert reason(still, frames=4, integrator="baked") == ""
+    assert reason(still, integrator="path") == "as asked"
+    assert (
+        reason(still, frames=4)
+        == "100 samples per pixel in all frames are too few to pay for baking"
+    )
+    assert "vectorized" in reason(still, "scalar_spectral", integrator="baked")
+    assert "no surface" in reason(dataclasses.replace(still, placements=()))
+
+
+def test_seeds_of_baked_light_are_those_of_no_frame():
+    frames = {frame_seed(seed, frame) for seed in range(20) for frame in range(50)}
+    assert not frames & {bake_seed(seed) for seed in range(20)}

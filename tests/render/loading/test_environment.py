@@ -1,0 +1,137 @@
+import math
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from megalopta.render import RenderSettings, SceneRenderer
+from megalopta.render.loading.environment import PanoramaView, read_picture
+from megalopta.scenes import Panorama, PerspectiveCamera, Trajectory
+from megalopta.scenes.build import build_panorama
+from megalopta.scenes.lighting.levels import LEVELS
+
+BANDS = ((400.0, 475.0), (475.0, 550.0), (550.0, 625.0), (625.0, 700.0))
+CAMERA = PerspectiveCamera(width=33, height=25, fov_deg=60)
+LEVEL = LEVELS["full_moon"]
+
+
+def noise(rows=32, seed=0):
+    return np.random.default_rng(seed).gamma(0.5, size=(rows, 2 * rows, 3)).astype(np.float32)
+
+
+def renderer(path, turn_deg=0.0, samples=9, camera=CAMERA):
+    scene = build_panorama(Panorama(file=path, turn_deg=turn_deg), LEVEL)
+    return SceneRenderer(scene, camera, RenderSettings(samples_per_pixel=samples, bands_nm=BANDS))
+
+
+def pose(azimuth_deg=0.0, elevation_deg=0.0):
+    azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
+    look = math.cos(azimuth), math.sin(azimuth), math.tan(elevation)
+    return Trajectory(frames=2, position_m=(0, 0, 0), look_at_m=look).poses()[0]
+
+
+@pytest.mark.parametrize("name", ["white.exr", "white.hdr", "white.png"])
+def test_white_picture_has_the_radiance_of_a_uniform_sky_of_the_level(picture, name):
+    image = renderer(picture(np.full((8, 16, 3), 0.5), name)).radiance(pose(40, 20), 0)
+    spectrum = LEVEL.spectrum()
+    expected = [spectrum(np.linspace(*band, 1001)).mean() / math.pi for band in BANDS]
+    # The level's table has corners every 10 nm, the primaries' every 5; float32 pixels.
+    np.testing.assert_allclose(image, np.broadcast_to(expected, image.shape), rtol=2e-3)
+
+
+def test_upper_half_gives_the_requested_illuminance_measured_along_rays(picture):
+    # Band-limited enough for bilinear reading: noise averaged over 8 × 8 pixels.
+    values = np.kron(noise(16), np.ones((8, 8, 1)))
+    survey = renderer(picture(values), turn_deg=30).light_survey(np.zeros((1, 3)))
+    assert survey.unshaded.lux == pytest.approx(LEVEL.illuminance_lux, rel=5e-3)
+
+
+@pytest.mark.parametrize(("azimuth", "elevation"), [(0, 0), (90, 0), (-135, 30)])
+def test_a_bright_spot_is_seen_where_it_is_in_the_picture(picture, azimuth, elevation):
+    rows = 256
+    values = np.full((rows, 2 * rows, 3), 1e-3)
+    row = round((90 - elevation) / 180 * rows)
+    column = round((180 - azimuth) / 360 * 2 * rows)  # +x at the center, left is counterclockwise
+    values[row - 1 : row + 1, np.arange(column - 1, column + 1) % (2 * rows)] = 1e3
+    image = renderer(picture(values)).radiance(pose(azimuth, elevation), 0)[..., 0]
+    assert np.unravel_index(image.argmax(), image.shape) == (12, 16)  # the center pixel
+
+
+def test_turning_the_camera_is_turning_the_picture_back(picture):
+    path = picture(noise())
+    turned = renderer(path).radiance(pose(50, 10), 0)
+    other = renderer(path, turn_deg=-50).radiance(pose(0, 10), 0)
+    # Float32 directions are good to 1e-7 rad, and neighbors differ by many times their value.
+    np.testing.assert_allclose(turned, other, rtol=1e-3)
+
+
+def test_a_moving_camera_sees_and_says_rotation_alone(picture):
+    trajectory = Trajectory(
+        frames=2, frame_rate_hz=1, rotation_deg_s=5, velocity_m_s=(3, 1, 2), position_m=(0, 0, 1.5)
+    )
+    poses, view = trajectory.poses(), renderer(picture(noise()))
+    truth = view.truth(poses, 0)
+    # Independent: directions turned back by 5° about the vertical image axis, then projected.
+    turned = CAMERA.directions() @ Rotation.from_euler("y", 5, degrees=True).as_matrix().T
+    x = turned[..., 0] / turned[..., 2] * CAMERA.focal_length_px + CAMERA.width / 2
+    expected = x - CAMERA.pixel_centers()[..., 0]
+    np.testing.assert_allclose(truth.flow_forward[..., 0], expected, atol=1e-4)
+    assert np.isinf(truth.depth).all()
+    still = poses[1].copy()
+    still[:3, 3] = poses[0][:3, 3]
+    assert view.radiance(poses[1], 0).tobytes() == view.radiance(still, 0).tobytes()
+
+
+def test_pixels_are_means_over_their_area_whatever_the_strips(picture, monkeypatch):
+    path = picture(noise())
+    whole = renderer(path, samples=16).radiance(pose(10, 5), 0)
+    monkeypatch.setattr("megalopta.render.environment._POINTS_AT_ONCE", 1)
+    np.testing.assert_array_equal(renderer(path, samples=16).radiance(pose(10, 5), 0), whole)
+    fine = CAMERA.model_copy(update={"width": CAMERA.width * 4, "height": CAMERA.height * 4})
+    points = renderer(path, samples=1, camera=fine).radiance(pose(10, 5), 0)
+    blocks = points.reshape(CAMERA.height, 4, CAMERA.width, 4, len(BANDS)).mean(axis=(1, 3))
+    np.testing.assert_allclose(whole, blocks, rtol=1e-5)
+
+
+def test_points_per_pixel_are_rounded_up_to_a_square(picture):
+    scene = build_panorama(Panorama(file=picture(noise(4))), LEVEL)
+    counts = [
+        PanoramaView(scene.environment, CAMERA, BANDS, samples).samples_per_pixel
+        for samples in (1, 2, 4, 24, 25)
+    ]
+    assert counts == [1, 4, 4, 25, 25]
+
+
+@pytest.mark.parametrize(
+    ("values", "reason"),
+    [
+        (np.ones((8, 8, 3)), "8 × 8 pixels; a panorama is twice as wide"),
+        (np.full((8, 16, 3), np.nan), "negative or not finite"),
+        (np.full((8, 16, 3), -1.0), "negative or not finite"),
+        (np.zeros((8, 16, 3)), "black above the horizon"),
+    ],
+)
+def test_pictures_that_are_no_panorama_of_light_are_refused(picture, values, reason):
+    with pytest.raises(ValueError, match=reason):
+        renderer(picture(values))
+
+
+def test_a_file_that_is_no_picture_is_refused(tmp_path):
+    path = tmp_path / "text.hdr"
+    path.write_text("no picture")
+    with pytest.raises(ValueError, match=r"text\.hdr cannot be read as a picture"):
+        renderer(str(path))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "reason"),
+    [
+        ("short.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\n\0", "ends too early"),
+        ("none.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 0 +X 0\n", "holds no pixel"),
+        ("huge.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1000000 +X 2000000\n", "too large"),
+    ],
+)  # fmt: skip
+def test_a_damaged_picture_is_told_why(tmp_path, name, content, reason):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(ValueError, match=rf"{name} .*{reason}"):
+        read_picture(str(tmp_path / name))

@@ -1,0 +1,91 @@
+"""Frames in passes: nothing lost between strips, nothing changed by repeats, Ctrl-C in between."""
+
+import signal
+
+import numpy as np
+import pytest
+
+from megalopta.render.renderer import SceneRenderer
+from megalopta.render.sensors import film
+from megalopta.render.sensors.passes import pass_seed, plan_passes
+from megalopta.render.settings import RenderSettings
+from megalopta.scenes.cameras.panoramic import CylindricalCamera, EquirectangularCamera
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.trajectories.steady import Trajectory
+
+from ..conftest import glowing_room
+
+POSE = Trajectory(position_m=(0, 0, 0), look_at_m=(3, 1, 0.2)).poses()[0]
+
+
+def rendered(camera, seed=1, **settings):
+    settings = RenderSettings(bands_nm=((500, 600),), max_depth=2, **settings)
+    return SceneRenderer(glowing_room(), camera, settings).radiance(POSE, seed)
+
+
+@pytest.mark.parametrize("most", [1, 7, 1000, 2**20, 2**28])
+@pytest.mark.parametrize("samples", [1, 25, 100_000])
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (240, 240), (720, 361), (16384, 8192)])
+def test_passes_cover_the_frame_with_no_more_samples_than_allowed(width, height, samples, most):
+    passes = plan_passes(width, height, samples, most)
+    strips = -(-height // passes.rows)
+    assert strips * passes.rows >= height > (strips - 1) * passes.rows
+    assert passes.samples * passes.repeats >= samples > (passes.samples - 1) * passes.repeats
+    smallest = passes.rows == passes.samples == 1
+    assert width * passes.rows * passes.samples <= max(most, width) or smallest
+    if passes.repeats > 1:
+        assert passes.rows == 1
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [
+        PerspectiveCamera(width=60, height=45, fov_deg=80),
+        EquirectangularCamera(width=80, height=37),
+        CylindricalCamera(width=80, height=37, fov_deg=200, lower_deg=-30, upper_deg=50),
+    ],
+    ids=lambda camera: camera.kind,
+)
+def test_a_frame_in_strips_is_the_frame_in_one(camera):
+    whole, other = (rendered(camera, seed, samples_per_pixel=64) for seed in (1, 2))
+    strips = rendered(camera, 3, samples_per_pixel=64, samples_per_pass=64 * 800)
+    noise = np.median(np.abs(whole - other))
+    # The strips differ from the whole by as much as another seed does: of 30 such ratios the
+    # standard deviation is 3.5 % at most (medians, since few pixels at the room's edges have most
+    # of the variance), so the limits are 5 of them away.
+    assert 0.8 < np.median(np.abs(strips - whole)) / noise < 1.25
+    # A shift by a single row would not go unseen.
+    assert np.median(np.abs(strips[1:] - whole[:-1])) > 10 * noise
+
+
+def test_two_repeats_are_the_mean_of_two_passes():
+    camera = PerspectiveCamera(width=16, height=1, fov_deg=80)
+    both = rendered(camera, 9, samples_per_pixel=32, samples_per_pass=16 * 16)
+    first, second = (
+        rendered(camera, pass_seed(9, number), samples_per_pixel=16).astype(np.float64)
+        for number in (0, 1)
+    )
+    assert (first != second).any()
+    np.testing.assert_array_equal(both, ((first + second) / 2).astype(np.float32))
+
+
+def test_the_passes_of_a_frame_have_seeds_of_their_own():
+    assert pass_seed(12, 0) == 12
+    assert len({pass_seed(seed, number) for seed in range(20) for number in range(50)}) == 1000
+
+
+def test_an_interrupt_is_answered_after_one_pass(monkeypatch):
+    calls = []
+
+    def trace(*arguments):
+        calls.append(arguments)
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(film, "trace_paths", trace)
+    camera = PerspectiveCamera(width=8, height=8)
+    # a shell that runs tests in the background has them ignore Ctrl-C
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    with pytest.raises(KeyboardInterrupt):
+        rendered(camera, samples_per_pixel=4, samples_per_pass=32)
+    signal.signal(signal.SIGINT, before)
+    assert len(calls) == 1

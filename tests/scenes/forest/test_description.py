@@ -1,0 +1,313 @@
+import hashlib
+import os
+import subprocess
+import sys
+from collections import Counter
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from scipy.spatial import cKDTree
+from scipy.stats import binomtest
+
+from megalopta.assets_gen.plants.flora import TREES
+from megalopta.scenes.forest.description import Forest, build_forest, foreseen
+from megalopta.scenes.forest.planting import BELT_M, REGULARITY, THICKET
+from megalopta.scenes.forest.stand import LAYERS, LEVELS, PRESETS
+
+FOREST = Forest(seed=11)
+PATH = np.stack([np.linspace(-1, 4, 11), np.linspace(0, 1, 11)], axis=-1)
+EYE_M = 1.5
+SMALL = Forest(seed=0, trees=40, density_per_ha=900, undergrowth=0.3)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return build_forest(FOREST, PATH)
+
+
+@pytest.fixture(scope="module")
+def small_digest():
+    return digest(build_forest(SMALL, PATH))
+
+
+@pytest.fixture(scope="module")
+def trunks(scene):
+    """Position of every tree and its distance from the path, nearest first."""
+    points = [p.to_world[:2, 3] for p in scene.placements if p.kind in TREES]
+    distance, _ = cKDTree(dense(PATH)).query(points)
+    order = np.argsort(distance)
+    return np.array(points)[order], distance[order]
+
+
+def dense(path):
+    share = np.linspace(0, 1, 2000)
+    return np.stack([np.interp(share, np.linspace(0, 1, len(path)), c) for c in path.T], axis=-1)
+
+
+def digest(scene):
+    """One hash of all that is in a scene, in its order."""
+    content = hashlib.sha256()
+    for name, asset in scene.assets.items():
+        for part, mesh in asset.parts.items():
+            content.update(f"{name} {part}".encode())
+            for array in (mesh.vertices, mesh.faces, mesh.visual.uv, mesh.vertex_normals):
+                content.update(np.ascontiguousarray(array).tobytes())
+    for placement in scene.placements:
+        content.update(f"{placement.asset} {placement.kind}".encode())
+        content.update(placement.to_world.tobytes())
+    for name, material in scene.materials.items():
+        content.update(f"{name} {material.reflectance} {material.texture.reflectance}".encode())
+        content.update(material.texture.weight.tobytes())
+    return content.hexdigest()
+
+
+def test_same_seed_gives_the_same_bytes_in_another_process(small_digest):
+    code = (
+        "import sys; sys.path.insert(0, 'tests/scenes'); import test_forest as t;"
+        "print(t.digest(t.build_forest(t.SMALL, t.PATH)))"
+    )
+    environment = os.environ | {"PYTHONHASHSEED": "4711", "OMP_NUM_THREADS": "1"}
+    other = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment
+    )
+    assert other.stdout.strip() == small_digest
+
+
+def test_another_seed_gives_another_forest(small_digest):
+    other = build_forest(SMALL.model_copy(update={"seed": 1}), PATH)
+    assert digest(other) != small_digest
+
+
+def test_triangles_stay_within_budget(scene):
+    assert scene.triangle_count < 4e6
+
+
+def test_kinds_are_names_people_read_and_the_ground_comes_first(scene):
+    kinds = Counter(placement.kind for placement in scene.placements)
+    assert kinds.keys() == {"ground", *FOREST.mix, *LAYERS}
+    assert kinds["ground"] == 1 and scene.placements[0].kind == "ground"
+    assert scene.lighting is None
+
+
+def test_every_material_is_used_and_textured(scene):
+    parts = {part for asset in scene.assets.values() for part in asset.parts}
+    assert scene.materials.keys() == parts
+    assert all(material.texture is not None for material in scene.materials.values())
+
+
+def test_bark_and_ground_are_smooth_and_leaves_flat(scene):
+    for asset in scene.assets.values():
+        for part, mesh in asset.parts.items():
+            assert mesh.metadata["smooth"] == part.endswith(("bark", "ground", "rock"))
+
+
+def test_placements_turn_and_scale_without_distortion(scene):
+    for placement in scene.placements:
+        linear = placement.to_world[:3, :3]
+        scale = np.cbrt(np.linalg.det(linear))
+        assert scale > 0
+        np.testing.assert_allclose(linear @ linear.T, scale**2 * np.eye(3), atol=1e-12)
+        assert placement.to_world[3].tolist() == [0, 0, 0, 1]
+
+
+def test_trees_keep_their_distance_from_each_other_and_from_the_path(trunks):
+    points, distance = trunks
+    nearest = cKDTree(points).query(points, k=2)[0][:, 1]
+    assert nearest.min() >= REGULARITY * 100 / np.sqrt(FOREST.density_per_ha)
+    # the path is replaced by points half a meter apart: at most 3 cm off at 1.2 m
+    assert distance.min() >= FOREST.clearance_m - 0.03
+
+
+def test_the_stand_has_its_density(trunks):
+    _, distance = trunks
+    edge = distance[FOREST.trees - 1]
+    length = np.linalg.norm(PATH[-1] - PATH[0])
+    area = sum(
+        s * (np.pi * r**2 + 2 * r * length) for r, s in ((edge, 1), (FOREST.clearance_m, -1))
+    )
+    expected = area * FOREST.density_per_ha / 1e4
+    # Poisson-disk counts vary less than Poisson ones: 5 standard deviations, false alarms below 6e-7
+    assert abs(FOREST.trees - expected) < 5 * np.sqrt(expected)
+
+
+def test_the_mix_of_species_is_the_one_asked_for(scene):
+    kinds = [placement.kind for placement in scene.placements if placement.kind in TREES]
+    for name, share in FOREST.mix.items():
+        assert binomtest(kinds.count(name), len(kinds), share).pvalue > 1e-7
+
+
+def test_heights_spread_as_asked_for(scene):
+    scales = np.array(
+        [np.cbrt(np.linalg.det(p.to_world[:3, :3])) for p in scene.placements if p.kind in TREES]
+    )
+    # a normal cut at two deviations has 0.959 of the standard deviation; 5 standard errors
+    tolerance = 5 / np.sqrt(2 * len(scales))
+    assert scales.std() == pytest.approx(np.sqrt(0.92) * FOREST.height_spread, rel=tolerance)
+    assert np.abs(scales - 1).max() <= 2 * FOREST.height_spread + 1e-12
+
+
+def test_trees_stand_on_all_sides_of_both_ends_of_the_path(trunks):
+    points, _ = trunks
+    for end in (PATH[0], PATH[-1]):
+        away = points - end
+        sectors = np.floor(np.arctan2(away[:, 1], away[:, 0]) / (np.pi / 6))
+        assert len(np.unique(sectors)) == 12
+
+
+def test_the_ground_closes_the_horizon_all_around(scene):
+    vertices = scene.assets["ground"].parts["litter ground"].vertices
+    for end in (PATH[0], PATH[-1]):
+        away = vertices[:, :2] - end
+        elevation = np.degrees(np.arctan2(vertices[:, 2] - EYE_M, np.hypot(*away.T)))
+        sector = np.floor(np.degrees(np.arctan2(away[:, 1], away[:, 0])) / 5)
+        skyline = [elevation[sector == s].max() for s in np.unique(sector)]
+        assert len(skyline) == 72 and min(skyline) > 1
+
+
+def test_nothing_grows_into_the_camera(scene):
+    eye = cKDTree(np.column_stack([dense(PATH), np.full(2000, EYE_M)]))
+    for placement in scene.placements[1:]:
+        if np.hypot(*(placement.to_world[:2, 3] - PATH.mean(axis=0))) < 9:
+            matrix = placement.to_world
+            for mesh in scene.assets[placement.asset].parts.values():
+                vertices = mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3]
+                assert eye.query(vertices, distance_upper_bound=0.4)[0].min() == np.inf
+
+
+def test_plants_stand_on_the_ground(scene):
+    ground = scene.assets["ground"].parts["litter ground"].vertices
+    near = ground[np.abs(ground[:, :2]).max(axis=1) < 8]
+    tree = cKDTree(near[:, :2])
+    for placement in scene.placements[1:]:
+        x, y, z = placement.to_world[:3, 3]
+        if max(abs(x), abs(y)) < 7:
+            # the nearest vertex is less than 0.3 m away on slopes of less than one in two
+            assert z == pytest.approx(near[tree.query((x, y))[1], 2], abs=0.15)
+
+
+def test_what_lies_on_the_ground_follows_its_slope(scene):
+    ground = scene.assets["ground"].parts["litter ground"].vertices
+    tree = cKDTree(ground[:, :2])
+    logs = [p.to_world for p in scene.placements if p.kind == "log"]
+    gaps = []
+    for matrix in logs:
+        for end in ([-1.5, 0, 0], [1.5, 0, 0]):
+            x, y, z = matrix[:3, :3] @ end + matrix[:3, 3]
+            # mean of the four vertices around, on a grid that coarsens to some meters
+            gaps.append(z - ground[tree.query((x, y), k=4)[1], 2].mean())
+    # bumps of 3.5 cm root mean square, a lean of 1.2 degrees, and hills that curve over 3 m
+    assert len(logs) > 5 and np.abs(gaps).max() < 0.4 and abs(np.mean(gaps)) < 0.05
+
+
+def test_detail_falls_with_distance_from_the_whole_path_and_nowhere_else(scene):
+    path = cKDTree(dense(PATH))
+    for placement in scene.placements[1:]:
+        if placement.kind in TREES:
+            distance = path.query(placement.to_world[:2, 3])[0]
+            name = placement.asset.rsplit(" ", 1)[1]
+            expected = [level.name for level in LEVELS if level.beyond_m < distance]
+            assert (
+                name == (expected or ["near"])[-1]
+                or min(abs(distance - level.beyond_m) for level in LEVELS) < 0.05
+            )
+
+
+def test_full_detail_draws_every_plant_in_full_where_it_stood():
+    forest = SMALL.model_copy(update={"undergrowth": 0.1})
+    coarse = build_forest(forest.model_copy(update={"detail": 0.1}), PATH)
+    full = build_forest(forest.model_copy(update={"detail": 1000.0}), PATH)
+    assert {p.asset.rsplit(" ", 1)[1] for p in full.placements[1:]} == {"near"}
+    assert full.triangle_count > 4 * coarse.triangle_count
+    for a, b in zip(full.placements, coarse.placements, strict=True):
+        assert np.array_equal(a.to_world, b.to_world)
+        assert a.asset.rsplit(" ", 1)[0] == b.asset.rsplit(" ", 1)[0]
+
+
+def test_without_undergrowth_only_trees_and_the_belt_are_left():
+    bare = build_forest(SMALL.model_copy(update={"undergrowth": 0.0}), PATH)
+    kinds = {placement.kind for placement in bare.placements}
+    assert kinds == {"ground", *SMALL.mix, *THICKET}
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_presets_set_what_is_not_given(name):
+    preset = Forest(preset=name)
+    assert preset.model_dump() == {**Forest().model_dump(), "preset": name, **PRESETS[name]}
+    changed = Forest(preset=name, trees=333, mix={"oak": 1})
+    assert (changed.trees, changed.mix) == (333, {"oak": 1})
+    assert changed.density_per_ha == preset.density_per_ha
+    assert Forest.model_validate_json(changed.model_dump_json()) == changed
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_presets_grow_what_they_name(name):
+    forest = Forest(preset=name, undergrowth=0.1, detail=0.1)
+    scene = build_forest(forest, PATH)
+    kinds = Counter(placement.kind for placement in scene.placements)
+    assert {kind for kind in kinds if kind in TREES} == forest.mix.keys()
+    assert kinds.total() > forest.trees
+    trunks = [p.to_world[:2, 3] for p in scene.placements if p.kind in TREES]
+    assert cKDTree(dense(PATH)).query(trunks)[0].min() >= forest.clearance_m - 0.03
+
+
+@pytest.mark.parametrize(
+    "forest", [FOREST, Forest(preset="open"), Forest(trees=600, detail=3.0, undergrowth=0)]
+)
+def test_the_size_of_a_forest_is_foreseen(forest):
+    scene = build_forest(forest, PATH)
+    plants, triangles = foreseen(forest, np.linalg.norm(PATH[-1] - PATH[0]))
+    # a guard against absurd settings: right to a factor of two
+    assert 0.5 < scene.triangle_count / triangles < 2
+    assert 0.5 < len(scene.placements) / plants < 2
+
+
+def test_a_single_species_and_a_single_camera_position_will_do():
+    forest = SMALL.model_copy(update={"mix": {"birch": 2.0}, "undergrowth": 0.0})
+    pure = build_forest(forest, [[3.0, -2.0]])
+    assert {p.kind for p in pure.placements} & TREES.keys() == {"birch"}
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("seed", -1, "greater than or equal to 0"),
+        ("trees", 0, "greater than 0"),
+        ("density_per_ha", -5, "greater than or equal to 10"),
+        ("mix", {}, "sum to 0"),
+        ("mix", {"beech": 0}, "sum to 0"),
+        ("mix", {"beech": -1}, "greater than or equal to 0"),
+        ("mix", {"palm": 1}, r"no species \['palm'\]; choose from \['aspen'"),
+        ("undergrowth", np.nan, "finite"),
+        ("undergrowth_per_m2", {"palm": 1}, r"no kind \['palm'\]; choose from \['bilberry'"),
+        ("undergrowth_per_m2", {"fern": 1e6}, r"make about 1\.\de\+09 plants of .* lower one"),
+        ("preset", "jungle", "'open', 'dense', 'understorey' or 'clearing'"),
+        ("trees", 10**9, r"trees 1000000000, .* make about 1e\+09 plants .* more than 4e\+07"),
+        ("density_per_ha", 1e9, "less than or equal to 10000"),
+        ("relief_m", 1e9, "less than or equal to 3"),
+        ("clearance_m", 1e9, "less than or equal to 100"),
+        ("detail", 1e9, "less than or equal to 1000"),
+        ("fog", 1, "not permitted"),
+    ],
+)
+def test_impossible_forests_are_refused(field, value, message):
+    with pytest.raises(ValidationError, match=message):
+        Forest.model_validate({field: value})
+
+
+@pytest.mark.parametrize("path", [np.zeros((3, 3)), np.zeros((0, 2)), [[0, np.nan]], [1.0, 2.0]])
+def test_a_path_that_is_none_is_refused(path):
+    with pytest.raises(ValueError, match="path_xy: "):
+        build_forest(SMALL, path)
+
+
+def test_too_few_trees_for_a_long_path_are_refused():
+    with pytest.raises(ValueError, match="trees: 40 trees at 900 per hectare reach only"):
+        build_forest(SMALL, [[0.0, 0.0], [200.0, 0.0]])
+
+
+def test_the_belt_goes_on_behind_the_stand(trunks):
+    _, distance = trunks
+    edge = distance[FOREST.trees - 1]
+    assert len(distance) > FOREST.trees
+    assert edge + BELT_M - 3 < distance.max() <= edge + BELT_M

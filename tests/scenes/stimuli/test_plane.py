@@ -1,0 +1,82 @@
+import numpy as np
+import pytest
+
+from megalopta.render import RenderSettings, SceneRenderer
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.spectra.photometry import luminous
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.stimuli.plane import Plane, build_plane, seen_rectangle
+from megalopta.scenes.trajectories.steady import Trajectory
+
+CAMERA = PerspectiveCamera(width=64, height=16, fov_deg=40)
+SLIDING = Trajectory(frames=4, velocity_m_s=(0, -0.3, 0))
+SETTINGS = RenderSettings(samples_per_pixel=256, max_depth=2, bands_nm=((500, 600),))
+LUX = 2.0
+
+
+def row(plane, trajectory=SLIDING, frame=0):
+    """Middle row of a rendered frame, 1 where the luminance is the mean."""
+    scene = build_plane(plane, CAMERA, trajectory, LUX)
+    renderer = SceneRenderer(scene, CAMERA, SETTINGS)
+    radiance = renderer.radiance(trajectory.poses()[frame], 1)[8, :, 0]
+    return radiance / (LUX / np.pi / luminous(flat(1.0)))
+
+
+def places_m(plane):
+    """Where on the board the columns look, right of the middle (m)."""
+    return (np.arange(64) + 0.5 - 32) * plane.distance_m / CAMERA.focal_length_px
+
+
+def test_bars_have_the_luminance_profile_that_was_asked_for():
+    plane = Plane(pattern="sine", contrast=0.6, period_m=0.4, phase_rad=0.3)
+    pixel = plane.distance_m / CAMERA.focal_length_px
+    blur = np.sinc(pixel / plane.period_m)  # a pixel is a box on the board
+    expected = 1 + 0.6 * blur * np.sin(2 * np.pi * places_m(plane) / plane.period_m + 0.3)
+    # 256 stratified samples within a pixel of slope at most 1.8 per pixel: below 1 %
+    np.testing.assert_allclose(row(plane), expected, atol=0.01)
+
+
+def test_a_sliding_camera_sees_the_board_shift_by_focal_length_times_way_over_distance():
+    plane = Plane(pattern="sine", contrast=1.0, period_m=0.5)
+    # the camera looks along +x with y to its left: −y is a way to the right
+    shifted = Plane(pattern="sine", contrast=1.0, period_m=0.5, phase_rad=2 * np.pi * 0.06 / 0.5)
+    np.testing.assert_allclose(row(plane, frame=2), row(shifted), atol=0.01)
+
+
+def test_truth_on_a_plane_is_its_homography():
+    trajectory = Trajectory(frames=2, velocity_m_s=(0.5, -1.0, 0.4), rotation_deg_s=30)
+    plane = Plane(pattern="dots", distance_m=3.0)
+    renderer = SceneRenderer(build_plane(plane, CAMERA, trajectory, LUX), CAMERA, SETTINGS)
+    poses = trajectory.poses()
+    truth = renderer.truth(poses, 0)
+    rays = CAMERA.directions()
+    points = rays / rays[..., 2:] * plane.distance_m
+    step = np.linalg.inv(poses[1]) @ poses[0]
+    expected = CAMERA.displacement(points @ step[:3, :3].T + step[:3, 3])
+    assert truth.flow_forward == pytest.approx(expected, abs=1e-4)
+
+
+def test_the_board_fills_every_view():
+    trajectory = Trajectory(frames=5, rotation_deg_s=60, velocity_m_s=(0, 2, 0.5))
+    low, high = seen_rectangle(CAMERA, trajectory.poses(), 2.0)
+    renderer = SceneRenderer(build_plane(Plane(), CAMERA, trajectory, LUX), CAMERA, SETTINGS)
+    for frame in range(5):
+        assert np.isfinite(renderer.truth(trajectory.poses(), frame).depth).all()
+    assert (low < high).all()
+
+
+@pytest.mark.parametrize(
+    "trajectory",
+    [
+        Trajectory(frames=3, rotation_deg_s=400),
+        Trajectory(frames=3, velocity_m_s=(15, 0, 0)),
+    ],
+)
+def test_a_camera_that_looks_past_the_board_or_flies_through_it_is_refused(trajectory):
+    with pytest.raises(ValueError, match=r"frame \d looks past the board at scene.distance_m 2"):
+        build_plane(Plane(), CAMERA, trajectory, LUX)
+
+
+def test_a_pattern_finer_than_two_pixels_is_refused():
+    with pytest.raises(ValueError, match=r"period_m 0\.01 is less than two pixels.*at least 0\.04"):
+        build_plane(Plane(period_m=0.01), CAMERA, SLIDING, LUX)

@@ -1,0 +1,179 @@
+import numpy as np
+import pytest
+
+from megalopta.scenes.spectra.airglow import AIRGLOW
+from megalopta.sensor.ctia.array import (
+    expose_ctia,
+    expose_photocurrent,
+    photocurrent,
+    reading_current,
+    reading_electrons,
+    reading_moments,
+)
+from megalopta.sensor.ctia.bias import DacBias, FixedBias, FloatingGateBias
+from megalopta.sensor.ctia.model import CtiaSensor, pixels
+from megalopta.sensor.ctia.noise import CtiaNoise
+from megalopta.sensor.ctia.photodiode import ELEMENTARY_CHARGE_C, Photodiode, reverse_current
+from megalopta.sensor.ctia.presets import CTIA_PRESETS, PHOTODIODES, ctia_preset
+from megalopta.sensor.optics.efficiency import Efficiency
+from megalopta.sensor.optics.lens import PLANCK_TIMES_LIGHT_SPEED, Lens
+
+BANDS = np.array([[900.0, 1300.0], [1300.0, 1700.0]])
+SILENT = CtiaNoise(photon_shot=False, dark_shot=False, reset=False)
+IDEAL = CtiaSensor(
+    name="ideal",
+    pitch_m=100e-6,
+    exposure_s=0.1,
+    lens=Lens(f_number=1.4),
+    efficiency=Efficiency(wavelengths_nm=(800, 1800), values=(1.0, 1.0)),
+    diode=Photodiode(),
+    noise=SILENT,
+)
+QUIET = ctia_preset("ctia_ingaas_quiet")
+
+
+def night(frames=2, rows=6, columns=8):
+    means = [AIRGLOW(np.linspace(*band, 400)).mean() for band in BANDS]
+    return np.broadcast_to(means, (frames, rows, columns, 2))
+
+
+def test_every_photon_of_an_ideal_pixel_becomes_an_electron():
+    radiance = 2e-8
+    reading = expose_ctia(
+        np.full((1, 1, 1, 1), radiance), [[1000, 1010]], IDEAL, seed=0, sequence=""
+    )
+    irradiance = np.pi * radiance * 10 / (4 * 1.4**2 + 1)
+    photons = irradiance * 1e-8 * 1005e-9 / PLANCK_TIMES_LIGHT_SPEED * 0.1
+    assert reading_electrons(reading.volts, IDEAL)[0, 0, 0] == pytest.approx(photons, rel=1e-9)
+
+
+def test_estimated_current_of_a_dark_free_pixel_is_the_photocurrent():
+    light = np.full((1, 2, 2), 3e-12)
+    reading = expose_photocurrent(light, IDEAL, seed=0, sequence="")
+    np.testing.assert_allclose(reading_current(reading.volts, IDEAL), light, rtol=1e-9)
+
+
+def test_airglow_gives_a_leaky_pixel_a_photocurrent_of_half_a_picoampere():
+    # 0.37e-8 W·cm⁻²·sr⁻¹ over the band, f/1.4 · 0.9, 0.045 mm², about 0.9 A/W
+    current = photocurrent(night(1, 1, 1), BANDS, QUIET)
+    by_hand = np.pi * 3.7e-5 * 0.9 / (4 * 1.4**2 + 1) * 4.53e-8 * 0.9
+    assert current[0, 0, 0] == pytest.approx(by_hand, rel=0.15)
+
+
+def test_frame_is_the_same_alone_and_among_others():
+    light = photocurrent(night(5), BANDS, QUIET)
+    whole = expose_photocurrent(light, QUIET, seed=0, sequence="s")
+    alone = expose_photocurrent(light[3:4], QUIET, seed=0, sequence="s", first_frame=3)
+    np.testing.assert_array_equal(alone.volts[0], whole.volts[3])
+
+
+def test_noise_differs_between_frames_seeds_and_sequences():
+    light = photocurrent(night(2), BANDS, QUIET)
+    first = expose_photocurrent(light, QUIET, seed=0, sequence="a").volts
+    assert not np.any(first[0] == first[1])
+    for seed, sequence in ((1, "a"), (0, "b")):
+        other = expose_photocurrent(light, QUIET, seed=seed, sequence=sequence).volts
+        assert not np.any(first == other)
+
+
+def test_fixed_pattern_belongs_to_the_device_and_not_to_the_image_size():
+    small, large = pixels(QUIET, (4, 5)), pixels(QUIET, (100, 90))
+    other = pixels(QUIET.model_copy(update={"device_seed": 1}), (4, 5))
+    for name in ("gain", "bias_v", "dark_scale"):
+        np.testing.assert_array_equal(getattr(small, name), getattr(large, name)[:4, :5])
+        assert not np.any(getattr(small, name) == getattr(other, name))
+
+
+def test_fixed_patterns_have_the_spread_stated():
+    free = QUIET.model_copy(update={"bias": FixedBias()})
+    array, count = pixels(free, (400, 400)), 160_000
+    decibel = 20 * np.log10(array.gain)
+    for values, mean, sigma in (
+        (decibel, 130.0, 3.4),
+        (array.bias_v, 18.7e-3, 10e-3),
+        (array.dark_scale, 1.0, 0.1),
+    ):
+        # |z| < 5, false alarm 6e-7; standard error of sigma below sigma/sqrt(count)
+        assert abs(values.mean() - mean) < 5 * sigma / np.sqrt(count)
+        assert abs(values.std() - sigma) < 5 * sigma / np.sqrt(count)
+
+
+def test_floating_gate_leaves_less_dark_current_than_a_converter_and_both_less_than_none():
+    dark = np.zeros((1, 40, 40))
+    means = [
+        expose_photocurrent(
+            dark, QUIET.model_copy(update={"bias": bias}), seed=0, sequence=""
+        ).expected.mean()
+        for bias in (FloatingGateBias(), DacBias(), FixedBias())
+    ]
+    assert means[0] < means[1] < means[2] / 10
+
+
+def test_gate_leak_makes_later_frames_darker_in_signal_by_more_dark_current():
+    dark = np.zeros((200, 3, 3))
+    expected = expose_photocurrent(dark, QUIET, seed=0, sequence="").expected
+    assert np.all(np.diff(expected, axis=0) > 0)
+
+
+def test_a_longer_frame_period_ages_the_gate_faster():
+    dark = np.zeros((3, 3, 3))
+    fast = expose_photocurrent(dark, QUIET, seed=0, sequence="").expected
+    slow = expose_photocurrent(dark, QUIET, seed=0, sequence="", frame_period_s=0.2).expected
+    np.testing.assert_array_equal(slow[1], fast[2])
+
+
+def test_readings_scatter_with_the_stated_mean_and_variance():
+    one_kind = QUIET.model_copy(update={"dark_sigma": 0.0, "gain_sigma_db": 0.0})
+    light = np.full((400, 20, 20), 3e-13)
+    # every frame a first frame: nothing ages
+    draws = np.array(
+        [
+            expose_photocurrent(frame[np.newaxis], one_kind, seed=seed, sequence="").volts[0]
+            for seed, frame in enumerate(light)
+        ]
+    )
+    mean, variance = reading_moments(light[:1], one_kind)
+    z = (draws - mean) / np.sqrt(variance)
+    # |z| < 5, false alarm 6e-7; variance of a sample variance of nearly normal noise: 2/count
+    assert abs(z.mean()) < 5 / np.sqrt(z.size)
+    assert abs(z.var() - 1) < 5 * np.sqrt(2 / z.size)
+
+
+def test_saturated_readings_are_flagged_and_hold_the_swing():
+    light = np.array([[[1e-12, 1e-9]]])
+    reading = expose_photocurrent(light, IDEAL, seed=0, sequence="")
+    np.testing.assert_array_equal(reading.saturated, [[[False, True]]])
+    assert reading.volts[0, 0, 1] == IDEAL.swing_v
+
+
+def test_photon_transfer_slope_is_the_charge_of_an_electron():
+    shot = IDEAL.model_copy(update={"noise": SILENT.model_copy(update={"photon_shot": True})})
+    light = np.full((1, 300, 300), 1e-13)
+    electrons = reading_electrons(expose_photocurrent(light, shot, seed=2, sequence="").volts, shot)
+    count = electrons.size
+    # variance of a sample variance of a Poisson of large mean: 2/count; |z| < 5, false alarm 6e-7
+    assert electrons.var() / electrons.mean() == pytest.approx(1, abs=5 * np.sqrt(2 / count))
+    assert electrons.mean() == pytest.approx(1e-13 * 0.1 / ELEMENTARY_CHARGE_C, rel=1e-3)
+
+
+def test_presets_meet_the_currents_they_were_made_from():
+    assert reverse_current(PHOTODIODES["si"], 10.0) == pytest.approx(50e-12, rel=1e-3)
+    assert reverse_current(PHOTODIODES["si"], 15e-3) == pytest.approx(1.6e-12, rel=1e-3)
+    assert reverse_current(PHOTODIODES["ingaas"], 0.1) == pytest.approx(170e-9, rel=1e-3)
+
+
+def test_presets_survive_json():
+    for sensor in CTIA_PRESETS.values():
+        assert CtiaSensor.model_validate_json(sensor.model_dump_json()) == sensor
+
+
+def test_impossible_requests_are_refused():
+    with pytest.raises(ValueError, match="no such preset"):
+        ctia_preset("nothing")
+    for light in (np.zeros((2, 2)), np.full((1, 1, 1), -1e-12), np.full((1, 1, 1), np.nan)):
+        with pytest.raises(ValueError, match="photocurrent_a"):
+            expose_photocurrent(light, IDEAL, seed=0, sequence="")
+    with pytest.raises(ValueError, match="reaches outside"):
+        expose_ctia(night(), [[300, 500], [500, 900]], QUIET, seed=0, sequence="")
+    with pytest.raises(ValueError, match="gain_db"):
+        CtiaSensor.model_validate({**IDEAL.model_dump(), "gain_db": -3})

@@ -1,0 +1,86 @@
+import numpy as np
+import pytest
+
+from megalopta.sensor.ctia.bias import (
+    DacBias,
+    FixedBias,
+    FloatingGateBias,
+    best_code,
+    dac_bias,
+    drift_rate,
+    gate_bias,
+    trimmed_bias,
+)
+from megalopta.sensor.ctia.presets import TYPICAL_OFFSET_V
+
+OFFSETS = np.random.default_rng(0).normal(18.7e-3, 10e-3, 5000)
+
+
+def test_twelve_bits_on_the_rail_step_by_0_81_mv():
+    assert DacBias().step_v == pytest.approx(0.81e-3, abs=0.005e-3)
+
+
+def test_best_code_leaves_the_smallest_reverse_bias():
+    dac = DacBias()
+    code = best_code(dac, OFFSETS)
+    left = dac_bias(dac, code, OFFSETS)
+    assert np.all((left >= 0) & (left < dac.step_v * (1 + 1e-9)))
+    assert np.all(dac_bias(dac, code + 1, OFFSETS) < 0)
+
+
+def test_raising_the_anode_lowers_the_reverse_bias_by_one_step_a_code():
+    biases = dac_bias(DacBias(), np.arange(5))
+    np.testing.assert_allclose(np.diff(biases), -3.3 / 4096, rtol=1e-9)
+
+
+@pytest.mark.parametrize("bias", [DacBias(), DacBias(target_v=2e-3), FloatingGateBias()])
+def test_trimmed_bias_is_spread_evenly_over_one_step_above_the_target(bias):
+    left = (trimmed_bias(bias, OFFSETS) - bias.target_v) / bias.step_v
+    assert np.all((left >= -1e-9) & (left < 1 + 1e-9))
+    # mean of 5000 uniforms: |z| < 5, false alarm 6e-7
+    assert abs(left.mean() - 0.5) < 5 * np.sqrt(1 / 12 / left.size)
+
+
+def test_floating_gate_is_where_pulses_one_by_one_leave_it():
+    gate = FloatingGateBias(erased_v=20e-3, target_v=2e-3)
+    left = trimmed_bias(gate, OFFSETS)
+    expected = OFFSETS + gate.erased_v
+    for _ in range(200):
+        expected -= gate.step_v * (expected - gate.step_v >= gate.target_v)
+    np.testing.assert_allclose(left, expected, atol=1e-12)
+    assert np.any(left < gate.target_v)
+
+
+def test_no_pixel_of_a_million_starts_below_the_target():
+    lowest = TYPICAL_OFFSET_V - 9 * 10e-3  # no pixel is drawn 9 σ from the mean
+    assert trimmed_bias(FloatingGateBias(), lowest) >= 0
+
+
+def test_pulse_of_1_ms_is_500_uv():
+    gate = FloatingGateBias()
+    assert gate_bias(gate, 18.7e-3, pulses=3) == pytest.approx(17.2e-3)
+    assert FloatingGateBias(pulse_s=1e-4).step_v == pytest.approx(50e-6)
+
+
+def test_leak_takes_back_a_millivolt_in_1000_s_and_a_degree_another():
+    gate = FloatingGateBias()
+    assert gate_bias(gate, 0.0, wait_s=1000) == pytest.approx(1.5e-3)
+    assert gate_bias(gate, 0.0, warming_k=2.0) == pytest.approx(2e-3)
+    aged = FloatingGateBias(age_s=100, warming_k=-1)
+    np.testing.assert_allclose(
+        trimmed_bias(aged, OFFSETS) - trimmed_bias(gate, OFFSETS), 150e-6 - 1e-3, atol=1e-15
+    )
+
+
+def test_fixed_bias_keeps_the_offsets_and_only_the_gate_drifts():
+    np.testing.assert_array_equal(trimmed_bias(FixedBias(reverse_bias_v=1.0), OFFSETS), OFFSETS + 1)
+    assert [drift_rate(b) for b in (FixedBias(), DacBias(), FloatingGateBias())] == [0, 0, 1.5e-6]
+
+
+def test_what_the_converter_cannot_do_is_refused():
+    with pytest.raises(ValueError, match="0 to 4095"):
+        dac_bias(DacBias(), 4096)
+    with pytest.raises(ValueError, match="cannot be compensated"):
+        best_code(DacBias(), 2.0)
+    with pytest.raises(ValueError, match="pulse_s"):
+        FloatingGateBias(pulse_s=0)

@@ -1,0 +1,165 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from megalopta.sensor.ctia.integration import (
+    Pixel,
+    current,
+    discharge,
+    discharge_time,
+    estimate_current,
+    gain_from_db,
+    reverse_bias,
+)
+from megalopta.sensor.ctia.photodiode import Photodiode, reverse_current
+
+FARAD, SWING = 100e-15, 3.3
+IDEAL = Photodiode(saturation_current_a=100e-12)
+SHUNT = Photodiode(shunt_ohm=588e3)
+BOTH = Photodiode(saturation_current_a=100e-12, shunt_ohm=1e8)
+NONE = Photodiode()
+
+
+def pixel(diode, gain_db=40.0, bias_v=1e-3, **more):
+    return Pixel(diode, FARAD, SWING, gain_from_db(gain_db), bias_v, **more)
+
+
+def by_solver(pixel, light, times):
+    """Independent: a general-purpose solver on the equation as printed."""
+
+    def slope(t, s):
+        bias = pixel.bias_v + pixel.drift_v_s * t + s / pixel.gain
+        return (light + reverse_current(pixel.diode, bias)) / pixel.capacitance_f
+
+    method = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-12}
+    return solve_ivp(slope, (0, times[-1]), [0.0], t_eval=times, **method).y[0]
+
+
+@pytest.mark.parametrize("gain_db", [20, 40, 70, 130])
+@pytest.mark.parametrize("light", [0.0, 1e-12])
+def test_linear_diode_follows_its_closed_form(gain_db, light):
+    one = pixel(SHUNT, gain_db)
+    rate = 1 / (one.gain * 588e3 * FARAD)
+    first = (1e-3 / 588e3 + light) / FARAD
+    end = np.log1p(SWING * rate / first) / rate
+    times = np.linspace(0, end, 9)
+    exact = first * np.expm1(rate * times) / rate
+    # 3.5 e-folds at 20 dB, where 64 steps of Runge-Kutta leave 4e-6 of the swing
+    np.testing.assert_allclose(discharge(one, light, times), exact, atol=1.5e-5)
+
+
+@pytest.mark.parametrize("gain_db", [40, 60, 90, 130])
+@pytest.mark.parametrize("light", [0.0, 3e-12])
+@pytest.mark.parametrize("drift", [0.0, 1e-2])
+@pytest.mark.parametrize("diode", [IDEAL, BOTH])
+def test_discharge_agrees_with_a_general_solver(diode, gain_db, light, drift):
+    one = pixel(diode, gain_db, drift_v_s=drift)
+    times = np.linspace(0, float(discharge_time(one, light, 0.999 * SWING)), 7)
+    expected = by_solver(one, light, times)
+    np.testing.assert_allclose(discharge(one, light, times), expected, atol=3e-6)
+
+
+@pytest.mark.parametrize(("bias", "tolerance"), [(1e-3, 1e-6), (1e-6, 7e-5), (1e-9, 7e-4)])
+def test_error_of_the_integrator_is_the_one_stated(bias, tolerance):
+    one = pixel(SHUNT, 40, bias_v=bias)
+    end = np.log1p(SWING / (one.gain * bias)) * one.gain * 588e3 * FARAD
+    assert abs(discharge(one, 0.0, end) / SWING - 1) < tolerance
+
+
+def test_one_step_is_enough_for_the_built_pixel():
+    leaky = Photodiode(saturation_current_a=100e-12, shunt_ohm=588.6e3)
+    built = Pixel(leaky, 10e-12, SWING, gain_from_db(130.0), 1e-3, drift_v_s=1.5e-6)
+    expected = by_solver(built, 1e-12, np.array([1e-3, 1e-2]))
+    np.testing.assert_allclose(discharge(built, 1e-12, 1e-2), expected[1], rtol=1e-9)
+
+
+def test_without_dark_current_the_discharge_is_linear():
+    assert discharge(pixel(NONE), 1e-12, 0.2) == pytest.approx(1e-12 * 0.2 / FARAD, rel=1e-12)
+    assert discharge(pixel(NONE), 0.0, 0.2) == 0
+
+
+def test_ideal_amplifier_discharges_at_the_first_current():
+    one = pixel(IDEAL, 200)
+    first = reverse_current(IDEAL, 1e-3)
+    assert discharge_time(one, 0.0, SWING) == pytest.approx(FARAD * SWING / first, rel=1e-6)
+
+
+def test_input_moves_by_33_mv_at_40_db_and_33_uv_at_100_db():
+    # dissertation §3.2.1
+    for gain_db, moved in ((40, 33e-3), (100, 33e-6)):
+        one = pixel(IDEAL, gain_db)
+        assert reverse_bias(one, 0.0, SWING) - 1e-3 == pytest.approx(moved, rel=1e-12)
+
+
+def test_discharge_never_passes_the_swing():
+    assert discharge(pixel(IDEAL), 0.0, 10.0) == SWING
+    assert discharge(pixel(BOTH), 0.0, 10.0) == SWING
+
+
+@pytest.mark.parametrize("diode", [IDEAL, SHUNT, BOTH])
+@pytest.mark.parametrize("bias", [1e-9, 1e-3, 0.1])
+def test_time_and_discharge_are_inverse(diode, bias):
+    one = pixel(diode, bias_v=bias, gain_db=60.0)
+    volts = np.array([0.01, 0.33, 1.65, 2.97, SWING])
+    np.testing.assert_allclose(
+        discharge(one, 1e-15, discharge_time(one, 1e-15, volts)), volts, rtol=1e-9
+    )
+
+
+def test_forward_biased_pixel_does_not_discharge():
+    one = pixel(BOTH, bias_v=-1e-3)
+    assert discharge(one, 0.0, 1e6) == 0
+    assert discharge_time(one, 0.0, 0.1) == np.inf
+    assert estimate_current(one) == 0
+
+
+def test_light_discharges_a_pixel_in_slight_forward_bias():
+    one = pixel(IDEAL, 130, bias_v=-1e-3)
+    net = 10e-12 + reverse_current(IDEAL, -1e-3)
+    assert discharge(one, 10e-12, 1e-3) == pytest.approx(net * 1e-3 / FARAD, rel=1e-4)
+
+
+@pytest.mark.parametrize("diode", [IDEAL, BOTH])
+def test_drift_frees_a_forward_biased_pixel_when_it_crosses_zero(diode):
+    one = pixel(diode, 130, bias_v=-1e-3, drift_v_s=1e-2)
+    later = replace(one, bias_v=0.0)
+    assert discharge(one, 0.0, 0.1) == 0
+    np.testing.assert_allclose(
+        discharge(one, 0.0, 0.1 + np.array([0.01, 0.1])),
+        discharge(later, 0.0, np.array([0.01, 0.1])),
+        rtol=1e-9,
+    )
+
+
+def test_estimate_is_the_current_itself_when_it_is_constant():
+    assert estimate_current(pixel(NONE), 2e-12) == pytest.approx(2e-12, rel=1e-9)
+
+
+def test_estimate_lies_between_first_and_last_current():
+    one = pixel(IDEAL, 40)
+    late = discharge_time(one, 0.0, SWING)
+    first, last = current(one, 0.0, 0.0, 0.0), current(one, 0.0, late, SWING)
+    assert first < estimate_current(one) < last
+
+
+def test_pixels_computed_together_equal_pixels_computed_alone():
+    rng = np.random.default_rng(0)
+    biases, light = rng.uniform(-1e-3, 20e-3, 50), rng.uniform(0, 1e-12, 50)
+    for diode in (IDEAL, BOTH):
+        together = pixel(diode, bias_v=biases)
+        for function, last in ((discharge, 1e-3), (discharge_time, 1.0)):
+            alone = [
+                function(pixel(diode, bias_v=bias), one, last)
+                for bias, one in zip(biases, light, strict=True)
+            ]
+            np.testing.assert_array_equal(function(together, light, last), alone)
+
+
+def test_impossible_requests_are_refused():
+    with pytest.raises(ValueError, match="drift_v_s"):
+        pixel(IDEAL, drift_v_s=-1e-6)
+    for volts in (0.0, 3.4, np.nan):
+        with pytest.raises(ValueError, match="discharged_v"):
+            discharge_time(pixel(IDEAL), 0.0, volts)

@@ -1,0 +1,97 @@
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from megalopta.sensor.optics.lens import Lens, check_bands, falloff, image_irradiance, photon_flux
+
+
+def test_check_beam_gives_396_photons_per_square_micrometer_and_second():
+    # dissertation §2.4.5: 17.5 nW over 100 mm² at 450 nm, monochromator resolution 2 nm. The exact
+    # figure is 396.44; the thesis prints it without decimals.
+    irradiance = 17.5e-9 / 100e-6 / 2.0
+    per_square_micrometer = photon_flux([irradiance], [(449.0, 451.0)])[0] * 1e-12
+    one_photon = 1.98644586e-25 / 450e-9
+    assert per_square_micrometer == pytest.approx(17.5e-9 / one_photon / 100e6, rel=1e-12)
+    assert round(per_square_micrometer) == 396
+
+
+def test_photon_flux_of_a_flat_spectrum_is_the_integral_over_wavelength():
+    planck, light_speed = 6.62607015e-34, 299792458.0
+    expected, _ = quad(lambda nm: 0.3 * nm * 1e-9 / (planck * light_speed), 420.0, 655.0)
+    # the design's rounded h·c is the tolerance
+    assert photon_flux([0.3], [(420.0, 655.0)])[0] == pytest.approx(expected, rel=1e-8)
+
+
+def test_photon_flux_adds_up_over_adjacent_bands():
+    whole = photon_flux([1.0], [(400.0, 700.0)])[0]
+    parts = photon_flux([1.0, 1.0, 1.0], [(400.0, 410.0), (410.0, 650.0), (650.0, 700.0)])
+    assert parts.sum() == pytest.approx(whole, rel=1e-14)
+
+
+def test_lens_at_very_large_f_number_follows_inverse_square():
+    bright, dim = (image_irradiance(1.0, Lens(f_number=n)) for n in (1e4, 2e4))
+    assert bright / dim == pytest.approx(4, rel=1e-8)
+
+
+def test_lens_as_wide_as_possible_collects_the_whole_hemisphere():
+    # a lens of f-number 0 would light the die with all of π·L
+    irradiance = image_irradiance([2.0], Lens(f_number=1e-9, transmission=0.5))
+    assert irradiance[0] == pytest.approx(np.pi, rel=1e-12)
+
+
+def test_falloff_is_off_by_default():
+    assert np.all(falloff(Lens(), (3, 4)) == 1)
+
+
+def test_falloff_at_the_edge_of_the_field_is_the_cosine_to_the_fourth():
+    lens = Lens(falloff_fov_deg=60.0)
+    columns = 100_001
+    row = falloff(lens, (1, columns))[0]
+    assert row[columns // 2] == 1.0
+    # the outermost pixel center is half a pixel inside the edge: 1e-5 of the half width
+    assert row[0] == pytest.approx(np.cos(np.radians(30)) ** 4, rel=1e-4)
+
+
+def test_falloff_goes_by_the_angle_in_every_direction():
+    # 3 rows of 9 columns over 60°: pixel centers at known tangents of the angle
+    factor = falloff(Lens(falloff_fov_deg=60.0), (3, 9))
+    pixel = 2 * np.tan(np.radians(30)) / 9
+    for row, column in np.ndindex(3, 9):
+        angle = np.arctan(np.hypot(row - 1, column - 4) * pixel)
+        assert factor[row, column] == pytest.approx(np.cos(angle) ** 4, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("bands", "message"),
+    [
+        ([400.0, 700.0], "shape"),
+        (np.zeros((0, 2)), "shape"),
+        ([(700.0, 400.0)], "lower before upper"),
+        ([(400.0, 400.0)], "lower before upper"),
+        ([(0.0, 400.0)], "positive"),
+        ([(400.0, np.nan)], "finite"),
+        ([(500.0, 600.0), (400.0, 501.0)], "overlap"),
+    ],
+)
+def test_bands_that_make_no_sense_are_refused(bands, message):
+    with pytest.raises(ValueError, match=message):
+        check_bands(bands)
+
+
+def test_bands_may_have_gaps_and_any_order():
+    bands = [(600.0, 700.0), (400.0, 450.0)]
+    np.testing.assert_array_equal(check_bands(bands), bands)
+
+
+def test_irradiance_without_a_value_for_each_band_is_refused():
+    with pytest.raises(ValueError, match="2 bands"):
+        photon_flux(np.ones((4, 3)), [(400.0, 500.0), (500.0, 600.0)])
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"f_number": 0}, {"transmission": 1.1}, {"f_number": np.nan}, {"falloff_fov_deg": 180}],
+)
+def test_impossible_lens_is_refused(wrong):
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        Lens(**wrong)

@@ -1,0 +1,85 @@
+import numpy as np
+import pytest
+
+from megalopta.sensor import Crosstalk, DeadTime, Gate, Jitter, changed, expose_events, preset
+from megalopta.sensor.readout.events import histogram
+
+IDEAL = preset("ideal")
+RATE = np.random.default_rng(0).uniform(0, 300, (6, 5, 7))
+
+
+def draw(rate=RATE, sensor=IDEAL, **place):
+    return expose_events(rate, sensor, **({"seed": 0, "sequence": "s"} | place))
+
+
+def test_events_lie_in_the_exposure_and_are_sorted_by_frame_and_time():
+    events = draw()
+    assert events.time_s.min() >= 0
+    assert events.time_s.max() < IDEAL.exposure_s
+    order = np.lexsort((events.time_s, events.frame))
+    np.testing.assert_array_equal(order, np.arange(order.size))
+
+
+def test_histogram_counts_every_event_once_in_its_pixel():
+    events = draw()
+    counts = histogram(events)
+    assert counts.sum() == events.time_s.size
+    # all pixels together are Poisson: false alarm 6e-7
+    mean = RATE.sum() * IDEAL.exposure_s
+    assert abs(counts.sum() - mean) < 5 * np.sqrt(mean)
+    # pixel by pixel, chi-square with 210 degrees of freedom, z < 5
+    means = RATE * IDEAL.exposure_s
+    chi2 = ((counts - means) ** 2 / means).sum()
+    assert abs(chi2 - 210) < 5 * np.sqrt(2 * 210 + (1 / means).sum())
+
+
+def test_no_two_events_of_a_pixel_are_closer_than_the_dead_time():
+    law = DeadTime(kind="nonparalyzable", dead_time_s=1e-3)
+    sensor = changed(IDEAL, dead_time=law, crosstalk=Crosstalk(probability=0.2))
+    events = draw(np.full((2, 4, 4), 2000.0), sensor)
+    key = (events.frame * 4 + events.row) * 4 + events.column
+    order = np.lexsort((events.time_s, key))
+    gaps = np.diff(events.time_s[order])[np.diff(key[order]) == 0]
+    assert gaps.size > 1000
+    assert gaps.min() >= 1e-3 * (1 - 1e-9)
+
+
+def test_jitter_moves_time_stamps_and_nothing_else():
+    still, shaken = (
+        draw(sensor=changed(IDEAL, jitter=jitter)) for jitter in (Jitter(), Jitter(sigma_s=1e-4))
+    )
+    np.testing.assert_array_equal(histogram(still), histogram(shaken))
+    assert np.any(still.time_s != shaken.time_s)
+
+
+def test_frames_have_the_same_events_drawn_alone_or_among_others():
+    whole, alone = draw(threads=2), draw(RATE[4:5], first_frame=4, threads=1)
+    for name in ("frame", "time_s", "row", "column"):
+        part = getattr(whole, name)[whole.frame == 4]
+        assert part.tobytes() == getattr(alone, name).tobytes()
+    np.testing.assert_array_equal(histogram(alone), histogram(whole)[4:5])
+
+
+def test_dark_counts_of_the_device_are_among_the_events():
+    sensor = changed(IDEAL, dark_counts={"bulk_mean_hz_um2": 0.5})
+    events = draw(np.zeros((20, 5, 7)), sensor)
+    mean = 0.5 * 3600 * IDEAL.exposure_s * 20 * 35
+    assert abs(events.time_s.size - mean) < 5 * np.sqrt(mean)  # Poisson; false alarm 6e-7
+
+
+def test_darkness_gives_an_empty_stream():
+    events = draw(np.zeros((2, 3, 3)))
+    assert events.time_s.size == 0
+    assert histogram(events).shape == (2, 3, 3)
+
+
+def test_events_fall_into_the_open_gate():
+    gate = Gate(period_s=1e-2, width_s=2e-3, phase_s=9e-3)
+    events = draw(sensor=changed(IDEAL, gate=gate))
+    assert events.time_s.size > 0
+    assert np.all((events.time_s - 9e-3) % 1e-2 < 2e-3 * (1 + 1e-9))
+
+
+def test_impossible_rate_is_refused():
+    with pytest.raises(ValueError, match="detections_hz"):
+        draw(np.full((1, 2, 2), np.nan))

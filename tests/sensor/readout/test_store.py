@@ -1,0 +1,148 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import zarr
+
+from megalopta.sensor import StoredCounts, expose_rate, preset, read_counts
+from megalopta.sensor.readout import store as counts_store
+from megalopta.sensor.readout.store import write_counts
+
+
+@pytest.fixture
+def stored():
+    sensor = preset("spadcam")
+    exposure = expose_rate(np.linspace(0, 5e3, 720).reshape(5, 12, 12), sensor, seed=3, sequence=0)
+    return StoredCounts(exposure, sensor, 3, "forest/0", 1e-3, {"speed": [1, 2.5], "note": "µ"})
+
+
+def test_everything_comes_back_as_it_was_written(tmp_path, stored):
+    write_counts(tmp_path / "a" / "spadcam.zarr", stored)
+    back = read_counts(tmp_path / "a" / "spadcam.zarr")
+    for name in ("counts", "expected", "saturated"):
+        before, after = getattr(stored.exposure, name), getattr(back.exposure, name)
+        assert after.dtype == before.dtype
+        np.testing.assert_array_equal(after, before)
+    for name in ("sensor", "seed", "sequence", "illuminance_lux", "extra"):
+        assert getattr(back, name) == getattr(stored, name)
+
+
+def test_store_is_zarr_v3_in_chunks_of_whole_frames(tmp_path, stored, monkeypatch):
+    monkeypatch.setattr(counts_store, "_CHUNK_BYTES", 12 * 12 * 2 * 2)
+    write_counts(tmp_path / "s.zarr", stored)
+    group = zarr.open_group(tmp_path / "s.zarr", mode="r")
+    assert group.metadata.zarr_format == 3
+    assert group["counts"].chunks == (2, 12, 12)
+    assert group["expected"].chunks == (1, 12, 12)
+    assert group.attrs["exposure_s"] == stored.sensor.exposure_s
+    np.testing.assert_array_equal(group["counts"][...], stored.exposure.counts)
+
+
+def test_interrupted_write_leaves_nothing(tmp_path, stored, monkeypatch):
+    def interrupt(group, name, *_):
+        if name == "saturated":
+            raise KeyboardInterrupt
+        group.create_array(name, shape=(1,), dtype="u2")
+
+    monkeypatch.setattr(counts_store, "_write_frames", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        write_counts(tmp_path / "s.zarr", stored)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_existing_store_is_not_overwritten(tmp_path, stored):
+    write_counts(tmp_path / "s.zarr", stored)
+    with pytest.raises(FileExistsError, match=r"s\.zarr: exists already"):
+        write_counts(tmp_path / "s.zarr", stored)
+    assert [path.name for path in tmp_path.iterdir()] == ["s.zarr"]
+
+
+def test_missing_store_is_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"nothing\.zarr: no such counts store"):
+        read_counts(tmp_path / "nothing.zarr")
+
+
+@pytest.mark.parametrize("part", ["expected", "saturated"])
+def test_store_that_lacks_an_array_is_refused_with_its_name(tmp_path, stored, part):
+    write_counts(tmp_path / "s.zarr", stored)
+    del zarr.open_group(tmp_path / "s.zarr")[part]
+    with pytest.raises(ValueError, match=rf"s\.zarr: lacks '{part}'; write the counts again"):
+        read_counts(tmp_path / "s.zarr")
+
+
+def test_store_that_lacks_an_attribute_is_refused_with_its_name(tmp_path, stored):
+    write_counts(tmp_path / "s.zarr", stored)
+    del zarr.open_group(tmp_path / "s.zarr").attrs["seed"]
+    with pytest.raises(ValueError, match=r"s\.zarr: lacks 'seed'"):
+        read_counts(tmp_path / "s.zarr")
+
+
+def tamper(path, **changes):
+    values = json.loads(path.read_text())
+    path.write_text(json.dumps({**values, **changes}))
+
+
+@pytest.mark.parametrize("part", ["counts", "expected", "saturated"])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"shape": [5, 12, 13]},
+        {"shape": [50_000_000, 12_000, 12_000]},
+        {"shape": [5, 144]},
+        {"shape": "wide"},
+        {"data_type": "int8"},
+        {"data_type": "complex64"},
+        {"data_type": "string"},
+        {"codecs": []},
+        {"node_type": "group"},
+        {"zarr_format": 9},
+        {"chunk_grid": {"name": "regular", "configuration": {"chunk_shape": [0, 1, 1]}}},
+    ],
+)
+def test_tampered_array_is_refused_in_one_sentence(tmp_path, stored, part, changes):
+    write_counts(tmp_path / "s.zarr", stored)
+    tamper(tmp_path / "s.zarr" / part / "zarr.json", **changes)
+    with pytest.raises(
+        ValueError, match=r"s\.zarr: (damaged|lacks) .*; write the counts again"
+    ) as no:
+        read_counts(tmp_path / "s.zarr")
+    assert "\n" not in str(no.value)
+
+
+@pytest.mark.parametrize("part", ["", "counts", "expected"])
+@pytest.mark.parametrize("keep", [0, 1, 100, -2])
+def test_truncated_description_is_refused(tmp_path, stored, part, keep):
+    write_counts(tmp_path / "s.zarr", stored)
+    path = tmp_path / "s.zarr" / part / "zarr.json"
+    path.write_bytes(path.read_bytes()[:keep])
+    with pytest.raises(ValueError, match=r"s\.zarr: (damaged|lacks|not a Zarr group)") as no:
+        read_counts(tmp_path / "s.zarr")
+    assert "\n" not in str(no.value)
+
+
+def test_damaged_chunk_and_sensor_are_refused(tmp_path, stored):
+    for name in ("a.zarr", "b.zarr"):
+        write_counts(tmp_path / name, stored)
+    chunk = next(path for path in (tmp_path / "a.zarr/counts/c").rglob("*") if path.is_file())
+    chunk.write_bytes(chunk.read_bytes()[:9])
+    zarr.open_group(tmp_path / "b.zarr").attrs["sensor"] = {"kind": "spad", "pitch_m": -1}
+    for name in ("a.zarr", "b.zarr"):
+        with pytest.raises(ValueError, match=rf"{name}: damaged .*; write the counts again") as no:
+            read_counts(tmp_path / name)
+        assert "\n" not in str(no.value)
+
+
+def test_paths_may_be_text_and_names_numpy_integers(tmp_path, stored):
+    path = str(tmp_path / "s.zarr")
+    write_counts(path, replace(stored, seed=np.int64(3), sequence=np.int32(4)))
+    assert (read_counts(path).seed, read_counts(path).sequence) == (3, 4)
+
+
+def test_something_else_is_refused(tmp_path):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").write_text("hello")
+    zarr.open_group(tmp_path / "other.zarr", mode="w")
+    for name, message in (("folder", "not a"), ("file", "not a"), ("other.zarr", "not one of")):
+        with pytest.raises(ValueError, match=message):
+            read_counts(tmp_path / name)

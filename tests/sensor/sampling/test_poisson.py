@@ -1,0 +1,42 @@
+import numpy as np
+import pytest
+from scipy.stats import chisquare, poisson
+
+from megalopta.sensor.sampling.poisson import draw_poisson
+from megalopta.sensor.sampling.streams import generator
+
+
+@pytest.mark.parametrize(
+    "mean", [0.01, 0.0625, 0.125, 0.99, 1.0, 9.5, 33.3, 63.99, 64.0, 400.0, 4095.9, 4097.0]
+)
+def test_draws_follow_the_poisson_law(mean):
+    counts = draw_poisson(generator(0, "poisson"), np.full(400_000, mean))
+    n = np.arange(int(poisson.ppf(1e-4, mean)), int(poisson.isf(1e-4, mean)) + 1)
+    expected = poisson.pmf(n, mean) * counts.size
+    observed = np.bincount(np.clip(counts, n[0], n[-1]) - n[0], minlength=n.size)
+    expected[0] += poisson.cdf(n[0] - 1, mean) * counts.size
+    expected[-1] += counts.size - expected.sum()
+    assert chisquare(observed, expected).pvalue > 1e-6  # the false-alarm rate
+
+
+def test_no_light_gives_no_counts():
+    np.testing.assert_array_equal(draw_poisson(generator(0), np.zeros(5)), 0)
+
+
+@pytest.mark.parametrize("mean", [1e5, 1e9, 9e11, 1e13, 1e15, 9e18])
+def test_huge_means_keep_mean_and_variance(mean):
+    counts = draw_poisson(generator(0, "huge"), np.full(100_000, mean))
+    z = (counts - mean) / np.sqrt(mean)
+    # five standard errors of each: false-alarm rate 6e-7
+    assert abs(z.mean()) < 5 / np.sqrt(z.size)
+    assert z.var() == pytest.approx(1, abs=5 * np.sqrt(2 / z.size))
+
+
+def test_draws_of_different_means_follow_their_laws_and_are_independent():
+    means = np.tile([0.3, 7.6, 0.02, 700.0, 12.0], 100_000)
+    z = (draw_poisson(generator(1, "poisson"), means) - means) / np.sqrt(means)
+    z = z.reshape(-1, 5)
+    # |z| < 5 of a mean, and of the correlation with the next: false-alarm rate 6e-7 each
+    np.testing.assert_allclose(z.mean(axis=0), 0, atol=5 / np.sqrt(len(z)))
+    correlation = (z * np.roll(z, 1, axis=1)).mean(axis=0)
+    np.testing.assert_allclose(correlation, 0, atol=5 / np.sqrt(len(z)))

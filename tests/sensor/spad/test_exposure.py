@@ -1,0 +1,232 @@
+import numpy as np
+import pytest
+
+from megalopta.sensor import (
+    Bias,
+    DarkCounts,
+    DeadTime,
+    Efficiency,
+    Lens,
+    Sensor,
+    changed,
+    detection_rate,
+    expected_counts,
+    expose,
+    expose_rate,
+    photon_rate,
+    preset,
+    signal_to_noise,
+    without,
+)
+from megalopta.sensor.counters.digital import DigitalCounter
+from megalopta.sensor.spad.fixed_pattern import fabricate
+
+BANDS = np.array([[400.0, 475.0], [475.0, 550.0], [550.0, 600.0], [620.0, 700.0]])
+RNG = np.random.default_rng(0)
+RADIANCE = RNG.uniform(0, 2e-9, (40, 12, 15, 4)).astype(np.float32)
+SENSORS = {
+    "ideal": preset("ideal"),
+    "spadcam": preset("spadcam"),
+    "nonparalyzable": changed(
+        preset("spadcam"), dead_time=DeadTime(kind="nonparalyzable", dead_time_s=1e-3)
+    ),
+}
+
+
+def expose_frames(sensor, radiance=RADIANCE, **place):
+    return expose(radiance, BANDS, sensor, **({"seed": 0, "sequence": "forest"} | place))
+
+
+def same(first, second):
+    return all(
+        getattr(first, name).tobytes() == getattr(second, name).tobytes()
+        for name in ("counts", "expected", "saturated")
+    )
+
+
+@pytest.mark.parametrize("name", SENSORS)
+@pytest.mark.parametrize("frames", [slice(0, 1), slice(17, 18), slice(5, 29), slice(39, 40)])
+def test_frames_have_the_same_bytes_drawn_alone_or_among_others(name, frames):
+    whole = expose_frames(SENSORS[name])
+    part = expose_frames(SENSORS[name], RADIANCE[frames], first_frame=frames.start)
+    for field in ("counts", "expected", "saturated"):
+        assert getattr(part, field).tobytes() == getattr(whole, field)[frames].tobytes()
+
+
+def test_memory_layout_of_the_radiance_does_not_matter():
+    planar = np.ascontiguousarray(np.moveaxis(RADIANCE, 3, 0))
+    assert same(
+        expose_frames(SENSORS["spadcam"]),
+        expose_frames(SENSORS["spadcam"], np.moveaxis(planar, 0, 3)),
+    )
+
+
+def test_same_seed_same_bytes_and_any_other_name_other_counts():
+    sensor = SENSORS["ideal"]
+    reference = expose_frames(sensor)
+    assert same(reference, expose_frames(sensor))
+    for other in ({"seed": 1}, {"sequence": "grating"}, {"first_frame": 1}):
+        assert np.mean(expose_frames(sensor, **other).counts != reference.counts) > 0.5
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_counts_scatter_about_the_noise_free_twin(name):
+    sensor = changed(SENSORS[name], counter=DigitalCounter())
+    exposure = expose_frames(sensor)
+    # the sum over all pixels and frames; dead time only lowers the variance below the mean
+    z = (exposure.counts - exposure.expected).sum() / np.sqrt(exposure.expected.sum())
+    assert abs(z) < 5  # false alarm 6e-7
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_noise_free_twin_is_the_expected_count(name):
+    expected = expected_counts(RADIANCE, BANDS, SENSORS[name])
+    assert expected.dtype == np.float64
+    np.testing.assert_array_equal(expose_frames(SENSORS[name]).expected, expected)
+
+
+def test_photon_rate_is_the_textbook_formula():
+    radiance, lower, upper = 1e-6, 500.0, 520.0
+    sensor = Sensor(
+        name="textbook",
+        pitch_m=10e-6,
+        fill_factor=0.5,
+        exposure_s=0.01,
+        lens=Lens(f_number=2.0, transmission=0.8),
+        efficiency=Efficiency(wavelengths_nm=(400, 700), values=(0.25, 0.25)),
+    )
+    irradiance = np.pi * radiance * 0.8 / (4 * 2.0**2 + 1)
+    photons = irradiance * 20.0 * 510e-9 / 1.98644586e-25 * 10e-6**2
+    arguments = np.full((1, 2, 2, 1), radiance), [(lower, upper)], sensor
+    np.testing.assert_allclose(photon_rate(*arguments), photons, rtol=1e-12)
+    np.testing.assert_allclose(detection_rate(*arguments), photons * 0.5 * 0.25, rtol=1e-12)
+    np.testing.assert_allclose(expected_counts(*arguments), photons * 0.125 * 0.01, rtol=1e-12)
+
+
+def test_detection_rate_is_linear_and_additive_over_bands():
+    sensor = SENSORS["spadcam"]
+    whole = detection_rate(RADIANCE, BANDS, sensor)
+    np.testing.assert_allclose(detection_rate(4 * RADIANCE, BANDS, sensor), 4 * whole, rtol=1e-14)
+    each = [detection_rate(RADIANCE[..., [b]], BANDS[[b]], sensor) for b in range(4)]
+    np.testing.assert_allclose(sum(each), whole, rtol=1e-14)
+
+
+def test_lens_falloff_darkens_the_corners():
+    sensor = changed(SENSORS["ideal"], lens=Lens(falloff_fov_deg=90.0))
+    rate = detection_rate(np.full((1, 11, 11, 4), 1e-9), BANDS, sensor)[0]
+    # corner pixel center at tan θ = √2·10/11
+    assert rate[0, 0] / rate[5, 5] == pytest.approx((1 + 2 * (10 / 11) ** 2) ** -2, rel=1e-12)
+
+
+def test_detection_rate_has_the_mismatch_of_the_device():
+    sensor = SENSORS["spadcam"]
+    factor = fabricate(sensor, RADIANCE.shape[1:3]).efficiency_factor
+    assert np.ptp(factor) > 0.1
+    flat = detection_rate(RADIANCE, BANDS, without(sensor, "bias"))
+    np.testing.assert_allclose(detection_rate(RADIANCE, BANDS, sensor), flat * factor, rtol=1e-12)
+
+
+def test_dark_frame_shows_the_dark_counts_of_the_device():
+    sensor = changed(SENSORS["spadcam"], dead_time=DeadTime())
+    dark = expected_counts(np.zeros((2, 64, 64, 4)), BANDS, sensor)
+    np.testing.assert_array_equal(dark[0], dark[1])
+    # 1.77 Hz/µm² on 360 µm² for 0.1 s; standard error of the mean over the pixels is 1.0
+    assert dark.mean() == pytest.approx(1.77 * 36, abs=5.0)
+
+
+def test_full_counter_is_flagged_and_the_twin_keeps_the_true_mean():
+    exposure = expose_frames(SENSORS["spadcam"], 1e5 * RADIANCE)
+    assert exposure.counts.max() in (319, 320)  # leakage takes up to a step of the swing
+    assert exposure.counts.dtype == np.uint16
+    np.testing.assert_array_equal(exposure.saturated, exposure.counts >= 319)
+    assert exposure.expected.max() > 400
+
+
+def test_rates_can_be_exposed_without_a_scene():
+    sensor = SENSORS["spadcam"]
+    rate = detection_rate(RADIANCE, BANDS, sensor)
+    assert same(expose_rate(rate, sensor, seed=0, sequence="forest"), expose_frames(sensor))
+
+
+def test_ideal_signal_to_noise_is_the_square_root_of_the_counts():
+    sensor = SENSORS["ideal"]
+    np.testing.assert_allclose(
+        signal_to_noise(RADIANCE, BANDS, sensor),
+        np.sqrt(expected_counts(RADIANCE, BANDS, sensor)),
+        rtol=1e-12,
+    )
+
+
+def test_dark_counts_are_noise_and_not_signal():
+    sensor = changed(
+        SENSORS["spadcam"],
+        dead_time=DeadTime(),
+        bias=Bias(),
+        dark_counts=DarkCounts(bulk_mean_hz_um2=2.0),
+    )
+    dark = 2.0 * 360 * sensor.exposure_s
+    signal = detection_rate(RADIANCE, BANDS, sensor) * sensor.exposure_s
+    np.testing.assert_allclose(
+        signal_to_noise(RADIANCE, BANDS, sensor), signal / np.sqrt(signal + dark), rtol=1e-9
+    )
+
+
+def test_signal_to_noise_without_any_counts_is_zero():
+    assert np.all(signal_to_noise(np.zeros((1, 2, 2, 4)), BANDS, SENSORS["ideal"]) == 0)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -1e-12])
+def test_impossible_radiance_is_refused_with_its_place(bad):
+    radiance = RADIANCE.copy()
+    radiance[3, 2, 1, 0] = bad
+    with pytest.raises(ValueError, match=r"radiance: .* \[3, 2, 1, 0\]"):
+        expose_frames(SENSORS["ideal"], radiance)
+
+
+def test_complex_radiance_is_refused():
+    with pytest.raises(ValueError, match=r"radiance: complex128 values; give real numbers"):
+        expose_frames(SENSORS["ideal"], RADIANCE.astype(complex))
+
+
+def test_radiance_too_bright_to_be_drawn_is_refused_by_its_name():
+    with pytest.raises(ValueError, match=r"radiance: so bright that a pixel detects \S+ photons"):
+        expose_frames(SENSORS["ideal"], np.full((1, 2, 2, 4), 1e30))
+
+
+def test_rate_too_high_to_be_drawn_is_refused_by_its_name():
+    with pytest.raises(ValueError, match=r"detections_hz: .* at most 1e\+16 Hz"):
+        expose_rate(np.full((1, 2, 2), 1e17), SENSORS["ideal"], seed=0, sequence="x")
+
+
+@pytest.mark.parametrize("function", [expose_frames, lambda s: expected_counts(RADIANCE, BANDS, s)])
+def test_name_in_place_of_a_sensor_is_refused_with_the_remedy(function):
+    with pytest.raises(TypeError, match=r"sensor: 'spadcam' is no Sensor; .*preset"):
+        function("spadcam")
+
+
+@pytest.mark.parametrize("threads", [0, -3])
+def test_no_threads_are_refused(threads):
+    with pytest.raises(ValueError, match=f"threads: {threads}; give 1 or more"):
+        expose_frames(SENSORS["ideal"], threads=threads)
+
+
+@pytest.mark.parametrize("place", [{"seed": 0.5}, {"sequence": None}])
+def test_seed_and_sequence_that_name_nothing_are_refused(place):
+    with pytest.raises(TypeError, match=r"(0\.5|None) cannot name random numbers; give a whole"):
+        expose_frames(SENSORS["ideal"], **place)
+
+
+@pytest.mark.parametrize("shape", [(12, 15, 4), (2, 12, 15, 3), (2, 12, 15)])
+def test_radiance_of_the_wrong_shape_is_refused(shape):
+    with pytest.raises(ValueError, match=r"give \(frames, rows, columns, 4\)"):
+        expose_frames(SENSORS["ideal"], np.zeros(shape))
+
+
+def test_rates_of_the_wrong_shape_are_refused():
+    with pytest.raises(ValueError, match=r"give \(frames, rows, columns\)"):
+        expose_rate(np.zeros((3, 4)), SENSORS["ideal"], seed=0, sequence="x")
+
+
+def test_band_outside_the_efficiency_curve_is_refused():
+    with pytest.raises(ValueError, match="1050–1150 nm reaches outside"):
+        detection_rate(RADIANCE[..., :1], [(1050.0, 1150.0)], SENSORS["spadcam"])

@@ -1,0 +1,259 @@
+import hashlib
+import io
+import pickle
+
+import numpy as np
+import pytest
+import yaml
+
+from megalopta.sensor import (
+    Bias,
+    Efficiency,
+    Temperature,
+    changed,
+    expose_rate,
+    load_sensor,
+    preset,
+)
+from megalopta.sensor.spad.fixed_pattern import fabricate
+from megalopta.sensor.spad.order import active_effects
+
+SHAPE = (6, 9)
+RNG = np.random.default_rng(0)
+MAPS = {
+    "dark_counts": RNG.uniform(0, 500, SHAPE),
+    "efficiency": RNG.uniform(0.8, 1.2, SHAPE),
+    "breakdown": RNG.normal(0, 0.04, SHAPE),
+}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name, values in MAPS.items():
+        np.save(tmp_path / f"{name}.npy", values)
+    write(tmp_path, {"preset": "spadcam", "name": "mine", "measured": maps(*MAPS)})
+    return tmp_path
+
+
+def maps(*names):
+    return {name: {"path": f"{name}.npy"} for name in names}
+
+
+def write(folder, values):
+    (folder / "device.yaml").write_text(yaml.safe_dump(values))
+
+
+def load(folder):
+    return load_sensor(folder / "device.yaml")
+
+
+@pytest.mark.parametrize("measured", [("dark_counts", "efficiency"), tuple(MAPS)])
+@pytest.mark.parametrize("sigma", [0, 0.042])
+def test_at_the_reference_bias_a_device_is_as_measured(folder, measured, sigma):
+    bias = {"breakdown_sigma_v": sigma}
+    write(folder, {"preset": "spadcam", "measured": maps(*measured), "bias": bias})
+    device = fabricate(load(folder), SHAPE)
+    np.testing.assert_array_equal(device.dark_counts_hz, MAPS["dark_counts"])
+    np.testing.assert_array_equal(device.efficiency_factor, MAPS["efficiency"])
+
+
+def test_measured_breakdown_moves_what_is_drawn(folder):
+    write(folder, {"preset": "spadcam", "measured": maps("breakdown")})
+    drawn = changed(preset("spadcam"), bias=Bias())
+    lift = np.exp(-MAPS["breakdown"] / preset("spadcam").bias.dark_efold_v)
+    np.testing.assert_allclose(
+        fabricate(load(folder), SHAPE).dark_counts_hz,
+        fabricate(drawn, SHAPE).dark_counts_hz * lift,
+        rtol=1e-12,
+    )
+
+
+def test_measured_efficiency_saturates_sooner_where_breakdown_is_low(folder):
+    sensor = load(folder)
+    model = sensor.bias
+    raised = changed(model, excess_v=model.excess_v + 0.1)
+    device = fabricate(changed(sensor, bias=raised), SHAPE)
+    ratio = device.efficiency_factor / MAPS["efficiency"]
+    now, then = (
+        1 - np.exp(-(v - MAPS["breakdown"] - model.onset_v) / model.efficiency_scale_v)
+        for v in (raised.excess_v, model.reference_v)
+    )
+    np.testing.assert_allclose(ratio, now / then, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("bias", "temperature"),
+    [
+        ({"excess_v": 100.0}, {}),
+        ({}, {"celsius": 1000.0, "dcr_doubling_k": 1.0}),
+        ({}, {"celsius": 500.0, "dcr_doubling_k": 1e-3}),
+    ],
+)
+def test_dark_counts_beyond_all_measure_are_refused_with_what_makes_them(bias, temperature):
+    hot = changed(preset("spadcam"), bias=bias, temperature=temperature)
+    with pytest.raises(ValueError, match=r"dark_counts: .* at bias\.excess_v .*celsius .*; lower"):
+        fabricate(hot, SHAPE)
+
+
+def test_a_map_may_be_named_by_its_path_alone(folder):
+    plain = {name: f"{name}.npy" for name in MAPS}
+    before = load(folder).measured
+    write(folder, {"preset": "spadcam", "measured": plain})
+    assert load(folder).measured == before
+
+
+def test_yaml_of_a_device_changes_only_what_it_names(folder):
+    write(folder, {"preset": "spadcam", "name": "mine", "counter": {"step_v": 0.03}})
+    sensor, spadcam = load(folder), preset("spadcam")
+    assert sensor.counter.step_v == 0.03
+    assert sensor.counter.leak_v_s == spadcam.counter.leak_v_s
+    assert sensor.efficiency == spadcam.efficiency
+
+
+def test_record_of_a_measured_device_carries_its_hashes_and_survives_json(folder):
+    sensor = load(folder)
+    content = (folder / "breakdown.npy").read_bytes()
+    assert sensor.measured.breakdown.sha256 == hashlib.sha256(content).hexdigest()
+    assert type(sensor).model_validate_json(sensor.model_dump_json()) == sensor
+
+
+def test_map_that_changed_since_is_refused(folder):
+    sensor = load(folder)
+    np.save(folder / "breakdown.npy", MAPS["breakdown"] + 1e-6)
+    with pytest.raises(ValueError, match=r"measured\.breakdown: .* has changed"):
+        fabricate(sensor, SHAPE)
+
+
+def with_fit(folder, fit):
+    write(folder, {"preset": "spadcam", "measured": {**maps(*MAPS), "fit": fit}})
+    return load(folder)
+
+
+@pytest.mark.parametrize(
+    ("fit", "window"),
+    [("top_left", np.s_[:3, :4]), ("center", np.s_[1:4, 2:6])],
+)
+def test_a_window_of_a_larger_device_is_used_where_it_is_asked_for(folder, fit, window):
+    device = fabricate(with_fit(folder, fit), (3, 4))
+    np.testing.assert_array_equal(device.dark_counts_hz, MAPS["dark_counts"][window])
+    np.testing.assert_array_equal(device.efficiency_factor, MAPS["efficiency"][window])
+
+
+@pytest.mark.parametrize("shape", [(3, 4), (6, 8)])
+def test_larger_map_is_refused_with_both_ways_to_use_it(folder, shape):
+    message = r"has 6 × 9, the image \d × \d .*set measured\.fit to top_left or center"
+    with pytest.raises(ValueError, match=message):
+        fabricate(load(folder), shape)
+
+
+@pytest.mark.parametrize("fit", ["exact", "top_left", "center"])
+@pytest.mark.parametrize("shape", [(9, 6), (7, 9), (6, 10)])
+def test_smaller_map_is_always_refused(folder, fit, shape):
+    with pytest.raises(ValueError, match=r"has 6 × 9, the image .*lower camera\.height"):
+        fabricate(with_fit(folder, fit), shape)
+
+
+def test_fit_alone_makes_no_measured_device():
+    assert "measured" not in active_effects(changed(preset("spadcam"), measured={"fit": "center"}))
+
+
+def saved(values, **options):
+    file = io.BytesIO()
+    np.save(file, values, **options)
+    return file.getvalue()
+
+
+GOOD = saved(MAPS["dark_counts"])
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (saved(np.full(SHAPE, -1.0)), "below 0 or not finite"),
+        (saved(np.full(SHAPE, np.nan)), "below 0 or not finite"),
+        (saved(np.full(SHAPE, np.inf)), "below 0 or not finite"),
+        (saved(np.full(SHAPE, "x")), "plain numbers"),
+        (saved(np.ones(SHAPE, complex)), "plain numbers"),
+        (saved(np.full(SHAPE, {}, object), allow_pickle=True), "plain numbers"),
+        (saved(np.ones(9)), r"\(rows, columns\) of plain numbers"),
+        (saved(np.ones((*SHAPE, 1))), r"\(rows, columns\) of plain numbers"),
+        (pickle.dumps(MAPS["dark_counts"]), "plain numbers"),
+        (b"", "plain numbers"),
+        (GOOD[:40], "plain numbers"),
+        (GOOD[:-1], "plain numbers"),
+        (GOOD.replace(b"(6, 9)", b"(6,10)"), "plain numbers"),
+        (GOOD.replace(b"(6, 9)", b"(-6,9)"), "plain numbers"),
+        (GOOD.replace(b"(6, 9), }      ", b"(6**9**9,9**9)}"), "plain numbers"),
+        (GOOD.replace(b"{'descr'", b"[[[[[[[["), "plain numbers"),
+        (GOOD.replace(b"<f8", b"\0\xff8"), "plain numbers"),
+        (b"PK\x03\x04" + GOOD, "plain numbers"),
+    ],
+)
+def test_impossible_map_is_refused_in_one_sentence(folder, content, message):
+    (folder / "dark_counts.npy").write_bytes(content)
+    with pytest.raises(ValueError, match=rf"^measured\.dark_counts: .*{message}") as refusal:
+        fabricate(load(folder), SHAPE)
+    assert "\n" not in str(refusal.value)
+    assert "MapFile" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"preset": "spadcam", "exposure": 1}, "exposure: no such field"),
+        ({"preset": "spadcam", "exposure_s": -1}, "exposure_s: .* greater than 0, got -1"),
+        ({"preset": "spadcam", "bias": {"onset_v": 2}}, r"bias\.onset_v: 2 is not below"),
+        ({"name": "mine"}, "pitch_m: missing"),
+        ({"preset": ["spadcam"]}, "no such preset"),
+        ({"preset": "spadcam", "measured": 5}, "measured: give a mapping .* got 5"),
+        ({"preset": "spadcam", "measured": {"dark_counts": 5}}, "5 is no file; give the path"),
+        ({"preset": "spadcam", "measured": {"dark_counts": {}}}, "dark_counts.path: missing"),
+        ({"preset": "spadcam", "measured": {"dark_counts": ".", "fit": "exact"}}, "cannot be read"),
+        ({"preset": "spadcam", "measured": {"dark_counts": "a\0b"}}, "is no path"),
+        ({"preset": "spadcam", "measured": {"fit": "stretch"}}, "measured.fit: .*'center'"),
+        ({"preset": "spadcam", "efficiency": {"path": "none.csv"}}, "efficiency: .*no such file"),
+    ],
+)
+def test_impossible_device_is_refused_in_one_sentence(folder, values, message):
+    write(folder, values)
+    with pytest.raises(ValueError, match=message) as refusal:
+        load_sensor(str(folder / "device.yaml"))
+    assert "\n" not in str(refusal.value)
+    assert "MapFile" not in str(refusal.value)
+
+
+def test_missing_files_are_refused(folder):
+    with pytest.raises(ValueError, match="cannot be read as YAML"):
+        load_sensor(folder / "none.yaml")
+    (folder / "efficiency.npy").unlink()
+    with pytest.raises(ValueError, match=r"efficiency\.npy cannot be read \(no such file"):
+        load(folder)
+
+
+def test_efficiency_above_one_in_the_best_pixel_is_refused():
+    flat = Efficiency(wavelengths_nm=(400, 700), values=(0.95, 0.95))
+    sensor = changed(preset("spadcam"), efficiency=flat)
+    with pytest.raises(ValueError, match=r"efficiency: 1\.\d+ in the best pixel; lower"):
+        fabricate(sensor, (64, 64))
+
+
+def test_pattern_is_the_same_in_every_frame_and_run_and_cannot_be_changed():
+    sensor = preset("spadcam")
+    first = fabricate(sensor, (8, 8)).dark_counts_hz
+    np.testing.assert_array_equal(fabricate(changed(sensor), (8, 8)).dark_counts_hz, first)
+    expected = expose_rate(np.zeros((3, 8, 8)), sensor, seed=0, sequence="s").expected
+    assert np.ptp(expected, axis=0).max() == 0
+    with pytest.raises(ValueError, match="read-only"):
+        first[0, 0] = 1
+
+
+def test_cooling_lowers_the_dark_counts_of_every_pixel_alike():
+    sensor = preset("spadcam")
+    cold = changed(sensor, temperature=Temperature(celsius=2.0))
+    ratio = fabricate(cold, (8, 8)).dark_counts_hz / fabricate(sensor, (8, 8)).dark_counts_hz
+    np.testing.assert_allclose(ratio, 0.25)
+
+
+def test_bias_off_leaves_the_dark_counts_drawn():
+    sensor = changed(preset("spadcam"), bias=Bias())
+    assert np.all(fabricate(sensor, (8, 8)).efficiency_factor == 1)

@@ -1,0 +1,98 @@
+import numpy as np
+import pytest
+from pydantic import BaseModel
+
+from megalopta import sensor as sensor_package
+from megalopta.sensor import PRESETS, Sensor, changed, preset
+from megalopta.sensor.effects.bias import efficiency_factor
+from megalopta.sensor.spad.presets import TABLE_2_1
+
+MODELS = [
+    model
+    for model in vars(sensor_package).values()
+    if isinstance(model, type) and issubclass(model, BaseModel)
+]
+
+
+@pytest.mark.parametrize("model", MODELS, ids=lambda model: model.__name__)
+def test_every_parameter_is_documented(model):
+    assert [name for name, field in model.model_fields.items() if not field.description] == []
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_preset_survives_json(name):
+    sensor = preset(name)
+    assert sensor.name == name
+    assert sensor.source
+    assert Sensor.model_validate_json(sensor.model_dump_json()) == sensor
+
+
+def test_spadcam_follows_its_device_sheet():
+    sensor = preset("spadcam")
+    assert sensor.active_area_m2 == pytest.approx(360e-12)
+    assert sensor.pixel_area_m2 == pytest.approx(3600e-12)
+    assert sensor.dead_time.kind == "paralyzable"
+    # below 1 % in every pixel at every bias, as far as it was measured and beyond
+    at_high_bias = changed(sensor.bias, excess_v=3.0)
+    assert max(sensor.efficiency.values) * efficiency_factor(at_high_bias, 0.0) < 0.01
+    # all pixels of a row count at 13.40 V, the lowest bias measured
+    assert sensor.bias.onset_v <= 1.0 - 3 * sensor.bias.breakdown_sigma_v
+    peak = sensor.efficiency.wavelengths_nm[int(np.argmax(sensor.efficiency.values))]
+    assert peak == 450
+
+
+def test_ideal_sensor_differs_from_spadcam_only_as_a_device():
+    ideal, spadcam = preset("ideal"), preset("spadcam")
+    for shared in ("pitch_m", "exposure_s", "lens"):
+        assert getattr(ideal, shared) == getattr(spadcam, shared)
+
+
+@pytest.mark.parametrize("name", TABLE_2_1)
+def test_devices_of_the_literature_have_the_printed_figures(name):
+    sensor, device = preset(name), TABLE_2_1[name]
+    area_um2 = sensor.active_area_m2 / 1e-12
+    assert area_um2 == pytest.approx(device.active_area_um2)
+    density = sensor.dark_counts.bulk_mean_hz_um2
+    assert density * area_um2 == pytest.approx(device.dark_counts_hz)
+    assert density == pytest.approx(device.density_hz_um2, rel=0.025)  # printed with two digits
+    assert max(sensor.efficiency.values) == device.peak_efficiency
+    assert sensor.bias.excess_v == device.excess_bias_v
+
+
+def test_spadcam_counts_as_its_device_sheet_says():
+    sensor = preset("spadcam")
+    assert sensor.counter_capacity == 320
+    assert sensor.counter.leak_v_s == 7.2e-3
+    assert sensor.bias.breakdown_sigma_v == 0.042
+
+
+@pytest.mark.parametrize("name", ["kodak", ["spadcam"]])
+def test_unknown_preset_is_refused_with_the_known_ones(name):
+    with pytest.raises(ValueError, match=r"no such preset; choose from ideal, spadcam"):
+        preset(name)
+
+
+def test_gate_that_never_opens_is_refused():
+    late = {"period_s": 1.0, "width_s": 0.1, "phase_s": 0.5}
+    with pytest.raises(ValueError, match=r"gate: it does not open in an exposure_s of 0\.1; lower"):
+        changed(preset("ideal"), gate=late)
+    assert changed(preset("ideal"), gate=late, exposure_s=0.6).gate.phase_s == 0.5
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("exposure_s", -1),
+        ("exposure_s", 0),
+        ("pitch_m", float("inf")),
+        ("fill_factor", 1.01),
+        ("counter", {"capacity": 0}),
+        ("counter", {"capacity": 2**32}),
+        ("counter_capacity", 255),
+        ("name", ""),
+        ("exposure", 1),
+    ],
+)
+def test_impossible_or_unknown_parameter_is_refused_by_name(field, value):
+    with pytest.raises(ValueError, match=field):
+        changed(preset("ideal"), **{field: value})

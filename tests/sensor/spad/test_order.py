@@ -1,0 +1,131 @@
+import numpy as np
+import pytest
+
+from megalopta.sensor import (
+    ORDER_OF_EFFECTS,
+    Afterpulsing,
+    Crosstalk,
+    Gate,
+    Jitter,
+    MapFile,
+    MeasuredMaps,
+    Sensor,
+    Temperature,
+    changed,
+    detection_rate,
+    expose,
+    preset,
+    without,
+)
+from megalopta.sensor.effects import bias, temperature
+from megalopta.sensor.spad import exposure
+from megalopta.sensor.spad import fixed_pattern as device
+from megalopta.sensor.spad.order import active_effects
+
+NO_EFFECT = {"kind", "name", "source", "pitch_m", "fill_factor", "exposure_s", "device_seed"}
+SHAPE = (10, 10)
+BANDS = [(440.0, 460.0)]
+FIELDS = [effect.field for effect in ORDER_OF_EFFECTS]
+
+
+@pytest.fixture(scope="module")
+def all_on(tmp_path_factory):
+    folder, rng = tmp_path_factory.mktemp("maps"), np.random.default_rng(0)
+    maps = {
+        "dark_counts": rng.uniform(0, 500, SHAPE),
+        "efficiency": rng.uniform(0.8, 1.2, SHAPE),
+        "breakdown": rng.normal(0, 0.04, SHAPE),
+    }
+    for name, values in maps.items():
+        np.save(folder / f"{name}.npy", values)
+    files = {name: MapFile(path=str(folder / f"{name}.npy")) for name in maps}
+    return changed(
+        preset("spadcam"),
+        afterpulsing=Afterpulsing(mean_carriers=0.1),
+        crosstalk=Crosstalk(probability=0.1),
+        gate=Gate(period_s=1e-2, width_s=5e-3),
+        jitter=Jitter(sigma_s=1e-10),
+        temperature=Temperature(celsius=0.0),
+        measured=MeasuredMaps(**files),
+    )
+
+
+def test_list_names_every_effect_of_a_sensor_once():
+    assert len(set(FIELDS)) == len(FIELDS)
+    assert set(FIELDS) == set(Sensor.model_fields) - NO_EFFECT
+
+
+@pytest.mark.parametrize("field", FIELDS[1:])
+def test_every_effect_can_be_switched_off_alone(all_on, field):
+    assert active_effects(all_on) == tuple(FIELDS)
+    others = tuple(name for name in FIELDS if name != field)
+    assert active_effects(without(all_on, field)) == others
+
+
+@pytest.mark.parametrize("field", FIELDS)
+def test_sensor_runs_with_any_effect_off_and_counts_scatter_about_their_mean(all_on, field):
+    sensor = without(all_on, field)
+    radiance = np.full((30, *SHAPE, 1), 1e-9)
+    radiance *= 500 / detection_rate(radiance, BANDS, sensor).mean()
+    exposed = expose(radiance, BANDS, sensor, seed=0, sequence="s")
+    means = exposed.expected.mean()
+    # 3000 counts; the mean of simulated laws is good to 0.5 %, the rest is 5 standard errors
+    error = exposed.counts.std() / np.sqrt(exposed.counts.size)
+    assert abs(exposed.counts.mean() - means) < 0.005 * means + 5 * error
+
+
+def test_without_efficiency_every_photon_on_the_active_area_is_detected(all_on):
+    sensor = without(all_on, "efficiency")
+    rate = detection_rate(np.full((1, *SHAPE, 1), 1e-9), BANDS, sensor)
+    photons = exposure.photon_rate(np.full((1, *SHAPE, 1), 1e-9), BANDS, sensor)
+    np.testing.assert_allclose(rate, photons * sensor.fill_factor, rtol=1e-12)
+
+
+def test_without_dark_counts_measured_ones_are_off_too(all_on):
+    assert not device.fabricate(without(all_on, "dark_counts"), SHAPE).dark_counts_hz.any()
+
+
+@pytest.mark.parametrize("is_measured", [True, False])
+def test_list_is_in_the_order_in_which_the_code_acts(all_on, is_measured, monkeypatch):
+    seen = []
+
+    def trace(module, name, field):
+        original = getattr(module, name)
+
+        def traced(*arguments, **options):
+            seen.append(field)
+            return original(*arguments, **options)
+
+        monkeypatch.setattr(module, name, traced)
+
+    trace(exposure, "image_irradiance", "lens")
+    trace(exposure, "band_efficiency", "efficiency")
+    trace(device, "dark_count_rate", "dark_counts")
+    trace(bias, "dark_count_factor", "bias")
+    trace(temperature, "dark_count_factor", "temperature")
+    trace(exposure, "draw_counts", "gate")
+    trace(exposure, "read_analog", "counter")
+    load = device.load_map
+    monkeypatch.setattr(
+        device,
+        "load_map",
+        lambda file, shape, field, **rest: (
+            seen.append("measured") if field == "measured.dark_counts" else None,
+            load(file, shape, field, **rest),
+        )[1],
+    )
+    sensor = changed(all_on if is_measured else without(all_on, "measured"), device_seed=77)
+    expose(np.full((1, *SHAPE, 1), 1e-9), BANDS, sensor, seed=0, sequence="s", threads=1)
+    first = list(dict.fromkeys(seen))
+    assert len(first) == 7
+    assert first == sorted(first, key=FIELDS.index)
+
+
+@pytest.mark.parametrize("name", ["ideal", "gersbach-130nm-5v"])
+def test_what_has_no_influence_is_not_on(name):
+    assert set(active_effects(preset(name))) <= {"lens", "efficiency", "dark_counts"}
+
+
+def test_unknown_effect_is_refused_with_the_known_ones():
+    with pytest.raises(ValueError, match="'noise': no such effect; choose from lens, efficiency"):
+        without(preset("spadcam"), "noise")
