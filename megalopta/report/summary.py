@@ -198,7 +198,7 @@ def _most(needs: Mapping[str, Threshold]) -> list[str]:
     above = [name for name, need in needs.items() if need.kind == "above"]
     if above:
         limit = format_flux(min(needs[name].range_max for name in above))
-        return [f"{_named(above)} more than {limit}"]
+        return [f"{_named(above)} more than {limit} photons per frame"]
     crossing = {name: need for name, need in needs.items() if need.flux}
     if len(crossing) < 2:
         return []

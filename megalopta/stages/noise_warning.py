@@ -8,6 +8,7 @@ the detail. In bright light no rendering is as clean as the photons are.
 Compared are variances of a pixel's reading, averaged over the image: that of the rendering, from
 the covariance of the bands' noise and what the sensor makes of each band, that of Poisson arrivals,
 light and dark counts together, and half the mean square that neighbors differ by without noise.
+Bright parts count most in such averages; how noisy the typical pixel is, the scene record says.
 """
 
 import math

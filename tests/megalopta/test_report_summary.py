@@ -189,7 +189,9 @@ def test_who_needs_more_or_fewer_than_was_tried_is_named():
     above["thresholds"] = {"N_2b": Threshold("above", 0.25, 1e3, 1e12).to_dict()}
     below["thresholds"] = {"N_2b": Threshold("below", 0.25, 1e3, 1e12).to_dict()}
     told = finding(curve("NDS", 60, 1.0e6), above, below)
-    assert "BM needs fewer than 1.00k photons per frame, and EMD needs more than 1.00T" in told
+    assert (
+        "BM needs fewer than 1.00k photons per frame, and EMD needs more than 1.00T photons" in told
+    )
 
 
 def test_without_any_threshold_there_is_no_need_to_tell():
