@@ -19,7 +19,7 @@ from megalopta.scenes.trajectories.steady import Trajectory
 from megalopta.scenes.world.motion import Drift, RigidMotion, Tour
 from megalopta.scenes.world.scene import Asset, Lighting, Material, Placement, Scene
 
-from .conftest import quad, sphere_cap
+from ..conftest import quad, sphere_cap
 
 CAMERA = PerspectiveCamera(width=120, height=90, fov_deg=70)
 SETTINGS = RenderSettings(samples_per_pixel=1, bands_nm=((500, 600),))

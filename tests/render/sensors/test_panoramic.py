@@ -15,8 +15,8 @@ from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory
 from megalopta.scenes.world.scene import Asset, Lighting, Material, Placement, Scene
 
-from .conftest import glowing_room, placed
-from .truth.test_tracer import plane_distance, sphere_cap, sphere_distance
+from ..conftest import glowing_room, placed
+from ..truth.test_tracer import plane_distance, sphere_cap, sphere_distance
 
 SPHERE = EquirectangularCamera(width=144, height=72)
 CYLINDER = CylindricalCamera(width=144, height=60, lower_deg=-50, upper_deg=45)

@@ -13,7 +13,7 @@ from megalopta.scenes.stimuli.grating import Grating, build_grating
 from megalopta.scenes.trajectories.steady import Trajectory
 from megalopta.scenes.world.scene import Asset, Emission, Material, Placement, Scene
 
-from .conftest import quad
+from ..conftest import quad
 
 CAMERA = PerspectiveCamera(width=96, height=72, fov_deg=60)
 SETTINGS = RenderSettings(samples_per_pixel=256, bands_nm=((500, 600),), max_depth=2)

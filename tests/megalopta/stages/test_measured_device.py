@@ -18,9 +18,9 @@ from megalopta.errors import UserError
 from megalopta.sensor import read_counts
 from megalopta.stages.pipeline import run_all, run_stage
 
-from .conftest import TINY
+from ..conftest import TINY
 
-EXAMPLE = Path(__file__).parents[2] / "docs/example_device"
+EXAMPLE = Path(__file__).parents[3] / "docs/example_device"
 SHAPE = (40, 48)
 
 

@@ -13,7 +13,7 @@ from megalopta.report.write import write_report
 from megalopta.scenes.cameras.panoramic import CylindricalCamera
 from megalopta.stages.pipeline import run_all, run_stage
 
-from .conftest import TINY
+from ..conftest import TINY
 
 PANORAMA = {
     "camera.kind": "cylindrical",

@@ -12,7 +12,7 @@ from megalopta.scenes.trajectories.steady import Trajectory
 from megalopta.scenes.world.motion import Drift, RigidMotion
 from megalopta.scenes.world.scene import Asset, Emission, Material, Placement, Scene
 
-from .conftest import quad
+from ..conftest import quad
 
 CAMERA = PerspectiveCamera(width=80, height=60, fov_deg=60)
 SETTINGS = RenderSettings(samples_per_pixel=64, bands_nm=((500, 600),), max_depth=1)

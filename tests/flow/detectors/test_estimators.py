@@ -19,7 +19,7 @@ from megalopta.flow.detectors.phase_correlation import PhaseCorrelation
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.detectors.total_variation import TotalVariation
 
-from .textures import drifting_texture
+from ..textures import drifting_texture
 
 ESTIMATORS = ("LK", "FB", "DIS", "TV-L1", "PC")
 DENSE = ("FB", "DIS", "TV-L1")

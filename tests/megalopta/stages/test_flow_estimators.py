@@ -13,7 +13,7 @@ from megalopta.report.write import write_report
 from megalopta.scenes.trajectories.steady import Trajectory
 from megalopta.stages.pipeline import run_stage
 
-from .conftest import TINY
+from ..conftest import TINY
 
 CAMERA = {
     "camera.width": "60",

@@ -4,7 +4,7 @@ import pytest
 from megalopta.assets_gen.ground.rocks import grow_rock
 from megalopta.assets_gen.plants.logs import grow_log
 
-from .conftest import welded
+from ..conftest import welded
 
 SEEDS = range(6)
 

@@ -11,7 +11,7 @@ from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory
 from megalopta.scenes.world.scene import Asset, Emission, Material, Placement, Scene
 
-from .conftest import quad
+from ..conftest import quad
 
 BANDS = ((400.0, 450.0), (450.0, 600.0), (600.0, 700.0), (900.0, 1000.0))
 CAMERA = PerspectiveCamera(width=48, height=36, fov_deg=60)
