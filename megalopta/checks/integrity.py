@@ -7,9 +7,10 @@ from pathlib import Path
 import zarr
 from rich.console import Console
 
-from megalopta.dataset import STAGES, Dataset, file_hash, files_in, whole_of
+from megalopta.dataset import Dataset, file_hash, files_in, whole_of
 from megalopta.progress import progress
 from megalopta.render import read_size
+from megalopta.stages import STAGES, Ledger
 
 _OWN = ("dataset.yaml", "manifest.jsonl", "timings.json", "report.html")
 
@@ -41,8 +42,8 @@ def run_check_files(dataset: Dataset, console: Console | None = None) -> bool:
             f"{fault.path}: {fault.what}; {fault.remedy}", markup=False, highlight=False,
             soft_wrap=True,
         )  # fmt: skip
-    finished = [stage for stage in STAGES if dataset.entry(stage)]
-    entries = (dataset.entry(stage) or {} for stage in finished)
+    finished = [stage for stage in STAGES if Ledger(dataset).entry(stage)]
+    entries = (Ledger(dataset).entry(stage) or {} for stage in finished)
     total = sum(len(entry["files"]) for entry in entries)
     console.print(
         f"{total} files of {', '.join(finished) or 'no finished stage'}: "
@@ -59,9 +60,9 @@ def check_files(dataset: Dataset) -> list[Fault]:
     known: set[Path] = set()
     faults: dict[Path, Fault] = {}
     for stage in STAGES:
-        entry = dataset.entry(stage)
+        entry = Ledger(dataset).entry(stage)
         if entry is None:
-            known.update(files_in(dataset.stage_folders(stage)))
+            known.update(files_in(Ledger(dataset).outputs(stage)))
             continue
         hashes = {dataset.root / name: digest for name, (_, digest) in entry["files"].items()}
         known.update(hashes)

@@ -24,6 +24,7 @@ from megalopta.errors import UserError
 from megalopta.progress import progress
 from megalopta.render import Truth, read_radiance, read_truth, read_truth_header
 from megalopta.scenes.world import Motion
+from megalopta.stages import Ledger
 
 LARGEST_MEDIAN_PX = 1e-3
 LARGEST_SHIFT_PX = 0.3
@@ -81,7 +82,7 @@ def run_check_truth(dataset: Dataset, console: Console | None = None) -> bool:
 
 def check_truth(dataset: Dataset) -> list[Residual]:
     """Compare all frames of a dataset; needs a finished render stage."""
-    dataset.require("render")
+    Ledger(dataset).require("render")
     motions = _motions(dataset)
     kept: dict[str, list[NDArray[np.float64]]] = {}
     frames = dataset.configuration.trajectory.frames

@@ -16,14 +16,13 @@ from pydantic import BaseModel
 
 from megalopta import __version__
 from megalopta.cli.overrides import settings_help, split_overrides
-from megalopta.config import Configuration, announce_sweep, built_in_names, load, parse, to_yaml
-from megalopta.dataset import open_dataset_whole
+from megalopta.config import Configuration, built_in_names, load, parse, to_yaml
 from megalopta.errors import UserError, machine_problem
 from megalopta.experiments import Sweep, load_sweep
 from megalopta.info import describe
 from megalopta.progress import say, working
 from megalopta.report import write_report
-from megalopta.stages import STAGES, run_all, run_stage
+from megalopta.stages import STAGES, announce_sweep, open_dataset_whole, run_all, run_stage
 
 _DEMO = "do everything: render, sense, flow, bench and a report to open in a browser"
 _OWN_OPTIONS = (

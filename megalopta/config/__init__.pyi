@@ -7,14 +7,11 @@ from .configuration import (
     load,
     parse,
 )
-from .estimate import announce, announce_sweep, refuse_absurd
 from .yaml_model import mapping, put, read_text, to_yaml, validated
 
 __all__ = [
     "Configuration",
     "LightLevel",
-    "announce",
-    "announce_sweep",
     "built_in_names",
     "differences",
     "level_text",
@@ -23,7 +20,6 @@ __all__ = [
     "parse",
     "put",
     "read_text",
-    "refuse_absurd",
     "to_yaml",
     "validated",
 ]

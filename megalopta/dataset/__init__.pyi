@@ -1,34 +1,28 @@
 from . import sintel
 from .frames import read_radiance_frame, read_radiance_frames, read_truth_frame, read_truth_frames
-from .redo import begin_redo, complete_redo, discard, open_dataset_whole, publish
 from .rendering_noise import ATTRIBUTE, noise_record
 from .store import (
-    STAGES,
+    REDO_FOLDER,
     Dataset,
-    begin_stages,
     existing,
     exposure_name,
     file_hash,
     files_in,
+    open_dataset,
     whole_of,
     write_configuration,
 )
 
 __all__ = [
     "ATTRIBUTE",
-    "STAGES",
+    "REDO_FOLDER",
     "Dataset",
-    "begin_redo",
-    "begin_stages",
-    "complete_redo",
-    "discard",
     "existing",
     "exposure_name",
     "file_hash",
     "files_in",
     "noise_record",
-    "open_dataset_whole",
-    "publish",
+    "open_dataset",
     "read_radiance_frame",
     "read_radiance_frames",
     "read_truth_frame",

@@ -1,23 +1,20 @@
 """The dataset on disk: one folder, MPI-Sintel's tree with what Sintel lacks beside it.
 
-    dataset.yaml                 the whole configuration and the version that made it
-    manifest.jsonl               one line per finished stage of a sequence, with file hashes
-    timings.json                 seconds each stage took
-    training/clean|final/SEQ/    tone-mapped radiance | counts, PNG
-    training/flow|occlusions|invalid|depth|camdata_left/SEQ/
-    radiance|truth/SEQ/          EXR, every frame at its instant
-    radiance_shutter/SEQ/        EXR, the same frames blurred and rolling, where a shutter is set
-    truth_shutter/SEQ/           EXR, truth of every row at its own time, where rows are read out
-    counts/SEQ/SENSOR-LEVEL.zarr
-    results/SEQ/                 detector responses, errors, photon benchmark
-
-A stage begins by agreeing with the configuration of everything that is already there; where they
-differ it is refused with the differences, unless the user asks to redo it (`redo`).
+dataset.yaml                 the whole configuration and the version that made it
+manifest.jsonl               one line per finished stage of a sequence, with file hashes
+timings.json                 seconds each stage took
+training/clean|final/SEQ/    tone-mapped radiance | counts, PNG
+training/flow|occlusions|invalid|depth|camdata_left/SEQ/
+radiance|truth/SEQ/          EXR, every frame at its instant
+radiance_shutter/SEQ/        EXR, the same frames blurred and rolling, where a shutter is set
+truth_shutter/SEQ/           EXR, truth of every row at its own time, where rows are read out
+counts/SEQ/SENSOR-LEVEL.zarr
+results/SEQ/                 detector responses, errors, photon benchmark
 """
 
 import hashlib
 import json
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,36 +23,10 @@ import yaml
 from pydantic import ValidationError
 
 from megalopta import __version__, files
-from megalopta.config import Configuration, LightLevel, differences, level_text, to_yaml
+from megalopta.config import Configuration, LightLevel, level_text, to_yaml
 from megalopta.errors import UserError, one_sentence
 from megalopta.folders import LOCK_NAME
 from megalopta.sensor import ImageSensor
-
-# Which parts of the configuration a stage's output depends on, beside those of the stages before
-# it.
-STAGE_FIELDS: Mapping[str, tuple[str, ...]] = {
-    "render": (
-        "name",
-        "seed",
-        "scene",
-        "objects",
-        "light",
-        "camera",
-        "trajectory",
-        "shutter",
-        "render",
-    ),
-    "sense": ("light_levels", "sensors"),
-    "flow": ("methods",),
-    "bench": ("methods", "benchmark"),
-}
-STAGE_NEEDS: Mapping[str, tuple[str, ...]] = {
-    "render": (),
-    "sense": ("render",),
-    "flow": ("render", "sense"),
-    "bench": ("render",),
-}
-STAGES = tuple(STAGE_FIELDS)
 
 LICENSE = "CC0-1.0"
 REDO_FOLDER = ".redo"
@@ -129,125 +100,6 @@ class Dataset:
         """A file of the measurements."""
         return self.root / "results" / self.sequence / name
 
-    def stage_folders(self, stage: str) -> list[Path]:
-        """Folders and files that a stage writes."""
-        training = [
-            self.root / "training" / kind / self.sequence
-            for kind in ("clean", "flow", "occlusions", "invalid", "depth", "camdata_left")
-        ]
-        return {
-            "render": [
-                *training,
-                *(
-                    self.root / kind / self.sequence
-                    for kind in ("radiance", "truth", "radiance_shutter", "truth_shutter")
-                ),
-            ],
-            "sense": [
-                self.root / "counts" / self.sequence,
-                self.root / "training/final" / self.sequence,
-            ],
-            "flow": [self.result("flow.json"), self.result("responses")],
-            "bench": [
-                self.result(name) for name in ("benchmark.json", "benchmark.csv", "benchmark-parts")
-            ],
-        }[stage]
-
-    def has(self, stage: str) -> bool:
-        """Whether any output of a stage exists, finished or not."""
-        return any(path.exists() for path in self.stage_folders(stage))
-
-    def is_finished(self, stage: str) -> bool:
-        """Whether a stage was finished with this configuration and its files are there."""
-        line = self.entry(stage)
-        return line is not None and not self.damaged(line)
-
-    def entry(self, stage: str) -> dict[str, Any] | None:
-        """Line of the manifest on a stage finished with this configuration."""
-        wanted = (stage, self.sequence, stage_hash(self.configuration, stage))
-        keys = ("stage", "sequence", "configuration")
-        lines = (line for line in self.manifest() if tuple(map(line.get, keys)) == wanted)
-        return next(lines, None)
-
-    def damaged(self, line: Mapping[str, Any]) -> list[Path]:
-        """Files of a line of the manifest that are missing or have another size."""
-        sizes = {self.root / name: size for name, (size, _) in line["files"].items()}
-        return [path for path, size in sizes.items() if _size(path) != size]
-
-    def require(self, stage: str) -> None:
-        """Refuse to go on when a stage is not finished with this configuration, or damaged."""
-        line = self.entry(stage)
-        damaged = self.damaged(line) if line else []
-        if line and not damaged:
-            return
-        target = f"{self.home} --out {self.home}" if stage == "render" else self.home
-        what = (
-            f"{damaged[0]} is missing or damaged"
-            if damaged
-            else f"{self.home}: stage {stage!r} is not finished with this configuration"
-        )
-        raise UserError(f"{what}; run first: megalopta {stage} {target}")
-
-    def manifest(self) -> list[dict[str, Any]]:
-        """Lines of the manifest: sequence, stage, configuration hash, file hashes."""
-        path = self.root / "manifest.jsonl"
-        lines = path.read_text("utf-8").splitlines() if path.exists() else []
-        try:
-            found = [dict(json.loads(line)) for line in lines if line]
-            for line in found:
-                _check_line(line)
-        except (ValueError, TypeError, KeyError, AttributeError):
-            raise UserError(f"{path} is damaged; restore it, or render into a new folder") from None
-        return found
-
-    def timings(self) -> dict[str, float]:
-        """Seconds spent on each stage, interrupted runs included."""
-        path = self.root / "timings.json"
-        try:
-            found = dict(json.loads(path.read_text("utf-8"))) if path.exists() else {}
-            return {str(stage): float(seconds) for stage, seconds in found.items()}
-        except (ValueError, TypeError):
-            raise UserError(f"{path} is damaged; remove it, it holds nothing but times") from None
-
-    def add_time(self, stage: str, seconds: float) -> None:
-        """Add to the time spent on a stage."""
-        total = self.timings().get(stage, 0.0) + seconds
-        self._write_timings({**self.timings(), stage: round(total, 3)})
-
-    def _write_timings(self, timings: Mapping[str, float]) -> None:
-        files.write_json(self.root / "timings.json", timings)
-
-    def finish(self, stage: str) -> None:
-        """Enter a finished stage, with the hashes of its files, into the manifest."""
-        line = {
-            "sequence": self.sequence,
-            "stage": stage,
-            "configuration": stage_hash(self.configuration, stage),
-            "version": __version__,
-            "files": {
-                str(path.relative_to(self.root)): (path.stat().st_size, file_hash(path))
-                for path in sorted(files_in(self.stage_folders(stage)))
-            },
-        }
-        lines: list[Mapping[str, Any]] = [*self._manifest_without(stage), line]
-        self._write_manifest(sorted(lines, key=lambda each: STAGES.index(each["stage"])))
-
-    def forget(self, *stages: str) -> None:
-        """Remove the output of stages and of every stage that needs them."""
-        for stage in with_dependents(stages):
-            self._write_manifest(self._manifest_without(stage))
-            self._write_timings({name: t for name, t in self.timings().items() if name != stage})
-            for path in (*self.stage_folders(stage), self.root / "report.html"):
-                files.remove(path)
-
-    def _manifest_without(self, stage: str) -> list[dict[str, Any]]:
-        mine = (stage, self.sequence)
-        return [line for line in self.manifest() if (line["stage"], line["sequence"]) != mine]
-
-    def _write_manifest(self, lines: Iterable[Mapping[str, Any]]) -> None:
-        text = "".join(json.dumps(line) + "\n" for line in lines)
-        files.write_text(self.root / "manifest.jsonl", text)
-
 
 def open_dataset(root: Path) -> Dataset:
     """Open an existing dataset with the configuration it was made from. Raises UserError."""
@@ -263,43 +115,6 @@ def open_dataset(root: Path) -> Dataset:
         raise UserError(f"{path} is damaged; render into a new folder") from None
 
 
-def begin_stages(
-    root: Path, configuration: Configuration, stages: Sequence[str], redo: bool = False
-) -> tuple[Dataset, list[str]]:
-    """The dataset as it is, and the stages to make again, or a refusal.
-
-    Everything already there must come from the same configuration, and the stages that these need
-    must be finished. With `redo`, these stages and whatever disagrees is to be made again, and what
-    depends on them goes. Nothing is changed here.
-    """
-    new = Dataset(root, configuration)
-    old = existing(root) or new
-    stale = [
-        other
-        for other in STAGES
-        if old.has(other)
-        and stage_configuration(old.configuration, other)
-        != stage_configuration(configuration, other)
-    ]
-    changes = _changes(old, new, stale)
-    if stale and not redo:
-        raise UserError(
-            f"{root} holds {' and '.join(stale)} output of another configuration "
-            f"({changes}); choose another folder, or add --redo to replace it"
-        )
-    again = [stage for stage in stages if redo and old.has(stage)]
-    doomed = with_dependents([*stale, *again])
-    needs = {need for stage in stages for need in STAGE_NEEDS[stage]}
-    for needed in [stage for stage in STAGES if stage in needs.difference(stages)]:
-        if needed in doomed:
-            raise UserError(
-                f"{root}: --redo of {stages[0]!r} alone would remove the {needed!r} output, which "
-                f"disagrees ({changes}); run with --redo first: megalopta {needed}"
-            )
-        new.require(needed)
-    return old, doomed
-
-
 def existing(root: Path) -> Dataset | None:
     """The dataset in a folder, None where nothing is. Raises UserError for something else."""
     if (root / "dataset.yaml").exists():
@@ -309,45 +124,9 @@ def existing(root: Path) -> Dataset | None:
     return None
 
 
-def with_dependents(stages: Collection[str]) -> list[str]:
-    """Stages and all that need one of them, in order."""
-    doomed: set[str] = set()
-    for stage in STAGES:
-        if stage in stages or doomed.intersection(STAGE_NEEDS[stage]):
-            doomed.add(stage)
-    return [stage for stage in STAGES if stage in doomed]
-
-
-def _changes(old: Dataset, new: Dataset, stages: Sequence[str]) -> str:
-    changes = differences(_union(old.configuration, stages), _union(new.configuration, stages))
-    more = f" and {len(changes) - 3} more" if len(changes) > 3 else ""
-    return "; ".join(changes[:3]) + more
-
-
 def exposure_name(sensor: ImageSensor, level: LightLevel) -> str:
     """Name of the counts of one sensor at one light level, such as "spadcam-starlight"."""
     return f"{sensor.name}-{level_text(level)}"
-
-
-def stage_configuration(configuration: Configuration, stage: str) -> dict[str, Any]:
-    """The parts of a configuration that a stage's output depends on."""
-    fields = {field for needed in (*STAGE_NEEDS[stage], stage) for field in STAGE_FIELDS[needed]}
-    # The backend changes the speed, and rendering noise within its statistics, but not the content.
-    return configuration.model_dump(mode="json", include=fields, exclude={"render": {"backend"}})
-
-
-def stage_hash(configuration: Configuration, stage: str) -> str:
-    """Fingerprint of everything a stage's output depends on."""
-    content = json.dumps(stage_configuration(configuration, stage), sort_keys=True)
-    return hashlib.blake2b(content.encode(), digest_size=16).hexdigest()
-
-
-def _union(configuration: Configuration, stages: Sequence[str]) -> dict[str, Any]:
-    return {
-        key: value
-        for stage in stages
-        for key, value in stage_configuration(configuration, stage).items()
-    }
 
 
 def write_configuration(dataset: Dataset) -> None:
@@ -375,19 +154,3 @@ def file_hash(path: Path) -> str:
     """BLAKE2b hash (16 bytes, in hexadecimal) of a file."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
-
-
-def _size(path: Path) -> int | None:
-    return path.stat().st_size if path.is_file() else None
-
-
-def _check_line(line: Mapping[str, Any]) -> None:
-    """Raise where a line of the manifest is not as `finish` writes it."""
-    if not isinstance(line["stage"], str) or line["stage"] not in STAGES:
-        raise ValueError(line["stage"])
-    for name, (size, digest) in line["files"].items():
-        path = Path(name)
-        if not isinstance(size, int) or not isinstance(digest, str):
-            raise TypeError(name)
-        if path.is_absolute() or ".." in path.parts:
-            raise ValueError(name)

@@ -6,27 +6,21 @@ and no stale result is ever used. Any `concurrent.futures` executor does: thread
 release Python's lock), processes, or that of a Dask cluster, `Client.get_executor()`.
 """
 
-import hashlib
 import json
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
-from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 
-from megalopta import files, flow
+from megalopta import files
 from megalopta.errors import UserError
 from megalopta.experiments import trial
 from megalopta.experiments.trial import Array, Template, Trial, measure, template_names
 from megalopta.flow.metrics import ErrorCurve
 from megalopta.flow.stimuli import BlackFrameError
 from megalopta.folders import ensure_directory, locked
+from megalopta.freshness import code_digest, digest
 from megalopta.progress import progress
-from megalopta.sensor.sampling import poisson
-from megalopta.sensor.sampling import streams as randomness
-
-_LIBRARIES = ("numba", "numpy", "opencv-python-headless", "scikit-image", "scipy")
 
 Curves = tuple[ErrorCurve, ...]
 Results = Mapping[Trial, Curves]
@@ -61,14 +55,14 @@ def run_trials(
     ensure_directory(store)
     results: dict[Trial, Curves] = {}
     running: dict[Future[Curves], tuple[Trial, Path]] = {}
-    hashes = {template: _hash(pixels.tobytes()) for template, pixels in templates.items()}
+    hashes = {template: digest(pixels.tobytes()) for template, pixels in templates.items()}
     # the longest first, so that no worker is left alone with one at the end
     for each in sorted(set(trials), key=lambda trial: (-trial.size, trial.model_dump_json())):
         template = hashes[each.template]
-        path = store / f"{_hash(each.model_dump_json(), template, _code())}.json"
+        path = store / f"{digest(each.model_dump_json(), template, _code())}.json"
         stored = _read(path)
         if stored is None:
-            stimulus = _hash(json.dumps(each.stimulus), template)
+            stimulus = digest(json.dumps(each.stimulus), template)
             future = executor.submit(measure, each, templates[each.template], stimulus)
             running[future] = each, path
         else:
@@ -135,21 +129,9 @@ def _work(trial: Trial) -> int:
     return max(1, trial.size**2 // 1000)
 
 
-def _hash(*parts: str | bytes) -> str:
-    digest = hashlib.blake2b(digest_size=16)
-    for part in parts:
-        body = part.encode() if isinstance(part, str) else part
-        digest.update(f"{len(body)}:".encode() + body)
-    return digest.hexdigest()
-
-
-@cache
 def _code() -> str:
     """Return the hash of the code that measures, and of the libraries that it measures with."""
-    versions = [f"{name} {version(name)}" for name in _LIBRARIES]
-    paths = [Path(str(module.__file__)) for module in (flow, trial, poisson, randomness)]
-    sources = (*sorted(paths[0].parent.glob("*.py")), *paths)
-    return _hash(*versions, *(path.read_bytes() for path in sources))
+    return code_digest("megalopta.flow", "megalopta.sensor.sampling", trial.__name__)
 
 
 def _read(path: Path) -> Curves | None:

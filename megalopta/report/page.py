@@ -7,7 +7,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from megalopta import info
 from megalopta.config import to_yaml
-from megalopta.dataset import STAGES, Dataset
+from megalopta.dataset import Dataset
 from megalopta.flow.detectors import METHODS
 from megalopta.report.budget import exposed
 from megalopta.report.detectors import DetectorSection, detector_section
@@ -30,6 +30,7 @@ from megalopta.report.summary import (
 from megalopta.report.svg import series_css
 from megalopta.report.text import duration
 from megalopta.report.verdicts import MEANINGS
+from megalopta.stages import STAGES, Ledger
 
 # Faster than this, or slower, a film cannot be followed.
 _PLAYBACK_HZ = (2.0, 25.0)
@@ -94,7 +95,7 @@ def page(dataset: Dataset) -> str:
         scene_record=record,
         render_noise=render_noise(record),
         timings=_timings(dataset),
-        total_time=duration(sum(dataset.timings().values())),
+        total_time=duration(sum(Ledger(dataset).timings().values())),
     )
 
 
@@ -112,15 +113,15 @@ def _sections(dataset: Dataset, footage: Footage, record: Record) -> Sections:
     motion, light, detectors, needs = motion_section(footage), None, None, None
     findings: list[str | None] = []
     budgets = []
-    if dataset.is_finished("sense"):
+    if Ledger(dataset).is_finished("sense"):
         shown = exposed(dataset, footage, record)
         budgets = [each.budget for each in shown]
         light = light_section(dataset.configuration.sensors, footage, shown)
         findings += [light_finding(budgets), *dark_findings(budgets)]
-    if dataset.is_finished("flow"):
+    if Ledger(dataset).is_finished("flow"):
         detectors = detector_section(dataset, footage, motion.wheel, read_records(dataset))
         findings += motion_findings(detectors)
-    if dataset.is_finished("bench"):
+    if Ledger(dataset).is_finished("bench"):
         benchmark = read_benchmark(dataset)
         needs = need_section(benchmark, budgets)
         findings.append(need_finding(benchmark))
@@ -159,7 +160,7 @@ def _columns(items: int, most: int) -> int:
 
 
 def _timings(dataset: Dataset) -> list[Timing]:
-    timings = dataset.timings()
+    timings = Ledger(dataset).timings()
     longest = max(timings.values(), default=0) or 1
     return [
         Timing(stage, duration(timings[stage]), round(100 * timings[stage] / longest, 1))

@@ -5,6 +5,7 @@ from pathlib import Path
 from megalopta import files
 from megalopta.dataset import Dataset
 from megalopta.report.page import page
+from megalopta.stages import Ledger
 
 
 def write_report(dataset: Dataset) -> Path:
@@ -15,7 +16,7 @@ def write_report(dataset: Dataset) -> Path:
     UserError
         When nothing was rendered yet, or a file cannot be read.
     """
-    dataset.require("render")
+    Ledger(dataset).require("render")
     path = dataset.root / "report.html"
     files.write_text(path, page(dataset))
     return path

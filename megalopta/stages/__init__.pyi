@@ -1,14 +1,21 @@
+from .estimate import announce_sweep
 from .flow import responses_path
+from .ledger import Ledger
 from .noise_warning import variances
-from .pipeline import STAGES, run_all, run_stage
+from .pipeline import run_all, run_stage
+from .redo import open_dataset_whole
+from .registry import STAGES
 from .render import build
 from .sense import exposures, light_scale, read_exposure
 
 __all__ = [
     "STAGES",
+    "Ledger",
+    "announce_sweep",
     "build",
     "exposures",
     "light_scale",
+    "open_dataset_whole",
     "read_exposure",
     "responses_path",
     "run_all",

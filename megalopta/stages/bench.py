@@ -7,7 +7,7 @@ import csv
 import io
 from collections.abc import Callable
 from dataclasses import fields
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from zipfile import BadZipFile
 
@@ -15,12 +15,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta import files
+from megalopta.config import Configuration
 from megalopta.dataset import Dataset, read_radiance_frames
-from megalopta.flow.benchmark import BenchmarkResult, photon_benchmark, work_units
+from megalopta.flow.benchmark import (
+    BenchmarkResult,
+    checked_warm_up,
+    photon_benchmark,
+    work_units,
+)
 from megalopta.flow.detectors import METHODS
 from megalopta.flow.metrics import ErrorSums
+from megalopta.freshness import code_digest
 from megalopta.progress import progress, say
 from megalopta.sensor import PRESETS, photon_rate
+from megalopta.stages.stage import Stage
+
+_PARTS = "benchmark-parts"
 
 
 def bench(dataset: Dataset) -> None:
@@ -36,11 +46,11 @@ def bench(dataset: Dataset) -> None:
             settings.seed,
             dataset.sequence,
             advance,
-            partial(_part, dataset.result("benchmark-parts")),
+            partial(_part, dataset.result(_PARTS) / _model()),
         )
     files.write_json(dataset.result("benchmark.json"), result.to_dict())
     files.write_text(dataset.result("benchmark.csv"), _table(result))
-    files.remove(dataset.result("benchmark-parts"))
+    files.remove(dataset.result(_PARTS))
     _say_thresholds(result)
 
 
@@ -101,3 +111,30 @@ def _table(result: BenchmarkResult) -> str:
                 [curve.method, *curve.shape, curve.metric, *(f"{value:.6g}" for value in row)]
             )
     return text.getvalue()
+
+
+@cache
+def _model() -> str:
+    return code_digest("megalopta.flow", "megalopta.sensor.sampling", __name__)
+
+
+def _outputs(dataset: Dataset) -> list[Path]:
+    return [dataset.result(name) for name in ("benchmark.json", "benchmark.csv", _PARTS)]
+
+
+def _check(settings: Configuration) -> None:
+    shape = settings.trajectory.frames, settings.camera.height, settings.camera.width
+    checked_warm_up(shape, [METHODS[name] for name in settings.methods], settings.benchmark)
+
+
+STAGE = Stage(
+    name="bench",
+    purpose="find the photons per frame that each detector needs (N_2b)",
+    fields=("methods", "benchmark"),
+    needs=("render",),
+    outputs=_outputs,
+    work=bench,
+    model=_model,
+    is_derived=True,
+    check=_check,
+)

@@ -8,6 +8,7 @@ those that tell directions give the camera's yaw rate.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from functools import cache
 from pathlib import Path
 from typing import Any, cast
 
@@ -16,7 +17,7 @@ import zarr
 from numpy.typing import NDArray
 
 from megalopta import files
-from megalopta.config import LightLevel
+from megalopta.config import Configuration, LightLevel
 from megalopta.dataset import Dataset, exposure_name, read_truth_frames
 from megalopta.errors import UserError
 from megalopta.flow.benchmark import default_warm_up
@@ -31,9 +32,11 @@ from megalopta.flow.metrics import (
     truth_error,
     truth_splits,
 )
+from megalopta.freshness import code_digest
 from megalopta.progress import progress
 from megalopta.sensor import ImageSensor, StoredCounts
 from megalopta.stages.sense import exposures, read_exposure
+from megalopta.stages.stage import Stage
 
 Record = dict[str, Any]
 
@@ -45,7 +48,7 @@ def measure_flow(dataset: Dataset) -> None:
     is not measured again.
     """
     pairs = exposures(dataset)
-    missing = [pair for pair in pairs if not responses_path(dataset, *pair).exists()]
+    missing = [pair for pair in pairs if not _is_there(responses_path(dataset, *pair))]
     if missing:
         _measure(dataset, missing)
     records = [each for pair in pairs for each in _stored_records(responses_path(dataset, *pair))]
@@ -141,10 +144,21 @@ def _write_responses(
 ) -> None:
     with files.atomic_write(path) as temporary:
         group = zarr.open_group(temporary, mode="w", zarr_format=3)
-        group.attrs["records"] = records
+        group.attrs.update({"model": _model(), "records": list(records)})
         for name, values in responses.items():
             chunks = (min(len(values), 16), *values.shape[1:])
             group.create_array(name, data=values.astype(np.float32), chunks=chunks)
+
+
+def _is_there(path: Path) -> bool:
+    """Whether responses are there; those of other code, of which a kill left some, are removed."""
+    try:
+        is_current = zarr.open_group(path, mode="r").attrs.get("model") == _model()
+    except (OSError, ValueError, KeyError):  # nothing, or damaged
+        is_current = False
+    if not is_current:
+        files.remove(path)
+    return is_current
 
 
 def _stored_records(path: Path) -> list[Record]:
@@ -155,3 +169,33 @@ def _stored_records(path: Path) -> list[Record]:
         raise UserError(
             f"{path} cannot be read ({problem}); remove it and run the command again"
         ) from None
+
+
+@cache
+def _model() -> str:
+    return code_digest("megalopta.flow", __name__)
+
+
+def _check(settings: Configuration) -> None:
+    frames = settings.trajectory.frames
+    for name in settings.methods:
+        METHODS[name].start((settings.camera.height, settings.camera.width))
+        warm_up = default_warm_up(frames, [METHODS[name]])
+        if frames - warm_up < 2:
+            raise ValueError(
+                f"trajectory.frames {frames} leaves fewer than two to score after the {warm_up} "
+                f"in which {name} settles: use at least {warm_up + 2}, or leave it out of methods"
+            )
+
+
+STAGE = Stage(
+    name="flow",
+    purpose="run the motion detectors on the counts and compare with the truth",
+    fields=("methods",),
+    needs=("render", "sense"),
+    outputs=lambda dataset: [dataset.result("flow.json"), dataset.result("responses")],
+    work=measure_flow,
+    model=_model,
+    is_derived=True,
+    check=_check,
+)

@@ -1,95 +1,21 @@
-"""The stages in their order, and how one is run: checked, resumed, timed and recorded."""
+"""How stages are run: checked, resumed, timed and recorded."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 from megalopta import files
-from megalopta.config import Configuration, announce, refuse_absurd
-from megalopta.dataset import (
-    Dataset,
-    begin_redo,
-    begin_stages,
-    complete_redo,
-    discard,
-    existing,
-    publish,
-    whole_of,
-    write_configuration,
-)
+from megalopta.config import Configuration
+from megalopta.dataset import Dataset, existing, whole_of, write_configuration
 from megalopta.errors import UserError
-from megalopta.flow import METHODS
-from megalopta.flow.benchmark import checked_warm_up, default_warm_up
 from megalopta.folders import locked
 from megalopta.progress import say
-from megalopta.render import choose_variant
-from megalopta.stages.bench import bench
-from megalopta.stages.flow import measure_flow
-from megalopta.stages.render import render
-from megalopta.stages.sense import sense
-from megalopta.stages.sense_check import check_sense
-
-
-@dataclass(frozen=True)
-class Stage:
-    """One step from scene to measurement.
-
-    Attributes
-    ----------
-    purpose : str
-        One clause for a person.
-    work : callable
-        Adds to a dataset what of the stage is not there yet.
-    check : callable
-        Refuses, with ValueError, a configuration that the stage cannot serve.
-    """
-
-    purpose: str
-    work: Callable[[Dataset], None]
-    check: Callable[[Configuration], None] = lambda _: None
-
-
-def _check_flow(settings: Configuration) -> None:
-    frames = settings.trajectory.frames
-    for name in settings.methods:
-        METHODS[name].start((settings.camera.height, settings.camera.width))
-        warm_up = default_warm_up(frames, [METHODS[name]])
-        if frames - warm_up < 2:
-            raise ValueError(
-                f"trajectory.frames {frames} leaves fewer than two to score after the {warm_up} "
-                f"in which {name} settles: use at least {warm_up + 2}, or leave it out of methods"
-            )
-
-
-def _check_render(settings: Configuration) -> None:
-    choose_variant(settings.render.backend)
-
-
-def _check_bench(settings: Configuration) -> None:
-    shape = settings.trajectory.frames, settings.camera.height, settings.camera.width
-    checked_warm_up(shape, [METHODS[name] for name in settings.methods], settings.benchmark)
-
-
-STAGES: Mapping[str, Stage] = {
-    "render": Stage(
-        "render a scene to spectral-radiance EXRs with exact ground truth", render, _check_render
-    ),
-    "sense": Stage(
-        "expose every sensor at every light level: photon counts to Zarr", sense, check_sense
-    ),
-    "flow": Stage(
-        "run the motion detectors on the counts and compare with the truth",
-        measure_flow,
-        _check_flow,
-    ),
-    "bench": Stage(
-        "find the photons per frame that each detector needs (N_2b)",
-        bench,
-        _check_bench,
-    ),
-}
+from megalopta.stages.beginning import begin_stages
+from megalopta.stages.estimate import announce, refuse_absurd
+from megalopta.stages.ledger import Ledger
+from megalopta.stages.redo import begin_redo, complete_redo, discard, publish
+from megalopta.stages.registry import STAGES
 
 
 def run_stage(root: Path, configuration: Configuration, name: str, redo: bool = False) -> Dataset:
@@ -150,7 +76,7 @@ def _recorded(dataset: Dataset, names: Sequence[str]) -> Iterator[None]:
     try:
         yield
     except Exception:
-        if not any(dataset.has(name) for name in names):
+        if not any(Ledger(dataset).has(name) for name in names):
             if before is None:
                 files.remove(path)
                 files.remove(dataset.root / "timings.json")
@@ -160,23 +86,24 @@ def _recorded(dataset: Dataset, names: Sequence[str]) -> Iterator[None]:
 
 
 def _bring_to_end(dataset: Dataset, name: str) -> None:
-    if dataset.is_finished(name):
+    ledger = Ledger(dataset)
+    if ledger.is_finished(name):
         say(f"{name}: {dataset.home} has it already")
         return
-    _remove_damaged(dataset, name)
+    _remove_damaged(ledger, name)
     announce(dataset.configuration, name)
     start = time.perf_counter()
     try:
         STAGES[name].work(dataset)
     finally:
-        dataset.add_time(name, time.perf_counter() - start)
-    dataset.finish(name)
+        ledger.add_time(name, time.perf_counter() - start)
+    ledger.finish(name)
 
 
-def _remove_damaged(dataset: Dataset, name: str) -> None:
+def _remove_damaged(ledger: Ledger, name: str) -> None:
     """Remove what a finished stage wrote and somebody changed, so that it is made again."""
-    line = dataset.entry(name)
-    damaged = sorted({whole_of(path) for path in dataset.damaged(line)}) if line else []
+    line = ledger.entry(name)
+    damaged = sorted({whole_of(path) for path in ledger.damaged(line)}) if line else []
     for path in damaged:
         say(f"{name}: {path} is missing or damaged, and is made again")
         files.remove(path)

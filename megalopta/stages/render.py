@@ -13,11 +13,13 @@ from megalopta import files
 from megalopta.config import Configuration
 from megalopta.dataset import ATTRIBUTE, Dataset, noise_record, sintel
 from megalopta.errors import UserError
+from megalopta.freshness import RENDER_MODEL
 from megalopta.progress import progress, say
 from megalopta.render import (
     MEASURED_EVERY,
     RenderNoise,
     SceneRenderer,
+    choose_variant,
     frame_seed,
     read_radiance,
     render_once,
@@ -29,6 +31,7 @@ from megalopta.scenes import build_scene, preview, white_level, white_of
 from megalopta.scenes.cameras import PerspectiveCamera
 from megalopta.scenes.spectra import linear_srgb
 from megalopta.scenes.world import Scene
+from megalopta.stages.stage import Stage
 
 # Points below the camera's path where the illuminance is measured.
 _LIGHT_METERS = 9
@@ -238,3 +241,29 @@ def _write_previews(dataset: Dataset) -> None:
         level = level or white_level(linear_srgb(radiance, bands, white))
         image = preview(radiance, bands, white, level)
         sintel.write_png(dataset.frame("training/clean", index, "png"), image)
+
+
+def _outputs(dataset: Dataset) -> list[Path]:
+    kinds = ("clean", "flow", "occlusions", "invalid", "depth", "camdata_left")
+    exr = ("radiance", "truth", "radiance_shutter", "truth_shutter")
+    folders = [*(f"training/{kind}" for kind in kinds), *exr]
+    return [dataset.root / folder / dataset.sequence for folder in folders]
+
+
+def _check(settings: Configuration) -> None:
+    choose_variant(settings.render.backend)
+
+
+STAGE = Stage(
+    name="render",
+    purpose="render a scene to spectral-radiance EXRs with exact ground truth",
+    fields=(
+        *("name", "seed", "scene", "objects", "light", "camera", "trajectory"),
+        *("shutter", "render"),
+    ),
+    needs=(),
+    outputs=_outputs,
+    work=render,
+    model=lambda: str(RENDER_MODEL),
+    check=_check,
+)

@@ -8,7 +8,7 @@ a full moon sensed from a rendering under an overcast sky casts no shadows.
 """
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,34 +16,70 @@ from numpy.typing import NDArray
 from megalopta.config import Configuration, LightLevel, level_text
 from megalopta.dataset import Dataset, exposure_name, read_radiance_frames, sintel
 from megalopta.errors import UserError
+from megalopta.freshness import SENSOR_MODEL
 from megalopta.progress import progress, say
 from megalopta.scenes import glows
 from megalopta.scenes.lighting import LEVELS, illuminance_of
 from megalopta.scenes.spectra import Spectrum
-from megalopta.sensor import (
-    Exposure,
-    ImageSensor,
-    StoredCounts,
-    expose_image,
-    read_counts,
-    write_counts,
-)
+from megalopta.sensor import ImageSensor, StoredCounts, check_sensor, expose_image, read_counts
+from megalopta.sensor.readout import Origin, counts_writer
 from megalopta.stages.noise_warning import noise_share, noise_warning
+from megalopta.stages.stage import Stage
 
 # Frames held in memory at once, as radiance.
 _CHUNK_FRAMES = 16
 
 
 def sense(dataset: Dataset) -> None:
-    """Expose what is not there yet."""
+    """Expose what is not there yet: every frame is read once, for all sensors at all levels."""
     missing = [pair for pair in exposures(dataset) if not dataset.counts(*pair).exists()]
     _warn_of_noise(dataset)
-    with progress("Exposing sensors", len(missing), "exposure") as advance:
-        for sensor, level in missing:
-            with _refusals_told(sensor, level):
-                _expose_sequence(dataset, sensor, level)
-            advance()
+    frames = dataset.configuration.trajectory.frames if missing else 0
+    with (
+        progress("Exposing sensors", len(missing) * frames, "frame") as advance,
+        ExitStack() as stores,
+    ):
+        films = [_Film(dataset, *pair, stores) for pair in missing]
+        for first, radiance in read_radiance_frames(dataset, _CHUNK_FRAMES) if films else ():
+            for film in films:
+                film.expose(first, radiance)
+                advance(len(radiance))
     _write_final_images(dataset)
+
+
+class _Film:
+    """Exposes frames on one sensor at one light level into their store."""
+
+    def __init__(
+        self, dataset: Dataset, sensor: ImageSensor, level: LightLevel, stores: ExitStack
+    ) -> None:
+        self._settings, self._sensor, self._level = dataset.configuration, sensor, level
+        self._sequence = f"{dataset.sequence}/{exposure_name(sensor, level)}"
+        self._scale = light_scale(self._settings, level).astype(np.float32)
+        origin = Origin(
+            sensor=sensor,
+            seed=self._settings.seed,
+            sequence=self._sequence,
+            illuminance_lux=illuminance_of(level),
+            extra={"level": level},
+        )
+        frames = self._settings.trajectory.frames
+        path = dataset.counts(sensor, level)
+        self._write = stores.enter_context(counts_writer(path, origin, frames))
+
+    def expose(self, first: int, radiance: NDArray[np.float32]) -> None:
+        """Expose frames (n, H, W, B) from a number on."""
+        with _refusals_told(self._sensor, self._level):
+            exposure = expose_image(
+                radiance * self._scale,
+                self._settings.render.bands_nm,
+                self._sensor,
+                seed=self._settings.seed,
+                sequence=self._sequence,
+                first_frame=first,
+                frame_period_s=1 / self._settings.trajectory.frame_rate_hz,
+            )
+        self._write(first, exposure)
 
 
 @contextmanager
@@ -108,36 +144,6 @@ def _band_mean(spectrum: Spectrum, band: tuple[float, float]) -> float:
     return float(np.trapezoid(spectrum(grid), grid) / (band[1] - band[0]))
 
 
-def _expose_sequence(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> None:
-    configuration = dataset.configuration
-    sequence = f"{dataset.sequence}/{exposure_name(sensor, level)}"
-    scale = light_scale(configuration, level).astype(np.float32)
-    chunks = [
-        expose_image(
-            radiance * scale,
-            configuration.render.bands_nm,
-            sensor,
-            seed=configuration.seed,
-            sequence=sequence,
-            first_frame=first,
-            frame_period_s=1 / configuration.trajectory.frame_rate_hz,
-        )
-        for first, radiance in read_radiance_frames(dataset, _CHUNK_FRAMES)
-    ]
-    exposure = Exposure(
-        *(
-            np.concatenate([getattr(chunk, field) for chunk in chunks])
-            for field in ("counts", "expected", "saturated")
-        )
-    )
-    path = dataset.counts(sensor, level)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    stored = StoredCounts(
-        exposure, sensor, configuration.seed, sequence, illuminance_of(level), {"level": level}
-    )
-    write_counts(path, stored)
-
-
 def _write_final_images(dataset: Dataset) -> None:
     """Counts of the first sensor at the first light level as gray images, all exposed alike."""
     configuration = dataset.configuration
@@ -150,3 +156,41 @@ def _write_final_images(dataset: Dataset) -> None:
 def _gray(values: NDArray[np.float64]) -> NDArray[np.uint8]:
     level = (255 * np.clip(values, 0, 1) ** (1 / 2.2) + 0.5).astype(np.uint8)
     return np.repeat(level[..., None], 3, axis=-1)
+
+
+def _check(settings: Configuration) -> None:
+    """Refuse sensors that cannot expose the frames, measured devices whose maps are no good too.
+
+    Raises
+    ------
+    ValueError
+        With one sentence that names the sensor.
+    """
+    period_s = 1 / settings.trajectory.frame_rate_hz
+    for sensor in settings.sensors:
+        if sensor.exposure_s > period_s * (1 + 1e-9):
+            raise ValueError(
+                f"sensor {sensor.name!r}: exposure_s {sensor.exposure_s:g} is longer than a "
+                f"frame at trajectory.frame_rate_hz {settings.trajectory.frame_rate_hz:g}; "
+                f"use at most {period_s:g}"
+            )
+        try:
+            shape = settings.camera.height, settings.camera.width
+            check_sensor(sensor, settings.render.bands_nm, shape)
+        except ValueError as problem:
+            raise ValueError(f"sensor {sensor.name!r}: {problem}") from None
+
+
+STAGE = Stage(
+    name="sense",
+    purpose="expose every sensor at every light level: photon counts to Zarr",
+    fields=("light_levels", "sensors"),
+    needs=("render",),
+    outputs=lambda dataset: [
+        dataset.root / "counts" / dataset.sequence,
+        dataset.root / "training/final" / dataset.sequence,
+    ],
+    work=sense,
+    model=lambda: str(SENSOR_MODEL),
+    check=_check,
+)

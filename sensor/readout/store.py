@@ -8,10 +8,11 @@ under a temporary name and renamed, so it is there whole or not at all.
 
 import operator
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import zarr
@@ -25,16 +26,20 @@ from megalopta.sensor.spad import Exposure
 _IMAGE_SENSOR: TypeAdapter[ImageSensor] = TypeAdapter(ImageSensor)
 _FORMAT = "megalopta counts"
 _KINDS = {"counts": "uf", "expected": "f", "saturated": "b"}
+_MEANINGS = {
+    "counts": "{unit} per exposure",
+    "expected": "mean {unit} per exposure",
+    "saturated": "true where the pixel was full",
+}
 _CHUNK_BYTES = 4 * 2**20
 
 
-@dataclass(frozen=True, eq=False)
-class StoredCounts:
-    """An exposure and what made it.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Origin:
+    """What made an exposure.
 
     Attributes
     ----------
-    exposure : Exposure
     sensor : Sensor or CtiaSensor
     seed : int
     sequence : str or int
@@ -44,12 +49,18 @@ class StoredCounts:
         Whatever else the writer noted; JSON values.
     """
 
-    exposure: Exposure
     sensor: ImageSensor
     seed: int
     sequence: str | int
     illuminance_lux: float | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StoredCounts(Origin):
+    """An exposure and what made it."""
+
+    exposure: Exposure
 
 
 def write_counts(path: str | Path, stored: StoredCounts) -> None:
@@ -60,11 +71,44 @@ def write_counts(path: str | Path, stored: StoredCounts) -> None:
     FileExistsError
         When something of this name exists.
     """
+    with counts_writer(path, stored, len(stored.exposure.counts)) as write:
+        write(0, stored.exposure)
+
+
+@contextmanager
+def counts_writer(
+    path: str | Path, origin: Origin, frames: int
+) -> Iterator[Callable[[int, Exposure], None]]:
+    """Yield what writes frames into a new store, from a number on; it appears when all are there.
+
+    Parameters
+    ----------
+    path
+    origin : Origin
+    frames : int
+        How many there will be.
+
+    Raises
+    ------
+    FileExistsError
+        When something of this name exists.
+    """
     path = Path(path)
     if path.exists():
         raise FileExistsError(f"{path}: exists already; remove it or choose another name")
     with atomic_write(path) as temporary:
-        _write_group(temporary, stored)
+        group = zarr.open_group(temporary, mode="w", zarr_format=3, attributes=_attributes(origin))
+
+        def write(first: int, exposure: Exposure) -> None:
+            for name, meaning in _MEANINGS.items():
+                values = getattr(exposure, name)
+                if name not in group:
+                    unit = meaning.format(unit=origin.sensor.unit)
+                    _create_array(group, name, frames, values, unit)
+                array = cast("zarr.Array[Any]", group[name])
+                array[first : first + len(values)] = values
+
+        yield write
 
 
 def read_counts(path: str | Path) -> StoredCounts:
@@ -89,9 +133,9 @@ def read_counts(path: str | Path) -> StoredCounts:
         raise ValueError(f"{path}: a Zarr group, but not one of counts; give a folder of counts")
     try:
         return StoredCounts(
-            _read_exposure(group),
-            _IMAGE_SENSOR.validate_python(attributes["sensor"]),
-            *(attributes[name] for name in ("seed", "sequence", "illuminance_lux", "extra")),
+            exposure=_read_exposure(group),
+            sensor=_IMAGE_SENSOR.validate_python(attributes["sensor"]),
+            **{name: attributes[name] for name in ("seed", "sequence", "illuminance_lux", "extra")},
         )
     except KeyError as missing:
         raise ValueError(f"{path}: lacks {missing}; write the counts again") from missing
@@ -114,31 +158,26 @@ def _read_exposure(group: zarr.Group) -> Exposure:
     return Exposure(*map(np.asarray, arrays))
 
 
-def _write_group(path: Path, stored: StoredCounts) -> None:
-    sequence = stored.sequence
-    attributes: dict[str, Any] = {
+def _attributes(origin: Origin) -> dict[str, Any]:
+    sequence = origin.sequence
+    return {
         "format": _FORMAT,
-        "sensor": stored.sensor.model_dump(mode="json"),
-        "exposure_s": stored.sensor.exposure_s,
-        "seed": operator.index(stored.seed),
+        "sensor": origin.sensor.model_dump(mode="json"),
+        "exposure_s": origin.sensor.exposure_s,
+        "seed": operator.index(origin.seed),
         "sequence": sequence if isinstance(sequence, str) else operator.index(sequence),
-        "illuminance_lux": stored.illuminance_lux,
-        "extra": dict(stored.extra),
+        "illuminance_lux": origin.illuminance_lux,
+        "extra": dict(origin.extra),
     }
-    group = zarr.open_group(path, mode="w", zarr_format=3, attributes=attributes)
-    exposure = stored.exposure
-    unit = stored.sensor.unit
-    _write_frames(group, "counts", exposure.counts, f"{unit} per exposure")
-    _write_frames(group, "expected", exposure.expected, f"mean {unit} per exposure")
-    _write_frames(group, "saturated", exposure.saturated, "true where the pixel was full")
 
 
-def _write_frames(group: zarr.Group, name: str, frames: NDArray[Any], unit: str) -> None:
-    per_chunk = max(1, _CHUNK_BYTES // max(1, frames[:1].nbytes))
+def _create_array(group: zarr.Group, name: str, frames: int, like: NDArray[Any], unit: str) -> None:
+    per_chunk = max(1, _CHUNK_BYTES // max(1, like[:1].nbytes))
     group.create_array(
         name,
-        data=frames,
-        chunks=(min(per_chunk, max(1, len(frames))), *frames.shape[1:]),
+        shape=(frames, *like.shape[1:]),
+        dtype=like.dtype,
+        chunks=(min(per_chunk, max(1, frames)), *like.shape[1:]),
         dimension_names=("frame", "row", "column"),
         attributes={"unit": unit},
     )

@@ -21,6 +21,7 @@ from megalopta.report.footage import read_footage, select
 from megalopta.report.write import write_report
 from megalopta.sensor import DigitalCounter
 from megalopta.stages.flow import responses_path
+from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_all, run_stage
 
 SECTIONS = ("light", "motion", "detectors", "photons", "made")
@@ -80,7 +81,7 @@ def page(dataset):
 def rewrite(dataset, stage, path, text):
     """Put other text into a file of a finished stage."""
     path.write_text(text)
-    dataset.finish(stage)
+    Ledger(dataset).finish(stage)
 
 
 @pytest.fixture
@@ -122,7 +123,7 @@ def test_identifiers_are_unique(page):
 
 
 def test_the_path_of_a_dataset_is_escaped(copied):
-    copied.forget("bench")
+    Ledger(copied).forget("bench")
     path = write_report(copied)
     assert "copy&lt;cam&gt; &amp;" in path.read_text("utf-8")
     page = read(path)
@@ -183,7 +184,7 @@ def test_noise_of_the_rendering_is_told_wherever_noise_free_is(copied, relative,
     [("bench", {"bench"}), ("flow", {"flow"}), ("sense", {"sense", "flow"})],
 )
 def test_a_missing_stage_leaves_a_sentence_on_what_to_run(copied, forgotten, missing):
-    copied.forget(forgotten)
+    Ledger(copied).forget(forgotten)
     page = read(write_report(copied))
     assert set(SECTIONS) <= set(page.values("id"))
     for stage in ("sense", "flow", "bench"):
@@ -191,7 +192,7 @@ def test_a_missing_stage_leaves_a_sentence_on_what_to_run(copied, forgotten, mis
 
 
 def test_a_dataset_without_frames_is_refused(copied):
-    copied.forget("render")
+    Ledger(copied).forget("render")
     with pytest.raises(UserError, match="'render' is not finished .*run first: megalopta render"):
         write_report(copied)
 
@@ -230,7 +231,7 @@ def test_a_response_of_another_shape_is_refused(copied):
     group = zarr.open_group(path, mode="a")
     del group["BM"]
     group.create_array("BM", data=np.zeros((2, 1, 1, 2), np.float32))
-    copied.finish("flow")
+    Ledger(copied).finish("flow")
     with pytest.raises(UserError, match=r"zarr cannot be read .*\(2, 1, 1, 2\).*--redo"):
         write_report(copied)
 
@@ -288,7 +289,7 @@ def findings(path):
 def test_a_picture_without_motion_says_so_at_its_own_light_level(copied):
     path = responses_path(copied, CONFIGURATION.sensors[1], "full_moon")
     zarr.open_group(path, mode="a")["BM-ideal"][:] = 0
-    copied.finish("flow")
+    Ledger(copied).finish("flow")
     page = read(write_report(copied))
     blank = "BM, full\u00a0moon, noise-free: no motion found"
     assert blank in page.values("alt")

@@ -16,6 +16,7 @@ import pytest
 
 from megalopta.config.yaml_model import to_yaml
 from megalopta.dataset.store import open_dataset
+from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_all
 
 IS_LONG = os.environ.get("MEGALOPTA_LONG") == "1"
@@ -94,7 +95,7 @@ def test_a_killed_stage_ends_like_an_undisturbed_one(finished, tmp_path, stage, 
         shutil.copytree(finished, root)
         (root.parent / "start.yaml").write_text(to_yaml(configuration))
         if not redo:
-            open_dataset(root).forget(stage)
+            Ledger(open_dataset(root)).forget(stage)
     undisturbed, killed = (tmp_path / name / "data" for name in ("undisturbed", "killed"))
     before = content(killed)
     process = start(*command(stage, undisturbed, redo=redo))

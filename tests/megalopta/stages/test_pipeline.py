@@ -1,5 +1,6 @@
 """The stages on a real, tiny dataset: what they write, resume, refuse and repeat."""
 
+import dataclasses
 import hashlib
 import json
 import shutil
@@ -11,7 +12,6 @@ import zarr
 from megalopta.checks.integrity import check_files, run_check_files
 from megalopta.cli.main import main
 from megalopta.config.configuration import load
-from megalopta.dataset.store import STAGES as ORDER
 from megalopta.dataset.store import open_dataset
 from megalopta.errors import UserError
 from megalopta.flow.benchmark import sequence as benchmark
@@ -21,6 +21,8 @@ from megalopta.scenes.spectra.blackbody import planckian
 from megalopta.scenes.spectra.photometry import luminous
 from megalopta.scenes.spectra.spectrum import Spectrum
 from megalopta.sensor import expected_counts, read_counts
+from megalopta.stages import STAGES as ORDER
+from megalopta.stages import Ledger, registry
 from megalopta.stages import flow as stage_flow
 from megalopta.stages.pipeline import run_all, run_stage
 from megalopta.stages.render import FrameWriter
@@ -168,8 +170,8 @@ def test_redo_replaces_what_disagrees_and_keeps_the_rest(copy):
     dataset = run_stage(copy.root, changed, "sense", redo=True)
     assert content(copy.root / "radiance") == rendering
     assert dataset.counts(changed.sensors[0], 0.5).exists()
-    assert not dataset.has("flow")
-    assert dataset.is_finished("sense")
+    assert not Ledger(dataset).has("flow")
+    assert Ledger(dataset).is_finished("sense")
 
 
 def test_redo_of_a_later_stage_never_takes_the_rendering_with_it(copy):
@@ -190,7 +192,7 @@ def test_a_dataset_is_made_again_from_its_own_description(copy, tmp_path):
 def test_a_missing_file_makes_its_stage_unfinished(copy):
     before = content(copy.root)
     copy.frame("training/flow", 4, "flo").unlink()
-    assert not copy.is_finished("render")
+    assert not Ledger(copy).is_finished("render")
     run_stage(copy.root, copy.configuration, "render")
     assert content(copy.root) == before
 
@@ -204,7 +206,7 @@ def test_a_truncated_file_is_made_again_by_its_stage_alone(copy, name):
     path.write_bytes(path.read_bytes()[:100])
     stage = "sense" if "counts" in name else "render"
     later = "flow" if stage == "sense" else "bench"
-    copy.forget(later)
+    Ledger(copy).forget(later)
     with pytest.raises(UserError, match=rf"{path} is missing or damaged; run first: .* {stage} "):
         run_stage(copy.root, copy.configuration, later)
     run_stage(copy.root, copy.configuration, stage)
@@ -250,7 +252,7 @@ def test_a_refused_first_stage_leaves_no_folder(tiny, tmp_path):
 
 def test_what_a_killed_writer_left_is_swept_and_not_entered(copy):
     before = content(copy.root)
-    copy.forget("sense")
+    Ledger(copy).forget("sense")
     (copy.root / "counts/grating/.part-0123456789ab-x.zarr").mkdir(parents=True)
     (copy.root / "counts/grating/.part-0123456789ab-x.zarr/zarr.json").write_text("{")
     run_all(copy.root, copy.configuration)
@@ -259,7 +261,7 @@ def test_what_a_killed_writer_left_is_swept_and_not_entered(copy):
 
 def test_flow_goes_on_after_an_interruption(copy, monkeypatch):
     before = content(copy.root)
-    copy.forget("flow")
+    Ledger(copy).forget("flow")
     write = stage_flow._write_responses
 
     def interrupted(path, *rest):
@@ -280,7 +282,7 @@ def test_flow_goes_on_after_an_interruption(copy, monkeypatch):
 
 def test_bench_goes_on_after_an_interruption(copy, monkeypatch):
     before = content(copy.root)
-    copy.forget("bench")
+    Ledger(copy).forget("bench")
     work, calls = benchmark._one_repeat, []
 
     def interrupted(*arguments):
@@ -304,6 +306,27 @@ def _counting(function, calls):
         return function(*arguments)
 
     return counted
+
+
+def test_flow_of_other_code_is_made_again_without_being_asked(copy, monkeypatch, capsys):
+    other = dataclasses.replace(stage_flow.STAGE, model=lambda: "other code")
+    monkeypatch.setitem(registry.STAGES, "flow", other)
+    monkeypatch.setattr(stage_flow, "_compare", _counting(stage_flow._compare, calls := []))
+    run_stage(copy.root, copy.configuration, "flow")
+    assert "flow: made by another version of the program, and made again" in capsys.readouterr().err
+    assert len(calls) == len(copy.configuration.methods) * 4
+    assert Ledger(copy).is_finished("flow")
+    assert not Ledger(copy).is_outdated("flow")
+
+
+def test_frames_of_another_renderer_are_refused_until_they_are_to_be_made_again(copy, monkeypatch):
+    other = dataclasses.replace(registry.STAGES["render"], model=lambda: "another")
+    monkeypatch.setitem(registry.STAGES, "render", other)
+    before = content(copy.root)
+    with pytest.raises(UserError, match="'render' output was made by another version .* --redo"):
+        run_all(copy.root, copy.configuration)
+    assert content(copy.root) == before
+    run_stage(copy.root, copy.configuration, "flow")  # what is there is still measured
 
 
 def test_damage_is_named_with_its_remedy(copy, capsys):
@@ -382,7 +405,7 @@ def test_a_folder_of_something_else_is_left_alone(tiny, tmp_path):
 
 
 def test_a_damaged_frame_is_named(copy):
-    copy.forget("sense")
+    Ledger(copy).forget("sense")
     path = copy.radiance(2)
     path.write_bytes(bytes(path.stat().st_size))
     with pytest.raises(
@@ -400,7 +423,7 @@ def test_frames_too_small_for_a_method_are_refused_before_any_work(tmp_path, tin
 
 
 def test_every_stage_is_entered_with_the_hash_of_its_files(finished):
-    lines = finished.manifest()
+    lines = Ledger(finished).manifest()
     assert [line["stage"] for line in lines] == list(ORDER)
     for line in lines:
         for name, (size, digest) in line["files"].items():

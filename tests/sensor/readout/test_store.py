@@ -5,16 +5,18 @@ import numpy as np
 import pytest
 import zarr
 
-from megalopta.sensor import StoredCounts, expose_rate, preset, read_counts
-from megalopta.sensor.readout import store as counts_store
-from megalopta.sensor.readout.store import write_counts
+from megalopta.sensor import Exposure, StoredCounts, expose_rate, preset, read_counts
+from megalopta.sensor.readout.store import counts_writer, write_counts
 
 
 @pytest.fixture
 def stored():
     sensor = preset("spadcam")
     exposure = expose_rate(np.linspace(0, 5e3, 720).reshape(5, 12, 12), sensor, seed=3, sequence=0)
-    return StoredCounts(exposure, sensor, 3, "forest/0", 1e-3, {"speed": [1, 2.5], "note": "µ"})
+    return StoredCounts(
+        exposure=exposure, sensor=sensor, seed=3, sequence="forest/0", illuminance_lux=1e-3,
+        extra={"speed": [1, 2.5], "note": "µ"},
+    )  # fmt: skip
 
 
 def test_everything_comes_back_as_it_was_written(tmp_path, stored):
@@ -39,16 +41,26 @@ def test_store_is_zarr_v3_in_chunks_of_whole_frames(tmp_path, stored, monkeypatc
     np.testing.assert_array_equal(group["counts"][...], stored.exposure.counts)
 
 
-def test_interrupted_write_leaves_nothing(tmp_path, stored, monkeypatch):
-    def interrupt(group, name, *_):
-        if name == "saturated":
-            raise KeyboardInterrupt
-        group.create_array(name, shape=(1,), dtype="u2")
-
-    monkeypatch.setattr(counts_store, "_write_frames", interrupt)
-    with pytest.raises(KeyboardInterrupt):
-        write_counts(tmp_path / "s.zarr", stored)
+def test_interrupted_write_leaves_nothing(tmp_path, stored):
+    with (
+        pytest.raises(KeyboardInterrupt),
+        counts_writer(tmp_path / "s.zarr", stored, 2 * len(stored.exposure.counts)) as write,
+    ):
+        write(0, stored.exposure)
+        raise KeyboardInterrupt
     assert list(tmp_path.iterdir()) == []
+
+
+def test_frames_written_in_parts_are_the_same_bytes(tmp_path, stored):
+    write_counts(tmp_path / "whole.zarr", stored)
+    exposure = stored.exposure
+    with counts_writer(tmp_path / "parts.zarr", stored, len(exposure.counts)) as write:
+        for first in range(len(exposure.counts)):
+            frames = slice(first, first + 1)
+            write(first, Exposure(*(values[frames] for values in vars(exposure).values())))
+    for path in (tmp_path / "whole.zarr").rglob("*"):
+        twin = tmp_path / "parts.zarr" / path.relative_to(tmp_path / "whole.zarr")
+        assert path.is_dir() or twin.read_bytes() == path.read_bytes()
 
 
 def test_existing_store_is_not_overwritten(tmp_path, stored):

@@ -4,11 +4,11 @@ import shutil
 
 import pytest
 
-from megalopta.config import estimate
 from megalopta.config.configuration import load
-from megalopta.config.estimate import announce, announce_sweep, refuse_absurd, size
 from megalopta.errors import UserError
 from megalopta.experiments.sweep import Sweep
+from megalopta.stages import estimate
+from megalopta.stages.estimate import announce, announce_sweep, refuse_absurd, size
 from megalopta.stages.pipeline import run_all, run_stage
 
 

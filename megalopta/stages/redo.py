@@ -12,11 +12,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from megalopta import __version__, files
+from megalopta import files
 from megalopta.config import Configuration
-from megalopta.dataset.store import REDO_FOLDER, STAGES, Dataset, open_dataset, write_configuration
+from megalopta.dataset import REDO_FOLDER, Dataset, open_dataset, write_configuration
 from megalopta.errors import UserError
 from megalopta.folders import locked
+from megalopta.stages.ledger import Ledger
+from megalopta.stages.registry import STAGES
 
 _BOOKS = ("dataset.yaml", "manifest.jsonl", "timings.json")
 
@@ -26,13 +28,13 @@ def begin_redo(old: Dataset, configuration: Configuration, stages: Sequence[str]
     new = Dataset(old.root / REDO_FOLDER, configuration)
     request = new.root / "request.json"
     wanted = {
-        "version": __version__,
-        "stages": list(stages),
+        "models": {stage: STAGES[stage].model() for stage in stages},
         "configuration": configuration.model_dump(mode="json"),
     }
     if _read(request) != wanted:
         discard(old.root)
-        _link(old, Dataset(new.root, old.configuration)).forget(*stages)
+        _link(old, Dataset(new.root, old.configuration))
+        Ledger(Dataset(new.root, old.configuration)).forget(*stages)
         write_configuration(new)
         files.write_json(request, wanted)
     files.sweep(new.root)
@@ -41,9 +43,9 @@ def begin_redo(old: Dataset, configuration: Configuration, stages: Sequence[str]
 
 def publish(old: Dataset, new: Dataset, stages: Sequence[str]) -> None:
     """Put finished output in the place of the old."""
-    made = [path for stage in stages for path in new.stage_folders(stage) if path.exists()]
+    made = [path for stage in stages for path in Ledger(new).outputs(stage) if path.exists()]
     moves = [*(str(path.relative_to(new.root)) for path in made), *_BOOKS]
-    gone = [path for stage in stages for path in old.stage_folders(stage)]
+    gone = [path for stage in stages for path in Ledger(old).outputs(stage)]
     goes = {str(path.relative_to(old.root)) for path in gone} | {"report.html"}
     files.write_json(_plan(old.root), {"moves": moves, "goes": sorted(goes.difference(moves))})
     complete_redo(old.root)
@@ -54,15 +56,13 @@ def complete_redo(root: Path) -> None:
     plan = _plan(root)
     if not plan.exists():
         return
-    record = _read(plan)
-    if not isinstance(record, dict):
-        raise UserError(f"{plan} is damaged; remove the folder {plan.parent}")
-    for name in record["moves"]:
+    moves, goes = _read_plan(plan)
+    for name in moves:
         if (plan.parent / name).exists():
             files.remove(root / name)
             (root / name).parent.mkdir(parents=True, exist_ok=True)
             (plan.parent / name).rename(root / name)
-    for name in record["goes"]:
+    for name in goes:
         files.remove(root / name)
         _remove_if_empty((root / name).parent, root)
     discard(root)
@@ -81,8 +81,9 @@ def discard(root: Path) -> None:
     files.remove(root / REDO_FOLDER)
 
 
-def _link(old: Dataset, new: Dataset) -> Dataset:
-    for path in (path for stage in STAGES for path in old.stage_folders(stage) if path.exists()):
+def _link(old: Dataset, new: Dataset) -> None:
+    outputs = (path for stage in STAGES for path in Ledger(old).outputs(stage))
+    for path in filter(Path.exists, outputs):
         link = new.root / path.relative_to(old.root)
         link.parent.mkdir(parents=True, exist_ok=True)
         link.symlink_to(path.resolve(), target_is_directory=path.is_dir())
@@ -90,11 +91,21 @@ def _link(old: Dataset, new: Dataset) -> Dataset:
     for name in _BOOKS:
         if (old.root / name).exists():
             shutil.copy(old.root / name, new.root / name)
-    return new
 
 
 def _plan(root: Path) -> Path:
     return root / REDO_FOLDER / "publish.json"
+
+
+def _read_plan(path: Path) -> tuple[list[str], list[str]]:
+    try:
+        record = json.loads(path.read_text("utf-8"))
+        moves, goes = ([str(name) for name in record[key]] for key in ("moves", "goes"))
+    except (ValueError, KeyError, TypeError):
+        raise UserError(f"{path} is damaged; remove the folder {path.parent}") from None
+    if any(Path(name).is_absolute() or ".." in Path(name).parts for name in (*moves, *goes)):
+        raise UserError(f"{path} leads out of the dataset; remove the folder {path.parent}")
+    return moves, goes
 
 
 def _read(path: Path) -> Any:

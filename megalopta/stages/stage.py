@@ -1,0 +1,45 @@
+"""What a stage declares of itself."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from megalopta.config import Configuration
+from megalopta.dataset import Dataset
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One step from scene to measurement.
+
+    Attributes
+    ----------
+    name : str
+        Its verb on the command line.
+    purpose : str
+        One clause for a person.
+    fields : tuple of str
+        Parts of the configuration that its output depends on, beside those of the stages it needs.
+    needs : tuple of str
+        Stages that must be finished before.
+    outputs : callable
+        Files and folders of a dataset that it writes.
+    work : callable
+        Adds to a dataset what of the stage is not there yet.
+    model : callable
+        What of the program its output depends on (`freshness`).
+    is_derived : bool
+        Whether output of another model is made again without being asked.
+    check : callable
+        Refuses, with ValueError, a configuration that the stage cannot serve.
+    """
+
+    name: str
+    purpose: str
+    fields: tuple[str, ...]
+    needs: tuple[str, ...]
+    outputs: Callable[[Dataset], list[Path]]
+    work: Callable[[Dataset], None]
+    model: Callable[[], str]
+    is_derived: bool = False
+    check: Callable[[Configuration], None] = lambda _: None
