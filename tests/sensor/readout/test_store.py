@@ -6,6 +6,7 @@ import pytest
 import zarr
 
 from megalopta.sensor import Exposure, StoredCounts, expose_rate, preset, read_counts
+from megalopta.sensor.readout import store as counts_store
 from megalopta.sensor.readout.store import counts_writer, write_counts
 
 
