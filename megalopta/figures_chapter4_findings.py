@@ -147,12 +147,14 @@ def interpolation_at_one_pixel(sweep: Sweep, results: Results) -> str | None:
     """IIA needs least where the shift is nearly one pixel of the resized frames."""
     photons = curve(sweep, results, "IIA", 60)
     others = [flux for velocity, flux in photons.items() if velocity != 4]
-    if 4 not in photons or not others or np.median(others) < 3 * photons[4]:
+    if 4 not in photons or not others:
+        return None
+    factor = float(np.median(others)) / photons[4]
+    if factor < 3:
         return None
     return (
         "IIA has its least at v = 4, nearly one pixel per frame of 60 × 60 px, and needs "
-        f"{_two_digits(np.median(others) / photons[4])} times as many photons at the median of the other "
-        "velocities."
+        f"{_two_digits(factor)} times as many photons at the median of the other velocities."
     )
 
 
