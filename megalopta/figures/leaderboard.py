@@ -56,9 +56,9 @@ def leaderboard() -> Figure:
             f"{SPEED_PX:.2f} px per frame, each method sees one block of {_BLOCK} with a margin of "
             f"{MARGIN_PX} px and nothing else; on whole frames and photographs, which this run "
             "does not measure, the order reverses. Beside each bar (whiskers: 95 % of bootstraps; "
-            "hatched: never "
-            f"below 25 % up to {format_flux(FLUXES[-1])} photons) stand its photons per frame, the "
-            "share of them that the bound of as many frames needs, and CPU time per frame. "
+            f"hatched: never below 25 % up to {format_flux(FLUXES[-1])} photons) stand its photons "
+            "per frame, the share of them that the bound of as many frames needs, and CPU time per "
+            "frame. "
             f"{_collected(entries)}"
         ),
         draw=lambda canvas: _draw_board(canvas.subplots(), entries, {2: two, 8: eight}),

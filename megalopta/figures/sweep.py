@@ -1,7 +1,7 @@
 """A sweep as a figure: the flux that each detector needs over the varied parameter."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -157,7 +157,7 @@ def _points(sweep: Sweep, results: Results) -> str:
 def _stimulus(sweep: Sweep) -> str:
     """Say in a sentence what moves, with the parameters that do not vary."""
     trial = sweep.trial
-    pictures = " and ".join(
+    pictures = _joined(
         dict.fromkeys(_described(each, sweep.vary) for each in sweep.templates or (trial.template,))
     )
     moving = "" if sweep.vary == "velocity_px" else f" by {trial.velocity_px} px per frame"
@@ -179,13 +179,18 @@ def _stimulus(sweep: Sweep) -> str:
     return f"{'; '.join(filter(None, parts))}."
 
 
+def _joined(texts: Iterable[str]) -> str:
+    *first, last = texts
+    return f"{', '.join(first)} and {last}" if first else last
+
+
 def _described(template: Template, vary: str) -> str:
     """Say what a template shows, less what is varied."""
     if not isinstance(template, GratingTemplate):
         if vary == "template.name":
             return "a panorama"
         gray = ", in gray values" if template.coding == "srgb" else ""
-        return f"the panorama {template.name}{gray}"
+        return f"panorama {template.name}{gray}"
     parts = {
         "template.cycles_per_frame": f"{template.cycles_per_frame:g} cycles per frame",
         "template.contrast": f"{100 * template.contrast:g} % contrast",

@@ -29,7 +29,7 @@ def _marked(plan: Planned) -> Planned:
         made = plan.figure(is_quick, results, templates)
         if not is_quick:
             return made
-        title = f"{made.title} (quick form: fewer values, sizes and forests)"
+        title = f"{made.title} (quick form)"
         return replace(made, title=title, details={**made.details, "quick": True})
 
     return Planned(plan.trials, figure)

@@ -94,9 +94,11 @@ def towards_root_of_dark_counts(sweep: Sweep, results: Results) -> str | None:
         for name in MOTION
         for photons in (curve(sweep, results, name, size) for size in sweep.sizes)
     ]
-    last = [each[-1] for each in rises]
-    if not all(sorted(each) == each for each in rises) or not all(
-        0.1 < each < 0.6 for each in last
+    last = [each[-1] for each in rises if each]
+    if (
+        len(counts) < 3
+        or not all(sorted(each) == each for each in rises)
+        or not all(0.1 < each < 0.6 for each in last)
     ):
         return None
     return (
@@ -144,12 +146,14 @@ def interpolation_at_one_pixel(sweep: Sweep, results: Results) -> str | None:
     """IIA needs least where the shift is nearly one pixel of the resized frames."""
     photons = curve(sweep, results, "IIA", 60)
     others = [flux for velocity, flux in photons.items() if velocity != 4]
-    if 4 not in photons or not others or np.median(others) < 3 * photons[4]:
+    if 4 not in photons or not others:
+        return None
+    factor = float(np.median(others)) / photons[4]
+    if factor < 3:
         return None
     return (
         "IIA has its least at v = 4, nearly one pixel per frame of 60 × 60 px, and needs "
-        f"{np.median(others) / photons[4]:.1f} times as many photons at the median of the other "
-        "velocities."
+        f"{_two_digits(factor)} times as many photons at the median of the other velocities."
     )
 
 
@@ -242,6 +246,10 @@ def _most(photons: Curve) -> float:
 def _span(values: Sequence[float]) -> str:
     low, high = (f"{value:.1f}".replace("-", "−") for value in (min(values), max(values)))
     return low if low == high else f"{low} to {high}"
+
+
+def _two_digits(factor: float) -> str:
+    return f"{float(f'{factor:.2g}'):g}"
 
 
 def _one_digit(factor: float) -> str:

@@ -92,6 +92,13 @@ def test_root_of_dark_counts(flux_of_dark, is_said):
     assert bool(said(module.towards_root_of_dark_counts, "fig-4.7", flux_of)) == is_said
 
 
+def test_two_points_do_not_show_an_ever_steeper_rise():
+    def flux_of(method, size, dark, metric):
+        return 1e5 * (1 + dark / 10) ** 0.5
+
+    assert said(module.towards_root_of_dark_counts, "fig-4.7", flux_of, is_quick=True) is None
+
+
 @pytest.mark.parametrize(("flux", "is_said"), [(0, True), (1e5, False), (np.nan, False)])
 def test_intensity_from_dark_counts_alone(flux, is_said):
     def flux_of(method, size, dark, metric):
