@@ -17,7 +17,7 @@ from megalopta.experiments.sweep import Sweep
         ("camera: {width: !!int x}", "'x' is no int .line 1"),
         ("name: 2024-99-99", "'2024-99-99' is no timestamp"),
         ("seed: " + "9" * 5000, "is no int"),
-        ("[" * 5000, "nested too deeply; write it flatter"),
+        ("[" * 1000, "nested too deeply; write it flatter"),
         ("name: [", "not valid YAML: while parsing a flow"),
         ("scene: !!python/object:os.system {}", "could not determine a constructor"),
         ("name: \x00", "not valid YAML"),
