@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.scenes import EquirectangularCamera, Forest, Light, Trajectory, build_scene
@@ -19,6 +20,7 @@ def mean_and_contrast(detail):
     return np.array([mean, np.sqrt(np.mean((first - mean) * (second - mean))) / mean])
 
 
+@pytest.mark.slow
 def test_plants_drawn_coarsely_in_the_distance_keep_mean_and_contrast_of_the_view():
     # The bound of the specification. Noise adds less than a tenth of it: 200,000 paths each.
     np.testing.assert_allclose(mean_and_contrast(1.0), mean_and_contrast(1000.0), rtol=0.02)
