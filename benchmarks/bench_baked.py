@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from megalopta.config.configuration import Configuration, load
+from megalopta.config.model import Configuration, load
 from megalopta.render import SceneRenderer, frame_seed
 from megalopta.scenes.build import build_scene
 from megalopta.scenes.lighting.levels import LEVELS

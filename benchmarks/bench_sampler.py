@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from megalopta.config.configuration import Configuration, load
+from megalopta.config.model import Configuration, load
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.scenes import build_scene
 from megalopta.scenes.world.scene import Scene

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from megalopta.render.baking import BakedLightIntegrator, path_tracing_reason
+from megalopta.render.film import Film
 from megalopta.render.illuminance import Illuminance, LightMeter, LightSurvey
 from megalopta.render.loading import MovingMesh, PanoramaView, load_scene, merge, move_meshes
-from megalopta.render.sensors import Film
 from megalopta.render.settings import RenderSettings, bake_seed, instant_seed
 from megalopta.render.truth import Flow, Geometry, Instant, Rolling, Truth, TruthTracer
 from megalopta.render.variant import Variant, activate, choose_variant

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from megalopta.cli.overrides import split_overrides
-from megalopta.config.configuration import Configuration, load
+from megalopta.config.model import Configuration, load
 from megalopta.config.yaml_model import mapping, validated
 from megalopta.experiments.sweep import Sweep
 

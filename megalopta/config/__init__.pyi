@@ -1,4 +1,4 @@
-from .configuration import (
+from .model import (
     Configuration,
     LightLevel,
     built_in_names,

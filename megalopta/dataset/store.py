@@ -22,7 +22,7 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
-from megalopta import __version__, files
+from megalopta import __version__, files, strict_yaml
 from megalopta.config import Configuration, LightLevel, level_text, to_yaml
 from megalopta.errors import UserError, one_sentence
 from megalopta.folders import LOCK_NAME
@@ -105,13 +105,13 @@ def open_dataset(root: Path) -> Dataset:
     """Open an existing dataset with the configuration it was made from. Raises UserError."""
     path = root / "dataset.yaml"
     try:
-        values = dict(yaml.safe_load(path.read_text("utf-8"))["configuration"])
+        values = dict(strict_yaml.load(path.read_text("utf-8"))["configuration"])
         return Dataset(root, Configuration.model_validate(values))
     except OSError:
         raise UserError(f"{root}: no dataset here; make one with: megalopta render") from None
     except ValidationError as error:
         raise UserError(f"{path}: {one_sentence(error, Configuration)}") from None
-    except (yaml.YAMLError, TypeError, KeyError, ValueError):
+    except (TypeError, KeyError, ValueError):
         raise UserError(f"{path} is damaged; render into a new folder") from None
 
 

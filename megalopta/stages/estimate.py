@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from megalopta.config.configuration import Configuration
+from megalopta.config import Configuration
 from megalopta.errors import UserError
 from megalopta.experiments import Sweep
 from megalopta.flow.benchmark import work_units

@@ -72,8 +72,8 @@ class Ledger:
     def manifest(self) -> list[dict[str, Any]]:
         """Lines of the manifest: sequence, stage, configuration and model, file hashes."""
         path = self.root / "manifest.jsonl"
-        lines = path.read_text("utf-8").splitlines() if path.exists() else []
         try:
+            lines = path.read_text("utf-8").splitlines() if path.exists() else []
             found = [dict(json.loads(line)) for line in lines if line]
             for line in found:
                 _check_line(line)

@@ -1,4 +1,4 @@
-"""What turns a loaded scene into pixels: films, passes and cameras of our own."""
+"""Cameras of our own for Mitsuba."""
 
 import lazy_loader
 

@@ -2,7 +2,7 @@ import re
 
 import pytest
 
-from megalopta.config.configuration import load
+from megalopta.config.model import load
 
 TINY = {
     "camera.width": "48",

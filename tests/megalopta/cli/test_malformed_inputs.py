@@ -16,7 +16,7 @@ import yaml
 
 from megalopta.cli import main as cli
 from megalopta.cli.overrides import _settings
-from megalopta.config.configuration import load
+from megalopta.config.model import load
 from megalopta.config.yaml_model import to_yaml
 from megalopta.sensor import PRESETS
 from megalopta.stages.pipeline import run_stage

@@ -3,7 +3,7 @@ from itertools import pairwise
 import pytest
 
 from megalopta.cli.overrides import settings_help, split_overrides
-from megalopta.config.configuration import Configuration, load
+from megalopta.config.model import Configuration, load
 from megalopta.errors import UserError
 from megalopta.experiments.sweep import Sweep
 

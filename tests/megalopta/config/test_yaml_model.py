@@ -2,7 +2,7 @@
 
 import pytest
 
-from megalopta.config.configuration import load, parse
+from megalopta.config.model import load, parse
 from megalopta.config.yaml_model import mapping, validated
 from megalopta.errors import UserError
 from megalopta.experiments.sweep import Sweep

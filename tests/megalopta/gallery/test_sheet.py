@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from skimage.io import imread
 
-from megalopta.config.configuration import Configuration
+from megalopta.config.model import Configuration
 from megalopta.gallery import sheet as gallery
 from megalopta.scenes.build import SceneDescription
 from megalopta.scenes.lighting.levels import LEVELS

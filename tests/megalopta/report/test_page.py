@@ -12,7 +12,7 @@ import pytest
 import zarr
 
 from megalopta.cli import main as cli
-from megalopta.config.configuration import Configuration, load
+from megalopta.config.model import Configuration, load
 from megalopta.dataset.store import Dataset
 from megalopta.errors import UserError
 from megalopta.report import page as report_page

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import pytest
 
-from megalopta.config.configuration import Configuration
+from megalopta.config.model import Configuration
 from megalopta.flow.metrics.photon_threshold import Threshold
 from megalopta.report.budget import Budget
 from megalopta.report.detectors import DetectorSection

@@ -7,7 +7,7 @@ import pytest
 import zarr
 from scipy.ndimage import binary_erosion
 
-from megalopta.config.configuration import built_in_names, load, parse
+from megalopta.config.model import built_in_names, load, parse
 from megalopta.dataset.frames import read_radiance_frames, read_truth_frames
 from megalopta.errors import UserError
 from megalopta.report.write import write_report

@@ -4,7 +4,7 @@ import shutil
 
 import pytest
 
-from megalopta.config.configuration import load
+from megalopta.config.model import load
 from megalopta.errors import UserError
 from megalopta.experiments.sweep import Sweep
 from megalopta.stages import estimate

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from megalopta.config.configuration import Configuration, load
+from megalopta.config.model import Configuration, load
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
 from megalopta.flow.egomotion.yaw_rate import rotation_error, yaw_rates_deg_s
 from megalopta.report.write import write_report

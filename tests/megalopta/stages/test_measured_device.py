@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from megalopta.cli.main import main
-from megalopta.config.configuration import load
+from megalopta.config.model import load
 from megalopta.dataset.store import open_dataset
 from megalopta.errors import UserError
 from megalopta.sensor import read_counts

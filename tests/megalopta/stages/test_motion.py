@@ -8,7 +8,7 @@ import pytest
 
 from megalopta.checks.truth import check_truth
 from megalopta.cli import main as cli
-from megalopta.config.configuration import load
+from megalopta.config.model import load
 from megalopta.dataset.frames import read_radiance_frames, read_truth_frames
 from megalopta.dataset.store import open_dataset
 from megalopta.errors import UserError

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta.config.configuration import load
+from megalopta.config.model import load
 from megalopta.dataset.rendering_noise import _differences
 from megalopta.sensor import IMAGE_SENSORS, changed, detected_photons, expected_reading
 from megalopta.stages.noise_warning import LIMIT, noise_share, noise_warning

@@ -6,7 +6,7 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from megalopta.config.configuration import load
+from megalopta.config.model import load
 from megalopta.errors import UserError
 from megalopta.render.exr import read_radiance, read_truth
 from megalopta.report.write import write_report

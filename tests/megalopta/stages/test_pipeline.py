@@ -11,7 +11,7 @@ import zarr
 
 from megalopta.checks.integrity import check_files, run_check_files
 from megalopta.cli.main import main
-from megalopta.config.configuration import load
+from megalopta.config.model import load
 from megalopta.dataset.store import open_dataset
 from megalopta.errors import UserError
 from megalopta.flow.benchmark import sequence as benchmark

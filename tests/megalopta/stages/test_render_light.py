@@ -7,7 +7,7 @@ import OpenEXR
 import pytest
 import trimesh
 
-from megalopta.config.configuration import load, parse
+from megalopta.config.model import load, parse
 from megalopta.errors import UserError
 from megalopta.render import read_attributes, read_radiance
 from megalopta.scenes.spectra.spectrum import flat

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import yaml
 
-from megalopta.config.configuration import built_in_names, differences, load, parse
+from megalopta.config.model import built_in_names, differences, load, parse
 from megalopta.config.yaml_model import to_yaml
 from megalopta.errors import UserError
 from megalopta.scenes.forest.description import Forest

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from megalopta.render import RenderSettings
 from megalopta.render.loading import aim, load_rows_sensor, load_sensor, sensor_transform_matrix
-from megalopta.render.sensors.passes import plan_passes
+from megalopta.render.passes import plan_passes
 from megalopta.scenes.cameras import Camera
 
 Float64 = NDArray[np.float64]

@@ -1,0 +1,128 @@
+"""The rooms: who may import whom, and through which door."""
+
+import ast
+import tomllib
+from collections.abc import Iterator
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+FOLDERS = ("assets_gen", "flow", "render", "scenes", "sensor")
+# Within the package of the command line, modules beside the rooms; every room may import them.
+LEAVES = ("errors", "files", "folders", "freshness", "progress", "strict_yaml")
+
+
+def sources() -> list[Path]:
+    return sorted(
+        path for folder in (*FOLDERS, "megalopta") for path in (ROOT / folder).rglob("*.py")
+    )
+
+
+def module_of(path: Path) -> str:
+    """Dotted name below megalopta, such as "sensor.spad.model"; of a package, its own."""
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    parts = parts[1:] if parts[0] == "megalopta" else parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {module_of(path) for path in sources() if path.name != "__init__.py"}
+PACKAGES = {module_of(path) for path in sources() if path.name == "__init__.py"}
+
+
+def room_of(module: str) -> str:
+    """The package that a module lies in; a package is its own room."""
+    return module if module in PACKAGES else module.rpartition(".")[0]
+
+
+def place_of(module: str) -> str:
+    """The room of a module, or the module itself where it stands beside rooms."""
+    room = room_of(module)
+    has_rooms = any(package.rpartition(".")[0] == room for package in PACKAGES)
+    return module if has_rooms else room
+
+
+def imports(path: Path) -> Iterator[tuple[str, str]]:
+    """Yield the module, below megalopta, and the name of everything that a file imports of us."""
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "megalopta":
+            for alias in node.names:
+                yield str(node.module).removeprefix("megalopta").removeprefix("."), alias.name
+
+
+def published(package: str) -> dict[str, str]:
+    """What a package publishes: every name to the module it comes from."""
+    folder = ROOT / package.replace(".", "/")
+    if package.split(".")[0] not in FOLDERS:
+        folder = ROOT / "megalopta" / package.replace(".", "/")
+    stub = folder / "__init__.pyi"
+    if not stub.exists():
+        return {}
+    return {
+        alias.name: f"{package}.{node.module}" if node.module else f"{package}.{alias.name}"
+        for node in ast.parse(stub.read_text("utf-8")).body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+
+
+def places_imported(path: Path) -> Iterator[str]:
+    for module, name in imports(path):
+        full = f"{module}.{name}".lstrip(".")
+        if full in MODULES | PACKAGES:
+            yield place_of(full)
+        elif module:
+            yield place_of(published(module).get(name, module))
+
+
+def test_arrows_between_rooms_point_one_way():
+    graph: dict[str, set[str]] = {}
+    for path in sources():
+        if path.name != "__init__.py":
+            own = place_of(module_of(path))
+            graph.setdefault(own, set()).update(set(places_imported(path)) - {own})
+    list(TopologicalSorter(graph).static_order())  # raises CycleError, which names the circle
+
+
+def test_folders_import_nothing_of_the_command_line_but_its_leaves():
+    for path in sources():
+        folder = module_of(path).split(".")[0]
+        if folder not in FOLDERS:
+            continue
+        for module, name in imports(path):
+            first = (module or name).split(".")[0]
+            assert first in (*FOLDERS, *LEAVES), f"{path}: imports megalopta.{module} {name}"
+
+
+@pytest.mark.parametrize("path", sources(), ids=module_of)
+def test_other_rooms_are_entered_by_the_front_door(path):
+    own = room_of(module_of(path))
+    for module, name in imports(path):
+        if module in MODULES and room_of(module) not in (own, ""):
+            raise AssertionError(f"{path}: import {name} from megalopta.{room_of(module)}")
+        is_private = name.startswith("_") and not name.startswith("__")
+        assert not is_private, f"{path}: {name} is private to {module}"
+
+
+def test_what_a_room_publishes_is_there():
+    import importlib
+
+    for package in PACKAGES - {""}:
+        module = importlib.import_module(f"megalopta.{package}")
+        for name in published(package):
+            assert hasattr(module, name), f"megalopta.{package} has no {name}"
+
+
+def test_every_room_is_packaged():
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["setuptools"]
+    expected = {f"megalopta.{package}".rstrip(".") for package in PACKAGES}
+    assert set(settings["packages"]) == expected
+    places = {name: name.removeprefix("megalopta.").replace(".", "/") for name in expected}
+    mapped = {name: path for name, path in places.items() if path.split("/")[0] in FOLDERS}
+    assert settings["package-dir"] == {"megalopta": "megalopta", **mapped}
+
+
+def test_no_file_repeats_the_name_of_its_folder():
+    for path in sources():
+        assert not path.stem.startswith(path.parent.name.rstrip("s")), path
