@@ -29,7 +29,6 @@ from megalopta.flow.error_curve import ErrorCurve
 from megalopta.flow.methods import METHODS
 from megalopta.flow.threshold import Threshold
 from megalopta.natural_panorama import NATURAL_PANORAMAS
-from megalopta.panoramas import panorama_file
 from megalopta.plot_style import house_style, new_canvas
 from megalopta.reproduce import GROUPS, reproduce
 from megalopta.sweep import Sweep
@@ -275,10 +274,6 @@ def test_synthetic_column_is_within_a_factor_of_2_2_of_the_printed_one(method, n
     assert 1 / 2.2 < found / PRINTED[method][0] < 2.2
 
 
-CACHED = all(panorama_file(name, recipe).exists() for name, recipe in NATURAL_PANORAMAS.items())
-
-
-@pytest.mark.skipif(not CACHED, reason="needs the panoramas: megalopta reproduce table-4.1")
 def test_natural_column_of_photographs_is_near_the_printed_one(tmp_path):
     trials = PHOTOGRAPHED.trials
     with ThreadPoolExecutor() as threads:
