@@ -12,7 +12,6 @@ import pytest
 from megalopta.errors import UserError
 from megalopta.experiments import templates
 from megalopta.experiments.panorama_recipes import NATURAL_PANORAMAS
-from megalopta.experiments.panoramas import panorama_file
 from megalopta.experiments.runner import run_trials
 from megalopta.experiments.sweep import Sweep
 from megalopta.experiments.thesis_sweeps import PHOTOGRAPHED, SWEEPS, in_form
@@ -336,10 +335,6 @@ def test_synthetic_column_is_within_a_factor_of_2_2_of_the_printed_one(method, n
     assert 1 / 2.2 < found / PRINTED[method][0] < 2.2
 
 
-CACHED = all(panorama_file(name, recipe).exists() for name, recipe in NATURAL_PANORAMAS.items())
-
-
-@pytest.mark.skipif(not CACHED, reason="needs the panoramas: megalopta reproduce table-4.1")
 def test_natural_column_of_photographs_is_near_the_printed_one(tmp_path):
     trials = PHOTOGRAPHED.trials
     with ThreadPoolExecutor() as threads:
