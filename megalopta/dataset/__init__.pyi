@@ -3,6 +3,7 @@ from .frames import read_radiance_frame, read_radiance_frames, read_truth_frame,
 from .redo import begin_redo, complete_redo, discard, open_dataset_whole, publish
 from .rendering_noise import ATTRIBUTE, noise_record
 from .store import (
+    STAGE_FIELDS,
     STAGES,
     Dataset,
     begin_stages,
@@ -17,6 +18,7 @@ from .store import (
 __all__ = [
     "ATTRIBUTE",
     "STAGES",
+    "STAGE_FIELDS",
     "Dataset",
     "begin_redo",
     "begin_stages",

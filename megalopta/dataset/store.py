@@ -26,8 +26,15 @@ import yaml
 from pydantic import ValidationError
 
 from megalopta import __version__, files
-from megalopta.config import Configuration, LightLevel, differences, level_text, to_yaml
-from megalopta.errors import UserError, one_sentence
+from megalopta.config import (
+    Configuration,
+    LightLevel,
+    differences,
+    level_text,
+    one_sentence,
+    to_yaml,
+)
+from megalopta.errors import UserError
 from megalopta.folders import LOCK_NAME
 from megalopta.sensor import ImageSensor
 
