@@ -52,8 +52,8 @@ def split_overrides(
             path = name.removeprefix("--").replace("-", "_")
             if not path:
                 raise UserError("--: no setting; give its path, such as --camera.width")
-            if near := get_close_matches(name, options, 1, _SIMILAR):
-                raise UserError(f"{name}: no such option; did you mean {near[0]}?")
+            if near := get_close_matches(path, [each[2:] for each in options], 1, _SIMILAR):
+                raise UserError(f"{name}: no such option; did you mean --{near[0]}?")
             is_list = takes_list(path)
             if path in found:
                 raise UserError(f"{name}: given twice; several values follow one another")
