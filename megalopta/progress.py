@@ -11,23 +11,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Protocol
 
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    Task,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
-from rich.text import Text
-
 INTERVAL_S = 10.0
 """Longest silence without a terminal (s)."""
 
-console = Console(stderr=True)
 _speakers: list[object] = []
 """Work under way, the outermost first; only the innermost speaks."""
 
@@ -39,19 +25,9 @@ class Advance(Protocol):
         """Count `steps` more as done."""
 
 
-class _RateColumn(ProgressColumn):
-    def render(self, task: Task) -> Text:
-        """Steps per second, or seconds per step where that reads better."""
-        speed = task.finished_speed or task.speed
-        unit = task.fields["unit"]
-        if not speed:
-            return Text("")
-        return Text(f"{speed:.1f} {unit}s/s" if speed >= 1 else f"{1 / speed:.1f} s/{unit}")
-
-
 def say(text: str) -> None:
     """Print one line on standard error."""
-    console.print(text, highlight=False, markup=False, soft_wrap=True)
+    print(text, file=sys.stderr, flush=True)
 
 
 @contextmanager
@@ -60,34 +36,24 @@ def progress(description: str, total: int, unit: str) -> Iterator[Advance]:
 
     Without a terminal a line is printed every ten seconds, and one at the end.
     """
-    columns = (
-        TextColumn("{task.description:<34}"),
-        BarColumn(bar_width=24),
-        MofNCompleteColumn(),
-        _RateColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
+    if sys.stderr.isatty():
+        from megalopta.progress_bar import bar  # what it is drawn with is slow to import
+
+        with bar(description, total, unit) as advance:
+            yield advance
+        return
     done, start = 0, time.monotonic()
 
-    def advance(steps: int = 1) -> None:
+    def count(steps: int = 1) -> None:
         nonlocal done
         done += steps
-        bars.advance(task, steps)
 
-    def state() -> str:
-        return f"{description}: {progress_line(done, total, unit, time.monotonic() - start)}"
-
-    with (
-        Progress(*columns, console=console, disable=not console.is_terminal) as bars,
-        _speaking(state),
+    with _speaking(
+        lambda: f"{description}: {progress_line(done, total, unit, time.monotonic() - start)}"
     ):
-        task = bars.add_task(description, total=total, unit=unit)
-        yield advance
+        yield count
     elapsed = time.monotonic() - start
-    if not console.is_terminal:
-        print(f"{description}: {total} {unit}s in {elapsed:.1f} s", file=sys.stderr)
+    print(f"{description}: {total} {unit}s in {elapsed:.1f} s", file=sys.stderr)
 
 
 @contextmanager
@@ -103,9 +69,13 @@ def progress_line(done: int, total: int, unit: str, elapsed_s: float) -> str:
     text = f"{done} of {total} {unit}s"
     if not done or not elapsed_s:
         return f"{text} in {duration(elapsed_s)}"
-    rate, left_s = done / elapsed_s, elapsed_s * (total - done) / done
-    speed = f"{rate:.1f} {unit}s/s" if rate >= 1 else f"{1 / rate:.1f} s/{unit}"
-    return f"{text}, {speed}, {duration(left_s)} to go"
+    left_s = elapsed_s * (total - done) / done
+    return f"{text}, {rate_text(done / elapsed_s, unit)}, {duration(left_s)} to go"
+
+
+def rate_text(per_s: float, unit: str) -> str:
+    """Steps per second, or seconds per step where that reads better."""
+    return f"{per_s:.1f} {unit}s/s" if per_s >= 1 else f"{1 / per_s:.1f} s/{unit}"
 
 
 def duration(seconds: float) -> str:
@@ -119,7 +89,7 @@ def duration(seconds: float) -> str:
 @contextmanager
 def _speaking(state: Callable[[], str]) -> Iterator[None]:
     """Print a state at intervals from a thread of its own, unless there is a terminal."""
-    if console.is_terminal:
+    if sys.stderr.isatty():
         yield
         return
     over = threading.Event()

@@ -9,9 +9,8 @@ from pathlib import Path
 import pytest
 
 from megalopta.cli.overrides import split_overrides
-from megalopta.config.model import Configuration, load
-from megalopta.config.yaml_model import mapping, validated
-from megalopta.experiments.sweep import Sweep
+from megalopta.config import Settings, load, mapping, validated
+from megalopta.experiments import Sweep
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 
@@ -27,7 +26,8 @@ def test_the_python_example_runs_and_prints_a_photon_flux():
     "line", re.findall(r"^    megalopta ((?:demo|render|sense) [^#\n]*)", README, re.MULTILINE)
 )
 def test_the_settings_on_its_command_lines_are_accepted(line):
-    own, overrides = split_overrides(shlex.split(line), ("--out", "--redo"), Configuration)
+    takes_list = Settings(load("demo")).takes_list
+    own, overrides = split_overrides(shlex.split(line), ("--out", "--redo"), takes_list)
     assert own[0] in ("demo", "render", "sense")
     load("demo", overrides)  # refuses what it does not know
 

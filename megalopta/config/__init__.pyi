@@ -1,25 +1,30 @@
+from .built_in import built_in_names
 from .model import (
     Configuration,
     LightLevel,
-    built_in_names,
     differences,
     level_text,
     load,
     parse,
 )
+from .settings import Settings, settings_of
+from .validation import one_sentence
 from .yaml_model import mapping, put, read_text, to_yaml, validated
 
 __all__ = [
     "Configuration",
     "LightLevel",
+    "Settings",
     "built_in_names",
     "differences",
     "level_text",
     "load",
     "mapping",
+    "one_sentence",
     "parse",
     "put",
     "read_text",
+    "settings_of",
     "to_yaml",
     "validated",
 ]

@@ -6,7 +6,6 @@ path, `--scene.trees 200`, and its value is read as YAML.
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,6 +17,7 @@ from pydantic import (
     model_validator,
 )
 
+from megalopta.config.built_in import built_in_names, built_in_text
 from megalopta.config.yaml_model import mapping, read_text, validated
 from megalopta.flow.benchmark import BenchmarkSettings, each_once
 from megalopta.flow.detectors import METHODS, THESIS_METHODS
@@ -193,14 +193,6 @@ def _resolve_sensor(sensor: Any, folder: Path) -> Any:
     return merged(IMAGE_SENSORS[name].model_dump(mode="json"), changes)
 
 
-def built_in_names() -> list[str]:
-    """Names of the configurations that come with the program."""
-    folder = resources.files("megalopta.config") / "presets"
-    return sorted(
-        Path(entry.name).stem for entry in folder.iterdir() if entry.name.endswith(".yaml")
-    )
-
-
 def load(source: str, overrides: Mapping[str, str] | None = None) -> Configuration:
     """Read a built-in configuration by name, or a YAML file, and apply overrides.
 
@@ -217,12 +209,7 @@ def load(source: str, overrides: Mapping[str, str] | None = None) -> Configurati
         With one sentence that names field, value and remedy.
     """
     if source in built_in_names():
-        text = (
-            resources.files("megalopta.config")
-            .joinpath("presets", f"{source}.yaml")
-            .read_text("utf-8")
-        )
-        return parse(text, source, overrides)
+        return parse(built_in_text(source), source, overrides)
     path = Path(source)
     path = path / "dataset.yaml" if path.is_dir() else path
     known = f"configuration; give a YAML file or one of {', '.join(built_in_names())}"

@@ -11,7 +11,8 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from megalopta import strict_yaml
-from megalopta.errors import UserError, one_sentence
+from megalopta.config.validation import one_sentence
+from megalopta.errors import UserError
 
 Model = TypeVar("Model", bound=BaseModel)
 

@@ -23,8 +23,8 @@ import yaml
 from pydantic import ValidationError
 
 from megalopta import __version__, files, strict_yaml
-from megalopta.config import Configuration, LightLevel, level_text, to_yaml
-from megalopta.errors import UserError, one_sentence
+from megalopta.config import Configuration, LightLevel, level_text, one_sentence, to_yaml
+from megalopta.errors import UserError
 from megalopta.folders import LOCK_NAME
 from megalopta.sensor import ImageSensor
 

@@ -15,8 +15,8 @@ from pydantic import (
     model_validator,
 )
 
-from megalopta.config import mapping, put, read_text, validated
-from megalopta.errors import UserError, one_sentence
+from megalopta.config import mapping, one_sentence, put, read_text, validated
+from megalopta.errors import UserError
 from megalopta.experiments.trial import Template, Trial, path_from_its_file, template_names
 from megalopta.flow.benchmark import each_once
 from megalopta.strict_yaml import booleans_for_others

@@ -129,7 +129,6 @@ def _check(settings: Configuration) -> None:
 
 STAGE = Stage(
     name="bench",
-    purpose="find the photons per frame that each detector needs (N_2b)",
     fields=("methods", "benchmark"),
     needs=("render",),
     outputs=_outputs,

@@ -190,7 +190,6 @@ def _check(settings: Configuration) -> None:
 
 STAGE = Stage(
     name="flow",
-    purpose="run the motion detectors on the counts and compare with the truth",
     fields=("methods",),
     needs=("render", "sense"),
     outputs=lambda dataset: [dataset.result("flow.json"), dataset.result("responses")],

@@ -256,7 +256,6 @@ def _check(settings: Configuration) -> None:
 
 STAGE = Stage(
     name="render",
-    purpose="render a scene to spectral-radiance EXRs with exact ground truth",
     fields=(
         *("name", "seed", "scene", "objects", "light", "camera", "trajectory"),
         *("shutter", "render"),

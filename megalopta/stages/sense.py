@@ -183,7 +183,6 @@ def _check(settings: Configuration) -> None:
 
 STAGE = Stage(
     name="sense",
-    purpose="expose every sensor at every light level: photon counts to Zarr",
     fields=("light_levels", "sensors"),
     needs=("render",),
     outputs=lambda dataset: [

@@ -16,8 +16,6 @@ class Stage:
     ----------
     name : str
         Its verb on the command line.
-    purpose : str
-        One clause for a person.
     fields : tuple of str
         Parts of the configuration that its output depends on, beside those of the stages it needs.
     needs : tuple of str
@@ -35,7 +33,6 @@ class Stage:
     """
 
     name: str
-    purpose: str
     fields: tuple[str, ...]
     needs: tuple[str, ...]
     outputs: Callable[[Dataset], list[Path]]

@@ -1,5 +1,6 @@
 """Long work is not silent where there is no terminal."""
 
+import sys
 import threading
 import time
 
@@ -48,7 +49,7 @@ def test_it_is_silent_again_after_a_failure_and_leaves_no_thread(capsys):
 
 
 def test_a_terminal_has_a_bar_instead(capsys, monkeypatch):
-    monkeypatch.setattr(progress.console, "_force_terminal", True)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     with progress.progress("Rendering", 1, "frame") as advance:
         time.sleep(0.15)
         advance()

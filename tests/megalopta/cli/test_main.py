@@ -86,7 +86,29 @@ def test_help_shows_settings_with_units_and_defaults(run):
     text = run("render", "--help").stdout
     assert "--camera.fov-deg 75" in text
     assert "(degrees)" in text
+    assert "--sensors" not in text
+
+
+@pytest.mark.parametrize(
+    ("verb", "own"),
+    [
+        ("render", "name seed scene objects light camera trajectory shutter render"),
+        ("sense", "light-levels sensors"),
+        ("flow", "methods"),
+        ("bench", "methods benchmark"),
+    ],
+)
+def test_help_of_a_stage_shows_its_own_settings_in_their_order(run, verb, own):
+    lines = run(verb, "--help").stdout.partition("\nsettings (")[2].splitlines()
+    paths = [line.split()[0].removeprefix("--") for line in lines if line.startswith("  --")]
+    assert list(dict.fromkeys(path.partition(".")[0] for path in paths)) == own.split()
+
+
+def test_help_of_the_demo_shows_all_settings(run):
+    text = run("demo", "--help").stdout
+    assert "--camera.fov-deg 75" in text
     assert "--sensors.0.dead-time.dead-time-s 1.0e-06" in text
+    assert "--benchmark.sizes" in text
 
 
 def test_help_of_sweep_shows_its_settings(run):

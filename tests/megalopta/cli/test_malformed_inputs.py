@@ -15,8 +15,7 @@ import pytest
 import yaml
 
 from megalopta.cli import main as cli
-from megalopta.cli.overrides import _settings
-from megalopta.config.model import load
+from megalopta.config import load, settings_of
 from megalopta.config.yaml_model import to_yaml
 from megalopta.sensor import PRESETS
 from megalopta.stages.pipeline import run_stage
@@ -136,7 +135,7 @@ def one_of(rng, values):
 
 def command_line(rng, done, folder):
     """Words in any order: verbs, options, settings, and values that fit none of them."""
-    paths = [path for path, _, _ in _settings(load("grating"))]
+    paths = [path for path, _, _ in settings_of(load("grating"))]
     words = [
         one_of(rng, ("render", "sense", "flow", "bench", "report", "check", "sweep", "frob", ""))
     ]
@@ -166,7 +165,7 @@ def setting(rng, done, folder):
     stage = one_of(rng, ("render", "sense", "flow", "bench"))
     settings = load("grating", {**TINY, **SHORT})
     paths = [
-        path for path, _, _ in _settings(settings) if rng.random() < 0.5 or path[:7] == "sensors"
+        path for path, _, _ in settings_of(settings) if rng.random() < 0.5 or path[:7] == "sensors"
     ]
     words = [f"--{one_of(rng, paths)}={as_word(odd(rng))}"]
     dataset = done.with_name("rendered") if stage in ("sense", "bench") else done
@@ -182,7 +181,7 @@ def scene(rng, done, folder):
     rendered = ("scene", "camera", "trajectory", "light", "render", "shutter")
     paths = [
         path
-        for path, _, value in _settings(settings)
+        for path, _, value in settings_of(settings)
         if path.startswith(rendered) and path not in two and not isinstance(value, str)
     ]
     for path in {one_of(rng, paths) for _ in range(3)}:

@@ -1,0 +1,88 @@
+"""One verb of the command line: its own options, its settings, and how it tells a mistake.
+
+A verb is a file of this folder with a function `declare`, which adds one to the verbs. The parser
+loads it with every command, `--help` and `--version` included: what is slow to import is imported
+where it runs.
+"""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn, TypeAlias
+
+from megalopta.errors import UserError
+
+if TYPE_CHECKING:
+    from megalopta.config import Settings
+
+Verbs: TypeAlias = "argparse._SubParsersAction[Command]"
+Run: TypeAlias = Callable[[argparse.Namespace], None]
+
+
+class Command(argparse.ArgumentParser):
+    """Tells a mistake as one sentence, without the usage, which fills a screen."""
+
+    settings: "Callable[[], Settings] | None" = None
+    """What can be set beside its own options, loaded when it is asked for."""
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        """Its own, such as "--out"."""
+        return tuple(self._option_string_actions)
+
+    def takes_list(self, path: str) -> bool:
+        """Whether a setting may hold a list. Raises UserError where nothing can be set."""
+        if self.settings is None:
+            self.error(f"no setting --{path}")
+        return self.settings().takes_list(path)
+
+    def format_help(self) -> str:
+        """Settings follow the options."""
+        if self.settings:
+            self.epilog = self.settings().help()
+        return super().format_help()
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse what was typed."""
+        verb = self.prog.removeprefix("megalopta").strip()
+        raise UserError(f"{verb}: {message}; see {self.prog} --help".removeprefix(": "))
+
+
+def add_verb(verbs: Verbs, name: str, purpose: str, run: Run) -> Command:
+    """Add a verb: its name, one line of help, and the function that does it."""
+    command = verbs.add_parser(
+        name,
+        help=purpose,
+        description=purpose[0].upper() + purpose[1:] + ".",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    command.set_defaults(run=run)
+    return command
+
+
+def add_dataset(command: Command) -> None:
+    """Add the dataset that it reads."""
+    command.add_argument("dataset", type=Path, help="dataset folder")
+
+
+def add_out(command: Command, default: str, what: str = "folder") -> None:
+    """Add the folder that it writes to."""
+    text = f"{what} (default: {default})"
+    command.add_argument("--out", type=Path, default=Path(default), help=text)
+
+
+def add_workers(command: Command) -> None:
+    """Add how many threads work, and where they find rendered panoramas."""
+    command.add_argument(
+        "--workers", type=_positive, metavar="N", help="threads (default: one for each core)"
+    )
+    command.add_argument(
+        "--cache", type=Path, help="folder of rendered panoramas (default: the user's)"
+    )
+
+
+def _positive(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r}; give a whole number, 1 or more")
+    return int(text)

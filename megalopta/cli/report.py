@@ -1,0 +1,18 @@
+"""`megalopta report`."""
+
+from argparse import Namespace
+
+from megalopta.cli.command import Verbs, add_dataset, add_verb
+
+
+def declare(verbs: Verbs) -> None:
+    """Add the verb."""
+    purpose = "write report.html, one file without outside links, from what a dataset holds"
+    add_dataset(add_verb(verbs, "report", purpose, _run))
+
+
+def _run(options: Namespace) -> None:
+    from megalopta.report import write_report
+    from megalopta.stages import open_dataset_whole
+
+    print(write_report(open_dataset_whole(options.dataset)))

@@ -1,0 +1,69 @@
+"""What the verbs share that run stages: settings, --redo, and a configuration or a dataset."""
+
+from argparse import Namespace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from megalopta.cli.command import Command, Run, Verbs, add_dataset, add_out, add_verb
+from megalopta.config import built_in_names
+from megalopta.errors import UserError
+
+if TYPE_CHECKING:
+    from megalopta.config import Configuration, Settings
+
+
+def add_first_stage(verbs: Verbs, name: str, purpose: str, run: Run) -> None:
+    """Add a verb that begins a dataset from a configuration."""
+    command = _add_stage(verbs, name, purpose, run)
+    names = ", ".join(built_in_names())
+    command.add_argument(
+        "configuration", nargs="?", help=f"YAML file, or one of {names} (default: demo)"
+    )
+    add_out(command, "out/demo", "dataset folder")
+
+
+def add_later_stage(verbs: Verbs, name: str, purpose: str) -> None:
+    """Add a verb that runs the stage of its name on a dataset."""
+    add_dataset(_add_stage(verbs, name, purpose, _run))
+
+
+def configuration(options: Namespace) -> "Configuration":
+    """Read the configuration that is named, or the demo's.
+
+    "airglow" is a light level and a configuration: at the end of a list it could be either.
+    """
+    from megalopta.config import load
+
+    for path, value in options.overrides.items():
+        last = value.rpartition(", ")[2].strip("]")
+        if options.configuration is None and "," in value and last in built_in_names():
+            raise UserError(
+                f"{last}: a value of --{path}, or the configuration? give the configuration first"
+            )
+    return load(options.configuration or "demo", options.overrides)
+
+
+def _add_stage(verbs: Verbs, name: str, purpose: str, run: Run) -> Command:
+    command = add_verb(verbs, name, purpose, run)
+    command.settings = partial(_settings, name)
+    command.add_argument(
+        "--redo", action="store_true", help="replace output of another configuration"
+    )
+    return command
+
+
+def _settings(verb: str) -> "Settings":
+    """Those that the stage of a verb depends on; all for a verb that is no stage."""
+    from megalopta.config import Settings, load
+    from megalopta.stages import STAGES
+
+    return Settings(load("demo"), STAGES[verb].fields if verb in STAGES else None)
+
+
+def _run(options: Namespace) -> None:
+    from megalopta.config import parse, to_yaml
+    from megalopta.stages import open_dataset_whole, run_stage
+
+    stored = to_yaml(open_dataset_whole(options.dataset).configuration)
+    changed = parse(stored, str(options.dataset), options.overrides)
+    run_stage(options.dataset, changed, options.verb, options.redo)

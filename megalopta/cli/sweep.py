@@ -1,0 +1,40 @@
+"""`megalopta sweep`."""
+
+from argparse import Namespace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from megalopta.cli.command import Verbs, add_out, add_verb, add_workers
+
+if TYPE_CHECKING:
+    from megalopta.config import Settings
+
+
+def declare(verbs: Verbs) -> None:
+    """Add the verb."""
+    purpose = "measure the photons that motion detectors need over any parameter of the benchmark"
+    command = add_verb(verbs, "sweep", purpose, _run)
+    command.settings = _settings
+    text = "YAML file: trial, vary, values, sizes, templates"
+    command.add_argument("sweep", type=Path, help=text)
+    add_out(command, "out/sweeps")
+    add_workers(command)
+
+
+def _settings() -> "Settings":
+    from megalopta.config import Settings
+    from megalopta.experiments import Sweep
+
+    return Settings(Sweep())
+
+
+def _run(options: Namespace) -> None:
+    from megalopta.experiments import load_sweep
+    from megalopta.figures import reproduce_sweep
+    from megalopta.stages import announce_sweep
+
+    sweep = load_sweep(options.sweep, options.overrides)
+    announce_sweep(sweep)
+    name = options.sweep.stem
+    for path in reproduce_sweep(name, sweep, options.out, options.workers, options.cache):
+        print(path)

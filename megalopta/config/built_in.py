@@ -1,0 +1,15 @@
+"""The configurations that come with the program."""
+
+from pathlib import Path
+
+_FOLDER = Path(__file__).parent / "presets"
+
+
+def built_in_names() -> list[str]:
+    """Their names."""
+    return sorted(path.stem for path in _FOLDER.glob("*.yaml"))
+
+
+def built_in_text(name: str) -> str:
+    """One of them, as YAML."""
+    return (_FOLDER / f"{name}.yaml").read_text("utf-8")

@@ -1,0 +1,85 @@
+"""What a verb of the command line can be set to do: every field of a model, by its path."""
+
+import shutil
+import textwrap
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from types import UnionType
+from typing import Annotated, Any, Union, get_args, get_origin
+
+import yaml
+from pydantic import BaseModel
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Settings of a verb.
+
+    Attributes
+    ----------
+    record : model
+        With the values that stand where nothing else is asked for.
+    fields : collection of str, optional
+        Those that its help lists; all by default.
+    """
+
+    record: BaseModel
+    fields: Collection[str] | None = None
+
+    def takes_list(self, path: str) -> bool:
+        """Whether the field at a path may hold a list; also where there is none: it is refused."""
+        types: list[Any] = [type(self.record)]
+        for step in path.split("."):
+            types = [inner for each in types for inner in _inner_types(each, step)]
+        return not types or any(get_origin(each) is tuple for each in types)
+
+    def help(self) -> str:
+        """List the settings, each with its meaning, unit and value."""
+        width = min(shutil.get_terminal_size().columns, 100)
+        lines = ["settings (also keys of the YAML file; a value is read as YAML):"]
+        for path, meaning, value in settings_of(self.record):
+            if self.fields is not None and path.partition(".")[0] not in self.fields:
+                continue
+            shown = yaml.safe_dump(value, default_flow_style=True, width=10_000).strip()
+            shown = textwrap.shorten(shown.removesuffix("...").strip(), 60)
+            lines.append(f"  --{path.replace('_', '-')} {shown}")
+            indent = " " * 6
+            lines += textwrap.wrap(
+                " ".join(meaning.split()), width, initial_indent=indent, subsequent_indent=indent
+            )
+        return "\n".join(lines)
+
+
+def settings_of(model: BaseModel, prefix: str = "") -> Iterator[tuple[str, str, Any]]:
+    """Path, meaning and value of every setting of a model."""
+    dumped = model.model_dump(mode="json")
+    for name, field in type(model).model_fields.items():
+        path, value = f"{prefix}{name}", getattr(model, name)
+        parts = value if isinstance(value, tuple) else ()
+        if isinstance(value, BaseModel):
+            yield from settings_of(value, f"{path}.")
+        elif parts and isinstance(parts[0], BaseModel):
+            for index, part in enumerate(parts):
+                yield from settings_of(part, f"{path}.{index}.")
+        else:
+            yield path, field.description or "", dumped[name]
+
+
+def _inner_types(outer: Any, step: str) -> Iterator[Any]:
+    if get_origin(outer) is tuple and step.isdecimal():
+        yield from _plain_types(get_args(outer)[0])
+    elif get_origin(outer) is dict:
+        yield from _plain_types(get_args(outer)[1])
+    elif isinstance(outer, type) and issubclass(outer, BaseModel) and step in outer.model_fields:
+        yield from _plain_types(outer.model_fields[step].annotation)
+
+
+def _plain_types(annotation: Any) -> Iterator[Any]:
+    """Types that an annotation allows, without unions and metadata."""
+    if get_origin(annotation) is Annotated:
+        yield from _plain_types(get_args(annotation)[0])
+    elif get_origin(annotation) in (Union, UnionType):
+        for part in get_args(annotation):
+            yield from _plain_types(part)
+    else:
+        yield annotation
