@@ -39,8 +39,8 @@ def progress(description: str, total: int, unit: str) -> Iterator[Advance]:
     if sys.stderr.isatty():
         from megalopta.progress_bar import bar  # what it is drawn with is slow to import
 
-        with bar(description, total, unit) as advance:
-            yield advance
+        with bar(description, total, unit, rate_text) as advance:
+            yield lambda steps=1: advance(steps)
         return
     done, start = 0, time.monotonic()
 

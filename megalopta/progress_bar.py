@@ -1,6 +1,6 @@
 """A bar on the terminal."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
@@ -16,24 +16,28 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from megalopta.progress import Advance, rate_text
-
 
 class _RateColumn(ProgressColumn):
+    def __init__(self, rate_text: Callable[[float, str], str]) -> None:
+        super().__init__()
+        self._rate_text = rate_text
+
     def render(self, task: Task) -> Text:
         """How fast it goes lately, or went in all."""
         speed = task.finished_speed or task.speed
-        return Text(rate_text(speed, task.fields["unit"]) if speed else "")
+        return Text(self._rate_text(speed, task.fields["unit"]) if speed else "")
 
 
 @contextmanager
-def bar(description: str, total: int, unit: str) -> Iterator[Advance]:
+def bar(
+    description: str, total: int, unit: str, rate_text: Callable[[float, str], str]
+) -> Iterator[Callable[[int], None]]:
     """Show a bar for `total` steps, which the yielded function counts."""
     columns = (
         TextColumn("{task.description:<34}"),
         BarColumn(bar_width=24),
         MofNCompleteColumn(),
-        _RateColumn(),
+        _RateColumn(rate_text),
         TimeElapsedColumn(),
         TextColumn("left"),
         TimeRemainingColumn(),
