@@ -18,7 +18,7 @@ from pathlib import Path
 from megalopta import files, flow
 from megalopta.errors import UserError
 from megalopta.experiments import trial
-from megalopta.experiments.trial import Array, Template, Trial, measure, template_names
+from megalopta.experiments.trial import Floats, Template, Trial, measure, template_names
 from megalopta.flow.metrics import ErrorCurve
 from megalopta.flow.stimuli import BlackFrameError
 from megalopta.folders import ensure_directory, locked
@@ -34,7 +34,7 @@ Results = Mapping[Trial, Curves]
 
 def run_trials(
     trials: Iterable[Trial],
-    templates: Mapping[Template, Array],
+    templates: Mapping[Template, Floats],
     store: Path,
     executor: Executor,
     on_progress: Callable[[int], object] = lambda work: None,
@@ -91,7 +91,7 @@ def run_trials(
 
 def run(
     trials: Sequence[Trial],
-    templates: Mapping[Template, Array],
+    templates: Mapping[Template, Floats],
     store: Path,
     workers: int | None = None,
 ) -> dict[Trial, Curves]:
@@ -113,7 +113,7 @@ def run(
 
 def _run_by_threads(
     trials: Sequence[Trial],
-    templates: Mapping[Template, Array],
+    templates: Mapping[Template, Floats],
     store: Path,
     workers: int | None,
 ) -> dict[Trial, Curves]:
@@ -148,7 +148,7 @@ def _code() -> str:
     """Return the hash of the code that measures, and of the libraries that it measures with."""
     versions = [f"{name} {version(name)}" for name in _LIBRARIES]
     paths = [Path(str(module.__file__)) for module in (flow, trial, poisson, randomness)]
-    sources = (*sorted(paths[0].parent.glob("*.py")), *paths)
+    sources = (*sorted(paths[0].parent.rglob("*.py")), *paths)
     return _hash(*versions, *(path.read_bytes() for path in sources))
 
 

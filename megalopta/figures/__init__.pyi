@@ -1,5 +1,6 @@
-from .figure import Cell, Figure, Printed, Registry
-from .planned import Planned, PlannedRegistry, Templates
+from .figure import Cell, Figure, Floats, Printed, rows_of
+from .recipe import FigureRecipe, Run, Templates
+from .registry import names
 from .reproduction import reproduce, reproduce_sweep
 from .style import (
     BLACK,
@@ -30,19 +31,21 @@ __all__ = [
     "VERMILION",
     "Cell",
     "Figure",
+    "FigureRecipe",
+    "Floats",
     "Needed",
-    "Planned",
-    "PlannedRegistry",
     "Printed",
-    "Registry",
+    "Run",
     "Templates",
     "draw_table",
     "house_style",
     "method_style",
+    "names",
     "needed",
     "new_canvas",
     "reproduce",
     "reproduce_sweep",
+    "rows_of",
     "sweep_curve",
     "sweep_figure",
     "threshold_of",

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from jinja2 import Environment, StrictUndefined
 
-from megalopta.figures import Figure
+from megalopta.figures import Figure, names
 from megalopta.files import write_text
 from megalopta.flow.metrics import format_flux
 
@@ -16,11 +16,15 @@ TABLE = "table-4.1"
 def write_page(out: Path, figures: Sequence[Figure]) -> Path:
     """Write chapter-4.html beside the pictures of some figures, one of them Table 4.1.
 
+    Figures of other chapters are passed over.
+
     Returns
     -------
     Path
         Of the page.
     """
+    known = names("chapter-4")
+    figures = [figure for figure in figures if figure.name in known]
     (table,) = (figure for figure in figures if figure.name == TABLE)
     rows = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
     literal, ratio = (

@@ -29,8 +29,7 @@ from megalopta.experiments import (
     ranked,
     sequences,
 )
-from megalopta.figures.figure import Figure, Registry
-from megalopta.figures.style import BLACK, BLUE, GRAY, ORANGE, method_style
+from megalopta.figures import BLACK, BLUE, GRAY, ORANGE, Figure, FigureRecipe, Run, method_style
 from megalopta.flow.detectors import METHODS, BlockDetector
 from megalopta.flow.metrics import format_flux
 
@@ -41,7 +40,7 @@ _POOLED_SEQUENCES = 2
 """Eight frames a draw: fewer sequences do."""
 
 
-def leaderboard() -> Figure:
+def leaderboard(_: Run) -> Figure:
     """Photons, efficiency and time of every method that gives the velocity of blocks."""
     clean = sequences()
     known, seen = information(clean), information(clean, MARGIN_PX)
@@ -54,10 +53,11 @@ def leaderboard() -> Figure:
         caption=(
             f"In {len(clean)} sequences of dead leaves of 240 × 240 px, which drift by "
             f"{SPEED_PX:.2f} px per frame, each method sees one block of {_BLOCK} with a margin of "
-            f"{MARGIN_PX} px and nothing else; on whole frames and photographs, which this run does "
-            "not measure, the order reverses. Beside each bar (whiskers: 95 % of bootstraps; hatched: never "
-            f"below 25 % up to {format_flux(FLUXES[-1])} photons) stand its photons per frame, the "
-            "share of them that the bound of as many frames needs, and CPU time per frame. "
+            f"{MARGIN_PX} px and nothing else; on whole frames and photographs, which this run "
+            "does not measure, the order reverses. Beside each bar (whiskers: 95 % of bootstraps; "
+            f"hatched: never below 25 % up to {format_flux(FLUXES[-1])} photons) stand its photons "
+            "per frame, the share of them that the bound of as many frames needs, and CPU time per "
+            "frame. "
             f"{_collected(entries)}"
         ),
         draw=lambda canvas: _draw_board(canvas.subplots(), entries, {2: two, 8: eight}),
@@ -122,7 +122,7 @@ def _collected(entries: Sequence[Entry]) -> str:
     return f"{names}, to be held against their bound, all other methods two."
 
 
-def efficiency() -> Figure:
+def efficiency(_: Run) -> Figure:
     """Bound over variance of the two methods that aim at the limit, against the flux."""
     clean = sequences()
     known, seen = information(clean), information(clean, MARGIN_PX)
@@ -230,4 +230,7 @@ def _beside(entry: Entry) -> str:
     return f"{photons} · {100 * entry.efficiency:.2g} % · {time}"
 
 
-LIMIT: Registry = {"leaderboard": leaderboard, "efficiency": efficiency}
+RECIPES = (
+    FigureRecipe("leaderboard", leaderboard),
+    FigureRecipe("efficiency", efficiency),
+)
