@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from megalopta.flow.detectors import METHODS
 from megalopta.flow.metrics import Threshold
 from megalopta.report.budget import Budget
 from megalopta.report.charts import Curve, Need, error_chart, need_chart
@@ -52,11 +51,6 @@ class NeedSection:
     warm_up: int
     confidence_percent: float
     dark_counts: str
-
-
-def series(method: str) -> int:
-    """Number of a method's color and marker, the same in all charts."""
-    return list(METHODS).index(method)
 
 
 def need_section(benchmark: Record, budgets: Sequence[Budget]) -> NeedSection:

@@ -1,14 +1,12 @@
 """Chapter 4 on one page: our Table 4.1 beside the dissertation's, the figures, and what differs."""
 
 from collections.abc import Sequence
-from importlib import resources
 from pathlib import Path
-
-from jinja2 import Environment, StrictUndefined
 
 from megalopta.figures import Figure, names
 from megalopta.files import write_text
 from megalopta.flow.metrics import format_flux
+from megalopta.pages import render_page
 
 TABLE = "table-4.1"
 
@@ -30,10 +28,10 @@ def write_page(out: Path, figures: Sequence[Figure]) -> Path:
     literal, ratio = (
         [row for row in rows if row["metric"] == name] for name in ("literal", "ratio")
     )
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
-    environment.filters["flux"] = format_flux
-    text = resources.files("megalopta.figures.chapter4").joinpath("page.html").read_text("utf-8")
-    page = environment.from_string(text).render(
+    page = render_page(
+        "megalopta.figures.chapter4",
+        "page.html",
+        {"flux": format_flux},
         rows=list(zip(literal, ratio, strict=True)),
         figures=[figure for figure in figures if figure.name != TABLE],
         note=table.caption,

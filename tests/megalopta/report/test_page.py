@@ -252,7 +252,9 @@ def with_answers(dataset, method, level, repeated, correct):
 
 def marks(path, method):
     """The marks of a detector in the table of verdicts, by sensor and light."""
-    row = re.search(rf'<th scope="row" style[^>]*>{method}</th>(.*?)</tr>', path.read_text(), re.S)
+    row = re.search(
+        rf'<th scope="row"><span[^>]*>.</span> {method}</th>(.*?)</tr>', path.read_text(), re.S
+    )
     return re.findall(r'class="dot (\w+)"', row[1])
 
 
