@@ -1,4 +1,5 @@
 from . import sintel
+from .flow_record import FlowRecord, ResponseErrors, RotationErrors, TruthErrors
 from .frames import read_radiance_frame, read_radiance_frames, read_truth_frame, read_truth_frames
 from .redo import begin_redo, complete_redo, discard, open_dataset_whole, publish
 from .rendering_noise import ATTRIBUTE, noise_record
@@ -18,6 +19,10 @@ __all__ = [
     "ATTRIBUTE",
     "STAGES",
     "Dataset",
+    "FlowRecord",
+    "ResponseErrors",
+    "RotationErrors",
+    "TruthErrors",
     "begin_redo",
     "begin_stages",
     "complete_redo",

@@ -1,4 +1,4 @@
-"""House style of all figures, those of the report too: one width, one type size, colors that color-blind readers can tell.
+"""House style of all figures, the report's too: one type size, colors for color-blind readers.
 
 The colors are those of Okabe and Ito (2008). Curves should differ in marker or dash as well, for
 readers in gray. Everything stays readable when a figure is shown at half of its width. Only the

@@ -13,7 +13,7 @@ from matplotlib.typing import LineStyleType
 from numpy.typing import NDArray
 
 from megalopta.figures import BLACK, BLUE, DASHES, MARKERS, RULE, method_style
-from megalopta.flow.metrics import Threshold
+from megalopta.flow.metrics import ErrorCurve, Threshold
 from megalopta.report.budget import Budget
 from megalopta.report.svg import in_style, logarithmic, new_axes, to_svg
 from megalopta.report.text import level_name, percent, short
@@ -30,16 +30,6 @@ _NUMBERS = FuncFormatter(lambda value, _: short(value))
 _ERRORS = FuncFormatter(
     lambda value, _: f"{100 * value:g} %" if value < 9.9 else f"{short(value)}×"
 )
-
-
-@dataclass(frozen=True)
-class Curve:
-    """Errors of a method over photons per frame; NaN or 0 is not drawn."""
-
-    method: str
-    fluxes: NDArray[np.float64]
-    errors: NDArray[np.float64]
-    standard_errors: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -112,12 +102,16 @@ def _wide_enough(values: NDArray[np.floating]) -> tuple[float, float] | None:
 
 
 @in_style
-def error_chart(curves: Sequence[Curve], name: str, level: float, description: str) -> Markup:
-    """Error over photons per frame, a curve per method with its interval, log-log."""
+def error_chart(curves: Sequence[ErrorCurve], name: str, level: float, description: str) -> Markup:
+    """Error over photons per frame, a curve per method with its interval, log-log.
+
+    NaN or 0 is not drawn.
+    """
     figure, axes = new_axes(_WIDTH_PT, 300)
     for curve in curves:
-        style, spread = method_style(curve.method), _BAND_STANDARD_ERRORS * curve.standard_errors
-        errors = _drawable(curve.errors)
+        style = method_style(curve.method)
+        spread = _BAND_STANDARD_ERRORS * np.array(curve.standard_errors)
+        errors = _drawable(np.array(curve.errors))
         lower, upper = (np.clip(errors + sign * spread, 1e-9, None) for sign in (-1, 1))
         axes.fill_between(curve.fluxes, lower, upper, color=style["color"], alpha=0.2, linewidth=0)
         axes.plot(curve.fluxes, errors, **style, markersize=4)

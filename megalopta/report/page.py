@@ -113,7 +113,7 @@ def _sections(dataset: Dataset, footage: Footage, record: Record) -> Sections:
     if dataset.is_finished("bench"):
         benchmark = read_benchmark(dataset)
         needs = need_section(benchmark, budgets)
-        findings.append(need_finding(benchmark))
+        findings.append(need_finding(benchmark.curves, benchmark.settings.metrics[0]))
     return Sections(motion, light, detectors, needs, tuple(filter(None, findings)))
 
 

@@ -6,9 +6,10 @@ import pytest
 
 from megalopta.figures.style import BLACK, RULE, method_style
 from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.metrics.curve import ErrorCurve
 from megalopta.flow.metrics.photon_threshold import Threshold
 from megalopta.report.budget import Budget
-from megalopta.report.charts import Curve, Need, error_chart, need_chart, signal_chart, speed_chart
+from megalopta.report.charts import Need, error_chart, need_chart, signal_chart, speed_chart
 from megalopta.report.svg import themed
 from megalopta.sensor import PRESETS
 
@@ -44,6 +45,11 @@ def texts(svg):
     return [element.text for element in root.iter("text")]
 
 
+def curve(name, errors):
+    shape = (60, 60)
+    return ErrorCurve(name, name, shape, "literal", (*FLUXES,), (*errors,), (*errors / 10,), 1, {})
+
+
 def crossing(flux):
     return Threshold("crossing", 0.25, 1e3, 1e9, flux, flux / 1.2, flux * 1.2)
 
@@ -76,8 +82,8 @@ def test_charts_need_nothing_from_outside():
 
 
 def test_identifiers_carry_the_name_of_the_chart():
-    curve = Curve("BM", FLUXES, 1e3 / FLUXES, 0.1e3 / FLUXES)
-    svg = str(error_chart([curve], "chart-7", 0.25, "a chart"))
+    shown = curve("BM", 1e3 / FLUXES)
+    svg = str(error_chart([shown], "chart-7", 0.25, "a chart"))
     targets = re.findall(r'(?:url\(#|href="#)([^)"]*)', svg)
     identifiers = set(re.findall(r'\sid="([^"]*)"', svg))
     assert targets
@@ -92,7 +98,7 @@ def test_descriptions_are_escaped():
 
 def test_undefined_and_zero_errors_leave_gaps():
     errors = np.array([np.nan, 3.0, 1.0, 0.3, 0.1, 0.0, 0.0])
-    svg = str(error_chart([Curve("BM", FLUXES, errors, errors / 10)], "gaps", 0.25, "gaps"))
+    svg = str(error_chart([curve("BM", errors)], "gaps", 0.25, "gaps"))
     assert "nan" not in svg
     assert svg.count("<use") >= 4  # one marker per drawn error, beside those of the ticks
 
@@ -136,8 +142,8 @@ def test_curves_are_drawn_in_the_style_of_the_page():
 
 @pytest.mark.parametrize("name", METHODS)
 def test_a_method_has_its_color_of_the_figures(name):
-    curve = Curve(name, FLUXES, 1e3 / FLUXES, 0.1e3 / FLUXES)
+    shown = curve(name, 1e3 / FLUXES)
     assert (
         themed(method_style(name)["color"]).lower()
-        in str(error_chart([curve], "c", 0.25, "")).lower()
+        in str(error_chart([shown], "c", 0.25, "")).lower()
     )
