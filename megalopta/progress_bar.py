@@ -44,4 +44,8 @@ def bar(
     )
     with Progress(*columns, console=Console(stderr=True)) as bars:
         task = bars.add_task(description, total=total, unit=unit)
-        yield lambda steps=1: bars.advance(task, steps)
+
+        def advance(steps: int) -> None:
+            bars.advance(task, steps)
+
+        yield advance

@@ -1,10 +1,13 @@
 """What a photon benchmark of a sequence found, with what is needed to make it again."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
+
+from pydantic import PositiveInt, TypeAdapter
 
 from megalopta.flow.benchmark.settings import BenchmarkSettings
-from megalopta.flow.detectors import Detector
+from megalopta.flow.detectors import METHODS, Detector
 from megalopta.flow.metrics import ErrorCurve, Metric
 
 
@@ -16,7 +19,7 @@ class BenchmarkResult:
     seed: int
     settings: BenchmarkSettings
     methods: tuple[Detector, ...]
-    frames: tuple[int, int, int]
+    frames: tuple[PositiveInt, PositiveInt, PositiveInt]
     """Shape (T, H, W) of the clean sequence before resizing"""
 
     warm_up: int
@@ -52,3 +55,14 @@ class BenchmarkResult:
             "warm_up": self.warm_up,
             "curves": [curve.to_dict() for curve in self.curves],
         }
+
+    @classmethod
+    def from_dict(cls, fields: Mapping[str, Any]) -> Self:
+        """Return the result that `to_dict` wrote; raises as `ErrorCurve.from_dict` does."""
+        methods = (
+            type(METHODS[name]).model_validate(own) for name, own in fields["methods"].items()
+        )
+        curves = tuple(ErrorCurve.from_dict(each) for each in fields["curves"])
+        return TypeAdapter(cls).validate_python(
+            {**fields, "methods": (*methods,), "curves": curves}
+        )

@@ -11,9 +11,10 @@ from dataclasses import asdict, dataclass
 from typing import Any, Self
 
 import numpy as np
+from pydantic import PositiveInt, TypeAdapter
 
 from megalopta.flow.detectors import Detector, FloatArray
-from megalopta.flow.metrics.photon_threshold import Threshold, threshold
+from megalopta.flow.metrics.photon_threshold import Flux, Threshold, threshold
 from megalopta.flow.metrics.response_error import ErrorSums, Metric, quotient
 from megalopta.sensor.sampling import generator
 
@@ -24,11 +25,11 @@ class ErrorCurve:
 
     method: str
     label: str
-    shape: tuple[int, int]
+    shape: tuple[PositiveInt, PositiveInt]
     """Rows and columns of the resized frames"""
 
     metric: Metric
-    fluxes: tuple[float, ...]
+    fluxes: tuple[Flux, ...]
     """Photons per frame, growing"""
 
     errors: tuple[float, ...]
@@ -51,17 +52,25 @@ class ErrorCurve:
 
     @classmethod
     def from_dict(cls, fields: Mapping[str, Any]) -> Self:
-        """Return the curve that `to_dict` wrote."""
-        numbers = {
-            name: tuple(math.nan if value is None else value for value in fields[name])
-            for name in ("fluxes", "errors", "standard_errors")
+        """Return the curve that `to_dict` wrote.
+
+        Raises
+        ------
+        ValueError, LookupError, TypeError, AttributeError
+            When something lacks, or is nothing of the kind.
+        """
+        errors = {
+            name: [math.nan if value is None else value for value in fields[name]]
+            for name in ("errors", "standard_errors")
         }
         thresholds = {
-            int(name.removeprefix("N_").removesuffix("b")): Threshold(**each)
+            name.removeprefix("N_").removesuffix("b"): each
             for name, each in fields["thresholds"].items()
         }
-        changed = {**numbers, "shape": tuple(fields["shape"]), "thresholds": thresholds}
-        return cls(**{**fields, **changed})
+        curve = TypeAdapter(cls).validate_python({**fields, **errors, "thresholds": thresholds})
+        if not len(curve.fluxes) == len(curve.errors) == len(curve.standard_errors):
+            raise ValueError(f"errors of {curve.method} are not as many as its fluxes")
+        return curve
 
 
 def error_curve(

@@ -12,10 +12,11 @@ between scenes nor the error of interpolating between two fluxes.
 """
 
 from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
 
 from megalopta.flow.detectors import FloatArray
 
@@ -25,6 +26,9 @@ _LOWEST_ERROR = 1e-3
 
 _LARGEST_EXPONENT = 50.0
 """Disturbances beyond a factor exp(50) are one and the same: the error is unknown there."""
+
+Flux = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+"""Checked where it is read from a file"""
 
 _UNITS = ((1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""))
 
@@ -39,19 +43,19 @@ class Threshold:
     level: float
     """Error level"""
 
-    range_min: float
+    range_min: Flux
     """Smallest flux of the curve (photons per frame)"""
 
-    range_max: float
+    range_max: Flux
     """Largest flux of the curve (photons per frame)"""
 
-    flux: float | None = None
+    flux: Flux | None = None
     """Where the curve crosses the level (photons per frame)"""
 
-    low: float | None = None
+    low: Flux | None = None
     """Lower end of the confidence interval; None is below the curve"""
 
-    high: float | None = None
+    high: Flux | None = None
     """Upper end of the confidence interval; None is above the curve"""
 
     def __str__(self) -> str:

@@ -1,4 +1,5 @@
 from . import sintel
+from .flow_record import FlowRecord, ResponseErrors, RotationErrors, TruthErrors
 from .frames import read_radiance_frame, read_radiance_frames, read_truth_frame, read_truth_frames
 from .rendering_noise import ATTRIBUTE, noise_record
 from .store import (
@@ -17,6 +18,10 @@ __all__ = [
     "ATTRIBUTE",
     "REDO_FOLDER",
     "Dataset",
+    "FlowRecord",
+    "ResponseErrors",
+    "RotationErrors",
+    "TruthErrors",
     "existing",
     "exposure_name",
     "file_hash",

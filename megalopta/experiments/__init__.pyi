@@ -45,7 +45,7 @@ from .runner import Results, run
 from .sweep import Point, Sweep, Value, load_sweep
 from .templates import pixels_of
 from .thesis_sweeps import PHOTOGRAPHED, SWEEPS, in_form
-from .trial import ROWS, Array, GratingTemplate, PanoramaTemplate, Template, Trial
+from .trial import ROWS, Floats, GratingTemplate, PanoramaTemplate, Template, Trial
 
 __all__ = [
     "COLUMNS",
@@ -73,9 +73,9 @@ __all__ = [
     "SWEEPS",
     "TIME_CONSTANTS_S",
     "UNITS",
-    "Array",
     "Detection",
     "Entry",
+    "Floats",
     "GratingTemplate",
     "PanoramaTemplate",
     "Peaks",

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.assets_gen.patterns import tileable_noise
+from megalopta.experiments.trial import Floats
 from megalopta.flow.detectors import Detector
 from megalopta.flow.metrics import (
     Roc,
@@ -24,8 +25,6 @@ from megalopta.flow.metrics import (
 )
 from megalopta.flow.stimuli import Counts, MovingTemplate, draw_counts
 from megalopta.sensor.sampling import generator
-
-Floats = NDArray[np.float64]
 
 SEED = 0
 COLUMNS, SIZE, SPEED_COLUMNS = 251, 60, 5

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.stimuli import dead_leaves
+from megalopta.experiments.trial import Floats
 from megalopta.flow.benchmark import milliseconds_per_frame
 from megalopta.flow.detectors import BlockDetector, BlockGrid, Detector, block_grid
 from megalopta.flow.metrics import (
@@ -28,8 +29,6 @@ from megalopta.flow.metrics import (
     variance_efficiency,
 )
 from megalopta.flow.stimuli import MovingTemplate, draw_counts
-
-Floats = NDArray[np.float64]
 
 SIZE_PX = 240
 TEMPLATE_ROWS = 251

@@ -20,14 +20,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.experiments.trial import Floats
 from megalopta.flow import Detector, triangular_pool
 from megalopta.flow.detectors import NonDirectionalMultiplication, NonDirectionalSummation
 from megalopta.scenes.cameras import PerspectiveCamera
 from megalopta.scenes.stimuli import Bench, build_bench, sky_radiance
 from megalopta.scenes.trajectories import Trajectory
 from megalopta.sensor import Exposure, Sensor, detection_rate, expose, preset
-
-Floats = NDArray[np.float64]
 
 FRAME_RATE_HZ = 10.0
 FRAMES = 32

@@ -15,7 +15,7 @@ from pathlib import Path
 from megalopta import files
 from megalopta.errors import UserError
 from megalopta.experiments import trial
-from megalopta.experiments.trial import Array, Template, Trial, measure, template_names
+from megalopta.experiments.trial import Floats, Template, Trial, measure, template_names
 from megalopta.flow.metrics import ErrorCurve
 from megalopta.flow.stimuli import BlackFrameError
 from megalopta.folders import ensure_directory, locked
@@ -28,7 +28,7 @@ Results = Mapping[Trial, Curves]
 
 def run_trials(
     trials: Iterable[Trial],
-    templates: Mapping[Template, Array],
+    templates: Mapping[Template, Floats],
     store: Path,
     executor: Executor,
     on_progress: Callable[[int], object] = lambda work: None,
@@ -85,7 +85,7 @@ def run_trials(
 
 def run(
     trials: Sequence[Trial],
-    templates: Mapping[Template, Array],
+    templates: Mapping[Template, Floats],
     store: Path,
     workers: int | None = None,
 ) -> dict[Trial, Curves]:
@@ -107,7 +107,7 @@ def run(
 
 def _run_by_threads(
     trials: Sequence[Trial],
-    templates: Mapping[Template, Array],
+    templates: Mapping[Template, Floats],
     store: Path,
     workers: int | None,
 ) -> dict[Trial, Curves]:

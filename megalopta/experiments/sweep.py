@@ -1,7 +1,7 @@
 """A sweep of the flow benchmark as data: fixed parameters, and one that is varied."""
 
 import operator
-from collections.abc import Iterator
+from functools import cached_property
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, Self
@@ -101,8 +101,14 @@ class Sweep(
             )
         return self
 
-    def points(self) -> Iterator[Point]:
-        """Yield the trials: sizes, in them values, in them templates."""
+    def __copy__(self) -> Self:
+        copied = super().__copy__()
+        copied.__dict__.pop("points", None)  # a copy with other values has other points
+        return copied
+
+    @cached_property
+    def points(self) -> tuple[Point, ...]:
+        """The trials: sizes, in them values, in them templates."""
         fixed = self.trial.model_dump(mode="json")
         found: list[tuple[Value, Trial]] = []
         for size, value, template in product(
@@ -118,13 +124,12 @@ class Sweep(
             found.append((number, trial))
         templates = list(dict.fromkeys(trial.template for _, trial in found))
         names = dict(zip(templates, template_names(templates), strict=True))
-        for value, trial in found:
-            yield Point(trial.size, value, names[trial.template], trial)
+        return tuple(Point(each.size, value, names[each.template], each) for value, each in found)
 
     @property
     def trials(self) -> list[Trial]:
         """All trials."""
-        return [point.trial for point in self.points()]
+        return [point.trial for point in self.points]
 
 
 def load_sweep(path: Path, overrides: dict[str, str] | None = None) -> Sweep:

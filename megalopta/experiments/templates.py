@@ -8,11 +8,11 @@ import numpy as np
 from megalopta.errors import UserError
 from megalopta.experiments.panorama_recipes import NATURAL_PANORAMAS
 from megalopta.experiments.panoramas import natural_templates, template_from_file
-from megalopta.experiments.trial import Array, GratingTemplate, Template
+from megalopta.experiments.trial import Floats, GratingTemplate, Template
 from megalopta.scenes.spectra import encode_srgb
 
 
-def pixels_of(templates: Iterable[Template], cache: Path | None = None) -> dict[Template, Array]:
+def pixels_of(templates: Iterable[Template], cache: Path | None = None) -> dict[Template, Floats]:
     """Return the pixels, (251, m), of each template.
 
     Parameters
@@ -33,7 +33,7 @@ def pixels_of(templates: Iterable[Template], cache: Path | None = None) -> dict[
     return {template: _pixels(template, natural) for template in asked}
 
 
-def _pixels(template: Template, natural: dict[str, Array]) -> Array:
+def _pixels(template: Template, natural: dict[str, Floats]) -> Floats:
     if isinstance(template, GratingTemplate):
         return template.pixels()
     light = natural.get(template.name)
@@ -48,6 +48,6 @@ def _pixels(template: Template, natural: dict[str, Array]) -> Array:
     return light if template.coding == "linear" else _photographed(light)
 
 
-def _photographed(light: Array) -> Array:
+def _photographed(light: Floats) -> Floats:
     gray = encode_srgb(light / np.percentile(light, 99)).astype(np.float64)
     return np.asarray(gray / gray.mean())

@@ -4,11 +4,12 @@ Unless a sweep varies it: contrast 90 %, spatial frequency 5 cycles per frame, 5
 0.1 dark counts per pixel and frame. Pooling levels are those that text or captions name.
 """
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping
+from functools import cache
+from typing import Any, Literal
 
 from megalopta.experiments.panorama_recipes import NATURAL_PANORAMAS
-from megalopta.experiments.sweep import Sweep
+from megalopta.experiments.sweep import Sweep, Value
 from megalopta.experiments.trial import PanoramaTemplate, Trial
 from megalopta.flow.benchmark import SearchSettings
 
@@ -18,88 +19,93 @@ DARK_COUNTS = (0.1, 1.0, 10.0, 100.0, 1000.0)
 """Per pixel of the template"""
 
 _FIXED = Trial(search=SearchSettings(bits=(2,), phases=3, frames=4))
-_FOREST = tuple(PanoramaTemplate(kind="panorama", name=name) for name in NATURAL_PANORAMAS)
-_NATURAL = _FIXED.model_copy(update={"template": _FOREST[0]})
+_NATURAL = _FIXED.model_copy(
+    update={"template": PanoramaTemplate(kind="panorama", name=next(iter(NATURAL_PANORAMAS)))}
+)
+
+
+def _gratings(title: str, vary: str, values: Iterable[Value], sizes: tuple[int, ...] = ()) -> Sweep:
+    """A sweep that is not checked: that makes all its trials, and few sweeps are asked for."""
+    return Sweep.model_construct(
+        title=title, trial=_FIXED, vary=vary, values=tuple(values), sizes=sizes
+    )
+
+
+def _forests(
+    title: str,
+    vary: str,
+    values: Iterable[Value],
+    sizes: tuple[int, ...] = (),
+    blurred: bool = False,
+    coding: Literal["linear", "srgb"] = "linear",
+) -> Sweep:
+    forests = tuple(
+        PanoramaTemplate(kind="panorama", name=name, coding=coding) for name in NATURAL_PANORAMAS
+    )
+    changes = {"templates": forests, "trial": _NATURAL.model_copy(update={"blurred": blurred})}
+    return _gratings(title, vary, values, sizes).model_copy(update=changes)
+
 
 SWEEPS: Mapping[str, Sweep] = {
-    "fig-4.5": Sweep(
-        title="Figure 4.5: photons needed over spatial frequency, gratings",
-        trial=_FIXED,
-        vary="template.cycles_per_frame",
-        values=tuple(range(1, 10)),
-        sizes=POOLING,
+    "fig-4.5": _gratings(
+        "Figure 4.5: photons needed over spatial frequency, gratings",
+        "template.cycles_per_frame",
+        range(1, 10),
+        POOLING,
     ),
-    "fig-4.6": Sweep(
-        title="Figure 4.6: photons needed over contrast, gratings",
-        trial=_FIXED,
-        vary="template.contrast",
-        values=tuple(step / 10 for step in range(1, 10)),
-        sizes=POOLING,
+    "fig-4.6": _gratings(
+        "Figure 4.6: photons needed over contrast, gratings",
+        "template.contrast",
+        (step / 10 for step in range(1, 10)),
+        POOLING,
     ),
-    "fig-4.7": Sweep(
-        title="Figure 4.7: photons needed over dark counts, gratings",
-        trial=_FIXED,
-        vary="search.dark_counts",
-        values=DARK_COUNTS,
-        sizes=(240,),
+    "fig-4.7": _gratings(
+        "Figure 4.7: photons needed over dark counts, gratings",
+        "search.dark_counts",
+        DARK_COUNTS,
+        (240,),
     ),
-    "fig-4.8": Sweep(
-        title="Figure 4.8: photons needed over velocity, gratings",
-        trial=_FIXED,
-        vary="velocity_px",
-        values=VELOCITIES,
-        sizes=(60, 240),
+    "fig-4.8": _gratings(
+        "Figure 4.8: photons needed over velocity, gratings", "velocity_px", VELOCITIES, (60, 240)
     ),
-    "fig-4.9": Sweep(
-        title="Figure 4.9: photons needed over spatial pooling, gratings",
-        trial=_FIXED,
-        vary="size",
-        values=POOLING,
+    "fig-4.9": _gratings(
+        "Figure 4.9: photons needed over spatial pooling, gratings", "size", POOLING
     ),
-    "fig-4.10": Sweep(
-        title="Figure 4.10: photons needed over dark counts, natural scenes",
-        trial=_NATURAL,
-        templates=_FOREST,
-        vary="search.dark_counts",
-        values=DARK_COUNTS,
-        sizes=(240,),
+    "fig-4.10": _forests(
+        "Figure 4.10: photons needed over dark counts, natural scenes",
+        "search.dark_counts",
+        DARK_COUNTS,
+        (240,),
     ),
-    "fig-4.11": Sweep(
-        title="Figure 4.11: photons needed over velocity, natural scenes",
-        trial=_NATURAL,
-        templates=_FOREST,
-        vary="velocity_px",
-        values=VELOCITIES,
-        sizes=(60, 240),
+    "fig-4.11": _forests(
+        "Figure 4.11: photons needed over velocity, natural scenes",
+        "velocity_px",
+        VELOCITIES,
+        (60, 240),
     ),
-    "fig-4.12": Sweep(
-        title="Figure 4.12: photons needed over velocity, natural scenes with motion blur",
-        trial=_NATURAL.model_copy(update={"blurred": True}),
-        templates=_FOREST,
-        vary="velocity_px",
-        values=VELOCITIES,
-        sizes=(60, 240),
+    "fig-4.12": _forests(
+        "Figure 4.12: photons needed over velocity, natural scenes with motion blur",
+        "velocity_px",
+        VELOCITIES,
+        (60, 240),
+        blurred=True,
     ),
-    "fig-4.13": Sweep(
-        title="Figure 4.13: photons needed over spatial pooling, natural scenes",
-        trial=_NATURAL,
-        templates=_FOREST,
-        vary="size",
-        values=POOLING,
+    "fig-4.13": _forests(
+        "Figure 4.13: photons needed over spatial pooling, natural scenes", "size", POOLING
     ),
 }
 
-PHOTOGRAPHED = Sweep(
-    title="Photons needed over velocity, photographs of natural scenes",
-    trial=_NATURAL,
-    templates=tuple(forest.model_copy(update={"coding": "srgb"}) for forest in _FOREST),
-    vary="velocity_px",
-    values=VELOCITIES,
-    sizes=(60,),
+PHOTOGRAPHED = _forests(
+    "Photons needed over velocity, photographs of natural scenes",
+    "velocity_px",
+    VELOCITIES,
+    (60,),
+    coding="srgb",
 )
 """The dissertation's panoramas are pictures from the web, whose gray values are no light."""
 
 
+@cache
 def in_form(sweep: Sweep, is_quick: bool) -> Sweep:
     """Return a sweep, in quick form with the smallest frames, every third value and two forests."""
     if not is_quick:

@@ -21,7 +21,7 @@ from megalopta.flow.stimuli import MovingTemplate, ResizeKind, blurred
 ROWS = 251
 """Rows of every template, and columns of a frame before resizing (thesis, §4.2); a prime."""
 
-Array = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 
 class _Record(
@@ -53,7 +53,7 @@ class GratingTemplate(_Record, frozen=True):
         """Cycles per frame of the part that moves."""
         return moving_cycles(self.cycles_per_frame, self.variant)
 
-    def pixels(self) -> Array:
+    def pixels(self) -> Floats:
         """Return the template, (251, 251)."""
         x = np.arange(ROWS) / ROWS
         return sine_grating(
@@ -188,7 +188,7 @@ class Trial(_Record, frozen=True):
         return self.model_dump(mode="json", include={"velocity_px", "size", "resize", "blurred"})
 
 
-def measure(trial: Trial, pixels: Array, name: str) -> tuple[ErrorCurve, ...]:
+def measure(trial: Trial, pixels: Floats, name: str) -> tuple[ErrorCurve, ...]:
     """Return the error curves of a trial.
 
     Parameters

@@ -7,49 +7,23 @@ matplotlib only; those of table-4.times and leaderboard on the machine as well.
 
 import csv
 import math
-from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from megalopta.errors import UserError
-from megalopta.experiments import Sweep, pixels_of, run
-from megalopta.figures.chapter2 import CHAPTER_2, COUNTER, MOTION, TRANSFER
-from megalopta.figures.chapter3 import CTIA_PIXEL, CTIA_SUPPRESSION
-from megalopta.figures.chapter4 import CHAPTER_4, CHAPTER_4_SCENES, TABLE, figure_4_3, write_page
-from megalopta.figures.detection import DETECTION
-from megalopta.figures.figure import Cell, Figure, Registry
-from megalopta.figures.leaderboard import LIMIT
+from megalopta.experiments import Sweep, Trial, pixels_of, run
+from megalopta.figures.picture import Cell, Figure
+from megalopta.figures.recipe import Run
+from megalopta.figures.registry import find, names
 from megalopta.figures.style import house_style, new_canvas
 from megalopta.figures.sweep import sweep_figure
 from megalopta.files import atomic_write, write_json
 from megalopta.folders import ensure_directory
 
-__all__ = ["FIGURES", "Figure", "reproduce"]
-
-FIGURES: Registry = {
-    **CHAPTER_2,
-    **COUNTER,
-    **MOTION,
-    **TRANSFER,
-    **CTIA_PIXEL,
-    **CTIA_SUPPRESSION,
-    **CHAPTER_4_SCENES,
-    **DETECTION,
-    **LIMIT,
-}
-
-
-GROUPS: Mapping[str, tuple[str, ...]] = {
-    "chapter-4": (*CHAPTER_4_SCENES, *CHAPTER_4),
-    "all": (*FIGURES, *CHAPTER_4),
-}
-"""Names that stand for several."""
-
 
 def reproduce(
-    names: Sequence[str],
+    figures: Sequence[str],
     out: Path,
     is_quick: bool = False,
     workers: int | None = None,
@@ -59,8 +33,8 @@ def reproduce(
 
     Parameters
     ----------
-    names : sequence of str
-        Keys of `FIGURES`, `CHAPTER_4` or `GROUPS`.
+    figures : sequence of str
+        Names of figures or `GROUPS`.
     out : Path
         Made if it does not exist; files of the same name are replaced. Results of the flow
         benchmark are kept in its folder `trials`, and are not measured again. With Table 4.1 comes
@@ -83,24 +57,18 @@ def reproduce(
     UserError
         When a name is unknown, none is given or the folder is a file; nothing is written then.
     """
-    if not names:
-        raise UserError(f"reproduce: name at least one figure of {', '.join(GROUPS['all'])}")
-    for name in names:
-        _check_name(name)
-    single = dict.fromkeys(each for name in names for each in _members(name, is_quick))
-    figures: Registry = {**FIGURES, "fig-4.3": partial(figure_4_3, cache)}
+    if not figures:
+        raise UserError(f"reproduce: name at least one figure of {', '.join(names())}")
+    recipes = {recipe.name: recipe for name in figures for recipe in find(name)}.values()
     drawn = ensure_directory(out / "quick" if is_quick else out)
-    plans = [CHAPTER_4[name] for name in single if name in CHAPTER_4]
-    trials = [trial for plan in plans for trial in plan.trials(is_quick)]
-    templates = pixels_of((trial.template for trial in trials), cache)
-    results = run(trials, templates, out / "trials", workers)
+    trials = [trial for recipe in recipes for trial in recipe.trials(is_quick)]
+    measured = _measure(trials, out, is_quick, workers, cache)
+    made: list[Figure] = []
     paths: list[Path] = []
-    planned: list[Figure] = []
-    for name in single:
-        if name in CHAPTER_4:
-            planned.append(CHAPTER_4[name].figure(is_quick, results, templates))
-        paths += write_figure(planned[-1] if name in CHAPTER_4 else figures[name](), drawn)
-    return [*paths, write_page(drawn, planned)] if TABLE in single else paths
+    for recipe in recipes:
+        made.append(recipe.make(measured))
+        paths += write_figure(made[-1], drawn)
+    return paths + [recipe.page(drawn, made) for recipe in recipes if recipe.page]
 
 
 def reproduce_sweep(
@@ -117,9 +85,15 @@ def reproduce_sweep(
         As in `reproduce`.
     """
     ensure_directory(out)
-    templates = pixels_of((trial.template for trial in sweep.trials), cache)
-    results = run(sweep.trials, templates, out / "trials", workers)
-    return write_figure(sweep_figure(name, sweep, results), out)
+    measured = _measure(sweep.trials, out, False, workers, cache)
+    return write_figure(sweep_figure(name, sweep, measured.results), out)
+
+
+def _measure(
+    trials: Sequence[Trial], out: Path, is_quick: bool, workers: int | None, cache: Path | None
+) -> Run:
+    templates = pixels_of((trial.template for trial in trials), cache)
+    return Run(is_quick, run(trials, templates, out / "trials", workers), templates, cache)
 
 
 def write_figure(figure: Figure, out: Path) -> list[Path]:
@@ -170,17 +144,3 @@ def _json(value: Cell) -> Cell | None:
 def _cell(value: Cell) -> str:
     # nine digits: more would show the rounding of one machine's arithmetic
     return value if isinstance(value, str) else f"{value:.9g}"
-
-
-def _members(name: str, is_quick: bool) -> tuple[str, ...]:
-    if name == "chapter-4" and is_quick:
-        return tuple(CHAPTER_4)  # the scenes have no quick form, and need all four forests
-    return GROUPS.get(name, (name,))
-
-
-def _check_name(name: str) -> None:
-    known = (*GROUPS, *FIGURES, *CHAPTER_4)
-    if name not in known:
-        near = get_close_matches(name, known, n=3, cutoff=0.4)
-        hint = f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(known)}"
-        raise UserError(f"reproduce: no figure {name!r}; {hint}")

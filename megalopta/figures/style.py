@@ -1,4 +1,4 @@
-"""House style of all figures: one width, one type size, colors that color-blind readers can tell.
+"""House style of all figures, the report's too: one type size, colors for color-blind readers.
 
 The colors are those of Okabe and Ito (2008). Curves should differ in marker or dash as well, for
 readers in gray. Everything stays readable when a figure is shown at half of its width. Only the
@@ -9,6 +9,7 @@ import re
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from types import MappingProxyType
 from typing import Any
 
 import matplotlib
@@ -29,8 +30,12 @@ PURPLE = "#CC79A7"
 SKY = "#56B4E9"
 BLACK = "#1A1A1A"
 GRAY = "#7F7F7F"
+RULE = "#E3E3E3"
 PALETTE = (BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY, BLACK)
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+GLYPHS = dict(zip(MARKERS, "●■▲◆▼✚✖", strict=True))
+"""The markers in a line of text"""
+
 DASHES: tuple[LineStyleType, ...] = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
 
 _STYLE: Mapping[Any, Any] = {
@@ -45,7 +50,7 @@ _STYLE: Mapping[Any, Any] = {
     "axes.titlesize": 12,
     "font.family": "DejaVu Sans",  # comes with matplotlib: the same letters on every machine
     "font.size": 11,
-    "grid.color": "#E3E3E3",
+    "grid.color": RULE,
     "grid.linewidth": 0.8,
     "legend.fontsize": 10.5,
     "legend.frameon": False,
@@ -83,11 +88,11 @@ def method_style(name: str) -> dict[str, Any]:
 
 
 @contextmanager
-def house_style() -> Iterator[None]:
-    """Matplotlib's settings inside the block; they are as before after it."""
+def house_style(changes: Mapping[str, Any] = MappingProxyType({})) -> Iterator[None]:
+    """Matplotlib's settings, with some changes, inside the block; they are as before after it."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
-        for key, value in _STYLE.items():
+        for key, value in {**_STYLE, **changes}.items():
             matplotlib.rcParams[key] = value
         yield
 
@@ -166,7 +171,7 @@ def draw_table(
         for start, text in zip(starts, row, strict=True):
             weight = "bold" if line == 0 else "normal"
             axes.text(start + 0.01, height, text, va="center", fontsize=10.5, fontweight=weight)
-        color, width = (BLACK, 1.2) if line == 0 else ("#E3E3E3", 0.8)
+        color, width = (BLACK, 1.2) if line == 0 else (RULE, 0.8)
         axes.plot([0, 1], [1 - (line + 1) / lines] * 2, color=color, linewidth=width)
     axes.set_xlim(0, 1)
     axes.set_ylim(0, 1)

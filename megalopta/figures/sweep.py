@@ -11,7 +11,7 @@ from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 
 from megalopta.assets_gen.stimuli import GratingVariant
 from megalopta.experiments import ROWS, GratingTemplate, Results, Sweep, Template, Trial, Value
-from megalopta.figures.figure import Cell, Figure
+from megalopta.figures.picture import Cell, Figure
 from megalopta.figures.style import method_style
 from megalopta.flow.metrics import Metric, Threshold, format_flux
 
@@ -85,7 +85,7 @@ def sweep_curve(
 ) -> list[tuple[Value, Needed]]:
     """Return what one detector needs at each value of a sweep, at one size."""
     at_value: dict[Value, list[Threshold]] = {}
-    for point in sweep.points():
+    for point in sweep.points:
         if sweep.vary == "size" or point.size == size:
             found = threshold_of(results, point.trial, method, metric, bits)
             at_value.setdefault(point.value, []).append(found)
@@ -208,7 +208,7 @@ def _missing(sweep: Sweep, results: Results) -> str:
         "below": f"less than {search.flux_min:g} photons",
     }
     found: dict[tuple[str, str], dict[str, None]] = {}
-    for point in sweep.points():
+    for point in sweep.points:
         for method in sweep.trial.methods:
             threshold = threshold_of(
                 results, point.trial, method, search.metrics[0], search.bits[0]
@@ -287,7 +287,7 @@ def _is_text(values: Sequence[Value]) -> bool:
 
 
 def _rows(sweep: Sweep, results: Results) -> Iterator[tuple[Cell, ...]]:
-    for point in sweep.points():
+    for point in sweep.points:
         for curve in results[point.trial]:
             for bits, found in curve.thresholds.items():
                 fluxes = (found.flux, found.low, found.high)
@@ -313,6 +313,6 @@ def _details(sweep: Sweep, results: Results) -> dict[str, Any]:
                 "template": point.template,
                 "curves": [curve.to_dict() for curve in results[point.trial]],
             }
-            for point in sweep.points()
+            for point in sweep.points
         ],
     }

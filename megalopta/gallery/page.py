@@ -2,16 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import resources
 from itertools import groupby
 from pathlib import Path
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from megalopta.files import atomic_write, write_text
+from megalopta.pages import render_page
 from megalopta.report import data_uri, gray_scale, level_name, lux, number
 
 _WIDTH, _GAP, _LINE = 188, 6, 18
@@ -93,11 +92,11 @@ def write_sheet(path: Path, cells: Sequence[Cell]) -> None:
 
 def write_page(path: Path, cells: Sequence[Cell], exposure_s: float) -> None:
     """Write all cells as one HTML page with the pictures inside it."""
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
-    environment.filters["data_uri"] = data_uri
-    text = resources.files("megalopta.gallery").joinpath("page.html").read_text("utf-8")
     rows = [(scene, list(group)) for scene, group in groupby(cells, lambda cell: cell.scene)]
-    write_text(path, environment.from_string(text).render(rows=rows, exposure_ms=1e3 * exposure_s))
+    values = {"rows": rows, "exposure_ms": 1e3 * exposure_s}
+    write_text(
+        path, render_page("megalopta.gallery", "page.html", {"data_uri": data_uri}, **values)
+    )
 
 
 def _plain(text: str) -> str:

@@ -9,28 +9,19 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter
+from matplotlib.typing import LineStyleType
 from numpy.typing import NDArray
 
-from megalopta.flow.metrics import Threshold
+from megalopta.figures import BLACK, BLUE, DASHES, MARKERS, RULE, method_style
+from megalopta.flow.metrics import ErrorCurve, Threshold
 from megalopta.report.budget import Budget
-from megalopta.report.svg import (
-    INK,
-    RULE,
-    in_style,
-    logarithmic,
-    marker,
-    new_axes,
-    series_color,
-    to_svg,
-)
+from megalopta.report.svg import in_style, logarithmic, new_axes, to_svg
 from megalopta.report.text import level_name, percent, short
 
 # On a telephone the page is as wide as this, so that text keeps its size there.
 _WIDTH_PT = 380
 Style = dict[str, Any]
 
-_LINES = ("-", "--", ":", "-.")
-_REFERENCE_LINES = (":", "-", "--", "-.")
 _SPEED_BINS = 48
 _BAND_STANDARD_ERRORS = 2
 _SMALLEST_ERROR, _LARGEST_ERROR = 1e-3, 1e3
@@ -42,21 +33,10 @@ _ERRORS = FuncFormatter(
 
 
 @dataclass(frozen=True)
-class Curve:
-    """Errors of a method over photons per frame; NaN or 0 is not drawn."""
-
-    series: int
-    fluxes: NDArray[np.float64]
-    errors: NDArray[np.float64]
-    standard_errors: NDArray[np.float64]
-
-
-@dataclass(frozen=True)
 class Need:
     """Photons per frame that a method needs, in each metric."""
 
     method: str
-    series: int
     thresholds: Mapping[str, Threshold]
 
 
@@ -74,10 +54,18 @@ def signal_chart(budgets: Sequence[Budget], sensors: Sequence[str]) -> Markup:
         )
         lux = [each.illuminance_lux for each in own]
         low, median, high = np.array([each.signal_to_noise for each in own]).T
-        style: Style = {"linestyle": _LINES[index % len(_LINES)], "color": INK}
-        axes.plot(lux, _drawable(median), marker=marker(index), label=_plain(sensor), **style)
-        axes.fill_between(lux, _drawable(low), _drawable(high), color=INK, alpha=0.12, linewidth=0)
-    axes.axhline(1, color=INK, linewidth=1, linestyle=":", label="signal = noise")
+        style: Style = {"linestyle": DASHES[index % len(DASHES)], "color": BLACK}
+        axes.plot(
+            lux,
+            _drawable(median),
+            marker=MARKERS[index % len(MARKERS)],
+            label=_plain(sensor),
+            **style,
+        )
+        axes.fill_between(
+            lux, _drawable(low), _drawable(high), color=BLACK, alpha=0.12, linewidth=0
+        )
+    axes.axhline(1, color=BLACK, linewidth=1, linestyle=":", label="signal = noise")
     axes.set(xlabel="illuminance (lux)", ylabel="signal-to-noise ratio of a pixel")
     axes.legend(loc="upper left", frameon=False)
     return to_svg(figure, "signal", "Signal-to-noise ratio of a pixel over illuminance")
@@ -88,9 +76,9 @@ def speed_chart(speeds: NDArray[np.floating], median: float) -> Markup:
     """Histogram of the true image speed (px per frame)."""
     figure, axes = new_axes(_WIDTH_PT, 270)
     weights = np.full(speeds.size, 100 / max(speeds.size, 1))
-    style: Style = {"histtype": "stepfilled", "color": series_color(0), "alpha": 0.85}
+    style: Style = {"histtype": "stepfilled", "color": BLUE, "alpha": 0.85}
     axes.hist(speeds, bins=_SPEED_BINS, range=_wide_enough(speeds), weights=weights, **style)
-    axes.axvline(median, color=INK, linewidth=1.2)
+    axes.axvline(median, color=BLACK, linewidth=1.2)
     axes.annotate(
         f" median {median:.2g}",
         (median, 1),
@@ -114,16 +102,20 @@ def _wide_enough(values: NDArray[np.floating]) -> tuple[float, float] | None:
 
 
 @in_style
-def error_chart(curves: Sequence[Curve], name: str, level: float, description: str) -> Markup:
-    """Error over photons per frame, a curve per method with its interval, log-log."""
+def error_chart(curves: Sequence[ErrorCurve], name: str, level: float, description: str) -> Markup:
+    """Error over photons per frame, a curve per method with its interval, log-log.
+
+    NaN or 0 is not drawn.
+    """
     figure, axes = new_axes(_WIDTH_PT, 300)
     for curve in curves:
-        color, spread = series_color(curve.series), _BAND_STANDARD_ERRORS * curve.standard_errors
-        errors = _drawable(curve.errors)
+        style = method_style(curve.method)
+        spread = _BAND_STANDARD_ERRORS * np.array(curve.standard_errors)
+        errors = _drawable(np.array(curve.errors))
         lower, upper = (np.clip(errors + sign * spread, 1e-9, None) for sign in (-1, 1))
-        axes.fill_between(curve.fluxes, lower, upper, color=color, alpha=0.2, linewidth=0)
-        axes.plot(curve.fluxes, errors, color=color, marker=marker(curve.series), markersize=4)
-    axes.axhline(level, color=INK, linewidth=1.2, linestyle="--")
+        axes.fill_between(curve.fluxes, lower, upper, color=style["color"], alpha=0.2, linewidth=0)
+        axes.plot(curve.fluxes, errors, **style, markersize=4)
+    axes.axhline(level, color=BLACK, linewidth=1.2, linestyle="--")
     _note(axes, level, f"{percent(level)} error")
     logarithmic(axes, "x", _NUMBERS)
     logarithmic(axes, "y", _ERRORS)
@@ -158,13 +150,11 @@ def need_chart(
             own,
             place,
             places[-1] + 0.7,
-            _REFERENCE_LINES[sensors.index(sensor) % len(_REFERENCE_LINES)],
+            DASHES[sensors.index(sensor) % len(DASHES)],
         )
     for need, place in zip(needs, places[len(sensors) :], strict=True):
         _draw_need(axes, need, place)
     axes.set_yticks(places, [_plain(row) for row in rows])
-    for label, need in zip(axes.get_yticklabels()[len(sensors) :], needs, strict=True):
-        label.set(color=series_color(need.series), fontweight="bold")
     axes.tick_params(axis="y", length=0)
     logarithmic(axes, "x", _NUMBERS)
     axes.grid(visible=False)
@@ -175,7 +165,7 @@ def need_chart(
 
 
 def _draw_supply(
-    axes: Axes, budgets: Sequence[Budget], place: float, bottom: float, line: str
+    axes: Axes, budgets: Sequence[Budget], place: float, bottom: float, line: LineStyleType
 ) -> None:
     """Mark the photons at each level, each name above or below, whichever is free."""
     decades = math.log10(axes.get_xlim()[1] / axes.get_xlim()[0])
@@ -186,9 +176,15 @@ def _draw_supply(
             continue
         above = not above if math.log10(flux) - last < 0.22 * decades else True
         last = math.log10(flux)
-        style: Style = {"color": INK, "alpha": 0.4, "linewidth": 1, "linestyle": line, "zorder": 0}
+        style: Style = {
+            "color": BLACK,
+            "alpha": 0.4,
+            "linewidth": 1,
+            "linestyle": line,
+            "zorder": 0,
+        }
         axes.plot([flux, flux], [place, bottom], **style)
-        axes.plot(flux, place, color=INK, marker="d", markersize=6)
+        axes.plot(flux, place, color=BLACK, marker="d", markersize=6)
         axes.annotate(
             _plain(level_name(budget.level)),
             (flux, place),
@@ -201,26 +197,25 @@ def _draw_supply(
 
 
 def _draw_need(axes: Axes, need: Need, place: float) -> None:
-    color = series_color(need.series)
+    style = method_style(need.method)
     for index, (metric, threshold) in enumerate(need.thresholds.items()):
         height = place + 0.24 * (index - (len(need.thresholds) - 1) / 2)
-        filled: Style = {
-            "markerfacecolor": color if index == 0 else "none",
-            "markeredgecolor": color,
-        }
+        face = style["color"] if index == 0 else "none"
         if threshold.flux is None:
-            _draw_absence(axes, threshold, height, color, metric)
+            _draw_absence(axes, threshold, height, metric)
             continue
         interval = [threshold.low or threshold.range_min, threshold.high or threshold.range_max]
-        axes.plot(interval, [height, height], color=color, linewidth=2.2, solid_capstyle="butt")
-        axes.plot(threshold.flux, height, marker=marker(need.series), markersize=6, **filled)
+        axes.plot(
+            interval, [height, height], color=style["color"], linewidth=2.2, solid_capstyle="butt"
+        )
+        axes.plot(threshold.flux, height, markersize=6, markerfacecolor=face, **style)
 
 
-def _draw_absence(axes: Axes, threshold: Threshold, height: float, color: str, metric: str) -> None:
+def _draw_absence(axes: Axes, threshold: Threshold, height: float, metric: str) -> None:
     beyond = {"above": (threshold.range_max, "right"), "below": (threshold.range_min, "left")}
     flux, side = beyond.get(threshold.kind, (math.sqrt(np.prod(axes.get_xlim())), "center"))
     text = f"{metric}: {threshold}"
-    axes.text(flux, height, text, color=color, ha=side, va="center", fontsize=10)
+    axes.text(flux, height, text, ha=side, va="center", fontsize=10)
 
 
 def _flux_range(needs: Sequence[Need], budgets: Sequence[Budget]) -> tuple[float, float]:

@@ -1,23 +1,22 @@
 """Section "What the detectors answer": responses as pictures, errors as tables."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import zarr
-from numpy.typing import NDArray
 from PIL import Image
 
 from megalopta.config import Configuration, LightLevel
-from megalopta.dataset import Dataset
+from megalopta.dataset import Dataset, FlowRecord, ResponseErrors
 from megalopta.errors import UserError
 from megalopta.flow.detectors import METHODS, BlockDetector, Detector
 from megalopta.flow.files import flow_to_rgb
 from megalopta.flow.metrics import block_flow
 from megalopta.report.footage import Footage, Selection
-from megalopta.report.images import ColorScale, Legend, map_scale
+from megalopta.report.images import ColorScale, Floats, Legend, map_scale
 from megalopta.report.motion import Wheel
 from megalopta.report.parts import Picture, Table, still
 from megalopta.report.text import UNDEFINED, level_name, number, relative_error
@@ -25,9 +24,6 @@ from megalopta.report.truth import against_truth, rotation_table, split_table
 from megalopta.report.verdicts import VerdictGroup, verdict_group
 from megalopta.sensor import ImageSensor
 from megalopta.stages import responses_path
-
-Floats = NDArray[np.floating]
-Record = Mapping[str, Any]
 
 _BRIGHT_PERCENTILE = 99.0
 # Bright sky and dark ground answer a thousandfold differently: a root shows both.
@@ -84,11 +80,11 @@ class DetectorSection:
 
 
 def detector_section(
-    dataset: Dataset, footage: Footage, wheel: Wheel, records: Sequence[Record]
+    dataset: Dataset, footage: Footage, wheel: Wheel, records: Sequence[FlowRecord]
 ) -> DetectorSection:
     """Section of a dataset whose flow stage is finished."""
     settings = dataset.configuration
-    warm_up = max(record["warm_up_frames"] for record in records)
+    warm_up = max(record.warm_up_frames for record in records)
     frame = _frame_shown(footage.selection, settings.trajectory.frames, warm_up)
     return DetectorSection(
         frame=frame,
@@ -133,7 +129,7 @@ def _sensor_responses(
     frame: int,
     selection: Selection,
     wheel: Wheel,
-    records: Sequence[Record],
+    records: Sequence[FlowRecord],
 ) -> SensorResponses:
     settings = dataset.configuration
     levels = settings.light_levels
@@ -235,10 +231,10 @@ def _first_sentence(method: Detector) -> str:
 
 
 def _error_table(
-    sensor: str, methods: Sequence[str], levels: Sequence[LightLevel], records: Sequence[Record]
+    sensor: str, methods: Sequence[str], levels: Sequence[LightLevel], records: Sequence[FlowRecord]
 ) -> Table:
     rows = tuple(
-        (method, *(_error_text(_find(records, sensor, level, method)["error"]) for level in levels))
+        (method, *(_error_text(_find(records, sensor, level, method).error) for level in levels))
         for method in methods
     )
     return Table(
@@ -248,12 +244,12 @@ def _error_table(
     )
 
 
-def _error_text(errors: Mapping[str, float | None]) -> str:
-    if errors["ratio"] is None:
+def _error_text(errors: ResponseErrors) -> str:
+    if errors.ratio is None:
         return UNDEFINED
-    return f"{relative_error(errors['ratio'])} ({relative_error(errors['literal'])})"
+    return f"{relative_error(errors.ratio)} ({relative_error(errors.literal)})"
 
 
-def _find(records: Sequence[Record], sensor: str, level: LightLevel, method: str) -> Record:
+def _find(records: Sequence[FlowRecord], sensor: str, level: LightLevel, method: str) -> FlowRecord:
     key = (sensor, level, method)
-    return next(each for each in records if (each["sensor"], each["level"], each["method"]) == key)
+    return next(each for each in records if (each.sensor, each.level, each.method) == key)

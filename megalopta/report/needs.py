@@ -1,22 +1,20 @@
 """Section "Photons that motion needs": error curves and N_2b of the photon benchmark."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
-import numpy as np
 from markupsafe import Markup
 
-from megalopta.flow.detectors import METHODS
-from megalopta.flow.metrics import Threshold
+from megalopta.flow.benchmark import BenchmarkResult
+from megalopta.flow.metrics import ErrorCurve, Metric, Threshold
 from megalopta.report.budget import Budget
-from megalopta.report.charts import Curve, Need, error_chart, need_chart
+from megalopta.report.charts import Need, error_chart, need_chart
 from megalopta.report.parts import Table
 from megalopta.report.text import enumerate_words, short
 from megalopta.report.verdicts import ACCURATE
 
-Record = Mapping[str, Any]
+Shape = tuple[int, int]
 
 
 @dataclass(frozen=True)
@@ -54,56 +52,41 @@ class NeedSection:
     dark_counts: str
 
 
-def series(method: str) -> int:
-    """Number of a method's color and marker, the same in all charts."""
-    return list(METHODS).index(method)
-
-
-def need_section(benchmark: Record, budgets: Sequence[Budget]) -> NeedSection:
+def need_section(benchmark: BenchmarkResult, budgets: Sequence[Budget]) -> NeedSection:
     """Section of a finished benchmark, beside what the sensors detect."""
-    curves, settings = benchmark["curves"], benchmark["settings"]
-    shapes = list(dict.fromkeys(tuple(curve["shape"]) for curve in curves))
+    curves, settings = benchmark.curves, benchmark.settings
+    shapes = list(dict.fromkeys(curve.shape for curve in curves))
     return NeedSection(
         curves=tuple(
             _curve_chart(_select(curves, shape, metric), shape, metric)
             for shape in shapes
-            for metric in settings["metrics"]
+            for metric in settings.metrics
         ),
         needs=tuple(
             _need_chart(_select(curves, shape), shape, budgets)
             for shape in shapes
-            if 2 in settings["bits"]
+            if 2 in settings.bits
         ),
-        table=_threshold_table(curves, shapes, settings["metrics"]),
-        repeats=settings["repeats"],
-        warm_up=benchmark["warm_up"],
-        confidence_percent=100 * settings["confidence"],
-        dark_counts=_dark_counts(settings["dark_counts"], benchmark["frames"][1:], shapes),
+        table=_threshold_table(curves, shapes, settings.metrics),
+        repeats=settings.repeats,
+        warm_up=benchmark.warm_up,
+        confidence_percent=100 * settings.confidence,
+        dark_counts=_dark_counts(settings.dark_counts, benchmark.frames[1:], shapes),
     )
 
 
-def two_bit(curve: Record) -> Threshold | None:
-    """N_2b of a curve, if it was asked for."""
-    fields = curve["thresholds"].get("N_2b")
-    return Threshold(**fields) if fields else None
-
-
 def _select(
-    curves: Sequence[Record], shape: tuple[int, ...], metric: str | None = None
-) -> list[Record]:
-    return [
-        curve
-        for curve in curves
-        if tuple(curve["shape"]) == shape and metric in (None, curve["metric"])
-    ]
+    curves: Sequence[ErrorCurve], shape: Shape, metric: Metric | None = None
+) -> list[ErrorCurve]:
+    return [curve for curve in curves if curve.shape == shape and metric in (None, curve.metric)]
 
 
-def _size(shape: Sequence[int]) -> str:
+def _size(shape: Shape) -> str:
     return f"{shape[1]} × {shape[0]}"
 
 
 def _dark_counts(
-    per_original_pixel: float, original: Sequence[int], shapes: Sequence[tuple[int, ...]]
+    per_original_pixel: float, original: Sequence[int], shapes: Sequence[Shape]
 ) -> str:
     """Dark counts of a pixel at each size: a setting per original pixel, times the area ratio."""
     pixels = math.prod(original)
@@ -115,48 +98,37 @@ def _dark_counts(
     )
 
 
-def _curve_chart(curves: Sequence[Record], shape: tuple[int, ...], metric: str) -> Chart:
+def _curve_chart(curves: Sequence[ErrorCurve], shape: Shape, metric: str) -> Chart:
     title = f"{_size(shape)} pixels, {metric} error"
-    drawn = [_curve(curve) for curve in curves]
     name = f"curve-{shape[0]}-{metric}"
     text = f"Error over photons per frame at {title}, one curve per detector"
-    return Chart(title, error_chart(drawn, name, ACCURATE, text))
+    return Chart(title, error_chart(curves, name, ACCURATE, text))
 
 
-def _curve(curve: Record) -> Curve:
-    fluxes, errors, spread = (
-        np.array(curve[field], np.float64) for field in ("fluxes", "errors", "standard_errors")
-    )
-    return Curve(series(curve["method"]), fluxes, errors, spread)
-
-
-def _need_chart(
-    curves: Sequence[Record], shape: tuple[int, ...], budgets: Sequence[Budget]
-) -> Chart:
+def _need_chart(curves: Sequence[ErrorCurve], shape: Shape, budgets: Sequence[Budget]) -> Chart:
     thresholds: dict[str, dict[str, Threshold]] = {}
     for curve in curves:
-        if threshold := two_bit(curve):
-            thresholds.setdefault(curve["method"], {})[curve["metric"]] = threshold
-    needs = [Need(method, series(method), each) for method, each in thresholds.items()]
+        if threshold := curve.thresholds.get(2):
+            thresholds.setdefault(curve.method, {})[curve.metric] = threshold
+    needs = [Need(method, each) for method, each in thresholds.items()]
     title = f"{_size(shape)} pixels"
     text = f"Photons per frame that each detector needs at {title}, and what the sensors detect"
     return Chart(title, need_chart(needs, budgets, f"need-{shape[0]}", text))
 
 
 def _threshold_table(
-    curves: Sequence[Record], shapes: Sequence[tuple[int, ...]], metrics: Sequence[str]
+    curves: Sequence[ErrorCurve], shapes: Sequence[Shape], metrics: Sequence[Metric]
 ) -> Table:
     cells = {
-        (curve["method"], tuple(curve["shape"]), curve["metric"]): str(two_bit(curve) or "–")
+        (curve.method, curve.shape, curve.metric): str(curve.thresholds.get(2, "–"))
         for curve in curves
     }
-    methods = dict.fromkeys(curve["method"] for curve in curves)
     columns = [(shape, metric) for shape in shapes for metric in metrics]
     return Table(
         "N_2b in photons per frame",
         ("Detector", *(f"{_size(shape)}, {metric}" for shape, metric in columns)),
         tuple(
             (method, *(cells[method, shape, metric] for shape, metric in columns))
-            for method in methods
+            for method in dict.fromkeys(curve.method for curve in curves)
         ),
     )

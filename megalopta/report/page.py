@@ -3,19 +3,19 @@
 import math
 from dataclasses import dataclass
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from megalopta import info
 from megalopta.config import to_yaml
 from megalopta.dataset import Dataset
+from megalopta.figures import GLYPHS, method_style
 from megalopta.flow.detectors import METHODS
+from megalopta.pages import render_page
 from megalopta.report.budget import exposed
 from megalopta.report.detectors import DetectorSection, detector_section
 from megalopta.report.footage import Footage, read_footage
 from megalopta.report.images import data_uri, rgb_picture, stacked
 from megalopta.report.light import LightSection, light_section
 from megalopta.report.motion import MotionSection, motion_section
-from megalopta.report.needs import NeedSection, need_section, series
+from megalopta.report.needs import NeedSection, need_section
 from megalopta.report.records import Record, read_benchmark, read_records, read_scene_record
 from megalopta.report.rendering import render_noise
 from megalopta.report.summary import (
@@ -27,7 +27,7 @@ from megalopta.report.summary import (
     need_finding,
     title,
 )
-from megalopta.report.svg import series_css
+from megalopta.report.svg import themed
 from megalopta.report.text import duration
 from megalopta.report.verdicts import MEANINGS
 from megalopta.stages import STAGES, Ledger
@@ -35,7 +35,6 @@ from megalopta.stages import STAGES, Ledger
 # Faster than this, or slower, a film cannot be followed.
 _PLAYBACK_HZ = (2.0, 25.0)
 _RED_END_NM = 700.0
-_MARKERS = "●■▲▼◆✖"
 
 
 @dataclass(frozen=True)
@@ -72,8 +71,9 @@ def page(dataset: Dataset) -> str:
     """Return the report as HTML."""
     footage, record = read_footage(dataset), read_scene_record(dataset)
     sections = _sections(dataset, footage, record)
-    template = _environment().get_template("template.html")
-    return template.render(
+    return render_page(
+        "megalopta.report",
+        "template.html",
         dataset=dataset,
         configuration=dataset.configuration,
         title=title(dataset.configuration),
@@ -99,16 +99,6 @@ def page(dataset: Dataset) -> str:
     )
 
 
-def _environment() -> Environment:
-    return Environment(
-        loader=PackageLoader("megalopta.report", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-
-
 def _sections(dataset: Dataset, footage: Footage, record: Record) -> Sections:
     motion, light, detectors, needs = motion_section(footage), None, None, None
     findings: list[str | None] = []
@@ -124,7 +114,7 @@ def _sections(dataset: Dataset, footage: Footage, record: Record) -> Sections:
     if Ledger(dataset).is_finished("bench"):
         benchmark = read_benchmark(dataset)
         needs = need_section(benchmark, budgets)
-        findings.append(need_finding(benchmark))
+        findings.append(need_finding(benchmark.curves, benchmark.settings.metrics[0]))
     return Sections(motion, light, detectors, needs, tuple(filter(None, findings)))
 
 
@@ -148,9 +138,9 @@ def _playback_hz(dataset: Dataset, footage: Footage) -> float:
 
 def _methods(dataset: Dataset) -> list[Method]:
     return [
-        Method(name, METHODS[name].label, series_css(index), _MARKERS[index % len(_MARKERS)])
+        Method(name, METHODS[name].label, themed(style["color"]), GLYPHS[style["marker"]])
         for name in dataset.configuration.methods
-        for index in [series(name)]
+        for style in [method_style(name)]
     ]
 
 

@@ -1,106 +1,22 @@
-"""The JSON files that the report reads, checked whole before anything is made of them.
+"""The JSON files that the report reads, checked whole before anything is made of them."""
 
-Each model lists what the report uses; what else stands in a file is left alone.
-"""
-
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from itertools import product
 from pathlib import Path
-from typing import Any, Literal, NotRequired
+from typing import Any, NotRequired, TypeVar
 
-from pydantic import (
-    FiniteFloat,
-    NonNegativeInt,
-    PositiveFloat,
-    PositiveInt,
-    TypeAdapter,
-    ValidationError,
-)
+from pydantic import FiniteFloat, NonNegativeInt, TypeAdapter, ValidationError
+from pydantic_core import from_json
 from typing_extensions import TypedDict
 
 from megalopta.config import level_text
-from megalopta.dataset import Dataset
+from megalopta.dataset import Dataset, FlowRecord
 from megalopta.errors import UserError
+from megalopta.flow.benchmark import BenchmarkResult
 from megalopta.flow.detectors import METHODS
 
 Record = Mapping[str, Any]
-Metric = Literal["literal", "ratio"]
-
-
-class _Error(TypedDict):
-    literal: FiniteFloat | None
-    ratio: FiniteFloat | None
-
-
-class _TruthError(TypedDict):
-    blocks: NonNegativeInt
-    endpoint_error_px: FiniteFloat | None
-    relative_error_median: FiniteFloat | None
-    outlier_fraction: FiniteFloat | None
-
-
-class _Truth(TypedDict):
-    ideal: _TruthError
-    counts: _TruthError
-
-
-class _Splits(TypedDict):
-    slow: _Truth
-    medium: _Truth
-    fast: _Truth
-    clear: _Truth
-    occlusion: _Truth
-
-
-class _Rotation(TypedDict):
-    true_deg_s: FiniteFloat
-    ideal_deg_s: FiniteFloat | None
-    counts_deg_s: FiniteFloat | None
-
-
-class _Answer(TypedDict):
-    sensor: str
-    level: float | str
-    method: str
-    warm_up_frames: NonNegativeInt
-    error: _Error
-    truth: NotRequired[_Truth]
-    truth_splits: NotRequired[_Splits]
-    rotation: NotRequired[_Rotation]
-
-
-class _Threshold(TypedDict):
-    kind: Literal["crossing", "above", "below", "undefined"]
-    level: PositiveFloat
-    range_min: PositiveFloat
-    range_max: PositiveFloat
-    flux: PositiveFloat | None
-    low: PositiveFloat | None
-    high: PositiveFloat | None
-
-
-class _Curve(TypedDict):
-    method: str
-    shape: tuple[PositiveInt, PositiveInt]
-    metric: Metric
-    fluxes: list[PositiveFloat]
-    errors: list[FiniteFloat | None]
-    standard_errors: list[FiniteFloat | None]
-    thresholds: dict[str, _Threshold]
-
-
-class _BenchmarkSettings(TypedDict):
-    metrics: list[Metric]
-    bits: list[PositiveInt]
-    repeats: PositiveInt
-    confidence: PositiveFloat
-    dark_counts: FiniteFloat
-
-
-class _Benchmark(TypedDict):
-    settings: _BenchmarkSettings
-    frames: tuple[PositiveInt, PositiveInt, PositiveInt]
-    warm_up: NonNegativeInt
-    curves: list[_Curve]
+_Read = TypeVar("_Read")
 
 
 class _MonteCarlo(TypedDict):
@@ -130,12 +46,11 @@ class _Scene(TypedDict):
     monte_carlo: NotRequired[_MonteCarlo | None]
 
 
-_ANSWERS: TypeAdapter[Any] = TypeAdapter(list[_Answer])
-_BENCHMARK: TypeAdapter[Any] = TypeAdapter(_Benchmark)
+_FLOW = TypeAdapter(list[FlowRecord])
 _SCENE: TypeAdapter[Any] = TypeAdapter(_Scene)
 
 
-def read_records(dataset: Dataset) -> list[Record]:
+def read_records(dataset: Dataset) -> list[FlowRecord]:
     """Errors of every method on every sensor at every light level, in the dataset's order.
 
     Raises
@@ -145,8 +60,8 @@ def read_records(dataset: Dataset) -> list[Record]:
     """
     path, remedy = dataset.result("flow.json"), f"run: megalopta flow {dataset.root} --redo"
     records = {
-        (each["sensor"], each["level"], each["method"]): each
-        for each in _read(path, _ANSWERS, remedy)
+        (each.sensor, each.level, each.method): each
+        for each in _read(path, _FLOW.validate_python, remedy)
     }
     settings = dataset.configuration
     expected = [
@@ -156,8 +71,8 @@ def read_records(dataset: Dataset) -> list[Record]:
         for method in settings.methods
     ]
     for key in expected:
-        lacks_truth = METHODS[key[2]].gives == "velocity" and "truth" not in records.get(key, {})
-        if key not in records or lacks_truth:
+        found = records.get(key)
+        if not found or (METHODS[key[2]].gives == "velocity" and not found.truth):
             sensor, level, method = key
             raise UserError(
                 f"{path} lacks the errors of {method} on {sensor} at {level_text(level)}; {remedy}"
@@ -165,37 +80,37 @@ def read_records(dataset: Dataset) -> list[Record]:
     return [records[key] for key in expected]
 
 
-def read_benchmark(dataset: Dataset) -> Record:
+def read_benchmark(dataset: Dataset) -> BenchmarkResult:
     """The photon benchmark. Raises UserError when benchmark.json is damaged or lacks something."""
     path, remedy = dataset.result("benchmark.json"), f"run: megalopta bench {dataset.root} --redo"
-    benchmark: Record = _read(path, _BENCHMARK, remedy)
-    curves = benchmark["curves"]
-    found = {(curve["method"], curve["shape"], curve["metric"]) for curve in curves}
-    for method in dataset.configuration.methods:
-        for shape in {curve["shape"] for curve in curves} or {None}:
-            for metric in benchmark["settings"]["metrics"]:
-                if (method, shape, metric) not in found:
-                    raise UserError(f"{path} lacks a {metric} error curve of {method}; {remedy}")
-    for curve in curves:
-        lengths = {len(curve[name]) for name in ("fluxes", "errors", "standard_errors")}
-        if curve["method"] not in METHODS or len(lengths) > 1:
-            raise UserError(f"{path} is damaged at the curve of {curve['method']}; {remedy}")
+    benchmark = _read(path, BenchmarkResult.from_dict, remedy)
+    found = {(curve.method, curve.shape, curve.metric) for curve in benchmark.curves}
+    shapes: set[tuple[int, ...]] = {curve.shape for curve in benchmark.curves} or {()}
+    for method, shape, metric in product(
+        dataset.configuration.methods, shapes, benchmark.settings.metrics
+    ):
+        if (method, shape, metric) not in found:
+            raise UserError(f"{path} lacks a {metric} error curve of {method}; {remedy}")
+    if unknown := {method for method, *_ in found} - METHODS.keys():
+        raise UserError(f"{path} is damaged at the curve of {min(unknown)}; {remedy}")
     return benchmark
 
 
 def read_scene_record(dataset: Dataset) -> Record:
     """What the render stage noted. Raises UserError when it is damaged or missing."""
     remedy = f"run: megalopta render {dataset.root} --out {dataset.root} --redo"
-    record: Record = _read(dataset.scene_record, _SCENE, remedy)
+    record: Record = _read(dataset.scene_record, _SCENE.validate_python, remedy)
     return record
 
 
-def _read(path: Path, model: TypeAdapter[Any], remedy: str) -> Any:
+def _read(path: Path, check: Callable[[Any], _Read], remedy: str) -> _Read:
     try:
-        return model.validate_json(path.read_bytes())
+        return check(from_json(path.read_bytes()))
     except OSError as problem:
         raise UserError(f"{path} cannot be read ({problem.strerror}); {remedy}") from None
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         where = f" at {'.'.join(map(str, first['loc']))}" if first["loc"] else ""
         raise UserError(f"{path} is damaged{where} ({first['msg']}); {remedy}") from None
+    except (ValueError, LookupError, TypeError, AttributeError) as problem:
+        raise UserError(f"{path} is damaged ({problem}); {remedy}") from None

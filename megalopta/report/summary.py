@@ -8,11 +8,10 @@ from typing import Any
 
 from megalopta.config import Configuration, LightLevel
 from megalopta.flow.detectors import METHODS
-from megalopta.flow.metrics import Threshold, format_flux
+from megalopta.flow.metrics import ErrorCurve, Metric, Threshold, format_flux
 from megalopta.report.budget import Budget
 from megalopta.report.detectors import DetectorSection
 from megalopta.report.motion import MotionSection
-from megalopta.report.needs import two_bit
 from megalopta.report.text import enumerate_words, level_name, level_title, number, plural
 from megalopta.report.verdicts import LIMIT, VerdictGroup
 from megalopta.scenes import SceneDescription
@@ -158,15 +157,14 @@ def _where(group: VerdictGroup, methods: Sequence[str], kind: str) -> str:
     return ", ".join(f"{each} at {level}" for each, level in zip(words, group.levels, strict=True))
 
 
-def need_finding(benchmark: Mapping[str, Any]) -> str | None:
+def need_finding(curves: Sequence[ErrorCurve], metric: Metric) -> str | None:
     """Which detectors need the fewest photons, and which the most, at the largest size."""
-    metric = benchmark["settings"]["metrics"][0]
-    rows, columns = max(tuple(curve["shape"]) for curve in benchmark["curves"])
+    rows, columns = max(curve.shape for curve in curves)
     needs = {
-        curve["method"]: need
-        for curve in benchmark["curves"]
-        if (tuple(curve["shape"]), curve["metric"]) == ((rows, columns), metric)
-        if curve["method"] != NO_MOTION and (need := two_bit(curve))
+        curve.method: need
+        for curve in curves
+        if (curve.shape, curve.metric) == ((rows, columns), metric)
+        if curve.method != NO_MOTION and (need := curve.thresholds.get(2))
     }
     parts = [*_fewest(needs), *_most(needs)]
     if not parts:

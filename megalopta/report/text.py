@@ -37,9 +37,9 @@ def short(value: float) -> str:
     return whole + text[len(digits) :]
 
 
-def percent(fraction: float) -> str:
+def percent(fraction: float | None) -> str:
     """A fraction as a percentage to two digits; 0 only where it is nothing at all."""
-    if not math.isfinite(fraction):
+    if fraction is None or not math.isfinite(fraction):
         return UNDEFINED
     if 0 < fraction < 1e-4:
         return "< 0.01\u00a0%"

@@ -1,17 +1,16 @@
 """Tables of what the detectors say about the true motion: of the blocks, and of the camera."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, TypeVar
+from collections.abc import Callable, Iterable, Sequence
+from typing import TypeVar
 
+from megalopta.dataset import FlowRecord, RotationErrors, TruthErrors
 from megalopta.flow.metrics import FAST_PX, OCCLUDED_SHARE, SLOW_PX
 from megalopta.report.parts import Table
 from megalopta.report.text import FAILS, SENSELESS, UNDEFINED, level_name, number, percent
 
-Record = Mapping[str, Any]
 Value = TypeVar("Value")
 
-_BOTH = ("ideal", "counts")
 _GROUPS = {
     "slow": f"below {SLOW_PX:g} px",
     "medium": f"{SLOW_PX:g} to {FAST_PX:g} px",
@@ -21,53 +20,58 @@ _GROUPS = {
 }
 
 
-def against_truth(records: Sequence[Record]) -> tuple[Table, ...]:
+Cells = dict[tuple[str, str], str]
+"""Exposure and method to text"""
+
+
+def against_truth(records: Sequence[FlowRecord]) -> tuple[Table, ...]:
     """Mean error and share of outliers, a row per exposure and a column per method."""
-    measured = [each for each in records if "truth" in each]
-    if not measured:
+    truths = {_key(each): each.truth for each in records if each.truth}
+    if not truths:
         return ()
     return (
-        _by_exposure(measured, "Mean error (px)", lambda each: _error(each["truth"])),
-        _by_exposure(measured, "Outliers", lambda each: _outliers(each["truth"])),
+        _by_exposure("Mean error (px)", {key: _error(each) for key, each in truths.items()}),
+        _by_exposure("Outliers", {key: _outliers(each) for key, each in truths.items()}),
     )
 
 
-def split_table(records: Sequence[Record]) -> Table | None:
+def split_table(records: Sequence[FlowRecord]) -> Table | None:
     """Mean error by speed and by occlusion, on the exposure where a method errs least."""
-    measured = [each for each in records if "truth_splits" in each]
+    measured = [each for each in records if each.truth_splits]
     if not measured:
         return None
-    best = min(measured, key=_median_error)
-    rows = [each for each in measured if _exposure(each) == _exposure(best)]
-    blocks = {name: split["ideal"]["blocks"] for name, split in rows[0]["truth_splits"].items()}
+    best, _ = _key(min(measured, key=_median_error))
+    splits = {
+        method: dict(each.truth_splits)
+        for each in measured
+        for exposure, method in [_key(each)]
+        if each.truth_splits and exposure == best
+    }
+    blocks = {name: split.ideal.blocks for name, split in next(iter(splits.values())).items()}
     filled = [name for name in _GROUPS if blocks[name]]
     return Table(
-        f"Mean error (px) by speed and occlusion where it is smallest: {_exposure(best)}",
+        f"Mean error (px) by speed and occlusion where it is smallest: {best}",
         ("Detector", *(f"{_GROUPS[name]} ({blocks[name]:,})" for name in filled)),
         tuple(
-            (each["method"], *(_error(each["truth_splits"][name]) for name in filled))
-            for each in rows
+            (method, *(_error(split[name]) for name in filled)) for method, split in splits.items()
         ),
     )
 
 
-def rotation_table(records: Sequence[Record]) -> Table | None:
+def rotation_table(records: Sequence[FlowRecord]) -> Table | None:
     """Error of the yaw rate, a row per exposure and a column per method."""
-    measured = [each for each in records if "rotation" in each]
-    if not measured:
+    rotations = {_key(each): each.rotation for each in records if each.rotation}
+    if not rotations:
         return None
-    true = number(measured[0]["rotation"]["true_deg_s"])
+    true = number(next(iter(rotations.values())).true_deg_s)
     return _by_exposure(
-        measured,
         f"Error of the yaw rate (deg/s) of {true} deg/s",
-        lambda each: _yaw(each["rotation"]),
+        {key: _yaw(each) for key, each in rotations.items()},
     )
 
 
-def _by_exposure(records: Sequence[Record], label: str, cell: Callable[[Record], str]) -> Table:
-    methods = dict.fromkeys(each["method"] for each in records)
-    cells = {(_exposure(each), each["method"]): cell(each) for each in records}
-    exposures = dict.fromkeys(map(_exposure, records))
+def _by_exposure(label: str, cells: Cells) -> Table:
+    exposures, methods = (dict.fromkeys(names) for names in zip(*cells, strict=True))
     return Table(
         label,
         (label, *methods),
@@ -78,25 +82,25 @@ def _by_exposure(records: Sequence[Record], label: str, cell: Callable[[Record],
     )
 
 
-def _median_error(record: Record) -> float:
-    error = record["truth"]["counts"]["relative_error_median"]
-    return math.inf if error is None else float(error)
+def _key(record: FlowRecord) -> tuple[str, str]:
+    return f"{record.sensor}, {level_name(record.level)}", record.method
 
 
-def _exposure(record: Record) -> str:
-    return f"{record['sensor']}, {level_name(record['level'])}"
+def _median_error(record: FlowRecord) -> float:
+    error = record.truth.counts.relative_error_median if record.truth else None
+    return math.inf if error is None else error
 
 
-def _yaw(rotation: Record) -> str:
-    largest = SENSELESS * rotation["true_deg_s"] or math.inf
-    errors = (rotation[f"{kind}_deg_s"] for kind in _BOTH)
+def _yaw(rotation: RotationErrors) -> str:
+    largest = SENSELESS * rotation.true_deg_s or math.inf
+    errors = (rotation.ideal_deg_s, rotation.counts_deg_s)
     return _both(errors, lambda error: number(error) if error < largest else FAILS)
 
 
-def _error(truth: Mapping[str, Record]) -> str:
+def _error(truth: TruthErrors) -> str:
     return _both(
-        (truth[kind] for kind in _BOTH),
-        lambda each: _number_of(each["endpoint_error_px"], each["relative_error_median"]),
+        (truth.ideal, truth.counts),
+        lambda each: _number_of(each.endpoint_error_px, each.relative_error_median),
     )
 
 
@@ -106,8 +110,8 @@ def _number_of(error_px: float | None, relative: float | None) -> str:
     return FAILS if relative is not None and relative >= SENSELESS else number(error_px)
 
 
-def _outliers(truth: Mapping[str, Record]) -> str:
-    return _both((truth[kind]["outlier_fraction"] for kind in _BOTH), percent)
+def _outliers(truth: TruthErrors) -> str:
+    return _both((truth.ideal.outlier_fraction, truth.counts.outlier_fraction), percent)
 
 
 def _both(values: Iterable[Value | None], text: Callable[[Value], str]) -> str:

@@ -7,9 +7,10 @@ asked is whether they answer counts as they answer the noise-free twin.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 from megalopta.config import LightLevel
+from megalopta.dataset import FlowRecord, TruthErrors
 from megalopta.report.text import level_name, percent, relative_error
 
 ACCURATE = 0.25
@@ -18,7 +19,6 @@ ACCURATE = 0.25
 LIMIT = percent(ACCURATE)
 
 Kind = Literal["right", "wrong", "unknown", "silent", "repeats", "half", "differs"]
-Record = Mapping[str, Any]
 
 MEANINGS: Mapping[Kind, str] = {
     "right": f"true motion: half of the blocks or more within {LIMIT} of the true velocity",
@@ -55,42 +55,41 @@ class VerdictGroup:
 
 
 def verdict_group(
-    sensor: str, levels: Sequence[LightLevel], records: Sequence[Record]
+    sensor: str, levels: Sequence[LightLevel], records: Sequence[FlowRecord]
 ) -> VerdictGroup:
     """Verdicts on all methods on one sensor."""
-    own = [each for each in records if each["sensor"] == sensor]
+    own = [each for each in records if each.sensor == sensor]
     return VerdictGroup(
         sensor,
         tuple(level_name(level) for level in levels),
         {
-            method: tuple(verdict(each) for each in own if each["method"] == method)
-            for method in dict.fromkeys(each["method"] for each in own)
+            method: tuple(verdict(each) for each in own if each.method == method)
+            for method in dict.fromkeys(each.method for each in own)
         },
     )
 
 
-def verdict(record: Record) -> Verdict:
+def verdict(record: FlowRecord) -> Verdict:
     """Verdict of a record of flow.json."""
-    truth, errors = record.get("truth"), record["error"]
-    if truth and truth["counts"]["relative_error_median"] is None:
+    truth, errors = record.truth, record.error
+    if truth and truth.counts.relative_error_median is None:
         return Verdict("unknown", "nothing is known to move here")
-    if errors["ratio"] is None or errors["literal"] is None:
+    if errors.ratio is None or errors.literal is None:
         return Verdict("silent", "no motion found, even without noise")
-    return _of_velocities(truth) if truth else _of_responses(errors)
+    return _of_velocities(truth) if truth else _of_responses(errors.ratio, errors.literal)
 
 
-def _of_velocities(truth: Mapping[str, Record]) -> Verdict:
-    error = truth["counts"]["relative_error_median"]
+def _of_velocities(truth: TruthErrors) -> Verdict:
+    error = truth.counts.relative_error_median or 0.0
     text = (
         f"median error {relative_error(error)} of the true velocity "
-        f"(noise-free {relative_error(truth['ideal']['relative_error_median'])}), "
-        f"{percent(truth['counts']['outlier_fraction'])} of the blocks off by more than {LIMIT}"
+        f"(noise-free {relative_error(truth.ideal.relative_error_median)}), "
+        f"{percent(truth.counts.outlier_fraction)} of the blocks off by more than {LIMIT}"
     )
     return Verdict("right" if error < ACCURATE else "wrong", text)
 
 
-def _of_responses(errors: Mapping[str, float]) -> Verdict:
-    ratio, literal = errors["ratio"], errors["literal"]
+def _of_responses(ratio: float, literal: float) -> Verdict:
     kinds: tuple[Kind, ...] = ("differs", "half", "repeats")
     text = f"ratio {relative_error(ratio)}, literal {relative_error(literal)}"
     return Verdict(kinds[(ratio < ACCURATE) + (literal < ACCURATE)], text)

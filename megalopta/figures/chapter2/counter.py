@@ -4,7 +4,6 @@ The model of the counter is linear but for its leak. How a real one bends toward
 swing is not printed and not modeled.
 """
 
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -12,11 +11,9 @@ from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 from scipy.stats import linregress
 
-from megalopta.figures import PALETTE, Figure, Printed, Registry
+from megalopta.figures import PALETTE, Figure, FigureRecipe, Floats, Printed, rows_of
 from megalopta.sensor import Sensor, changed, expose_events, preset
 from megalopta.sensor.counters import AnalogCounter, analog_pixels
-
-Floats = NDArray[np.float64]
 
 ROW = (1, 16)
 LIGHT_HZ = 300.0
@@ -127,7 +124,7 @@ def _figure(name: str, step_v: float) -> Figure:
         ),
         draw=draw,
         columns=("time_s", *(f"pixel_{pixel}_v" for pixel in range(ROW[1]))),
-        rows=tuple(tuple(map(float, line)) for line in zip(row.time_s, *row.output_v, strict=True)),
+        rows=rows_of(row.time_s, *row.output_v),
         height_in=3.4,
     )
 
@@ -142,7 +139,7 @@ def _floor(share: float) -> str:
     return f"{np.floor(1e5 * share) / 1e5:.5f}"
 
 
-COUNTER: Registry = {
-    "fig-2.7": partial(_figure, "fig-2.7", 10e-3),
-    "fig-2.8": partial(_figure, "fig-2.8", 30e-3),
-}
+RECIPES = (
+    FigureRecipe("fig-2.7", lambda _: _figure("fig-2.7", 10e-3)),
+    FigureRecipe("fig-2.8", lambda _: _figure("fig-2.8", 30e-3)),
+)

@@ -22,15 +22,16 @@ from megalopta.figures import (
     GRAY,
     PALETTE,
     Figure,
+    FigureRecipe,
+    Floats,
     Printed,
-    Registry,
+    Run,
     draw_table,
+    rows_of,
 )
 from megalopta.sensor import DeadTime, Sensor, changed, expose_rate, preset
 from megalopta.sensor.effects import best_excess_bias, breakdown_offset, expected_counts
 from megalopta.sensor.spad import TABLE_2_1, fabricate
-
-Floats = NDArray[np.float64]
 
 ANODE_AT_BREAKDOWN_V = 12.40
 """13.40 V at the anode is an excess bias of about 1 V (§2.4.4)."""
@@ -89,7 +90,7 @@ def measured_efficiency(row: RowMeasurement) -> Floats:
     return np.where(row.is_saturated, np.nan, (row.bright - row.dark) / photons)
 
 
-def figure_2_2() -> Figure:
+def figure_2_2(_: Run) -> Figure:
     """Count rate over photon rate for the three kinds of dead time."""
     photons = np.geomspace(1e3, 1e10, 281)
     dead_times = (1e-9, 1e-8, 1e-7, 1e-6)
@@ -136,11 +137,11 @@ def figure_2_2() -> Figure:
             "photon_rate_hz",
             *(f"{kind}_{1e9 * tau:g}_ns_hz" for kind, tau in curves),
         ),
-        rows=_rows(photons, *curves.values()),
+        rows=rows_of(photons, *curves.values()),
     )
 
 
-def figure_2_9() -> Figure:
+def figure_2_9(_: Run) -> Figure:
     """Dark count rate of the row over the bias."""
     density = dark_density(measure_row())
     row = density[_index_of(SHEET_V)]
@@ -174,11 +175,11 @@ def figure_2_9() -> Figure:
         ),
         draw=draw,
         columns=("anode_v", *(f"pixel_{pixel}_hz_um2" for pixel in range(PIXELS))),
-        rows=_rows(ANODE_V, *density.T),
+        rows=rows_of(ANODE_V, *density.T),
     )
 
 
-def figure_2_10() -> Figure:
+def figure_2_10(_: Run) -> Figure:
     """Cumulative distribution of the dark count rate over the row."""
     density = dark_density(measure_row())
     volts = (13.48, 13.54, 13.58, 13.64, 13.68)
@@ -215,11 +216,11 @@ def figure_2_10() -> Figure:
         printed=(Printed("Counters full at 13.68 V", f"{full} of {PIXELS}", "nearly all of 16"),),
         draw=draw,
         columns=("share", *(f"at_{v:.2f}_v_hz_um2" for v in volts)),
-        rows=_rows(share, *ranked),
+        rows=rows_of(share, *ranked),
     )
 
 
-def figure_2_11() -> Figure:
+def figure_2_11(_: Run) -> Figure:
     """Detection efficiency of the row over the bias."""
     efficiency = measured_efficiency(measure_row())
     sensor = preset("spadcam")
@@ -255,11 +256,11 @@ def figure_2_11() -> Figure:
         ),
         draw=draw,
         columns=("anode_v", *(f"pixel_{pixel}" for pixel in range(PIXELS))),
-        rows=_rows(ANODE_V, *efficiency.T),
+        rows=rows_of(ANODE_V, *efficiency.T),
     )
 
 
-def figure_2_12() -> Figure:
+def figure_2_12(_: Run) -> Figure:
     """Ratio of detections to dark counts over the bias."""
     row = measure_row()
     efficiency, dark_hz = measured_efficiency(row), dark_density(row) * ACTIVE_UM2
@@ -305,11 +306,11 @@ def figure_2_12() -> Figure:
         ),
         draw=draw,
         columns=("anode_v", *(f"pixel_{pixel}_db" for pixel in chosen)),
-        rows=_rows(ANODE_V, *(ratio[:, pixel] for pixel in chosen)),
+        rows=rows_of(ANODE_V, *(ratio[:, pixel] for pixel in chosen)),
     )
 
 
-def table_2_1() -> Figure:
+def table_2_1(_: Run) -> Figure:
     """Devices of the literature: printed figures, and what the presets give when exposed."""
     rows = tuple(_table_row(name) for name in TABLE_2_1)
     columns = (
@@ -397,15 +398,11 @@ def _volts(values: list[float]) -> str:
     return f"{low:.2f}" if low == high else f"{low:.2f} to {high:.2f}"
 
 
-def _rows(*columns: Floats) -> tuple[tuple[float, ...], ...]:
-    return tuple(tuple(map(float, row)) for row in zip(*columns, strict=True))
-
-
-CHAPTER_2: Registry = {
-    "fig-2.2": figure_2_2,
-    "fig-2.9": figure_2_9,
-    "fig-2.10": figure_2_10,
-    "fig-2.11": figure_2_11,
-    "fig-2.12": figure_2_12,
-    "table-2.1": table_2_1,
-}
+RECIPES = (
+    FigureRecipe("fig-2.2", figure_2_2),
+    FigureRecipe("fig-2.9", figure_2_9),
+    FigureRecipe("fig-2.10", figure_2_10),
+    FigureRecipe("fig-2.11", figure_2_11),
+    FigureRecipe("fig-2.12", figure_2_12),
+    FigureRecipe("table-2.1", table_2_1),
+)

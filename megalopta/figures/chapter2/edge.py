@@ -10,7 +10,6 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
 from megalopta.experiments import (
     FRAME_RATE_HZ,
@@ -25,11 +24,19 @@ from megalopta.experiments import (
     pooled,
     record,
 )
-from megalopta.figures import BLUE, GRAY, VERMILION, Figure, Printed, Registry
+from megalopta.figures import (
+    BLUE,
+    GRAY,
+    VERMILION,
+    Figure,
+    FigureRecipe,
+    Floats,
+    Printed,
+    Run,
+    rows_of,
+)
 from megalopta.scenes.stimuli import Bench
 from megalopta.sensor import Sensor
-
-Floats = NDArray[np.float64]
 
 SHOWN_MM_S = 1.0
 _SHOWN_DETECTOR = 4
@@ -45,7 +52,7 @@ def responses(method: str, frames: Floats) -> Floats:
     return detector(method).respond(frames[:, np.newaxis])[:, 0, 1:-1]
 
 
-def figure_2_14() -> Figure:
+def figure_2_14(_: Run) -> Figure:
     """Pooled frames as an edge passes."""
     frames = {name: recording(sensor)[:FRAMES] for name, sensor in SENSORS.items()}
     hidden = OPEN_PHOTONS * Bench().shade
@@ -123,7 +130,7 @@ def _response_figure(name: str, method: str) -> Figure:
     )
 
 
-def figure_2_17() -> Figure:
+def figure_2_17(_: Run) -> Figure:
     """One pooled pixel and its detectors as the edge passes and returns."""
     curves = {}
     for name, sensor in SENSORS.items():
@@ -162,7 +169,7 @@ def figure_2_17() -> Figure:
             "time_s",
             *(f"{csv_name(name)}_{csv_name(line)}" for name in curves for line in curves[name]),
         ),
-        rows=csv_rows(time_s, *(line for lines in curves.values() for line in lines.values())),
+        rows=rows_of(time_s, *(line for lines in curves.values() for line in lines.values())),
         height_in=4.6,
     )
 
@@ -191,7 +198,7 @@ def _map_table(
         for number in range(1, rows.shape[1] + 1)
     )
     frames = np.arange(1.0, FRAMES + 1)
-    return ("frame", *columns), csv_rows(frames, *np.hstack(list(maps.values())).T)
+    return ("frame", *columns), rows_of(frames, *np.hstack(list(maps.values())).T)
 
 
 def csv_name(label: str) -> str:
@@ -199,18 +206,13 @@ def csv_name(label: str) -> str:
     return label.lower().replace(" ", "_")
 
 
-def csv_rows(*columns: Floats) -> tuple[tuple[float, ...], ...]:
-    """Rows of a table from its columns."""
-    return tuple(tuple(map(float, row)) for row in zip(*columns, strict=True))
-
-
 def _speed() -> str:
     return f"{SHOWN_MM_S:g} mm/s, {pixels_per_frame(SHOWN_MM_S):.2f} px per frame"
 
 
-MOTION: Registry = {
-    "fig-2.14": figure_2_14,
-    "fig-2.15": partial(_response_figure, "fig-2.15", "NDM"),
-    "fig-2.16": partial(_response_figure, "fig-2.16", "NDS"),
-    "fig-2.17": figure_2_17,
-}
+RECIPES = (
+    FigureRecipe("fig-2.14", figure_2_14),
+    FigureRecipe("fig-2.15", lambda _: _response_figure("fig-2.15", "NDM")),
+    FigureRecipe("fig-2.16", lambda _: _response_figure("fig-2.16", "NDS")),
+    FigureRecipe("fig-2.17", figure_2_17),
+)

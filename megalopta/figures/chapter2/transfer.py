@@ -5,11 +5,8 @@ of the mean peak response of one detector over its standard deviation between cr
 over all speeds but standstill.
 """
 
-from functools import partial
-
 import numpy as np
 from matplotlib.figure import Figure as Canvas
-from numpy.typing import NDArray
 
 from megalopta.experiments import (
     PIXELS,
@@ -22,11 +19,19 @@ from megalopta.experiments import (
     peaks,
     pixels_per_frame,
 )
-from megalopta.figures import BLACK, BLUE, GREEN, ORANGE, Figure, Printed, Registry
-from megalopta.figures.chapter2.edge import csv_name, csv_rows
+from megalopta.figures import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    Figure,
+    FigureRecipe,
+    Floats,
+    Printed,
+    rows_of,
+)
+from megalopta.figures.chapter2.edge import csv_name
 from megalopta.flow.detectors import ndm_mean, nds_mean
-
-Floats = NDArray[np.float64]
 
 THEORY_CYCLES = 0.5
 """Cycles of the theoretical sinusoid along the row; the dissertation says only: below 1."""
@@ -105,7 +110,7 @@ def _figure(name: str, method: str) -> Figure:
             "without_noise",
             *(f"{csv_name(label)}_{what}" for label in found for what in statistics),
         ),
-        rows=csv_rows(
+        rows=rows_of(
             np.array(SPEEDS_MM_S),
             velocity,
             scale * theory(method, velocity),
@@ -154,7 +159,7 @@ def _printed(method: str, found: dict[str, list[Peaks]], growth: float) -> tuple
     )
 
 
-TRANSFER: Registry = {
-    "fig-2.18": partial(_figure, "fig-2.18", "NDM"),
-    "fig-2.19": partial(_figure, "fig-2.19", "NDS"),
-}
+RECIPES = (
+    FigureRecipe("fig-2.18", lambda _: _figure("fig-2.18", "NDM")),
+    FigureRecipe("fig-2.19", lambda _: _figure("fig-2.19", "NDS")),
+)

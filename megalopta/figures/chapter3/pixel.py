@@ -9,9 +9,18 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import EngFormatter
-from numpy.typing import NDArray
 
-from megalopta.figures import DASHES, MARKERS, PALETTE, Figure, Printed, Registry
+from megalopta.figures import (
+    DASHES,
+    MARKERS,
+    PALETTE,
+    Figure,
+    FigureRecipe,
+    Floats,
+    Printed,
+    Run,
+    rows_of,
+)
 from megalopta.sensor.ctia import (
     PHOTODIODES,
     DacBias,
@@ -23,8 +32,6 @@ from megalopta.sensor.ctia import (
     gain_from_db,
     reverse_current,
 )
-
-Floats = NDArray[np.float64]
 
 SWING_V = 3.3
 BUILT_FARAD, BUILT_GAIN_DB = 10e-12, 130.0
@@ -72,12 +79,7 @@ def log_current_axis(axes: Axes, label: str) -> None:
     axes.set_ylabel(label)
 
 
-def table_rows(*columns: Floats) -> tuple[tuple[float, ...], ...]:
-    """Rows of a figure's numbers from its columns."""
-    return tuple(tuple(map(float, row)) for row in zip(*columns, strict=True))
-
-
-def figure_3_2() -> Figure:
+def figure_3_2(_: Run) -> Figure:
     """Discharge for open-loop gains of 40 to 90 dB."""
     gains_db = np.arange(40, 91, 10)
     diode = Photodiode(saturation_current_a=100e-12)
@@ -122,11 +124,11 @@ def figure_3_2() -> Figure:
         ),
         draw=draw,
         columns=("time_s", *(f"output_at_{gain}_db_v" for gain in gains_db)),
-        rows=table_rows(times, *outputs),
+        rows=rows_of(times, *outputs),
     )
 
 
-def figure_3_5() -> Figure:
+def figure_3_5(_: Run) -> Figure:
     """Discharge with the silicon diode at several reverse biases."""
     biases = np.array([24.5, 12.5, 6.5, 3.5, 1.5, 0.5, -0.5]) * STEP_V
     times = np.linspace(0, 300, 301)
@@ -156,11 +158,11 @@ def figure_3_5() -> Figure:
         ),
         draw=draw,
         columns=("time_s", *(f"output_at_{1e3 * bias:.2f}_mv_v" for bias in biases)),
-        rows=table_rows(times, *outputs),
+        rows=rows_of(times, *outputs),
     )
 
 
-def figure_3_6() -> Figure:
+def figure_3_6(_: Run) -> Figure:
     """Dark current against reverse bias for both diodes."""
     biases = dac_sweep(1.0)
     currents = {name: estimate_current(built_pixel(name, biases)) for name in ("ingaas", "si")}
@@ -216,7 +218,7 @@ def figure_3_6() -> Figure:
         ),
         draw=draw,
         columns=("reverse_bias_v", "dark_current_ingaas_a", "dark_current_si_a"),
-        rows=table_rows(biases, *currents.values()),
+        rows=rows_of(biases, *currents.values()),
     )
 
 
@@ -232,8 +234,8 @@ def _to_rail(times: Floats, output: Floats, end: float) -> tuple[Floats, Floats]
     return np.append(times[before], end), np.append(output[before], 0.0)
 
 
-CTIA_PIXEL: Registry = {
-    "fig-3.2": figure_3_2,
-    "fig-3.5": figure_3_5,
-    "fig-3.6": figure_3_6,
-}
+RECIPES = (
+    FigureRecipe("fig-3.2", figure_3_2),
+    FigureRecipe("fig-3.5", figure_3_5),
+    FigureRecipe("fig-3.6", figure_3_6),
+)

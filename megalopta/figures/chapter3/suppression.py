@@ -1,6 +1,6 @@
 """Figures and table of Chapter 3 on suppressing dark current: photocurrents, SNR, Table 3.1.
 
-As in `figures_chapter3_pixel`, tables under the figures set our numbers beside the printed ones.
+As in `pixel`, tables under the figures set our numbers beside the printed ones.
 
 The model allows a rise of the SNR from 20 mV to 1 mV of 23.0 dB to an n = 1 diode and of 26.0 dB to
 a shunt, whatever their size, and to both together something between. An error of the bias would
@@ -16,7 +16,6 @@ goes as the root of the conductance at zero bias.
 """
 
 from collections.abc import Mapping
-from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure as Canvas
@@ -30,21 +29,22 @@ from megalopta.figures import (
     MARKERS,
     ORANGE,
     Figure,
+    FigureRecipe,
+    Floats,
     Printed,
-    Registry,
+    Run,
     draw_table,
+    rows_of,
 )
 from megalopta.figures.chapter3.pixel import (
     NAMES,
     STEP_V,
-    Floats,
     ampere,
     built_pixel,
     dac_sweep,
     decades,
     log_bias_axis,
     log_current_axis,
-    table_rows,
 )
 from megalopta.sensor.ctia import (
     PHOTODIODES,
@@ -64,7 +64,7 @@ LED_A: Mapping[str, tuple[float, float]] = {
 }
 
 
-def photocurrent_figure(name: str, diode: str, decades_printed: str) -> Figure:
+def _photocurrents(name: str, diode: str, decades_printed: str) -> Figure:
     """Dark current and photocurrents of two LED intensities against bias."""
     biases = dac_sweep(1.2)
     dark, *light = _bench(diode, biases)
@@ -102,11 +102,11 @@ def photocurrent_figure(name: str, diode: str, decades_printed: str) -> Figure:
         ),
         draw=draw,
         columns=("reverse_bias_v", "dark_current_a", "photocurrent_led1_a", "photocurrent_led2_a"),
-        rows=table_rows(biases, dark, *light),
+        rows=rows_of(biases, dark, *light),
     )
 
 
-def snr_figure(name: str, diode: str, printed_db: float, printed: str) -> Figure:
+def _snr(name: str, diode: str, printed_db: float, printed: str) -> Figure:
     """Ratio of photocurrent to dark current against bias."""
     biases = dac_sweep(1.2)
     gained = 20 * decades(diode, 20e-3, 1e-3)
@@ -146,11 +146,11 @@ def snr_figure(name: str, diode: str, printed_db: float, printed: str) -> Figure
             "snr_led1_bias_error_db",
             "snr_led2_bias_error_db",
         ),
-        rows=table_rows(biases, *exact, *shifted),
+        rows=rows_of(biases, *exact, *shifted),
     )
 
 
-def table_3_1() -> Figure:
+def table_3_1(_: Run) -> Figure:
     """Dark currents of both pixels, ours beside those printed."""
     best = {name: _best_codes(name) for name in ("si", "ingaas")}
     poor = {"si": _poor("si", 15e-3), "ingaas": _poor("ingaas", 17.5e-3)}
@@ -247,10 +247,14 @@ def _number(name: str) -> str:
     return f"Figure {name.removeprefix('fig-')}"
 
 
-CTIA_SUPPRESSION: Registry = {
-    "fig-3.7": partial(photocurrent_figure, "fig-3.7", "ingaas_quiet", "about two decades"),
-    "fig-3.8": partial(photocurrent_figure, "fig-3.8", "si", "about 1.5 decades"),
-    "fig-3.9": partial(snr_figure, "fig-3.9", "ingaas_quiet", 40.0, "about 40 dB, then 50 dB"),
-    "fig-3.10": partial(snr_figure, "fig-3.10", "si", 30.0, "about 30 dB"),
-    "table-3.1": table_3_1,
-}
+RECIPES = (
+    FigureRecipe(
+        "fig-3.7", lambda _: _photocurrents("fig-3.7", "ingaas_quiet", "about two decades")
+    ),
+    FigureRecipe("fig-3.8", lambda _: _photocurrents("fig-3.8", "si", "about 1.5 decades")),
+    FigureRecipe(
+        "fig-3.9", lambda _: _snr("fig-3.9", "ingaas_quiet", 40.0, "about 40 dB, then 50 dB")
+    ),
+    FigureRecipe("fig-3.10", lambda _: _snr("fig-3.10", "si", 30.0, "about 30 dB")),
+    FigureRecipe("table-3.1", table_3_1),
+)

@@ -13,8 +13,18 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import EngFormatter, NullFormatter
 from numpy.typing import NDArray
 
-from megalopta.experiments import SWEEPS, Results, Trial
-from megalopta.figures import BLUE, ORANGE, Cell, Figure, Planned, Templates, needed, threshold_of
+from megalopta.experiments import SWEEPS, Trial
+from megalopta.figures import (
+    BLUE,
+    ORANGE,
+    Cell,
+    Figure,
+    FigureRecipe,
+    Run,
+    Templates,
+    needed,
+    threshold_of,
+)
 from megalopta.figures.chapter4.findings import division_sentence
 from megalopta.figures.chapter4.table import PRINTED, SIZE
 from megalopta.flow.detectors import METHODS
@@ -60,12 +70,12 @@ def _trials(is_quick: bool) -> list[Trial]:
     return [trial for trials in _at_five_px(is_quick).values() for trial in trials]
 
 
-def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
-    trials = _at_five_px(is_quick)
-    curves = {kind: _errors(of_kind[0], templates) for kind, of_kind in trials.items()}
+def _figure(run: Run) -> Figure:
+    trials = _at_five_px(run.is_quick)
+    curves = {kind: _errors(of_kind[0], run.templates) for kind, of_kind in trials.items()}
     fluxes = {
         (kind, metric, method): needed(
-            [threshold_of(results, trial, method, metric, 2) for trial in of_kind]
+            [threshold_of(run.results, trial, method, metric, 2) for trial in of_kind]
         ).flux
         for kind, of_kind in trials.items()
         for metric in METRICS
@@ -149,4 +159,4 @@ def _draw_fluxes(axes: Axes, fluxes: Mapping[tuple[str, Metric, str], float]) ->
     axes.set_ylabel("$N_{2b}$ (photons per frame)")
 
 
-DENOMINATORS = Planned(_trials, _figure)
+RECIPES = (FigureRecipe("denominators", _figure, _trials),)

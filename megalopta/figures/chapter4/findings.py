@@ -110,7 +110,7 @@ def towards_root_of_dark_counts(sweep: Sweep, results: Results) -> str | None:
 def brightness_of_dark_counts(sweep: Sweep, results: Results) -> str | None:
     """IM has no N_2b where dark counts alone tell it the brightness of a pixel."""
     most = sweep.values[-1]
-    at_most = [point.trial for point in sweep.points() if point.value == most]
+    at_most = [point.trial for point in sweep.points if point.value == most]
     if any(threshold_of(results, each, "IM", "literal", 2).kind != "below" for each in at_most):
         return None
     return f"At {most:g} dark counts IM has no N_2b: they alone tell it the brightness of a pixel."
@@ -160,7 +160,7 @@ def interpolation_at_one_pixel(sweep: Sweep, results: Results) -> str | None:
 def rest_of_block_matching(sweep: Sweep, results: Results) -> str | None:
     """BM has no point at low velocities, where it reads rest in most clean blocks."""
     slowest = float(min(map(float, sweep.values)))
-    of_slowest = [point.trial for point in sweep.points() if point.value == slowest]
+    of_slowest = [point.trial for point in sweep.points if point.value == slowest]
     kinds = {threshold_of(results, each, "BM", "literal", 2).kind for each in of_slowest}
     if "undefined" not in kinds:
         return None
@@ -191,7 +191,7 @@ def pooling_of_block_matching(sweep: Sweep, results: Results) -> str | None:
 def division_by_small_responses(sweep: Sweep, results: Results) -> str | None:
     """By Eq. 4.5 EMD needs many times the photons that it needs by the quotient of means."""
     quotients = []
-    for point in sweep.points():
+    for point in sweep.points:
         literal, ratio = (
             threshold_of(results, point.trial, "EMD", metric, 2).flux
             for metric in ("literal", "ratio")

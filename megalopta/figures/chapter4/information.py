@@ -27,7 +27,7 @@ from megalopta.experiments import (
     Trial,
     in_form,
 )
-from megalopta.figures import Figure, Planned, Templates, method_style, threshold_of
+from megalopta.figures import Figure, FigureRecipe, Run, Templates, method_style, threshold_of
 from megalopta.figures.chapter4.table import PRINTED, SIZE
 from megalopta.flow.detectors import block_grid
 from megalopta.flow.metrics import translation_information
@@ -86,14 +86,14 @@ def implied_information(seen: Sequence[Seen], printed: float) -> float:
 
 def _points(is_quick: bool) -> list[Point]:
     sweeps = (in_form(sweep, is_quick) for sweep in _SOURCES)
-    return [point for sweep in sweeps for point in sweep.points() if point.size == SIZE]
+    return [point for sweep in sweeps for point in sweep.points if point.size == SIZE]
 
 
 def _trials(is_quick: bool) -> list[Trial]:
     return [point.trial for point in _points(is_quick)]
 
 
-def _seen(method: str, trials: Sequence[Trial], results: Results, templates: Templates) -> Seen:
+def needed_of(method: str, trials: Sequence[Trial], results: Results, templates: Templates) -> Seen:
     """Return what a method needs of the picture that these trials share."""
     template = trials[0].template
     assert isinstance(template, PanoramaTemplate)
@@ -153,12 +153,12 @@ def _quotient(values: Sequence[float]) -> float:
     return max(values) / min(values) if values else math.nan
 
 
-def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
+def _figure(run: Run) -> Figure:
     pictures: dict[Template, list[Trial]] = {}
-    for trial in _trials(is_quick):
+    for trial in _trials(run.is_quick):
         pictures.setdefault(trial.template, []).append(trial)
     seen = [
-        _seen(method, trials, results, templates)
+        needed_of(method, trials, run.results, run.templates)
         for trials in pictures.values()
         for method in PRINTED
     ]
@@ -227,4 +227,4 @@ def _draw(canvas: Canvas, seen: Sequence[Seen], stars: Mapping[str, float]) -> N
     canvas.legend(loc="outside right center")
 
 
-NATURAL_INFORMATION = Planned(_trials, _figure)
+RECIPES = (FigureRecipe("natural-information", _figure, _trials),)

@@ -1,14 +1,12 @@
 """Chapter 4 on one page: our Table 4.1 beside the dissertation's, the figures, and what differs."""
 
 from collections.abc import Sequence
-from importlib import resources
 from pathlib import Path
 
-from jinja2 import Environment, StrictUndefined
-
-from megalopta.figures import Figure
+from megalopta.figures import Figure, names
 from megalopta.files import write_text
 from megalopta.flow.metrics import format_flux
+from megalopta.pages import render_page
 
 TABLE = "table-4.1"
 
@@ -16,20 +14,24 @@ TABLE = "table-4.1"
 def write_page(out: Path, figures: Sequence[Figure]) -> Path:
     """Write chapter-4.html beside the pictures of some figures, one of them Table 4.1.
 
+    Figures of other chapters are passed over.
+
     Returns
     -------
     Path
         Of the page.
     """
+    known = names("chapter-4")
+    figures = [figure for figure in figures if figure.name in known]
     (table,) = (figure for figure in figures if figure.name == TABLE)
     rows = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
     literal, ratio = (
         [row for row in rows if row["metric"] == name] for name in ("literal", "ratio")
     )
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
-    environment.filters["flux"] = format_flux
-    text = resources.files("megalopta.figures.chapter4").joinpath("page.html").read_text("utf-8")
-    page = environment.from_string(text).render(
+    page = render_page(
+        "megalopta.figures.chapter4",
+        "page.html",
+        {"flux": format_flux},
         rows=list(zip(literal, ratio, strict=True)),
         figures=[figure for figure in figures if figure.name != TABLE],
         note=table.caption,

@@ -2,23 +2,19 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, fields
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import PercentFormatter
-from numpy.typing import NDArray
 
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.stimuli import GratingVariant, dead_leaves, moving_cycles, sine_grating
 from megalopta.experiments import NATURAL_PANORAMAS, ROWS, natural_templates
-from megalopta.figures import BLACK, DASHES, PALETTE, Figure, Registry
+from megalopta.figures import BLACK, DASHES, PALETTE, Figure, FigureRecipe, Floats, Run
 from megalopta.flow.stimuli import ImageStatistics, image_statistics, power_spectrum, resize
 from megalopta.scenes import white_level
 from megalopta.scenes.spectra import encode_srgb
-
-Floats = NDArray[np.float64]
 
 POOLED, CYCLES = 60, 4.0
 """Of Fig. 4.2."""
@@ -26,7 +22,7 @@ _VARIANTS: tuple[GratingVariant, ...] = ("rot", "periodic")
 _LEAVES_COLUMNS = 753
 
 
-def figure_4_2() -> Figure:
+def figure_4_2(_: Run) -> Figure:
     """The 2-D sine grating at N_pool = 60."""
     center = (np.arange(ROWS) + 0.5) / ROWS
     y, x = np.meshgrid(center, center, indexing="ij")
@@ -64,9 +60,9 @@ def figure_4_2() -> Figure:
     )
 
 
-def figure_4_3(cache: Path | None = None) -> Figure:
+def figure_4_3(run: Run) -> Figure:
     """The four rendered forests, and their statistics beside those of dead leaves."""
-    forests = natural_templates(cache)
+    forests = natural_templates(run.cache)
     leaves = dead_leaves((ROWS, _LEAVES_COLUMNS), generator(1, "figure 4.3"))
     templates = {**forests, "dead leaves": leaves}
     statistics = {name: image_statistics(template) for name, template in templates.items()}
@@ -141,4 +137,7 @@ def _line(index: int) -> dict[str, object]:
     return {"color": color, "linestyle": DASHES[index], "linewidth": 1.5}
 
 
-CHAPTER_4_SCENES: Registry = {"fig-4.2": figure_4_2, "fig-4.3": figure_4_3}
+RECIPES = (
+    FigureRecipe("fig-4.2", figure_4_2),
+    FigureRecipe("fig-4.3", figure_4_3),
+)

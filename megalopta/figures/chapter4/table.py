@@ -7,8 +7,17 @@ from typing import NamedTuple
 from matplotlib.figure import Figure as Canvas
 
 from megalopta.experiments import PHOTOGRAPHED, SWEEPS, Results, Sweep, Trial, in_form
-from megalopta.figures import Cell, Figure, Needed, Planned, Templates, draw_table, sweep_curve
+from megalopta.figures import (
+    Cell,
+    Figure,
+    FigureRecipe,
+    Needed,
+    Run,
+    draw_table,
+    sweep_curve,
+)
 from megalopta.figures.chapter4.findings import division_sentence, interpolation_at_one_pixel
+from megalopta.figures.chapter4.page import TABLE, write_page
 from megalopta.flow.metrics import METRICS, Metric, format_flux
 
 PRINTED: Mapping[str, tuple[float, float]] = {
@@ -57,16 +66,17 @@ def best(results: Results, kind: str, method: str, metric: Metric, is_quick: boo
 
 def _trials(is_quick: bool) -> list[Trial]:
     sweeps = [in_form(sweep, is_quick) for sources in _SOURCES.values() for sweep in sources]
-    return [point.trial for sweep in sweeps for point in sweep.points() if point.size == SIZE]
+    return [point.trial for sweep in sweeps for point in sweep.points if point.size == SIZE]
 
 
-def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
+def _figure(run: Run) -> Figure:
     rows: list[tuple[Cell, ...]] = []
     lines: list[list[str]] = []
     for kind in _SOURCES:
         for method, printed in PRINTED.items():
             literal, ratio = (
-                best(results, kind, method, metric, is_quick) for metric in ("literal", "ratio")
+                best(run.results, kind, method, metric, run.is_quick)
+                for metric in ("literal", "ratio")
             )
             thesis = printed[kind != "synthetic"]
             rows += [
@@ -89,7 +99,7 @@ def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
     said = (
         fewer_in_light(rows),
         division_of_natural(rows),
-        interpolation_at_one_pixel(in_form(PHOTOGRAPHED, is_quick), results),
+        interpolation_at_one_pixel(in_form(PHOTOGRAPHED, run.is_quick), run.results),
     )
 
     def draw(canvas: Canvas) -> None:
@@ -97,7 +107,7 @@ def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
         draw_table(canvas, head, lines, [1.5, 0.9, 0.9, 0.7, 1.6, 1.6, 1.1])
 
     return Figure(
-        name="table-4.1",
+        name=TABLE,
         title="Table 4.1: fewest photons per frame for two bits, 60 × 60 px",
         caption=NOTE,
         draw=draw,
@@ -151,4 +161,4 @@ def _number(bound: float | None) -> float:
     return math.nan if bound is None else bound
 
 
-TABLE_4_1 = Planned(_trials, _figure)
+RECIPES = (FigureRecipe(TABLE, _figure, _trials, write_page),)

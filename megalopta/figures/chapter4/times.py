@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 
 from matplotlib.figure import Figure as Canvas
 
-from megalopta.experiments import GratingTemplate, Results
-from megalopta.figures import Figure, Planned, Templates, draw_table
+from megalopta.experiments import GratingTemplate
+from megalopta.figures import Figure, FigureRecipe, Run, draw_table
 from megalopta.flow.benchmark import milliseconds_per_frame
 from megalopta.flow.detectors import METHODS
 from megalopta.flow.stimuli import Counts, MovingTemplate, draw_counts
@@ -29,7 +29,7 @@ def _counts(size: int) -> Counts:
     return draw_counts(light * _PHOTONS_PER_PIXEL * size**2, 0, "times")
 
 
-def _figure(is_quick: bool, results: Results, templates: Templates) -> Figure:
+def _figure(run: Run) -> Figure:
     counts = [_counts(size) for size in SIZES]
     times = {
         name: [milliseconds_per_frame(METHODS[name], each) for each in counts]
@@ -61,4 +61,4 @@ def _line(name: str, spent: Sequence[float]) -> list[str]:
     return line
 
 
-TABLE_TIMES = Planned(lambda is_quick: (), _figure)
+RECIPES = (FigureRecipe("table-4.times", _figure),)

@@ -10,7 +10,8 @@ import pytest
 from numpy.lib.stride_tricks import sliding_window_view
 
 from megalopta.experiments import leaderboard
-from megalopta.figures import leaderboard as figures_leaderboard
+from megalopta.figures.comparison import leaderboard as figures_leaderboard
+from megalopta.figures.recipe import Run
 from megalopta.figures.style import house_style, new_canvas
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.photon_threshold import format_flux
@@ -64,14 +65,14 @@ def test_frames_hold_one_photon_share_each_and_drift_to_the_right(clean):
 _SHOWN = ("IIA", "PM")
 
 
-@pytest.mark.parametrize("name", figures_leaderboard.LIMIT)
+@pytest.mark.parametrize("name", ["leaderboard", "efficiency"])
 def test_figures_are_drawn_with_their_numbers(name, clean, monkeypatch, check_words):
     monkeypatch.setattr(figures_leaderboard, "sequences", lambda: clean)
     monkeypatch.setattr(figures_leaderboard, "OURS", ("PM",))
     monkeypatch.setattr(figures_leaderboard, "EFFICIENCY_FLUXES", (1e6, 1e7))
     monkeypatch.setattr(figures_leaderboard, "DRAWS", 3)
     monkeypatch.setattr(figures_leaderboard, "METHODS", {each: METHODS[each] for each in _SHOWN})
-    figure = figures_leaderboard.LIMIT[name]()
+    figure = getattr(figures_leaderboard, name)(Run())
     with house_style():
         canvas = new_canvas(figure.title, figure.caption, figure.height_in)
         figure.draw(canvas)

@@ -116,7 +116,7 @@ trial: {template: {kind: panorama, name: open}}
 vary: template.name
 values: [woods.png, dense]
 """
-    points = list(load_sweep(written(tmp_path / "folder", text)).points())
+    points = list(load_sweep(written(tmp_path / "folder", text)).points)
     names = [str(tmp_path / "folder" / "woods.png"), "dense"]
     assert [point.trial.template.name for point in points] == names
     assert [point.template for point in points] == names
@@ -130,7 +130,7 @@ values: [woods.png, dense]
     ],
 )
 def test_values_are_what_they_mean(tmp_path, text, values):
-    points = load_sweep(written(tmp_path, text)).points()
+    points = load_sweep(written(tmp_path, text)).points
     assert [(point.value, type(point.value)) for point in points] == [
         (value, type(value)) for value in values
     ]

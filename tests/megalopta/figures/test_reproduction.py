@@ -1,5 +1,7 @@
 import csv
 import json
+import subprocess
+import sys
 
 import matplotlib
 import numpy as np
@@ -7,8 +9,10 @@ import pytest
 
 from megalopta.errors import UserError
 from megalopta.figures import reproduction as module
-from megalopta.figures.figure import Figure
-from megalopta.figures.reproduction import FIGURES, reproduce, write_figure
+from megalopta.figures.picture import Figure
+from megalopta.figures.recipe import FigureRecipe
+from megalopta.figures.registry import GROUPS, names
+from megalopta.figures.reproduction import reproduce, write_figure
 
 
 def draw(canvas):
@@ -78,7 +82,7 @@ def test_failed_figure_leaves_no_file(tmp_path):
 
 
 def test_reproduce_writes_every_figure_named(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "FIGURES", {"example": lambda: EXAMPLE})
+    monkeypatch.setattr(module, "find", lambda name: [FigureRecipe(name, lambda _: EXAMPLE)])
     paths = reproduce(["example"], tmp_path)
     assert all(path.is_file() for path in paths)
     assert len(paths) == 4
@@ -108,6 +112,21 @@ def test_ragged_numbers_are_refused():
         Figure("x", "", "", draw, ("a", "b"), ((1.0,),))
 
 
-def test_registry_holds_the_figures_of_chapter_3():
-    asked = [f"fig-3.{number}" for number in (2, 5, 6, 7, 8, 9, 10)] + ["table-3.1"]
-    assert set(asked) <= set(FIGURES)
+def test_a_figure_is_found_by_its_name_and_under_no_other():
+    assert names("chapter-3") == [f"fig-3.{number}" for number in (2, 5, 6, 7, 8, 9, 10)] + [
+        "table-3.1"
+    ]
+    everything = names()
+    assert len(everything) == len(set(everything)) > 30
+    assert sorted(everything) == sorted(
+        name for group in GROUPS if group != "all" for name in names(group)
+    )
+
+
+def test_a_figure_loads_no_other_chapter():
+    code = (
+        "import sys; from megalopta.figures.registry import find; find('fig-3.2'); "
+        "print(any('figures.chapter4.' in name for name in sys.modules))"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout == "False\n"

@@ -4,9 +4,13 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from megalopta.figures.style import BLACK, RULE, method_style
+from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.metrics.curve import ErrorCurve
 from megalopta.flow.metrics.photon_threshold import Threshold
 from megalopta.report.budget import Budget
-from megalopta.report.charts import Curve, Need, error_chart, need_chart, signal_chart, speed_chart
+from megalopta.report.charts import Need, error_chart, need_chart, signal_chart, speed_chart
+from megalopta.report.svg import themed
 from megalopta.sensor import PRESETS
 
 FLUXES = np.geomspace(1e3, 1e9, 7)
@@ -41,6 +45,11 @@ def texts(svg):
     return [element.text for element in root.iter("text")]
 
 
+def curve(name, errors):
+    shape = (60, 60)
+    return ErrorCurve(name, name, shape, "literal", (*FLUXES,), (*errors,), (*errors / 10,), 1, {})
+
+
 def crossing(flux):
     return Threshold("crossing", 0.25, 1e3, 1e9, flux, flux / 1.2, flux * 1.2)
 
@@ -63,7 +72,7 @@ def test_charts_take_the_colors_and_fonts_of_the_page():
     assert "currentColor" in svg
     assert "var(--rule)" in svg
     assert "font-family" not in svg
-    assert not re.search("#0[12]0[12]0[12]", svg)
+    assert not {BLACK.lower(), RULE.lower()} & set(re.findall("#[0-9a-f]{6}", svg))
 
 
 def test_charts_need_nothing_from_outside():
@@ -73,8 +82,8 @@ def test_charts_need_nothing_from_outside():
 
 
 def test_identifiers_carry_the_name_of_the_chart():
-    curve = Curve(0, FLUXES, 1e3 / FLUXES, 0.1e3 / FLUXES)
-    svg = str(error_chart([curve], "chart-7", 0.25, "a chart"))
+    shown = curve("BM", 1e3 / FLUXES)
+    svg = str(error_chart([shown], "chart-7", 0.25, "a chart"))
     targets = re.findall(r'(?:url\(#|href="#)([^)"]*)', svg)
     identifiers = set(re.findall(r'\sid="([^"]*)"', svg))
     assert targets
@@ -89,22 +98,22 @@ def test_descriptions_are_escaped():
 
 def test_undefined_and_zero_errors_leave_gaps():
     errors = np.array([np.nan, 3.0, 1.0, 0.3, 0.1, 0.0, 0.0])
-    svg = str(error_chart([Curve(0, FLUXES, errors, errors / 10)], "gaps", 0.25, "gaps"))
+    svg = str(error_chart([curve("BM", errors)], "gaps", 0.25, "gaps"))
     assert "nan" not in svg
     assert svg.count("<use") >= 4  # one marker per drawn error, beside those of the ticks
 
 
 def test_needs_name_every_method_sensor_and_light():
-    needs = [Need("BM", 0, {"literal": crossing(1e6), "ratio": crossing(1e5)})]
+    needs = [Need("BM", {"literal": crossing(1e6), "ratio": crossing(1e5)})]
     words = texts(need_chart(needs, BUDGETS, "need", "needs"))
     assert {"BM", "spadcam", "ideal", "twilight", "starlight", "photons per frame"} <= {*words}
 
 
 def test_a_need_beyond_the_measured_range_is_written_out():
     needs = [
-        Need("EMD", 2, {"literal": Threshold("above", 0.25, 1e3, 1e9)}),
-        Need("IM", 5, {"literal": Threshold("undefined", 0.25, 1e3, 1e9)}),
-        Need("BM", 0, {"literal": Threshold("below", 0.25, 1e3, 1e9)}),
+        Need("EMD", {"literal": Threshold("above", 0.25, 1e3, 1e9)}),
+        Need("IM", {"literal": Threshold("undefined", 0.25, 1e3, 1e9)}),
+        Need("BM", {"literal": Threshold("below", 0.25, 1e3, 1e9)}),
     ]
     words = texts(need_chart(needs, [], "need", "needs"))
     assert {"literal: > 1e9", "literal: undefined", "literal: < 1000"} <= {*words}
@@ -128,4 +137,13 @@ def test_an_image_that_moves_everywhere_alike_has_its_speed_chart(speed):
 
 def test_curves_are_drawn_in_the_style_of_the_page():
     # matplotlib's own lines are 1.5 pt wide
-    assert "stroke-width: 1.8" in signal_chart(BUDGETS, ["spadcam"])
+    assert "stroke-width: 2;" in signal_chart(BUDGETS, ["spadcam"])
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_method_has_its_color_of_the_figures(name):
+    shown = curve(name, 1e3 / FLUXES)
+    assert (
+        themed(method_style(name)["color"]).lower()
+        in str(error_chart([shown], "c", 0.25, "")).lower()
+    )

@@ -15,9 +15,10 @@ from megalopta.cli import main as cli
 from megalopta.config.model import Configuration, load
 from megalopta.dataset.store import Dataset
 from megalopta.errors import UserError
-from megalopta.report import page as report_page
+from megalopta.report import write as report_write
 from megalopta.report.budget import exposed
 from megalopta.report.footage import read_footage, select
+from megalopta.report.records import read_benchmark, read_records
 from megalopta.report.write import write_report
 from megalopta.sensor import DigitalCounter
 from megalopta.stages.flow import responses_path
@@ -218,6 +219,14 @@ def test_a_damaged_file_is_told_in_one_sentence(copied, capsys, stage, name, tex
     assert told.count("\n") == 1
 
 
+def test_what_the_stages_wrote_is_read_back_whole(dataset):
+    written = json.loads(dataset.result("flow.json").read_text())
+    records = read_records(dataset)
+    assert [each.model_dump(mode="json", exclude_unset=True) for each in records] == written
+    written = json.loads(dataset.result("benchmark.json").read_text())
+    assert json.loads(json.dumps(read_benchmark(dataset).to_dict())) == written
+
+
 def test_a_missing_record_is_told_with_its_detector_sensor_and_light(copied):
     records = json.loads(copied.result("flow.json").read_text())
     kept = [each for each in records if (each["method"], each["level"]) != ("NDS", 0.5)]
@@ -253,7 +262,9 @@ def with_answers(dataset, method, level, repeated, correct):
 
 def marks(path, method):
     """The marks of a detector in the table of verdicts, by sensor and light."""
-    row = re.search(rf'<th scope="row" style[^>]*>{method}</th>(.*?)</tr>', path.read_text(), re.S)
+    row = re.search(
+        rf'<th scope="row"><span[^>]*>.</span> {method}</th>(.*?)</tr>', path.read_text(), re.S
+    )
     return re.findall(r'class="dot (\w+)"', row[1])
 
 
@@ -353,7 +364,7 @@ def test_a_failed_report_leaves_the_old_one(dataset, monkeypatch):
     def fail(_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(report_page, "page", fail)
+    monkeypatch.setattr(report_write, "page", fail)
     with pytest.raises(KeyboardInterrupt):
         write_report(dataset)
     assert (dataset.root / "report.html").read_bytes() == old

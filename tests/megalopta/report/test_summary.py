@@ -3,6 +3,7 @@ from dataclasses import replace
 import pytest
 
 from megalopta.config.model import Configuration
+from megalopta.flow.metrics.curve import ErrorCurve
 from megalopta.flow.metrics.photon_threshold import Threshold
 from megalopta.report.budget import Budget
 from megalopta.report.detectors import DetectorSection
@@ -40,8 +41,12 @@ def configured(**values):
 
 def curve(method, rows, flux, metric="literal", spread=1.1):
     need = Threshold("crossing", 0.25, 1e3, 1e12, flux, flux / spread, flux * spread)
-    thresholds = {"N_2b": need.to_dict()}
-    return {"method": method, "shape": [rows, rows], "metric": metric, "thresholds": thresholds}
+    return ErrorCurve(method, method, (rows, rows), metric, (), (), (), 1, {2: need})
+
+
+def without(method, kind):
+    """A curve without a crossing."""
+    return replace(curve(method, 60, 1e3), thresholds={2: Threshold(kind, 0.25, 1e3, 1e12)})
 
 
 def test_the_title_goes_from_the_brightest_light_to_the_darkest():
@@ -167,13 +172,13 @@ def test_where_nothing_moves_nobody_is_judged_and_intensity_is_no_detector():
 def test_needs_are_compared_at_the_largest_size_without_intensity():
     curves = [curve("NDS", 60, 1.0e3), curve("NDS", 120, 2.43e6), curve("EMD", 120, 2.38e8)]
     curves += [curve("BM", 120, 9e6), curve("IM", 120, 1e4), curve("BM", 120, 1e3, "ratio")]
-    told = need_finding({"curves": curves, "settings": {"metrics": ["literal", "ratio"]}})
+    told = finding(*curves)
     assert "120 × 120 px, NDS needs the fewest photons, 2.43M per frame" in told
     assert "and EMD needs the most, 238M," in told
 
 
 def finding(*curves):
-    return need_finding({"curves": curves, "settings": {"metrics": ["literal"]}})
+    return need_finding(curves, "literal")
 
 
 def test_needs_that_another_draw_might_reverse_are_not_ranked():
@@ -185,16 +190,11 @@ def test_needs_that_another_draw_might_reverse_are_not_ranked():
 
 
 def test_who_needs_more_or_fewer_than_was_tried_is_named():
-    above, below = curve("EMD", 60, 1e3), curve("BM", 60, 1e3)
-    above["thresholds"] = {"N_2b": Threshold("above", 0.25, 1e3, 1e12).to_dict()}
-    below["thresholds"] = {"N_2b": Threshold("below", 0.25, 1e3, 1e12).to_dict()}
-    told = finding(curve("NDS", 60, 1.0e6), above, below)
+    told = finding(curve("NDS", 60, 1.0e6), without("EMD", "above"), without("BM", "below"))
     assert (
         "BM needs fewer than 1.00k photons per frame, and EMD needs more than 1.00T photons" in told
     )
 
 
 def test_without_any_threshold_there_is_no_need_to_tell():
-    nothing = curve("BM", 60, 1e3)
-    nothing["thresholds"] = {"N_2b": Threshold("undefined", 0.25, 1e3, 1e12).to_dict()}
-    assert finding(nothing) is None
+    assert finding(without("BM", "undefined")) is None

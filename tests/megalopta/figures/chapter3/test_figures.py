@@ -3,25 +3,25 @@ from functools import cache
 import numpy as np
 import pytest
 
-from megalopta.figures.chapter3.pixel import CTIA_PIXEL
-from megalopta.figures.chapter3.suppression import CTIA_SUPPRESSION, bias_error
+from megalopta.figures.chapter3.suppression import bias_error
+from megalopta.figures.recipe import Run
+from megalopta.figures.registry import find, names
 from megalopta.figures.style import house_style, new_canvas
 from megalopta.sensor.ctia.photodiode import Photodiode, reverse_current
 from megalopta.sensor.ctia.presets import PHOTODIODES
 
-CHAPTER_3 = {**CTIA_PIXEL, **CTIA_SUPPRESSION}
-
 
 @cache
 def figure(name):
-    return CHAPTER_3[name]()
+    (recipe,) = find(name)
+    return recipe.make(Run())
 
 
 def column(name, index):
     return np.array([row[index] for row in figure(name).rows])
 
 
-@pytest.mark.parametrize("name", CHAPTER_3)
+@pytest.mark.parametrize("name", names("chapter-3"))
 def test_figure_draws_labeled_axes_that_are_not_empty(name, check_words):
     one = figure(name)
     assert one.name == name

@@ -17,17 +17,18 @@ from megalopta.experiments.sweep import Sweep
 from megalopta.experiments.thesis_sweeps import PHOTOGRAPHED, SWEEPS, in_form
 from megalopta.experiments.trial import PanoramaTemplate, Trial, measure
 from megalopta.figures import reproduction as module
-from megalopta.figures.chapter4.curves import CHAPTER_4
 from megalopta.figures.chapter4.denominators import FLOORS, floored_errors
 from megalopta.figures.chapter4.information import (
     Seen,
-    _seen,
     implied_information,
     information_per_photon,
+    needed_of,
 )
 from megalopta.figures.chapter4.page import write_page
-from megalopta.figures.chapter4.table import PRINTED, TABLE_4_1, best
-from megalopta.figures.reproduction import GROUPS, reproduce
+from megalopta.figures.chapter4.table import PRINTED, best
+from megalopta.figures.recipe import Run
+from megalopta.figures.registry import find, names
+from megalopta.figures.reproduction import reproduce
 from megalopta.figures.style import house_style, new_canvas
 from megalopta.figures.sweep import needed, sweep_figure
 from megalopta.flow.detectors.registry import METHODS
@@ -68,12 +69,11 @@ def results(trials):
 def test_chapter_4_holds_every_figure_asked_for():
     asked = [f"fig-4.{number}" for number in range(5, 14)]
     others = ["table-4.1", "table-4.times", "denominators", "natural-information"]
-    assert list(CHAPTER_4) == [*asked, *others]
-    assert GROUPS["chapter-4"] == ("fig-4.2", "fig-4.3", *CHAPTER_4)
+    assert set(names("chapter-4")) == {"fig-4.2", "fig-4.3", *asked, *others}
 
 
 def test_figures_share_their_trials():
-    asked = [trial for plan in CHAPTER_4.values() for trial in plan.trials(False)]
+    asked = [trial for recipe in find("chapter-4") for trial in recipe.trials(False)]
     # 36 over f, 32 more over C, 4 over dark counts, 18 over v; of each forest 22 + 20 + 4, photo 10
     assert len(set(asked)) == 90 + 4 * 56
     assert len(asked) > len(set(asked))
@@ -102,7 +102,8 @@ def test_quick_form_is_a_small_part_of_the_whole(name):
 
 
 def test_table_takes_the_least_of_all_experiments_and_the_mean_of_the_forests():
-    found = results(TABLE_4_1.trials(False))
+    (recipe,) = find("table-4.1")
+    found = results(recipe.trials(False))
     synthetic = best(found, "synthetic", "BM", "literal")
     assert (synthetic.needed.flux, synthetic.where) == (pytest.approx(1e5), "f = 7")
     natural = best(found, "natural", "EMD", "ratio")
@@ -116,13 +117,19 @@ def pictures(of_templates, cache=None):
     return {each: pixels[getattr(each, "coding", "linear")] for each in of_templates}
 
 
-def drawn(plan, is_quick=False):
-    trials = plan.trials(is_quick)
-    return plan.figure(is_quick, results(trials), pictures(trial.template for trial in trials))
+def drawn(name, is_quick=False, pixels=pictures):
+    (recipe,) = find(name)
+    trials = recipe.trials(is_quick)
+    return recipe.make(Run(is_quick, results(trials), pixels(trial.template for trial in trials)))
+
+
+def textured(of_templates):
+    rng = np.random.default_rng(0)
+    return {each: rng.uniform(1, 2, (251, 502)) for each in set(of_templates)}
 
 
 def test_table_has_both_columns_and_photographs_in_both_metrics():
-    figure = drawn(TABLE_4_1)
+    figure = drawn("table-4.1")
     assert len(figure.rows) == 3 * 2 * len(PRINTED)
     row = dict(zip(figure.columns, figure.rows[0], strict=True))
     assert row["ratio"] == pytest.approx(1e5 / 83e3)
@@ -166,7 +173,7 @@ def test_sweep_is_drawn_in_panels_and_its_numbers_are_those_of_the_trials(name):
 def test_sweep_says_what_is_fixed_and_which_points_are_missing():
     sweep = Sweep(trial=Trial(methods=("BM", "IM")), values=(1, 5), sizes=(60, 120))
     found = results(sweep.trials)
-    missing = next(point.trial for point in sweep.points() if (point.size, point.value) == (120, 5))
+    missing = next(point.trial for point in sweep.points if (point.size, point.value) == (120, 5))
     undefined = Threshold("undefined", 0.25, 1e3, 1e12)
     found[missing] = tuple(
         replace(curve, thresholds={2: undefined}) if curve.method == "IM" else curve
@@ -236,7 +243,7 @@ def test_page_shows_the_table_and_the_figures(tmp_path):
     sweep = SWEEPS["fig-4.9"]
     said = ("BM gains.", "And IIA < EMD.")
     other = sweep_figure("fig-4.9", sweep, results(sweep.trials), said)
-    text = write_page(tmp_path, [other, drawn(TABLE_4_1)]).read_text("utf-8")
+    text = write_page(tmp_path, [other, drawn("table-4.1")]).read_text("utf-8")
     assert text.count("<tr>") == 1 + 3 * len(PRINTED)
     assert "1.20" in text  # 100k / 83k
     assert 'src="fig-4.9.svg"' in text
@@ -245,13 +252,13 @@ def test_page_shows_the_table_and_the_figures(tmp_path):
 
 
 def test_page_tells_no_finding_that_no_figure_has(tmp_path):
-    table = replace(drawn(TABLE_4_1), findings=())
+    table = replace(drawn("table-4.1"), findings=())
     text = write_page(tmp_path, [table]).read_text("utf-8")
     assert "What this run shows" not in text
 
 
 def test_page_of_the_quick_form_says_so(tmp_path):
-    text = write_page(tmp_path, [drawn(CHAPTER_4["table-4.1"], is_quick=True)]).read_text("utf-8")
+    text = write_page(tmp_path, [drawn("table-4.1", is_quick=True)]).read_text("utf-8")
     assert "Quick form" in text
 
 
@@ -286,7 +293,7 @@ def test_chapter_4_is_written_and_measured_once(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", ["fig-4.8", "fig-4.11", "table-4.1"])
 def test_only_the_quick_form_says_so(name):
-    quick, whole = (drawn(CHAPTER_4[name], is_quick) for is_quick in (True, False))
+    quick, whole = (drawn(name, is_quick) for is_quick in (True, False))
     assert "quick form" in quick.title
     assert quick.details["quick"] is True
     assert "quick" not in whole.title
@@ -303,11 +310,9 @@ def test_quick_figures_leave_whole_ones_as_they_are(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("is_quick", [False, True])
-@pytest.mark.parametrize("name", [name for name in CHAPTER_4 if name != "table-4.times"])
+@pytest.mark.parametrize("name", [*SWEEPS, "table-4.1", "denominators", "natural-information"])
 def test_words_name_the_figure_and_are_few(name, is_quick, check_words):
-    trials, rng = CHAPTER_4[name].trials(is_quick), np.random.default_rng(0)
-    pixels = {each: rng.uniform(1, 2, (251, 502)) for each in {t.template for t in trials}}
-    check_words(CHAPTER_4[name].figure(is_quick, results(trials), pixels))
+    check_words(drawn(name, is_quick, textured))
 
 
 def test_groups_and_figures_of_chapter_4_are_known_by_name(tmp_path):
@@ -329,7 +334,7 @@ def test_groups_and_figures_of_chapter_4_are_known_by_name(tmp_path):
 )
 def test_synthetic_column_is_within_a_factor_of_2_2_of_the_printed_one(method, name, value):
     # where each method needs the fewest photons; intervals are within 4 %
-    (point,) = (each for each in SWEEPS[name].points() if (each.size, each.value) == (60, value))
+    (point,) = (each for each in SWEEPS[name].points if (each.size, each.value) == (60, value))
     trial = point.trial.model_copy(update={"methods": (method,)})
     found = measure(trial, trial.template.pixels(), "test")[0].thresholds[2].flux
     assert 1 / 2.2 < found / PRINTED[method][0] < 2.2
@@ -351,7 +356,7 @@ def test_natural_column_of_photographs_is_near_the_printed_one(tmp_path):
     for method in ("BM", "IIA", "NDM", "NDS"):
         for picture in PHOTOGRAPHED.templates:
             of_picture = [trial for trial in trials if trial.template == picture]
-            seen.setdefault(method, []).append(_seen(method, of_picture, found, pixels))
+            seen.setdefault(method, []).append(needed_of(method, of_picture, found, pixels))
         products = [each.information * each.photons for each in seen[method]]
         assert max(products) / min(products) < 1.6  # while photons vary by a factor of 3
     implied = {each: implied_information(seen[each], PRINTED[each][1]) for each in seen}
@@ -376,10 +381,7 @@ def test_printed_threshold_implies_the_information_at_which_ours_would_be_it():
 
 
 def test_stars_of_the_information_lie_on_the_lines_of_their_methods():
-    plan = CHAPTER_4["natural-information"]
-    trials, rng = plan.trials(False), np.random.default_rng(0)
-    pixels = {template: rng.uniform(1, 2, (251, 502)) for template in {t.template for t in trials}}
-    figure = plan.figure(False, results(trials), pixels)
+    figure = drawn("natural-information", pixels=textured)
     rows = [dict(zip(figure.columns, row, strict=True)) for row in figure.rows]
     for method, (_, printed) in PRINTED.items():
         *pictures_, star = [row for row in rows if row["method"] == method]

@@ -35,7 +35,7 @@ def results(sweep, flux_of):
                 numbers = (1e5, 1e6), (0.3, 0.2), (0.0, 0.0), 4, {2: threshold(flux)}
                 yield ErrorCurve(method, method, (60, 60), metric, *numbers)
 
-    return {point.trial: tuple(curves(point)) for point in sweep.points()}
+    return {point.trial: tuple(curves(point)) for point in sweep.points}
 
 
 def said(function, name, flux_of, is_quick=False):

@@ -3,12 +3,12 @@ import pytest
 
 from megalopta.experiments.panorama_recipes import NATURAL_PANORAMAS
 from megalopta.figures.chapter4 import scenes as module
-from megalopta.figures.reproduction import FIGURES, write_figure
+from megalopta.figures.reproduction import write_figure
 from megalopta.flow.stimuli.statistics import image_statistics
 
 
-def test_grating_is_the_product_of_two_turned_sines_at_the_pixels_that_pooling_keeps():
-    figure = FIGURES["fig-4.2"]()
+def test_grating_is_the_product_of_two_turned_sines_at_the_pixels_that_pooling_keeps(made):
+    figure = made("fig-4.2")
     row, column, brightness = np.array(figure.rows)[:, :3].T
     # floor((i + 1/2)·251/60) + 1/2, in frames of 251 pixels.
     y, x = (((2 * index + 1) * 251 // 120 + 0.5) / 251 for index in (row, column))
@@ -27,8 +27,8 @@ def templates(monkeypatch):
     return forests
 
 
-def test_forests_are_drawn_with_their_statistics(templates, tmp_path, check_words):
-    figure = FIGURES["fig-4.3"]()
+def test_forests_are_drawn_with_their_statistics(made, templates, tmp_path, check_words):
+    figure = made("fig-4.3")
     check_words(figure)
     for path in write_figure(figure, tmp_path):
         assert path.stat().st_size > 0

@@ -1,12 +1,15 @@
 """A figure of the dissertation, made again from the models: its picture, caption and numbers."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, TypeAlias
 
+import numpy as np
 from matplotlib.figure import Figure as Canvas
+from numpy.typing import NDArray
 
 Cell: TypeAlias = float | str
+Floats: TypeAlias = NDArray[np.float64]
 
 
 class Printed(NamedTuple):
@@ -64,5 +67,6 @@ class Figure:
                 raise ValueError(f"{self.name}: row {row} does not fit columns {self.columns}")
 
 
-Registry: TypeAlias = Mapping[str, Callable[[], Figure]]
-"""Name of a figure to the function that computes it; nothing is computed before it is called."""
+def rows_of(*columns: Iterable[float]) -> tuple[tuple[float, ...], ...]:
+    """Rows of a figure's numbers from its columns."""
+    return tuple(tuple(map(float, row)) for row in zip(*columns, strict=True))

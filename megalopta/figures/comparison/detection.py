@@ -20,8 +20,7 @@ from megalopta.experiments import (
     Detection,
     detections,
 )
-from megalopta.figures.figure import Figure, Registry
-from megalopta.figures.style import GRAY, method_style
+from megalopta.figures import GRAY, Figure, FigureRecipe, method_style
 from megalopta.flow.detectors import METHODS
 from megalopta.flow.metrics import d_prime, format_flux
 
@@ -122,4 +121,4 @@ def _draw_roc(axes: Axes, found: Mapping[str, Sequence[Detection]], flux: float)
         axis.set_major_formatter(PercentFormatter(1))
 
 
-DETECTION: Registry = {"detection": detection_figure}
+RECIPES = (FigureRecipe("detection", lambda _: detection_figure()),)

@@ -29,8 +29,7 @@ from megalopta.experiments import (
     ranked,
     sequences,
 )
-from megalopta.figures.figure import Figure, Registry
-from megalopta.figures.style import BLACK, BLUE, GRAY, ORANGE, method_style
+from megalopta.figures import BLACK, BLUE, GRAY, ORANGE, Figure, FigureRecipe, Run, method_style
 from megalopta.flow.detectors import METHODS, BlockDetector
 from megalopta.flow.metrics import format_flux
 
@@ -41,7 +40,7 @@ _POOLED_SEQUENCES = 2
 """Eight frames a draw: fewer sequences do."""
 
 
-def leaderboard() -> Figure:
+def leaderboard(_: Run) -> Figure:
     """Photons, efficiency and time of every method that gives the velocity of blocks."""
     clean = sequences()
     known, seen = information(clean), information(clean, MARGIN_PX)
@@ -123,7 +122,7 @@ def _collected(entries: Sequence[Entry]) -> str:
     return f"{names}, to be held against their bound, all other methods two."
 
 
-def efficiency() -> Figure:
+def efficiency(_: Run) -> Figure:
     """Bound over variance of the two methods that aim at the limit, against the flux."""
     clean = sequences()
     known, seen = information(clean), information(clean, MARGIN_PX)
@@ -231,4 +230,7 @@ def _beside(entry: Entry) -> str:
     return f"{photons} · {100 * entry.efficiency:.2g} % · {time}"
 
 
-LIMIT: Registry = {"leaderboard": leaderboard, "efficiency": efficiency}
+RECIPES = (
+    FigureRecipe("leaderboard", leaderboard),
+    FigureRecipe("efficiency", efficiency),
+)

@@ -1,7 +1,0 @@
-from .pixel import CTIA_PIXEL
-from .suppression import CTIA_SUPPRESSION
-
-__all__ = [
-    "CTIA_PIXEL",
-    "CTIA_SUPPRESSION",
-]

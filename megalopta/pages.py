@@ -1,0 +1,24 @@
+"""HTML pages from templates. Every room may import this module."""
+
+from collections.abc import Callable
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+
+def render_page(
+    package: str, name: str, filters: dict[str, Callable[..., str]] | None = None, **values: Any
+) -> str:
+    """Return the template of this name, which lies in a package, filled with values.
+
+    What is not marked as safe is escaped; a value that is missing is an error.
+    """
+    environment = Environment(
+        loader=PackageLoader(package, "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= filters or {}
+    return environment.get_template(name).render(**values)
