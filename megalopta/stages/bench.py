@@ -28,7 +28,7 @@ from megalopta.flow.metrics import ErrorSums
 from megalopta.freshness import code_digest
 from megalopta.progress import progress, say
 from megalopta.sensor import PRESETS, photon_rate
-from megalopta.stages.stage import Stage
+from megalopta.stages.declaration import Stage
 
 _PARTS = "benchmark-parts"
 

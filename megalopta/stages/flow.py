@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from megalopta import files
 from megalopta.config import Configuration, LightLevel
-from megalopta.dataset import Dataset, exposure_name, read_truth_frames
+from megalopta.dataset import Dataset, FlowRecord, exposure_name, read_truth_frames
 from megalopta.errors import UserError
 from megalopta.flow.benchmark import default_warm_up
 from megalopta.flow.detectors import METHODS, BlockDetector, Detector
@@ -36,7 +36,7 @@ from megalopta.freshness import code_digest
 from megalopta.progress import progress
 from megalopta.sensor import ImageSensor, StoredCounts
 from megalopta.stages.sense import exposures, read_exposure
-from megalopta.stages.stage import Stage
+from megalopta.stages.declaration import Stage
 
 Record = dict[str, Any]
 
@@ -67,7 +67,9 @@ def _measure(dataset: Dataset, pairs: Sequence[tuple[ImageSensor, LightLevel]]) 
             for name in methods:
                 ideal, noisy = _respond(METHODS[name], stored)
                 record = _compare(METHODS[name], ideal, noisy, flow, occluded, rates)
-                records.append({"sensor": sensor.name, "level": level, **record})
+                named = {"sensor": sensor.name, "level": level, **record}
+                checked = FlowRecord.model_validate(named)
+                records.append(checked.model_dump(mode="json", exclude_unset=True))
                 responses |= {name: noisy, f"{name}-ideal": ideal}
                 advance()
             _write_responses(responses_path(dataset, sensor, level), responses, records)

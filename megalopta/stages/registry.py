@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping
 
 from megalopta.stages import bench, flow, render, sense
-from megalopta.stages.stage import Stage
+from megalopta.stages.declaration import Stage
 
 STAGES: Mapping[str, Stage] = {
     stage.name: stage for stage in (render.STAGE, sense.STAGE, flow.STAGE, bench.STAGE)

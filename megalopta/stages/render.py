@@ -31,7 +31,7 @@ from megalopta.scenes import build_scene, preview, white_level, white_of
 from megalopta.scenes.cameras import PerspectiveCamera
 from megalopta.scenes.spectra import linear_srgb
 from megalopta.scenes.world import Scene
-from megalopta.stages.stage import Stage
+from megalopta.stages.declaration import Stage
 
 # Points below the camera's path where the illuminance is measured.
 _LIGHT_METERS = 9

@@ -24,7 +24,7 @@ from megalopta.scenes.spectra import Spectrum
 from megalopta.sensor import ImageSensor, StoredCounts, check_sensor, expose_image, read_counts
 from megalopta.sensor.readout import Origin, counts_writer
 from megalopta.stages.noise_warning import noise_share, noise_warning
-from megalopta.stages.stage import Stage
+from megalopta.stages.declaration import Stage
 
 # Frames held in memory at once, as radiance.
 _CHUNK_FRAMES = 16
