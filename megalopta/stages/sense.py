@@ -17,7 +17,6 @@ from megalopta.config import Configuration, LightLevel, level_text
 from megalopta.dataset import Dataset, exposure_name, read_radiance_frames, sintel
 from megalopta.errors import UserError
 from megalopta.progress import progress, say
-from megalopta.scenes import glows
 from megalopta.scenes.lighting import LEVELS, illuminance_of
 from megalopta.scenes.spectra import Spectrum
 from megalopta.sensor import (
@@ -94,7 +93,7 @@ def light_scale(configuration: Configuration, level: LightLevel) -> NDArray[np.f
     rendered = configuration.light.resolved()
     bands = configuration.render.bands_nm
     if (
-        glows(configuration.scene)
+        configuration.scene.is_self_luminous
         or not isinstance(level, str)
         or level == configuration.light.level
     ):

@@ -1,11 +1,5 @@
 from .film import Film
-from .panoramic import PANORAMA, register_panorama
-from .rows import ROWS, register_rows
 
 __all__ = [
-    "PANORAMA",
-    "ROWS",
     "Film",
-    "register_panorama",
-    "register_rows",
 ]
