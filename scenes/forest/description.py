@@ -11,14 +11,15 @@ from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.ground import Terrain, ground_surface, make_terrain
-from megalopta.assets_gen.plants import TREES, WOODY
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras import Camera
+from megalopta.scenes.forest.flora import BUSHES, TREES
 from megalopta.scenes.forest.planting import FloatArray, Planting, dense_path, tree_positions
-from megalopta.scenes.forest.plants import materials, plant_assets
 from megalopta.scenes.forest.size import MOST_TRIANGLES, foreseen_size
-from megalopta.scenes.forest.stand import LAYERS, PRESETS
+from megalopta.scenes.forest.specimens import materials, plant_assets
+from megalopta.scenes.forest.stand import PRESETS
 from megalopta.scenes.forest.sway import Wind, swaying
+from megalopta.scenes.forest.undergrowth import LAYERS
 from megalopta.scenes.lighting import Light
 from megalopta.scenes.trajectories import Path
 from megalopta.scenes.world import Asset, Placement, Scene
@@ -47,9 +48,10 @@ class Forest(SceneDescription, frozen=True):
     """Trees of the stand, without those of the belt around it (count)."""
     density_per_ha: Annotated[float, Field(ge=10, le=10_000)] = 550.0
     """Trees per hectare; with the number of trees it sets how far the stand reaches (1/ha)."""
-    mix: dict[str, NotNegative] = Field(default={"beech": 0.45, "birch": 0.25, "spruce": 0.3})
-    """Share of each species, of aspen, beech, birch, oak, pine and spruce; relative to the sum
-    (1)."""
+    mix: dict[str, NotNegative] = Field(
+        default={"beech": 0.45, "birch": 0.25, "spruce": 0.3},
+        description=f"Share of each species, of {', '.join(TREES)}; relative to the sum (1).",
+    )
     height_spread: Annotated[float, Field(ge=0, le=0.3)] = 0.15
     """Standard deviation of tree height over the species' mean; cut at twice this (1)."""
     undergrowth: Annotated[float, Field(ge=0, le=4)] = 1.0
@@ -189,7 +191,7 @@ def build_forest(forest: Forest, path_xy: ArrayLike) -> Scene:
     assets = plant_assets(forest.seed, {placement.asset for placement in placements[1:]})
     assets["ground"] = _ground_asset(forest.ground, terrain, path, edge_m)
     if forest.wind:
-        placements = tuple(swaying(placements, assets, WOODY, forest.wind))
+        placements = tuple(swaying(placements, assets, {*TREES, *BUSHES}, forest.wind))
     return Scene(materials(forest.seed, assets), assets, placements)
 
 
