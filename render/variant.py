@@ -132,7 +132,7 @@ def llvm_in_use() -> tuple[str, str]:
     refusal = _refusal(version) if version[0] > 0 else "is none"
     return (
         "",
-        f"the LLVM that Dr.Jit found {refusal}; load them by `from megalopta.render import dr, mi`",
+        f"the LLVM that Dr.Jit found {refusal}; take Mitsuba from megalopta.render (mi), not by an import of your own",
     )
 
 

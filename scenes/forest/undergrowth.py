@@ -103,7 +103,8 @@ SMALL: Mapping[str, Small] = by_name(
 """Small plants and what lies, by name."""
 
 LAYERS: Mapping[str, Layer] = MappingProxyType(
-    {plant.name: plant.layer for plant in (*BUSHES.values(), *SMALL.values()) if plant.layer}
+    {name: bush.layer for name, bush in BUSHES.items() if bush.layer}
+    | {name: plant.layer for name, plant in SMALL.items()}
 )
 """The undergrowth, by kind."""
 

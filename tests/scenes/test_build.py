@@ -18,6 +18,7 @@ render: {samples_per_pixel: 4, backend: scalar}
 sensors: [ideal]
 light_levels: [twilight]
 methods: [IIA]
+benchmark: {sizes: [8], repeats: 2, fluxes_per_decade: 1}
 """
 
 
@@ -45,7 +46,7 @@ def megalopta(tmp_path):
 
 def test_the_scene_of_another_package_is_rendered_and_reported(megalopta, tmp_path):
     (tmp_path / "tiny.yaml").write_text(TINY)
-    ran = megalopta("run", "tiny.yaml", "--out", "out", "--scene.reflectance", "0.6")
+    ran = megalopta("demo", "tiny.yaml", "--out", "out", "--scene.reflectance", "0.6")
     assert ran.returncode == 0, ran.stderr
     record = json.loads(next((tmp_path / "out").rglob("scene.json")).read_text())
     assert record["kinds"] == ["wall"] and record["objects"] == 2
