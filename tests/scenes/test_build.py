@@ -12,13 +12,13 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "plugin_package"
 TINY = """
 scene: {kind: corridor, width_m: 2.5}
-camera: {width: 8, height: 8}
-trajectory: {frames: 2, velocity_m_s: [1, 0, 0]}
+camera: {width: 20, height: 20}
+trajectory: {frames: 4, velocity_m_s: [1, 0, 0]}
 render: {samples_per_pixel: 4, backend: scalar}
 sensors: [ideal]
 light_levels: [twilight]
 methods: [IIA]
-benchmark: {sizes: [8], repeats: 2, fluxes_per_decade: 1}
+benchmark: {sizes: [20], repeats: 2, fluxes_per_decade: 1}
 """
 
 
