@@ -20,8 +20,8 @@ import numpy as np
 
 from megalopta.config.model import load
 from megalopta.dataset.store import Dataset
-from megalopta.render import film
 from megalopta.render.renderer import SceneRenderer
+from megalopta.render.sensors import film
 from megalopta.render.settings import RenderSettings
 from megalopta.render.truth import rays
 from megalopta.scenes.build import build_scene

@@ -10,6 +10,4 @@ blurred = renderer.exposed(trajectory, Shutter(exposure_s=0.02), 0, seed=0)
 
 import lazy_loader
 
-from megalopta.render import silence  # noqa: F401  # before all that loads Dr.Jit
-
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,4 +1,5 @@
 from .bands import Bands
+from .environment import read_picture
 from .exr import (
     read_attributes,
     read_radiance,
@@ -8,6 +9,7 @@ from .exr import (
     write_radiance,
     write_truth,
 )
+from .mitsuba_loader import dr, mi
 from .noise import MEASURED_EVERY, RenderNoise, RunningMean, render_once, render_until
 from .renderer import SceneRenderer
 from .settings import RenderSettings, frame_seed
@@ -27,11 +29,14 @@ __all__ = [
     "Variant",
     "activate",
     "choose_variant",
+    "dr",
     "frame_seed",
     "has_cuda_device",
     "llvm_in_use",
+    "mi",
     "out_of_view",
     "read_attributes",
+    "read_picture",
     "read_radiance",
     "read_size",
     "read_truth",

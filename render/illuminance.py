@@ -11,11 +11,11 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.render.loading import DISC_POINTS
+from megalopta.render.mitsuba_loader import mi
 from megalopta.render.truth import rays
 from megalopta.scenes.spectra import MAXIMUM_EFFICACY_LM_W, luminous, luminous_efficiency
 from megalopta.scenes.world import Sun

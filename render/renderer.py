@@ -4,24 +4,46 @@ The scene is loaded once; per frame only the pose and the moving objects change,
 own, since the same seed would give noise that stands still on the sensor and reads as "no motion".
 """
 
-import math
-from typing import Any
+from typing import Any, Protocol
 
-import mitsuba as mi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from megalopta.render.baking import BakedLightIntegrator, path_tracing_reason
-from megalopta.render.film import Film
-from megalopta.render.illuminance import Illuminance, LightMeter, LightSurvey
-from megalopta.render.loading import MovingMesh, PanoramaView, load_scene, merge, move_meshes
+from megalopta.render.environment import EnvironmentView
+from megalopta.render.illuminance import LightSurvey
+from megalopta.render.loading import load_scene, merge
+from megalopta.render.mitsuba_loader import mi
 from megalopta.render.settings import RenderSettings, bake_seed, instant_seed
+from megalopta.render.surface_view import SurfaceView
 from megalopta.render.truth import Flow, Geometry, Instant, Rolling, Truth, TruthTracer
 from megalopta.render.variant import Variant, activate, choose_variant
 from megalopta.scenes import Shutter
 from megalopta.scenes.cameras import Camera
 from megalopta.scenes.trajectories import Path
 from megalopta.scenes.world import Scene
+
+
+class View(Protocol):
+    """A camera before what it sees; poses are relative to the scene's origin."""
+
+    @property
+    def samples_per_pixel(self) -> int:
+        """Light paths, or points looked up, per pixel."""
+
+    def move_to(self, time_s: float) -> None:
+        """Put moving objects where they are at a time."""
+
+    def radiance(
+        self, pose: NDArray[np.float64], seed: int, instants: int = 1
+    ) -> NDArray[np.float32]:
+        """Radiance (H, W, B) from a pose (4, 4), or (H, 4, 4) for its rows, at one of the instants.
+
+        Instants share the samples of a frame.
+        """
+
+    def light_survey(self, positions: NDArray[np.float64]) -> LightSurvey | None:
+        """Illuminance above and below camera positions (N, 3) in the world, if light has any."""
 
 
 class SceneRenderer:
@@ -64,34 +86,27 @@ class SceneRenderer:
         seed: int = 0,
     ) -> None:
         self.camera = camera
-        self.settings = settings
         self.variant: Variant = choose_variant(settings.backend)
         activate(self.variant)
-        self._film = Film(camera, settings, settings.samples_per_pixel)
-        self._shutter_films: dict[tuple[int, bool], Film] = {}
-        self.samples_per_pixel = self._film.samples_per_pixel
         meshes = merge(scene)
-        self._scene = load_scene(scene, meshes)
-        self._moving = {
-            index: mesh for index, mesh in enumerate(meshes) if isinstance(mesh, MovingMesh)
-        }
-        self._time_s = 0.0
-        self._origin = np.asarray(scene.origin_m)
-        self._tracer = TruthTracer(scene, Geometry(meshes, self._scene), camera)
-        self._lighting = scene.lighting
-        self._panorama = None
-        if scene.environment:
-            self._panorama = PanoramaView(
-                scene.environment, camera, settings.bands_nm, settings.samples_per_pixel
-            )
-            self.samples_per_pixel = self._panorama.samples_per_pixel
+        loaded = load_scene(scene, meshes)
+        self._scene = scene
+        self._tracer = TruthTracer(scene, Geometry(meshes, loaded), camera)
         reason = path_tracing_reason(scene, self.variant.name, poses, settings)
         self.integrator = f"path ({reason})" if reason else "baked"
-        self._integrator: Any = mi.load_dict({"type": "path", "max_depth": settings.max_depth})
-        if poses is not None and not reason:
-            self._integrator = BakedLightIntegrator(
-                self._scene, scene, meshes, settings, camera, self._local(poses), bake_seed(seed)
+        self._view: View
+        if scene.environment:
+            self._view = EnvironmentView(
+                scene.environment, camera, settings.bands_nm, settings.samples_per_pixel
             )
+        else:
+            integrator: Any = mi.load_dict({"type": "path", "max_depth": settings.max_depth})
+            if poses is not None and not reason:
+                integrator = BakedLightIntegrator(
+                    loaded, scene, meshes, settings, camera, self._local(poses), bake_seed(seed)
+                )
+            self._view = SurfaceView(scene, meshes, loaded, camera, settings, integrator)
+        self.samples_per_pixel = self._view.samples_per_pixel
 
     def radiance(
         self, pose: NDArray[np.float64], seed: int, time_s: float = 0.0
@@ -112,8 +127,8 @@ class SceneRenderer:
         FloatingPointError
             When the renderer returns a value that is not finite.
         """
-        self._move_to(time_s)
-        return self._expose(self._film, self._local(pose), seed)
+        self._view.move_to(time_s)
+        return self._view.radiance(self._local(pose), seed)
 
     def exposed(self, path: Path, shutter: Shutter, frame: int, seed: int) -> NDArray[np.float32]:
         """Spectral radiance (H, W, B) of a frame as a shutter takes it: blurred, rolling or both.
@@ -135,26 +150,20 @@ class SceneRenderer:
         self._check_shutter(shutter)
         instants = (path.times_s[frame] + shutter.instants_s).tolist()
         is_rolling = shutter.readout_s > 0
-        film = self._shutter_film(len(instants), is_rolling)
         rows = np.arange(self.camera.height, dtype=float) + 0.5
         delays = shutter.delay_s(rows, self.camera.height) if is_rolling else np.zeros(1)
         frames = []
         for number, time in enumerate(instants):
-            self._move_to(time)
+            self._view.move_to(time)
             poses = self._local(path.pose_at(time + delays))
             own_seed = instant_seed(seed, frame, number)
-            frames.append(self._expose(film, poses if is_rolling else poses[0], own_seed))
+            pose = poses if is_rolling else poses[0]
+            frames.append(self._view.radiance(pose, own_seed, len(instants)))
         return np.asarray(np.mean(frames, axis=0, dtype=np.float64), dtype=np.float32)
 
     def light_survey(self, positions: NDArray[np.float64]) -> LightSurvey | None:
         """Illuminance above and below camera positions (N, 3); None where only surfaces emit."""
-        if self._panorama:
-            position = tuple(positions.mean(axis=0).tolist())
-            return LightSurvey(Illuminance(position, self._panorama.illuminance(), 0.0), ())
-        if self._lighting is None:
-            return None
-        meter = LightMeter(self._scene, self._lighting.sun, self.settings.max_depth)
-        return meter.survey(positions - self._origin)
+        return self._view.light_survey(positions)
 
     def truth(
         self, poses: NDArray[np.float64], frame: int, times_s: ArrayLike | None = None
@@ -172,9 +181,9 @@ class SceneRenderer:
         """
         last = len(poses) - 1
         return self._tracer.truth(
-            self._view(poses, frame, times_s),
-            self._view(poses, frame + 1, times_s) if frame < last else None,
-            self._view(poses, frame - 1, times_s) if frame > 0 else None,
+            self._instant(poses, frame, times_s),
+            self._instant(poses, frame + 1, times_s) if frame < last else None,
+            self._instant(poses, frame - 1, times_s) if frame > 0 else None,
         )
 
     def flow(
@@ -182,7 +191,7 @@ class SceneRenderer:
     ) -> Flow:
         """Flow and occlusion from one frame to any other of a sequence; arguments as of `truth`."""
         return self._tracer.flow(
-            self._view(poses, frame, times_s), self._view(poses, other, times_s)
+            self._instant(poses, frame, times_s), self._instant(poses, other, times_s)
         )
 
     def shutter_truth(self, path: Path, shutter: Shutter, frame: int) -> Truth:
@@ -200,33 +209,18 @@ class SceneRenderer:
         return self._tracer.truth(views[frame], following, views[frame - 1] if frame else None)
 
     def _check_shutter(self, shutter: Shutter) -> None:
-        if shutter.readout_s and (self._moving or self._panorama):
-            what = "objects move" if self._moving else "the scene is a panorama"
+        is_moving = self._scene.is_moving
+        if shutter.readout_s and (is_moving or self._scene.environment):
+            what = "objects move" if is_moving else "the scene is a panorama"
             raise ValueError(
                 f"shutter.readout_s {shutter.readout_s:g}: {what}, and a rolling shutter needs "
                 "bodies at rest; use 0"
             )
 
-    def _expose(self, film: Film, pose: NDArray[np.float64], seed: int) -> NDArray[np.float32]:
-        if self._panorama:
-            return self._panorama.radiance(pose)
-        radiance = film.expose(self._integrator, self._scene, pose, seed)
-        if not np.isfinite(radiance).all():
-            raise FloatingPointError(
-                "the renderer returned radiance that is not finite: look for NaN in textures, "
-                "spectra or vertices"
-            )
-        return radiance
-
-    def _shutter_film(self, instants: int, has_row_poses: bool) -> Film:
-        """The film of one instant; all instants share the samples of a sharp frame."""
-        key = math.ceil(self.settings.samples_per_pixel / instants), has_row_poses
-        if key not in self._shutter_films:
-            self._shutter_films[key] = Film(self.camera, self.settings, *key)
-        return self._shutter_films[key]
-
-    def _view(self, poses: NDArray[np.float64], frame: int, times_s: ArrayLike | None) -> Instant:
-        if times_s is None and self._moving:
+    def _instant(
+        self, poses: NDArray[np.float64], frame: int, times_s: ArrayLike | None
+    ) -> Instant:
+        if times_s is None and self._scene.is_moving:
             raise ValueError("times_s is missing: objects move in this scene; give the times")
         time = 0.0 if times_s is None else float(np.asarray(times_s)[frame])
         return Instant(time, self._local(poses[frame]))
@@ -234,16 +228,5 @@ class SceneRenderer:
     def _local(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
         """A pose (..., 4, 4) relative to the scene's origin, in the renderer's precision."""
         local = pose.copy()
-        local[..., :3, 3] = (pose[..., :3, 3] - self._origin).astype(np.float32)
+        local[..., :3, 3] = (pose[..., :3, 3] - self._scene.origin_m).astype(np.float32)
         return local
-
-    def _move_to(self, time_s: float) -> None:
-        if time_s == self._time_s or not self._moving:
-            return
-        normals = {index: mesh.normals_at(time_s) for index, mesh in self._moving.items()}
-        move_meshes(
-            self._scene,
-            {index: mesh.vertices_at(time_s) for index, mesh in self._moving.items()},
-            {index: each for index, each in normals.items() if each is not None},
-        )
-        self._time_s = time_s

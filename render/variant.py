@@ -107,7 +107,7 @@ def choose_variant(backend: Backend = "auto") -> Variant:
 
 def activate(variant: Variant) -> None:
     """Make Mitsuba use the variant from here on."""
-    import mitsuba as mi
+    from megalopta.render.mitsuba_loader import mi
 
     if mi.variant() != variant.name:
         mi.set_variant(variant.name)
@@ -130,7 +130,11 @@ def llvm_in_use() -> tuple[str, str]:
     if version[0] in TRIED_LLVM:
         return "libLLVM of Dr.Jit's own choice", ".".join(map(str, version))
     refusal = _refusal(version) if version[0] > 0 else "is none"
-    return "", f"the LLVM that Dr.Jit found {refusal}; import megalopta.render before mitsuba"
+    return (
+        "",
+        f"the LLVM that Dr.Jit found {refusal}; take Mitsuba from megalopta.render (mi), not by an "
+        "import of your own",
+    )
 
 
 def find_llvm() -> tuple[str, str]:

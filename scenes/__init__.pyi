@@ -1,6 +1,9 @@
-from .build import SceneDescription, build_scene, glows
+from .base import SceneDescription
+from .build import AnyScene, build_scene
+from .cameras.base import Camera
+from .cameras.choice import AnyCamera
 from .cameras.panoramic import CylindricalCamera, EquirectangularCamera
-from .cameras.perspective import Camera, PerspectiveCamera
+from .cameras.perspective import PerspectiveCamera
 from .forest.description import Forest
 from .forest.sway import Wind
 from .lighting.levels import Light
@@ -11,14 +14,17 @@ from .stimuli.motion_bench import Bench
 from .stimuli.panorama import Panorama
 from .stimuli.plane import Plane
 from .tone_mapping import preview, white_level, white_of
+from .trajectories.choice import CameraPath
 from .trajectories.hover import Hover
 from .trajectories.orbit import Orbit
 from .trajectories.recorded import Recorded
 from .trajectories.spline import Spline
-from .trajectories.steady import CameraPath, Trajectory
+from .trajectories.steady import Trajectory
 from .world.scene import Scene
 
 __all__ = [
+    "AnyCamera",
+    "AnyScene",
     "Bench",
     "Camera",
     "CameraPath",
@@ -41,7 +47,6 @@ __all__ = [
     "Trajectory",
     "Wind",
     "build_scene",
-    "glows",
     "preview",
     "white_level",
     "white_of",

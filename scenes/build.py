@@ -1,71 +1,55 @@
-"""Scene description to scene: shapes planted or drawn, light added."""
+"""Any scene description, ours or another package's, to a scene."""
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated
+from inspect import isabstract
+from typing import TYPE_CHECKING, NamedTuple, get_args
 
-from pydantic import Field
-
+from megalopta.plug_ins import plug_ins
+from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras import Camera
-from megalopta.scenes.forest import Forest, build_forest
+from megalopta.scenes.forest import Forest
+from megalopta.scenes.kinds import any_of, kind_of
 from megalopta.scenes.lighting import Light
 from megalopta.scenes.moving_objects import MovingObject, with_objects
-from megalopta.scenes.stimuli import (
-    Bench,
-    Grating,
-    Panorama,
-    Plane,
-    build_bench,
-    build_grating,
-    build_panorama,
-    build_plane,
-)
-from megalopta.scenes.trajectories import CameraPath, Trajectory
+from megalopta.scenes.stimuli import Bench, Grating, Panorama, Plane
+from megalopta.scenes.trajectories import Path
 from megalopta.scenes.world import Scene
 
-SceneDescription = Annotated[
-    Forest | Grating | Plane | Bench | Panorama, Field(discriminator="kind")
-]
-"""Any scene that can be described in a configuration; `kind` tells which."""
+OWN_SCENES = (Forest, Grating, Plane, Bench, Panorama)
+
+
+class _Offered(NamedTuple):
+    name: str
+    model: type[SceneDescription]
+
+
+def _offered(value: object) -> _Offered:
+    if not (isinstance(value, type) and issubclass(value, SceneDescription)):
+        raise ValueError(f"{value!r} does not derive from megalopta.scenes.SceneDescription")
+    kind = kind_of(value)
+    if isabstract(value) or get_args(value.model_fields["kind"].annotation) != (kind,):
+        raise ValueError(
+            f'{value.__name__} needs the methods build and describe, and kind: Literal["…"] = "…"'
+        )
+    return _Offered(kind, value)
+
+
+if TYPE_CHECKING:
+    AnyScene = SceneDescription
+else:
+    _others = plug_ins("megalopta.scenes", _offered, [*map(kind_of, OWN_SCENES)])
+    AnyScene = any_of([*OWN_SCENES, *(each.model for each in _others.values())])
+    """Any scene that can be described in a configuration; `kind` tells which."""
 
 
 def build_scene(
     description: SceneDescription,
     light: Light,
     camera: Camera,
-    trajectory: CameraPath,
+    trajectory: Path,
     objects: Sequence[MovingObject] = (),
 ) -> Scene:
-    """Build what a camera on a trajectory will see, with objects of the user's own.
-
-    A forest keeps its trunks clear of the camera's path. Gratings and the bench glow by themselves,
-    as brightly as a sky of the light's illuminance.
-    """
-    scene = _surroundings(description, light, camera, trajectory)
+    """Build what a camera on a trajectory will see, with objects of the user's own."""
+    scene = description.build(light, camera, trajectory)
     return with_objects(replace(scene, origin_m=trajectory.origin_m), objects)
-
-
-def _surroundings(
-    description: SceneDescription, light: Light, camera: Camera, trajectory: CameraPath
-) -> Scene:
-    if isinstance(description, Panorama):
-        return build_panorama(description, light.resolved())
-    lux = light.resolved().illuminance_lux
-    if isinstance(description, Grating):
-        if not isinstance(trajectory, Trajectory):
-            raise ValueError(
-                f"trajectory.kind {trajectory.kind!r}: a grating surrounds a camera that turns in "
-                "place; use 'steady'"
-            )
-        return build_grating(description, camera, trajectory, lux)
-    if isinstance(description, Plane):
-        return build_plane(description, camera, trajectory, lux)
-    if isinstance(description, Bench):
-        return build_bench(description, camera, trajectory, lux)
-    path = trajectory.poses()[:, :2, 3]
-    return replace(build_forest(description, path), lighting=light.lighting())
-
-
-def glows(description: SceneDescription) -> bool:
-    """Whether a scene is its own light, of flat spectrum."""
-    return isinstance(description, Grating | Plane | Bench)

@@ -6,14 +6,14 @@ from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, BeforeValidator, Field
+from pydantic import BaseModel, Field
 from scipy.spatial.transform import Rotation
 
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.patterns import tileable_noise, to_weight
 from megalopta.assets_gen.stimuli import ball, box, checkerboard
+from megalopta.scenes.kinds import kind_unless_told
 from megalopta.scenes.spectra import flat
-from megalopta.scenes.trajectories import steady_unless_told
 from megalopta.scenes.world import (
     Asset,
     Drift,
@@ -59,7 +59,7 @@ class MovingObject(
     reflectances: tuple[Reflectance, Reflectance] = (0.1, 0.7)
     """Reflectance of the pattern's dark and bright parts, the same at every wavelength (1)."""
 
-    motion: Annotated[ObjectMotion, BeforeValidator(steady_unless_told)] = Drift()
+    motion: Annotated[ObjectMotion, kind_unless_told("steady")] = Drift()
     """How it moves, from its position and orientation at the first frame."""
 
     @property

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.scenes.build import SceneDescription, glows
+from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.lighting import Light
 from megalopta.scenes.spectra import Bands, Spectrum, encode_srgb, flat, linear_srgb
 
@@ -14,7 +14,7 @@ _WHITE_OVER_MEDIAN = 8.0
 
 def white_of(scene: SceneDescription, light: Light) -> Spectrum:
     """Spectrum that comes out neutral: that of the light, flat in a scene that glows by itself."""
-    return flat(1.0) if glows(scene) else light.resolved().spectrum()
+    return flat(1.0) if scene.is_self_luminous else light.resolved().spectrum()
 
 
 def white_level(linear: NDArray[np.floating]) -> float:

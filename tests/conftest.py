@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import megalopta.render  # noqa: F401  # before tests import mitsuba, which chooses a libLLVM itself
+from megalopta.render import mi  # before tests import mitsuba, which chooses a libLLVM itself
 from megalopta.scenes.spectra.color import encode_srgb
 
 
@@ -13,8 +13,6 @@ def picture(tmp_path):
     """Writes an array (H, W, 3) as a picture and returns its path."""
 
     def write(values, name="forest.exr"):
-        import mitsuba as mi
-
         mi.set_variant("scalar_spectral")
         path = tmp_path / name
         if name.endswith("png"):

@@ -1,10 +1,10 @@
 from .bark import furrowed_bark, papery_bark, scaly_bark, smooth_bark
 from .branching import GOLDEN_ANGLE, UP, outward
 from .detail import Detail, coarsened, merged_leaves
-from .flora import TREES, WOODY
 from .foliage import ATLAS_TILES
 from .growth import grow_plant
 from .logs import grow_log
+from .species import Colonized, Crown, Foliage, Species, Whorled
 from .tube import tube_faces
 from .undergrowth import (
     grow_bilberry,
@@ -18,10 +18,13 @@ from .undergrowth import (
 __all__ = [
     "ATLAS_TILES",
     "GOLDEN_ANGLE",
-    "TREES",
     "UP",
-    "WOODY",
+    "Colonized",
+    "Crown",
     "Detail",
+    "Foliage",
+    "Species",
+    "Whorled",
     "coarsened",
     "furrowed_bark",
     "grow_bilberry",

@@ -53,11 +53,11 @@ def dead_leaves(
     while bare:
         # the inverse of the cumulative distribution of r⁻³
         radius = (largest**-2 + rng.random() * (smallest**-2 - largest**-2)) ** -0.5
-        bare -= _paint(image, rng.random(2) * fine, radius, rng.uniform(*values))
+        bare -= paint_leaf(image, rng.random(2) * fine, radius, rng.uniform(*values))
     return np.asarray(image.reshape(shape[0], _SAMPLES, shape[1], _SAMPLES).mean(axis=(1, 3)))
 
 
-def _paint(
+def paint_leaf(
     image: NDArray[np.float64], center: NDArray[np.float64], radius: float, value: float
 ) -> int:
     """Paint what is bare (0) of a disk on a torus; return how many samples that were."""

@@ -22,8 +22,8 @@ from megalopta.config.yaml_model import mapping, read_text, validated
 from megalopta.flow.benchmark import BenchmarkSettings, each_once
 from megalopta.flow.detectors import METHODS, THESIS_METHODS
 from megalopta.render import RenderSettings
-from megalopta.scenes import MovingObject, SceneDescription, Shutter
-from megalopta.scenes.cameras import Camera, PerspectiveCamera
+from megalopta.scenes import AnyScene, MovingObject, Shutter
+from megalopta.scenes.cameras import AnyCamera, PerspectiveCamera
 from megalopta.scenes.forest import Forest
 from megalopta.scenes.lighting import Light, illuminance_of
 from megalopta.scenes.trajectories import CameraPath, Trajectory
@@ -47,7 +47,7 @@ class Configuration(
     seed: Annotated[int, Field(ge=0)] = 0
     """Seed of rendering noise and photon arrivals; 0 is a seed like any other."""
 
-    scene: SceneDescription = Forest()
+    scene: AnyScene = Forest()
     """What stands there."""
 
     objects: tuple[MovingObject, ...] = ()
@@ -56,7 +56,7 @@ class Configuration(
     light: Light = Light()
     """The light that the scene is rendered under."""
 
-    camera: Camera = PerspectiveCamera()
+    camera: AnyCamera = PerspectiveCamera()
     """Projection, image size and field of view."""
 
     trajectory: CameraPath = Trajectory()
@@ -151,7 +151,7 @@ class Configuration(
                     f"{period_s:g}"
                 )
         moves = any(not thing.is_at_rest for thing in self.objects)
-        if shutter.readout_s and (moves or getattr(self.scene, "wind", None)):
+        if shutter.readout_s and (moves or self.scene.is_moving):
             raise ValueError(
                 f"shutter.readout_s {shutter.readout_s:g} needs a scene at rest, but objects or "
                 "trees move: use 0, or leave them still"

@@ -13,7 +13,6 @@ from PIL import Image
 from megalopta.files import atomic_write
 from megalopta.flow.files import write_flo
 from megalopta.render.truth import Truth, out_of_view
-from megalopta.scenes.cameras import PerspectiveCamera
 
 TAG = np.float32(202021.25)
 
@@ -33,12 +32,10 @@ def write_depth(path: Path, depth: NDArray[np.float32]) -> None:
         file.write(np.ascontiguousarray(depth, "<f4").tobytes())
 
 
-def write_camera(path: Path, camera: PerspectiveCamera, pose: NDArray[np.float64]) -> None:
-    """Write a .cam file: intrinsics (3, 3) and world-to-camera extrinsics (3, 4), float64.
-
-    The format knows only the pinhole.
-    """
-    intrinsics = camera.intrinsics - [[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]]
+def write_camera(path: Path, intrinsics: NDArray[np.float64], pose: NDArray[np.float64]) -> None:
+    """Write a .cam file: a pinhole's intrinsics (3, 3), and world-to-camera extrinsics (3, 4)."""
+    # There the center of the first pixel is at 0.
+    intrinsics = intrinsics - [[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]]
     extrinsics = np.linalg.inv(pose)[:3]
     with atomic_write(path) as temporary, temporary.open("wb") as file:
         file.write(TAG.tobytes())

@@ -24,7 +24,8 @@ from megalopta.experiments.trial import Floats
 from megalopta.flow import Detector, triangular_pool
 from megalopta.flow.detectors import NonDirectionalMultiplication, NonDirectionalSummation
 from megalopta.scenes.cameras import PerspectiveCamera
-from megalopta.scenes.stimuli import Bench, build_bench, sky_radiance
+from megalopta.scenes.lighting import Light
+from megalopta.scenes.stimuli import Bench, sky_radiance
 from megalopta.scenes.trajectories import Trajectory
 from megalopta.sensor import Exposure, Sensor, detection_rate, expose, preset
 
@@ -135,7 +136,8 @@ def _passing(speed_mm_s: float, instants_per_frame: int) -> NDArray[np.float32]:
     settings = RenderSettings(
         samples_per_pixel=_SAMPLES, max_depth=2, bands_nm=_BANDS_NM, backend="scalar"
     )
-    renderer = SceneRenderer(build_bench(bench, _CAMERA, path, _LUX), _CAMERA, settings)
+    scene = bench.build(Light(illuminance_lux=_LUX), _CAMERA, path)
+    renderer = SceneRenderer(scene, _CAMERA, settings)
     return np.array(
         [
             renderer.radiance(pose, seed=frame_seed(0, instant))

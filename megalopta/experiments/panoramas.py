@@ -31,10 +31,10 @@ from megalopta.render import (
     activate,
     choose_variant,
     read_attributes,
+    read_picture,
     read_radiance,
     write_radiance,
 )
-from megalopta.render.loading import read_picture
 from megalopta.scenes.stimuli import LUMINANCE_SHARES
 
 SHIPPED = Path(__file__).with_name("data") / "panoramas"

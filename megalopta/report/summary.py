@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from megalopta.config import Configuration, LightLevel
@@ -14,11 +13,7 @@ from megalopta.report.detectors import DetectorSection
 from megalopta.report.motion import MotionSection
 from megalopta.report.text import enumerate_words, level_name, level_title, number, plural
 from megalopta.report.verdicts import LIMIT, VerdictGroup
-from megalopta.scenes import SceneDescription
-from megalopta.scenes.cameras import Camera
-from megalopta.scenes.forest import Forest
 from megalopta.scenes.lighting import illuminance_of
-from megalopta.scenes.stimuli import Bench, Grating, Panorama, Plane
 
 NO_MOTION = "IM"
 """The yardstick among the methods: it measures brightness."""
@@ -44,7 +39,7 @@ def lead(configuration: Configuration) -> str:
     sensors = enumerate_words([sensor.name for sensor in configuration.sensors])
     levels = plural(len(configuration.light_levels), "light level")
     return (
-        f"{_scene(configuration.scene)} The {_camera(configuration.camera)} "
+        f"{configuration.scene.describe()} The {configuration.camera} "
         f"{configuration.trajectory}. Every frame is "
         "rendered as spectral radiance, together with its exact motion. The light becomes "
         f"{_readings(configuration)} on {sensors} at {levels}, and motion detectors try to read "
@@ -216,10 +211,9 @@ def _flux(need: Threshold) -> float:
 
 
 def _scene_facts(configuration: Configuration, record: Mapping[str, Any]) -> list[Fact]:
-    scene = configuration.scene
-    trees = [Fact(f"{scene.trees:,}", "trees")] if isinstance(scene, Forest) else []
+    own = [Fact(f"{count:,}", what) for what, count in configuration.scene.counts.items()]
     counted = [Fact(f"{record[key]:,}", key) for key in ("objects", "triangles") if record.get(key)]
-    return trees + counted + _light_facts(record)
+    return own + counted + _light_facts(record)
 
 
 def _seen_facts(objects: int) -> list[Fact]:
@@ -248,37 +242,3 @@ def _span(levels: Sequence[LightLevel]) -> str:
     if len(levels) == 1:
         return f"at {level_title(levels[0])}"
     return f"from {level_name(levels[0])} to {level_name(levels[-1])}"
-
-
-def _scene(scene: SceneDescription) -> str:
-    if isinstance(scene, Panorama):
-        return f"A photographed panorama, {Path(scene.file.path).name}."
-    if isinstance(scene, Grating):
-        return (
-            f"{_PATTERNS[scene.pattern]} of contrast {scene.contrast:g}, "
-            f"{scene.cycles_per_frame:g} cycles across the frame, on a cylinder around the camera."
-        )
-    if isinstance(scene, Plane):
-        return (
-            f"{_PATTERNS[scene.pattern]} of contrast {scene.contrast:g} and period "
-            f"{scene.period_m:g} m on a board, {scene.distance_m:g} m from the camera at first."
-        )
-    if isinstance(scene, Bench):
-        return (
-            f"A plate, {scene.plate_mm:g} mm wide, that lets {scene.shade:.0%} of the light "
-            f"through, over pixels {scene.pixel_pitch_um:g} µm apart."
-        )
-    species = enumerate_words([name for name, share in scene.mix.items() if share > 0])
-    return f"A forest of {scene.trees:,} trees ({species}), {scene.density_per_ha:g} per hectare."
-
-
-_PATTERNS = {
-    "sine_2d": "A 2-D sine grating",
-    "sine": "A sine grating",
-    "square": "A square-wave grating",
-    "dots": "Random dots",
-}
-
-
-def _camera(camera: Camera) -> str:
-    return "camera" if camera.kind == "perspective" else f"{camera.kind} camera"

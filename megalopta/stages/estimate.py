@@ -15,8 +15,6 @@ from megalopta.errors import UserError
 from megalopta.experiments import Sweep
 from megalopta.flow.benchmark import work_units
 from megalopta.progress import duration, say
-from megalopta.scenes import glows
-from megalopta.scenes.stimuli import Panorama
 
 LONGEST_S = 30 * 86400.0
 """Longer work is refused: it is a mistake, or too much for one machine."""
@@ -149,8 +147,7 @@ def _render(settings: Configuration) -> Estimate:
     passes = settings.render.max_passes if settings.render.target_error else 1
     times = passes if shutter.is_instant else passes + 1
     samples = float(frames * pixels * settings.render.samples_per_pixel * times)
-    is_direct = glows(settings.scene) or isinstance(settings.scene, Panorama)
-    per_s = _DIRECT_SAMPLES_PER_S if is_direct else _SAMPLES_PER_S
+    per_s = _SAMPLES_PER_S if settings.scene.has_bounces else _DIRECT_SAMPLES_PER_S
     truths = 2 if shutter.readout_s else 1
     radiances = 1 if shutter.is_instant else 2
     per_pixel = bands * _BAND_BYTES * radiances + _TRUTH_BYTES * truths + _TRAINING_BYTES

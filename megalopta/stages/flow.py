@@ -35,8 +35,8 @@ from megalopta.flow.metrics import (
 from megalopta.freshness import code_digest
 from megalopta.progress import progress
 from megalopta.sensor import ImageSensor, StoredCounts
-from megalopta.stages.sense import exposures, read_exposure
 from megalopta.stages.declaration import Stage
+from megalopta.stages.sense import exposures, read_exposure
 
 Record = dict[str, Any]
 

@@ -28,7 +28,6 @@ from megalopta.render import (
     write_truth,
 )
 from megalopta.scenes import build_scene, preview, white_level, white_of
-from megalopta.scenes.cameras import PerspectiveCamera
 from megalopta.scenes.spectra import linear_srgb
 from megalopta.scenes.world import Scene
 from megalopta.stages.declaration import Stage
@@ -65,7 +64,7 @@ def render(dataset: Dataset) -> None:
 
 def _frame_files(dataset: Dataset, index: int) -> list[Path]:
     kinds = [("depth", "dpt")]
-    if isinstance(dataset.configuration.camera, PerspectiveCamera):
+    if dataset.configuration.camera.intrinsics is not None:
         kinds += [("camdata_left", "cam")]
     if index + 1 < dataset.configuration.trajectory.frames:
         kinds += [("flow", "flo"), ("occlusions", "png"), ("invalid", "png")]
@@ -154,9 +153,10 @@ class FrameWriter:
             root, wraps = dataset.root / "training", settings.camera.wraps
             sintel.write_flow(root, dataset.sequence, index, truth, wraps)
         sintel.write_depth(dataset.frame("training/depth", index, "dpt"), truth.depth)
-        if isinstance(settings.camera, PerspectiveCamera):
+        intrinsics = settings.camera.intrinsics
+        if intrinsics is not None:
             camera_path = dataset.frame("training/camdata_left", index, "cam")
-            sintel.write_camera(camera_path, settings.camera, pose)
+            sintel.write_camera(camera_path, intrinsics, pose)
         write_truth(dataset.truth(index), truth, self._origin_m, self._view(index))
         if not settings.shutter.is_instant:
             self._write_exposed(index, attributes)

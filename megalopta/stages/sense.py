@@ -18,13 +18,12 @@ from megalopta.dataset import Dataset, exposure_name, read_radiance_frames, sint
 from megalopta.errors import UserError
 from megalopta.freshness import SENSOR_MODEL
 from megalopta.progress import progress, say
-from megalopta.scenes import glows
 from megalopta.scenes.lighting import LEVELS, illuminance_of
 from megalopta.scenes.spectra import Spectrum
 from megalopta.sensor import ImageSensor, StoredCounts, check_sensor, expose_image, read_counts
 from megalopta.sensor.readout import Origin, counts_writer
-from megalopta.stages.noise_warning import noise_share, noise_warning
 from megalopta.stages.declaration import Stage
+from megalopta.stages.noise_warning import noise_share, noise_warning
 
 # Frames held in memory at once, as radiance.
 _CHUNK_FRAMES = 16
@@ -130,7 +129,7 @@ def light_scale(configuration: Configuration, level: LightLevel) -> NDArray[np.f
     rendered = configuration.light.resolved()
     bands = configuration.render.bands_nm
     if (
-        glows(configuration.scene)
+        configuration.scene.is_self_luminous
         or not isinstance(level, str)
         or level == configuration.light.level
     ):

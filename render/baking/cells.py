@@ -10,12 +10,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import drjit as dr
-import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from megalopta.render import dr, mi
 from megalopta.render.loading import MergedMesh
 from megalopta.scenes.cameras import Camera
 

@@ -9,12 +9,10 @@ frame has seen before are computed when they are first seen, so only what the ca
 from collections.abc import Sequence
 from typing import Any
 
-import drjit as dr
-import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.render import Bands, RenderSettings
+from megalopta.render import Bands, RenderSettings, dr, mi
 from megalopta.render.baking.cells import CellFinder, Cells, Sight
 from megalopta.render.baking.light import BakedLight, reflectances, wavelength_groups
 from megalopta.render.baking.visibility import survey

@@ -18,12 +18,10 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-import drjit as dr
-import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.render import Bands, RenderSettings
+from megalopta.render import Bands, RenderSettings, dr, mi
 from megalopta.render.baking.cells import Cells
 from megalopta.render.baking.sampling import cell_sampler, hashed, recurrence
 from megalopta.render.loading import MergedMesh

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-import mitsuba as mi
+from megalopta.render import mi
 
 # Fractional parts of irrational numbers that are independent over the rationals, times 2³²:
 # 1/p and 1/p² of the plastic number p (Roberts' R₂ sequence), √2 and √3.

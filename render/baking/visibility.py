@@ -2,12 +2,11 @@
 
 from typing import Any
 
-import drjit as dr
-import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from megalopta.render import dr, mi
 from megalopta.render.baking.cells import CellFinder, pixel_angle
 from megalopta.scenes.cameras import Camera
 

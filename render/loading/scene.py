@@ -1,22 +1,16 @@
-"""Scene data to a loaded Mitsuba scene: materials, merged meshes, lights, film and sensor.
+"""Scene data to a loaded Mitsuba scene: materials, merged meshes and lights.
 
-Every spectral quantity is handed over as it is (spectral variants apply no color conversion). A
-film channel is the integral of radiance against a box of height 1/width, so that it reads the band
-mean in W·m⁻²·sr⁻¹·nm⁻¹.
+Every spectral quantity is handed over as it is (spectral variants apply no color conversion).
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.render import Bands
+from megalopta.render import mi
 from megalopta.render.loading.meshes import MergedMesh
-from megalopta.render.sensors import PANORAMA, ROWS, register_panorama, register_rows
-from megalopta.scenes.cameras import Camera, CylindricalCamera, PerspectiveCamera
 from megalopta.scenes.spectra import Spectrum
 from megalopta.scenes.world import Emission, Lighting, Material, Scene
 
@@ -36,94 +30,6 @@ def load_scene(scene: Scene, meshes: Sequence[MergedMesh]) -> Any:
         for index, mesh in enumerate(meshes)
     }
     return mi.load_dict({"type": "scene", **lights, **shapes})
-
-
-def load_sensor(camera: Camera, bands_nm: Bands, sampler: str, samples: int, rows: int) -> Any:
-    """Return a sensor for strips of `rows` image rows, with one film channel per band.
-
-    It sees nothing useful before it is aimed.
-    """
-    parts = _film_and_sampler(camera, bands_nm, sampler, samples, rows)
-    return mi.load_dict({**_optics(camera), **parts})
-
-
-def load_rows_sensor(
-    camera: Camera, bands_nm: Bands, sampler: str, samples: int, rows: int, optics: Any
-) -> Any:
-    """Return a sensor as `load_sensor` does whose rows have poses of their own.
-
-    It looks through `optics`, a sensor for the same strips at Mitsuba's identity.
-    """
-    register_rows(mi.variant())
-    sensor = mi.load_dict(
-        {"type": ROWS, **_film_and_sampler(camera, bands_nm, sampler, samples, rows)}
-    )
-    sensor.optics = optics
-    return sensor
-
-
-def _film_and_sampler(
-    camera: Camera, bands_nm: Bands, sampler: str, samples: int, rows: int
-) -> dict[str, Any]:
-    film: dict[str, Any] = {
-        "type": "specfilm",
-        "width": camera.width,
-        "height": rows,
-        "component_format": "float32",
-        # The only filter that is bit-reproducible in vectorized variants, and a pixel is a box.
-        "rfilter": {"type": "box"},
-    }
-    for index, (lower, upper) in enumerate(bands_nm):
-        film[f"band_{index:03d}"] = {
-            "type": "regular",
-            "wavelength_min": lower,
-            "wavelength_max": upper,
-            "values": ",".join([repr(1 / (upper - lower))] * 2),
-        }
-    return {"film": film, "sampler": {"type": sampler, "sample_count": samples}}
-
-
-def aim(
-    parameters: Any, camera: Camera, pose: NDArray[np.float64], first_row: int, rows: int
-) -> None:
-    """Bring a sensor, by its `mi.traverse` parameters, to a pose (4, 4) and a strip of rows."""
-    parameters["to_world"] = sensor_transform(pose)
-    if isinstance(camera, PerspectiveCamera):
-        center = (camera.height / 2 - first_row) / rows
-        parameters["principal_point_offset_y"] = 0.5 - center
-    else:
-        lower, upper = camera.heights
-        per_row = (upper - lower) / camera.height
-        top = upper - first_row * per_row
-        parameters["heights"] = mi.Point2f(top - rows * per_row, top)
-    parameters.update()
-
-
-def _optics(camera: Camera) -> dict[str, Any]:
-    if isinstance(camera, PerspectiveCamera):
-        return {
-            "type": "perspective",
-            "fov": camera.fov_deg,
-            "fov_axis": "x",
-            "near_clip": 1e-3,
-            "far_clip": 1e5,
-        }
-    register_panorama(mi.variant())
-    return {
-        "type": PANORAMA,
-        "fov": math.radians(camera.fov_deg),
-        "is_cylinder": isinstance(camera, CylindricalCamera),
-    }
-
-
-def sensor_transform(pose: NDArray[np.float64]) -> Any:
-    """Mitsuba's sensor transform of a pose."""
-    return mi.Transform4f(sensor_transform_matrix(pose).tolist())
-
-
-def sensor_transform_matrix(pose: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The matrix of a pose (..., 4, 4) for Mitsuba, which looks along +z with +x left, +y up."""
-    return np.asarray(pose @ np.diag([-1.0, -1.0, 1.0, 1.0]))
 
 
 def _lights(lighting: Lighting) -> dict[str, Any]:

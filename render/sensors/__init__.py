@@ -1,4 +1,4 @@
-"""Cameras of our own for Mitsuba."""
+"""What turns a loaded scene into pixels: films, passes and cameras of our own."""
 
 import lazy_loader
 

@@ -1,9 +1,5 @@
-from .panoramic import PANORAMA, register_panorama
-from .rows import ROWS, register_rows
+from .film import Film
 
 __all__ = [
-    "PANORAMA",
-    "ROWS",
-    "register_panorama",
-    "register_rows",
+    "Film",
 ]

@@ -6,7 +6,7 @@ them for every sample, which takes a few microseconds of one core each.
 
 from typing import Any
 
-import mitsuba as mi
+from megalopta.render import mi
 
 
 def python_sensor() -> Any:

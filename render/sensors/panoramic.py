@@ -4,9 +4,7 @@ from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
-import drjit as dr
-import mitsuba as mi
-
+from megalopta.render import dr, mi
 from megalopta.render.sensors.base import python_sensor
 
 PANORAMA = "panorama"

@@ -7,11 +7,10 @@ their row.
 from functools import cache
 from typing import Any
 
-import drjit as dr
-import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.render import dr, mi
 from megalopta.render.sensors.base import python_sensor
 
 ROWS = "rows"

@@ -9,9 +9,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
+
+from megalopta.render import mi
 
 Float64 = NDArray[np.float64]
 

@@ -10,36 +10,34 @@ motion in px, and any error of it, grows by 1/cos(e).
 
 import math
 from abc import abstractmethod
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 
-from megalopta.scenes.cameras.pixels import MOST_PX, SINGULAR_RAD, Float64, pixel_centers
+from megalopta.scenes.cameras.base import SINGULAR_RAD, Camera, Float64, Pixels
 
 
-class _Panorama(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class PanoramicCamera(Camera, frozen=True):
     """What the two panoramic cameras share; they differ in the height that rows are equal in."""
 
-    kind: Literal["equirectangular", "cylindrical"]
-    """Which camera this is: perspective, equirectangular or cylindrical."""
-
-    width: Annotated[int, Field(ge=1, le=MOST_PX)] = 720
+    width: Pixels = 720
     """Columns (px)."""
 
-    height: Annotated[int, Field(ge=1, le=MOST_PX)] = 360
+    height: Pixels = 360
     """Rows (px)."""
 
     fov_deg: Annotated[float, Field(ge=1e-3, le=360)] = 360.0
     """Horizontal field of view (degrees of azimuth); at 360 the image wraps around."""
 
+    is_cylinder: ClassVar[bool]
+    """Whether rows are equidistant in the tangent of elevation instead of elevation."""
+
     lower_deg: float
     upper_deg: float
 
     @model_validator(mode="after")
-    def _field_is_upright(self) -> "_Panorama":
+    def _field_is_upright(self) -> "PanoramicCamera":
         if self.lower_deg >= self.upper_deg:
             raise ValueError(
                 f"lower_deg {self.lower_deg:g} is not below upper_deg {self.upper_deg:g}: give the "
@@ -51,11 +49,6 @@ class _Panorama(
     def wraps(self) -> bool:
         """Whether the left and right edge of the image are the same place."""
         return self.fov_deg == 360
-
-    @property
-    def depth_meaning(self) -> str:
-        """Along what depth is measured."""
-        return "along the ray"
 
     @property
     def focal_length_px(self) -> float:
@@ -71,10 +64,6 @@ class _Panorama(
     @abstractmethod
     def heights(self) -> tuple[float, float]:
         """Height on the film, in focal lengths, of the image's lower and upper edge."""
-
-    def pixel_centers(self) -> Float64:
-        """Image coordinates (H, W, 2) of all pixel centers, (x, y) in px."""
-        return pixel_centers(self.width, self.height)
 
     def directions(self) -> Float64:
         """Unit vectors (H, W, 3) through the pixel centers, in camera axes."""
@@ -98,21 +87,6 @@ class _Panorama(
         y = (upper - self._film_height(radius, -down)) / (upper - lower)
         return np.stack([np.where(np.isnan(y), np.nan, x) * self.width, y * self.height], axis=-1)
 
-    def displacement(self, points: Float64) -> Float64:
-        """Way in px (H, W, 2) from each pixel center to where its point (H, W, 3) is seen.
-
-        Around a full circle it goes the shorter way, across the seam if need be.
-        """
-        way = self.project(points) - self.pixel_centers()
-        if self.wraps:
-            half = self.width / 2
-            way[..., 0] = (way[..., 0] + half) % self.width - half
-        return way
-
-    def depth(self, distance: Float64) -> Float64:
-        """Depth (H, W), m: the distances (H, W) along the rays themselves."""
-        return distance
-
     @abstractmethod
     def _meridian(self, height: Float64) -> tuple[Float64, Float64]:
         """Cosine and sine of the elevation of a height on the film."""
@@ -122,11 +96,12 @@ class _Panorama(
         """Height on the film of points that far from the vertical and that far up."""
 
 
-class EquirectangularCamera(_Panorama):
+class EquirectangularCamera(PanoramicCamera, frozen=True):
     """Panorama whose rows are equidistant in elevation, 2:1 for the whole sphere."""
 
     kind: Literal["equirectangular"] = "equirectangular"
-    """Which camera this is: perspective, equirectangular or cylindrical."""
+    """Which camera this is."""
+    is_cylinder = False
 
     lower_deg: Annotated[float, Field(ge=-90, le=90)] = -90.0
     """Elevation at the lower edge of the image (degrees)."""
@@ -146,16 +121,17 @@ class EquirectangularCamera(_Panorama):
         return np.arctan2(rise, radius)
 
 
-class CylindricalCamera(_Panorama):
+class CylindricalCamera(PanoramicCamera, frozen=True):
     """Panorama on a cylinder: verticals stay straight, rows are equidistant in tan(elevation).
 
     At the default size and field of view pixels are square within half a percent.
     """
 
     kind: Literal["cylindrical"] = "cylindrical"
-    """Which camera this is: perspective, equirectangular or cylindrical."""
+    """Which camera this is."""
+    is_cylinder = True
 
-    height: Annotated[int, Field(ge=1, le=MOST_PX)] = 230
+    height: Pixels = 230
     """Rows (px)."""
 
     lower_deg: Annotated[float, Field(gt=-90, lt=90)] = -45.0

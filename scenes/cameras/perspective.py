@@ -1,45 +1,34 @@
-"""Any camera: the pinhole, and the choice between it and the panoramas.
-
-Camera axes are those of computer vision: +x right, +y down, +z forward. Continuous image
-coordinates put the center of the pixel in column i and row j at (i + 0.5, j + 0.5).
-"""
+"""The pinhole."""
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, Field
+from pydantic import Field
 
-from megalopta.scenes.cameras.panoramic import CylindricalCamera, EquirectangularCamera
-from megalopta.scenes.cameras.pixels import MOST_PX, SINGULAR_RAD, Float64, pixel_centers
+from megalopta.scenes.cameras.base import SINGULAR_RAD, Camera, Float64, Pixels
 
 
-class PerspectiveCamera(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class PerspectiveCamera(Camera, frozen=True):
     """Pinhole camera with square pixels and the principal point at the image center."""
 
     kind: Literal["perspective"] = "perspective"
-    """Which camera this is: perspective, equirectangular or cylindrical."""
+    """Which camera this is."""
 
-    width: Annotated[int, Field(ge=1, le=MOST_PX)] = 120
+    width: Pixels = 120
     """Columns (px)."""
 
-    height: Annotated[int, Field(ge=1, le=MOST_PX)] = 120
+    height: Pixels = 120
     """Rows (px)."""
 
     fov_deg: Annotated[float, Field(ge=1e-3, lt=180)] = 75.0
     """Horizontal field of view (degrees)."""
 
-    @property
-    def wraps(self) -> bool:
-        """Whether the left and right edge of the image are the same place."""
-        return False
+    depth_meaning = "along the optical axis"
 
-    @property
-    def depth_meaning(self) -> str:
-        """Along what depth is measured."""
-        return "along the optical axis"
+    def __str__(self) -> str:
+        """What it is in a sentence."""
+        return "camera"
 
     @property
     def focal_length_px(self) -> float:
@@ -57,10 +46,6 @@ class PerspectiveCamera(
         f = self.focal_length_px
         return np.array([[f, 0, self.width / 2], [0, f, self.height / 2], [0, 0, 1]])
 
-    def pixel_centers(self) -> Float64:
-        """Image coordinates (H, W, 2) of all pixel centers, (x, y) in px."""
-        return pixel_centers(self.width, self.height)
-
     def directions(self) -> Float64:
         """Unit vectors (H, W, 3) through the pixel centers, in camera axes."""
         offset = self.pixel_centers() - [self.width / 2, self.height / 2]
@@ -77,22 +62,6 @@ class PerspectiveCamera(
         z = np.where(points[..., 2:] > nearest, points[..., 2:], np.nan)
         return points[..., :2] / z * self.focal_length_px + [self.width / 2, self.height / 2]
 
-    def displacement(self, points: Float64) -> Float64:
-        """Way in px (H, W, 2) from each pixel center to where its point (H, W, 3) is seen."""
-        return self.project(points) - self.pixel_centers()
-
     def depth(self, distance: Float64) -> Float64:
         """Depth (H, W) along the optical axis, m, of the distances (H, W) that pixels see."""
         return distance * self.directions()[..., 2]
-
-
-def _perspective_unless_said(values: Any) -> Any:
-    return {"kind": "perspective", **values} if isinstance(values, dict) else values
-
-
-Camera = Annotated[
-    PerspectiveCamera | EquirectangularCamera | CylindricalCamera,
-    Field(discriminator="kind"),
-    BeforeValidator(_perspective_unless_said),
-]
-"""Any camera; `kind` tells which, and without it the camera is perspective."""

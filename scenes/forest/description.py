@@ -1,21 +1,27 @@
 """A forest around a camera's path, as scene data."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import BaseModel, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.ground import Terrain, ground_surface, make_terrain
-from megalopta.assets_gen.plants import TREES, WOODY
+from megalopta.scenes.base import SceneDescription
+from megalopta.scenes.cameras import Camera
+from megalopta.scenes.forest.flora import BUSHES, TREES
 from megalopta.scenes.forest.planting import FloatArray, Planting, dense_path, tree_positions
-from megalopta.scenes.forest.plants import materials, plant_assets
 from megalopta.scenes.forest.size import MOST_TRIANGLES, foreseen_size
-from megalopta.scenes.forest.stand import LAYERS, PRESETS
+from megalopta.scenes.forest.specimens import materials, plant_assets
+from megalopta.scenes.forest.stand import PRESETS
 from megalopta.scenes.forest.sway import Wind, swaying
+from megalopta.scenes.forest.undergrowth import LAYERS
+from megalopta.scenes.lighting import Light
+from megalopta.scenes.trajectories import Path
 from megalopta.scenes.world import Asset, Placement, Scene
 
 RIM_WIDTH_M, RIM_HEIGHT_M = 22.0, 7.0
@@ -29,13 +35,11 @@ Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 
 
-class Forest(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class Forest(SceneDescription, frozen=True):
     """A mixed stand of trees with undergrowth on gently rolling ground."""
 
     kind: Literal["forest"] = "forest"
-    """Kind of scene."""
+    """Which scene this is."""
     preset: Literal["open", "dense", "understorey", "clearing"] | None = None
     """Named forest, open, dense, understorey or clearing: sets every field that is not given."""
     seed: Annotated[int, Field(ge=0)] = 1
@@ -44,9 +48,10 @@ class Forest(
     """Trees of the stand, without those of the belt around it (count)."""
     density_per_ha: Annotated[float, Field(ge=10, le=10_000)] = 550.0
     """Trees per hectare; with the number of trees it sets how far the stand reaches (1/ha)."""
-    mix: dict[str, NotNegative] = Field(default={"beech": 0.45, "birch": 0.25, "spruce": 0.3})
-    """Share of each species, of aspen, beech, birch, oak, pine and spruce; relative to the sum
-    (1)."""
+    mix: dict[str, NotNegative] = Field(
+        default={"beech": 0.45, "birch": 0.25, "spruce": 0.3},
+        description=f"Share of each species, of {', '.join(TREES)}; relative to the sum (1).",
+    )
     height_spread: Annotated[float, Field(ge=0, le=0.3)] = 0.15
     """Standard deviation of tree height over the species' mean; cut at twice this (1)."""
     undergrowth: Annotated[float, Field(ge=0, le=4)] = 1.0
@@ -101,6 +106,26 @@ class Forest(
     def densities_per_m2(self) -> dict[str, float]:
         """Densities of the undergrowth with the common factor applied (1/m²)."""
         return {kind: self.undergrowth * d for kind, d in self.undergrowth_per_m2.items()}
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether it sways in the wind."""
+        return self.wind is not None
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Its trees, without those of the belt."""
+        return {"trees": self.trees}
+
+    def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
+        """The forest around a camera's path, from which trunks keep clear, in the light."""
+        return replace(build_forest(self, trajectory.poses()[:, :2, 3]), lighting=light.lighting())
+
+    def describe(self) -> str:
+        """A sentence for the report."""
+        *others, last = [name for name, share in self.mix.items() if share > 0]
+        species = f"{', '.join(others)} and {last}" if others else last
+        return f"A forest of {self.trees:,} trees ({species}), {self.density_per_ha:g} per hectare."
 
 
 def foreseen(forest: Forest, path_m: float) -> tuple[float, float]:
@@ -166,7 +191,7 @@ def build_forest(forest: Forest, path_xy: ArrayLike) -> Scene:
     assets = plant_assets(forest.seed, {placement.asset for placement in placements[1:]})
     assets["ground"] = _ground_asset(forest.ground, terrain, path, edge_m)
     if forest.wind:
-        placements = tuple(swaying(placements, assets, WOODY, forest.wind))
+        placements = tuple(swaying(placements, assets, {*TREES, *BUSHES}, forest.wind))
     return Scene(materials(forest.seed, assets), assets, placements)
 
 

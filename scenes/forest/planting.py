@@ -17,14 +17,15 @@ from scipy.spatial.transform import Rotation
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.ground import Terrain, distance_to, poisson_disk
 from megalopta.assets_gen.patterns import plane_waves
-from megalopta.assets_gen.plants import WOODY
-from megalopta.scenes.forest.stand import LAYERS, LEVELS, SMALL_DETAIL
+from megalopta.scenes.forest.flora import TREES
+from megalopta.scenes.forest.plants import Plant
+from megalopta.scenes.forest.specimens import INDIVIDUALS, Specimen
+from megalopta.scenes.forest.stand import LODS
+from megalopta.scenes.forest.undergrowth import LAYERS, PLANTS
 from megalopta.scenes.world import Placement
 
 FloatArray = NDArray[np.float64]
 
-INDIVIDUALS = 5
-"""Distinct grown plants of each kind; turned, leaning and scaled, they do not look repeated."""
 REGULARITY = 0.72
 """Least distance between trees in units of 1/√density; 0.83 is the most that fits."""
 LEAST_DEPTH_M = 8.0
@@ -35,8 +36,6 @@ THICKET_PER_M2 = 0.14
 """Bushes and saplings of the belt (1/m²)."""
 THICKET: Mapping[str, float] = {"young spruce": 0.45, "hazel": 0.35, "young beech": 0.2}
 """Their kinds and shares."""
-LYING = ("litter", "log", "rock")
-"""What follows the slope of the ground instead of standing upright."""
 SLOPE_STEP_M = 1.5
 """The slope under what lies is that between points this far apart in front and behind."""
 
@@ -116,9 +115,11 @@ class Planting:
         rng = generator(self.seed, "trees")
         names = sorted(mix)
         shares = np.array([mix[name] for name in names])
-        kinds = [names[i] for i in rng.choice(len(names), len(points), p=shares / shares.sum())]
+        plants = [
+            TREES[names[i]] for i in rng.choice(len(names), len(points), p=shares / shares.sum())
+        ]
         deviation = rng.standard_normal(len(points)).clip(-2, 2)
-        return self._place(kinds, points, 1 + height_spread * deviation, rng)
+        return self._place(plants, points, 1 + height_spread * deviation, rng)
 
     def thicket(self, edge_m: float) -> Iterator[Placement]:
         """Close the view between the trunks around a stand that reaches to `edge_m`."""
@@ -126,7 +127,8 @@ class Planting:
         ring = (edge_m - 7, edge_m + BELT_M)
         points = _strewn(self.path, ring, ring[1], THICKET_PER_M2, 0.6, rng)
         kinds = rng.choice(list(THICKET), len(points), p=list(THICKET.values())).tolist()
-        return self._place(kinds, points, 0.5 + 1.9 * rng.random(len(points)) ** 1.5, rng)
+        plants = [PLANTS[kind] for kind in kinds]
+        return self._place(plants, points, 0.5 + 1.9 * rng.random(len(points)) ** 1.5, rng)
 
     def undergrowth(self, per_m2: Mapping[str, float], edge_m: float) -> Iterator[Placement]:
         """Strew every kind at its density."""
@@ -136,24 +138,28 @@ class Planting:
             if density > 0:
                 points = _clumped(_strewn(self.path, ring, ring[1], density, 0.6, rng), rng)
                 scales = rng.uniform(*layer.scale, len(points))
-                yield from self._place([kind] * len(points), points, scales, rng)
+                yield from self._place([PLANTS[kind]] * len(points), points, scales, rng)
 
     def _place(
-        self, kinds: Sequence[str], points: FloatArray, scales: FloatArray, rng: np.random.Generator
+        self,
+        plants: Sequence[Plant],
+        points: FloatArray,
+        scales: FloatArray,
+        rng: np.random.Generator,
     ) -> Iterator[Placement]:
         """Put one plant per point (n, 2) on the ground, turned at random, leaning slightly."""
-        finer = np.array([1.0 if kind in WOODY else SMALL_DETAIL for kind in kinds])
-        limits = [level.beyond_m * self.detail for level in LEVELS[1:]]
+        finer = np.array([plant.detail_distance for plant in plants])
+        limits = [level.beyond_m * self.detail for level in LODS[1:]]
         levels = np.searchsorted(limits, distance_to(self.path, points) / finer)
         heights, slopes = self.terrain.height(points), self._slopes(points)
         turns = _random_turns(len(points), rng)
-        for index, kind in enumerate(kinds):
-            turn = slopes[index] @ turns[index] if kind in LYING else turns[index]
+        for index, plant in enumerate(plants):
+            turn = slopes[index] @ turns[index] if plant.lies else turns[index]
             to_world = np.eye(4)
             to_world[:3, :3] = scales[index] * turn
             to_world[:3, 3] = (*points[index], heights[index])
-            name = f"{kind} {rng.integers(INDIVIDUALS)} {LEVELS[levels[index]].name}"
-            yield Placement(name, kind, to_world)
+            specimen = Specimen(plant, int(rng.integers(INDIVIDUALS)), LODS[levels[index]])
+            yield Placement(specimen.name, plant.name, to_world)
 
     def _slopes(self, points: FloatArray) -> FloatArray:
         """Return rotations (n, 3, 3) that tilt the vertical to the ground's normal."""

@@ -5,7 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from megalopta.scenes.forest.planting import BELT_M, THICKET_PER_M2
-from megalopta.scenes.forest.stand import LAYERS, LEVELS
+from megalopta.scenes.forest.stand import LODS
+from megalopta.scenes.forest.undergrowth import LAYERS
 
 SMALL_TRIANGLES = 100
 """Of an average plant of the undergrowth, roughly."""
@@ -41,10 +42,10 @@ def foreseen_size(
     half = path_m / np.pi
     edge = float(np.sqrt(half**2 + (trees / per_m2 + area(clearance_m)) / np.pi) - half)
     end = edge + BELT_M
-    limits = [min(level.beyond_m * detail, end) for level in LEVELS] + [end]
+    limits = [min(level.beyond_m * detail, end) for level in LODS] + [end]
     planted = [area(far) - area(clearance_m) if far > clearance_m else 0.0 for far in limits]
     counts = per_m2 * np.diff(planted)
-    triangles = np.array([level.triangles for level in LEVELS])
+    triangles = np.array([level.triangles for level in LODS])
     bushes = THICKET_PER_M2 * (area(end) - area(edge - 7))
     bush = triangles[np.searchsorted(limits[1:-1], edge)] / 4
     small = CLUMPED * sum(

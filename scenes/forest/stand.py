@@ -1,4 +1,4 @@
-"""What a forest is made of, as data: presets, undergrowth, levels of detail."""
+"""What a forest is made of, as data: presets and levels of detail."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,48 +6,6 @@ from types import MappingProxyType
 from typing import Any
 
 from megalopta.assets_gen.plants import Detail
-
-
-@dataclass(frozen=True)
-class Layer:
-    """How one kind of undergrowth is strewn around the path.
-
-    Attributes
-    ----------
-    per_m2 : float
-        Plants per square meter where the layer is densest, unless the forest says otherwise.
-    reach_m : float
-        Farthest distance from the path (m); smaller plants cannot be made out farther away.
-    clearance_m : float
-        Least distance from the path (m).
-    scale : (float, float)
-        Smallest and largest size, as a factor on the grown plant.
-    """
-
-    per_m2: float
-    reach_m: float
-    clearance_m: float
-    scale: tuple[float, float] = (0.6, 1.25)
-
-
-LAYERS: Mapping[str, Layer] = MappingProxyType(
-    {
-        "hazel": Layer(0.04, 40, 3.0),
-        "young beech": Layer(0.02, 40, 2.5),
-        "young birch": Layer(0.01, 40, 2.5),
-        "young spruce": Layer(0.02, 40, 3.5),
-        "fern": Layer(0.55, 30, 0.9),
-        "bilberry": Layer(0.3, 22, 0.6),
-        "grass": Layer(4.0, 30, 0.35),
-        "herb": Layer(1.4, 18, 0.3),
-        "flower": Layer(0.15, 18, 0.3),
-        "litter": Layer(1.0, 9, 0.0),
-        "log": Layer(0.008, 40, 2.2, (0.7, 1.1)),
-        "rock": Layer(0.012, 40, 1.6, (0.25, 1.6)),
-    }
-)
-"""The undergrowth, by kind."""
-
 
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
@@ -128,7 +86,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
 
 
 @dataclass(frozen=True)
-class Level:
+class LodLevel:
     """A level of detail.
 
     Attributes
@@ -141,21 +99,26 @@ class Level:
         How plants are drawn.
     triangles : int
         Of a tree, roughly; bushes have a fourth.
+    sides : int
+        Of rocks; logs have half as many.
     """
 
     name: str
     beyond_m: float
     detail: Detail
     triangles: int
+    sides: int
+
+    @property
+    def merged_small(self) -> int:
+        """Leaves of small plants that are drawn as one."""
+        return min(self.detail.merged, 8)
 
 
-LEVELS = (
-    Level("near", 0.0, Detail(merged=1, thinnest_m=0.0, chord_m=0.0), 7500),
-    Level("middle", 33.0, Detail(merged=2, thinnest_m=0.008, chord_m=0.06), 2700),
-    Level("far", 60.0, Detail(merged=4, thinnest_m=0.012, chord_m=0.1), 1500),
-    Level("horizon", 96.0, Detail(merged=10, thinnest_m=0.025, chord_m=0.2), 600),
+LODS = (
+    LodLevel("near", 0.0, Detail(merged=1, thinnest_m=0.0, chord_m=0.0), 7500, 28),
+    LodLevel("middle", 33.0, Detail(merged=2, thinnest_m=0.008, chord_m=0.06), 2700, 14),
+    LodLevel("far", 60.0, Detail(merged=4, thinnest_m=0.012, chord_m=0.1), 1500, 10),
+    LodLevel("horizon", 96.0, Detail(merged=10, thinnest_m=0.025, chord_m=0.2), 600, 8),
 )
 """From fine to coarse."""
-
-SMALL_DETAIL = 0.4
-"""Factor on these distances for what has small leaves: the floor's plants, rocks and logs."""

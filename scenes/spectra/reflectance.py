@@ -10,9 +10,6 @@ dry matter hardly. Surfaces are opaque here; the light that real leaves let thro
 with what they reflect. Constant beyond the ends.
 """
 
-from collections.abc import Mapping
-from types import MappingProxyType
-
 from megalopta.scenes.spectra.spectrum import Spectrum
 
 # fmt: off
@@ -153,59 +150,3 @@ WHITE_PETAL = Spectrum(
 )
 """White petal."""
 # fmt: on
-
-BARK: Mapping[str, tuple[Spectrum, Spectrum]] = MappingProxyType(
-    {
-        "aspen": (BEECH_BARK_LIGHT.scaled(1.15), BEECH_BARK_DARK),
-        "beech": (BEECH_BARK_LIGHT, BEECH_BARK_DARK),
-        "birch": (BIRCH_BARK_LIGHT, BIRCH_BARK_DARK),
-        "spruce": (SPRUCE_BARK_LIGHT, SPRUCE_BARK_DARK),
-        "oak": (BEECH_BARK_LIGHT.scaled(0.75), BEECH_BARK_DARK.scaled(0.6)),
-        "pine": (PINE_BARK_LIGHT, SPRUCE_BARK_DARK.scaled(1.4)),
-        "hazel": (BEECH_BARK_LIGHT.scaled(0.7), BEECH_BARK_DARK),
-        "young beech": (BEECH_BARK_LIGHT.scaled(0.8), BEECH_BARK_DARK),
-        "young birch": (BEECH_BARK_LIGHT.scaled(0.6), BEECH_BARK_DARK.scaled(0.7)),
-        "young spruce": (SPRUCE_BARK_LIGHT, SPRUCE_BARK_DARK),
-    }
-)
-"""Light and dark bark of each species, for texture weights 0 and 1."""
-
-LEAF: Mapping[str, tuple[Spectrum, Spectrum]] = MappingProxyType(
-    {
-        "aspen": (LEAF_DARK.scaled(1.05), LEAF_LIGHT.scaled(1.05)),
-        "beech": (LEAF_DARK, LEAF_LIGHT),
-        "birch": (LEAF_DARK.scaled(1.1), LEAF_LIGHT.scaled(1.1)),
-        "spruce": (NEEDLE_DARK, NEEDLE_LIGHT),
-        "oak": (LEAF_DARK.scaled(0.85), LEAF_LIGHT.scaled(0.85)),
-        "pine": (NEEDLE_DARK.scaled(1.1), NEEDLE_LIGHT.scaled(1.1)),
-        "hazel": (LEAF_DARK, LEAF_LIGHT),
-        "young beech": (LEAF_DARK.scaled(1.1), LEAF_LIGHT.scaled(1.15)),
-        "young birch": (LEAF_DARK.scaled(1.1), LEAF_LIGHT.scaled(1.15)),
-        "young spruce": (NEEDLE_DARK, NEEDLE_LIGHT.scaled(1.15)),
-        "fern": (LEAF_DARK.scaled(1.1), LEAF_LIGHT.scaled(1.1)),
-        "grass": (GRASS_DARK, GRASS_LIGHT),
-        "herb": (LEAF_DARK, LEAF_LIGHT),
-        "bilberry": (LEAF_DARK.scaled(0.9), LEAF_LIGHT),
-        "flower": (LEAF_DARK, LEAF_LIGHT),
-        "litter": (SOIL.scaled(1.6), LITTER),
-    }
-)
-"""Dark and light leaf of each kind of plant, for texture weights 0 and 1."""
-
-GROUND: Mapping[str, tuple[Spectrum, Spectrum]] = MappingProxyType(
-    {
-        "litter": (SOIL, LITTER),
-        "meadow": (GRASS_DARK.scaled(0.8), GRASS_LIGHT.scaled(0.85)),
-        "moss": (SOIL.scaled(0.5), LEAF_LIGHT.scaled(0.7)),
-    }
-)
-"""What covers the ground, for texture weights 0 and 1."""
-
-ROCK = (STONE_DARK, STONE_LIGHT)
-"""Granite, for texture weights 0 and 1."""
-LOG = (SPRUCE_BARK_DARK.scaled(1.5), LEAF_LIGHT.scaled(0.55))
-"""Decaying bark and moss, for texture weights 0 and 1."""
-WOOD = (FRESH_WOOD, FRESH_WOOD.scaled(0.5))
-"""Sawn face of a log, for texture weights 0 and 1."""
-PETAL = (WHITE_PETAL.scaled(0.75), WHITE_PETAL)
-"""Shaded and bright petal, for texture weights 0 and 1."""

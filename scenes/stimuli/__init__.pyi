@@ -1,7 +1,7 @@
-from .grating import Grating, build_grating, sky_radiance
-from .motion_bench import Bench, build_bench
-from .panorama import LUMINANCE_SHARES, Panorama, build_panorama
-from .plane import Plane, build_plane
+from .grating import Grating, sky_radiance
+from .motion_bench import Bench
+from .panorama import LUMINANCE_SHARES, Panorama
+from .plane import Plane
 
 __all__ = [
     "LUMINANCE_SHARES",
@@ -9,9 +9,5 @@ __all__ = [
     "Grating",
     "Panorama",
     "Plane",
-    "build_bench",
-    "build_grating",
-    "build_panorama",
-    "build_plane",
     "sky_radiance",
 ]

@@ -7,12 +7,14 @@ high as a level camera on the axis sees, so the camera may only turn about the v
 """
 
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Annotated, Literal
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field
+from pydantic import Field
 
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.stimuli import (
@@ -24,19 +26,29 @@ from megalopta.assets_gen.stimuli import (
     random_dots,
     sine_grating,
 )
+from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras import Camera
+from megalopta.scenes.lighting import Light
 from megalopta.scenes.spectra import flat, luminous
-from megalopta.scenes.trajectories import Trajectory
+from megalopta.scenes.trajectories import Path, Trajectory
 from megalopta.scenes.world import Asset, Emission, Material, Placement, Scene
 
 _RADIUS_M = 10.0
 _TEXELS = 4096
 _STEEPEST_TANGENT = 4.0
 
+PATTERN_NAMES: Mapping[Pattern, str] = MappingProxyType(
+    {
+        "sine_2d": "A 2-D sine grating",
+        "sine": "A sine grating",
+        "square": "A square-wave grating",
+        "dots": "Random dots",
+    }
+)
+"""Patterns as the beginning of a sentence."""
 
-class Grating(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+
+class Grating(SceneDescription, frozen=True):
     """A pattern on a cylinder around the camera: the 2-D sine grating, bars, or random dots."""
 
     kind: Literal["grating"] = "grating"
@@ -61,33 +73,36 @@ class Grating(
     seed: Annotated[int, Field(ge=0)] = 0
     """Which random dots."""
 
+    is_self_luminous = True
+    has_bounces = False
 
-def build_grating(
-    grating: Grating,
-    camera: Camera,
-    trajectory: Trajectory,
-    illuminance_lux: float,
-) -> Scene:
-    """The glowing cylinder around a camera that turns in place.
+    def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
+        """The glowing cylinder around a camera that turns in place.
 
-    Its mean luminance is that of a uniform sky of the given illuminance, its spectrum is flat.
+        Its mean luminance is that of a uniform sky of the light's illuminance.
 
-    Raises
-    ------
-    ValueError
-        When the moving part does not close around the cylinder, the camera cannot resolve it, or
-        the trajectory looks past the wall.
-    """
-    fov = math.radians(camera.fov_deg)
-    _check_trajectory(trajectory)
-    _check_height(camera)
-    _check_frequency(grating, camera)
-    half_height = 1.05 * camera.steepest_tangent
-    pattern = _pattern(grating, fov, half_height)
-    wall = open_cylinder(_RADIUS_M, 2 * half_height * _RADIUS_M)
-    to_world = np.eye(4)
-    to_world[:3, 3] = trajectory.position_m
-    return glowing("grating", wall, to_world, pattern, illuminance_lux)
+        Raises
+        ------
+        ValueError
+            When the moving part does not close around the cylinder, the camera cannot resolve it,
+            or the trajectory looks past the wall.
+        """
+        position_m = _position_on_axis(trajectory)
+        _check_height(camera)
+        _check_frequency(self, camera)
+        half_height = 1.05 * camera.steepest_tangent
+        pattern = _pattern(self, math.radians(camera.fov_deg), half_height)
+        wall = open_cylinder(_RADIUS_M, 2 * half_height * _RADIUS_M)
+        to_world = np.eye(4)
+        to_world[:3, 3] = position_m
+        return glowing("grating", wall, to_world, pattern, light)
+
+    def describe(self) -> str:
+        """A sentence for the report."""
+        return (
+            f"{PATTERN_NAMES[self.pattern]} of contrast {self.contrast:g}, "
+            f"{self.cycles_per_frame:g} cycles across the frame, on a cylinder around the camera."
+        )
 
 
 def sky_radiance(illuminance_lux: float) -> float:
@@ -100,10 +115,10 @@ def glowing(
     mesh: trimesh.Trimesh,
     to_world: NDArray[np.float64],
     pattern: NDArray[np.float64],
-    illuminance_lux: float,
+    light: Light,
 ) -> Scene:
-    """One mesh that glows, where its pattern is 1, like a sky of the illuminance; flat spectrum."""
-    emission = Emission(sky_radiance(illuminance_lux), pattern.astype(np.float32))
+    """One mesh that glows, where its pattern is 1, like a sky of the light; flat spectrum."""
+    emission = Emission(sky_radiance(light.resolved().illuminance_lux), pattern.astype(np.float32))
     return Scene(
         materials={kind: Material(flat(0.0), None, emission)},
         assets={kind: Asset({kind: mesh})},
@@ -129,7 +144,13 @@ def _pattern(grating: Grating, fov: float, half_height: float) -> NDArray[np.flo
     return np.tile(wave, (4, 1))
 
 
-def _check_trajectory(trajectory: Trajectory) -> None:
+def _position_on_axis(trajectory: Path) -> tuple[float, float, float]:
+    """Where the camera turns in place."""
+    if not isinstance(trajectory, Trajectory):
+        raise ValueError(
+            f"trajectory.kind {trajectory.kind!r}: a grating surrounds a camera that turns in "
+            "place; use 'steady'"
+        )
     height = trajectory.position_m[2]
     if trajectory.look_at_m[2] != height:
         raise ValueError(
@@ -146,6 +167,7 @@ def _check_trajectory(trajectory: Trajectory) -> None:
             f"trajectory.velocity_m_s {trajectory.velocity_m_s} takes the camera off the axis of "
             "the grating: use (0, 0, 0) and turn with rotation_deg_s"
         )
+    return trajectory.position_m
 
 
 def _check_height(camera: Camera) -> None:

@@ -15,20 +15,20 @@ from itertools import pairwise
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, Field
+from pydantic import Field
 
 from megalopta.assets_gen.stimuli import board
+from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras import Camera
+from megalopta.scenes.lighting import Light
 from megalopta.scenes.spectra import flat
 from megalopta.scenes.stimuli.grating import sky_radiance
 from megalopta.scenes.stimuli.plane import board_pose, seen_rectangle
-from megalopta.scenes.trajectories import CameraPath
+from megalopta.scenes.trajectories import Path
 from megalopta.scenes.world import Asset, Emission, Material, Placement, Scene
 
 
-class Bench(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class Bench(SceneDescription, frozen=True):
     """A plate with straight edges that the sensor moves past."""
 
     kind: Literal["bench"] = "bench"
@@ -46,36 +46,45 @@ class Bench(
     shade: Annotated[float, Field(ge=0, le=1)] = 27 / 65
     """Light that reaches a hidden pixel, as a share of what an open one gets (1)."""
 
+    is_self_luminous = True
+    has_bounces = False
 
-def build_bench(
-    bench: Bench, camera: Camera, trajectory: CameraPath, illuminance_lux: float
-) -> Scene:
-    """The plate before the beam; open pixels see a sky of the illuminance.
+    def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
+        """The plate before the beam; open pixels see a sky of the light's illuminance.
 
-    Raises
-    ------
-    ValueError
-        When the camera turns so far that it looks past the plate's plane.
-    """
-    poses = trajectory.poses()
-    distance_m = bench.pixel_pitch_um * 1e-6 * camera.focal_length_px
-    low, high = seen_rectangle(camera, poses, distance_m)
-    edges = 1e-3 * np.array([bench.edge_mm, bench.edge_mm + bench.plate_mm])
-    limits = np.concatenate([[low[0]], np.clip(edges, low[0], high[0]), [high[0]]])
-    pose = board_pose(poses[0], distance_m)
-    radiance = sky_radiance(illuminance_lux)
-    parts = [("beam 1", "beam"), ("plate", "plate"), ("beam 2", "beam")]
-    seen = [
-        (name, kind, x)
-        for (name, kind), x in zip(parts, pairwise(limits), strict=True)
-        if x[1] > x[0]
-    ]
-    assets = {
-        name: Asset({kind: board(np.array([left, low[1]]), np.array([right, high[1]]), 1.0)})
-        for name, kind, (left, right) in seen
-    }
-    glow = {"beam": radiance, "plate": radiance * bench.shade}
-    kinds = {kind for _, kind, _ in seen}
-    materials = {kind: Material(flat(0.0), None, Emission(glow[kind])) for kind in sorted(kinds)}
-    placements = tuple(Placement(name, kind, pose) for name, kind, _ in seen)
-    return Scene(materials, assets, placements)
+        Raises
+        ------
+        ValueError
+            When the camera turns so far that it looks past the plate's plane.
+        """
+        poses = trajectory.poses()
+        distance_m = self.pixel_pitch_um * 1e-6 * camera.focal_length_px
+        low, high = seen_rectangle(camera, poses, distance_m)
+        edges = 1e-3 * np.array([self.edge_mm, self.edge_mm + self.plate_mm])
+        limits = np.concatenate([[low[0]], np.clip(edges, low[0], high[0]), [high[0]]])
+        pose = board_pose(poses[0], distance_m)
+        radiance = sky_radiance(light.resolved().illuminance_lux)
+        parts = [("beam 1", "beam"), ("plate", "plate"), ("beam 2", "beam")]
+        seen = [
+            (name, kind, x)
+            for (name, kind), x in zip(parts, pairwise(limits), strict=True)
+            if x[1] > x[0]
+        ]
+        assets = {
+            name: Asset({kind: board(np.array([left, low[1]]), np.array([right, high[1]]), 1.0)})
+            for name, kind, (left, right) in seen
+        }
+        glow = {"beam": radiance, "plate": radiance * self.shade}
+        kinds = {kind for _, kind, _ in seen}
+        materials = {
+            kind: Material(flat(0.0), None, Emission(glow[kind])) for kind in sorted(kinds)
+        }
+        placements = tuple(Placement(name, kind, pose) for name, kind, _ in seen)
+        return Scene(materials, assets, placements)
+
+    def describe(self) -> str:
+        """A sentence for the report."""
+        return (
+            f"A plate, {self.plate_mm:g} mm wide, that lets {self.shade:.0%} of the light "
+            f"through, over pixels {self.pixel_pitch_um:g} µm apart."
+        )

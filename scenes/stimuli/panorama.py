@@ -13,16 +13,20 @@ the visible red goes on to the infrared and blue to the ultraviolet, of which th
 nothing.
 """
 
+from pathlib import PurePath
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, field_validator
+from pydantic import field_validator
 from scipy.optimize import brentq
 from scipy.special import expit
 
-from megalopta.scenes.lighting import Level
+from megalopta.scenes.base import SceneDescription
+from megalopta.scenes.cameras import Camera
+from megalopta.scenes.lighting import Light
 from megalopta.scenes.spectra import Spectrum, luminous
+from megalopta.scenes.trajectories import Path
 from megalopta.scenes.world import Environment, HashedFile, Scene
 
 LUMINANCE_SHARES = (0.2126, 0.7152, 0.0722)
@@ -32,9 +36,7 @@ _STEP_WIDTH_NM = 12.0
 _GRID_NM = np.concatenate([np.arange(300.0, 800.0, 5.0), np.arange(800.0, 2001.0, 10.0)])
 
 
-class Panorama(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class Panorama(SceneDescription, frozen=True):
     """An equirectangular picture, 2:1, as environment."""
 
     kind: Literal["panorama"] = "panorama"
@@ -55,13 +57,18 @@ class Panorama(
             raise ValueError(f"{file.path} is no HDR, EXR or PNG file; give one of these")
         return file
 
+    has_bounces = False
 
-def build_panorama(panorama: Panorama, level: Level) -> Scene:
-    """Nothing but the panorama, as bright as the level and white as its light."""
-    environment = Environment(
-        panorama.file, panorama.turn_deg, primaries(level.spectrum()), level.illuminance_lux
-    )
-    return Scene({}, {}, (), environment=environment)
+    def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
+        """Nothing but the panorama, as bright as the light and white as it."""
+        level = light.resolved()
+        spectra = primaries(level.spectrum())
+        environment = Environment(self.file, self.turn_deg, spectra, level.illuminance_lux)
+        return Scene({}, {}, (), environment=environment)
+
+    def describe(self) -> str:
+        """A sentence for the report."""
+        return f"A photographed panorama, {PurePath(self.file.path).name}."
 
 
 def primaries(light: Spectrum) -> tuple[Spectrum, Spectrum, Spectrum]:

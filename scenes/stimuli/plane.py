@@ -8,13 +8,15 @@ from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field
+from pydantic import Field
 
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.stimuli import Pattern, bars, board, random_dots, sine_grating
+from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras import Camera
-from megalopta.scenes.stimuli.grating import glowing
-from megalopta.scenes.trajectories import CameraPath
+from megalopta.scenes.lighting import Light
+from megalopta.scenes.stimuli.grating import PATTERN_NAMES, glowing
+from megalopta.scenes.trajectories import Path
 from megalopta.scenes.world import Scene
 
 _TEXELS = 1024
@@ -26,9 +28,7 @@ _STEEPEST = 0.05
 """Least cosine between a ray and the board's normal."""
 
 
-class Plane(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class Plane(SceneDescription, frozen=True):
     """A flat board with a pattern in front of the camera."""
 
     kind: Literal["plane"] = "plane"
@@ -53,28 +53,35 @@ class Plane(
     seed: Annotated[int, Field(ge=0)] = 0
     """Which random dots."""
 
+    is_self_luminous = True
+    has_bounces = False
 
-def build_plane(
-    plane: Plane, camera: Camera, trajectory: CameraPath, illuminance_lux: float
-) -> Scene:
-    """The glowing board; its mean luminance is that of a uniform sky of the illuminance.
+    def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
+        """The glowing board; its mean luminance is that of a uniform sky of the light.
 
-    Raises
-    ------
-    ValueError
-        When a frame looks past the board, or the camera cannot resolve the pattern at first.
-    """
-    poses = trajectory.poses()
-    pixel_m = plane.distance_m / camera.focal_length_px
-    if plane.period_m < 2 * pixel_m:
-        raise ValueError(
-            f"scene.period_m {plane.period_m:g} is less than two pixels at scene.distance_m "
-            f"{plane.distance_m:g}: use at least {2 * pixel_m:.4g}"
+        Raises
+        ------
+        ValueError
+            When a frame looks past the board, or the camera cannot resolve the pattern at first.
+        """
+        poses = trajectory.poses()
+        pixel_m = self.distance_m / camera.focal_length_px
+        if self.period_m < 2 * pixel_m:
+            raise ValueError(
+                f"scene.period_m {self.period_m:g} is less than two pixels at scene.distance_m "
+                f"{self.distance_m:g}: use at least {2 * pixel_m:.4g}"
+            )
+        low, high = seen_rectangle(camera, poses, self.distance_m)
+        tile_m = self.period_m * (_DOT_PERIODS if self.pattern == "dots" else 1)
+        pose = board_pose(poses[0], self.distance_m)
+        return glowing("plane", board(low, high, tile_m), pose, _tile(self), light)
+
+    def describe(self) -> str:
+        """A sentence for the report."""
+        return (
+            f"{PATTERN_NAMES[self.pattern]} of contrast {self.contrast:g} and period "
+            f"{self.period_m:g} m on a board, {self.distance_m:g} m from the camera at first."
         )
-    low, high = seen_rectangle(camera, poses, plane.distance_m)
-    tile_m = plane.period_m * (_DOT_PERIODS if plane.pattern == "dots" else 1)
-    pose = board_pose(poses[0], plane.distance_m)
-    return glowing("plane", board(low, high, tile_m), pose, _tile(plane), illuminance_lux)
 
 
 def board_pose(first: NDArray[np.float64], distance_m: float) -> NDArray[np.float64]:

@@ -1,9 +1,9 @@
-from .base import Path, steady_unless_told
-from .steady import CameraPath, Trajectory
+from .base import Path
+from .choice import CameraPath
+from .steady import Trajectory
 
 __all__ = [
     "CameraPath",
     "Path",
     "Trajectory",
-    "steady_unless_told",
 ]

@@ -6,8 +6,7 @@ that the stored pose is the pose that was rendered, also a kilometer from the wo
 """
 
 from abc import abstractmethod
-from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +20,9 @@ class Path(
     BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
 ):
     """Frames at a steady rate along a path that is known at any time."""
+
+    kind: str
+    """Which path this is."""
 
     frames: Annotated[int, Field(ge=1, le=1_000_000)] = 32
     """Number of frames."""
@@ -108,10 +110,3 @@ def is_upright(views: Float64, up: ArrayLike) -> bool:
     across = np.linalg.norm(np.cross(views, np.asarray(up, dtype=float)), axis=-1)
     lengths = np.linalg.norm(views, axis=-1) * np.linalg.norm(up)
     return bool(np.any(across <= 1e-6 * lengths))
-
-
-def steady_unless_told(values: Any) -> Any:
-    """Fill in `kind: steady` where a mapping tells no kind."""
-    if isinstance(values, Mapping) and "kind" not in values:
-        return {**values, "kind": "steady"}
-    return values

@@ -20,7 +20,7 @@ class Hover(Path, frozen=True):
     """
 
     kind: Literal["hover"] = "hover"
-    """Which path this is: steady, orbit, spline, recorded or hover."""
+    """Which path this is."""
 
     position_m: Vector = (0.0, 0.0, 1.5)
     """Mean camera position (x, y, z in m; z is up)."""

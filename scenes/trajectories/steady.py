@@ -1,34 +1,20 @@
-"""The camera's path: steady, orbit, spline, recorded or hover; `kind` tells which.
-
-Steady, the default, turns in place, moves along a line, or both at once.
-"""
+"""The camera turning in place, moving along a line, or both at once."""
 
 import math
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import model_validator
 from scipy.spatial.transform import Rotation
 
-from megalopta.scenes.trajectories.base import (
-    Float64,
-    Path,
-    Vector,
-    check_view,
-    looking,
-    steady_unless_told,
-)
-from megalopta.scenes.trajectories.hover import Hover
-from megalopta.scenes.trajectories.orbit import Orbit
-from megalopta.scenes.trajectories.recorded import Recorded
-from megalopta.scenes.trajectories.spline import Spline
+from megalopta.scenes.trajectories.base import Float64, Path, Vector, check_view, looking
 
 
 class Trajectory(Path, frozen=True):
     """Steady rotation about `up` together with steady translation; either rate may be zero."""
 
     kind: Literal["steady"] = "steady"
-    """Which path this is: steady, orbit, spline, recorded or hover."""
+    """Which path this is."""
 
     position_m: Vector = (0.0, 0.0, 1.5)
     """Camera position at the first frame (x, y, z in m; z is up)."""
@@ -66,11 +52,3 @@ class Trajectory(Path, frozen=True):
         turning = f"turns {side} by {abs(turn):g}° per second" if turn else ""
         moving = f"moves at {speed:.3g} m per second" if speed else ""
         return " and ".join(part for part in (turning, moving) if part) or "stands still"
-
-
-CameraPath = Annotated[
-    Trajectory | Orbit | Spline | Recorded | Hover,
-    Field(discriminator="kind"),
-    BeforeValidator(steady_unless_told),
-]
-"""Any path of the camera in a configuration; without `kind`, a steady one."""

@@ -6,6 +6,7 @@ import trimesh
 
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.render.illuminance import LightMeter
+from megalopta.render.loading import load_scene, merge
 from megalopta.scenes import Light, PerspectiveCamera, Trajectory
 from megalopta.scenes.lighting.levels import LEVELS
 from megalopta.scenes.spectra.photometry import luminous, luminous_efficiency
@@ -113,7 +114,7 @@ def test_meter_and_frames_count_the_same_bounces(max_depth):
     camera = PerspectiveCamera(width=64, height=64, fov_deg=2)
     renderer = SceneRenderer(scene, camera, settings)
     radiance = renderer.radiance(look_down.poses()[0], seed=3).mean(dtype=np.float64)
-    meter = LightMeter(renderer._scene, None, max_depth)
+    meter = LightMeter(load_scene(scene, merge(scene)), None, max_depth)
     floor = np.array([0.0, 0.0, -49.98])
     lux = np.mean([meter.measure(floor, seed).lux for seed in range(250)])
     # A path brings 1 ± 0.7 in units of the mean: a million of them know it to 0.07 %, two such

@@ -74,7 +74,7 @@ def test_dr_jit_that_was_imported_before_keeps_its_choice_and_the_reason_says_so
     monkeypatch.setattr("drjit.detail.llvm_version", lambda: (-1, -1, -1))
     variant.llvm_in_use.cache_clear()
     try:
-        assert "import megalopta.render before mitsuba" in choose_variant().reason
+        assert "take Mitsuba from megalopta.render" in choose_variant().reason
     finally:
         variant.llvm_in_use.cache_clear()
 

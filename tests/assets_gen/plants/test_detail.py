@@ -4,10 +4,10 @@ from scipy.spatial import cKDTree
 from skimage.draw import polygon
 
 from megalopta.assets_gen.plants.detail import Detail, coarsened, leaf_areas, merged_leaves
-from megalopta.assets_gen.plants.flora import BUSHES, TREES
 from megalopta.assets_gen.plants.growth import grow_plant
+from megalopta.scenes.forest.flora import BUSHES, TREES
 
-WOODY = {**TREES, **BUSHES}
+WOODY = {name: plant.shape for name, plant in {**TREES, **BUSHES}.items()}
 COARSE = Detail(merged=8, thinnest_m=0.012, chord_m=0.14)
 
 

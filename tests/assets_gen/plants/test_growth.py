@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from megalopta.assets_gen.plants.flora import BUSHES, TREES
 from megalopta.assets_gen.plants.growth import grow_plant, simplified
 from megalopta.assets_gen.plants.skeleton import axes
+from megalopta.scenes.forest.flora import BUSHES, TREES
 
 from ..conftest import welded
 
-WOODY = {**TREES, **BUSHES}
+WOODY = {name: plant.shape for name, plant in {**TREES, **BUSHES}.items()}
 
 
 def grow(species, individual=0):
@@ -69,7 +69,7 @@ def test_the_plant_has_its_height_and_stands_in_the_ground(kind, plant):
 @pytest.mark.parametrize("tree", TREES)
 def test_leaf_area_makes_a_light_closed_stand(tree):
     # leaf area index 1 to 3 at the default 550 trees per hectare
-    assert 1 < grow(TREES[tree]).leaves.to_mesh().area * 550 / 1e4 < 3
+    assert 1 < grow(WOODY[tree]).leaves.to_mesh().area * 550 / 1e4 < 3
 
 
 def test_thin_tubes_of_three_sides_are_as_wide_on_average_as_the_branch_they_stand_for(plant):

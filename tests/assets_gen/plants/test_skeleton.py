@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 
 from megalopta.assets_gen.plants.branching import grow_axes
-from megalopta.assets_gen.plants.flora import BEECH, SPRUCE
 from megalopta.assets_gen.plants.skeleton import Skeleton, axes, pipe_areas, pipe_radii, smoothed
+from megalopta.scenes.forest.flora import BEECH, SPRUCE
 
 DISUSED = 0.3
 
 
-@pytest.fixture(params=[BEECH, SPRUCE], ids=["beech", "spruce"], scope="module")
+@pytest.fixture(params=[BEECH.shape, SPRUCE.shape], ids=["beech", "spruce"], scope="module")
 def skeleton(request):
     return grow_axes(request.param, np.random.default_rng(5)).skeleton
 

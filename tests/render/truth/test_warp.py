@@ -8,8 +8,9 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 from megalopta.render.renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.lighting.levels import Light
 from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.stimuli.grating import Grating, build_grating
+from megalopta.scenes.stimuli.grating import Grating
 from megalopta.scenes.trajectories.steady import Trajectory
 from megalopta.scenes.world.scene import Asset, Emission, Material, Placement, Scene
 
@@ -51,7 +52,7 @@ def residual(first, second, flow):
 @pytest.mark.parametrize(
     ("scene", "trajectory"),
     [
-        (build_grating(Grating(cycles_per_frame=3), CAMERA, TURNING, 1.0), TURNING),
+        (Grating(cycles_per_frame=3).build(Light(), CAMERA, TURNING), TURNING),
         (textured_wall(), TURNING),
         (textured_wall(), MOVING),
     ],

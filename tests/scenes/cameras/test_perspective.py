@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
+from megalopta.scenes.cameras.choice import AnyCamera
 from megalopta.scenes.cameras.panoramic import CylindricalCamera, EquirectangularCamera
-from megalopta.scenes.cameras.perspective import Camera, PerspectiveCamera
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
 
 CAMERA = PerspectiveCamera(width=40, height=30, fov_deg=90)
 SPHERE = EquirectangularCamera(width=72, height=36)
@@ -106,7 +107,7 @@ def test_depth_is_along_the_axis_of_a_pinhole_and_along_the_ray_of_a_panorama():
 
 
 def test_a_camera_of_no_kind_is_perspective():
-    adapter = TypeAdapter(Camera)
+    adapter = TypeAdapter(AnyCamera)
     assert adapter.validate_python({"width": 40, "height": 30, "fov_deg": 90}) == CAMERA
     for camera in (CAMERA, SPHERE, CYLINDER):
         assert adapter.validate_python(camera.model_dump()) == camera

@@ -10,10 +10,11 @@ from pydantic import ValidationError
 from scipy.spatial import cKDTree
 from scipy.stats import binomtest
 
-from megalopta.assets_gen.plants.flora import TREES
 from megalopta.scenes.forest.description import Forest, build_forest, foreseen
+from megalopta.scenes.forest.flora import TREES
 from megalopta.scenes.forest.planting import BELT_M, REGULARITY, THICKET
-from megalopta.scenes.forest.stand import LAYERS, LEVELS, PRESETS
+from megalopta.scenes.forest.stand import LODS, PRESETS
+from megalopta.scenes.forest.undergrowth import LAYERS
 
 FOREST = Forest(seed=11)
 PATH = np.stack([np.linspace(-1, 4, 11), np.linspace(0, 1, 11)], axis=-1)
@@ -64,7 +65,7 @@ def digest(scene):
 
 def test_same_seed_gives_the_same_bytes_in_another_process(small_digest):
     code = (
-        "import sys; sys.path.insert(0, 'tests/scenes'); import test_forest as t;"
+        "import sys; sys.path.insert(0, 'tests/scenes/forest'); import test_description as t;"
         "print(t.digest(t.build_forest(t.SMALL, t.PATH)))"
     )
     environment = os.environ | {"PYTHONHASHSEED": "4711", "OMP_NUM_THREADS": "1"}
@@ -206,10 +207,10 @@ def test_detail_falls_with_distance_from_the_whole_path_and_nowhere_else(scene):
         if placement.kind in TREES:
             distance = path.query(placement.to_world[:2, 3])[0]
             name = placement.asset.rsplit(" ", 1)[1]
-            expected = [level.name for level in LEVELS if level.beyond_m < distance]
+            expected = [level.name for level in LODS if level.beyond_m < distance]
             assert (
                 name == (expected or ["near"])[-1]
-                or min(abs(distance - level.beyond_m) for level in LEVELS) < 0.05
+                or min(abs(distance - level.beyond_m) for level in LODS) < 0.05
             )
 
 

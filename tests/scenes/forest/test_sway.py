@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from megalopta.scenes.forest.description import WOODY, Forest, build_forest
+from megalopta.scenes.forest.description import Forest, build_forest
+from megalopta.scenes.forest.flora import BUSHES, TREES
 from megalopta.scenes.forest.sway import FREQUENCY_SPREAD, FREQUENCY_TIMES_HEIGHT, Sway, Wind
 
 PATH = [[0.0, 0.0], [2.0, 0.0]]
@@ -43,8 +44,10 @@ def test_swaying_repeats_with_the_tree_s_frequency_along_the_wind():
 
 def test_trees_and_bushes_sway_each_in_its_own_way_and_nothing_else_does(windy):
     moving = [placement for placement in windy.placements if placement.motion]
-    assert {placement.kind for placement in moving} <= WOODY.keys()
-    assert all(placement.motion for placement in windy.placements if placement.kind in WOODY)
+    assert {placement.kind for placement in moving} <= {*TREES, *BUSHES}
+    assert all(
+        placement.motion for placement in windy.placements if placement.kind in {*TREES, *BUSHES}
+    )
     assert len({placement.motion.phases_rad for placement in moving}) == len(moving)
     for placement in moving:
         sway = placement.motion

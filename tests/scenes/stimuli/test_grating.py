@@ -6,7 +6,8 @@ import pytest
 from megalopta.assets_gen.stimuli.grating import open_cylinder, sine_grating
 from megalopta.scenes.cameras.panoramic import CylindricalCamera, EquirectangularCamera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
-from megalopta.scenes.stimuli.grating import Grating, build_grating
+from megalopta.scenes.lighting.levels import Light
+from megalopta.scenes.stimuli.grating import Grating
 from megalopta.scenes.trajectories.steady import Trajectory
 
 TURNING = Trajectory(rotation_deg_s=15)
@@ -30,7 +31,7 @@ def test_cylinder_faces_its_axis():
 
 
 def test_pattern_has_the_asked_contrast_and_closes_around_the_cylinder():
-    scene = build_grating(Grating(contrast=0.6, cycles_per_frame=4), CAMERA, TURNING, 1.0)
+    scene = Grating(contrast=0.6, cycles_per_frame=4).build(Light(), CAMERA, TURNING)
     pattern = scene.materials["grating"].emission.pattern
     assert pattern.max() == pytest.approx(1.6, abs=1e-3)
     assert pattern.min() == pytest.approx(0.4, abs=1e-3)
@@ -40,14 +41,14 @@ def test_pattern_has_the_asked_contrast_and_closes_around_the_cylinder():
 
 def test_a_frequency_that_does_not_close_is_refused_with_one_that_does():
     with pytest.raises(ValueError, match=r"does not close: use 4\.2$"):
-        build_grating(Grating(cycles_per_frame=4.25), CAMERA, TURNING, 1.0)
+        Grating(cycles_per_frame=4.25).build(Light(), CAMERA, TURNING)
 
 
 def test_a_frequency_beyond_nyquist_at_the_image_center_is_refused():
     # Mean pixel: half a cycle at 60. Center pixel: 60 · fov / (2·tan(fov/2)) = 51.89.
     with pytest.raises(ValueError, match=r"half a cycle per pixel.*use at most 51\.89$"):
-        build_grating(Grating(cycles_per_frame=52), CAMERA, TURNING, 1.0)
-    build_grating(Grating(cycles_per_frame=51.8), CAMERA, TURNING, 1.0)
+        Grating(cycles_per_frame=52).build(Light(), CAMERA, TURNING)
+    Grating(cycles_per_frame=51.8).build(Light(), CAMERA, TURNING)
 
 
 @pytest.mark.parametrize(
@@ -61,31 +62,31 @@ def test_a_frequency_beyond_nyquist_at_the_image_center_is_refused():
 )
 def test_a_trajectory_that_looks_past_the_wall_is_refused(change, remedy):
     with pytest.raises(ValueError, match=remedy):
-        build_grating(Grating(), CAMERA, Trajectory(**change), 1.0)
+        Grating().build(Light(), CAMERA, Trajectory(**change))
 
 
 @pytest.mark.parametrize("camera", [EquirectangularCamera(), PerspectiveCamera(fov_deg=170)])
 def test_a_camera_that_looks_past_the_ends_of_the_cylinder_is_refused(camera):
     with pytest.raises(ValueError, match=rf"ends 75° above .* {camera.kind} camera looks past it"):
-        build_grating(Grating(), camera, TURNING, 1.0)
+        Grating().build(Light(), camera, TURNING)
 
 
 def test_the_elevations_offered_instead_of_the_zenith_are_taken():
     camera = EquirectangularCamera(lower_deg=-75, upper_deg=75)
-    wall = build_grating(Grating(), camera, TURNING, 1.0).assets["grating"].parts["grating"]
+    wall = Grating().build(Light(), camera, TURNING).assets["grating"].parts["grating"]
     assert wall.bounds[1, 2] / 10 >= math.tan(math.radians(75))
 
 
 def test_the_wall_is_as_high_as_an_asymmetric_panorama_sees():
     camera = CylindricalCamera(lower_deg=-20, upper_deg=50)
-    wall = build_grating(Grating(), camera, TURNING, 1.0).assets["grating"].parts["grating"]
+    wall = Grating().build(Light(), camera, TURNING).assets["grating"].parts["grating"]
     assert wall.bounds[1, 2] / 10 == pytest.approx(1.05 * math.tan(math.radians(50)))
 
 
 @pytest.mark.parametrize("pattern", ["sine", "square"])
 def test_bars_keep_their_phase_up_the_wall_and_close_around_it(pattern):
     grating = Grating(pattern=pattern, contrast=0.5, cycles_per_frame=4)
-    emission = build_grating(grating, CAMERA, TURNING, 1.0).materials["grating"].emission
+    emission = grating.build(Light(), CAMERA, TURNING).materials["grating"].emission
     assert (emission.pattern == emission.pattern[:1]).all()
     angle = (np.arange(4096) + 0.5) / 4096 * 2 * np.pi
     wave = -np.sin(4 * 360 / 72 * angle)
@@ -95,5 +96,5 @@ def test_bars_keep_their_phase_up_the_wall_and_close_around_it(pattern):
 
 def test_random_dots_need_no_closing_frequency():
     grating = Grating(pattern="dots", contrast=0.5, cycles_per_frame=4.25)
-    pattern = build_grating(grating, CAMERA, TURNING, 1.0).materials["grating"].emission.pattern
+    pattern = grating.build(Light(), CAMERA, TURNING).materials["grating"].emission.pattern
     assert set(np.unique(pattern)) == {np.float32(0.5), np.float32(1.5)}

@@ -3,9 +3,10 @@ import pytest
 
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.lighting.levels import Light
 from megalopta.scenes.spectra.photometry import luminous
 from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.stimuli.motion_bench import Bench, build_bench
+from megalopta.scenes.stimuli.motion_bench import Bench
 from megalopta.scenes.trajectories.steady import Trajectory
 
 ROW = PerspectiveCamera(width=16, height=1, fov_deg=20)
@@ -16,7 +17,7 @@ RADIANCE = 1 / np.pi / luminous(flat(1.0))
 
 
 def rendered(bench, trajectory, frame):
-    scene = build_bench(bench, ROW, trajectory, 1.0)
+    scene = bench.build(Light(), ROW, trajectory)
     renderer = SceneRenderer(scene, ROW, SETTINGS)
     return renderer, renderer.radiance(trajectory.poses()[frame], 1)[0, :, 0] / RADIANCE
 
@@ -46,7 +47,7 @@ def test_a_pixel_that_the_edge_halves_gets_the_mean_of_both():
 
 
 def test_far_from_its_edges_there_is_only_plate_or_only_beam():
-    under = build_bench(Bench(edge_mm=-5), ROW, FAST, 1.0)
+    under = Bench(edge_mm=-5).build(Light(), ROW, FAST)
     assert {p.kind for p in under.placements} == {"plate"}
-    before = build_bench(Bench(edge_mm=50), ROW, FAST, 1.0)
+    before = Bench(edge_mm=50).build(Light(), ROW, FAST)
     assert {p.kind for p in before.placements} == {"beam"}

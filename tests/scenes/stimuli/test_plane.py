@@ -3,20 +3,22 @@ import pytest
 
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.lighting.levels import Light
 from megalopta.scenes.spectra.photometry import luminous
 from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.stimuli.plane import Plane, build_plane, seen_rectangle
+from megalopta.scenes.stimuli.plane import Plane, seen_rectangle
 from megalopta.scenes.trajectories.steady import Trajectory
 
 CAMERA = PerspectiveCamera(width=64, height=16, fov_deg=40)
 SLIDING = Trajectory(frames=4, velocity_m_s=(0, -0.3, 0))
 SETTINGS = RenderSettings(samples_per_pixel=256, max_depth=2, bands_nm=((500, 600),))
 LUX = 2.0
+LIGHT = Light(illuminance_lux=LUX)
 
 
 def row(plane, trajectory=SLIDING, frame=0):
     """Middle row of a rendered frame, 1 where the luminance is the mean."""
-    scene = build_plane(plane, CAMERA, trajectory, LUX)
+    scene = plane.build(LIGHT, CAMERA, trajectory)
     renderer = SceneRenderer(scene, CAMERA, SETTINGS)
     radiance = renderer.radiance(trajectory.poses()[frame], 1)[8, :, 0]
     return radiance / (LUX / np.pi / luminous(flat(1.0)))
@@ -46,7 +48,7 @@ def test_a_sliding_camera_sees_the_board_shift_by_focal_length_times_way_over_di
 def test_truth_on_a_plane_is_its_homography():
     trajectory = Trajectory(frames=2, velocity_m_s=(0.5, -1.0, 0.4), rotation_deg_s=30)
     plane = Plane(pattern="dots", distance_m=3.0)
-    renderer = SceneRenderer(build_plane(plane, CAMERA, trajectory, LUX), CAMERA, SETTINGS)
+    renderer = SceneRenderer(plane.build(LIGHT, CAMERA, trajectory), CAMERA, SETTINGS)
     poses = trajectory.poses()
     truth = renderer.truth(poses, 0)
     rays = CAMERA.directions()
@@ -59,7 +61,7 @@ def test_truth_on_a_plane_is_its_homography():
 def test_the_board_fills_every_view():
     trajectory = Trajectory(frames=5, rotation_deg_s=60, velocity_m_s=(0, 2, 0.5))
     low, high = seen_rectangle(CAMERA, trajectory.poses(), 2.0)
-    renderer = SceneRenderer(build_plane(Plane(), CAMERA, trajectory, LUX), CAMERA, SETTINGS)
+    renderer = SceneRenderer(Plane().build(LIGHT, CAMERA, trajectory), CAMERA, SETTINGS)
     for frame in range(5):
         assert np.isfinite(renderer.truth(trajectory.poses(), frame).depth).all()
     assert (low < high).all()
@@ -74,9 +76,9 @@ def test_the_board_fills_every_view():
 )
 def test_a_camera_that_looks_past_the_board_or_flies_through_it_is_refused(trajectory):
     with pytest.raises(ValueError, match=r"frame \d looks past the board at scene.distance_m 2"):
-        build_plane(Plane(), CAMERA, trajectory, LUX)
+        Plane().build(LIGHT, CAMERA, trajectory)
 
 
 def test_a_pattern_finer_than_two_pixels_is_refused():
     with pytest.raises(ValueError, match=r"period_m 0\.01 is less than two pixels.*at least 0\.04"):
-        build_plane(Plane(period_m=0.01), CAMERA, SLIDING, LUX)
+        Plane(period_m=0.01).build(LIGHT, CAMERA, SLIDING)

@@ -5,15 +5,15 @@ import signal
 import numpy as np
 import pytest
 
-from megalopta.render import film
-from megalopta.render.passes import pass_seed, plan_passes
 from megalopta.render.renderer import SceneRenderer
+from megalopta.render.sensors import film
+from megalopta.render.sensors.passes import pass_seed, plan_passes
 from megalopta.render.settings import RenderSettings
 from megalopta.scenes.cameras.panoramic import CylindricalCamera, EquirectangularCamera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.trajectories.steady import Trajectory
 
-from .conftest import glowing_room
+from ..conftest import glowing_room
 
 POSE = Trajectory(position_m=(0, 0, 0), look_at_m=(3, 1, 0.2)).poses()[0]
 

@@ -1,14 +1,18 @@
-"""A camera's film: takes frames in passes, from one pose or row by row from many."""
+"""A camera's film: takes frames in passes, from one pose or row by row from many.
+
+A channel is the integral of radiance against a box of height 1/width, so that it reads the band
+mean in W·m⁻²·sr⁻¹·nm⁻¹.
+"""
 
 from typing import Any
 
-import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.render import RenderSettings
-from megalopta.render.loading import aim, load_rows_sensor, load_sensor, sensor_transform_matrix
-from megalopta.render.passes import plan_passes
+from megalopta.render import Bands, RenderSettings, mi
+from megalopta.render.sensors.optics import cut_strip, plugin, sensor_transform
+from megalopta.render.sensors.passes import plan_passes
+from megalopta.render.sensors.rows import ROWS, register_rows
 from megalopta.scenes.cameras import Camera
 
 Float64 = NDArray[np.float64]
@@ -53,12 +57,14 @@ class Film:
         most = settings.samples_per_pass or SAMPLES_PER_PASS[family]
         self._camera = camera
         self._passes = plan_passes(camera.width, camera.height, samples, most)
-        arguments = (
+        parts = _film_and_sampler(
             camera, settings.bands_nm, settings.sampler, self._passes.samples, self._passes.rows
-        )  # fmt: skip
-        self._optics = self._sensor = load_sensor(*arguments)
+        )
+        self._optics = self._sensor = mi.load_dict({**plugin(camera), **parts})
         if has_row_poses:
-            self._sensor = load_rows_sensor(*arguments, self._optics)
+            register_rows(mi.variant())
+            self._sensor = mi.load_dict({"type": ROWS, **parts})
+            self._sensor.optics = self._optics
         self._parameters = mi.traverse(self._optics)
         self._samples = int(self._sensor.sampler().sample_count())
         self.samples_per_pixel = self._samples * self._passes.repeats
@@ -75,11 +81,32 @@ class Film:
 
     def _aim(self, pose: Float64, first_row: int) -> None:
         rows = self._passes.rows
-        if self._sensor is self._optics:
-            aim(self._parameters, self._camera, pose, first_row, rows)
-            return
-        identity = sensor_transform_matrix(np.eye(4))  # of Mitsuba's camera axes
-        aim(self._parameters, self._camera, identity, first_row, rows)
-        # The last strip may reach beyond the frame.
-        strip = np.minimum(np.arange(first_row, first_row + rows), self._camera.height - 1)
-        self._sensor.move(sensor_transform_matrix(pose[strip]))
+        one_pose = np.eye(4) if pose.ndim == 3 else pose
+        self._parameters["to_world"] = mi.Transform4f(sensor_transform(one_pose).tolist())
+        cut_strip(self._camera, self._parameters, first_row, rows)
+        self._parameters.update()
+        if pose.ndim == 3:
+            # The last strip may reach beyond the frame.
+            strip = np.minimum(np.arange(first_row, first_row + rows), self._camera.height - 1)
+            self._sensor.move(sensor_transform(pose[strip]))
+
+
+def _film_and_sampler(
+    camera: Camera, bands_nm: Bands, sampler: str, samples: int, rows: int
+) -> dict[str, Any]:
+    film: dict[str, Any] = {
+        "type": "specfilm",
+        "width": camera.width,
+        "height": rows,
+        "component_format": "float32",
+        # The only filter that is bit-reproducible in vectorized variants, and a pixel is a box.
+        "rfilter": {"type": "box"},
+    }
+    for index, (lower, upper) in enumerate(bands_nm):
+        film[f"band_{index:03d}"] = {
+            "type": "regular",
+            "wavelength_min": lower,
+            "wavelength_max": upper,
+            "values": ",".join([repr(1 / (upper - lower))] * 2),
+        }
+    return {"film": film, "sampler": {"type": sampler, "sample_count": samples}}

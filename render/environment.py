@@ -7,11 +7,12 @@ no random noise, only what is lost where the grid is coarser than the picture.
 import math
 import re
 
-import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.render import Bands
+from megalopta.render.bands import Bands
+from megalopta.render.illuminance import Illuminance, LightSurvey
+from megalopta.render.mitsuba_loader import mi
 from megalopta.scenes.cameras import Camera
 from megalopta.scenes.spectra import Spectrum, luminous
 from megalopta.scenes.world import Environment
@@ -26,7 +27,7 @@ _ENDS_EARLY = re.compile(r"Success|read \d+ out of \d+ bytes")
 """What Mitsuba says of a file that does."""
 
 
-class PanoramaView:
+class EnvironmentView:
     """A camera before a panorama, ready to be turned.
 
     Parameters
@@ -54,8 +55,8 @@ class PanoramaView:
         """Points per pixel."""
         return self._grid**2
 
-    def radiance(self, pose: NDArray[np.float64]) -> Floats:
-        """Spectral radiance (H, W, B) seen from a pose (4, 4), W·m⁻²·sr⁻¹·nm⁻¹, band means."""
+    def radiance(self, pose: NDArray[np.float64], seed: int = 0, instants: int = 1) -> Floats:
+        """Spectral radiance (H, W, B) from a pose (4, 4); without noise, so without a seed."""
         rotation = pose[:3, :3].T.astype(np.float32)
         step = self._grid * max(1, _POINTS_AT_ONCE // (self._grid * self._axes.shape[1]))
         strips = [
@@ -64,13 +65,14 @@ class PanoramaView:
         ]
         return np.concatenate(strips) @ self._band_means
 
-    def illuminance(self) -> float:
-        """Lux on a horizontal plane, measured along rays like those of the pixels."""
-        directions = cosine_directions(_METER_RAYS)
-        return (
-            float(look_up(self._rgb, directions, self._turn).mean(axis=0) @ self._efficacy)
-            * math.pi
-        )
+    def light_survey(self, positions: NDArray[np.float64]) -> LightSurvey:
+        """Illuminance, measured along rays like those of the pixels, the same everywhere."""
+        colors = look_up(self._rgb, cosine_directions(_METER_RAYS), self._turn)
+        lux = float(colors.mean(axis=0) @ self._efficacy) * math.pi
+        return LightSurvey(Illuminance(tuple(positions.mean(axis=0).tolist()), lux, 0.0), ())
+
+    def move_to(self, time_s: float) -> None:
+        """Nothing moves."""
 
     def _pixels(self, directions: Floats) -> Floats:
         colors = look_up(self._rgb, directions, self._turn)

@@ -5,14 +5,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.render.loading.environment import PanoramaView, read_picture
+from megalopta.render.environment import EnvironmentView, read_picture
 from megalopta.scenes import Panorama, PerspectiveCamera, Trajectory
-from megalopta.scenes.build import build_panorama
-from megalopta.scenes.lighting.levels import LEVELS
+from megalopta.scenes.lighting.levels import Light
 
 BANDS = ((400.0, 475.0), (475.0, 550.0), (550.0, 625.0), (625.0, 700.0))
 CAMERA = PerspectiveCamera(width=33, height=25, fov_deg=60)
-LEVEL = LEVELS["full_moon"]
+LIGHT = Light(level="full_moon")
+LEVEL = LIGHT.resolved()
+STAND = Trajectory()
 
 
 def noise(rows=32, seed=0):
@@ -20,7 +21,7 @@ def noise(rows=32, seed=0):
 
 
 def renderer(path, turn_deg=0.0, samples=9, camera=CAMERA):
-    scene = build_panorama(Panorama(file=path, turn_deg=turn_deg), LEVEL)
+    scene = Panorama(file=path, turn_deg=turn_deg).build(LIGHT, camera, STAND)
     return SceneRenderer(scene, camera, RenderSettings(samples_per_pixel=samples, bands_nm=BANDS))
 
 
@@ -94,9 +95,9 @@ def test_pixels_are_means_over_their_area_whatever_the_strips(picture, monkeypat
 
 
 def test_points_per_pixel_are_rounded_up_to_a_square(picture):
-    scene = build_panorama(Panorama(file=picture(noise(4))), LEVEL)
+    scene = Panorama(file=picture(noise(4))).build(LIGHT, CAMERA, STAND)
     counts = [
-        PanoramaView(scene.environment, CAMERA, BANDS, samples).samples_per_pixel
+        EnvironmentView(scene.environment, CAMERA, BANDS, samples).samples_per_pixel
         for samples in (1, 2, 4, 24, 25)
     ]
     assert counts == [1, 4, 4, 25, 25]

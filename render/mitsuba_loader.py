@@ -1,7 +1,7 @@
-"""Load Dr.Jit with the libLLVM that was chosen, without its complaint where there is none.
+"""Mitsuba and Dr.Jit, loaded with the libLLVM that was chosen, without a complaint if none is.
 
-It writes a line of its own on import, past Python; the choice of variant says the same, with the
-remedy. Imported before anything else of this folder.
+Dr.Jit writes a line of its own on import, past Python; the choice of variant says the same, with
+the remedy. So everything here gets the two as `dr` and `mi` from this module.
 """
 
 import os
@@ -25,3 +25,8 @@ def _load_silently() -> None:
 llvm_in_use()
 if "drjit" not in sys.modules:
     _load_silently()
+
+import drjit as dr  # noqa: E402
+import mitsuba as mi  # noqa: E402
+
+__all__ = ["dr", "mi"]

@@ -1,0 +1,57 @@
+"""What any scene in a configuration has to tell.
+
+A package adds a scene of its own by deriving from `SceneDescription` and naming the class in an
+entry point of the group `megalopta.scenes`.
+"""
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import ClassVar
+
+from pydantic import BaseModel
+
+from megalopta.scenes.cameras import Camera
+from megalopta.scenes.lighting import Light
+from megalopta.scenes.trajectories import Path
+from megalopta.scenes.world import Scene
+
+
+class SceneDescription(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """What stands there, as frozen parameters; `kind: Literal["…"] = "…"` names it."""
+
+    kind: str
+    """Which scene this is."""
+
+    is_self_luminous: ClassVar[bool] = False
+    """Whether its surfaces are its only light, of flat spectrum."""
+
+    has_bounces: ClassVar[bool] = True
+    """Whether light goes from surface to surface, which takes most of the time of rendering."""
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether anything in it moves."""
+        return False
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """How many there are of what, for the report."""
+        return {}
+
+    @abstractmethod
+    def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
+        """The scene around a camera on its way, lit from outside or by itself.
+
+        What is its own light is as bright as a sky of the light's illuminance.
+
+        Raises
+        ------
+        ValueError
+            With field, value and remedy, when camera and way do not fit the scene.
+        """
+
+    @abstractmethod
+    def describe(self) -> str:
+        """A sentence for the report, with its full stop."""

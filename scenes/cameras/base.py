@@ -1,0 +1,96 @@
+"""What every camera has: pixels, and the way from directions to them and back.
+
+Camera axes are those of computer vision: +x right, +y down, +z forward. Continuous image
+coordinates put the center of the pixel in column i and row j at (i + 0.5, j + 0.5).
+"""
+
+from abc import abstractmethod
+from typing import Annotated, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field
+
+Float64 = NDArray[np.float64]
+
+SINGULAR_RAD = 1e-5
+"""Points this near to where a projection is singular have no image (rad)."""
+
+Pixels = Annotated[int, Field(ge=1, le=2**15)]
+
+
+class Camera(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """A projection, its image size and field of view."""
+
+    kind: str
+    """Which camera this is."""
+
+    width: Pixels
+    """Columns (px)."""
+
+    height: Pixels
+    """Rows (px)."""
+
+    fov_deg: float
+    """Horizontal field of view (degrees)."""
+
+    depth_meaning: ClassVar[str] = "along the ray"
+    """Along what depth is measured."""
+
+    def __str__(self) -> str:
+        """What it is in a sentence."""
+        return f"{self.kind} camera"
+
+    @property
+    def wraps(self) -> bool:
+        """Whether the left and right edge of the image are the same place."""
+        return False
+
+    @property
+    def intrinsics(self) -> Float64 | None:
+        """Matrix K (3, 3) of a pinhole; None of other cameras."""
+        return None
+
+    @property
+    @abstractmethod
+    def focal_length_px(self) -> float:
+        """Focal length in pixels: columns per radian at the image center."""
+
+    @property
+    @abstractmethod
+    def steepest_tangent(self) -> float:
+        """Largest |tan(elevation)| that the camera sees when it is level."""
+
+    @abstractmethod
+    def directions(self) -> Float64:
+        """Unit vectors (H, W, 3) through the pixel centers, in camera axes."""
+
+    @abstractmethod
+    def project(self, points: Float64) -> Float64:
+        """Image coordinates (..., 2) in px of points (..., 3) in camera axes.
+
+        Only directions count, so a point at infinity is given as its direction. NaN for points that
+        have no image, however large it were.
+        """
+
+    def pixel_centers(self) -> Float64:
+        """Image coordinates (H, W, 2) of all pixel centers, (x, y) in px."""
+        x, y = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
+        return np.stack([x, y], axis=-1)
+
+    def displacement(self, points: Float64) -> Float64:
+        """Way in px (H, W, 2) from each pixel center to where its point (H, W, 3) is seen.
+
+        Around a full circle it goes the shorter way, across the seam if need be.
+        """
+        way = self.project(points) - self.pixel_centers()
+        if self.wraps:
+            half = self.width / 2
+            way[..., 0] = (way[..., 0] + half) % self.width - half
+        return way
+
+    def depth(self, distance: Float64) -> Float64:
+        """Depth (H, W), m, of the distances (H, W) along the rays: these themselves."""
+        return distance

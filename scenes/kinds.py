@@ -1,0 +1,58 @@
+"""Descriptions told apart by their `kind`, as fields of a configuration."""
+
+import pkgutil
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from inspect import isabstract
+from typing import Annotated, Any, TypeVar, Union
+
+from pydantic import BaseModel, BeforeValidator, Field
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def any_of(models: Sequence[type[BaseModel]], default: str | None = None) -> Any:
+    """Type of a field that holds any of some models; the help of their `kind` lists them all.
+
+    Parameters
+    ----------
+    models
+        Each with a `kind` of its own and a docstring on it.
+    default : str, optional
+        The kind of a mapping that tells none.
+    """
+    kinds = ", ".join(map(kind_of, models))
+    for model in models:
+        model.model_fields["kind"].description = f"Which it is: {kinds}."
+    union: Any = Union[tuple(models)]  # noqa: UP007
+    told_apart: Any = Annotated[union, Field(discriminator="kind")]
+    return Annotated[told_apart, kind_unless_told(default)] if default else told_apart
+
+
+def kind_of(model: type[BaseModel]) -> str:
+    """The kind that tells a model from others."""
+    return str(model.model_fields["kind"].default)
+
+
+def kind_unless_told(kind: str) -> BeforeValidator:
+    """Fills in a kind where a mapping tells none."""
+
+    def filled_in(values: Any) -> Any:
+        told = not isinstance(values, Mapping) or "kind" in values
+        return values if told else {"kind": kind, **values}
+
+    return BeforeValidator(filled_in)
+
+
+def models_in(package: str, base: type[Model]) -> list[type[Model]]:
+    """Models derived from a base in all modules of a package, by the modules' names."""
+    folder = import_module(package).__path__
+    modules = [import_module(f"{package}.{each.name}") for each in pkgutil.iter_modules(folder)]
+    named = [value for module in modules for value in vars(module).values()]
+    return list(
+        dict.fromkeys(
+            each
+            for each in named
+            if isinstance(each, type) and issubclass(each, base) and not isabstract(each)
+        )
+    )

@@ -1,0 +1,59 @@
+"""What the kinds of a forest carry."""
+
+import numpy as np
+import pytest
+
+from megalopta.scenes.forest.flora import BUSHES, TREES
+from megalopta.scenes.forest.undergrowth import COVERS, PLANTS
+
+WAVELENGTHS_NM = np.arange(380, 1701)
+WOODY = [*TREES.values(), *BUSHES.values()]
+BARK = [plant.bark for plant in WOODY]
+COATS = [coat for plant in PLANTS.values() for coat in plant.coats.values()]
+PAIRS = [coat.spectra for coat in (*COATS, *COVERS.values())]
+GREEN = [
+    plant.coats["leaf"].spectra
+    for plant in PLANTS.values()
+    if "leaf" in plant.coats and plant.name != "litter"
+]
+
+
+def test_saplings_are_lower_and_thinner_than_their_trees():
+    for name, sapling in BUSHES.items():
+        if name.startswith("young "):
+            small, tall = sapling.shape, TREES[name.removeprefix("young ")].shape
+            assert small.height_m < tall.height_m / 3 and small.radius_m < tall.radius_m / 2
+            assert small.bark == tall.bark
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_the_two_reflectances_of_a_texture_are_valid_and_differ_in_every_band(pair):
+    first, second = (spectrum(WAVELENGTHS_NM) for spectrum in pair)
+    assert min(first.min(), second.min()) > 0 and max(first.max(), second.max()) < 1
+    contrast = np.abs(first - second) / (first + second)
+    assert contrast.min() > 0.1
+
+
+@pytest.mark.parametrize("pair", GREEN)
+def test_green_leaves_have_a_green_peak_and_a_red_edge_at_700_nm(pair):
+    red_edge = np.arange(680, 801)
+    for spectrum in pair:
+        green, red, near_infrared = spectrum([550, 670, 800])
+        assert green > 2 * red and near_infrared > 5 * red
+        half = (red + near_infrared) / 2
+        assert 700 < np.interp(half, spectrum(red_edge), red_edge) < 740
+        assert spectrum(690) < half < spectrum(750)
+
+
+@pytest.mark.parametrize("pair", GREEN)
+def test_water_in_green_leaves_absorbs_at_1200_and_1450_nm(pair):
+    for spectrum in pair:
+        weak, strong = spectrum([1090, 1200, 1270]), spectrum([1270, 1450, 1660])
+        assert 0.8 < weak[1] / weak[0] < weak[1] / weak[2] < 1
+        assert strong[1] < 0.5 * strong[0] and strong[1] < 0.55 * strong[2]
+
+
+def test_bark_soil_and_litter_brighten_toward_the_infrared():
+    for pair in (*BARK, COVERS["litter"].spectra):
+        for spectrum in pair:
+            assert np.all(np.diff(spectrum(np.arange(380, 1001))) >= 0)
