@@ -3,7 +3,10 @@ from .benchmark.search import photon_search
 from .benchmark.sequence import photon_benchmark
 from .benchmark.settings import BenchmarkSettings, SearchSettings
 from .detectors.base import Detector
-from .detectors.registry import METHODS, THESIS_METHODS, method
+from .detectors.block_detector import BlockDetector
+from .detectors.dense_detector import DenseDetector
+from .detectors.from_function import detector_from
+from .detectors.registry import METHODS, THESIS_METHODS, Method, method
 from .egomotion.wide_field import WideField, fit_wide_field
 from .files.color_wheel import flow_to_rgb, wheel_legend
 from .files.flo import read_flo, write_flo
@@ -24,9 +27,12 @@ __all__ = [
     "THESIS_METHODS",
     "BenchmarkResult",
     "BenchmarkSettings",
+    "BlockDetector",
+    "DenseDetector",
     "Detector",
     "ErrorCurve",
     "ErrorSums",
+    "Method",
     "MovingTemplate",
     "SearchSettings",
     "Threshold",
@@ -35,6 +41,7 @@ __all__ = [
     "block_flow",
     "block_share",
     "d_prime",
+    "detector_from",
     "draw_counts",
     "error_sums",
     "fit_wide_field",

@@ -6,7 +6,7 @@ margin of 7 px (`flow.efficiency`) and is held against the true velocity, 2.87 p
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.stimuli import dead_leaves
 from megalopta.flow.benchmark import milliseconds_per_frame
-from megalopta.flow.detectors import BlockDetector, BlockGrid, Detector, block_grid
+from megalopta.flow.detectors import BlockDetector, BlockGrid, Detector, Method, block_grid, method
 from megalopta.flow.metrics import (
     bound_photons,
     confined_velocities,
@@ -117,15 +117,15 @@ def bound_along_x(information: Floats) -> float:
     return bound_photons(least_covariance_along_x(information), SPEED_PX, LEVEL)
 
 
-def ranked(clean: Floats, methods: Mapping[str, Detector]) -> list[Entry]:
+def ranked(clean: Floats, methods: Iterable[Method]) -> list[Entry]:
     """Return the methods that give a velocity, fewest photons first.
 
     Parameters
     ----------
     clean : (n, FRAMES, H, W)
         From `sequences`.
-    methods : mapping
-        Names to detectors; those that give no velocity of blocks are passed over.
+    methods
+        Names, detectors or functions; those that give no velocity of blocks are passed over.
     """
     known, known_with_margin = information(clean), information(clean, MARGIN_PX)
     drawn: dict[float, list[NDArray[np.unsignedinteger]]] = {}
@@ -152,7 +152,7 @@ def ranked(clean: Floats, methods: Mapping[str, Detector]) -> list[Entry]:
             milliseconds_per_frame(detector, counts(_TIMING_FLUX)[0]),
         )
 
-    entries = [entry(each) for each in methods.values() if isinstance(each, BlockDetector)]
+    entries = [entry(each) for each in map(method, methods) if isinstance(each, BlockDetector)]
     return sorted(entries, key=lambda each: (each.photons, each.detector.name))
 
 

@@ -7,6 +7,7 @@ release Python's lock), processes, or that of a Dask cluster, `Client.get_execut
 """
 
 import hashlib
+import inspect
 import json
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -19,6 +20,7 @@ from megalopta import files, flow
 from megalopta.errors import UserError
 from megalopta.experiments import trial
 from megalopta.experiments.trial import Array, Template, Trial, measure, template_names
+from megalopta.flow.detectors import Detector
 from megalopta.flow.metrics import ErrorCurve
 from megalopta.flow.stimuli import BlackFrameError
 from megalopta.folders import ensure_directory, locked
@@ -65,7 +67,7 @@ def run_trials(
     # the longest first, so that no worker is left alone with one at the end
     for each in sorted(set(trials), key=lambda trial: (-trial.size, trial.model_dump_json())):
         template = hashes[each.template]
-        path = store / f"{_hash(each.model_dump_json(), template, _code())}.json"
+        path = store / f"{_hash(each.model_dump_json(), template, _code(), *_methods(each))}.json"
         stored = _read(path)
         if stored is None:
             stimulus = _hash(json.dumps(each.stimulus), template)
@@ -148,8 +150,18 @@ def _code() -> str:
     """Return the hash of the code that measures, and of the libraries that it measures with."""
     versions = [f"{name} {version(name)}" for name in _LIBRARIES]
     paths = [Path(str(module.__file__)) for module in (flow, trial, poisson, randomness)]
-    sources = (*sorted(paths[0].parent.glob("*.py")), *paths)
+    sources = (*sorted(paths[0].parent.rglob("*.py")), *paths)
     return _hash(*versions, *(path.read_bytes() for path in sources))
+
+
+def _methods(trial: Trial) -> list[str]:
+    """Return parameters and code of the detectors, which may be other packages'."""
+    return [each.model_dump_json() + _source(type(each)) for each in trial.detectors]
+
+
+@cache
+def _source(detector: type[Detector]) -> str:
+    return Path(inspect.getfile(detector)).read_text("utf-8")
 
 
 def _read(path: Path) -> Curves | None:

@@ -103,7 +103,7 @@ class Sweep(
 
     def points(self) -> Iterator[Point]:
         """Yield the trials: sizes, in them values, in them templates."""
-        fixed = self.trial.model_dump(mode="json")
+        fixed = {**self.trial.model_dump(mode="json"), "methods": self.trial.methods}
         found: list[tuple[Value, Trial]] = []
         for size, value, template in product(
             self.sizes or (self.trial.size,), self.values, self.templates or (self.trial.template,)

@@ -1,0 +1,35 @@
+"""A detector of another package: whole pixels between centers of light, the same for every block."""
+
+from functools import partial
+
+import numpy as np
+
+from megalopta.flow import BlockDetector
+
+
+class CenterOfLight(BlockDetector, frozen=True):
+    """The way of the center of light, in every block."""
+
+    name: str = "CL"
+    label: str = "Center of light"
+
+    def start(self, shape):
+        """Return the responder; see `Detector.start`."""
+        from megalopta.flow.detectors.base import in_pairs
+
+        return in_pairs(partial(_ways, self.grid(shape)))
+
+    def scored(self, responses):
+        """Return the velocities of the blocks inside."""
+        return responses[:, 1:-1, 1:-1]
+
+
+def _ways(grid, frames):
+    y, x = np.indices(grid.shape)
+    light = frames.sum(axis=(1, 2)) + 1e-12
+    centers = np.stack([(frames * axis).sum(axis=(1, 2)) / light for axis in (x, y)], axis=-1)
+    ways = np.diff(centers, axis=0)[:, np.newaxis, np.newaxis]
+    return np.broadcast_to(ways, (len(ways), grid.rows, grid.columns, 2))
+
+
+BROKEN = 5
