@@ -16,7 +16,7 @@ from .metrics.endpoint_error import TruthError, block_flow, block_share, truth_e
 from .metrics.photon_threshold import Threshold, threshold
 from .metrics.response_error import ErrorSums, error_sums
 from .metrics.splits import truth_splits
-from .metrics.translation_bound import least_covariance, translation_information
+from .metrics.translation_bound import cramer_rao_covariance, fisher_information
 from .stimuli.moving_template import MovingTemplate
 from .stimuli.photons import draw_counts
 from .stimuli.resizing import resize
@@ -46,7 +46,7 @@ __all__ = [
     "error_sums",
     "fit_wide_field",
     "flow_to_rgb",
-    "least_covariance",
+    "cramer_rao_covariance",
     "method",
     "motion_evidence",
     "photon_benchmark",
@@ -56,7 +56,7 @@ __all__ = [
     "rightward_evidence",
     "roc",
     "threshold",
-    "translation_information",
+    "fisher_information",
     "triangular_pool",
     "truth_error",
     "truth_splits",

@@ -21,10 +21,10 @@ from megalopta.flow.metrics import (
     bound_photons,
     confined_velocities,
     is_within,
-    least_covariance,
-    least_covariance_along_x,
+    cramer_rao_covariance,
+    cramer_rao_covariance_along_x,
     photons_for_half,
-    translation_information,
+    fisher_information,
     variance_efficiency,
 )
 from megalopta.flow.stimuli import MovingTemplate, draw_counts
@@ -97,9 +97,7 @@ def information(clean: Floats, margin_px: int = 0) -> Floats:
     margin_px : int
         Pixels around each block that are counted with it.
     """
-    pixels = np.stack(
-        [translation_information(each[-1], BlockGrid(GRID.shape, 1)) for each in clean]
-    )
+    pixels = np.stack([fisher_information(each[-1], BlockGrid(GRID.shape, 1)) for each in clean])
     side, step = GRID.block_px + 2 * margin_px, GRID.block_px
     windows = sliding_window_view(pixels, (side, side), axis=(1, 2))
     first = step - margin_px
@@ -109,12 +107,12 @@ def information(clean: Floats, margin_px: int = 0) -> Floats:
 
 def bound(information: Floats, frames: int) -> float:
     """Return the photons per frame that the bound needs for a median endpoint error of 25 %."""
-    return bound_photons(least_covariance(information, frames), SPEED_PX, LEVEL)
+    return bound_photons(cramer_rao_covariance(information, frames), SPEED_PX, LEVEL)
 
 
 def bound_along_x(information: Floats) -> float:
     """Return `bound` of two frames for the x component, were it known that nothing moves in y."""
-    return bound_photons(least_covariance_along_x(information), SPEED_PX, LEVEL)
+    return bound_photons(cramer_rao_covariance_along_x(information), SPEED_PX, LEVEL)
 
 
 def ranked(clean: Floats, methods: Iterable[Method]) -> list[Entry]:
@@ -177,7 +175,7 @@ def efficiencies(
         Independent draws of each sequence; the variance of each block is over them.
     """
     frames = detector.memory_frames + 1
-    least = least_covariance(information(clean), frames)
+    least = cramer_rao_covariance(information(clean), frames)
     result = []
     for flux in fluxes:
         velocities = [

@@ -27,9 +27,9 @@ from megalopta.sensor.spad import (
     Exposure,
     Sensor,
     detection_rate,
+    draw_fixed_pattern,
     expected_counts,
     expose,
-    fabricate,
     photon_rate,
     signal_to_noise,
 )
@@ -83,7 +83,7 @@ def check_sensor(sensor: ImageSensor, bands_nm: ArrayLike, shape: tuple[int, int
     """
     band_efficiency(sensor.efficiency, bands_nm)
     if isinstance(sensor, Sensor):
-        fabricate(sensor, shape)
+        draw_fixed_pattern(sensor, shape)
     else:
         pixels(sensor, shape)
 

@@ -9,13 +9,14 @@ from .exposure import (
     photon_rate,
     signal_to_noise,
 )
-from .fixed_pattern import fabricate
+from .fixed_pattern import draw_fixed_pattern
 from .measured import MapFile, MeasuredMaps
 from .model import Sensor
-from .order import active_effects, without
+from .order import ORDER_OF_EFFECTS, active_effects, without
 from .presets import PRESETS, TABLE_2_1, load_sensor, preset, with_files
 
 __all__ = [
+    "ORDER_OF_EFFECTS",
     "PRESETS",
     "TABLE_2_1",
     "Exposure",
@@ -25,10 +26,10 @@ __all__ = [
     "active_effects",
     "checked_rate",
     "detection_rate",
+    "draw_fixed_pattern",
     "expected_counts",
     "expose",
     "expose_rate",
-    "fabricate",
     "load_sensor",
     "over_frames",
     "photon_rate",

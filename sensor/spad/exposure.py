@@ -1,6 +1,6 @@
 """One exposure of the sensor: from the radiance of a scene to counts.
 
-What happens on the way, and in which order, is the list in `chain`. The rate is that of the frame's
+What happens on the way, and in which order, is the list in `order`. The rate is that of the frame's
 radiance for the whole exposure: motion blur, if wanted, is in the radiance already.
 
 Every frame has its own random streams, named by seed, sequence and frame number, so the counts of a
@@ -27,7 +27,7 @@ from megalopta.sensor.optics import (
     photon_flux,
 )
 from megalopta.sensor.sampling import generator
-from megalopta.sensor.spad.fixed_pattern import Device, fabricate
+from megalopta.sensor.spad.fixed_pattern import FixedPattern, draw_fixed_pattern
 from megalopta.sensor.spad.model import Sensor
 
 Floats = NDArray[np.float64]
@@ -139,7 +139,7 @@ def over_frames(task: Callable[[int], None], frames: int, threads: int | None = 
             pass
 
 
-def checked_rate(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, Device]:
+def checked_rate(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, FixedPattern]:
     """Rate as (frames, rows, columns) and the device that sees it, or refuse the rate.
 
     Raises
@@ -158,13 +158,13 @@ def checked_rate(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, Devi
             f"and at most {most:g} Hz ({MOST_ARRIVALS:g} an exposure)"
         )
     _, rows, columns = rate.shape
-    return rate, fabricate(sensor, (rows, columns))
+    return rate, draw_fixed_pattern(sensor, (rows, columns))
 
 
 def _read_counters(
     events: NDArray[np.int64],
     sensor: Sensor,
-    device: Device,
+    device: FixedPattern,
     noise: Callable[[], np.random.Generator],
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     if isinstance(sensor.counter, AnalogCounter):
@@ -184,7 +184,7 @@ def detection_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> 
     flux = _flux_per_radiance(bands_nm, sensor) * band_efficiency(sensor.efficiency, bands_nm)
     rate = _sum_over_bands(radiance, sensor.active_area_m2 * flux, sensor)
     _, rows, columns = rate.shape
-    rate *= fabricate(sensor, (rows, columns)).efficiency_factor
+    rate *= draw_fixed_pattern(sensor, (rows, columns)).efficiency_factor
     brightest = float(rate.max(initial=0)) * sensor.exposure_s
     if not brightest <= MOST_ARRIVALS:
         raise ValueError(

@@ -88,7 +88,7 @@ class Sensor(
     @property
     def avalanche_effects(self) -> AvalancheEffects:
         """What decides which avalanches occur."""
-        return AvalancheEffects(self.dead_time, self.afterpulsing, self.gate, self.crosstalk)
+        return AvalancheEffects(*(getattr(self, name) for name in AvalancheEffects._fields))
 
     @property
     def pixel_area_m2(self) -> float:
