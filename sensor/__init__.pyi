@@ -27,6 +27,7 @@ from .effects.temperature import Temperature
 from .input_files import file_content
 from .optics.efficiency import Efficiency
 from .optics.lens import Lens
+from .optics.pixels import photon_rate
 from .readout.binary import expose_binary
 from .readout.events import Events, expose_events
 from .readout.images import (
@@ -47,7 +48,6 @@ from .spad.exposure import (
     expected_counts,
     expose,
     expose_rate,
-    photon_rate,
     signal_to_noise,
 )
 from .spad.measured import MapFile, MeasuredMaps

@@ -14,6 +14,10 @@ ENTRY_POINTS = """
 broken = whole_frame:BROKEN
 center = whole_frame:CenterOfLight
 missing = no_such_module:Detector
+
+[megalopta.sensors]
+theirs = whole_frame:SENSOR_FILE
+twice = whole_frame:NAMESAKE
 """
 
 
@@ -64,3 +68,23 @@ def test_a_broken_plug_in_is_told_in_one_sentence_and_breaks_nothing(with_plug_i
     assert len(told) == 2
     assert told[0].endswith("broken (whole_frame:BROKEN) is left out: 5 is no Detector, give one")
     assert "missing (no_such_module:Detector) is left out: No module named" in told[1]
+
+
+def test_a_sensor_of_another_package_is_used_by_name_and_listed(with_plug_in):
+    code = """
+from megalopta.config import load
+from megalopta.cli.overrides import settings_help
+demo = load("demo", {"sensors": "[theirs, {preset: theirs, name: dark, exposure_s: 0.02}]"})
+print([(each.name, each.fill_factor, each.exposure_s) for each in demo.sensors])
+print("ctia_ingaas_quiet, theirs." in " ".join(settings_help(demo).split()))
+try:
+    load("demo", {"sensors": "[their]"})
+except Exception as refusal:
+    print(refusal)
+"""
+    done = with_plug_in(code)
+    used, is_listed, refusal = done.stdout.splitlines()
+    assert used == "[('theirs', 0.5, 0.1), ('dark', 0.5, 0.02)]"
+    assert is_listed == "True"
+    assert refusal.endswith("ctia_ingaas_quiet, theirs")
+    assert "twice (whole_frame:NAMESAKE) is left out: the name 'ideal' is taken" in done.stderr

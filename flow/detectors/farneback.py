@@ -7,7 +7,7 @@ Right and lower neighbors beyond the frame count as unmatched texture: two equal
 of exactly 0 only away from the border.
 """
 
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +49,7 @@ class Farneback(DenseDetector, frozen=True):
 
         window = max(1, round(self.window_blocks * grid.block_px))
 
-        def flow(pair: FloatArray) -> NDArray[np.float32]:
+        def flow(pair: FloatArray) -> NDArray[Any]:
             first, second = (_GRAY_LEVELS * pair).astype(np.float32)
             with one_thread():
                 return cv2.calcOpticalFlowFarneback(

@@ -6,7 +6,7 @@ et al. 2016). The preset sets how many patches, steps and levels; all of them st
 above the frames. It fills gaps in the texture from around them, so no block lacks a velocity.
 """
 
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +47,7 @@ class DenseInverseSearch(DenseDetector, frozen=True):
             )
         search = cv2.DISOpticalFlow.create(_presets()[self.preset])
 
-        def flow(pair: FloatArray) -> NDArray[np.float32]:
+        def flow(pair: FloatArray) -> NDArray[Any]:
             first, second = eight_bits(pair)
             with one_thread():
                 return search.calc(first, second, np.zeros((*grid.shape, 2), np.float32))

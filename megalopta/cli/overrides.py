@@ -117,6 +117,8 @@ def _settings(model: BaseModel, prefix: str = "") -> Iterator[tuple[str, str, An
         if isinstance(value, BaseModel):
             yield from _settings(value, f"{path}.")
         elif parts and isinstance(parts[0], BaseModel):
+            names = [getattr(part, "name", type(part).__name__) for part in parts]
+            yield path, field.description or "", names
             for index, part in enumerate(parts):
                 yield from _settings(part, f"{path}.{index}.")
         else:

@@ -20,11 +20,11 @@ from megalopta.flow.detectors import BlockDetector, BlockGrid, Detector, Method,
 from megalopta.flow.metrics import (
     bound_photons,
     confined_velocities,
-    is_within,
     cramer_rao_covariance,
     cramer_rao_covariance_along_x,
-    photons_for_half,
     fisher_information,
+    is_within,
+    photons_for_half,
     variance_efficiency,
 )
 from megalopta.flow.stimuli import MovingTemplate, draw_counts

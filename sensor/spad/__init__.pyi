@@ -6,7 +6,6 @@ from .exposure import (
     expose,
     expose_rate,
     over_frames,
-    photon_rate,
     signal_to_noise,
 )
 from .fixed_pattern import draw_fixed_pattern
@@ -32,7 +31,6 @@ __all__ = [
     "expose_rate",
     "load_sensor",
     "over_frames",
-    "photon_rate",
     "preset",
     "signal_to_noise",
     "with_files",

@@ -1,10 +1,11 @@
-"""A detector of another package: whole pixels between centers of light, the same for every block."""
+"""Another package: a detector by the center of light, and a sensor in a YAML file."""
 
 from functools import partial
 
 import numpy as np
 
 from megalopta.flow import BlockDetector
+from megalopta.sensor import preset
 
 
 class CenterOfLight(BlockDetector, frozen=True):
@@ -33,3 +34,5 @@ def _ways(grid, frames):
 
 
 BROKEN = 5
+SENSOR_FILE = __file__.replace("whole_frame.py", "spad.yaml")
+NAMESAKE = preset("ideal")

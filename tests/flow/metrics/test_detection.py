@@ -8,12 +8,12 @@ from scipy.stats import norm
 
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.detection import (
-    roc_auc,
     d_prime,
     false_alarm_rate,
     motion_evidence,
     rightward_evidence,
     roc,
+    roc_auc,
 )
 
 from ..textures import drifting_texture

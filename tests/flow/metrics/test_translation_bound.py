@@ -7,8 +7,8 @@ from megalopta.flow.detectors.blocks import block_grid
 from megalopta.flow.metrics.translation_bound import (
     cramer_rao_covariance,
     cramer_rao_covariance_along_x,
-    median_endpoint_error,
     fisher_information,
+    median_endpoint_error,
 )
 
 GRID = block_grid((72, 72), 24)

@@ -17,11 +17,12 @@ from megalopta.sensor import (
     changed,
     detection_rate,
     expose,
+    photon_rate,
     preset,
     without,
 )
 from megalopta.sensor.effects import Stage
-from megalopta.sensor.spad import active_effects, draw_fixed_pattern, photon_rate
+from megalopta.sensor.spad import active_effects, draw_fixed_pattern
 
 NO_EFFECT = {"kind", "name", "source", "pitch_m", "fill_factor", "exposure_s", "device_seed"}
 SHAPE = (10, 10)
