@@ -4,7 +4,7 @@ A digital counter of n bits holds 2ⁿ − 1. One more event and it stays there 
 again at zero (wrapping). A reading that may stand for a larger number is flagged: at capacity where
 it saturates, past it where it wraps. Without that, mean and variance are those of the events.
 
-For the analog counter see `analog_counter`.
+For the analog counter see `analog`.
 """
 
 from typing import Annotated, ClassVar, Literal, Self

@@ -58,20 +58,10 @@ def expose_ctia(
     first_frame: int = 0,
     frame_period_s: float | None = None,
 ) -> CtiaExposure:
-    """Read frames of a scene.
+    """Read frames of a scene; parameters as for `expose`, and one more.
 
     Parameters
     ----------
-    radiance : (T, H, W, B) array
-        Band means, W·m⁻²·sr⁻¹·nm⁻¹.
-    bands_nm : (B, 2) array
-        Lower and upper edge of each band, nm.
-    sensor : CtiaSensor
-    seed : int
-    sequence : str or int
-        Name of what is drawn; a frame is a function of seed, sequence and its number.
-    first_frame : int
-        Number of the first of these frames in the sequence.
     frame_period_s : float, optional
         Time from one frame to the next; by default the exposure.
 
