@@ -3,7 +3,10 @@ from .benchmark.search import photon_search
 from .benchmark.sequence import photon_benchmark
 from .benchmark.settings import BenchmarkSettings, SearchSettings
 from .detectors.base import Detector
-from .detectors.registry import METHODS, THESIS_METHODS, method
+from .detectors.block_detector import BlockDetector
+from .detectors.dense_detector import DenseDetector
+from .detectors.from_function import detector_from
+from .detectors.registry import METHODS, THESIS_METHODS, Method, method
 from .egomotion.wide_field import WideField, fit_wide_field
 from .files.color_wheel import flow_to_rgb, wheel_legend
 from .files.flo import read_flo, write_flo
@@ -13,7 +16,7 @@ from .metrics.endpoint_error import TruthError, block_flow, block_share, truth_e
 from .metrics.photon_threshold import Threshold, threshold
 from .metrics.response_error import ErrorSums, error_sums
 from .metrics.splits import truth_splits
-from .metrics.translation_bound import least_covariance, translation_information
+from .metrics.translation_bound import cramer_rao_covariance, fisher_information
 from .stimuli.moving_template import MovingTemplate
 from .stimuli.photons import draw_counts
 from .stimuli.resizing import resize
@@ -24,9 +27,12 @@ __all__ = [
     "THESIS_METHODS",
     "BenchmarkResult",
     "BenchmarkSettings",
+    "BlockDetector",
+    "DenseDetector",
     "Detector",
     "ErrorCurve",
     "ErrorSums",
+    "Method",
     "MovingTemplate",
     "SearchSettings",
     "Threshold",
@@ -34,12 +40,14 @@ __all__ = [
     "WideField",
     "block_flow",
     "block_share",
+    "cramer_rao_covariance",
     "d_prime",
+    "detector_from",
     "draw_counts",
     "error_sums",
+    "fisher_information",
     "fit_wide_field",
     "flow_to_rgb",
-    "least_covariance",
     "method",
     "motion_evidence",
     "photon_benchmark",
@@ -49,7 +57,6 @@ __all__ = [
     "rightward_evidence",
     "roc",
     "threshold",
-    "translation_information",
     "triangular_pool",
     "truth_error",
     "truth_splits",

@@ -11,13 +11,12 @@ from .ctia.array import (
     reading_moments,
 )
 from .ctia.bias import DacBias, FixedBias, FloatingGateBias
-from .ctia.calibration import Measurement, calibrate, leak_floor
-from .ctia.integration import Pixel, discharge, estimate_current
 from .ctia.model import CtiaSensor
 from .ctia.noise import CtiaNoise
 from .ctia.photodiode import Photodiode
 from .ctia.presets import CTIA_PRESETS, PHOTODIODES, ctia_preset
 from .effects.afterpulsing import Afterpulsing
+from .effects.base import Effect
 from .effects.bias import Bias
 from .effects.crosstalk import Crosstalk
 from .effects.dark_counts import DarkCounts
@@ -28,6 +27,7 @@ from .effects.temperature import Temperature
 from .input_files import file_content
 from .optics.efficiency import Efficiency
 from .optics.lens import Lens
+from .optics.pixels import photon_rate
 from .readout.binary import expose_binary
 from .readout.events import Events, expose_events
 from .readout.images import (
@@ -48,12 +48,11 @@ from .spad.exposure import (
     expected_counts,
     expose,
     expose_rate,
-    photon_rate,
     signal_to_noise,
 )
 from .spad.measured import MapFile, MeasuredMaps
 from .spad.model import Sensor
-from .spad.order import ORDER_OF_EFFECTS, Effect, without
+from .spad.order import ORDER_OF_EFFECTS, without
 from .spad.presets import PRESETS, load_sensor, preset
 
 __all__ = [
@@ -85,20 +84,15 @@ __all__ = [
     "Lens",
     "MapFile",
     "MeasuredMaps",
-    "Measurement",
     "Photodiode",
-    "Pixel",
     "Sensor",
     "StoredCounts",
     "Temperature",
-    "calibrate",
     "changed",
     "check_sensor",
     "ctia_preset",
     "detected_photons",
     "detection_rate",
-    "discharge",
-    "estimate_current",
     "expected_counts",
     "expected_reading",
     "expose",
@@ -111,7 +105,6 @@ __all__ = [
     "file_content",
     "generator",
     "incident_photons",
-    "leak_floor",
     "load_sensor",
     "merged",
     "photocurrent",

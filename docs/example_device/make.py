@@ -10,7 +10,7 @@ import numpy as np
 
 from megalopta.sensor import changed, preset
 from megalopta.sensor.effects.bias import breakdown_offset
-from megalopta.sensor.spad.fixed_pattern import fabricate
+from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
 
 FOLDER = Path(__file__).parent
 SHAPE = (128, 128)
@@ -19,7 +19,7 @@ SENSOR = changed(preset("spadcam"), device_seed=7)
 
 def main() -> None:
     """Write maps and efficiency curve."""
-    dark_hz = fabricate(SENSOR, SHAPE).dark_counts_hz
+    dark_hz = draw_fixed_pattern(SENSOR, SHAPE).dark_counts_hz
     above_nominal_v = breakdown_offset(SENSOR.bias, SHAPE, SENSOR.device_seed)
     np.save(FOLDER / "dark_counts_hz.npy", dark_hz.astype(np.float32))
     np.save(FOLDER / "breakdown_v.npy", above_nominal_v.astype(np.float32))

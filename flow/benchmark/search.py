@@ -22,7 +22,7 @@ import numpy as np
 
 from megalopta.flow.benchmark.settings import SearchSettings
 from megalopta.flow.benchmark.short_sequences import Comparison, ShortSequences
-from megalopta.flow.detectors import Detector
+from megalopta.flow.detectors import Detector, Method, method
 from megalopta.flow.metrics import ErrorCurve, ErrorSums, Metric, combine, error_curve
 from megalopta.flow.stimuli import MovingTemplate
 
@@ -42,7 +42,7 @@ _SMALLEST_ERROR = 1e-3
 
 def photon_search(
     stimulus: MovingTemplate,
-    methods: Sequence[Detector],
+    methods: Sequence[Method],
     settings: SearchSettings,
     seed: int,
     name: str,
@@ -53,7 +53,7 @@ def photon_search(
     ----------
     stimulus
     methods
-        Detectors of different names.
+        Detectors, their names, or functions (`detector_from`); of different names.
     settings
     seed : int
         Any integer.
@@ -65,11 +65,12 @@ def photon_search(
     ValueError
         When the frames are black or too small for a detector.
     """
-    sequences = ShortSequences(stimulus, settings, seed, name, methods)
+    detectors = [method(each) for each in methods]
+    sequences = ShortSequences(stimulus, settings, seed, name, detectors)
     # those that need most frames first: the others see some of these
-    order = sorted(methods, key=lambda method: -method.noise_memory_frames)
-    curves = {method.name: _Search(sequences, method).curves() for method in order}
-    return tuple(curve for method in methods for curve in curves[method.name])
+    order = sorted(detectors, key=lambda detector: -detector.noise_memory_frames)
+    curves = {each.name: _Search(sequences, each).curves() for each in order}
+    return tuple(curve for each in detectors for curve in curves[each.name])
 
 
 def next_index(

@@ -28,7 +28,7 @@ from megalopta.flow.benchmark.settings import (
     default_warm_up,
     work_units,
 )
-from megalopta.flow.detectors import Detector, FloatArray, Frames
+from megalopta.flow.detectors import Detector, FloatArray, Frames, Method, method
 from megalopta.flow.metrics import ErrorCurve, ErrorSums, Metric, combine, error_curve, error_sums
 from megalopta.flow.stimuli import Counts, brightness, draw_counts, resize
 
@@ -50,7 +50,7 @@ Parts = Callable[[str, Callable[[], list[ErrorSums]]], list[ErrorSums]]
 
 def photon_benchmark(
     frames: Frames,
-    methods: Sequence[Detector],
+    methods: Sequence[Method],
     settings: BenchmarkSettings,
     seed: int,
     sequence: str,
@@ -64,7 +64,7 @@ def photon_benchmark(
     frames : (T, H, W)
         Clean sequence, any quantity proportional to the light.
     methods
-        Detectors of different names.
+        Detectors, their names, or functions (`detector_from`); of different names.
     settings
     seed : int
         Any integer.
@@ -82,22 +82,23 @@ def photon_benchmark(
         When the frames are no light, too few or too small, or a size exceeds theirs.
     """
     brightness(frames)
-    warm_up = checked_warm_up(frames.shape, methods, settings)
+    detectors = [method(each) for each in methods]
+    warm_up = checked_warm_up(frames.shape, detectors, settings)
     curves: list[ErrorCurve] = []
     for size in settings.sizes:
         stimulus = _stimulus(frames, size, settings, seed, sequence)
-        for method, sums in zip(
-            methods, _measured(stimulus, methods, settings, on_progress, parts), strict=True
+        for detector, sums in zip(
+            detectors, _measured(stimulus, detectors, settings, on_progress, parts), strict=True
         ):
             curves += [
-                _curve(stimulus, method, sums, metric, warm_up, settings)
+                _curve(stimulus, detector, sums, metric, warm_up, settings)
                 for metric in settings.metrics
             ]
     return BenchmarkResult(
         sequence=sequence,
         seed=seed,
         settings=settings,
-        methods=tuple(methods),
+        methods=tuple(detectors),
         frames=(frames.shape[0], frames.shape[1], frames.shape[2]),
         warm_up=warm_up,
         curves=tuple(curves),

@@ -4,10 +4,11 @@ A detector is a frozen parameter object. `respond` takes a whole sequence; `star
 detector as a function of successive chunks of a sequence, so that a long one never has to be in
 memory. Both give the same numbers, however the sequence is cut.
 
-To add a detector: derive from `Detector` in a file of its own, put one line into
-`megalopta.flow.detectors.registry`, write one test.
+To add a detector: derive from `Detector` in a file of its own in this folder, with a default for
+each parameter, and write one test; `megalopta.flow.detectors.registry` finds it.
 """
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Annotated, Any, ClassVar, Literal
@@ -41,6 +42,9 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
     """Motion to the right and to the left give different responses."""
 
     minimum_frames: ClassVar[int] = 1
+
+    place: ClassVar[float] = math.inf
+    """Where it stands in lists and legends; without one after those that have, by name"""
 
     name: Annotated[str, Field(min_length=1)]
     """Short name, as in the legends of the literature"""

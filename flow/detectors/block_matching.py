@@ -13,7 +13,7 @@ without rounding up to 2⁵³ in a block.
 """
 
 from functools import partial
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numba import njit
@@ -26,6 +26,8 @@ from megalopta.flow.detectors.blocks import BlockGrid
 
 class BlockMatching(BlockDetector, frozen=True):
     """Whole-pixel velocity of each block by exhaustive search."""
+
+    place: ClassVar[float] = 1
 
     name: str = "BM"
     """Short name"""

@@ -154,6 +154,7 @@ def _settled(filter_step: float, output_step: float, power: int) -> int:
 class ElementaryMotionDetector(CorrelationDetector, frozen=True):
     """EMD: directional, positive for motion toward +x; Hassenstein and Reichardt."""
 
+    place: ClassVar[float] = 3
     tells_direction: ClassVar[bool] = True
 
     name: str = "EMD"
@@ -172,6 +173,8 @@ class ElementaryMotionDetector(CorrelationDetector, frozen=True):
 
 class NonDirectionalMultiplication(CorrelationDetector, frozen=True):
     """NDM: blind to the direction of motion, quadratic in contrast."""
+
+    place: ClassVar[float] = 4
 
     name: str = "NDM"
     """Short name"""
@@ -192,6 +195,8 @@ class NonDirectionalMultiplication(CorrelationDetector, frozen=True):
 
 class NonDirectionalSummation(CorrelationDetector, frozen=True):
     """NDS: blind to the direction of motion, linear in contrast; Rivera-Alvidrez."""
+
+    place: ClassVar[float] = 5
 
     name: str = "NDS"
     """Short name"""

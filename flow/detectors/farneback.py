@@ -7,14 +7,15 @@ Right and lower neighbors beyond the frame count as unmatched texture: two equal
 of exactly 0 only away from the border.
 """
 
-from typing import Annotated
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from megalopta.flow.detectors.base import FloatArray
 from megalopta.flow.detectors.blocks import BlockGrid
-from megalopta.flow.detectors.gray_detector import Estimator, GrayDetector, mean_over_blocks
+from megalopta.flow.detectors.dense_detector import DenseDetector, PairFlow
 from megalopta.flow.detectors.opencv import one_thread
 
 _NEIGHBORHOOD_PX = 5
@@ -26,8 +27,10 @@ _GRAY_LEVELS = 255
 """The estimator's regularization is an absolute number, made for 8-bit pictures."""
 
 
-class Farneback(GrayDetector, frozen=True):
+class Farneback(DenseDetector, frozen=True):
     """Dense flow from local quadratic polynomials, averaged over blocks."""
+
+    place: ClassVar[float] = 8
 
     name: str = "FB"
     """Short name"""
@@ -41,15 +44,15 @@ class Farneback(GrayDetector, frozen=True):
     pyramid_levels: Annotated[int, Field(ge=1)] = 3
     """Largest number of levels, the frames themselves included; 1 is no pyramid"""
 
-    def _estimator(self, grid: BlockGrid) -> Estimator:
+    def _dense(self, grid: BlockGrid) -> PairFlow:
         import cv2
 
         window = max(1, round(self.window_blocks * grid.block_px))
 
-        def estimate(pair: FloatArray) -> FloatArray:
+        def flow(pair: FloatArray) -> NDArray[Any]:
             first, second = (_GRAY_LEVELS * pair).astype(np.float32)
             with one_thread():
-                flow = cv2.calcOpticalFlowFarneback(
+                return cv2.calcOpticalFlowFarneback(
                     first,
                     second,
                     np.empty((*grid.shape, 2), np.float32),
@@ -61,6 +64,5 @@ class Farneback(GrayDetector, frozen=True):
                     poly_sigma=_NEIGHBORHOOD_SIGMA_PX,
                     flags=0,
                 )
-            return mean_over_blocks(flow, grid)
 
-        return estimate
+        return flow

@@ -14,14 +14,13 @@ Velocities belong to the blocks of the first frame of a pair.
 from abc import abstractmethod
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.flow.detectors.base import FloatArray, Frames, Responder, in_pairs
 from megalopta.flow.detectors.block_detector import BlockDetector
-from megalopta.flow.detectors.blocks import BlockGrid, block_sums
+from megalopta.flow.detectors.blocks import BlockGrid
 
 Estimator = Callable[[FloatArray], FloatArray]
 """Two frames (2, H, W), from 0 to 1, to the velocities of the blocks (rows, columns, 2)."""
@@ -48,18 +47,19 @@ def eight_bits(pair: FloatArray) -> NDArray[np.uint8]:
     return np.rint(255 * pair).astype(np.uint8)
 
 
-def mean_over_blocks(flow: NDArray[Any], grid: BlockGrid) -> FloatArray:
-    """Return the mean of a dense flow (H, W, 2) over each block, (rows, columns, 2)."""
-    exact = flow.astype(np.float64)
-    sums = [block_sums(exact[..., axis], grid) for axis in range(2)]
-    return np.stack(sums, axis=-1) / grid.block_px**2
+def gray_levels(pair: Frames) -> FloatArray | None:
+    """Return two frames (2, H, W) with gray levels from 0 to 1; None without any contrast."""
+    exact = pair.astype(np.float64)
+    darkest, brightest = exact.min(), exact.max()
+    if brightest > darkest:
+        return np.asarray((exact - darkest) / (brightest - darkest))
+    return None
 
 
 def _velocities(grid: BlockGrid, estimate: Estimator, frames: Frames) -> FloatArray:
     velocities = np.full((len(frames) - 1, grid.rows, grid.columns, 2), np.nan)
     for index in range(len(frames) - 1):
-        pair = frames[index : index + 2].astype(np.float64)
-        darkest, brightest = pair.min(), pair.max()
-        if brightest > darkest:
-            velocities[index] = estimate((pair - darkest) / (brightest - darkest))
+        pair = gray_levels(frames[index : index + 2])
+        if pair is not None:
+            velocities[index] = estimate(pair)
     return velocities

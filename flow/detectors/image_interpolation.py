@@ -14,7 +14,7 @@ velocity (NaN).
 """
 
 from functools import partial
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numba import njit
@@ -29,6 +29,8 @@ _SINGULAR = 1e-9
 
 class ImageInterpolation(BlockDetector, frozen=True):
     """Least-squares velocity of each block from references one pixel to either side."""
+
+    place: ClassVar[float] = 2
 
     name: str = "IIA"
     """Short name"""

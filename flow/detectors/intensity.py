@@ -16,6 +16,7 @@ from megalopta.flow.detectors.base import Detector, FloatArray, Frames, Responde
 class IntensityMeasurement(Detector, frozen=True):
     """The scaled pixel values, dark counts included."""
 
+    place: ClassVar[float] = 6
     gives: ClassVar[Literal["response", "velocity"]] = "response"
     ignores_offset: ClassVar[bool] = False
 

@@ -6,18 +6,15 @@ et al. 2016). The preset sets how many patches, steps and levels; all of them st
 above the frames. It fills gaps in the texture from around them, so no block lacks a velocity.
 """
 
-from typing import Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from megalopta.flow.detectors.base import FloatArray
 from megalopta.flow.detectors.blocks import BlockGrid
-from megalopta.flow.detectors.gray_detector import (
-    Estimator,
-    GrayDetector,
-    eight_bits,
-    mean_over_blocks,
-)
+from megalopta.flow.detectors.dense_detector import DenseDetector, PairFlow
+from megalopta.flow.detectors.gray_detector import eight_bits
 from megalopta.flow.detectors.opencv import one_thread
 
 _SMALLEST_FRAME_PX = 12
@@ -25,8 +22,10 @@ _SMALLEST_FRAME_PX = 12
 Preset = Literal["ultrafast", "fast", "medium"]
 
 
-class DenseInverseSearch(GrayDetector, frozen=True):
+class DenseInverseSearch(DenseDetector, frozen=True):
     """Dense flow from overlapping tracked patches, averaged over blocks."""
+
+    place: ClassVar[float] = 9
 
     name: str = "DIS"
     """Short name"""
@@ -37,7 +36,7 @@ class DenseInverseSearch(GrayDetector, frozen=True):
     preset: Preset = "medium"
     """OpenCV's choice between speed and accuracy"""
 
-    def _estimator(self, grid: BlockGrid) -> Estimator:
+    def _dense(self, grid: BlockGrid) -> PairFlow:
         import cv2
 
         height, width = grid.shape
@@ -48,13 +47,12 @@ class DenseInverseSearch(GrayDetector, frozen=True):
             )
         search = cv2.DISOpticalFlow.create(_presets()[self.preset])
 
-        def estimate(pair: FloatArray) -> FloatArray:
+        def flow(pair: FloatArray) -> NDArray[Any]:
             first, second = eight_bits(pair)
             with one_thread():
-                flow = search.calc(first, second, np.zeros((*grid.shape, 2), np.float32))
-            return mean_over_blocks(flow, grid)
+                return search.calc(first, second, np.zeros((*grid.shape, 2), np.float32))
 
-        return estimate
+        return flow
 
 
 def _presets() -> dict[Preset, int]:

@@ -11,7 +11,7 @@ eigenvalue of its structure tensor is below OpenCV's threshold, about a tenth of
 level per pixel. Nor has a window that was tracked out of the frame.
 """
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -26,6 +26,8 @@ _SMALLEST_WINDOW_PX = 3
 
 class LucasKanade(GrayDetector, frozen=True):
     """Newton search for the shift of a window around each block, coarse to fine."""
+
+    place: ClassVar[float] = 7
 
     name: str = "LK"
     """Short name"""

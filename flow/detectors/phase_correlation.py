@@ -12,7 +12,7 @@ cross-correlation, which needs fewer photons.
 Every block gets the same velocity: the method sees all photons of a frame, and no parallax.
 """
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -27,6 +27,8 @@ _FADING = 0.5
 
 class PhaseCorrelation(GrayDetector, frozen=True):
     """The one shift of the whole frame, given to every block."""
+
+    place: ClassVar[float] = 11
 
     name: str = "PC"
     """Short name"""

@@ -27,6 +27,7 @@ from megalopta.flow.detectors.shot_noise_blur import SmoothedFrame
 class PoissonMatching(BlockDetector, frozen=True):
     """Velocity of each block by the likelihood of its counts in two frames."""
 
+    place: ClassVar[float] = 12
     ignores_offset: ClassVar[bool] = False
     takes_counts: ClassVar[bool] = True
 

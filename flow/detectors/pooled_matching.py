@@ -16,7 +16,7 @@ pair under the assumption that nothing has accelerated since the oldest frame; a
 sequence there are fewer frames to pool.
 """
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -31,6 +31,8 @@ _REFINING_RADIUS_PX = 2
 
 class PooledMatching(PoissonMatching, frozen=True):
     """Velocity of each block by the likelihood of its counts in several frames."""
+
+    place: ClassVar[float] = 13
 
     name: str = "PPM"
     """Short name"""

@@ -1,61 +1,71 @@
-"""The detectors by name, the thesis's with its parameters. A new detector gets one line here."""
+"""The detectors by name: those of the files of this folder, then those of other packages.
 
-from collections.abc import Mapping
-from types import MappingProxyType
+A class of a file of this folder that is a detector and has a default for each of its parameters
+stands here with these, in the order of `Detector.place`. Other packages name theirs, classes or
+instances, in the entry points `megalopta.detectors` (`megalopta.plug_ins`). A function from Python
+takes the place of a name without any of this, see `detector_from`.
+"""
+
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from inspect import isabstract
+from pathlib import Path
+from pkgutil import iter_modules
+from types import MappingProxyType, ModuleType
+from typing import Any, TypeAlias
 
 from megalopta.flow.detectors.base import Detector
-from megalopta.flow.detectors.block_matching import BlockMatching
-from megalopta.flow.detectors.correlation import (
-    ElementaryMotionDetector,
-    NonDirectionalMultiplication,
-    NonDirectionalSummation,
-)
-from megalopta.flow.detectors.farneback import Farneback
-from megalopta.flow.detectors.image_interpolation import ImageInterpolation
-from megalopta.flow.detectors.intensity import IntensityMeasurement
-from megalopta.flow.detectors.inverse_search import DenseInverseSearch
-from megalopta.flow.detectors.lucas_kanade import LucasKanade
-from megalopta.flow.detectors.phase_correlation import PhaseCorrelation
-from megalopta.flow.detectors.poisson_matching import PoissonMatching
-from megalopta.flow.detectors.pooled_matching import PooledMatching
-from megalopta.flow.detectors.total_variation import TotalVariation
+from megalopta.flow.detectors.from_function import DenseFlow, detector_from
+from megalopta.plug_ins import plug_ins
 
-_THESIS: tuple[Detector, ...] = (
-    BlockMatching(),
-    ImageInterpolation(),
-    ElementaryMotionDetector(),
-    NonDirectionalMultiplication(),
-    NonDirectionalSummation(),
-    IntensityMeasurement(),
-)
+Method: TypeAlias = str | Detector | DenseFlow
+"""A detector: by name, itself, or made of a function."""
 
-_TODAY: tuple[Detector, ...] = (
-    LucasKanade(),
-    Farneback(),
-    DenseInverseSearch(),
-    TotalVariation(),
-    PhaseCorrelation(),
-)
-
-_AT_THE_LIMIT: tuple[Detector, ...] = (PoissonMatching(), PooledMatching())
-
-METHODS: Mapping[str, Detector] = MappingProxyType(
-    {each.name: each for each in _THESIS + _TODAY + _AT_THE_LIMIT}
-)
-
-THESIS_METHODS: tuple[str, ...] = tuple(each.name for each in _THESIS)
+THESIS_METHODS: tuple[str, ...] = ("BM", "IIA", "EMD", "NDM", "NDS", "IM")
 """Names of the methods of Chapter 4, which run unless others are asked for."""
 
 
-def method(name: str) -> Detector:
-    """Return the detector of this name, in upper or lower case.
+def _in_file(module: ModuleType) -> Iterator[Detector]:
+    for value in vars(module).values():
+        is_detector = isinstance(value, type) and issubclass(value, Detector)
+        if not is_detector or value.__module__ != module.__name__ or isabstract(value):
+            continue
+        if not any(field.is_required() for field in value.model_fields.values()):
+            yield value()
+
+
+def _detector(value: Any) -> Detector:
+    found = value() if isinstance(value, type) else value
+    if not isinstance(found, Detector):
+        raise TypeError(f"{value!r} is no Detector, give one")
+    return found
+
+
+def _by_name() -> Mapping[str, Detector]:
+    room = __name__.rpartition(".")[0]
+    names = [each.name for each in iter_modules([Path(__file__).parent])]
+    ours = [each for name in names for each in _in_file(import_module(f"{room}.{name}"))]
+    ours.sort(key=lambda each: (each.place, each.name))
+    named = {each.name: each for each in ours}
+    return MappingProxyType(named | plug_ins("megalopta.detectors", _detector, named))
+
+
+METHODS: Mapping[str, Detector] = _by_name()
+
+
+def method(chosen: Method) -> Detector:
+    """Return the detector of a name, in upper or lower case, or of a function; or itself.
 
     Raises
     ------
     ValueError
-        When there is none, with the names that exist.
+        When there is none of this name, with the names that exist.
     """
+    if isinstance(chosen, Detector):
+        return chosen
+    if callable(chosen):
+        return detector_from(chosen)
     for known, detector in METHODS.items():
-        if known.casefold() == name.casefold():
+        if known.casefold() == chosen.casefold():
             return detector
-    raise ValueError(f"method {name!r} is unknown: choose from {', '.join(METHODS)}")
+    raise ValueError(f"method {chosen!r} is unknown: choose from {', '.join(METHODS)}")

@@ -5,18 +5,20 @@ itself, coarse to fine (Zach, Pock and Bischof 2007). The second term carries th
 without texture, so no block lacks a velocity; it also lets neighboring blocks share their photons.
 """
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from megalopta.flow.detectors.base import FloatArray
 from megalopta.flow.detectors.blocks import BlockGrid
-from megalopta.flow.detectors.gray_detector import Estimator, GrayDetector, mean_over_blocks
+from megalopta.flow.detectors.dense_detector import DenseDetector, PairFlow
 
 
-class TotalVariation(GrayDetector, frozen=True):
+class TotalVariation(DenseDetector, frozen=True):
     """Dense flow smoothed by its total variation, averaged over blocks."""
+
+    place: ClassVar[float] = 10
 
     name: str = "TV-L1"
     """Short name"""
@@ -27,11 +29,11 @@ class TotalVariation(GrayDetector, frozen=True):
     attachment: Annotated[float, Field(gt=0)] = 15.0
     """Weight of the frames' difference, gray levels from 0 to 1; smaller makes smoother flow"""
 
-    def _estimator(self, grid: BlockGrid) -> Estimator:
+    def _dense(self, grid: BlockGrid) -> PairFlow:
         from skimage.registration import optical_flow_tvl1
 
-        def estimate(pair: FloatArray) -> FloatArray:
+        def flow(pair: FloatArray) -> FloatArray:
             down, right = optical_flow_tvl1(*pair, attachment=self.attachment, dtype=np.float64)
-            return mean_over_blocks(np.stack((right, down), axis=-1), grid)
+            return np.stack((right, down), axis=-1)
 
-        return estimate
+        return flow

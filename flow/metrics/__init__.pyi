@@ -11,7 +11,11 @@ from .endpoint_error import TruthError, block_flow, block_share, truth_error
 from .photon_threshold import Threshold, format_flux
 from .response_error import METRICS, ErrorSums, Metric, combine, error_sums
 from .splits import FAST_PX, OCCLUDED_SHARE, SLOW_PX, truth_splits
-from .translation_bound import least_covariance, least_covariance_along_x, translation_information
+from .translation_bound import (
+    cramer_rao_covariance,
+    cramer_rao_covariance_along_x,
+    fisher_information,
+)
 
 __all__ = [
     "FAST_PX",
@@ -29,19 +33,19 @@ __all__ = [
     "bound_photons",
     "combine",
     "confined_velocities",
+    "cramer_rao_covariance",
+    "cramer_rao_covariance_along_x",
     "d_prime",
     "error_curve",
     "error_sums",
     "false_alarm_rate",
+    "fisher_information",
     "format_flux",
     "is_within",
-    "least_covariance",
-    "least_covariance_along_x",
     "motion_evidence",
     "photons_for_half",
     "rightward_evidence",
     "roc",
-    "translation_information",
     "truth_error",
     "truth_splits",
     "variance_efficiency",

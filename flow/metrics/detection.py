@@ -77,7 +77,7 @@ def roc(noise: FloatArray, signal: FloatArray) -> Roc:
     return Roc(*shares)
 
 
-def area(noise: FloatArray, signal: FloatArray) -> float:
+def roc_auc(noise: FloatArray, signal: FloatArray) -> float:
     """Return the area under the ROC: the chance that a signal exceeds a noise, ties half.
 
     Raises
@@ -92,7 +92,7 @@ def area(noise: FloatArray, signal: FloatArray) -> float:
 
 
 def d_prime(noise: FloatArray, signal: FloatArray) -> float:
-    """Return d′ = √2·Φ⁻¹(area); negative when the noise exceeds the signal more often.
+    """Return d′ = √2·Φ⁻¹(A); negative when the noise exceeds the signal more often.
 
     Samples without any overlap only say that d′ is large: the area is kept half a pair away from 0
     and 1, which limits d′ to 6.1 with 256 noises and 256 signals.
@@ -102,7 +102,7 @@ def d_prime(noise: FloatArray, signal: FloatArray) -> float:
     ValueError
         When either is empty or holds NaN.
     """
-    measured = area(noise, signal)
+    measured = roc_auc(noise, signal)
     half_a_pair = 0.5 / (float(noise.size) * signal.size)
     kept = min(max(measured, half_a_pair), 1 - half_a_pair)
     return math.sqrt(2) * float(ndtri(kept))

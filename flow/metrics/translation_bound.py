@@ -28,7 +28,7 @@ _SINGULAR = 1e-9
 """Share of J_xx·J_yy below which the determinant is rounding: gradients of one direction only."""
 
 
-def translation_information(means: FloatArray, grid: BlockGrid) -> FloatArray:
+def fisher_information(means: FloatArray, grid: BlockGrid) -> FloatArray:
     """Return the Fisher information J of one frame on the displacement of each block.
 
     Parameters
@@ -61,7 +61,7 @@ def translation_information(means: FloatArray, grid: BlockGrid) -> FloatArray:
     return np.stack((xx, xy, xy, yy), axis=-1).reshape(*xx.shape, 2, 2)
 
 
-def least_covariance(information: FloatArray, frames: int = 2) -> FloatArray:
+def cramer_rao_covariance(information: FloatArray, frames: int = 2) -> FloatArray:
     """Return the least covariance of a block's velocity, (..., 2, 2) in (px/frame)².
 
     Parameters
@@ -85,8 +85,8 @@ def least_covariance(information: FloatArray, frames: int = 2) -> FloatArray:
     return np.where(solvable[..., np.newaxis, np.newaxis], covariance, np.inf)
 
 
-def least_covariance_along_x(information: FloatArray, frames: int = 2) -> FloatArray:
-    """Return `least_covariance` for a method that knows that nothing moves along y."""
+def cramer_rao_covariance_along_x(information: FloatArray, frames: int = 2) -> FloatArray:
+    """Return `cramer_rao_covariance` for a method that knows that nothing moves along y."""
     spread = frames * (frames**2 - 1) / 12
     covariance = np.zeros_like(information)
     with np.errstate(divide="ignore"):

@@ -53,7 +53,7 @@ def run_check_physics(plots: Path | None = None, console: Console | None = None)
     """
     plots = plots and ensure_directory(plots)
     console = console or Console()
-    order = " → ".join(effect.field for effect in ORDER_OF_EFFECTS)
+    order = " → ".join(ORDER_OF_EFFECTS)
     console.print(f"order of effects: {order}", highlight=False)
     rows = run_checks((*counting_checks(), *EFFECT_CHECKS))
     console.print(table_of(rows))

@@ -76,14 +76,20 @@ class Configuration(
     )
     """Levels to sense at, by name or in lux: the rendered light is scaled, its color kept."""
 
-    sensors: Annotated[tuple[ImageSensor, ...], Field(min_length=1)] = (
+    sensors: Annotated[
+        tuple[ImageSensor, ...],
+        Field(
+            min_length=1,
+            description=f"Sensors to expose, of {', '.join(IMAGE_SENSORS)}. In YAML a preset's "
+            "name, a mapping with `preset` and changes to it, one of `kind` spad or ctia with all "
+            "of its fields, or the path of a measured device's YAML file; `efficiency: {path: "
+            "FILE.csv}` is a curve, `measured: {dark_counts: FILE.npy}` a map. Paths are relative "
+            "to the file that they stand in; on the command line, to the working folder.",
+        ),
+    ] = (
         IMAGE_SENSORS["spadcam"],
         IMAGE_SENSORS["ideal"],
     )
-    """Sensors to expose. In YAML a preset's name, a mapping with `preset` and changes to it, one of
-    `kind` spad or ctia with all of its fields, or the path of a measured device's YAML file;
-    `efficiency: {path: FILE.csv}` is a curve, `measured: {dark_counts: FILE.npy}` a map. Paths are
-    relative to the file that they stand in; on the command line, to the working folder."""
 
     methods: Annotated[
         tuple[str, ...],

@@ -59,6 +59,8 @@ def settings_of(model: BaseModel, prefix: str = "") -> Iterator[tuple[str, str, 
         if isinstance(value, BaseModel):
             yield from settings_of(value, f"{path}.")
         elif parts and isinstance(parts[0], BaseModel):
+            names = [getattr(part, "name", type(part).__name__) for part in parts]
+            yield path, field.description or "", names
             for index, part in enumerate(parts):
                 yield from settings_of(part, f"{path}.{index}.")
         else:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from megalopta.assets_gen.patterns import tileable_noise
 from megalopta.experiments.trial import Floats
-from megalopta.flow.detectors import Detector
+from megalopta.flow.detectors import Detector, Method, method
 from megalopta.flow.metrics import (
     Roc,
     d_prime,
@@ -60,8 +60,9 @@ class Detection:
     """Of moving against still"""
 
 
-def detections(detectors: Sequence[Detector], flux: float) -> list[Detection]:
+def detections(methods: Sequence[Method], flux: float) -> list[Detection]:
     """Return what each method can tell at one flux (photons per frame), from the same counts."""
+    detectors = [method(each) for each in methods]
     settling = max(each.memory_frames for each in detectors)
     sequences = {
         name: [_counts(name, view, settling + SCORED_FRAMES, flux) for view in range(VIEWS)]

@@ -6,7 +6,7 @@ margin of 7 px (`flow.efficiency`) and is held against the true velocity, 2.87 p
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,15 +17,15 @@ from megalopta.assets_gen import generator
 from megalopta.assets_gen.stimuli import dead_leaves
 from megalopta.experiments.trial import Floats
 from megalopta.flow.benchmark import milliseconds_per_frame
-from megalopta.flow.detectors import BlockDetector, BlockGrid, Detector, block_grid
+from megalopta.flow.detectors import BlockDetector, BlockGrid, Detector, Method, block_grid, method
 from megalopta.flow.metrics import (
     bound_photons,
     confined_velocities,
+    cramer_rao_covariance,
+    cramer_rao_covariance_along_x,
+    fisher_information,
     is_within,
-    least_covariance,
-    least_covariance_along_x,
     photons_for_half,
-    translation_information,
     variance_efficiency,
 )
 from megalopta.flow.stimuli import MovingTemplate, draw_counts
@@ -96,9 +96,7 @@ def information(clean: Floats, margin_px: int = 0) -> Floats:
     margin_px : int
         Pixels around each block that are counted with it.
     """
-    pixels = np.stack(
-        [translation_information(each[-1], BlockGrid(GRID.shape, 1)) for each in clean]
-    )
+    pixels = np.stack([fisher_information(each[-1], BlockGrid(GRID.shape, 1)) for each in clean])
     side, step = GRID.block_px + 2 * margin_px, GRID.block_px
     windows = sliding_window_view(pixels, (side, side), axis=(1, 2))
     first = step - margin_px
@@ -108,23 +106,23 @@ def information(clean: Floats, margin_px: int = 0) -> Floats:
 
 def bound(information: Floats, frames: int) -> float:
     """Return the photons per frame that the bound needs for a median endpoint error of 25 %."""
-    return bound_photons(least_covariance(information, frames), SPEED_PX, LEVEL)
+    return bound_photons(cramer_rao_covariance(information, frames), SPEED_PX, LEVEL)
 
 
 def bound_along_x(information: Floats) -> float:
     """Return `bound` of two frames for the x component, were it known that nothing moves in y."""
-    return bound_photons(least_covariance_along_x(information), SPEED_PX, LEVEL)
+    return bound_photons(cramer_rao_covariance_along_x(information), SPEED_PX, LEVEL)
 
 
-def ranked(clean: Floats, methods: Mapping[str, Detector]) -> list[Entry]:
+def ranked(clean: Floats, methods: Iterable[Method]) -> list[Entry]:
     """Return the methods that give a velocity, fewest photons first.
 
     Parameters
     ----------
     clean : (n, FRAMES, H, W)
         From `sequences`.
-    methods : mapping
-        Names to detectors; those that give no velocity of blocks are passed over.
+    methods
+        Names, detectors or functions; those that give no velocity of blocks are passed over.
     """
     known, known_with_margin = information(clean), information(clean, MARGIN_PX)
     drawn: dict[float, list[NDArray[np.unsignedinteger]]] = {}
@@ -151,7 +149,7 @@ def ranked(clean: Floats, methods: Mapping[str, Detector]) -> list[Entry]:
             milliseconds_per_frame(detector, counts(_TIMING_FLUX)[0]),
         )
 
-    entries = [entry(each) for each in methods.values() if isinstance(each, BlockDetector)]
+    entries = [entry(each) for each in map(method, methods) if isinstance(each, BlockDetector)]
     return sorted(entries, key=lambda each: (each.photons, each.detector.name))
 
 
@@ -176,7 +174,7 @@ def efficiencies(
         Independent draws of each sequence; the variance of each block is over them.
     """
     frames = detector.memory_frames + 1
-    least = least_covariance(information(clean), frames)
+    least = cramer_rao_covariance(information(clean), frames)
     result = []
     for flux in fluxes:
         velocities = [

@@ -6,16 +6,19 @@ and no stale result is ever used. Any `concurrent.futures` executor does: thread
 release Python's lock), processes, or that of a Dask cluster, `Client.get_executor()`.
 """
 
+import inspect
 import json
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
+from functools import cache
 from pathlib import Path
 
 from megalopta import files
 from megalopta.errors import UserError
 from megalopta.experiments import trial
 from megalopta.experiments.trial import Floats, Template, Trial, measure, template_names
+from megalopta.flow.detectors import Detector
 from megalopta.flow.metrics import ErrorCurve
 from megalopta.flow.stimuli import BlackFrameError
 from megalopta.folders import ensure_directory, locked
@@ -59,7 +62,8 @@ def run_trials(
     # the longest first, so that no worker is left alone with one at the end
     for each in sorted(set(trials), key=lambda trial: (-trial.size, trial.model_dump_json())):
         template = hashes[each.template]
-        path = store / f"{digest(each.model_dump_json(), template, _code())}.json"
+        parts = each.model_dump_json(), template, _code(), *_methods(each)
+        path = store / f"{digest(*parts)}.json"
         stored = _read(path)
         if stored is None:
             stimulus = digest(json.dumps(each.stimulus), template)
@@ -132,6 +136,16 @@ def _work(trial: Trial) -> int:
 def _code() -> str:
     """Return the hash of the code that measures, and of the libraries that it measures with."""
     return code_digest("megalopta.flow", "megalopta.sensor.sampling", trial.__name__)
+
+
+def _methods(trial: Trial) -> list[str]:
+    """Return parameters and code of the detectors, which may be other packages'."""
+    return [each.model_dump_json() + _source(type(each)) for each in trial.detectors]
+
+
+@cache
+def _source(detector: type[Detector]) -> str:
+    return Path(inspect.getfile(detector)).read_text("utf-8")
 
 
 def _read(path: Path) -> Curves | None:

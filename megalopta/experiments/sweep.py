@@ -109,7 +109,7 @@ class Sweep(
     @cached_property
     def points(self) -> tuple[Point, ...]:
         """The trials: sizes, in them values, in them templates."""
-        fixed = self.trial.model_dump(mode="json")
+        fixed = {**self.trial.model_dump(mode="json"), "methods": self.trial.methods}
         found: list[tuple[Value, Trial]] = []
         for size, value, template in product(
             self.sizes or (self.trial.size,), self.values, self.templates or (self.trial.template,)

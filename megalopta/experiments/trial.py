@@ -10,7 +10,15 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    Field,
+    InstanceOf,
+    SerializeAsAny,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from megalopta.assets_gen.stimuli import GratingVariant, moving_cycles, sine_grating
 from megalopta.flow.benchmark import SearchSettings, each_once, photon_search
@@ -128,7 +136,7 @@ class Trial(_Record, frozen=True):
     """Whether frames are smeared by the motion within a frame"""
 
     methods: Annotated[
-        tuple[str, ...],
+        tuple[str | SerializeAsAny[InstanceOf[Detector]], ...],
         Field(min_length=1, description=f"Names of the detectors: {', '.join(METHODS)}"),
     ] = THESIS_METHODS
 
@@ -138,10 +146,19 @@ class Trial(_Record, frozen=True):
     seed: Annotated[int, Field(ge=0)] = 0
     """Of all random numbers"""
 
+    @field_validator("methods", mode="before")
+    @classmethod
+    def _functions_too(cls, methods: Any) -> Any:
+        """In Python a detector or a function may stand for a name."""
+        is_list = isinstance(methods, list | tuple)
+        return tuple(method(m) if callable(m) else m for m in methods) if is_list else methods
+
     @field_validator("methods")
     @classmethod
-    def _known_once(cls, names: tuple[str, ...]) -> tuple[str, ...]:
-        return each_once(tuple(method(name).name for name in names))
+    def _known_once(cls, methods: tuple[str | Detector, ...]) -> tuple[str | Detector, ...]:
+        found = tuple(map(method, methods))
+        each_once(tuple(each.name for each in found))
+        return tuple(each.name if METHODS.get(each.name) == each else each for each in found)
 
     @model_validator(mode="after")
     def _is_resolved(self) -> "Trial":
@@ -158,7 +175,8 @@ class Trial(_Record, frozen=True):
 
     @model_validator(mode="after")
     def _moves(self) -> "Trial":
-        motion = [name for name in self.methods if name != IntensityMeasurement().name]
+        intensity = IntensityMeasurement()
+        motion = [each.name for each in self.detectors if each != intensity]
         if self.velocity_px == 0 and motion:
             raise ValueError(
                 f"velocity_px 0: nothing moves, so the errors of {', '.join(motion)} are undefined;"
@@ -180,7 +198,7 @@ class Trial(_Record, frozen=True):
     @property
     def detectors(self) -> tuple[Detector, ...]:
         """The methods."""
-        return tuple(METHODS[name] for name in self.methods)
+        return tuple(map(method, self.methods))
 
     @property
     def stimulus(self) -> Mapping[str, Any]:

@@ -209,7 +209,7 @@ def _missing(sweep: Sweep, results: Results) -> str:
     }
     found: dict[tuple[str, str], dict[str, None]] = {}
     for point in sweep.points:
-        for method in sweep.trial.methods:
+        for method in (each.name for each in sweep.trial.detectors):
             threshold = threshold_of(
                 results, point.trial, method, search.metrics[0], search.bits[0]
             )
@@ -227,7 +227,7 @@ def _missing(sweep: Sweep, results: Results) -> str:
 def _draw_panel(axes: Axes, sweep: Sweep, results: Results, size: int) -> None:
     search = sweep.trial.search
     values: list[Value] = []
-    for method in sweep.trial.methods:
+    for method in (each.name for each in sweep.trial.detectors):
         curve = sweep_curve(sweep, results, size, method, search.metrics[0], search.bits[0])
         if not _is_text([value for value, _ in curve]):
             curve.sort(key=lambda point: float(point[0]))

@@ -60,10 +60,7 @@ def count_moments(
 
 def _is_simple(effects: AvalancheEffects) -> bool:
     """Whether the counts of a pixel have a law that can be drawn from."""
-    if effects.afterpulsing.is_on:
-        return False
-    is_coupled = effects.gate.is_on or effects.crosstalk.is_on
-    return effects.dead_time.kind == "ideal" or not is_coupled
+    return effects.on <= {"gate", "crosstalk"} or effects.on == {"dead_time"}
 
 
 def _moments_with_light_of_neighbors(

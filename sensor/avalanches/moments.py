@@ -53,14 +53,15 @@ def pixel_moments(
     rate_hz: Floats, exposure_s: float, effects: AvalancheEffects
 ) -> tuple[Floats, Floats]:
     """Mean and variance of the counts of one exposure, for an array of rates of any shape."""
-    dead, traps, gate, _ = effects
-    if traps.is_on and dead.kind == "ideal" and not (gate.is_on or traps.table_delays_s):
+    dead, traps, on = effects.dead_time, effects.afterpulsing, effects.on - {"crosstalk"}
+    if on == {"afterpulsing"} and not traps.table_delays_s:
         check_arrivals(rate_hz, exposure_s)
         return afterpulsing.moments(rate_hz, exposure_s, traps, dead.start == "stationary")
-    if traps.is_on or (dead.kind == "nonparalyzable" and gate.is_on):
-        check_arrivals(rate_hz, exposure_s)
-        return _interpolated_moments(rate_hz, exposure_s, effects)
-    return _moments_without_afterpulses(rate_hz, exposure_s, effects)
+    has_law = len(on) < 2 or dead.kind == "paralyzable"
+    if on <= {"dead_time", "gate"} and has_law:
+        return _moments_without_afterpulses(rate_hz, exposure_s, effects)
+    check_arrivals(rate_hz, exposure_s)
+    return _interpolated_moments(rate_hz, exposure_s, effects)
 
 
 def open_rate(rate_hz: Floats, exposure_s: float, effects: AvalancheEffects) -> Floats:
@@ -72,7 +73,7 @@ def _moments_without_afterpulses(
     rate_hz: Floats, exposure_s: float, effects: AvalancheEffects
 ) -> tuple[Floats, Floats]:
     """Exact, but for a gate with non-paralyzable dead time."""
-    dead, _, gate, _ = effects
+    dead, gate = effects.dead_time, effects.gate
     if gate.period_s and gate.width_s and gate.is_on and dead.kind == "paralyzable":
         check_arrivals(rate_hz, exposure_s)
         window = gate.period_s, gate.width_s, gate.phase_s
@@ -129,8 +130,7 @@ def _simulated_moments(
 
     A piece is so long that only neighboring ones are correlated, and holds whole gate periods.
     """
-    dead, traps, gate, _ = effects
-    memory_s = traps.memory_s * traps.is_on
+    dead, gate, memory_s = effects.dead_time, effects.gate, effects.memory_s
     remembered_s = _PART_OF_MEMORY * memory_s + _DEAD_TIMES_REMEMBERED * dead.dead_time_s
     piece_s = max(_ARRIVALS_OF_A_PIECE / rate_hz, remembered_s)
     if gate.period_s:

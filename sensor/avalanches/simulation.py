@@ -42,12 +42,22 @@ Floats = NDArray[np.float64]
 
 
 class AvalancheEffects(NamedTuple):
-    """What decides which avalanches occur; hashable."""
+    """What decides which avalanches occur, by the names of the fields of `Sensor`; hashable."""
 
-    dead_time: DeadTime
-    afterpulsing: Afterpulsing
-    gate: Gate
-    crosstalk: Crosstalk
+    dead_time: DeadTime = DeadTime()
+    afterpulsing: Afterpulsing = Afterpulsing()
+    gate: Gate = Gate()
+    crosstalk: Crosstalk = Crosstalk()
+
+    @property
+    def on(self) -> frozenset[str]:
+        """Names of those that are on."""
+        return frozenset(name for name in self._fields if getattr(self, name).is_on)
+
+    @property
+    def memory_s(self) -> float:
+        """Time after which a pixel has forgotten its past, dead times apart, s."""
+        return sum(effect.memory_s for effect in self if effect.is_on)
 
 
 class _Parameters(NamedTuple):
@@ -96,7 +106,7 @@ def simulate_events(
 
 
 def _parameters(exposure_s: float, effects: AvalancheEffects) -> tuple[_Parameters, _Tables]:
-    dead_time, afterpulsing, gate, crosstalk = effects
+    dead_time, afterpulsing, gate = effects.dead_time, effects.afterpulsing, effects.gate
     is_stationary = dead_time.start == "stationary"
     dead_time_s = 0.0 if dead_time.kind == "ideal" else dead_time.dead_time_s
     parameters = _Parameters(
@@ -114,15 +124,13 @@ def _parameters(exposure_s: float, effects: AvalancheEffects) -> tuple[_Paramete
     tables = _Tables(
         np.array(afterpulsing.table_delays_s, np.float64),
         np.array(afterpulsing.table_cumulative, np.float64),
-        neighborhood(crosstalk),
+        neighborhood(effects.crosstalk),
     )
     return parameters, tables
 
 
 def _memory_s(dead_time_s: float, effects: AvalancheEffects) -> float:
-    carriers = effects.afterpulsing.memory_s if effects.afterpulsing.is_on else 0.0
-    is_disturbed = effects.afterpulsing.is_on or effects.crosstalk.is_on or effects.gate.is_on
-    return carriers + 20 * dead_time_s * is_disturbed
+    return effects.memory_s + 20 * dead_time_s * bool(effects.on - {"dead_time"})
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]

@@ -21,13 +21,15 @@ The error of a reading, before it is rounded to whole counts, has mean 0 and var
 Source: dissertation §2.4.2.
 """
 
-from typing import Annotated, Literal, NamedTuple, Self
+from typing import Annotated, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 
+from megalopta.sensor.counters.digital import DigitalCounter
+from megalopta.sensor.effects import Effect, Stage
 from megalopta.sensor.sampling import pixel_normals
 
 _LARGEST_CAPACITY = 65535
@@ -37,10 +39,13 @@ _LARGEST_Z = 9
 Floats = NDArray[np.float64]
 
 
-class AnalogCounter(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class AnalogCounter(Effect, frozen=True):
     """A counter that keeps its count as a voltage."""
+
+    stage: ClassVar[Stage] = Stage.READOUT
+    statement: ClassVar[str] = (
+        "avalanches are counted, as far as the counter goes, and read (frames only)"
+    )
 
     kind: Literal["analog"] = "analog"
     """Counts in volts."""
@@ -85,6 +90,11 @@ class AnalogCounter(
                 f"{_LARGEST_CAPACITY} are stored: make it larger or lower swing_v"
             )
         return self
+
+    @classmethod
+    def off(cls) -> DigitalCounter:
+        """Return a counter that is practically never full."""
+        return DigitalCounter()
 
     @property
     def capacity(self) -> int:

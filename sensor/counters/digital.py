@@ -4,14 +4,16 @@ A digital counter of n bits holds 2ⁿ − 1. One more event and it stays there 
 again at zero (wrapping). A reading that may stand for a larger number is flagged: at capacity where
 it saturates, past it where it wraps. Without that, mean and variance are those of the events.
 
-For the analog counter see `analog_counter`.
+For the analog counter see `analog`.
 """
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field
+from pydantic import Field
+
+from megalopta.sensor.effects import Effect, Stage
 
 LARGEST_CAPACITY = 2**32 - 1
 """Counts are stored in at most 32 bits."""
@@ -19,10 +21,13 @@ LARGEST_CAPACITY = 2**32 - 1
 Counts = NDArray[np.uint16] | NDArray[np.uint32]
 
 
-class DigitalCounter(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class DigitalCounter(Effect, frozen=True):
     """A digital counter."""
+
+    stage: ClassVar[Stage] = Stage.READOUT
+    statement: ClassVar[str] = (
+        "avalanches are counted, as far as the counter goes, and read (frames only)"
+    )
 
     kind: Literal["digital"] = "digital"
     """Counts in bits."""
@@ -30,6 +35,11 @@ class DigitalCounter(
     """Largest count it can hold (counts): 2ⁿ − 1 for n bits."""
     overflow: Literal["saturate", "wrap"] = "saturate"
     """What one event too many does: nothing, or start again at zero."""
+
+    @property
+    def is_on(self) -> bool:
+        """Whether it is ever full."""
+        return self.capacity < LARGEST_CAPACITY
 
     @classmethod
     def of_bits(cls, bits: int, overflow: Literal["saturate", "wrap"] = "saturate") -> Self:

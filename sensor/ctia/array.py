@@ -19,8 +19,8 @@ from megalopta.sensor.ctia.integration import Pixel, discharge
 from megalopta.sensor.ctia.model import CtiaSensor, pixels
 from megalopta.sensor.ctia.noise import draw_noise, noise_variance
 from megalopta.sensor.ctia.photodiode import ELEMENTARY_CHARGE_C, Floats, Reals
+from megalopta.sensor.optics import check_brightness, detected_rate
 from megalopta.sensor.sampling import generator
-from megalopta.sensor.spad import detection_rate
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,8 @@ class CtiaExposure:
 
 def photocurrent(radiance: ArrayLike, bands_nm: ArrayLike, sensor: CtiaSensor) -> Floats:
     """Photocurrent of every pixel, (T, H, W) in A; parameters as for `expose_ctia`."""
-    return ELEMENTARY_CHARGE_C * detection_rate(radiance, bands_nm, sensor.optics)
+    rate = detected_rate(radiance, bands_nm, sensor)
+    return ELEMENTARY_CHARGE_C * check_brightness(rate, sensor.exposure_s)
 
 
 def expose_ctia(
@@ -57,20 +58,10 @@ def expose_ctia(
     first_frame: int = 0,
     frame_period_s: float | None = None,
 ) -> CtiaExposure:
-    """Read frames of a scene.
+    """Read frames of a scene; parameters as for `expose`, and one more.
 
     Parameters
     ----------
-    radiance : (T, H, W, B) array
-        Band means, W·m⁻²·sr⁻¹·nm⁻¹.
-    bands_nm : (B, 2) array
-        Lower and upper edge of each band, nm.
-    sensor : CtiaSensor
-    seed : int
-    sequence : str or int
-        Name of what is drawn; a frame is a function of seed, sequence and its number.
-    first_frame : int
-        Number of the first of these frames in the sequence.
     frame_period_s : float, optional
         Time from one frame to the next; by default the exposure.
 

@@ -11,20 +11,17 @@ Source: dissertation, Chapter 3, for the pixel; the array is ours.
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import BaseModel, Field
+from pydantic import Field
 
 from megalopta.sensor.ctia.bias import Bias, FixedBias, drift_rate, trimmed_bias
 from megalopta.sensor.ctia.integration import Pixel, gain_from_db
 from megalopta.sensor.ctia.noise import CtiaNoise
 from megalopta.sensor.ctia.photodiode import Floats, Photodiode
-from megalopta.sensor.optics import Efficiency, Lens
+from megalopta.sensor.optics import Efficiency, PixelOptics
 from megalopta.sensor.sampling import pixel_normals
-from megalopta.sensor.spad import Sensor
 
 
-class CtiaSensor(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class CtiaSensor(PixelOptics, frozen=True):
     """An array of photodiodes, each with a CTIA, behind a lens."""
 
     unit: ClassVar[str] = "electrons"
@@ -32,18 +29,10 @@ class CtiaSensor(
 
     kind: Literal["ctia"] = "ctia"
     """Names this kind of image sensor."""
-    name: Annotated[str, Field(min_length=1)]
-    """What the sensor is called in files and reports."""
-    source: str = ""
-    """Where its figures come from."""
-    pitch_m: Annotated[float, Field(gt=0)]
-    """Distance between the centers of neighboring pixels (m); a pixel is pitch × pitch."""
     fill_factor: Annotated[float, Field(gt=0, le=1)] = 1.0
     """Light-sensitive fraction of the pixel's area (0 to 1)."""
     exposure_s: Annotated[float, Field(gt=0)]
     """Time from reset to reading (s)."""
-    lens: Lens = Lens()
-    """The lens in front of it."""
     efficiency: Efficiency
     """Quantum efficiency: electrons per photon on the light-sensitive area, over wavelength."""
     diode: Photodiode
@@ -68,18 +57,6 @@ class CtiaSensor(
     """Which noise its readings have."""
     device_seed: int = 0
     """Which device of this kind: fixes offset, gain and dark current of every pixel."""
-
-    @property
-    def optics(self) -> Sensor:
-        """Lens, pixel and quantum efficiency as a sensor that counts every electron."""
-        return Sensor(
-            name=self.name,
-            pitch_m=self.pitch_m,
-            fill_factor=self.fill_factor,
-            exposure_s=self.exposure_s,
-            lens=self.lens,
-            efficiency=self.efficiency,
-        )
 
 
 def pixels(sensor: CtiaSensor, shape: tuple[int, int]) -> Pixel:

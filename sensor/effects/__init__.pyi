@@ -1,5 +1,6 @@
-from . import afterpulsing, bias, crosstalk, dead_time, gated_paralyzable, temperature
+from . import afterpulsing, crosstalk, dead_time, gated_paralyzable
 from .afterpulsing import Afterpulsing, draw_carriers, draw_delay
+from .base import Effect, PixelRates, Stage
 from .bias import Bias, best_excess_bias, breakdown_offset
 from .crosstalk import Crosstalk, neighborhood
 from .dark_counts import DarkCounts, dark_count_rate, mean_density
@@ -15,12 +16,14 @@ __all__ = [
     "Crosstalk",
     "DarkCounts",
     "DeadTime",
+    "Effect",
     "Gate",
     "Jitter",
+    "PixelRates",
+    "Stage",
     "Temperature",
     "afterpulsing",
     "best_excess_bias",
-    "bias",
     "breakdown_offset",
     "check_arrivals",
     "crosstalk",
@@ -37,6 +40,5 @@ __all__ = [
     "open_fraction",
     "open_time",
     "stamp",
-    "temperature",
     "wall_time",
 ]

@@ -22,21 +22,24 @@ Source: dissertation §2.3.2; Hawkes, Biometrika 58, 83 (1971).
 """
 
 from itertools import pairwise
-from typing import Annotated, Self
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 from scipy.linalg import expm
+
+from megalopta.sensor.effects.base import Effect, Stage
 
 Floats = NDArray[np.float64]
 
 
-class Afterpulsing(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class Afterpulsing(Effect, frozen=True):
     """Trapped carriers and when they come out; off by default."""
+
+    stage: ClassVar[Stage] = Stage.AVALANCHES
+    statement: ClassVar[str] = "avalanches fill traps whose carriers arrive later"
 
     mean_carriers: Annotated[float, Field(ge=0, le=0.95)] = 0.0
     """Mean number of carriers an avalanche leaves in traps (0: no afterpulsing)."""

@@ -24,21 +24,25 @@ that dependence off.
 """
 
 from collections.abc import Callable
-from typing import Annotated, Self
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 
+from megalopta.sensor.effects.base import Effect, PixelRates, Stage
 from megalopta.sensor.sampling import pixel_normals
 
 Floats = NDArray[np.float64]
 
 
-class Bias(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class Bias(Effect, frozen=True):
     """Excess bias, what depends on it and how it scatters; by default nothing does."""
+
+    stage: ClassVar[Stage] = Stage.OPERATION
+    statement: ClassVar[str] = (
+        "excess bias and its mismatch scale efficiency and dark counts of each pixel"
+    )
 
     excess_v: Annotated[float, Field(gt=0)] = 1.0
     """Bias above the nominal breakdown voltage (V)."""
@@ -74,6 +78,25 @@ class Bias(
         """Whether a pixel is anywhere but at the reference bias."""
         return self.excess_v != self.reference_v or self.breakdown_sigma_v > 0
 
+    def without_efficiency(self) -> "Bias":
+        """Return the bias with no influence on efficiency but for the onset."""
+        if self.dark_efold_v is None and self.onset_v == 0:
+            return Bias()
+        return self.model_copy(update={"efficiency_scale_v": None})
+
+    def act_on_rates(self, rates: PixelRates) -> None:
+        """Scale efficiency and dark counts of every pixel."""
+        offset = rates.breakdown_offset_v
+        if offset is None:
+            offset = breakdown_offset(self, rates.shape, rates.device_seed)
+
+        def factor(name: str, law: Callable[[Bias, ArrayLike], Floats]) -> Floats:
+            is_measured = name in rates.measured
+            return since_measurement(law, self, offset) if is_measured else law(self, offset)
+
+        rates.efficiency_factor *= factor("efficiency", efficiency_factor)
+        rates.dark_counts_hz *= factor("dark_counts", dark_count_factor)
+
 
 def breakdown_offset(bias: Bias, shape: tuple[int, int], device_seed: int) -> Floats:
     """Breakdown voltage of every pixel of a device above the nominal one, V, (rows, columns)."""
@@ -98,7 +121,7 @@ def dark_count_factor(bias: Bias, breakdown_offset_v: ArrayLike) -> Floats:
     is_sensitive = excess > bias.onset_v
     if bias.dark_efold_v is None:
         return np.asarray(is_sensitive, np.float64)
-    with np.errstate(over="ignore"):  # `fabricate` refuses what is not finite
+    with np.errstate(over="ignore"):  # `draw_fixed_pattern` refuses what is not finite
         growth = np.exp((excess - bias.reference_v) / bias.dark_efold_v)
     return np.where(is_sensitive, growth, 0.0)
 

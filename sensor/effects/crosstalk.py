@@ -16,12 +16,14 @@ itself for small c, at an edge by half of that (2.4 % and 1.2 % at p = 0.3 and f
 Source: dissertation §2.3.2.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field
+from pydantic import Field
 from scipy.ndimage import convolve
+
+from megalopta.sensor.effects.base import Effect, Stage
 
 _NEGLIGIBLE = 1e-15
 _RESPONSE_HALF_WIDTH = 12
@@ -29,10 +31,11 @@ _RESPONSE_HALF_WIDTH = 12
 Floats = NDArray[np.float64]
 
 
-class Crosstalk(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class Crosstalk(Effect, frozen=True):
     """How strongly avalanches fire neighboring pixels; off by default."""
+
+    stage: ClassVar[Stage] = Stage.AVALANCHES
+    statement: ClassVar[str] = "avalanches send light to neighboring pixels"
 
     probability: Annotated[float, Field(ge=0, le=0.8)] = 0.0
     """Mean number of neighbors that one avalanche inside the array fires (0: no crosstalk)."""

@@ -10,22 +10,26 @@ of it. The log-normal is ours: five hot pixels were measured. The rate is that o
 temperature.
 """
 
-from typing import Annotated, Self
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 from scipy.special import ndtr, ndtri
 
+from megalopta.sensor.effects.base import Effect, PixelRates, Stage
 from megalopta.sensor.sampling import pixel_uniforms
 
 _UM2_PER_M2 = 1e12
 
 
-class DarkCounts(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class DarkCounts(Effect, frozen=True):
     """Distribution of the dark count rate over the pixels; all zero: no dark counts."""
+
+    stage: ClassVar[Stage] = Stage.DEVICE
+    statement: ClassVar[str] = (
+        "carriers that are no photons' arrive too, in every pixel at a rate of its own"
+    )
 
     bulk_mean_hz_um2: Annotated[float, Field(ge=0)] = 0.0
     """Mean of the normal distribution of ordinary pixels before the cut at zero (Hz/µm²)."""
@@ -46,6 +50,17 @@ class DarkCounts(
                 f"hot_sigma_hz_um2 {self.hot_sigma_hz_um2:g}; give hot pixels a rate or none"
             )
         return self
+
+    @property
+    def is_on(self) -> bool:
+        """Whether there are any."""
+        return mean_density(self) > 0
+
+    def act_on_rates(self, rates: PixelRates) -> None:
+        """Give every pixel its dark count rate."""
+        rates.dark_counts_hz = dark_count_rate(
+            self, rates.shape, rates.active_area_m2, rates.device_seed
+        )
 
 
 def dark_count_rate(

@@ -6,13 +6,14 @@ rate is constant during the exposure. When the exposure starts, the detector is 
 has been running for long (`stationary`) and may be blind.
 """
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 
 from megalopta.sensor.effects import nonparalyzable, paralyzable
+from megalopta.sensor.effects.base import Effect, Stage
 from megalopta.sensor.sampling import draw_poisson
 
 MOST_ARRIVALS = 1e15
@@ -22,10 +23,11 @@ _SHORTEST_S = 1e-15
 Floats = NDArray[np.float64]
 
 
-class DeadTime(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class DeadTime(Effect, frozen=True):
     """Recovery of a pixel after an event."""
+
+    stage: ClassVar[Stage] = Stage.AVALANCHES
+    statement: ClassVar[str] = "what arrives while the pixel recovers is lost"
 
     kind: Literal["ideal", "nonparalyzable", "paralyzable"] = "ideal"
     """No dead time, active quench (lost arrivals do nothing) or passive quench (they extend it)."""
@@ -47,6 +49,11 @@ class DeadTime(
                 f"with kind {self.kind!r}; give a time or use kind 'ideal'"
             )
         return self
+
+    @property
+    def is_on(self) -> bool:
+        """Whether anything is lost."""
+        return self.kind != "ideal"
 
 
 def expected_counts(

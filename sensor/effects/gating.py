@@ -9,17 +9,20 @@ Without dead time counts are Poisson with mean and variance r·(open time in the
 Source: dissertation §2.3.2.
 """
 
-from typing import Annotated, Self
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 from numba import njit
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
+
+from megalopta.sensor.effects.base import Effect, Stage
 
 
-class Gate(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class Gate(Effect, frozen=True):
     """The periodic window; always open by default."""
+
+    stage: ClassVar[Stage] = Stage.AVALANCHES
+    statement: ClassVar[str] = "what arrives outside the window is lost"
 
     period_s: Annotated[float, Field(gt=0)] | None = None
     """Time from one opening to the next (s); none: not gated."""

@@ -7,25 +7,23 @@ change; neither is repaired, as the event belongs to its frame all the same.
 Source: dissertation §2.3.2; a normal distribution leaves out the diffusion tail of real devices.
 """
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field
+from pydantic import Field
+
+from megalopta.sensor.effects.base import Effect, Stage
 
 
-class Jitter(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class Jitter(Effect, frozen=True):
     """Scatter of the time stamps; none by default."""
+
+    stage: ClassVar[Stage] = Stage.READOUT
+    statement: ClassVar[str] = "time stamps of events scatter (event streams only)"
 
     sigma_s: Annotated[float, Field(ge=0)] = 0.0
     """Standard deviation of a time stamp (s)."""
-
-    @property
-    def is_on(self) -> bool:
-        """Whether time stamps scatter."""
-        return self.sigma_s > 0
 
 
 def stamp(

@@ -51,17 +51,7 @@ Floats = NDArray[np.float64]
 def moments(
     arrivals: Floats, dead_fraction: float, is_stationary: bool = False
 ) -> tuple[Floats, Floats]:
-    """Exact mean and variance of the counts.
-
-    Parameters
-    ----------
-    arrivals : (N,) float64
-        Mean number of arrivals in the exposure, r·T.
-    dead_fraction : float
-        Dead time over exposure, τ/T.
-    is_stationary : bool
-        Whether the detector has run for long, rather than being live and idle at the start.
-    """
+    """Exact mean and variance of the counts; parameters as for `nonparalyzable.moments`."""
     mean, variance = np.empty_like(arrivals), np.empty_like(arrivals)
     _fill_moments(arrivals, dead_fraction, is_stationary, mean, variance)
     return mean, variance

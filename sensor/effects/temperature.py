@@ -7,16 +7,19 @@ hardly depends on temperature. Cooling by 30 to 40 K lowers the rate by one to t
 (dissertation §2.3.1), which is ΔT of 6 to 9 K; silicon is usually given 8 to 10 K.
 """
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
-from pydantic import BaseModel, Field
+from pydantic import Field
+
+from megalopta.sensor.effects.base import Effect, PixelRates, Stage
 
 
-class Temperature(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class Temperature(Effect, frozen=True):
     """Temperature of the chip; by default that at which the dark counts were given."""
+
+    stage: ClassVar[Stage] = Stage.OPERATION
+    statement: ClassVar[str] = "temperature scales the dark counts"
 
     celsius: Annotated[float, Field(gt=-273.15, le=1000)] = 20.0
     """Temperature of the chip (°C)."""
@@ -25,9 +28,19 @@ class Temperature(
     dcr_doubling_k: Annotated[float, Field(gt=0)] = 9.0
     """Rise in temperature that doubles the dark count rate (K)."""
 
+    @property
+    def is_on(self) -> bool:
+        """Whether it is not that at which the dark counts were given."""
+        return self.celsius != self.reference_celsius
+
+    def act_on_rates(self, rates: PixelRates) -> None:
+        """Scale the dark counts."""
+        with np.errstate(invalid="ignore"):
+            rates.dark_counts_hz *= dark_count_factor(self)
+
 
 def dark_count_factor(temperature: Temperature) -> float:
     """Dark count rate relative to that at the reference temperature."""
     rise = temperature.celsius - temperature.reference_celsius
-    with np.errstate(over="ignore"):  # `fabricate` refuses what is not finite
+    with np.errstate(over="ignore"):  # `draw_fixed_pattern` refuses what is not finite
         return float(np.exp2(rise / temperature.dcr_doubling_k))

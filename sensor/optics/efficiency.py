@@ -11,19 +11,23 @@ scales it elsewhere, alike at all wavelengths.
 """
 
 from itertools import pairwise
-from typing import Annotated, Self
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 
+from megalopta.sensor.effects import Effect, Stage
 from megalopta.sensor.optics.lens import check_bands
 
 
-class Efficiency(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class Efficiency(Effect, frozen=True):
     """Photon detection efficiency over wavelength; a constant one is a curve of two points."""
+
+    stage: ClassVar[Stage] = Stage.LIGHT
+    statement: ClassVar[str] = (
+        "a fraction of the photons on the active area, by wavelength, starts an avalanche"
+    )
 
     wavelengths_nm: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Field(min_length=2)]
     """Points of the curve, increasing (nm)."""
@@ -43,6 +47,16 @@ class Efficiency(
                     f"efficiency.wavelengths_nm: {after:g} follows {before:g}; sort the curve"
                 )
         return self
+
+    @property
+    def is_on(self) -> bool:
+        """Whether a photon may be missed."""
+        return min(self.values) < 1
+
+    @classmethod
+    def off(cls) -> "Efficiency":
+        """Return an efficiency of 1."""
+        return cls(wavelengths_nm=(1.0, 1e6), values=(1.0, 1.0))
 
     def __call__(self, wavelength_nm: NDArray[np.float64]) -> NDArray[np.float64]:
         """Efficiency at each wavelength (nm) inside the curve."""

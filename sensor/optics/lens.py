@@ -15,20 +15,23 @@ Source: dissertation §2.4.5. Check figure: 17.5 nW over 100 mm² at 450 nm is 3
 photons·µm⁻²·s⁻¹, printed as 396.
 """
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel, Field
+from pydantic import Field
+
+from megalopta.sensor.effects import Effect, Stage
 
 PLANCK_TIMES_LIGHT_SPEED = 1.98644586e-25
 """h·c in J·m."""
 
 
-class Lens(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class Lens(Effect, frozen=True):
     """The lens in front of the pixels."""
+
+    stage: ClassVar[Stage] = Stage.LIGHT
+    statement: ClassVar[str] = "radiance becomes photons per second on the pixel"
 
     f_number: Annotated[float, Field(gt=0)] = 1.4
     """Focal length over aperture diameter."""
@@ -36,6 +39,11 @@ class Lens(
     """Fraction of the light that passes, the same at every wavelength."""
     falloff_fov_deg: Annotated[float, Field(gt=0, lt=180)] | None = None
     """Horizontal field of view (degrees) for cosine-fourth falloff; none: no falloff."""
+
+    @property
+    def is_on(self) -> bool:
+        """True: there is always one."""
+        return True
 
 
 def image_irradiance(radiance: ArrayLike, lens: Lens) -> NDArray[np.float64]:

@@ -5,12 +5,14 @@ the counts of a SPAD array. There is no converter: readings are float32, exact t
 full swing, where shot noise alone is 14 000, and noise can make them negative.
 """
 
-from typing import Annotated, TypeAlias
+from pathlib import Path
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
+from megalopta.plug_ins import plug_ins
 from megalopta.sensor.ctia import (
     CTIA_PRESETS,
     CtiaSensor,
@@ -21,24 +23,35 @@ from megalopta.sensor.ctia import (
     reading_electrons,
     reading_moments,
 )
-from megalopta.sensor.optics import band_efficiency
+from megalopta.sensor.optics import band_efficiency, detected_rate, photon_rate
 from megalopta.sensor.spad import (
     PRESETS,
     Exposure,
     Sensor,
     detection_rate,
+    draw_fixed_pattern,
     expected_counts,
     expose,
-    fabricate,
-    photon_rate,
+    load_sensor,
     signal_to_noise,
 )
 
 ImageSensor: TypeAlias = Annotated[Sensor | CtiaSensor, Field(discriminator="kind")]
 """A sensor of either kind; `kind` tells which."""
 
-IMAGE_SENSORS: dict[str, Sensor | CtiaSensor] = {**PRESETS, **CTIA_PRESETS}
-"""Presets of both kinds by name."""
+
+def _plugged_in(value: Any) -> Sensor | CtiaSensor:
+    """Return the sensor that an entry point holds: itself, or the path of its YAML file."""
+    found = load_sensor(value) if isinstance(value, str | Path) else value
+    if not isinstance(found, Sensor | CtiaSensor):
+        raise TypeError(f"{value!r} is no Sensor, CtiaSensor or path of a YAML file, give one")
+    return found
+
+
+_OURS: dict[str, Sensor | CtiaSensor] = {**PRESETS, **CTIA_PRESETS}
+
+IMAGE_SENSORS = _OURS | plug_ins("megalopta.sensors", _plugged_in, _OURS)
+"""Presets of both kinds by name, those of other packages' entry points included."""
 
 
 def expose_image(
@@ -83,19 +96,21 @@ def check_sensor(sensor: ImageSensor, bands_nm: ArrayLike, shape: tuple[int, int
     """
     band_efficiency(sensor.efficiency, bands_nm)
     if isinstance(sensor, Sensor):
-        fabricate(sensor, shape)
+        draw_fixed_pattern(sensor, shape)
     else:
         pixels(sensor, shape)
 
 
 def incident_photons(radiance: ArrayLike, bands_nm: ArrayLike, sensor: ImageSensor) -> Floats:
     """Photons that fall on each pixel in one exposure, (T, H, W); parameters as for `expose`."""
-    return photon_rate(radiance, bands_nm, _optics(sensor)) * sensor.exposure_s
+    return photon_rate(radiance, bands_nm, sensor) * sensor.exposure_s
 
 
 def detected_photons(radiance: ArrayLike, bands_nm: ArrayLike, sensor: ImageSensor) -> Floats:
     """Photons detected in one exposure if nothing is lost, (T, H, W); as `incident_photons`."""
-    return detection_rate(radiance, bands_nm, _optics(sensor)) * sensor.exposure_s
+    if isinstance(sensor, Sensor):
+        return detection_rate(radiance, bands_nm, sensor) * sensor.exposure_s
+    return detected_rate(radiance, bands_nm, sensor) * sensor.exposure_s
 
 
 def expected_reading(radiance: ArrayLike, bands_nm: ArrayLike, sensor: ImageSensor) -> Floats:
@@ -116,7 +131,3 @@ def reading_signal_to_noise(
     mean, variance = reading_moments(light, sensor)
     signal = mean - reading_moments(0 * light[:1], sensor)[0]
     return np.divide(signal, np.sqrt(variance), out=np.zeros_like(signal), where=variance > 0)
-
-
-def _optics(sensor: ImageSensor) -> Sensor:
-    return sensor if isinstance(sensor, Sensor) else sensor.optics

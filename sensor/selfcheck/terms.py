@@ -44,7 +44,7 @@ from megalopta.sensor.selfcheck.comparison import (
     mean_row,
     variance_row,
 )
-from megalopta.sensor.spad import expose_rate, fabricate, preset, without
+from megalopta.sensor.spad import draw_fixed_pattern, expose_rate, preset, without
 
 _UM2 = 1e-12
 
@@ -68,7 +68,9 @@ def check_light() -> Iterator[Row]:
 def check_device() -> Iterator[Row]:
     """Patterns of many SPADCAM devices, and what moves them."""
     sensor = preset("spadcam")
-    devices = [fabricate(changed(sensor, device_seed=seed), (16, 16)) for seed in range(400)]
+    devices = [
+        draw_fixed_pattern(changed(sensor, device_seed=seed), (16, 16)) for seed in range(400)
+    ]
     density = np.concatenate([each.dark_counts_hz.ravel() for each in devices]) / 360
     yield exact_row("dark counts", "mean over devices (Hz/µm²)", 1.77, density.mean(), 0.04)
     yield exact_row("dark counts", "median (Hz/µm²)", 0.93, float(np.median(density)), 0.02)

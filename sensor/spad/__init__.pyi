@@ -6,16 +6,16 @@ from .exposure import (
     expose,
     expose_rate,
     over_frames,
-    photon_rate,
     signal_to_noise,
 )
-from .fixed_pattern import fabricate
+from .fixed_pattern import draw_fixed_pattern
 from .measured import MapFile, MeasuredMaps
 from .model import Sensor
-from .order import active_effects, without
+from .order import ORDER_OF_EFFECTS, active_effects, without
 from .presets import PRESETS, TABLE_2_1, load_sensor, preset, with_files
 
 __all__ = [
+    "ORDER_OF_EFFECTS",
     "PRESETS",
     "TABLE_2_1",
     "Exposure",
@@ -25,13 +25,12 @@ __all__ = [
     "active_effects",
     "checked_rate",
     "detection_rate",
+    "draw_fixed_pattern",
     "expected_counts",
     "expose",
     "expose_rate",
-    "fabricate",
     "load_sensor",
     "over_frames",
-    "photon_rate",
     "preset",
     "signal_to_noise",
     "with_files",

@@ -1,6 +1,6 @@
 """One exposure of the sensor: from the radiance of a scene to counts.
 
-What happens on the way, and in which order, is the list in `chain`. The rate is that of the frame's
+What happens on the way, and in which order, is the list in `order`. The rate is that of the frame's
 radiance for the whole exposure: motion blur, if wanted, is in the radiance already.
 
 Every frame has its own random streams, named by seed, sequence and frame number, so the counts of a
@@ -19,15 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 from megalopta.sensor.avalanches import count_moments, draw_counts
 from megalopta.sensor.counters import AnalogCounter, Counts, empty_counts, read_analog, read_digital
 from megalopta.sensor.effects import MOST_ARRIVALS
-from megalopta.sensor.optics import (
-    band_efficiency,
-    check_bands,
-    falloff,
-    image_irradiance,
-    photon_flux,
-)
+from megalopta.sensor.optics import check_brightness, detected_rate
 from megalopta.sensor.sampling import generator
-from megalopta.sensor.spad.fixed_pattern import Device, fabricate
+from megalopta.sensor.spad.fixed_pattern import FixedPattern, draw_fixed_pattern
 from megalopta.sensor.spad.model import Sensor
 
 Floats = NDArray[np.float64]
@@ -139,7 +133,7 @@ def over_frames(task: Callable[[int], None], frames: int, threads: int | None = 
             pass
 
 
-def checked_rate(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, Device]:
+def checked_rate(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, FixedPattern]:
     """Rate as (frames, rows, columns) and the device that sees it, or refuse the rate.
 
     Raises
@@ -158,13 +152,13 @@ def checked_rate(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, Devi
             f"and at most {most:g} Hz ({MOST_ARRIVALS:g} an exposure)"
         )
     _, rows, columns = rate.shape
-    return rate, fabricate(sensor, (rows, columns))
+    return rate, draw_fixed_pattern(sensor, (rows, columns))
 
 
 def _read_counters(
     events: NDArray[np.int64],
     sensor: Sensor,
-    device: Device,
+    device: FixedPattern,
     noise: Callable[[], np.random.Generator],
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     if isinstance(sensor.counter, AnalogCounter):
@@ -173,25 +167,13 @@ def _read_counters(
     return read_digital(events, sensor.counter)
 
 
-def photon_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> Floats:
-    """Photons per second that fall on each pixel, (T, H, W); parameters as for `expose`."""
-    flux = _flux_per_radiance(bands_nm, sensor)
-    return _sum_over_bands(radiance, sensor.pixel_area_m2 * flux, sensor)
-
-
 def detection_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> Floats:
     """Photons per second that each pixel would detect if always live, (T, H, W); as `expose`."""
-    flux = _flux_per_radiance(bands_nm, sensor) * band_efficiency(sensor.efficiency, bands_nm)
-    rate = _sum_over_bands(radiance, sensor.active_area_m2 * flux, sensor)
+    _check_sensor(sensor)
+    rate = detected_rate(radiance, bands_nm, sensor)
     _, rows, columns = rate.shape
-    rate *= fabricate(sensor, (rows, columns)).efficiency_factor
-    brightest = float(rate.max(initial=0)) * sensor.exposure_s
-    if not brightest <= MOST_ARRIVALS:
-        raise ValueError(
-            f"radiance: so bright that a pixel detects {brightest:g} photons an exposure; at most "
-            f"{MOST_ARRIVALS:g} can be drawn: check its unit, W·m⁻²·sr⁻¹·nm⁻¹"
-        )
-    return rate
+    rate *= draw_fixed_pattern(sensor, (rows, columns)).efficiency_factor
+    return check_brightness(rate, sensor.exposure_s)
 
 
 def expected_counts(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> Floats:
@@ -222,41 +204,6 @@ def _moments(detections_hz: Floats, sensor: Sensor) -> tuple[Floats, Floats]:
     return mean, variance
 
 
-def _flux_per_radiance(bands_nm: ArrayLike, sensor: Sensor) -> Floats:
-    """Photons·m⁻²·s⁻¹ on the axis for a radiance of 1 in each band."""
-    _check_sensor(sensor)
-    irradiance = image_irradiance(np.ones(len(check_bands(bands_nm))), sensor.lens)
-    return photon_flux(irradiance, bands_nm)
-
-
-def _sum_over_bands(radiance: ArrayLike, weights: Floats, sensor: Sensor) -> Floats:
-    radiance = _check_radiance(radiance, weights.size)
-    frames, rows, columns, _ = radiance.shape
-    total = np.zeros((frames, rows, columns))
-    # band by band rather than as a matrix product, whose rounding depends on the number of frames
-    for band, weight in enumerate(weights):
-        total += weight * radiance[..., band]
-    return total * falloff(sensor.lens, (rows, columns))
-
-
 def _check_sensor(sensor: Sensor) -> None:
     if not isinstance(sensor, Sensor):
         raise TypeError(f"sensor: {sensor!r} is no Sensor; give one, such as preset('spadcam')")
-
-
-def _check_radiance(radiance: ArrayLike, bands: int) -> NDArray[np.floating]:
-    values = np.asarray(radiance)
-    if values.dtype.kind not in "fiu":
-        raise ValueError(f"radiance: {values.dtype} values; give real numbers")
-    if values.ndim != 4 or values.shape[3] != bands:
-        raise ValueError(
-            f"radiance: shape {values.shape}; give (frames, rows, columns, {bands}), the last axis "
-            "as long as bands_nm"
-        )
-    if values.size and not (values.min() >= 0 and values.max() < np.inf):
-        where = np.argwhere(~((values >= 0) & (values < np.inf)))[0]
-        raise ValueError(
-            f"radiance: {values[tuple(where)]} at [frame, row, column, band] {where.tolist()}; "
-            "must be finite and not negative: render the frame again"
-        )
-    return values

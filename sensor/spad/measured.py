@@ -17,13 +17,14 @@ import hashlib
 import io
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, model_validator
 
 from megalopta.sensor import file_content
+from megalopta.sensor.effects import Effect, PixelRates, Stage
 
 Floats = NDArray[np.float64]
 Fit = Literal["exact", "top_left", "center"]
@@ -47,8 +48,19 @@ class MapFile(BaseModel, frozen=True, extra="forbid", use_attribute_docstrings=T
         return values
 
 
-class MeasuredMaps(BaseModel, frozen=True, extra="forbid", use_attribute_docstrings=True):
+class MeasuredMaps(Effect, frozen=True):
     """Maps that take the place of drawn patterns; none by default."""
+
+    stage: ClassVar[Stage] = Stage.DEVICE
+    statement: ClassVar[str] = (
+        "measured maps replace drawn patterns of efficiency, dark counts and breakdown"
+    )
+    of_effect: ClassVar[Mapping[str, str]] = {
+        "efficiency": "efficiency",
+        "dark_counts": "dark_counts",
+        "bias": "breakdown",
+    }
+    """Effects that are on where there is a map of theirs"""
 
     dark_counts: MapFile | None = None
     """Dark count rate of every pixel (Hz) at the reference bias and temperature."""
@@ -61,9 +73,23 @@ class MeasuredMaps(BaseModel, frozen=True, extra="forbid", use_attribute_docstri
     the image's size there, exact refuses the map."""
 
     @property
-    def has_any(self) -> bool:
+    def is_on(self) -> bool:
         """Whether there is a map."""
         return any((self.dark_counts, self.efficiency, self.breakdown))
+
+    def act_on_rates(self, rates: PixelRates) -> None:
+        """Put maps in the place of what was drawn."""
+        if self.breakdown:
+            lowest = -np.finfo(float).max
+            rates.breakdown_offset_v = self._load("breakdown", rates, lowest)
+        if self.efficiency:
+            rates.efficiency_factor = self._load("efficiency", rates)
+        if self.dark_counts:
+            rates.dark_counts_hz = self._load("dark_counts", rates)
+
+    def _load(self, name: str, rates: PixelRates, lowest: float = 0.0) -> Floats:
+        rates.measured.add(name)
+        return load_map(getattr(self, name), rates.shape, f"measured.{name}", self.fit, lowest)
 
 
 def load_map(

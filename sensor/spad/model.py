@@ -2,7 +2,7 @@
 
 from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 
 from megalopta.sensor.avalanches import AvalancheEffects
 from megalopta.sensor.counters import AnalogCounter, DigitalCounter
@@ -17,13 +17,11 @@ from megalopta.sensor.effects import (
     Temperature,
     open_fraction,
 )
-from megalopta.sensor.optics import Efficiency, Lens
+from megalopta.sensor.optics import PixelOptics
 from megalopta.sensor.spad.measured import MeasuredMaps
 
 
-class Sensor(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class Sensor(PixelOptics, frozen=True):
     """A single-photon image sensor behind a lens; the number of pixels is that of the image."""
 
     unit: ClassVar[str] = "counts"
@@ -31,20 +29,6 @@ class Sensor(
 
     kind: Literal["spad"] = "spad"
     """Names this kind of image sensor."""
-    name: Annotated[str, Field(min_length=1)]
-    """What the sensor is called in files and reports."""
-    source: str = ""
-    """Where its figures come from."""
-    pitch_m: Annotated[float, Field(gt=0)]
-    """Distance between the centers of neighboring pixels (m); a pixel is pitch × pitch."""
-    fill_factor: Annotated[float, Field(gt=0, le=1)]
-    """Light-sensitive fraction of the pixel's area (0 to 1)."""
-    exposure_s: Annotated[float, Field(gt=0)]
-    """Time during which events are counted for one frame (s)."""
-    lens: Lens = Lens()
-    """The lens in front of it."""
-    efficiency: Efficiency
-    """Photon detection efficiency of the light-sensitive area over wavelength."""
     bias: Bias = Bias()
     """Excess bias and breakdown mismatch, which move efficiency and dark counts; off by default."""
     temperature: Temperature = Temperature()
@@ -88,14 +72,4 @@ class Sensor(
     @property
     def avalanche_effects(self) -> AvalancheEffects:
         """What decides which avalanches occur."""
-        return AvalancheEffects(self.dead_time, self.afterpulsing, self.gate, self.crosstalk)
-
-    @property
-    def pixel_area_m2(self) -> float:
-        """Area of a whole pixel, m²."""
-        return self.pitch_m**2
-
-    @property
-    def active_area_m2(self) -> float:
-        """Light-sensitive area of a pixel, m²."""
-        return self.pixel_area_m2 * self.fill_factor
+        return AvalancheEffects(*(getattr(self, name) for name in AvalancheEffects._fields))

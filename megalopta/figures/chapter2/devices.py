@@ -31,7 +31,7 @@ from megalopta.figures import (
 )
 from megalopta.sensor import DeadTime, Sensor, changed, expose_rate, preset
 from megalopta.sensor.effects import best_excess_bias, breakdown_offset, expected_counts
-from megalopta.sensor.spad import TABLE_2_1, fabricate
+from megalopta.sensor.spad import TABLE_2_1, draw_fixed_pattern
 
 ANODE_AT_BREAKDOWN_V = 12.40
 """13.40 V at the anode is an excess bias of about 1 V (§2.4.4)."""
@@ -69,7 +69,7 @@ def measure_row() -> RowMeasurement:
 def _measure_at(anode_v: float) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     sensor = spadcam_at(anode_v)
     peak = float(sensor.efficiency(np.array(WAVELENGTH_NM)))
-    factor = fabricate(sensor, (1, PIXELS)).efficiency_factor
+    factor = draw_fixed_pattern(sensor, (1, PIXELS)).efficiency_factor
     light_hz = np.broadcast_to(PHOTONS_HZ_UM2 * ACTIVE_UM2 * peak * factor, (FRAMES, 1, PIXELS))
     name = f"row at {anode_v:.2f} V"
     dark = expose_rate(0 * light_hz, sensor, seed=0, sequence=f"{name}, dark")

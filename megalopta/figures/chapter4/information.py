@@ -30,7 +30,7 @@ from megalopta.experiments import (
 from megalopta.figures import Figure, FigureRecipe, Run, Templates, method_style, threshold_of
 from megalopta.figures.chapter4.table import PRINTED, SIZE
 from megalopta.flow.detectors import block_grid
-from megalopta.flow.metrics import translation_information
+from megalopta.flow.metrics import fisher_information
 from megalopta.flow.stimuli import MovingTemplate
 
 _SOURCES = (PHOTOGRAPHED, SWEEPS["fig-4.11"])
@@ -69,7 +69,7 @@ def information_per_photon(template: NDArray[np.float64], dark_share: float = 0.
     grid = block_grid((SIZE, SIZE))
     turning = MovingTemplate(template, _COLUMNS_APART, SIZE)
     frames = turning.light(0, template.shape[1] // _COLUMNS_APART) * SIZE**2 + dark_share
-    along_x = [translation_information(frame, grid)[1:-1, 1:-1, 0, 0] for frame in frames]
+    along_x = [fisher_information(frame, grid)[1:-1, 1:-1, 0, 0] for frame in frames]
     with np.errstate(divide="ignore"):
         return float(1 / np.mean(1 / np.array(along_x))) / grid.block_px**2
 

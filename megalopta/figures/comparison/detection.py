@@ -21,7 +21,7 @@ from megalopta.experiments import (
     detections,
 )
 from megalopta.figures import GRAY, Figure, FigureRecipe, method_style
-from megalopta.flow.detectors import METHODS
+from megalopta.flow.detectors import METHODS, Method, method
 from megalopta.flow.metrics import d_prime, format_flux
 
 FLUXES = tuple(10 ** (half / 2) for half in range(5, 14))
@@ -29,13 +29,12 @@ ROC_FLUX = 3e4
 
 
 def detection_figure(
-    methods: Sequence[str] | None = None, fluxes: Sequence[float] = FLUXES
+    methods: Sequence[Method] | None = None, fluxes: Sequence[float] = FLUXES
 ) -> Figure:
     """d′ against photons per frame, false alarms, and one ROC, for all methods or some."""
-    names = [name for name in METHODS if name != "IM"] if methods is None else list(methods)
-    detectors = [METHODS[name] for name in names]
+    detectors = [method(each) for each in methods or METHODS if methods or each != "IM"]
     at_flux = [detections(detectors, flux) for flux in fluxes]
-    found = dict(zip(names, zip(*at_flux, strict=True), strict=True))
+    found = dict(zip((each.name for each in detectors), zip(*at_flux, strict=True), strict=True))
     shown = min(fluxes, key=lambda flux: abs(np.log(flux / ROC_FLUX)))
 
     return Figure(

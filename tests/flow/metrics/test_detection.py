@@ -8,12 +8,12 @@ from scipy.stats import norm
 
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.detection import (
-    area,
     d_prime,
     false_alarm_rate,
     motion_evidence,
     rightward_evidence,
     roc,
+    roc_auc,
 )
 
 from ..textures import drifting_texture
@@ -51,7 +51,7 @@ def test_area_is_the_integral_of_the_curve_ties_included():
     assert (curve.false_alarms[0], curve.hits[0]) == (0, 0)
     assert (curve.false_alarms[-1], curve.hits[-1]) == (1, 1)
     integral = np.trapezoid(curve.hits, curve.false_alarms)
-    assert area(noise, signal) == pytest.approx(integral, abs=1e-12)
+    assert roc_auc(noise, signal) == pytest.approx(integral, abs=1e-12)
     pairs = noise[:, np.newaxis] - signal
     assert integral == pytest.approx(np.mean(pairs < 0) + 0.5 * np.mean(pairs == 0), abs=1e-12)
 
@@ -78,7 +78,7 @@ def test_false_alarms_are_the_tail_above_the_threshold():
 
 @pytest.mark.parametrize("bad", [np.array([]), np.array([1.0, np.nan])])
 def test_evidence_that_is_none_is_refused(bad):
-    for call in (area, d_prime, roc):
+    for call in (roc_auc, d_prime, roc):
         with pytest.raises(ValueError, match="at least one number, and no NaN"):
             call(bad, np.ones(3))
 
@@ -97,7 +97,7 @@ def test_noise_free_motion_exceeds_standstill_in_nearly_all_blocks(name):
         for velocity in ((1.2, 0.0), (0.0, 0.0))
     )
     assert moving.shape[1:] == (8, 11) == still.shape[1:]
-    assert area(still, moving) > 0.95
+    assert roc_auc(still, moving) > 0.95
 
 
 @pytest.mark.parametrize("name", [name for name in METHODS if name not in ("NDM", "NDS", "IM")])

@@ -5,10 +5,10 @@ import pytest
 
 from megalopta.flow.detectors.blocks import block_grid
 from megalopta.flow.metrics.translation_bound import (
-    least_covariance,
-    least_covariance_along_x,
+    cramer_rao_covariance,
+    cramer_rao_covariance_along_x,
+    fisher_information,
     median_endpoint_error,
-    translation_information,
 )
 
 GRID = block_grid((72, 72), 24)
@@ -30,7 +30,7 @@ def test_information_of_a_sine_has_its_closed_form():
     # The mean of C²cos²/(1 + C·sin) over a period is 1 − √(1 − C²).
     contrast, mean = 0.8, 5.0
     wave = 1 + contrast * np.sin(2 * np.pi * np.arange(72) / PERIOD)
-    information = translation_information(mean * np.tile(wave, (72, 1)), GRID)[1, 1]
+    information = fisher_information(mean * np.tile(wave, (72, 1)), GRID)[1, 1]
     per_pixel = mean * (2 * np.pi / PERIOD) ** 2 * (1 - np.sqrt(1 - contrast**2))
     # a cubic spline's slope is off by (2π/24)⁴/180 = 3e-5 of itself
     assert information[0, 0] == pytest.approx(24**2 * per_pixel, rel=1e-3)
@@ -44,7 +44,7 @@ def test_maximum_likelihood_with_known_texture_reaches_the_bound():
         + 0.3 * np.sin(2 * np.pi * (x + y) / PERIOD)
         + 0.5 * np.sin(2 * np.pi * (x - 2 * y) / PERIOD)
     )
-    bound = least_covariance(translation_information(full, GRID)[1, 1])
+    bound = cramer_rao_covariance(fisher_information(full, GRID)[1, 1])
     rng = np.random.default_rng(5)
     draws = 2000
     places = np.zeros((draws, 2, 2))
@@ -71,20 +71,22 @@ def test_more_frames_tell_a_velocity_as_a_line_through_their_displacements(frame
     design = np.vander(np.arange(frames), 2)
     slope_variance = np.linalg.inv(design.T @ design)[0, 0]
     np.testing.assert_allclose(
-        least_covariance(information, frames), slope_variance * np.linalg.inv(information)
+        cramer_rao_covariance(information, frames), slope_variance * np.linalg.inv(information)
     )
 
 
 def test_knowing_that_nothing_moves_along_y_lowers_the_bound_along_x():
     information = np.array([[3.0, 1.0], [1.0, 2.0]])
-    assert least_covariance_along_x(information)[0, 0] == pytest.approx(2 / 3)
-    assert least_covariance_along_x(information)[0, 0] < least_covariance(information)[0, 0]
+    assert cramer_rao_covariance_along_x(information)[0, 0] == pytest.approx(2 / 3)
+    assert (
+        cramer_rao_covariance_along_x(information)[0, 0] < cramer_rao_covariance(information)[0, 0]
+    )
 
 
 def test_stripes_have_no_bound_and_darkness_no_information():
     stripes = np.tile(1 + 0.5 * np.sin(np.arange(72) / 3), (72, 1))
-    assert np.all(np.isinf(least_covariance(translation_information(stripes, GRID))))
-    assert np.all(translation_information(np.zeros((72, 72)), GRID) == 0)
+    assert np.all(np.isinf(cramer_rao_covariance(fisher_information(stripes, GRID))))
+    assert np.all(fisher_information(np.zeros((72, 72)), GRID) == 0)
 
 
 def test_median_length_of_normal_errors_has_its_closed_forms():
@@ -113,4 +115,4 @@ def test_half_of_the_blocks_without_bound_leave_no_median():
 
 def test_negative_means_are_refused():
     with pytest.raises(ValueError, match="negative or non-finite"):
-        translation_information(np.full((72, 72), -1.0), GRID)
+        fisher_information(np.full((72, 72), -1.0), GRID)

@@ -15,7 +15,7 @@ from megalopta.figures.recipe import Run
 from megalopta.figures.style import house_style, new_canvas
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.photon_threshold import format_flux
-from megalopta.flow.metrics.translation_bound import translation_information
+from megalopta.flow.metrics.translation_bound import fisher_information
 from megalopta.flow.stimuli.moving_template import MovingTemplate
 
 
@@ -106,11 +106,11 @@ def test_speed_is_that_of_the_stimulus():
 
 def test_information_of_a_block_is_that_of_its_sum_and_a_margin_adds_that_of_its_pixels(clean):
     light = clean[:1]
-    expected = translation_information(light[0, -1], leaderboard.GRID)[1:-1, 1:-1]
+    expected = fisher_information(light[0, -1], leaderboard.GRID)[1:-1, 1:-1]
     np.testing.assert_allclose(leaderboard.information(light)[0], expected, rtol=1e-9)
     # a margin of a whole block makes 3 × 3 blocks of each
     around = sliding_window_view(
-        translation_information(light[0, -1], leaderboard.GRID), (3, 3), axis=(0, 1)
+        fisher_information(light[0, -1], leaderboard.GRID), (3, 3), axis=(0, 1)
     ).sum(axis=(-2, -1))
     wide = leaderboard.information(light, leaderboard.GRID.block_px)[0]
     np.testing.assert_allclose(wide, around, rtol=1e-9, atol=1e-9 * around.max())

@@ -14,7 +14,7 @@ from megalopta.experiments.motion_bench import (
     record,
     stimulus,
 )
-from megalopta.sensor.spad.fixed_pattern import fabricate
+from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
 
 POISSON, SPADCAM = SENSORS.values()
 HIDDEN_PHOTONS = 27.0
@@ -64,7 +64,7 @@ def test_10_mm_per_second_are_the_dissertations_16_7_pixels_per_frame():
 def test_open_and_hidden_pixels_detect_the_printed_photons_on_top_of_dark_counts():
     for sensor in (POISSON, SPADCAM):
         expected = record(10.0, sensor).expected
-        dark = sensor.exposure_s * fabricate(sensor, (16, PIXELS)).dark_counts_hz
+        dark = sensor.exposure_s * draw_fixed_pattern(sensor, (16, PIXELS)).dark_counts_hz
         # a dead time of 1 µs takes 0.3 % of 320 counts, 0.07 % of what the array counts
         assert (expected[0] - dark).mean() == pytest.approx(OPEN_PHOTONS, rel=0.005)
         assert (expected[FRAMES - 1] - dark).mean() == pytest.approx(HIDDEN_PHOTONS, rel=0.01)

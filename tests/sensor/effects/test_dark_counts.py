@@ -8,7 +8,7 @@ from megalopta.sensor.effects.dark_counts import (
     density_variance,
     mean_density,
 )
-from megalopta.sensor.spad.fixed_pattern import fabricate
+from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
 from megalopta.sensor.spad.presets import preset
 
 SPADCAM = preset("spadcam").dark_counts
@@ -47,7 +47,9 @@ def test_spadcam_pixels_have_the_measured_statistics():
     # dissertation §2.4.7; sampling error over a million pixels is below 0.005, the fit's below 0.01
     sensor = preset("spadcam")
     devices = [changed(sensor, device_seed=seed) for seed in range(1000)]
-    rates = np.concatenate([fabricate(each, (32, 32)).dark_counts_hz.ravel() for each in devices])
+    rates = np.concatenate(
+        [draw_fixed_pattern(each, (32, 32)).dark_counts_hz.ravel() for each in devices]
+    )
     values = rates / (sensor.active_area_m2 / UM2)
     assert values.mean() == pytest.approx(1.77, abs=0.015)
     assert np.median(values) == pytest.approx(0.93, abs=0.015)

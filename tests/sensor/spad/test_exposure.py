@@ -19,7 +19,7 @@ from megalopta.sensor import (
     without,
 )
 from megalopta.sensor.counters.digital import DigitalCounter
-from megalopta.sensor.spad.fixed_pattern import fabricate
+from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
 
 BANDS = np.array([[400.0, 475.0], [475.0, 550.0], [550.0, 600.0], [620.0, 700.0]])
 RNG = np.random.default_rng(0)
@@ -120,7 +120,7 @@ def test_lens_falloff_darkens_the_corners():
 
 def test_detection_rate_has_the_mismatch_of_the_device():
     sensor = SENSORS["spadcam"]
-    factor = fabricate(sensor, RADIANCE.shape[1:3]).efficiency_factor
+    factor = draw_fixed_pattern(sensor, RADIANCE.shape[1:3]).efficiency_factor
     assert np.ptp(factor) > 0.1
     flat = detection_rate(RADIANCE, BANDS, without(sensor, "bias"))
     np.testing.assert_allclose(detection_rate(RADIANCE, BANDS, sensor), flat * factor, rtol=1e-12)

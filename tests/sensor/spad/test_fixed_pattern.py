@@ -15,7 +15,7 @@ from megalopta.sensor import (
     load_sensor,
     preset,
 )
-from megalopta.sensor.spad.fixed_pattern import fabricate
+from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
 from megalopta.sensor.spad.order import active_effects
 
 SHAPE = (6, 9)
@@ -52,7 +52,7 @@ def load(folder):
 def test_at_the_reference_bias_a_device_is_as_measured(folder, measured, sigma):
     bias = {"breakdown_sigma_v": sigma}
     write(folder, {"preset": "spadcam", "measured": maps(*measured), "bias": bias})
-    device = fabricate(load(folder), SHAPE)
+    device = draw_fixed_pattern(load(folder), SHAPE)
     np.testing.assert_array_equal(device.dark_counts_hz, MAPS["dark_counts"])
     np.testing.assert_array_equal(device.efficiency_factor, MAPS["efficiency"])
 
@@ -62,8 +62,8 @@ def test_measured_breakdown_moves_what_is_drawn(folder):
     drawn = changed(preset("spadcam"), bias=Bias())
     lift = np.exp(-MAPS["breakdown"] / preset("spadcam").bias.dark_efold_v)
     np.testing.assert_allclose(
-        fabricate(load(folder), SHAPE).dark_counts_hz,
-        fabricate(drawn, SHAPE).dark_counts_hz * lift,
+        draw_fixed_pattern(load(folder), SHAPE).dark_counts_hz,
+        draw_fixed_pattern(drawn, SHAPE).dark_counts_hz * lift,
         rtol=1e-12,
     )
 
@@ -72,7 +72,7 @@ def test_measured_efficiency_saturates_sooner_where_breakdown_is_low(folder):
     sensor = load(folder)
     model = sensor.bias
     raised = changed(model, excess_v=model.excess_v + 0.1)
-    device = fabricate(changed(sensor, bias=raised), SHAPE)
+    device = draw_fixed_pattern(changed(sensor, bias=raised), SHAPE)
     ratio = device.efficiency_factor / MAPS["efficiency"]
     now, then = (
         1 - np.exp(-(v - MAPS["breakdown"] - model.onset_v) / model.efficiency_scale_v)
@@ -92,7 +92,7 @@ def test_measured_efficiency_saturates_sooner_where_breakdown_is_low(folder):
 def test_dark_counts_beyond_all_measure_are_refused_with_what_makes_them(bias, temperature):
     hot = changed(preset("spadcam"), bias=bias, temperature=temperature)
     with pytest.raises(ValueError, match=r"dark_counts: .* at bias\.excess_v .*celsius .*; lower"):
-        fabricate(hot, SHAPE)
+        draw_fixed_pattern(hot, SHAPE)
 
 
 def test_a_map_may_be_named_by_its_path_alone(folder):
@@ -121,7 +121,7 @@ def test_map_that_changed_since_is_refused(folder):
     sensor = load(folder)
     np.save(folder / "breakdown.npy", MAPS["breakdown"] + 1e-6)
     with pytest.raises(ValueError, match=r"measured\.breakdown: .* has changed"):
-        fabricate(sensor, SHAPE)
+        draw_fixed_pattern(sensor, SHAPE)
 
 
 def with_fit(folder, fit):
@@ -134,7 +134,7 @@ def with_fit(folder, fit):
     [("top_left", np.s_[:3, :4]), ("center", np.s_[1:4, 2:6])],
 )
 def test_a_window_of_a_larger_device_is_used_where_it_is_asked_for(folder, fit, window):
-    device = fabricate(with_fit(folder, fit), (3, 4))
+    device = draw_fixed_pattern(with_fit(folder, fit), (3, 4))
     np.testing.assert_array_equal(device.dark_counts_hz, MAPS["dark_counts"][window])
     np.testing.assert_array_equal(device.efficiency_factor, MAPS["efficiency"][window])
 
@@ -143,14 +143,14 @@ def test_a_window_of_a_larger_device_is_used_where_it_is_asked_for(folder, fit, 
 def test_larger_map_is_refused_with_both_ways_to_use_it(folder, shape):
     message = r"has 6 × 9, the image \d × \d .*set measured\.fit to top_left or center"
     with pytest.raises(ValueError, match=message):
-        fabricate(load(folder), shape)
+        draw_fixed_pattern(load(folder), shape)
 
 
 @pytest.mark.parametrize("fit", ["exact", "top_left", "center"])
 @pytest.mark.parametrize("shape", [(9, 6), (7, 9), (6, 10)])
 def test_smaller_map_is_always_refused(folder, fit, shape):
     with pytest.raises(ValueError, match=r"has 6 × 9, the image .*lower camera\.height"):
-        fabricate(with_fit(folder, fit), shape)
+        draw_fixed_pattern(with_fit(folder, fit), shape)
 
 
 def test_fit_alone_makes_no_measured_device():
@@ -192,7 +192,7 @@ GOOD = saved(MAPS["dark_counts"])
 def test_impossible_map_is_refused_in_one_sentence(folder, content, message):
     (folder / "dark_counts.npy").write_bytes(content)
     with pytest.raises(ValueError, match=rf"^measured\.dark_counts: .*{message}") as refusal:
-        fabricate(load(folder), SHAPE)
+        draw_fixed_pattern(load(folder), SHAPE)
     assert "\n" not in str(refusal.value)
     assert "MapFile" not in str(refusal.value)
 
@@ -234,13 +234,13 @@ def test_efficiency_above_one_in_the_best_pixel_is_refused():
     flat = Efficiency(wavelengths_nm=(400, 700), values=(0.95, 0.95))
     sensor = changed(preset("spadcam"), efficiency=flat)
     with pytest.raises(ValueError, match=r"efficiency: 1\.\d+ in the best pixel; lower"):
-        fabricate(sensor, (64, 64))
+        draw_fixed_pattern(sensor, (64, 64))
 
 
 def test_pattern_is_the_same_in_every_frame_and_run_and_cannot_be_changed():
     sensor = preset("spadcam")
-    first = fabricate(sensor, (8, 8)).dark_counts_hz
-    np.testing.assert_array_equal(fabricate(changed(sensor), (8, 8)).dark_counts_hz, first)
+    first = draw_fixed_pattern(sensor, (8, 8)).dark_counts_hz
+    np.testing.assert_array_equal(draw_fixed_pattern(changed(sensor), (8, 8)).dark_counts_hz, first)
     expected = expose_rate(np.zeros((3, 8, 8)), sensor, seed=0, sequence="s").expected
     assert np.ptp(expected, axis=0).max() == 0
     with pytest.raises(ValueError, match="read-only"):
@@ -250,10 +250,13 @@ def test_pattern_is_the_same_in_every_frame_and_run_and_cannot_be_changed():
 def test_cooling_lowers_the_dark_counts_of_every_pixel_alike():
     sensor = preset("spadcam")
     cold = changed(sensor, temperature=Temperature(celsius=2.0))
-    ratio = fabricate(cold, (8, 8)).dark_counts_hz / fabricate(sensor, (8, 8)).dark_counts_hz
+    ratio = (
+        draw_fixed_pattern(cold, (8, 8)).dark_counts_hz
+        / draw_fixed_pattern(sensor, (8, 8)).dark_counts_hz
+    )
     np.testing.assert_allclose(ratio, 0.25)
 
 
 def test_bias_off_leaves_the_dark_counts_drawn():
     sensor = changed(preset("spadcam"), bias=Bias())
-    assert np.all(fabricate(sensor, (8, 8)).efficiency_factor == 1)
+    assert np.all(draw_fixed_pattern(sensor, (8, 8)).efficiency_factor == 1)

@@ -1,3 +1,5 @@
+from typing import ClassVar
+
 import numpy as np
 import pytest
 
@@ -5,6 +7,7 @@ from megalopta.sensor import (
     ORDER_OF_EFFECTS,
     Afterpulsing,
     Crosstalk,
+    Effect,
     Gate,
     Jitter,
     MapFile,
@@ -14,18 +17,17 @@ from megalopta.sensor import (
     changed,
     detection_rate,
     expose,
+    photon_rate,
     preset,
     without,
 )
-from megalopta.sensor.effects import bias, temperature
-from megalopta.sensor.spad import exposure
-from megalopta.sensor.spad import fixed_pattern as device
-from megalopta.sensor.spad.order import active_effects
+from megalopta.sensor.effects import Stage
+from megalopta.sensor.spad import active_effects, draw_fixed_pattern
 
 NO_EFFECT = {"kind", "name", "source", "pitch_m", "fill_factor", "exposure_s", "device_seed"}
 SHAPE = (10, 10)
 BANDS = [(440.0, 460.0)]
-FIELDS = [effect.field for effect in ORDER_OF_EFFECTS]
+FIELDS = list(ORDER_OF_EFFECTS)
 
 
 @pytest.fixture(scope="module")
@@ -77,48 +79,52 @@ def test_sensor_runs_with_any_effect_off_and_counts_scatter_about_their_mean(all
 def test_without_efficiency_every_photon_on_the_active_area_is_detected(all_on):
     sensor = without(all_on, "efficiency")
     rate = detection_rate(np.full((1, *SHAPE, 1), 1e-9), BANDS, sensor)
-    photons = exposure.photon_rate(np.full((1, *SHAPE, 1), 1e-9), BANDS, sensor)
+    photons = photon_rate(np.full((1, *SHAPE, 1), 1e-9), BANDS, sensor)
     np.testing.assert_allclose(rate, photons * sensor.fill_factor, rtol=1e-12)
 
 
 def test_without_dark_counts_measured_ones_are_off_too(all_on):
-    assert not device.fabricate(without(all_on, "dark_counts"), SHAPE).dark_counts_hz.any()
+    assert not draw_fixed_pattern(without(all_on, "dark_counts"), SHAPE).dark_counts_hz.any()
 
 
-@pytest.mark.parametrize("is_measured", [True, False])
-def test_list_is_in_the_order_in_which_the_code_acts(all_on, is_measured, monkeypatch):
+def test_effects_act_on_rates_in_the_order_of_the_list(all_on, monkeypatch):
     seen = []
+    for field in FIELDS:
+        kind = type(getattr(all_on, field))
+        act = kind.act_on_rates
 
-    def trace(module, name, field):
-        original = getattr(module, name)
-
-        def traced(*arguments, **options):
+        def traced(effect, rates, act=act, field=field):
             seen.append(field)
-            return original(*arguments, **options)
+            act(effect, rates)
 
-        monkeypatch.setattr(module, name, traced)
+        monkeypatch.setattr(kind, "act_on_rates", traced)
+    draw_fixed_pattern(all_on, SHAPE)
+    assert seen == FIELDS
 
-    trace(exposure, "image_irradiance", "lens")
-    trace(exposure, "band_efficiency", "efficiency")
-    trace(device, "dark_count_rate", "dark_counts")
-    trace(bias, "dark_count_factor", "bias")
-    trace(temperature, "dark_count_factor", "temperature")
-    trace(exposure, "draw_counts", "gate")
-    trace(exposure, "read_analog", "counter")
-    load = device.load_map
-    monkeypatch.setattr(
-        device,
-        "load_map",
-        lambda file, shape, field, **rest: (
-            seen.append("measured") if field == "measured.dark_counts" else None,
-            load(file, shape, field, **rest),
-        )[1],
-    )
-    sensor = changed(all_on if is_measured else without(all_on, "measured"), device_seed=77)
-    expose(np.full((1, *SHAPE, 1), 1e-9), BANDS, sensor, seed=0, sequence="s", threads=1)
-    first = list(dict.fromkeys(seen))
-    assert len(first) == 7
-    assert first == sorted(first, key=FIELDS.index)
+
+class Microlens(Effect, frozen=True):
+    """A rate-level effect of which nothing else knows."""
+
+    stage: ClassVar[Stage] = Stage.OPERATION
+    statement: ClassVar[str] = "microlenses gather light"
+    gain: float = 1.0
+
+    def act_on_rates(self, rates):
+        """Gather more light."""
+        rates.efficiency_factor *= self.gain
+
+
+class WithMicrolens(Sensor, frozen=True):
+    microlens: Microlens = Microlens()
+
+
+def test_a_new_effect_on_rates_is_a_class_and_a_field():
+    sensor = WithMicrolens(**dict(preset("gersbach-130nm-5v")), microlens={"gain": 2})
+    assert active_effects(sensor)[-1] == "microlens"
+    assert (draw_fixed_pattern(sensor, SHAPE).efficiency_factor == 2).all()
+    plain = without(sensor, "microlens")
+    assert "microlens" not in active_effects(plain)
+    assert (draw_fixed_pattern(plain, SHAPE).efficiency_factor == 1).all()
 
 
 @pytest.mark.parametrize("name", ["ideal", "gersbach-130nm-5v"])

@@ -10,7 +10,7 @@ from megalopta.figures.chapter2.counter import (
     volts_per_event,
 )
 from megalopta.figures.reproduction import write_figure
-from megalopta.sensor.spad.fixed_pattern import fabricate
+from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
 
 BOTTOM_V = 0.1
 STEPS = pytest.mark.parametrize("step_v", [10e-3, 30e-3])
@@ -44,7 +44,7 @@ def test_output_falls_by_the_step_and_hardly_by_the_leak(step_v):
 
 def test_row_sees_light_and_dark_counts_until_the_end_of_the_exposure():
     sensor = spadcam_with_step(10e-3)
-    expected = sensor.exposure_s * (LIGHT_HZ + fabricate(sensor, ROW).dark_counts_hz[0])
+    expected = sensor.exposure_s * (LIGHT_HZ + draw_fixed_pattern(sensor, ROW).dark_counts_hz[0])
     events = transient(sensor).events[:, -1]
     # Poisson; |z| < 6 in 16 pixels, false alarm 3e-8; dead time takes 0.3 % of the brightest
     assert np.all(np.abs(events - expected) < 6 * np.sqrt(expected) + 0.003 * expected)

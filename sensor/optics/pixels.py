@@ -1,0 +1,105 @@
+"""From the radiance of a scene to the photons that the pixels of any image sensor detect."""
+
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import BaseModel, Field
+
+from megalopta.sensor.effects import MOST_ARRIVALS
+from megalopta.sensor.optics.efficiency import Efficiency, band_efficiency
+from megalopta.sensor.optics.lens import Lens, check_bands, falloff, image_irradiance, photon_flux
+
+Floats = NDArray[np.float64]
+
+
+class PixelOptics(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """What image sensors of all kinds have: pixels of some size and efficiency behind a lens."""
+
+    kind: str
+    """Names the kind of image sensor."""
+    name: Annotated[str, Field(min_length=1)]
+    """What the sensor is called in files and reports."""
+    source: str = ""
+    """Where its figures come from."""
+    pitch_m: Annotated[float, Field(gt=0)]
+    """Distance between the centers of neighboring pixels (m); a pixel is pitch × pitch."""
+    fill_factor: Annotated[float, Field(gt=0, le=1)]
+    """Light-sensitive fraction of the pixel's area (0 to 1)."""
+    exposure_s: Annotated[float, Field(gt=0)]
+    """Time during which events are counted for one frame (s)."""
+    lens: Lens = Lens()
+    """The lens in front of it."""
+    efficiency: Efficiency
+    """Photon detection efficiency of the light-sensitive area over wavelength."""
+
+    @property
+    def pixel_area_m2(self) -> float:
+        """Area of a whole pixel, m²."""
+        return self.pitch_m**2
+
+    @property
+    def active_area_m2(self) -> float:
+        """Light-sensitive area of a pixel, m²."""
+        return self.pixel_area_m2 * self.fill_factor
+
+
+def photon_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: PixelOptics) -> Floats:
+    """Photons per second that fall on each pixel, (T, H, W); parameters as for `expose`."""
+    flux = _flux_per_radiance(bands_nm, sensor)
+    return _sum_over_bands(radiance, sensor.pixel_area_m2 * flux, sensor)
+
+
+def detected_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: PixelOptics) -> Floats:
+    """Photons per second that each pixel detects if all are alike, (T, H, W); as `expose`."""
+    flux = _flux_per_radiance(bands_nm, sensor) * band_efficiency(sensor.efficiency, bands_nm)
+    return _sum_over_bands(radiance, sensor.active_area_m2 * flux, sensor)
+
+
+def check_brightness(rate: Floats, exposure_s: float) -> Floats:
+    """Return rates (Hz), or refuse the radiance that they came from."""
+    brightest = float(rate.max(initial=0)) * exposure_s
+    if not brightest <= MOST_ARRIVALS:
+        raise ValueError(
+            f"radiance: so bright that a pixel detects {brightest:g} photons an exposure; at most "
+            f"{MOST_ARRIVALS:g} can be drawn: check its unit, W·m⁻²·sr⁻¹·nm⁻¹"
+        )
+    return rate
+
+
+def _flux_per_radiance(bands_nm: ArrayLike, sensor: PixelOptics) -> Floats:
+    """Photons·m⁻²·s⁻¹ on the axis for a radiance of 1 in each band."""
+    if not isinstance(sensor, PixelOptics):
+        raise TypeError(f"sensor: {sensor!r} is no Sensor; give one, such as preset('spadcam')")
+    irradiance = image_irradiance(np.ones(len(check_bands(bands_nm))), sensor.lens)
+    return photon_flux(irradiance, bands_nm)
+
+
+def _sum_over_bands(radiance: ArrayLike, weights: Floats, sensor: PixelOptics) -> Floats:
+    radiance = _check_radiance(radiance, weights.size)
+    frames, rows, columns, _ = radiance.shape
+    total = np.zeros((frames, rows, columns))
+    # band by band rather than as a matrix product, whose rounding depends on the number of frames
+    for band, weight in enumerate(weights):
+        total += weight * radiance[..., band]
+    return total * falloff(sensor.lens, (rows, columns))
+
+
+def _check_radiance(radiance: ArrayLike, bands: int) -> NDArray[np.floating]:
+    values = np.asarray(radiance)
+    if values.dtype.kind not in "fiu":
+        raise ValueError(f"radiance: {values.dtype} values; give real numbers")
+    if values.ndim != 4 or values.shape[3] != bands:
+        raise ValueError(
+            f"radiance: shape {values.shape}; give (frames, rows, columns, {bands}), the last axis "
+            "as long as bands_nm"
+        )
+    if values.size and not (values.min() >= 0 and values.max() < np.inf):
+        where = np.argwhere(~((values >= 0) & (values < np.inf)))[0]
+        raise ValueError(
+            f"radiance: {values[tuple(where)]} at [frame, row, column, band] {where.tolist()}; "
+            "must be finite and not negative: render the frame again"
+        )
+    return values

@@ -1,0 +1,97 @@
+import numpy as np
+import pytest
+
+from megalopta.experiments import GratingTemplate, Sweep, Trial, detections, run
+from megalopta.experiments.leaderboard import ranked, sequences
+from megalopta.flow import (
+    METHODS,
+    BenchmarkSettings,
+    SearchSettings,
+    detector_from,
+    method,
+    photon_benchmark,
+)
+
+SEARCH = SearchSettings(flux_min=1e5, flux_max=1e7, metrics=("ratio",), bits=(2,), frames=2)
+
+
+def dense_inverse_search(first, second):
+    return METHODS["DIS"].dense(first, second)
+
+
+def to_the_right(first, second):
+    return np.broadcast_to((2.0, 0.0), (*first.shape, 2))
+
+
+@pytest.fixture(scope="module")
+def frames():
+    return np.random.default_rng(0).poisson(20, (4, 60, 60))
+
+
+@pytest.mark.parametrize("name", ["DIS", "FB", "TV-L1"])
+def test_blocks_are_means_of_the_dense_flow(frames, name):
+    detector = METHODS[name]
+    flow = detector.dense(*frames[:2])
+    assert flow.shape == (60, 60, 2)
+    means = flow.reshape(10, 6, 10, 6, 2).mean(axis=(1, 3))
+    np.testing.assert_allclose(detector.respond(frames[:2])[0], means, rtol=1e-12, atol=1e-12)
+
+
+def test_dense_flow_without_contrast_is_undefined():
+    assert np.isnan(METHODS["DIS"].dense(np.ones((40, 40)), np.ones((40, 40)))).all()
+
+
+def test_a_function_answers_as_the_detector_that_it_wraps(frames):
+    wrapped = method(dense_inverse_search)
+    assert (wrapped.name, wrapped.gives) == ("dense_inverse_search", "velocity")
+    np.testing.assert_array_equal(wrapped.respond(frames), METHODS["DIS"].respond(frames))
+
+
+def test_a_function_is_measured_beside_names(frames):
+    settings = BenchmarkSettings(
+        sizes=(60,), flux_min=1e5, flux_max=1e6, fluxes_per_decade=1, repeats=2
+    )
+    result = photon_benchmark(frames, ["dis", dense_inverse_search], settings, 0, "noise")
+    known, ours = (result.curve(name, 60) for name in ("DIS", "dense_inverse_search"))
+    assert known.errors == ours.errors
+    assert result.to_dict()["methods"]["dense_inverse_search"]["function"].startswith(__name__)
+
+
+def test_a_function_is_swept_and_its_results_are_found_again(tmp_path):
+    trial = Trial(methods=(to_the_right, "IM"), template=GratingTemplate(), search=SEARCH)
+    sweep = Sweep(trial=trial, values=(2, 5))
+    pixels = {trial.template: trial.template.pixels()}
+    first = run(sweep.trials, pixels, tmp_path, workers=1)
+    stored = {each.name: each.stat().st_mtime_ns for each in tmp_path.glob("*.json")}
+    assert len(stored) == 2
+    assert run(sweep.trials, pixels, tmp_path, workers=1) == first
+    assert stored == {each.name: each.stat().st_mtime_ns for each in tmp_path.glob("*.json")}
+    assert {curve.method for curves in first.values() for curve in curves} == {"to_the_right", "IM"}
+
+
+def test_functions_of_another_source_or_enclosed_value_are_other_detectors():
+    def moved(way):
+        return lambda first, second: np.full((*first.shape, 2), way)
+
+    dumped = {
+        detector_from(each, "same").model_dump_json()
+        for each in (to_the_right, dense_inverse_search, moved(1), moved(2), moved(2))
+    }
+    assert len(dumped) == 4
+
+
+def test_functions_enter_detection_and_leaderboard():
+    told = detections([to_the_right], 1e5)[0]
+    assert told.motion == told.direction == 0
+    (entry,) = ranked(sequences()[:1], [to_the_right])
+    assert entry.photons == np.inf
+
+
+def test_a_flow_of_another_shape_is_refused(frames):
+    with pytest.raises(ValueError, match=r"wrong: a flow of shape \(60, 60\); give \(60, 60, 2\)"):
+        detector_from(lambda first, second: first, "wrong").respond(frames)
+
+
+def test_one_name_for_two_detectors_is_refused():
+    with pytest.raises(ValueError, match="LK is named twice"):
+        Trial(methods=["LK", detector_from(to_the_right, "LK")])

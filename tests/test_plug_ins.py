@@ -1,0 +1,90 @@
+"""Another package's detector and sensor, found by its entry points."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parent / "plugin_detector"
+ENTRY_POINTS = """
+[megalopta.detectors]
+broken = whole_frame:BROKEN
+center = whole_frame:CenterOfLight
+missing = no_such_module:Detector
+
+[megalopta.sensors]
+theirs = whole_frame:SENSOR_FILE
+twice = whole_frame:NAMESAKE
+"""
+
+
+@pytest.fixture(scope="module")
+def with_plug_in(tmp_path_factory):
+    """Run Python code in a process in which the package is installed."""
+    site = tmp_path_factory.mktemp("site")
+    info = site / "plugin_detector-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: plugin-detector\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(ENTRY_POINTS)
+
+    def run(code):
+        path = os.pathsep.join([str(site), str(PACKAGE)])
+        return subprocess.run(
+            [sys.executable, "-c", code],
+            env={**os.environ, "PYTHONPATH": path},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+
+    return run
+
+
+def test_a_detector_of_another_package_stands_after_ours_and_is_measured_by_name(with_plug_in):
+    code = """
+import json
+from pathlib import Path
+from megalopta.config import Configuration
+from megalopta.experiments import Trial, detections, run
+from megalopta.flow import METHODS
+trial = Trial(methods=["cl", "LK"], search={"flux_max": 1e6, "metrics": ["ratio"], "bits": [2]})
+print(json.dumps([list(METHODS), trial.methods, Configuration(methods=["CL"]).methods,
+    [each.method for each in detections(["CL"], 1e5)]]))
+"""
+    done = with_plug_in(code)
+    known, chosen, configured, measured = json.loads(done.stdout)
+    assert known[0] == "BM"
+    assert known[-1] == "CL"
+    assert (chosen, configured, measured) == (["CL", "LK"], ["CL"], ["CL"])
+
+
+def test_a_broken_plug_in_is_told_in_one_sentence_and_breaks_nothing(with_plug_in):
+    done = with_plug_in("import megalopta.flow as flow; print(len(flow.METHODS))")
+    assert int(done.stdout) == 14
+    told = done.stderr.splitlines()
+    assert len(told) == 2
+    assert told[0].endswith("broken (whole_frame:BROKEN) is left out: 5 is no Detector, give one")
+    assert "missing (no_such_module:Detector) is left out: No module named" in told[1]
+
+
+def test_a_sensor_of_another_package_is_used_by_name_and_listed(with_plug_in):
+    code = """
+from megalopta.config import load
+from megalopta.cli.overrides import settings_help
+demo = load("demo", {"sensors": "[theirs, {preset: theirs, name: dark, exposure_s: 0.02}]"})
+print([(each.name, each.fill_factor, each.exposure_s) for each in demo.sensors])
+print("ctia_ingaas_quiet, theirs." in " ".join(settings_help(demo).split()))
+try:
+    load("demo", {"sensors": "[their]"})
+except Exception as refusal:
+    print(refusal)
+"""
+    done = with_plug_in(code)
+    used, is_listed, refusal = done.stdout.splitlines()
+    assert used == "[('theirs', 0.5, 0.1), ('dark', 0.5, 0.02)]"
+    assert is_listed == "True"
+    assert refusal.endswith("ctia_ingaas_quiet, theirs")
+    assert "twice (whole_frame:NAMESAKE) is left out: the name 'ideal' is taken" in done.stderr
