@@ -20,7 +20,7 @@ import numpy as np
 
 from megalopta.config.model import load
 from megalopta.dataset.store import Dataset
-from megalopta.render.renderer import SceneRenderer
+from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.sensors import film
 from megalopta.render.settings import RenderSettings
 from megalopta.render.truth import rays

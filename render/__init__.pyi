@@ -9,12 +9,12 @@ from .exr import (
     write_radiance,
     write_truth,
 )
-from .mitsuba_loader import dr, mi
+from .mitsuba_loader import activate, dr, mi
 from .noise import MEASURED_EVERY, RenderNoise, RunningMean, render_once, render_until
-from .renderer import SceneRenderer
+from .scene_renderer import SceneRenderer
 from .settings import RenderSettings, frame_seed
 from .truth.tracer import Flow, Truth, out_of_view
-from .variant import CUDA_NOTE, Variant, activate, choose_variant, has_cuda_device, llvm_in_use
+from .variant import CUDA_NOTE, Variant, choose_variant, has_cuda_device, llvm_in_use
 
 __all__ = [
     "CUDA_NOTE",

@@ -7,7 +7,7 @@ the remedy. So everything here gets the two as `dr` and `mi` from this module.
 import os
 import sys
 
-from megalopta.render.variant import llvm_in_use
+from megalopta.render.variant import Variant, llvm_in_use
 
 
 def _load_silently() -> None:
@@ -29,4 +29,10 @@ if "drjit" not in sys.modules:
 import drjit as dr  # noqa: E402
 import mitsuba as mi  # noqa: E402
 
-__all__ = ["dr", "mi"]
+__all__ = ["activate", "dr", "mi"]
+
+
+def activate(variant: Variant) -> None:
+    """Make Mitsuba use the variant from here on."""
+    if mi.variant() != variant.name:
+        mi.set_variant(variant.name)

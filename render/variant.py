@@ -105,14 +105,6 @@ def choose_variant(backend: Backend = "auto") -> Variant:
     )
 
 
-def activate(variant: Variant) -> None:
-    """Make Mitsuba use the variant from here on."""
-    from megalopta.render.mitsuba_loader import mi
-
-    if mi.variant() != variant.name:
-        mi.set_variant(variant.name)
-
-
 @cache
 def llvm_in_use() -> tuple[str, str]:
     """Library that Dr.Jit has bound, or is to bind, and its version, as `find_llvm` gives them.

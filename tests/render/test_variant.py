@@ -14,7 +14,8 @@ from megalopta.render.variant import TRIED_LLVM, choose_variant, find_llvm, llvm
 
 RENDER = """
 from pathlib import Path
-from megalopta.render.variant import choose_variant, activate
+from megalopta.render.variant import choose_variant
+from megalopta.render.mitsuba_loader import activate
 chosen = choose_variant()
 activate(chosen)
 import mitsuba as mi

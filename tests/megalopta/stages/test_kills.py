@@ -26,7 +26,7 @@ KILLS = 20 if IS_LONG else 1
 PROGRAM = """
 import sys
 from megalopta import cli
-import megalopta.render.renderer
+import megalopta.render.scene_renderer
 print("ready", flush=True)
 cli.main(sys.argv[1:])
 """

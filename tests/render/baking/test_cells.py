@@ -6,7 +6,8 @@ from megalopta.render.baking.cells import CellFinder, Cells
 from megalopta.render.baking.visibility import survey
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.scene import load_scene
-from megalopta.render.variant import activate, choose_variant
+from megalopta.render.mitsuba_loader import activate
+from megalopta.render.variant import choose_variant
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory

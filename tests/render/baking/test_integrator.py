@@ -10,7 +10,7 @@ import trimesh
 from megalopta.render.baking import integrator as baked
 from megalopta.render.baking import light as bake
 from megalopta.render.baking.integrator import path_tracing_reason
-from megalopta.render.renderer import SceneRenderer
+from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings, bake_seed, frame_seed
 from megalopta.render.variant import choose_variant
 from megalopta.scenes.cameras.perspective import PerspectiveCamera

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.render.renderer import SceneRenderer
+from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.spectra.spectrum import flat

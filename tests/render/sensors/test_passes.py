@@ -5,7 +5,7 @@ import signal
 import numpy as np
 import pytest
 
-from megalopta.render.renderer import SceneRenderer
+from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.sensors import film
 from megalopta.render.sensors.passes import pass_seed, plan_passes
 from megalopta.render.settings import RenderSettings

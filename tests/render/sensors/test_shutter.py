@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from megalopta.render.renderer import SceneRenderer
+from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings, frame_seed, instant_seed
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.shutter import Shutter

@@ -10,7 +10,7 @@ import trimesh
 from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
 
-from megalopta.render.renderer import SceneRenderer
+from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.forest.sway import Sway

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from megalopta.render.renderer import SceneRenderer
+from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.lighting.levels import Light

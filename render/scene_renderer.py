@@ -13,11 +13,11 @@ from megalopta.render.baking import BakedLightIntegrator, path_tracing_reason
 from megalopta.render.environment import EnvironmentView
 from megalopta.render.illuminance import LightSurvey
 from megalopta.render.loading import load_scene, merge
-from megalopta.render.mitsuba_loader import mi
+from megalopta.render.mitsuba_loader import activate, mi
 from megalopta.render.settings import RenderSettings, bake_seed, instant_seed
 from megalopta.render.surface_view import SurfaceView
 from megalopta.render.truth import Flow, Geometry, Instant, Rolling, Truth, TruthTracer
-from megalopta.render.variant import Variant, activate, choose_variant
+from megalopta.render.variant import Variant, choose_variant
 from megalopta.scenes import Shutter
 from megalopta.scenes.cameras import Camera
 from megalopta.scenes.trajectories import Path
