@@ -2,11 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
-from trimesh.visual import TextureVisuals
+
+if TYPE_CHECKING:
+    import trimesh
 
 FloatArray = NDArray[np.float64]
 
@@ -38,13 +40,15 @@ class Surface:
         a, b, c = self.vertices[self.faces].swapaxes(0, 1)
         return float(np.linalg.norm(cross(b - a, c - a), axis=1).sum() / 2)
 
-    def to_mesh(self) -> trimesh.Trimesh:
+    def to_mesh(self) -> "trimesh.Trimesh":
         """Return the mesh; `metadata["smooth"]` tells whether its vertex normals are meant."""
+        import trimesh  # slow
+
         return trimesh.Trimesh(
             self.vertices,
             self.faces,
             vertex_normals=self.normals,
-            visual=TextureVisuals(uv=self.uv),
+            visual=trimesh.visual.TextureVisuals(uv=self.uv),
             metadata={"smooth": self.normals is not None},
             process=False,
         )

@@ -9,11 +9,13 @@ Random dots are disks of half a period's diameter that lie anywhere, also on eac
 half of the plane: a Boolean model, whose covariance has a closed form.
 """
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import trimesh
 
 GratingVariant = Literal["rot", "periodic"]
 Pattern = Literal["sine_2d", "sine", "square", "dots"]
@@ -83,16 +85,20 @@ def random_dots(
     return np.where(covered, 1 + contrast, 1 - contrast)
 
 
-def board(low: NDArray[np.float64], high: NDArray[np.float64], tile: float) -> trimesh.Trimesh:
+def board(low: NDArray[np.float64], high: NDArray[np.float64], tile: float) -> "trimesh.Trimesh":
     """Rectangle in the plane z = 0 between two corners (2,), facing −z; a tile is `tile` wide."""
+    import trimesh  # slow
+
     corners = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
     vertices = np.column_stack([corners, np.zeros(4)])
     visual = trimesh.visual.TextureVisuals(uv=corners / tile)
     return trimesh.Trimesh(vertices, [[0, 2, 1], [0, 3, 2]], process=False, visual=visual)
 
 
-def open_cylinder(radius_m: float, height_m: float, segments: int = 720) -> trimesh.Trimesh:
+def open_cylinder(radius_m: float, height_m: float, segments: int = 720) -> "trimesh.Trimesh":
     """Wall of a vertical cylinder around the origin, normals inward, u = azimuth, v = height."""
+    import trimesh  # slow
+
     azimuth = np.arange(segments + 1) * (2 * np.pi / segments)
     ring = radius_m * np.column_stack([np.cos(azimuth), np.sin(azimuth)])
     lower, upper = (np.column_stack([ring, np.full(len(ring), z)]) for z in (-0.5, 0.5))

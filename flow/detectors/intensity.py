@@ -4,11 +4,13 @@ Thesis §4.4. The relative error of a Poisson count of mean λ is the mean absol
 λ|/λ = 2 exp(−λ) λ^⌊λ⌋ / ⌊λ⌋!, which is 25 % at λ = 10.133.
 """
 
+from functools import cache
 from math import exp, floor, lgamma, log, pi, sqrt
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numba import vectorize
+from numpy.typing import ArrayLike
 
 from megalopta.flow.detectors.base import Detector, FloatArray, Frames, Responder
 
@@ -39,7 +41,7 @@ class IntensityMeasurement(Detector, frozen=True):
 
     def expected_deviation(self, means: FloatArray, scale: float) -> FloatArray:
         """Return the mean absolute deviation of Poisson counts; see `Detector`."""
-        return np.asarray(mean_absolute_deviation(means) * np.float64(scale))
+        return mean_absolute_deviation(means) * np.float64(scale)
 
     def scored(self, responses: FloatArray) -> FloatArray:
         """Return pixels 2 to N − 1 of each side, as in Eq. 4.5."""
@@ -50,9 +52,18 @@ def _scaled(frames: Frames, scale: float) -> FloatArray:
     return np.asarray(frames * np.float64(scale))
 
 
-@vectorize(["float64(float64)"], cache=True)  # type: ignore[untyped-decorator]
-def mean_absolute_deviation(mean: float) -> float:
-    """Return E|X − λ| of a Poisson count of mean λ: 2 exp(−λ) λ^(⌊λ⌋ + 1) / ⌊λ⌋!."""
+def mean_absolute_deviation(means: ArrayLike) -> FloatArray:
+    """Return E|X − λ| of Poisson counts of means λ: 2 exp(−λ) λ^(⌊λ⌋ + 1) / ⌊λ⌋!."""
+    return np.asarray(_compiled()(means))
+
+
+@cache
+def _compiled() -> Any:
+    """To be compiled when it is used: that takes half a second, from numba's cache too."""
+    return vectorize(["float64(float64)"], cache=True)(_deviation)
+
+
+def _deviation(mean: float) -> float:
     if mean <= 0:
         return 0.0
     if mean > 1e6:  # of a normal variable, within 1e-6; the terms of the exponent would cancel

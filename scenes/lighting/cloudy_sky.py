@@ -9,15 +9,18 @@ irradiance of the uniform sky that it replaces.
 """
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.patterns import plane_waves
 from megalopta.scenes.spectra import flat
 from megalopta.scenes.world import Asset, Emission, Lighting, Material, Placement, Scene, Sun
+
+if TYPE_CHECKING:
+    import trimesh
 
 DOME_M = 3000.0
 """Radius of the dome; across 100 m of forest the sun's direction changes by 2°."""
@@ -86,8 +89,10 @@ def clouds(seed: int) -> NDArray[np.float32]:
     return np.asarray(pattern / mean, np.float32)
 
 
-def _dome() -> trimesh.Trimesh:
+def _dome() -> "trimesh.Trimesh":
     """The inside of a sphere above the lowest elevation; its uv square is that of `clouds`."""
+    import trimesh  # slow
+
     rows, columns = _FACETS
     v, u = np.meshgrid(np.linspace(0, 1, rows + 1), np.linspace(0, 1, columns + 1), indexing="ij")
     elevation = np.radians(LOWEST_DEG + (90 - LOWEST_DEG) * v)
@@ -112,8 +117,10 @@ def _dome() -> trimesh.Trimesh:
     return mesh
 
 
-def _disc(sun: Sun, wavelength_nm: float) -> tuple[trimesh.Trimesh, Emission]:
+def _disc(sun: Sun, wavelength_nm: float) -> "tuple[trimesh.Trimesh, Emission]":
     """A regular polygon just inside the dome, facing the scene, and its radiance."""
+    import trimesh  # slow
+
     axis = np.asarray(sun.direction)
     across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     across /= np.linalg.norm(across)

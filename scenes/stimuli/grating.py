@@ -9,10 +9,9 @@ high as a level camera on the axis sees, so the camera may only turn about the v
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 from pydantic import Field
 
@@ -32,6 +31,9 @@ from megalopta.scenes.lighting import Light
 from megalopta.scenes.spectra import flat, luminous
 from megalopta.scenes.trajectories import Path, Trajectory
 from megalopta.scenes.world import Asset, Emission, Material, Placement, Scene
+
+if TYPE_CHECKING:
+    import trimesh
 
 _RADIUS_M = 10.0
 _TEXELS = 4096
@@ -112,7 +114,7 @@ def sky_radiance(illuminance_lux: float) -> float:
 
 def glowing(
     kind: str,
-    mesh: trimesh.Trimesh,
+    mesh: "trimesh.Trimesh",
     to_world: NDArray[np.float64],
     pattern: NDArray[np.float64],
     light: Light,

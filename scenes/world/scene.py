@@ -9,14 +9,17 @@ An object id is the position in `Scene.placements` plus one; 0 means that nothin
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from megalopta.scenes.spectra import Spectrum
 from megalopta.scenes.world.hashed_file import HashedFile
 from megalopta.scenes.world.motion import Motion
+
+if TYPE_CHECKING:
+    import trimesh
 
 
 @dataclass(frozen=True)
@@ -81,7 +84,7 @@ class Asset:
         `metadata["smooth"]`; otherwise faces are flat.
     """
 
-    parts: Mapping[str, trimesh.Trimesh]
+    parts: "Mapping[str, trimesh.Trimesh]"
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,68 @@
+"""What is loaded, and how long it takes, before anything is computed."""
+
+import resource
+import subprocess
+import sys
+
+import pytest
+
+RENDERER = {"mitsuba"}
+FILES = {"zarr", "cv2", "matplotlib", "skimage", "trimesh", "rich"}
+MODELS = {"pydantic", "numpy", "scipy", "numba", "yaml", "drjit"}
+
+
+def loaded(code):
+    """Top-level modules that are loaded once some Python has run."""
+    told = f"{code}\nimport sys; print(*{{name.partition('.')[0] for name in sys.modules}})"
+    done = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=True)
+    return set(done.stdout.splitlines()[-1].split())
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "--help",
+        "--version",
+        "frob",
+        "render --ouut x",
+        "check --plot x",
+        "report x --scene.trees 5",
+    ],
+)
+def test_help_version_and_mistyped_words_load_nothing_heavy(words):
+    run = f"""
+from megalopta.cli import main as cli
+try:
+    cli.main({words.split()})
+except SystemExit:
+    pass
+"""
+    assert not loaded(run) & (RENDERER | FILES | MODELS)
+
+
+@pytest.mark.parametrize("words", ["--help", "--version", "render --ouut x"])
+def test_help_version_and_mistyped_words_take_less_than_a_second_of_cpu(words):
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run([sys.executable, "-m", "megalopta", *words.split()], capture_output=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 1
+
+
+@pytest.mark.parametrize(
+    ("code", "absent"),
+    [
+        ("import megalopta.flow", RENDERER | FILES | MODELS),
+        ("from megalopta.flow import METHODS, photon_search, truth_error", RENDERER | FILES),
+        ("import megalopta.sensor", RENDERER | FILES | MODELS),
+        ("from megalopta.sensor import PRESETS, expose, expose_image", RENDERER | FILES),
+        ("import megalopta.config", RENDERER | FILES | MODELS),
+        ("import megalopta.config; megalopta.config.load('demo')", RENDERER | FILES),
+    ],
+)
+def test_a_room_loads_what_it_uses(code, absent):
+    assert not loaded(code) & absent
+
+
+def test_work_without_a_terminal_draws_no_bar():
+    code = "from megalopta.progress import progress\nwith progress('x', 1, 'step') as on: on()"
+    assert not loaded(code) & FILES
