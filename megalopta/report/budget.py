@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from megalopta.config import Configuration, LightLevel
 from megalopta.dataset import Dataset
 from megalopta.errors import UserError
-from megalopta.report.footage import Footage
+from megalopta.report.footage import ReportFrames
 from megalopta.report.records import Record
 from megalopta.scenes.lighting import illuminance_of
 from megalopta.sensor import (
@@ -72,7 +72,7 @@ class Budget:
 
 
 @dataclass(frozen=True, eq=False)
-class Exposed:
+class ExposureSummary:
     """A budget and the counts (n, h, w) that are shown of it."""
 
     budget: Budget
@@ -80,7 +80,7 @@ class Exposed:
     saturated: NDArray[np.bool_]
 
 
-def exposed(dataset: Dataset, footage: Footage, record: Record) -> list[Exposed]:
+def exposed(dataset: Dataset, footage: ReportFrames, record: Record) -> list[ExposureSummary]:
     """Budget and pictures of every sensor at every light level; `record` is that of the scene."""
     noise = record.get("monte_carlo") or {}
     return [
@@ -93,11 +93,11 @@ def exposed(dataset: Dataset, footage: Footage, record: Record) -> list[Exposed]
 
 def _exposed(
     configuration: Configuration,
-    footage: Footage,
+    footage: ReportFrames,
     stored: StoredCounts,
     level: LightLevel,
     noise: Record,
-) -> Exposed:
+) -> ExposureSummary:
     exposure, frames = stored.exposure, list(footage.selection.frames)
     scale = light_scale(configuration, level)
     light = footage.radiance * scale.astype(np.float32)
@@ -109,7 +109,7 @@ def _exposed(
         rendering, shot, _ = variances(noise, configuration, stored.sensor, scale)
         relative = math.sqrt(max(rendering, 0.0) / shot) if shot else math.inf
         budget = replace(budget, rendering_noise=relative)
-    return Exposed(
+    return ExposureSummary(
         budget,
         footage.selection.pixels(exposure.counts[frames]),
         footage.selection.pixels(exposure.saturated[frames]),

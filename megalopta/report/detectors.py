@@ -15,10 +15,10 @@ from megalopta.errors import UserError
 from megalopta.flow.detectors import METHODS, BlockDetector, Detector
 from megalopta.flow.files import flow_to_rgb
 from megalopta.flow.metrics import block_flow
-from megalopta.report.footage import Footage, Selection
+from megalopta.report.components import Picture, Table, still
+from megalopta.report.footage import ReportFrames, Selection
 from megalopta.report.images import ColorScale, Floats, Legend, map_scale
 from megalopta.report.motion import Wheel
-from megalopta.report.parts import Picture, Table, still
 from megalopta.report.text import UNDEFINED, level_name, number, relative_error
 from megalopta.report.truth import against_truth, rotation_table, split_table
 from megalopta.report.verdicts import VerdictGroup, verdict_group
@@ -80,7 +80,7 @@ class DetectorSection:
 
 
 def detector_section(
-    dataset: Dataset, footage: Footage, wheel: Wheel, records: Sequence[FlowRecord]
+    dataset: Dataset, footage: ReportFrames, wheel: Wheel, records: Sequence[FlowRecord]
 ) -> DetectorSection:
     """Section of a dataset whose flow stage is finished."""
     settings = dataset.configuration
@@ -110,7 +110,7 @@ def _frame_shown(selection: Selection, frames: int, warm_up: int) -> int:
 
 
 def _true_blocks(
-    methods: Sequence[str], footage: Footage, frame: int, wheel: Wheel
+    methods: Sequence[str], footage: ReportFrames, frame: int, wheel: Wheel
 ) -> Picture | None:
     detectors = (METHODS[name] for name in methods)
     detector = next((each for each in detectors if isinstance(each, BlockDetector)), None)

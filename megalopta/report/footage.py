@@ -46,7 +46,7 @@ class Selection:
 
 
 @dataclass(frozen=True, eq=False)
-class Footage:
+class ReportFrames:
     """Radiance (n, H, W, B), preview images and ground truth of the selected frames.
 
     All are of the frames that sensors see, through the shutter.
@@ -73,11 +73,11 @@ def select(configuration: Configuration) -> Selection:
     return Selection(tuple(index * candidates // count for index in range(count)), step)
 
 
-def read_footage(dataset: Dataset) -> Footage:
+def read_footage(dataset: Dataset) -> ReportFrames:
     """Read what is shown. Raises UserError when a file cannot be read."""
     selection = select(dataset.configuration)
     radiance = [read_radiance_frame(dataset, index) for index in selection.frames]
-    return Footage(
+    return ReportFrames(
         selection,
         np.stack(radiance),
         _previews(dataset.configuration, radiance),

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from megalopta.report.budget import Budget, Exposed
+from megalopta.report.budget import Budget, ExposureSummary
 from megalopta.report.charts import signal_chart
-from megalopta.report.footage import Footage
+from megalopta.report.components import RADIANCE_FILM, Picture, Table, film
+from megalopta.report.footage import ReportFrames
 from megalopta.report.images import gray_scale
-from megalopta.report.parts import RADIANCE_FILM, Picture, Table, film
 from megalopta.report.text import (
     UNDEFINED,
     enumerate_words,
@@ -61,7 +61,7 @@ class LightSection:
 
 
 def light_section(
-    sensors: Sequence[ImageSensor], footage: Footage, shown: Sequence[Exposed]
+    sensors: Sequence[ImageSensor], footage: ReportFrames, shown: Sequence[ExposureSummary]
 ) -> LightSection:
     """Section of these sensors at all light levels."""
     panels = tuple(
@@ -114,7 +114,9 @@ def _time(seconds: float) -> str:
     return f"{1e9 * seconds:.3g} ns"
 
 
-def _panel(sensor: ImageSensor, footage: Footage, shown: Sequence[Exposed]) -> SensorPanel:
+def _panel(
+    sensor: ImageSensor, footage: ReportFrames, shown: Sequence[ExposureSummary]
+) -> SensorPanel:
     radiance = Picture(
         RADIANCE_FILM, "The scene's light, tone-mapped", "radiance", len(footage.selection.frames)
     )
@@ -151,7 +153,7 @@ def _columns(sensor: ImageSensor) -> tuple[str, ...]:
     )
 
 
-def _counts_film(exposed: Exposed) -> Picture:
+def _counts_film(exposed: ExposureSummary) -> Picture:
     budget, counts = exposed.budget, exposed.counts.astype(np.float64)
     white = max(math.ceil(np.percentile(counts, _WHITE_PERCENTILE)), 1)
     scale = gray_scale(white)

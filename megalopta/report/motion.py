@@ -11,9 +11,9 @@ from PIL import Image
 from megalopta.flow.files import flow_to_rgb, wheel_legend
 from megalopta.render.truth import Truth
 from megalopta.report.charts import speed_chart
-from megalopta.report.footage import Footage, Selection
+from megalopta.report.components import Picture, film
+from megalopta.report.footage import ReportFrames, Selection
 from megalopta.report.images import ORANGE, data_uri, id_picture, map_scale, rgb_picture
-from megalopta.report.parts import Picture, film
 from megalopta.report.text import percent
 
 _WHEEL_PX = 96
@@ -42,7 +42,7 @@ class MotionSection:
     objects_seen: int
 
 
-def motion_section(footage: Footage) -> MotionSection:
+def motion_section(footage: ReportFrames) -> MotionSection:
     """Section of the frames shown."""
     flow = np.stack([truth.flow_forward for truth in footage.truths])
     speed = np.linalg.norm(flow, axis=-1)
@@ -71,7 +71,7 @@ def _wheel(speed: NDArray[np.floating]) -> Wheel:
     return Wheel(data_uri(Image.fromarray(wheel_legend(_WHEEL_PX))), digits)
 
 
-def _flow_film(footage: Footage, wheel: Wheel) -> Picture:
+def _flow_film(footage: ReportFrames, wheel: Wheel) -> Picture:
     step = footage.selection.step
     images = [
         rgb_picture(flow_to_rgb(truth.flow_forward[::step, ::step], wheel.max_speed))
@@ -80,7 +80,7 @@ def _flow_film(footage: Footage, wheel: Wheel) -> Picture:
     return film(images, "true motion", "True motion to the next frame, colors as on the wheel")
 
 
-def _depth_film(footage: Footage) -> Picture:
+def _depth_film(footage: ReportFrames) -> Picture:
     depth = footage.selection.pixels(np.stack([truth.depth for truth in footage.truths]))
     depth = np.where(np.isfinite(depth), depth, np.nan)
     near, far = _range(depth)
@@ -97,7 +97,7 @@ def _range(depth: NDArray[np.floating]) -> tuple[float, float]:
     return near, max(far, 1.01 * near)
 
 
-def _occlusion_film(footage: Footage) -> Picture:
+def _occlusion_film(footage: ReportFrames) -> Picture:
     images = [
         rgb_picture(_marked(preview, truth, footage.selection))
         for preview, truth in zip(footage.previews, footage.truths, strict=True)
@@ -114,7 +114,7 @@ def _marked(preview: NDArray[np.uint8], truth: Truth, selection: Selection) -> N
     return picture
 
 
-def _object_film(footage: Footage) -> Picture:
+def _object_film(footage: ReportFrames) -> Picture:
     step = footage.selection.step
     images = [id_picture(truth.object_id[::step, ::step]) for truth in footage.truths]
     return film(images, "objects", "Each object in a color of its own, the sky dark")

@@ -10,7 +10,7 @@ from megalopta.flow.benchmark import BenchmarkResult
 from megalopta.flow.metrics import ErrorCurve, Metric, Threshold
 from megalopta.report.budget import Budget
 from megalopta.report.charts import Need, error_chart, need_chart
-from megalopta.report.parts import Table
+from megalopta.report.components import Table
 from megalopta.report.text import enumerate_words, short
 from megalopta.report.verdicts import ACCURATE
 

@@ -11,7 +11,7 @@ from megalopta.flow.detectors import METHODS
 from megalopta.pages import render_page
 from megalopta.report.budget import exposed
 from megalopta.report.detectors import DetectorSection, detector_section
-from megalopta.report.footage import Footage, read_footage
+from megalopta.report.footage import ReportFrames, read_footage
 from megalopta.report.images import data_uri, rgb_picture, stacked
 from megalopta.report.light import LightSection, light_section
 from megalopta.report.motion import MotionSection, motion_section
@@ -99,7 +99,7 @@ def page(dataset: Dataset) -> str:
     )
 
 
-def _sections(dataset: Dataset, footage: Footage, record: Record) -> Sections:
+def _sections(dataset: Dataset, footage: ReportFrames, record: Record) -> Sections:
     motion, light, detectors, needs = motion_section(footage), None, None, None
     findings: list[str | None] = []
     budgets = []
@@ -118,18 +118,18 @@ def _sections(dataset: Dataset, footage: Footage, record: Record) -> Sections:
     return Sections(motion, light, detectors, needs, tuple(filter(None, findings)))
 
 
-def _radiance_film(footage: Footage) -> str:
+def _radiance_film(footage: ReportFrames) -> str:
     step = footage.selection.step
     return data_uri(stacked([rgb_picture(preview[::step, ::step]) for preview in footage.previews]))
 
 
-def _start(footage: Footage, detectors: DetectorSection | None) -> int:
+def _start(footage: ReportFrames, detectors: DetectorSection | None) -> int:
     """Index of the frame shown first: that of the detectors, or the middle."""
     frames = footage.selection.frames
     return frames.index(detectors.frame) if detectors else len(frames) // 2
 
 
-def _playback_hz(dataset: Dataset, footage: Footage) -> float:
+def _playback_hz(dataset: Dataset, footage: ReportFrames) -> float:
     trajectory = dataset.configuration.trajectory
     shown_hz = trajectory.frame_rate_hz * len(footage.selection.frames) / trajectory.frames
     slowest, fastest = _PLAYBACK_HZ

@@ -6,7 +6,7 @@ from typing import TypeVar
 
 from megalopta.dataset import FlowRecord, RotationErrors, TruthErrors
 from megalopta.flow.metrics import FAST_PX, OCCLUDED_SHARE, SLOW_PX
-from megalopta.report.parts import Table
+from megalopta.report.components import Table
 from megalopta.report.text import FAILS, SENSELESS, UNDEFINED, level_name, number, percent
 
 Value = TypeVar("Value")
