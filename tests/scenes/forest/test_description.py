@@ -255,8 +255,8 @@ def test_presets_grow_what_they_name(name):
 @pytest.mark.parametrize(
     "forest", [FOREST, Forest(preset="open"), Forest(trees=600, detail=3.0, undergrowth=0)]
 )
-def test_the_size_of_a_forest_is_foreseen(forest):
-    scene = build_forest(forest, PATH)
+def test_the_size_of_a_forest_is_foreseen(scene, forest):
+    scene = scene if forest is FOREST else build_forest(forest, PATH)
     plants, triangles = foreseen(forest, np.linalg.norm(PATH[-1] - PATH[0]))
     # a guard against absurd settings: right to a factor of two
     assert 0.5 < scene.triangle_count / triangles < 2
