@@ -12,6 +12,7 @@ from megalopta.sensor.ctia import calibration as ctia_calibration
 from megalopta.sensor.ctia import integration as ctia_integration
 from megalopta.sensor.ctia import noise as ctia_noise
 from megalopta.sensor.effects import bias
+from megalopta.sensor.optics import pixels
 from megalopta.sensor.optics.lens import falloff
 from megalopta.sensor.readout import binary
 from megalopta.sensor.sampling.streams import generator
@@ -33,7 +34,6 @@ from megalopta.sensor.selfcheck.ctia_bias import check_gate_leak, check_pulse_lo
 from megalopta.sensor.selfcheck.distances import GRID, Point, compare, measure
 from megalopta.sensor.selfcheck.measured import check_measured_maps
 from megalopta.sensor.selfcheck.optics import check_falloff, check_lens
-from megalopta.sensor.spad import exposure
 
 COUNTING = counting_checks(arrivals=1e5)
 
@@ -80,8 +80,8 @@ def test_chance_level_is_the_distance_of_samples_of_one_law():
 
 
 WRONG = [
-    (exposure, "image_irradiance", lambda L, lens: np.pi * L / (4 * lens.f_number**2), check_lens),
-    (exposure, "falloff", lambda lens, shape: falloff(lens, (1, shape[1])), check_falloff),
+    (pixels, "image_irradiance", lambda L, lens: np.pi * L / (4 * lens.f_number**2), check_lens),
+    (pixels, "falloff", lambda lens, shape: falloff(lens, (1, shape[1])), check_falloff),
     (bias, "since_measurement", lambda factor, *at: factor(*at), check_measured_maps),
     (binary, "open_fraction", lambda gate, exposure_s: 3 / 7, check_gated_bits),
     (ctia_integration, "_STEPS", 4, check_ctia_discharge),
