@@ -28,6 +28,7 @@ from megalopta.assets_gen.stimuli import (
 )
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras import Camera
+from megalopta.scenes.kinds import kind_of
 from megalopta.scenes.lighting import Light
 from megalopta.scenes.spectra import flat, luminous
 from megalopta.scenes.trajectories import Path, Trajectory
@@ -148,7 +149,7 @@ def _position_on_axis(trajectory: Path) -> tuple[float, float, float]:
     """Where the camera turns in place."""
     if not isinstance(trajectory, Trajectory):
         raise ValueError(
-            f"trajectory.kind {trajectory.kind!r}: a grating surrounds a camera that turns in "
+            f"trajectory.kind {kind_of(type(trajectory))!r}: a grating surrounds a camera that turns in "
             "place; use 'steady'"
         )
     height = trajectory.position_m[2]
