@@ -148,8 +148,9 @@ def _pattern(grating: Grating, fov: float, half_height: float) -> NDArray[np.flo
 def _position_on_axis(trajectory: Path) -> tuple[float, float, float]:
     """Where the camera turns in place."""
     if not isinstance(trajectory, Trajectory):
+        kind = kind_of(type(trajectory))
         raise ValueError(
-            f"trajectory.kind {kind_of(type(trajectory))!r}: a grating surrounds a camera that turns in "
+            f"trajectory.kind {kind!r}: a grating surrounds a camera that turns in "
             "place; use 'steady'"
         )
     height = trajectory.position_m[2]
