@@ -122,11 +122,8 @@ def llvm_in_use() -> tuple[str, str]:
     if version[0] in TRIED_LLVM:
         return "libLLVM of Dr.Jit's own choice", ".".join(map(str, version))
     refusal = _refusal(version) if version[0] > 0 else "is none"
-    return (
-        "",
-        f"the LLVM that Dr.Jit found {refusal}; take Mitsuba from megalopta.render (mi), not by an "
-        "import of your own",
-    )
+    remedy = "take Mitsuba from megalopta.render, as mi, before importing it"
+    return "", f"the LLVM that Dr.Jit found {refusal}; {remedy}"
 
 
 def find_llvm() -> tuple[str, str]:

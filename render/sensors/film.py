@@ -81,8 +81,9 @@ class Film:
 
     def _aim(self, pose: Float64, first_row: int) -> None:
         rows = self._passes.rows
-        one_pose = np.eye(4) if pose.ndim == 3 else pose
-        self._parameters["to_world"] = mi.Transform4f(sensor_transform(one_pose).tolist())
+        # Rows with poses of their own look through optics at Mitsuba's identity.
+        to_world = np.eye(4) if pose.ndim == 3 else sensor_transform(pose)
+        self._parameters["to_world"] = mi.Transform4f(to_world.tolist())
         cut_strip(self._camera, self._parameters, first_row, rows)
         self._parameters.update()
         if pose.ndim == 3:

@@ -27,6 +27,7 @@ from megalopta.assets_gen.stimuli import (
 )
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras import Camera
+from megalopta.scenes.kinds import kind_of
 from megalopta.scenes.lighting import Light
 from megalopta.scenes.spectra import flat, luminous
 from megalopta.scenes.trajectories import Path, Trajectory
@@ -149,8 +150,9 @@ def _pattern(grating: Grating, fov: float, half_height: float) -> NDArray[np.flo
 def _position_on_axis(trajectory: Path) -> tuple[float, float, float]:
     """Where the camera turns in place."""
     if not isinstance(trajectory, Trajectory):
+        kind = kind_of(type(trajectory))
         raise ValueError(
-            f"trajectory.kind {trajectory.kind!r}: a grating surrounds a camera that turns in "
+            f"trajectory.kind {kind!r}: a grating surrounds a camera that turns in "
             "place; use 'steady'"
         )
     height = trajectory.position_m[2]

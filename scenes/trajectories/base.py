@@ -21,9 +21,6 @@ class Path(
 ):
     """Frames at a steady rate along a path that is known at any time."""
 
-    kind: str
-    """Which path this is."""
-
     frames: Annotated[int, Field(ge=1, le=1_000_000)] = 32
     """Number of frames."""
 

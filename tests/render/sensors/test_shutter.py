@@ -39,7 +39,8 @@ def sliding(velocity, frames=3):
 
 
 def edges(image):
-    """Where the edge is in each row (px): the width of the dark part."""
+    """Where the edge is in each row (px): the width of the dark part, which is to the left."""
+    assert (image[:, 0] < image[:, -1]).all()
     return CAMERA.width - image[..., 0].sum(axis=1) / 1e-6
 
 
