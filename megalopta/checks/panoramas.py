@@ -110,7 +110,7 @@ def _add_row(
         return False
     found = compare(shipped, radiance, noise)
     is_current = read_attributes(shipped).get(RECIPE) == recipe
-    verdict = "agrees" if found.agrees else "differs: raise RECIPE_VERSION and ship it anew"
+    verdict = "agrees" if found.agrees else "differs: raise RENDER_MODEL and ship it anew"
     shares = found.pixels, found.noise, found.blocks, found.noise / BLOCK
     table.add_row(
         name,

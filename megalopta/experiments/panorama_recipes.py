@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 from megalopta.experiments.trial import ROWS
+from megalopta.freshness import RENDER_MODEL
 from megalopta.render import RenderNoise, RenderSettings, RunningMean, SceneRenderer, frame_seed
 from megalopta.scenes import build_scene
 from megalopta.scenes.cameras import CylindricalCamera
@@ -25,10 +26,6 @@ from megalopta.scenes.forest import Forest
 from megalopta.scenes.lighting import Light, under_clouds
 from megalopta.scenes.trajectories import Trajectory
 
-RECIPE_VERSION = 1
-"""Of scenes and renderer, raised by whoever changes what a panorama of the same configuration
-shows: plants, ground, light, camera or sampling, but not where the code stands. The test that
-renders the shipped panoramas again fails where a raise was forgotten."""
 LUMINANCE_BAND_NM = (507.0, 614.0)
 """As wide as the photopic V(λ) is when squared off (107 nm), about its centroid of 560 nm."""
 
@@ -74,7 +71,7 @@ class NaturalPanorama(
     @property
     def sha256(self) -> str:
         """Hash of this configuration and of the version of what it describes."""
-        text = f"{RECIPE_VERSION} {self.model_dump_json()}"
+        text = f"{RENDER_MODEL} {self.model_dump_json()}"
         return hashlib.sha256(text.encode()).hexdigest()
 
 

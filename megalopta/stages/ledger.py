@@ -151,7 +151,7 @@ def _size(path: Path) -> int | None:
 
 def _check_line(line: Mapping[str, Any]) -> None:
     """Raise where a line of the manifest is not as `finish` writes it."""
-    if line["stage"] not in STAGES:
+    if line["stage"] not in STAGES or not isinstance(line["sequence"], str):
         raise ValueError(line["stage"])
     for name, (size, hashed) in line["files"].items():
         path = Path(name)

@@ -13,7 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, Field
 
 Float64 = NDArray[np.float64]
-Vector = tuple[float, float, float]
+# Beyond, squares of lengths leave no digits for a forest, or overflow.
+Coordinate = Annotated[float, Field(ge=-1e12, le=1e12)]
+Vector = tuple[Coordinate, Coordinate, Coordinate]
 
 
 class Path(

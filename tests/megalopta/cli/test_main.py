@@ -140,7 +140,7 @@ def test_ctrl_c_leaves_whole_files_and_the_next_run_goes_on(run, tmp_path):
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     deadline = time.monotonic() + 120
-    while len(files_named(out, "truth/*/*.exr")) < 3 and time.monotonic() < deadline:
+    while len(files_named(out, "truth/*/frame_*.exr")) < 3 and time.monotonic() < deadline:
         time.sleep(0.02)
     process.send_signal(signal.SIGINT)
     _, stderr = process.communicate(timeout=30)
@@ -148,7 +148,7 @@ def test_ctrl_c_leaves_whole_files_and_the_next_run_goes_on(run, tmp_path):
     assert "interrupted; every file is whole" in stderr
     assert "Traceback" not in stderr
     assert not files_named(out, ".*")
-    truths = files_named(out, "truth/*/*.exr")
+    truths = files_named(out, "truth/*/frame_*.exr")
     assert 3 <= len(truths) < 400
     for path in truths:
         read_truth(path)

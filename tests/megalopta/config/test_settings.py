@@ -21,4 +21,4 @@ def test_help_lists_the_fields_that_are_asked_for():
     text = Settings(load("demo"), ("light_levels", "sensors")).help()
     entries = [line for line in text.splitlines() if line.startswith("  --")]
     assert entries
-    assert all(line.startswith(("  --light-levels", "  --sensors.")) for line in entries)
+    assert all(line.startswith(("  --light-levels", "  --sensors")) for line in entries)

@@ -12,7 +12,7 @@ from megalopta.cli import main as cli
 from megalopta.experiments import panoramas
 from megalopta.experiments.panorama_recipes import (
     NATURAL_PANORAMAS,
-    RECIPE_VERSION,
+    RENDER_MODEL,
     render_panorama,
 )
 from megalopta.experiments.panoramas import (
@@ -32,7 +32,7 @@ def light(seed, noise=NOISE, brightness=3e-8):
     rng, noisy = np.random.default_rng(1), np.random.default_rng(seed)
     scene = np.kron(rng.gamma(2, size=(32, 113)), np.ones((8, 8)))[:251, :900, np.newaxis]
     error = noise * scene.mean() * noisy.standard_normal(scene.shape)
-    return (brightness * (scene + error)).astype(np.float32)
+    return (brightness * np.maximum(scene + error, 0)).astype(np.float32)
 
 
 def noise_of(rms):
@@ -80,7 +80,7 @@ def test_another_recipe_is_not_answered_with_the_shipped_file(shipped, tmp_path,
 
 def test_a_raised_version_is_another_recipe(monkeypatch):
     before = RECIPE.sha256
-    monkeypatch.setattr("megalopta.experiments.panorama_recipes.RECIPE_VERSION", RECIPE_VERSION + 1)
+    monkeypatch.setattr("megalopta.experiments.panorama_recipes.RENDER_MODEL", RENDER_MODEL + 1)
     assert RECIPE.sha256 != before
 
 
@@ -115,7 +115,7 @@ def test_check_renders_all_writes_them_and_says_what_differs(shipped, tmp_path, 
     text = io.StringIO()
     assert not run_check_panoramas(tmp_path / "new", Console(file=text, width=200))
     rows = {line.split()[1]: line for line in text.getvalue().splitlines()[3:-1]}
-    assert "differs: raise RECIPE_VERSION" in rows["open"]
+    assert "differs: raise RENDER_MODEL" in rows["open"]
     assert "not shipped yet" in rows["dense"]
     assert "agrees" in rows["clearing"]
     assert len(list((tmp_path / "new").iterdir())) == 4
@@ -132,7 +132,7 @@ def test_the_verb_takes_the_folder_and_ends_with_the_verdict(monkeypatch, tmp_pa
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NATURAL_PANORAMAS)
 def test_what_grows_today_is_what_was_shipped(name):
-    # A raise of RECIPE_VERSION that was forgotten. Two light paths per pixel show the means of
+    # A raise of RENDER_MODEL that was forgotten. Two light paths per pixel show the means of
     # blocks to a few per cent; twice what noise makes of their RMS comes by chance once in 3e8.
     coarse = NATURAL_PANORAMAS[name].model_copy(update={"samples_per_pass": 1, "passes": 2})
     found = compare(SHIPPED / f"{name}.exr", *render_panorama(coarse, lambda: None))

@@ -14,8 +14,7 @@ from megalopta.report.write import write_report
 from megalopta.scenes.spectra.airglow import AIRGLOW
 from megalopta.sensor import CtiaSensor, DacBias, FloatingGateBias, expose_ctia, reading_electrons
 from megalopta.stages.pipeline import run_all
-from megalopta.stages.sense import light_scale, read_exposure
-from megalopta.stages.sense_check import check_sense
+from megalopta.stages.sense import STAGE, light_scale, read_exposure
 
 SMALL = {
     "name": "night",
@@ -135,7 +134,7 @@ def test_a_preset_with_another_kind_of_bias_loses_the_fields_of_the_old_one():
 
 def test_a_band_outside_the_diodes_curve_is_refused_by_name():
     with pytest.raises(ValueError, match=r"400–475 nm reaches outside the efficiency curve"):
-        check_sense(parse("sensors: [ctia_ingaas]", "x"))
+        STAGE.check(parse("sensors: [ctia_ingaas]", "x"))
 
 
 def test_misspelt_fields_and_kinds_are_named():

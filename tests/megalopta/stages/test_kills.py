@@ -25,10 +25,10 @@ KILLS = 20 if IS_LONG else 1
 # Loading takes seconds, in which nothing can be harmed: the clock starts when it is done.
 PROGRAM = """
 import sys
-from megalopta import cli
 import megalopta.render.scene_renderer
+from megalopta.cli.main import main
 print("ready", flush=True)
-cli.main(sys.argv[1:])
+main(sys.argv[1:])
 """
 
 CHANGES = {

@@ -15,6 +15,7 @@ from megalopta.errors import UserError
 from megalopta.render import read_radiance, read_truth, write_truth
 from megalopta.render.exr import read_truth_header
 from megalopta.sensor import expected_counts, read_counts
+from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_stage
 
 OBJECTS = (
@@ -90,6 +91,7 @@ def test_wrong_flow_fails_the_check(moving, tmp_path, wrong, failing, capsys):
         values = {**vars(truth), "flow_forward": wrong(truth.flow_forward)}
         kept = {name: header[name] for name in ("camera", "cameraToWorld", "timeSeconds")}
         write_truth(source, type(truth)(**values), (0, 0, 1), kept)
+    Ledger(open_dataset(root)).finish("render")
     assert any(failing in row.name for row in check_truth(open_dataset(root)) if not row.passed)
     with pytest.raises(SystemExit) as stopped:
         cli.main(["check", "truth", str(root)])

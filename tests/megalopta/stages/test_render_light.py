@@ -39,7 +39,7 @@ def yard(monkeypatch):
         materials, assets = {"gray": Material(flat(0.5))}, {"plane": Asset({"gray": plane})}
         return Scene(materials, assets, (placement,), light.lighting())
 
-    monkeypatch.setattr("megalopta.stage_render.build_scene", build)
+    monkeypatch.setattr("megalopta.stages.render.build_scene", build)
 
 
 @pytest.fixture
