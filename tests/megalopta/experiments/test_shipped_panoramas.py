@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from megalopta import checks
 from megalopta.checks import panoramas as check_panoramas
 from megalopta.checks.panoramas import LIMIT, compare, run_check_panoramas
 from megalopta.cli import main as cli
@@ -123,7 +124,7 @@ def test_check_renders_all_writes_them_and_says_what_differs(shipped, tmp_path, 
 
 def test_the_verb_takes_the_folder_and_ends_with_the_verdict(monkeypatch, tmp_path):
     seen = []
-    monkeypatch.setattr(check_panoramas, "run_check_panoramas", lambda out: seen.append(out))
+    monkeypatch.setattr(checks, "run_check_panoramas", lambda out: seen.append(out))
     with pytest.raises(SystemExit) as stopped:
         cli.main(["check", "panoramas", str(tmp_path)])
     assert (seen, stopped.value.code) == ([tmp_path], 1)
