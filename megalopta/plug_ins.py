@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterable, Iterator
 from importlib.metadata import entry_points
 from typing import Any, Protocol, TypeVar
 
+from megalopta.progress import say
+
 
 class _Named(Protocol):
     @property
@@ -43,15 +45,10 @@ def plug_ins(
                     raise ValueError(f"the name {each.name!r} is taken, choose another")
                 found[each.name] = each
         except Exception as problem:  # somebody else's code can raise anything
-            _tell(f"{group}: plug-in {entry.name} ({entry.value}) is left out: {problem}")
+            told = " ".join(str(problem).split())
+            say(f"megalopta: {group}: plug-in {entry.name} ({entry.value}) is left out: {told}")
     return found
 
 
 def _listed(value: Any) -> Iterator[Any]:
     yield from value if isinstance(value, list | tuple) else [value]
-
-
-def _tell(sentence: str) -> None:
-    from megalopta.progress import say  # slow to import, and hardly ever needed
-
-    say(f"megalopta: {' '.join(sentence.split())}")

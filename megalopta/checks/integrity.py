@@ -42,9 +42,9 @@ def run_check_files(dataset: Dataset, console: Console | None = None) -> bool:
             f"{fault.path}: {fault.what}; {fault.remedy}", markup=False, highlight=False,
             soft_wrap=True,
         )  # fmt: skip
-    finished = [stage for stage in STAGES if Ledger(dataset).entry(stage)]
-    entries = (Ledger(dataset).entry(stage) or {} for stage in finished)
-    total = sum(len(entry["files"]) for entry in entries)
+    entries = {stage: Ledger(dataset).entry(stage) for stage in STAGES}
+    finished = [stage for stage, entry in entries.items() if entry]
+    total = sum(len(entry["files"]) for entry in entries.values() if entry)
     console.print(
         f"{total} files of {', '.join(finished) or 'no finished stage'}: "
         f"{len(faults) or 'none'} damaged, missing or unknown"
@@ -59,10 +59,11 @@ def check_files(dataset: Dataset) -> list[Fault]:
     """
     known: set[Path] = set()
     faults: dict[Path, Fault] = {}
+    ledger = Ledger(dataset)
     for stage in STAGES:
-        entry = Ledger(dataset).entry(stage)
+        entry = ledger.entry(stage)
         if entry is None:
-            known.update(files_in(Ledger(dataset).outputs(stage)))
+            known.update(files_in(ledger.outputs(stage)))
             continue
         hashes = {dataset.root / name: digest for name, (_, digest) in entry["files"].items()}
         known.update(hashes)
