@@ -1,7 +1,7 @@
 from .frame_time import milliseconds_per_frame
 from .result import BenchmarkResult
 from .search import photon_search
-from .sequence import photon_benchmark
+from .sequence import Clip, photon_benchmark
 from .settings import (
     BenchmarkSettings,
     SearchSettings,
@@ -14,6 +14,7 @@ from .settings import (
 __all__ = [
     "BenchmarkResult",
     "BenchmarkSettings",
+    "Clip",
     "SearchSettings",
     "checked_warm_up",
     "default_warm_up",

@@ -16,30 +16,16 @@ of the draws.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
+from typing import Any, Protocol
 
 import numpy as np
 
 from megalopta.flow.benchmark.result import BenchmarkResult
-from megalopta.flow.benchmark.settings import (
-    BenchmarkSettings,
-    checked_warm_up,
-    default_warm_up,
-    work_units,
-)
+from megalopta.flow.benchmark.settings import BenchmarkSettings, checked_warm_up
 from megalopta.flow.detectors import Detector, FloatArray, Frames, Method, method
 from megalopta.flow.metrics import ErrorCurve, ErrorSums, Metric, combine, error_curve, error_sums
-from megalopta.flow.stimuli import Counts, brightness, draw_counts, resize
-
-__all__ = [
-    "BenchmarkResult",
-    "BenchmarkSettings",
-    "ErrorCurve",
-    "default_warm_up",
-    "photon_benchmark",
-    "work_units",
-]
+from megalopta.flow.stimuli import Counts, divisors, draw_counts, frame_light, resize, resized_shape
 
 Progress = Callable[[int], object]
 """Called with the work done since the last call, in the units of `work_units`."""
@@ -48,8 +34,19 @@ Parts = Callable[[str, Callable[[], list[ErrorSums]]], list[ErrorSums]]
 """Gives a part of the work by its name: what was kept of it, or else what the callable returns."""
 
 
+class Clip(Protocol):
+    """A sequence of frames of which some can be had at a time: an array, in memory or on disk."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Frames, rows and columns."""
+
+    def __getitem__(self, frames: slice, /) -> Any:
+        """Return successive frames (n, H, W)."""
+
+
 def photon_benchmark(
-    frames: Frames,
+    frames: Clip,
     methods: Sequence[Method],
     settings: BenchmarkSettings,
     seed: int,
@@ -62,7 +59,8 @@ def photon_benchmark(
     Parameters
     ----------
     frames : (T, H, W)
-        Clean sequence, any quantity proportional to the light.
+        Clean sequence, any quantity proportional to the light; an array, or what is sliced like
+        one, such as a Zarr array, of which a few frames are in memory at a time.
     methods
         Detectors, their names, or functions (`detector_from`); of different names.
     settings
@@ -81,12 +79,11 @@ def photon_benchmark(
     ValueError
         When the frames are no light, too few or too small, or a size exceeds theirs.
     """
-    brightness(frames)
     detectors = [method(each) for each in methods]
     warm_up = checked_warm_up(frames.shape, detectors, settings)
     curves: list[ErrorCurve] = []
     for size in settings.sizes:
-        stimulus = _stimulus(frames, size, settings, seed, sequence)
+        stimulus = _Stimulus(frames, size, settings, seed, sequence)
         for detector, sums in zip(
             detectors, _measured(stimulus, detectors, settings, on_progress, parts), strict=True
         ):
@@ -105,59 +102,48 @@ def photon_benchmark(
     )
 
 
-@dataclass(frozen=True)
 class _Stimulus:
     """A resized clean sequence, and the photons it gives."""
 
-    frames: Frames
-    brightness: float
-    dark_counts: float
-    """Per frame and resized pixel"""
+    def __init__(
+        self, frames: Clip, size: int, settings: BenchmarkSettings, seed: int, sequence: str
+    ) -> None:
+        self._frames, self._settings, self.seed = frames, settings, seed
+        rows, columns = frames.shape[1], frames.shape[2]
+        self.shape = resized_shape((rows, columns), size)
+        self.pixels = self.shape[0] * self.shape[1]
+        # of a resized pixel, per frame
+        self.dark_counts = settings.dark_counts * rows * columns / self.pixels
+        # names the sequence at this size in random streams
+        self.key = sequence, f"{self.shape[0]}x{self.shape[1]}"
+        light = np.concatenate([frame_light(chunk) for _, chunk in self._resized()])
+        self._divisors = divisors(light, settings.normalization)
 
-    seed: int
-    sequence: str
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        return self.frames.shape[1], self.frames.shape[2]
-
-    @property
-    def pixels(self) -> int:
-        return self.shape[0] * self.shape[1]
-
-    @property
-    def key(self) -> tuple[str, str]:
-        """Names the sequence at this size in random streams."""
-        return self.sequence, f"{self.shape[0]}x{self.shape[1]}"
-
-    def chunks(self, length: int) -> Iterator[tuple[int, FloatArray]]:
+    def chunks(self) -> Iterator[tuple[int, FloatArray]]:
         """Yield the number of the first frame and the frames, as shares of the flux."""
-        for first in range(0, len(self.frames), length):
-            yield first, self.frames[first : first + length] / np.float64(self.brightness)
+        for first, frames in self._resized():
+            yield first, frames / self._divisors[first : first + len(frames), None, None]
 
     def counts(self, means: FloatArray, flux: float, repeat: int, first_frame: int) -> Counts:
         return draw_counts(
             means, self.seed, *self.key, f"{flux:.6g}", repeat, first_frame=first_frame
         )
 
-
-def _stimulus(
-    frames: Frames, size: int, settings: BenchmarkSettings, seed: int, sequence: str
-) -> _Stimulus:
-    resized = resize(frames, size, settings.resize)
-    pixel_area = frames[0].size / resized[0].size
-    return _Stimulus(
-        resized, brightness(resized), settings.dark_counts * pixel_area, seed, sequence
-    )
+    def _resized(self) -> Iterator[tuple[int, Frames]]:
+        length = self._settings.chunk_frames
+        for first in range(0, self._frames.shape[0], length):
+            chunk = np.asarray(self._frames[first : first + length])
+            yield first, resize(chunk, self.shape, self._settings.resize)
 
 
 class _Comparison:
     """One detector at one flux: its answers to counts against those to the clean sequence."""
 
-    def __init__(self, method: Detector, shape: tuple[int, int]) -> None:
+    def __init__(self, method: Detector, shape: tuple[int, int], reference: str) -> None:
         self.method = method
         self.answer_to_counts = method.start(shape)
-        self.answer_to_means = None if method.ignores_offset else method.start(shape)
+        notices = not method.ignores_offset and reference == "self"
+        self.answer_to_means = method.start(shape) if notices else None
         self.sums: list[ErrorSums] = []
 
     def add(self, ideal: FloatArray, means: FloatArray, counts: Counts, scale: float) -> None:
@@ -196,9 +182,10 @@ def _one_repeat(
     """Return the sums of each method, (fluxes, T)."""
     answers_to_light = [method.start(stimulus.shape) for method in methods]
     comparisons = [
-        [_Comparison(method, stimulus.shape) for method in methods] for _ in settings.fluxes
+        [_Comparison(method, stimulus.shape, settings.reference) for method in methods]
+        for _ in settings.fluxes
     ]
-    for first_frame, light in stimulus.chunks(settings.chunk_frames):
+    for first_frame, light in stimulus.chunks():
         ideals = [answer(light, stimulus.pixels) for answer in answers_to_light]
         for flux, at_flux in zip(settings.fluxes, comparisons, strict=True):
             means = light * flux + stimulus.dark_counts

@@ -3,13 +3,13 @@
 import math
 from collections.abc import Sequence
 from itertools import product
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
 from megalopta.flow.detectors import Detector
 from megalopta.flow.metrics import METRICS, Metric
-from megalopta.flow.stimuli import ResizeKind, resized_shape
+from megalopta.flow.stimuli import Normalization, ResizeKind, resized_shape
 
 THESIS_WARM_UP = 30
 
@@ -33,6 +33,14 @@ class CurveSettings(
 
     dark_counts: Annotated[float, Field(ge=0, le=1e12)] = 0.1
     """Dark counts per frame and pixel of the frames before resizing"""
+
+    normalization: Normalization = "per_frame"
+    """What is brought to the flux: every frame, as the thesis does, or (per_sequence) the mean one,
+    so that frames differ in brightness as they do in the scene"""
+
+    reference: Literal["self", "perfect"] = "self"
+    """What responses to counts are compared with: those to the mean counts, the dark ones included,
+    or (perfect) to the light alone. It matters to detectors that notice an offset, IM and PM"""
 
     metrics: Annotated[tuple[Metric, ...], Field(min_length=1)] = METRICS
     """Error metrics: "literal" is Eq. 4.5, "ratio" does not divide by near-zero responses"""

@@ -1,6 +1,9 @@
-from .yaw_rate import rotation_error, yaw_rates_deg_s
+from .wide_field import WideField, fit_wide_field
+from .yaw_rate import YawRateTest, yaw_rates_deg_s
 
 __all__ = [
-    "rotation_error",
+    "WideField",
+    "YawRateTest",
+    "fit_wide_field",
     "yaw_rates_deg_s",
 ]

@@ -98,20 +98,26 @@ def fit_wide_field(answers: FloatArray, rates: FloatArray) -> WideField:
     """
     if rates.shape != answers.shape[:1]:
         raise ValueError(f"rates of shape {rates.shape} for {len(answers)} answers: give one each")
-    halves = [slice(None, len(rates) // 2), slice(len(rates) // 2, None)]
-    (first, known_first), (second, known_second) = (
-        _slopes(answers[half], rates[half]) for half in halves
-    )
-    slopes, _ = _slopes(answers, rates)
-    known = known_first & known_second
+    sums = [SlopeSums(), SlopeSums()]
+    for each, half in zip(
+        sums, (slice(len(rates) // 2), slice(len(rates) // 2, None)), strict=True
+    ):
+        each.add(answers[half], rates[half])
+    return field_of_halves(*sums)
+
+
+def field_of_halves(first: "SlopeSums", second: "SlopeSums") -> WideField:
+    """Return the matched filter learned from the sums over two halves; as `fit_wide_field`."""
+    both = first.joined(second)
+    known = (first.power > 0) & (second.power > 0)
     if not known.any():
         raise ValueError(
             "no answer is defined while the camera turns, in both halves of the sequence: give"
             " rates other than 0"
         )
-    noise = _noise(answers, slopes, rates, known)
-    weights = np.where(known, (first + second) / 2, 0) / noise
-    squared_snr = np.where(known, first * second, 0) / noise
+    noise = _drawn_to_typical(both.variances(), known)
+    weights = np.where(known, (first.slopes + second.slopes) / 2, 0) / noise
+    squared_snr = np.where(known, first.slopes * second.slopes, 0) / noise
     total = float(squared_snr.sum())
     if total <= 0:
         raise ValueError(
@@ -119,25 +125,45 @@ def fit_wide_field(answers: FloatArray, rates: FloatArray) -> WideField:
             " more frames"
         )
     error = float(np.sqrt(np.sum(weights**2 * noise))) / total
-    return WideField(slopes, weights, squared_snr, error)
+    return WideField(both.slopes, weights, squared_snr, error)
 
 
-def _slopes(answers: FloatArray, rates: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Return the slope of each answer over the rate, 0 where it is unknown, and where it is not."""
-    omega = rates.reshape(-1, *[1] * (answers.ndim - 1))
-    defined = np.isfinite(answers)
-    power = np.sum(omega**2 * defined, axis=0)
-    sums = np.sum(np.where(defined, answers, 0) * omega, axis=0)
-    return np.divide(sums, power, out=np.zeros_like(power), where=power > 0), power > 0
+class SlopeSums:
+    """Sums over time that tell the slope of each local answer over the rate, and its noise."""
+
+    def __init__(self) -> None:
+        self.products = self.power = self.squares = self.count = np.zeros(())
+
+    def add(self, answers: FloatArray, rates: FloatArray) -> None:
+        """Take in answers (n, ...), NaN where undefined, at known rates (n,)."""
+        omega = rates.reshape(-1, *[1] * (answers.ndim - 1))
+        defined = np.isfinite(answers)
+        known = np.where(defined, answers, 0)
+        self.products = self.products + np.sum(known * omega, axis=0)
+        self.power = self.power + np.sum(omega**2 * defined, axis=0)
+        self.squares = self.squares + np.sum(known**2, axis=0)
+        self.count = self.count + defined.sum(axis=0)
+
+    def joined(self, other: "SlopeSums") -> "SlopeSums":
+        """Return the sums over both times."""
+        both = SlopeSums()
+        for name, value in vars(self).items():
+            setattr(both, name, value + getattr(other, name))
+        return both
+
+    @property
+    def slopes(self) -> FloatArray:
+        """Slope of each answer over the rate; 0 where it is unknown."""
+        return np.divide(
+            self.products, self.power, out=np.zeros_like(self.products), where=self.power > 0
+        )
+
+    def variances(self) -> FloatArray:
+        """Variance of each answer about its slope."""
+        left = self.squares - self.slopes * self.products
+        return np.asarray(np.maximum(left, 0) / np.maximum(self.count, 1))
 
 
-def _noise(
-    answers: FloatArray, slopes: FloatArray, rates: FloatArray, known: NDArray[np.bool_]
-) -> FloatArray:
-    """Return the variance of each answer about its slope, drawn to that of the median place."""
-    omega = rates.reshape(-1, *[1] * (answers.ndim - 1))
-    defined = np.isfinite(answers)
-    squares = np.sum(np.where(defined, answers - slopes * omega, 0) ** 2, axis=0)
-    variances = squares / np.maximum(defined.sum(axis=0), 1)
+def _drawn_to_typical(variances: FloatArray, known: NDArray[np.bool_]) -> FloatArray:
     typical = float(np.median(variances[known]) or variances.mean()) or 1.0
     return np.asarray(_SHARED * typical + (1 - _SHARED) * variances)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from megalopta.flow.detectors import Detector
-from megalopta.flow.egomotion.wide_field import fit_wide_field
+from megalopta.flow.egomotion.wide_field import SlopeSums, WideField, field_of_halves
 from megalopta.scenes.trajectories import Path
 
 Floats = NDArray[np.float64]
@@ -40,41 +40,66 @@ def yaw_rates_deg_s(path: Path) -> Floats:
     return np.asarray(steps[:, 1] * path.frame_rate_hz)
 
 
-def rotation_error(
-    detector: Detector, ideal: Floats, noisy: Floats, rates: Floats, warm_up: int
-) -> RotationError | None:
-    """Return the error of the yaw rate; None without direction, rotation or frames enough.
+class YawRateTest:
+    """Learns the yaw rate from the first half of a sequence and tries it on the second.
 
     Parameters
     ----------
     detector
-        The detector that answered.
-    ideal, noisy : (T, H, W) or (T − 1, rows, columns, 2)
-        Answers to the noise-free twin and to the counts.
+        The detector that answers.
     rates : (T − 1,)
         True yaw rates (deg/s).
     warm_up : int
         Frames in which the detector settles.
     """
-    if not detector.tells_direction:
-        return None
-    # The last answers belong to the last rates, whether there is one per frame or per pair.
-    rates, ideal, noisy = (each[warm_up:] for each in _aligned(rates, ideal, noisy))
-    half = len(rates) // 2
-    if half == 0 or np.abs(rates[:half]).max() < _STILL_DEG_S:
-        return None
-    try:
-        field = fit_wide_field(ideal[:half], rates[:half])
-    except ValueError:  # nothing is seen to move
-        return None
-    truth = rates[half:]
-    errors = [field.rates(answers[half:]) - truth for answers in (ideal, noisy)]
-    return RotationError(_rms(truth), *map(_rms, errors))
 
+    def __init__(self, detector: Detector, rates: Floats, warm_up: int) -> None:
+        self._rates = rates
+        # the last answer belongs to the last rate, whether there is one per frame or per pair
+        self._next = 0 if detector.gives == "velocity" else -1
+        half = max(0, len(rates) - warm_up) // 2
+        self._bounds = warm_up, warm_up + half // 2, warm_up + half, len(rates)
+        learned = rates[warm_up : warm_up + half]
+        self._turns = half > 0 and np.abs(learned).max() >= _STILL_DEG_S
+        self._is_on = detector.tells_direction and self._turns
+        self._halves = SlopeSums(), SlopeSums()
+        self._field: WideField | None = None
+        self._errors: list[Floats] = []
 
-def _aligned(*series: Floats) -> list[Floats]:
-    shortest = min(map(len, series))
-    return [each[len(each) - shortest :] for each in series]
+    def add(self, ideal: Floats, noisy: Floats) -> None:
+        """Take in the next answers to the noise-free twin and to the counts, (n, ...) each."""
+        first, self._next = self._next, self._next + len(ideal)
+        if not self._is_on:
+            return
+        for index, sums in enumerate(self._halves):
+            here, at = self._overlap(first, index)
+            sums.add(ideal[here], self._rates[at])
+        here, at = self._overlap(first, 2)
+        if at.start < at.stop:
+            self._try(ideal[here], noisy[here], self._rates[at])
+
+    def result(self) -> RotationError | None:
+        """Return the error of the yaw rate; None without direction, rotation or frames enough."""
+        if not self._errors:
+            return None
+        truth = self._rates[self._bounds[2] :]
+        ideal, noisy = np.concatenate(self._errors, axis=1)
+        return RotationError(_rms(truth), _rms(ideal), _rms(noisy))
+
+    def _overlap(self, first: int, part: int) -> tuple[slice, slice]:
+        """Which of the answers from rate number `first` on lie in a part, and at which rates."""
+        start = max(self._bounds[part], first)
+        stop = max(start, min(self._bounds[part + 1], self._next))
+        return slice(start - first, stop - first), slice(start, stop)
+
+    def _try(self, ideal: Floats, noisy: Floats, truth: Floats) -> None:
+        try:
+            self._field = self._field or field_of_halves(*self._halves)
+        except ValueError:  # nothing is seen to move
+            self._is_on = False
+            return
+        answers = self._field.rates(ideal), self._field.rates(noisy)
+        self._errors.append(np.stack(answers) - truth)
 
 
 def _rms(values: Floats) -> float:

@@ -1,5 +1,13 @@
-from .moving_template import BlackFrameError, MovingTemplate, blurred, summed
-from .photons import Counts, brightness, draw_counts, narrowest
+from .moving_template import MovingTemplate, blurred, summed
+from .photons import (
+    BlackFrameError,
+    Counts,
+    Normalization,
+    divisors,
+    draw_counts,
+    frame_light,
+    narrowest,
+)
 from .resizing import ResizeKind, resize, resized_shape
 from .statistics import ImageStatistics, image_statistics, power_spectrum
 
@@ -8,10 +16,12 @@ __all__ = [
     "Counts",
     "ImageStatistics",
     "MovingTemplate",
+    "Normalization",
     "ResizeKind",
     "blurred",
-    "brightness",
+    "divisors",
     "draw_counts",
+    "frame_light",
     "image_statistics",
     "narrowest",
     "power_spectrum",

@@ -11,11 +11,8 @@ from functools import cached_property
 import numpy as np
 
 from megalopta.flow.detectors import FloatArray, Frames
+from megalopta.flow.stimuli.photons import Normalization, divisors
 from megalopta.flow.stimuli.resizing import ResizeKind, resize, resized_shape
-
-
-class BlackFrameError(ValueError):
-    """A frame without light cannot be scaled to a flux."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +30,9 @@ class MovingTemplate:
 
     resize: ResizeKind = "nearest"
     """How frames are resized"""
+
+    normalization: Normalization = "per_frame"
+    """What is brought to the flux: every frame, or the mean one of a full turn"""
 
     def __post_init__(self) -> None:
         """Refuse what is no template."""
@@ -52,13 +52,20 @@ class MovingTemplate:
         lines = resize(self.template, (self.size, columns), self.resize)
         return np.concatenate((lines, lines[:, :rows]), axis=1)
 
+    @cached_property
+    def _mean_light(self) -> float:
+        """Mean over a full turn of the sum over a frame."""
+        rows, columns = self.template.shape
+        seen = self.size if self.resize == "nearest" else rows
+        return float(self._lines[:, :columns].sum() / columns * seen)
+
     @property
     def effective_velocity_px(self) -> float:
         """Motion of the resized frames (px per frame): v·N/rows."""
         return self.velocity_px * self.size / len(self.template)
 
     def light(self, shift_px: int, count: int) -> FloatArray:
-        """Return frames as shares of the flux, (count, size, size), each of sum 1.
+        """Return frames as shares of the flux, (count, size, size): of sum 1, each or on average.
 
         Parameters
         ----------
@@ -77,13 +84,8 @@ class MovingTemplate:
         for frame, start in zip(frames, starts, strict=True):
             window = self._lines[:, start : start + rows]
             frame[:] = resize(window, (self.size, self.size), self.resize)
-        sums = frames.sum(axis=(1, 2), keepdims=True)
-        if not sums.min() > 0:
-            raise BlackFrameError(
-                f"a frame of the template, {rows} columns of it, is black and cannot be scaled to"
-                " a flux; give a picture with light everywhere around"
-            )
-        frames /= sums
+        sums = frames.sum(axis=(1, 2))
+        frames /= divisors(sums, self.normalization, self._mean_light)[:, np.newaxis, np.newaxis]
         return frames
 
 

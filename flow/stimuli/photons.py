@@ -1,15 +1,16 @@
 """What scales a clean sequence to a photon flux, and photon counts drawn from mean counts.
 
 Thesis §4.2: mean counts λ = F·I/ΣI + dark counts, counts ~ Poisson(λ), with the flux F in photons
-per frame. ΣI is here `brightness`, the mean over the sequence, so that a scene that grows darker
-does; for one image, or a scene of constant brightness, there is no difference.
+per frame. ΣI is the sum over the frame itself, as in the thesis (`per_frame`), or its mean over the
+sequence (`per_sequence`), so that a scene that grows darker does, as a sensor sees it. In a scene
+of constant brightness there is no difference.
 
 Every frame is drawn from a stream of its own, named by the seed, the caller's key and the number
 of the frame, so the counts of a frame do not depend on how the sequence is cut. Different fluxes
 are drawn independently of each other.
 """
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,23 +20,57 @@ from megalopta.sensor.sampling import draw_poisson, generator
 _LARGEST_MEAN = 9e18
 Counts = NDArray[np.unsignedinteger[Any]]
 
+Normalization = Literal["per_frame", "per_sequence"]
+"""What is brought to the flux: every frame, or the mean frame."""
 
-def brightness(frames: NDArray[Any]) -> float:
-    """Return the mean over a sequence (T, H, W) of the sum over a frame.
+
+class BlackFrameError(ValueError):
+    """A frame without light cannot be scaled to a flux."""
+
+
+def frame_light(frames: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the sum over each frame of (T, H, W), (T,).
 
     Raises
     ------
     ValueError
-        When the frames are not a sequence of finite, non-negative light with some light in it.
+        When the frames are not a sequence of finite light, 0 or more.
     """
     if frames.ndim != 3 or frames.size == 0:
         raise ValueError(f"frames of shape {frames.shape}: give a sequence (T, H, W)")
-    mean = float(frames.sum(axis=(1, 2), dtype=np.float64).mean())
-    if not (frames.min() >= 0 and np.isfinite(mean)):
+    # frame by frame, so that no rounding depends on how the sequence is cut
+    sums = np.array([np.ascontiguousarray(frame).sum(dtype=np.float64) for frame in frames])
+    if not (frames.min() >= 0 and np.isfinite(sums).all()):
         raise ValueError("frames hold negative or non-finite values: give light, 0 or more")
-    if mean == 0:
-        raise ValueError("frames are black: there is nothing to scale to a photon flux")
-    return mean
+    return sums
+
+
+def divisors(
+    sums: NDArray[np.float64], normalization: Normalization, mean: float | None = None
+) -> NDArray[np.float64]:
+    """Return what each frame is divided by to become shares of the flux, (T,).
+
+    Parameters
+    ----------
+    sums : (T,)
+        Over each frame.
+    normalization
+    mean : float, optional
+        Of the sums over the whole sequence; by default over these.
+
+    Raises
+    ------
+    BlackFrameError
+        When there is no light to scale to a flux.
+    """
+    if normalization == "per_sequence":
+        sums = np.full(sums.shape, sums.mean() if mean is None else mean)
+    if not sums.min() > 0:
+        raise BlackFrameError(
+            f"frame {int(np.argmin(sums))} is black: there is nothing to scale to a photon flux; "
+            "give light everywhere, or normalization per_sequence"
+        )
+    return sums
 
 
 def draw_counts(

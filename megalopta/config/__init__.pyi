@@ -1,7 +1,9 @@
 from .built_in import built_in_names
 from .model import (
     Configuration,
+    FlowSettings,
     LightLevel,
+    Reference,
     differences,
     level_text,
     load,
@@ -13,7 +15,9 @@ from .yaml_model import mapping, put, read_text, to_yaml, validated
 
 __all__ = [
     "Configuration",
+    "FlowSettings",
     "LightLevel",
+    "Reference",
     "Settings",
     "built_in_names",
     "differences",

@@ -7,7 +7,7 @@ path, `--scene.trees 200`, and its value is read as YAML.
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     BaseModel,
@@ -32,8 +32,24 @@ from megalopta.sensor.spad import load_sensor, with_files
 
 LightLevel = float | str
 
+Reference = Literal["self", "perfect"]
+
 # Longer ones, such as a recorded path, are cut where two configurations are compared.
 _LONGEST_VALUE = 60
+
+
+class FlowSettings(
+    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+):
+    """What the responses to readings are compared with."""
+
+    references: Annotated[tuple[Reference, ...], Field(min_length=1)] = ("self", "perfect")
+    """self: the mean reading of the same device, whose noise the error then is. perfect: the
+    photons on the pixels; the excess over self is what the device costs. self is always there."""
+
+    saturated: Literal["score", "leave_out"] = "score"
+    """Pixels that are full, and blocks with a tenth of them or more: scored like others, or left
+    out; how many readings are full is in the record and in the report."""
 
 
 class Configuration(
@@ -95,6 +111,9 @@ class Configuration(
         tuple[str, ...],
         Field(min_length=1, description=f"Motion detectors to run, of {', '.join(METHODS)}."),
     ] = THESIS_METHODS
+
+    flow: FlowSettings = FlowSettings()
+    """What the responses of detectors are compared with."""
 
     benchmark: BenchmarkSettings = BenchmarkSettings(sizes=(60,))
     """The search for the photons that each detector needs."""

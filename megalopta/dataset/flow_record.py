@@ -63,7 +63,15 @@ class FlowRecord(_Record, frozen=True):
     level: float | str
     method: str
     warm_up_frames: NonNegativeInt
+    saturated_fraction: FiniteFloat = 0.0
+    """Of the readings"""
+
     error: ResponseErrors
+    """Against the same device without noise"""
+
+    error_perfect: ResponseErrors | None = None
+    """Against a sensor that loses and adds nothing: the noise's error and the device's"""
+
     truth: TruthErrors | None = None
     """Of methods that give velocities"""
 

@@ -218,5 +218,7 @@ def measure(trial: Trial, pixels: Floats, name: str) -> tuple[ErrorCurve, ...]:
         Names its random numbers.
     """
     smeared = blurred(pixels, abs(trial.velocity_px)) if trial.blurred else pixels
-    stimulus = MovingTemplate(smeared, trial.velocity_px, trial.size, trial.resize)
+    stimulus = MovingTemplate(
+        smeared, trial.velocity_px, trial.size, trial.resize, trial.search.normalization
+    )
     return photon_search(stimulus, trial.detectors, trial.search, trial.seed, name)

@@ -1,6 +1,7 @@
 """The bench stage: how many photons per frame each detector needs, on the rendered sequence.
 
-The sums of every size and repeat are kept in results/SEQ/benchmark-parts until all are there.
+The light of the sequence and the sums of every size and repeat are kept in
+results/SEQ/benchmark-parts until all are there: no more than a few frames are in memory.
 """
 
 import csv
@@ -9,16 +10,18 @@ from collections.abc import Callable
 from dataclasses import fields
 from functools import cache, partial
 from pathlib import Path
+from typing import cast
 from zipfile import BadZipFile
 
 import numpy as np
-from numpy.typing import NDArray
+import zarr
 
 from megalopta import files
 from megalopta.config import Configuration
 from megalopta.dataset import Dataset, read_radiance_frames
 from megalopta.flow.benchmark import (
     BenchmarkResult,
+    Clip,
     checked_warm_up,
     photon_benchmark,
     work_units,
@@ -31,12 +34,13 @@ from megalopta.sensor import PRESETS, photon_rate
 from megalopta.stages.declaration import Stage
 
 _PARTS = "benchmark-parts"
+_CHUNK_FRAMES = 16
 
 
 def bench(dataset: Dataset) -> None:
     """Measure the photons that each method needs; writes benchmark.json and benchmark.csv."""
     settings = dataset.configuration
-    light = photon_image(dataset)
+    light = _kept_light(dataset, dataset.result(_PARTS) / _model() / "light.zarr")
     total = work_units(light.shape, settings.benchmark)
     with progress("Searching photon thresholds", total, "pixel") as advance:
         result = photon_benchmark(
@@ -88,15 +92,22 @@ def _say_thresholds(result: BenchmarkResult) -> None:
             say(f"bench: {curve.method:<6} {columns} × {rows}  N_2b {curve.thresholds[2]}")
 
 
-def photon_image(dataset: Dataset) -> NDArray[np.float64]:
-    """Photons per second on each pixel (T, H, W) of the ideal sensor: the light without noise."""
-    bands = dataset.configuration.render.bands_nm
-    return np.concatenate(
-        [
-            photon_rate(radiance, bands, PRESETS["ideal"])
-            for _, radiance in read_radiance_frames(dataset, chunk=16)
-        ]
-    )
+def _kept_light(dataset: Dataset, path: Path) -> Clip:
+    if not path.exists():
+        with files.atomic_write(path) as temporary:
+            write_photons(dataset, temporary)
+    return cast("Clip", zarr.open_array(path, mode="r"))
+
+
+def write_photons(dataset: Dataset, path: Path) -> None:
+    """Write photons per second on each pixel (T, H, W) of the ideal sensor: light without noise."""
+    settings = dataset.configuration
+    shape = settings.trajectory.frames, settings.camera.height, settings.camera.width
+    chunk = min(_CHUNK_FRAMES, shape[0]), *shape[1:]
+    light = zarr.create_array(path, shape=shape, chunks=chunk, dtype=np.float64)
+    for first, radiance in read_radiance_frames(dataset, _CHUNK_FRAMES):
+        photons = photon_rate(radiance, settings.render.bands_nm, PRESETS["ideal"])
+        light[first : first + len(photons)] = photons
 
 
 def _table(result: BenchmarkResult) -> str:

@@ -32,12 +32,18 @@ _EXPOSED_PER_S, _DETECTED_PER_S, _BENCHED_PER_S = 1e6, 3e6, 1e7
 
 _BAND_BYTES, _TRUTH_BYTES, _TRAINING_BYTES = 3.9, 41, 14
 """Per pixel on disk, compressed; rendering noise does not compress."""
-_COUNTS_BYTES, _RESPONSE_BYTES = 10, 5
-"""Per pixel on disk: of an exposure, and of a detector's responses to one."""
+_COUNTS_BYTES, _RESPONSE_BYTES, _LIGHT_BYTES = 22, 5, 8
+"""Per pixel on disk: of an exposure, of a detector's responses to one, and of the light that the
+benchmark keeps while it runs."""
 _PROGRAM_BYTES, _RENDERED_BYTES, _POSE_BYTES = 1e9, 1000, 1000
 """In memory: the program, a pixel while it is rendered, a frame's pose."""
-_EXPOSURE_BYTES, _FLOW_BYTES, _LIGHT_BYTES = 26, 16, 16
-"""In memory, of a pixel of all frames: exposed, its true flow, its light in the benchmark."""
+_HELD_FRAMES = 16
+"""Frames in memory at once, in all stages."""
+_EXPOSED_BYTES, _SEEN_BYTES, _DRAWN_BYTES = 120, 80, 60
+"""In memory, of a pixel of a frame held: exposed on a sensor, seen by detectors, drawn in the
+benchmark."""
+_STATE_BYTES = 80
+"""In memory, of a pixel: what a detector keeps from frame to frame."""
 
 _SEARCHED_FLUXES = 20
 """Fluxes at which a search measures a detector."""
@@ -170,7 +176,7 @@ def _sense(settings: Configuration) -> Estimate:
         "sense",
         exposed,
         disk_bytes=exposed * _COUNTS_BYTES,
-        memory_bytes=float(frames * pixels * _EXPOSURE_BYTES),
+        memory_bytes=float(_held(frames) * pixels * _EXPOSED_BYTES),
         seconds=exposed / _EXPOSED_PER_S,
     )
 
@@ -179,13 +185,12 @@ def _flow(settings: Configuration) -> Estimate:
     frames, pixels = _frames_and_pixels(settings)
     methods, exposures = len(settings.methods), len(settings.sensors) * len(settings.light_levels)
     seen = float(frames * pixels * exposures * methods)
-    per_pixel = _EXPOSURE_BYTES + _FLOW_BYTES + 2 * _RESPONSE_BYTES * methods
     return _of(
         settings,
         "flow",
         seen,
         disk_bytes=seen * _RESPONSE_BYTES,
-        memory_bytes=float(frames * pixels * per_pixel),
+        memory_bytes=float(pixels * (_held(frames) * _SEEN_BYTES + 3 * methods * _STATE_BYTES)),
         seconds=seen / _DETECTED_PER_S,
     )
 
@@ -194,12 +199,13 @@ def _bench(settings: Configuration) -> Estimate:
     frames, pixels = _frames_and_pixels(settings)
     shape = frames, settings.camera.height, settings.camera.width
     drawn = float(work_units(shape, settings.benchmark) * len(settings.methods))
+    states = 2 * len(settings.methods) * len(settings.benchmark.fluxes)
     return _of(
         settings,
         "bench",
         drawn,
-        disk_bytes=0.0,
-        memory_bytes=float(frames * pixels * _LIGHT_BYTES),
+        disk_bytes=float(frames * pixels * _LIGHT_BYTES),
+        memory_bytes=float(pixels * (_held(frames) * _DRAWN_BYTES + states * _STATE_BYTES)),
         seconds=drawn / _BENCHED_PER_S,
     )
 
@@ -220,6 +226,10 @@ _REMEDIES = {
 
 def _frames_and_pixels(settings: Configuration) -> tuple[int, int]:
     return settings.trajectory.frames, settings.camera.width * settings.camera.height
+
+
+def _held(frames: int) -> int:
+    return min(frames, _HELD_FRAMES)
 
 
 def _of(

@@ -1,44 +1,35 @@
-"""The flow stage: motion detectors on the counts of every sensor at every light level.
+"""The flow stage: motion detectors on the readings of every sensor at every light level.
 
-Each detector answers twice, to the counts and to their noise-free twin; the difference is the error
-that photon noise makes. Detectors that give a velocity are also compared with the true flow, and
-those that tell directions give the camera's yaw rate.
+Each detector answers to the readings and to what they would be without noise (`measurement`); the
+difference is the error that noise makes. Detectors that give a velocity are also compared with the
+true flow, and those that tell directions give the camera's yaw rate.
 """
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 import zarr
-from numpy.typing import NDArray
 
 from megalopta import files
-from megalopta.config import Configuration, LightLevel
-from megalopta.dataset import Dataset, FlowRecord, exposure_name, read_truth_frames
+from megalopta.config import Configuration, LightLevel, Reference
+from megalopta.dataset import Dataset, FlowRecord, exposure_name, read_truth_frame
 from megalopta.errors import UserError
 from megalopta.flow.benchmark import default_warm_up
-from megalopta.flow.detectors import METHODS, BlockDetector, Detector
-from megalopta.flow.egomotion import rotation_error, yaw_rates_deg_s
-from megalopta.flow.metrics import (
-    METRICS,
-    TruthError,
-    block_flow,
-    block_share,
-    error_sums,
-    truth_error,
-    truth_splits,
-)
+from megalopta.flow.detectors import METHODS, BlockDetector, BlockGrid
+from megalopta.flow.egomotion import yaw_rates_deg_s
+from megalopta.flow.metrics import block_flow, block_share
 from megalopta.freshness import code_digest
 from megalopta.progress import progress
-from megalopta.sensor import ImageSensor, StoredCounts
+from megalopta.sensor import ImageSensor, OpenedCounts
 from megalopta.stages.declaration import Stage
-from megalopta.stages.sense import exposures, read_exposure
+from megalopta.stages.measurement import BlockTruth, Floats, Measurement, Record, SeenFrames
+from megalopta.stages.sense import exposures, open_exposure
 
-Record = dict[str, Any]
+_CHUNK_FRAMES = 16
 
 
 def measure_flow(dataset: Dataset) -> None:
@@ -56,100 +47,110 @@ def measure_flow(dataset: Dataset) -> None:
 
 
 def _measure(dataset: Dataset, pairs: Sequence[tuple[ImageSensor, LightLevel]]) -> None:
-    flow, occluded = true_flow(dataset)
-    rates = yaw_rates_deg_s(dataset.configuration.trajectory)
-    methods = dataset.configuration.methods
-    with progress("Detecting motion", len(pairs) * len(methods), "response") as advance:
+    settings = dataset.configuration
+    truths = _block_truths(dataset)
+    work = len(pairs) * len(settings.methods) * settings.trajectory.frames
+    with progress("Detecting motion", work, "frame") as advance:
         for sensor, level in pairs:
-            stored = read_exposure(dataset, sensor, level)
-            records: list[Record] = []
-            responses: dict[str, NDArray[np.float64]] = {}
-            for name in methods:
-                ideal, noisy = _respond(METHODS[name], stored)
-                record = _compare(METHODS[name], ideal, noisy, flow, occluded, rates)
-                named = {"sensor": sensor.name, "level": level, **record}
-                checked = FlowRecord.model_validate(named)
-                records.append(checked.model_dump(mode="json", exclude_unset=True))
-                responses |= {name: noisy, f"{name}-ideal": ideal}
-                advance()
-            _write_responses(responses_path(dataset, sensor, level), responses, records)
+            with files.atomic_write(responses_path(dataset, sensor, level)) as temporary:
+                group = zarr.open_group(temporary, mode="w", zarr_format=3)
+                opened = open_exposure(dataset, sensor, level)
+                found = _measure_exposure(settings, opened, truths, group, advance)
+                records = [_checked({"sensor": sensor.name, "level": level, **r}) for r in found]
+                group.attrs.update({"model": _model(), "records": records})
+
+
+def _measure_exposure(
+    settings: Configuration,
+    opened: OpenedCounts,
+    truths: Mapping[str, BlockTruth],
+    group: zarr.Group,
+    advance: Callable[[int], object],
+) -> list[Record]:
+    """Write the responses of all methods and return their errors."""
+    shape, rates = opened.counts.shape, yaw_rates_deg_s(settings.trajectory)
+    measurements = {
+        name: Measurement(
+            METHODS[name],
+            (shape[1], shape[2]),
+            truths.get(name),
+            rates,
+            default_warm_up(shape[0], [METHODS[name]]),
+            settings.flow.saturated == "leave_out",
+        )
+        for name in settings.methods
+    }
+    saturated = 0
+    for first, frames in _seen_frames(opened, settings.flow.references):
+        saturated += int(frames.saturated.sum())
+        for name, measurement in measurements.items():
+            ideal, noisy = measurement.add(frames)
+            missing = name in truths  # velocities are one fewer than frames
+            for key, values in ((name, noisy), (f"{name}-ideal", ideal)):
+                _write(group, key, max(first - missing, 0), values, shape[0] - missing)
+            advance(len(frames.counts))
+    share = saturated / math.prod(shape)
+    return [{"saturated_fraction": share, **each.record()} for each in measurements.values()]
+
+
+def _seen_frames(
+    opened: OpenedCounts, references: Sequence[Reference]
+) -> Iterator[tuple[int, SeenFrames]]:
+    """Yield the number of the first frame and the frames of successive chunks."""
+    reading_scale = _to_one(opened.mean_reading.mean())
+    photon_scale = _to_one(opened.photons.mean()) if "perfect" in references else 1.0
+    for first in range(0, opened.counts.shape[0], _CHUNK_FRAMES):
+        chunk = slice(first, first + _CHUNK_FRAMES)
+        yield (
+            first,
+            SeenFrames(
+                opened.counts[chunk],
+                opened.mean_reading[chunk].astype(np.float64),
+                opened.photons[chunk].astype(np.float64) if "perfect" in references else None,
+                opened.saturated[chunk],
+                reading_scale,
+                photon_scale,
+            ),
+        )
+
+
+def _to_one(mean: float) -> float:
+    return 1 / mean if mean else 1.0
+
+
+def _block_truths(dataset: Dataset) -> dict[str, BlockTruth]:
+    """True velocities of the blocks of every method that gives some."""
+    settings = dataset.configuration
+    shape = settings.camera.height, settings.camera.width
+    detectors = [METHODS[name] for name in settings.methods]
+    grids = {each.name: each.grid(shape) for each in detectors if isinstance(each, BlockDetector)}
+    parts: dict[BlockGrid, list[tuple[Floats, Floats]]] = {grid: [] for grid in grids.values()}
+    for index in range(settings.trajectory.frames - 1) if parts else ():
+        truth = read_truth_frame(dataset, index)
+        flow, occluded = truth.flow_forward[np.newaxis], truth.occluded_forward[np.newaxis]
+        for grid, found in parts.items():
+            found.append((block_flow(flow, grid, occluded), block_share(occluded, grid)))
+    truths = {
+        grid: BlockTruth(*map(np.concatenate, zip(*found, strict=True)))
+        for grid, found in parts.items()
+    }
+    return {name: truths[grid] for name, grid in grids.items()}
+
+
+def _write(group: zarr.Group, name: str, first: int, values: Floats, frames: int) -> None:
+    if name not in group:
+        chunks = (min(frames, _CHUNK_FRAMES), *values.shape[1:])
+        group.create_array(name, shape=(frames, *chunks[1:]), chunks=chunks, dtype=np.float32)
+    cast("zarr.Array[Any]", group[name])[first : first + len(values)] = values
+
+
+def _checked(record: Record) -> Record:
+    return FlowRecord.model_validate(record).model_dump(mode="json", exclude_unset=True)
 
 
 def responses_path(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> Path:
-    """Zarr group with one array METHOD (to counts) and METHOD-ideal (to their twin) per method."""
+    """Zarr group with one array METHOD (to counts) and METHOD-ideal (to their mean) per method."""
     return dataset.result("responses") / f"{exposure_name(sensor, level)}.zarr"
-
-
-def true_flow(dataset: Dataset) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Forward flow (T − 1, H, W, 2) in px and where its pixels are hidden in the next frame."""
-    frames = list(read_truth_frames(dataset))[:-1]
-    return (
-        np.stack([truth.flow_forward for truth in frames]),
-        np.stack([truth.occluded_forward for truth in frames]),
-    )
-
-
-def _respond(
-    detector: Detector, stored: StoredCounts
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Responses to the noise-free twin and to the counts, both brought to a mean of 1."""
-    mean = float(stored.exposure.expected.mean())
-    scale = 1 / mean if mean else 1.0
-    ideal = detector.respond(stored.exposure.expected, scale)
-    return ideal, detector.respond(stored.exposure.counts, scale)
-
-
-def _compare(
-    detector: Detector,
-    ideal: NDArray[np.float64],
-    noisy: NDArray[np.float64],
-    flow: NDArray[np.float32],
-    occluded: NDArray[np.bool_],
-    rates: NDArray[np.float64],
-) -> Record:
-    warm_up = default_warm_up(len(flow) + 1, [detector])
-    sums = error_sums(detector, ideal[warm_up:], noisy[warm_up:])
-    record: Record = {
-        "method": detector.name,
-        "warm_up_frames": warm_up,
-        "error": {metric: _number(sums.of_sequence(metric)) for metric in METRICS},
-    }
-    if isinstance(detector, BlockDetector):
-        grid = detector.grid(flow.shape[1:3])
-        truth, hidden = block_flow(flow, grid, occluded), block_share(occluded, grid)
-        pair = (truth_error(ideal, truth), truth_error(noisy, truth))
-        groups = (truth_splits(ideal, truth, hidden), truth_splits(noisy, truth, hidden))
-        record["truth"] = _ideal_and_counts(*pair)
-        record["truth_splits"] = {
-            name: _ideal_and_counts(groups[0][name], groups[1][name]) for name in groups[0]
-        }
-    if found := rotation_error(detector, ideal, noisy, rates, warm_up):
-        record["rotation"] = _numbers(asdict(found))
-    return record
-
-
-def _ideal_and_counts(ideal: TruthError, counts: TruthError) -> Record:
-    return {"ideal": ideal.to_dict(), "counts": counts.to_dict()}
-
-
-def _numbers(values: Mapping[str, float]) -> Record:
-    return {name: _number(value) for name, value in values.items()}
-
-
-def _number(value: float) -> float | None:
-    """JSON has no NaN."""
-    return None if math.isnan(value) else value
-
-
-def _write_responses(
-    path: Path, responses: Mapping[str, NDArray[np.float64]], records: Sequence[Record]
-) -> None:
-    with files.atomic_write(path) as temporary:
-        group = zarr.open_group(temporary, mode="w", zarr_format=3)
-        group.attrs.update({"model": _model(), "records": list(records)})
-        for name, values in responses.items():
-            chunks = (min(len(values), 16), *values.shape[1:])
-            group.create_array(name, data=values.astype(np.float32), chunks=chunks)
 
 
 def _is_there(path: Path) -> bool:
@@ -175,7 +176,7 @@ def _stored_records(path: Path) -> list[Record]:
 
 @cache
 def _model() -> str:
-    return code_digest("megalopta.flow", __name__)
+    return code_digest("megalopta.flow", __name__, "megalopta.stages.measurement")
 
 
 def _check(settings: Configuration) -> None:
@@ -192,7 +193,7 @@ def _check(settings: Configuration) -> None:
 
 STAGE = Stage(
     name="flow",
-    fields=("methods",),
+    fields=("methods", "flow"),
     needs=("render", "sense"),
     outputs=lambda dataset: [dataset.result("flow.json"), dataset.result("responses")],
     work=measure_flow,

@@ -20,7 +20,13 @@ from megalopta.freshness import SENSOR_MODEL
 from megalopta.progress import progress, say
 from megalopta.scenes.lighting import LEVELS, illuminance_of
 from megalopta.scenes.spectra import Spectrum
-from megalopta.sensor import ImageSensor, StoredCounts, check_sensor, expose_image, read_counts
+from megalopta.sensor import (
+    ImageSensor,
+    OpenedCounts,
+    check_sensor,
+    expose_image,
+    open_counts,
+)
 from megalopta.sensor.readout import Origin, counts_writer
 from megalopta.stages.declaration import Stage
 from megalopta.stages.noise_warning import noise_share, noise_warning
@@ -109,11 +115,11 @@ def exposures(dataset: Dataset) -> list[tuple[ImageSensor, LightLevel]]:
     return [(sensor, level) for sensor in settings.sensors for level in settings.light_levels]
 
 
-def read_exposure(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> StoredCounts:
-    """Counts of one sensor at one light level. Raises UserError when they cannot be read."""
+def open_exposure(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> OpenedCounts:
+    """Open what one sensor read at one light level. Raises UserError when it cannot be read."""
     try:
-        return read_counts(dataset.counts(sensor, level))
-    except (OSError, ValueError, KeyError, RuntimeError) as problem:
+        return open_counts(dataset.counts(sensor, level))
+    except (OSError, ValueError) as problem:
         again = f"megalopta sense {dataset.home} --redo"
         raise UserError(
             f"{dataset.counts(sensor, level)} cannot be read ({problem}); run: {again}"
@@ -146,10 +152,13 @@ def _band_mean(spectrum: Spectrum, band: tuple[float, float]) -> float:
 def _write_final_images(dataset: Dataset) -> None:
     """Counts of the first sensor at the first light level as gray images, all exposed alike."""
     configuration = dataset.configuration
-    stored = read_exposure(dataset, configuration.sensors[0], configuration.light_levels[0])
-    white = max(float(np.percentile(stored.exposure.counts, 99)), 1.0)
-    for index, counts in enumerate(stored.exposure.counts):
-        sintel.write_png(dataset.frame("training/final", index, "png"), _gray(counts / white))
+    counts = open_exposure(dataset, configuration.sensors[0], configuration.light_levels[0]).counts
+    brightest = [np.percentile(counts[index], 99) for index in range(len(counts))]
+    white = max(float(np.mean(brightest)), 1.0)
+    for index in range(len(counts)):
+        sintel.write_png(
+            dataset.frame("training/final", index, "png"), _gray(counts[index] / white)
+        )
 
 
 def _gray(values: NDArray[np.float64]) -> NDArray[np.uint8]:

@@ -4,9 +4,10 @@ import json
 
 import numpy as np
 import pytest
+import zarr
 from pydantic import ValidationError
 
-from megalopta.flow.benchmark.sequence import (
+from megalopta.flow.benchmark import (
     BenchmarkSettings,
     default_warm_up,
     photon_benchmark,
@@ -198,7 +199,7 @@ def test_settings_refuse_nonsense(changes, sentence):
         (np.ones((20, 50, 50)), ALL, {}, "size 60 × 60 px"),
         (np.ones((20, 60, 60)), ALL, {"sizes": (12,)}, "3 × 3 blocks"),
         (np.ones((10, 60, 60)), ALL, {}, "fewer than two to score after a warm_up of 20"),
-        (np.zeros((20, 60, 60)), ALL, {}, "black"),
+        (np.zeros((40, 60, 60)), ALL, {}, "black"),
         (np.ones((20, 60, 60)), [], {}, "at least one"),
         (np.ones((20, 60, 60)), [method("IM")] * 2, {}, "a name of its own"),
     ],
@@ -206,3 +207,49 @@ def test_settings_refuse_nonsense(changes, sentence):
 def test_what_cannot_be_measured_is_refused_before_the_work(frames, methods, changes, sentence):
     with pytest.raises(ValueError, match=sentence):
         measured(frames, methods, settings(**changes))
+
+
+def growing(frames=20):
+    return grating(frames=frames, size=60) * np.linspace(0.2, 1.8, frames)[:, None, None]
+
+
+def test_the_thesis_brings_every_frame_to_the_flux_so_brightness_over_time_does_not_matter():
+    chosen = settings(warm_up=5, metrics=("ratio",))
+    steady, per_frame = (
+        measured(frames, ALL, chosen) for frames in (grating(frames=20, size=60), growing())
+    )
+    for one, other in zip(steady.curves, per_frame.curves, strict=True):
+        np.testing.assert_allclose(one.errors, other.errors, rtol=1e-9)
+    per_sequence = measured(
+        growing(), ALL, settings(warm_up=5, metrics=("ratio",), normalization="per_sequence")
+    )
+    assert (
+        per_sequence.curve("EMD", 60, "ratio").errors != per_frame.curve("EMD", 60, "ratio").errors
+    )
+
+
+def test_dark_counts_are_an_error_only_against_the_perfect_sensor():
+    # Of a mean λ and dark counts D, |N − λ| against the light alone is at least D/λ.
+    chosen = {
+        "dark_counts": 100,
+        "warm_up": 0,
+        "metrics": ("ratio",),
+        "flux_min": 3600 * 1000,
+        "flux_max": 3600 * 1e5,
+    }
+    frames = grating(frames=20, size=60)
+    own, perfect = (
+        measured(frames, [method("IM")], settings(**chosen, reference=reference))
+        .curves[0]
+        .errors[0]
+        for reference in ("self", "perfect")
+    )
+    assert own < 0.04  # shot noise of 1100 counts
+    assert perfect == pytest.approx(100 / 1000, rel=0.3)
+
+
+def test_a_clip_on_disk_gives_what_an_array_gives(tmp_path):
+    frames = growing()
+    clip = zarr.create_array(tmp_path / "clip.zarr", data=frames, chunks=(4, 60, 60))
+    chosen = settings(warm_up=5, fluxes_per_decade=1, normalization="per_sequence")
+    assert measured(clip, ALL, chosen).curves == measured(frames, ALL, chosen).curves

@@ -91,6 +91,19 @@ def test_what_is_no_stimulus_is_refused(changes, sentence):
         MovingTemplate(**{"template": template(), "velocity_px": 1, "size": 20, **changes})
 
 
+@pytest.mark.parametrize("kind", ["nearest", "area"])
+def test_light_per_sequence_is_one_on_average_over_a_full_turn_and_differs_by_one_factor(kind):
+    pattern = template(30, 90)
+    each = MovingTemplate(pattern, 1, 20, kind)
+    mean = MovingTemplate(pattern, 1, 20, kind, "per_sequence")
+    sums = mean.light(0, 90).sum(axis=(1, 2))
+    assert sums.mean() == pytest.approx(1, rel=1e-12)
+    assert sums.std() > 1e-3  # frames do differ
+    np.testing.assert_allclose(
+        mean.light(0, 90) / sums[:, None, None], each.light(0, 90), rtol=1e-12
+    )
+
+
 def test_a_black_view_is_refused():
     dark = template(30, 90)
     dark[:, 30:] = 0

@@ -3,20 +3,33 @@
 import numpy as np
 import pytest
 
-from megalopta.flow.stimuli.photons import brightness, draw_counts
+from megalopta.flow.stimuli import BlackFrameError, divisors, draw_counts, frame_light
 
 
 def frames(shape=(6, 40, 50)):
     return np.random.default_rng(0).random(shape)
 
 
-def test_brightness_is_the_mean_over_the_sequence_of_the_sum_over_a_frame():
+def test_light_per_sequence_keeps_how_frames_grow_and_per_frame_does_not():
     growing = frames() * np.arange(1, 7)[:, None, None]
-    assert brightness(growing) == pytest.approx(np.mean([frame.sum() for frame in growing]))
+    light = frame_light(growing)
+    np.testing.assert_allclose(light, [frame.sum() for frame in growing], rtol=1e-12)
+    assert (light / divisors(light, "per_sequence")).mean() == pytest.approx(1)
+    np.testing.assert_array_equal(light / divisors(light, "per_sequence"), light / light.mean())
+    np.testing.assert_array_equal(light / divisors(light, "per_frame"), 1)
 
 
-def test_brightness_of_narrow_integers_does_not_overflow():
-    assert brightness(np.full((2, 20, 20), 255, np.uint8)) == 255 * 400
+def test_light_of_narrow_integers_does_not_overflow():
+    assert list(frame_light(np.full((2, 20, 20), 255, np.uint8))) == [255 * 400] * 2
+
+
+def test_one_black_frame_is_refused_only_where_it_is_to_be_scaled():
+    light = np.array([1.0, 0.0, 3.0])
+    np.testing.assert_array_equal(divisors(light, "per_sequence"), 4 / 3)
+    with pytest.raises(BlackFrameError, match="frame 1 is black"):
+        divisors(light, "per_frame")
+    with pytest.raises(BlackFrameError):
+        divisors(np.zeros(3), "per_sequence")
 
 
 def test_counts_have_the_poisson_mean_and_variance():
@@ -58,11 +71,10 @@ def test_counts_have_the_narrowest_type_that_holds_them(mean, dtype):
     [
         (-frames(), "negative or non-finite"),
         (frames() * np.nan, "negative or non-finite"),
-        (np.zeros((2, 4, 4)), "black"),
         (np.ones((4, 4)), "give a sequence"),
         (np.ones((0, 4, 4)), "give a sequence"),
     ],
 )
 def test_frames_that_are_no_light_are_refused(bad, sentence):
     with pytest.raises(ValueError, match=sentence):
-        brightness(bad)
+        frame_light(bad)

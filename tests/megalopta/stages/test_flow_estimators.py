@@ -3,14 +3,11 @@
 import json
 import re
 
-import numpy as np
 import pytest
 
 from megalopta.config.model import Configuration, load
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
-from megalopta.flow.egomotion.yaw_rate import rotation_error, yaw_rates_deg_s
 from megalopta.report.write import write_report
-from megalopta.scenes.trajectories.steady import Trajectory
 from megalopta.stages.pipeline import run_stage
 
 from ..conftest import TINY
@@ -95,15 +92,3 @@ def test_report_shows_every_method(finished):
         assert heading in page
     for name in METHODS:
         assert len(re.findall(rf"\b{name}\b", page)) >= 3
-
-
-def test_yaw_rate_of_a_path_is_positive_to_the_right():
-    # A trajectory counts its turns to the left.
-    rates = yaw_rates_deg_s(Trajectory(frames=5, frame_rate_hz=20, rotation_deg_s=30))
-    np.testing.assert_allclose(rates, [-30] * 4, rtol=1e-9)
-
-
-@pytest.mark.parametrize("rate", [0.0, 3.0])
-def test_no_rotation_or_no_answer_gives_no_error(rate):
-    answers = np.zeros((10, 5, 5, 2))
-    assert rotation_error(METHODS["LK"], answers, answers, np.full(10, rate), 1) is None

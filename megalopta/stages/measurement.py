@@ -1,0 +1,162 @@
+"""One detector on one exposure, a few frames at a time: its responses and their errors.
+
+A detector answers to the readings, to their mean (the same device without temporal noise, "self"),
+and to the photons themselves ("perfect": what a sensor that loses and adds nothing would read).
+Of what passes through, the sums of errors are kept, and the velocities of blocks: some bytes a
+block, not the frames.
+"""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.flow.detectors import BlockDetector, Detector
+from megalopta.flow.egomotion import YawRateTest
+from megalopta.flow.metrics import (
+    METRICS,
+    ErrorSums,
+    TruthError,
+    block_share,
+    combine,
+    error_sums,
+    truth_error,
+    truth_splits,
+)
+
+Record = dict[str, Any]
+Floats = NDArray[np.float64]
+
+SATURATED_SHARE = 0.1
+"""A block of which more is saturated, in either frame of a pair, is left out where that is asked"""
+
+
+@dataclass(frozen=True, eq=False)
+class SeenFrames:
+    """The next frames of an exposure, (n, H, W) each, with what brings each to a mean of 1."""
+
+    counts: NDArray[Any]
+    mean_reading: Floats
+    photons: Floats | None
+    saturated: NDArray[np.bool_]
+    reading_scale: float
+    photon_scale: float
+
+
+@dataclass(frozen=True, eq=False)
+class BlockTruth:
+    """True velocities (T − 1, rows, columns, 2) of a detector's blocks, and how much is hidden."""
+
+    velocities: Floats
+    hidden: Floats
+
+
+class Measurement:
+    """A detector fed with an exposure; `add` gives its responses, `record` their errors.
+
+    Parameters
+    ----------
+    detector
+    shape : (rows, columns)
+    truth : BlockTruth or None
+        Of a detector that gives velocities.
+    rates : (T − 1,)
+        True yaw rates (deg/s).
+    warm_up : int
+        Frames in which the detector settles.
+    leaves_out_saturated : bool
+        Whether saturated pixels, or blocks with many of them, are not scored.
+    """
+
+    def __init__(
+        self,
+        detector: Detector,
+        shape: tuple[int, int],
+        truth: BlockTruth | None,
+        rates: Floats,
+        warm_up: int,
+        leaves_out_saturated: bool,
+    ) -> None:
+        self._detector, self._truth, self._warm_up = detector, truth, warm_up
+        self._leaves_out = leaves_out_saturated
+        self._to_counts, self._to_mean, self._to_photons = (detector.start(shape) for _ in range(3))
+        self._sums: dict[str, list[ErrorSums]] = {"self": [], "perfect": []}
+        self._velocities: list[tuple[Floats, Floats]] = []
+        self._left_out: list[NDArray[np.bool_]] = []
+        self._last_saturated: NDArray[np.bool_] | None = None
+        self._yaw = YawRateTest(detector, rates, warm_up)
+
+    def add(self, frames: SeenFrames) -> tuple[Floats, Floats]:
+        """Take in the next frames; return the responses to their means and to the counts."""
+        ideal = self._to_mean(frames.mean_reading, frames.reading_scale)
+        noisy = self._to_counts(frames.counts, frames.reading_scale)
+        left_out = self._saturated(frames.saturated, ideal)
+        self._add_sums("self", ideal, noisy, left_out)
+        if frames.photons is not None:
+            perfect = self._to_photons(frames.photons, frames.photon_scale)
+            self._add_sums("perfect", perfect, noisy, left_out)
+        if self._truth is not None:
+            self._velocities.append((ideal, noisy))
+            self._left_out.append(left_out)
+        self._yaw.add(ideal, noisy)
+        return ideal, noisy
+
+    def record(self) -> Record:
+        """Return the errors of what was seen."""
+        record: Record = {
+            "method": self._detector.name,
+            "warm_up_frames": self._warm_up,
+            "error": self._errors("self"),
+        }
+        if self._sums["perfect"]:
+            record["error_perfect"] = self._errors("perfect")
+        if self._truth is not None:
+            record |= self._against_truth(self._truth)
+        if found := self._yaw.result():
+            record["rotation"] = {name: _number(value) for name, value in asdict(found).items()}
+        return record
+
+    def _saturated(self, saturated: NDArray[np.bool_], ideal: Floats) -> NDArray[np.bool_]:
+        """Which responses rest on saturated readings, of the shape of their first three axes."""
+        if not self._leaves_out:
+            return np.zeros(ideal.shape[:3], np.bool_)
+        if not isinstance(self._detector, BlockDetector):
+            return saturated
+        last = saturated[:0] if self._last_saturated is None else self._last_saturated
+        joined = np.concatenate((last, saturated))
+        self._last_saturated = saturated[-1:]
+        grid = self._detector.grid((saturated.shape[1], saturated.shape[2]))
+        return np.asarray(block_share(joined[:-1] | joined[1:], grid) > SATURATED_SHARE)
+
+    def _add_sums(
+        self, reference: str, ideal: Floats, noisy: Floats, left_out: NDArray[np.bool_]
+    ) -> None:
+        if left_out.any():
+            mask = left_out[..., np.newaxis] if ideal.ndim == 4 else left_out
+            ideal = np.where(mask, np.nan, ideal)
+        self._sums[reference].append(error_sums(self._detector, ideal, noisy))
+
+    def _errors(self, reference: str) -> Record:
+        sums = combine(self._sums[reference], lambda parts: np.concatenate(parts)[self._warm_up :])
+        return {metric: _number(sums.of_sequence(metric)) for metric in METRICS}
+
+    def _against_truth(self, truth: BlockTruth) -> Record:
+        known = np.where(np.concatenate(self._left_out)[..., None], np.nan, truth.velocities)
+        found = [np.concatenate(each) for each in zip(*self._velocities, strict=True)]
+        splits = [truth_splits(each, known, truth.hidden) for each in found]
+        return {
+            "truth": _ideal_and_counts(*(truth_error(each, known) for each in found)),
+            "truth_splits": {
+                name: _ideal_and_counts(splits[0][name], splits[1][name]) for name in splits[0]
+            },
+        }
+
+
+def _ideal_and_counts(ideal: TruthError, counts: TruthError) -> Record:
+    return {"ideal": ideal.to_dict(), "counts": counts.to_dict()}
+
+
+def _number(value: float) -> float | None:
+    """JSON has no NaN."""
+    return None if np.isnan(value) else value
