@@ -93,9 +93,11 @@ def _respond(
     detector: Detector, stored: StoredCounts
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Responses to the noise-free twin and to the counts, both brought to a mean of 1."""
-    mean = float(stored.exposure.expected.mean())
+    assert stored.exposure.expectation is not None
+    twin = stored.exposure.expectation.mean_reading
+    mean = float(twin.mean())
     scale = 1 / mean if mean else 1.0
-    ideal = detector.respond(stored.exposure.expected, scale)
+    ideal = detector.respond(twin, scale)
     return ideal, detector.respond(stored.exposure.counts, scale)
 
 

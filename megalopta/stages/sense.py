@@ -7,8 +7,10 @@ in every band for itself: one rendering serves all levels. What stays is where t
 a full moon sensed from a rendering under an overcast sky casts no shadows.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +22,23 @@ from megalopta.freshness import SENSOR_MODEL
 from megalopta.progress import progress, say
 from megalopta.scenes.lighting import LEVELS, illuminance_of
 from megalopta.scenes.spectra import Spectrum
-from megalopta.sensor import ImageSensor, StoredCounts, check_sensor, expose_image, read_counts
+from megalopta.sensor import (
+    ImageSensor,
+    OpenedCounts,
+    StoredCounts,
+    check_sensor,
+    expose_image,
+    open_counts,
+    read_counts,
+)
 from megalopta.sensor.readout import Origin, counts_writer
 from megalopta.stages.declaration import Stage
 from megalopta.stages.noise_warning import noise_share, noise_warning
 
 # Frames held in memory at once, as radiance.
 _CHUNK_FRAMES = 16
+
+T = TypeVar("T")
 
 
 def sense(dataset: Dataset) -> None:
@@ -77,6 +89,7 @@ class _Film:
                 sequence=self._sequence,
                 first_frame=first,
                 frame_period_s=1 / self._settings.trajectory.frame_rate_hz,
+                expectation=True,
             )
         self._write(first, exposure)
 
@@ -111,8 +124,19 @@ def exposures(dataset: Dataset) -> list[tuple[ImageSensor, LightLevel]]:
 
 def read_exposure(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> StoredCounts:
     """Counts of one sensor at one light level. Raises UserError when they cannot be read."""
+    return _or_told(dataset, sensor, level, read_counts)
+
+
+def open_exposure(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> OpenedCounts:
+    """Return the same without reading frames, which are then read by slices."""
+    return _or_told(dataset, sensor, level, open_counts)
+
+
+def _or_told(
+    dataset: Dataset, sensor: ImageSensor, level: LightLevel, read: Callable[[Path], T]
+) -> T:
     try:
-        return read_counts(dataset.counts(sensor, level))
+        return read(dataset.counts(sensor, level))
     except (OSError, ValueError, KeyError, RuntimeError) as problem:
         again = f"megalopta sense {dataset.home} --redo"
         raise UserError(
@@ -146,9 +170,11 @@ def _band_mean(spectrum: Spectrum, band: tuple[float, float]) -> float:
 def _write_final_images(dataset: Dataset) -> None:
     """Counts of the first sensor at the first light level as gray images, all exposed alike."""
     configuration = dataset.configuration
-    stored = read_exposure(dataset, configuration.sensors[0], configuration.light_levels[0])
-    white = max(float(np.percentile(stored.exposure.counts, 99)), 1.0)
-    for index, counts in enumerate(stored.exposure.counts):
+    opened = open_exposure(dataset, configuration.sensors[0], configuration.light_levels[0])
+    stored = opened["counts"]
+    white = max(float(np.percentile(stored[:], 99)), 1.0)
+    for index in range(len(stored)):
+        counts = stored[index]
         sintel.write_png(dataset.frame("training/final", index, "png"), _gray(counts / white))
 
 
