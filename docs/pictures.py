@@ -16,7 +16,7 @@ from skimage.io import imread
 from megalopta.dataset.store import Dataset, open_dataset
 from megalopta.flow import THESIS_METHODS, flow_to_rgb, wheel_legend
 from megalopta.render import read_truth
-from megalopta.sensor import read_counts
+from megalopta.sensor import open_counts
 
 FRAME = 15
 PALETTE = ("#0072b2", "#b6549c", "#d55e00", "#c08a00", "#009e73", "#777777")
@@ -34,7 +34,7 @@ def strip(dataset: Dataset, path: Path) -> None:
         (axes[1], spadcam, 10.0, "SPADCAM at 10 lux"),
         (axes[2], ideal, "starlight", "ideal sensor, starlight"),
     ):
-        counts = read_counts(dataset.counts(sensor, level)).exposure.counts[FRAME]
+        counts = open_counts(dataset.counts(sensor, level))["counts"][FRAME]
         image = axis.imshow(counts, cmap="gray", norm=PowerNorm(0.5, 0, np.percentile(counts, 97)))
         figure.colorbar(image, ax=axis, shrink=0.8, label="counts in 0.1 s")
         axis.set_title(title)
@@ -68,8 +68,8 @@ def photons(dataset: Dataset, path: Path) -> None:
     axis.set_yticks(list(places.values()), list(places))
     ideal = dataset.configuration.sensors[1]
     for level in dataset.configuration.light_levels:
-        stored = read_counts(dataset.counts(ideal, level))
-        flux = float(stored.exposure.expected.sum(axis=(1, 2)).mean())
+        events = open_counts(dataset.counts(ideal, level))["mean_events"]
+        flux = events.mean() * events.shape[1] * events.shape[2]
         name = level.replace("_", " ") if isinstance(level, str) else f"{level:g} lux"
         axis.axvline(flux, color="#999999", linewidth=1, zorder=0)
         axis.annotate(name, (flux, 1.01), xycoords=("data", "axes fraction"), ha="center")

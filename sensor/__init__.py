@@ -1,14 +1,14 @@
 """Light to single-photon counts: every effect of a SPAD array, on plain arrays.
 
     sensor = preset("spadcam")
-    exposure = expose(radiance, bands_nm, sensor, seed=0, sequence="forest")
-    exposure.counts, exposure.expected, exposure.saturated
+    exposure = expose(radiance, bands_nm, sensor, seed=0, sequence="forest", expectation=True)
+    exposure.counts, exposure.saturated, exposure.expectation.mean_reading
 
 Light to volts, at 0.9 to 1.7 µm: an array of photodiodes with CTIA pixels.
 
     sensor = ctia_preset("ctia_ingaas_quiet")
     reading = expose_ctia(radiance, bands_nm, sensor, seed=0, sequence="forest")
-    reading.volts, reading.expected, reading.saturated
+    reading.volts, reading.saturated
 
 `expose_image` takes either sensor and gives counts or electrons.
 

@@ -8,7 +8,7 @@ from .ctia.array import (
     photocurrent,
     reading_current,
     reading_electrons,
-    reading_moments,
+    volt_moments,
 )
 from .ctia.bias import DacBias, FixedBias, FloatingGateBias
 from .ctia.model import CtiaSensor
@@ -28,6 +28,7 @@ from .input_files import file_content
 from .optics.efficiency import Efficiency
 from .optics.lens import Lens
 from .optics.pixels import photon_rate
+from .quantities import Expectation, Exposure
 from .readout.binary import expose_binary
 from .readout.events import Events, expose_events
 from .readout.images import (
@@ -35,25 +36,19 @@ from .readout.images import (
     ImageSensor,
     check_sensor,
     detected_photons,
-    expected_reading,
+    expectation,
     expose_image,
-    incident_photons,
-    reading_signal_to_noise,
 )
-from .readout.store import StoredCounts, read_counts, write_counts
+from .readout.opened import OpenedCounts, StoredFrames, open_counts, read_counts
+from .readout.store import StoredCounts, write_counts
 from .sampling.streams import generator
-from .spad.exposure import (
-    Exposure,
-    detection_rate,
-    expected_counts,
-    expose,
-    expose_rate,
-    signal_to_noise,
-)
+from .spad.exposure import expose, expose_rate
 from .spad.measured import MapFile, MeasuredMaps
 from .spad.model import Sensor
+from .spad.moments import event_moments, reading_moments
 from .spad.order import ORDER_OF_EFFECTS, without
 from .spad.presets import PRESETS, load_sensor, preset
+from .spad.rates import detection_rate
 
 __all__ = [
     "CTIA_PRESETS",
@@ -75,6 +70,7 @@ __all__ = [
     "Effect",
     "Efficiency",
     "Events",
+    "Expectation",
     "Exposure",
     "FixedBias",
     "FloatingGateBias",
@@ -84,17 +80,19 @@ __all__ = [
     "Lens",
     "MapFile",
     "MeasuredMaps",
+    "OpenedCounts",
     "Photodiode",
     "Sensor",
     "StoredCounts",
+    "StoredFrames",
     "Temperature",
     "changed",
     "check_sensor",
     "ctia_preset",
     "detected_photons",
     "detection_rate",
-    "expected_counts",
-    "expected_reading",
+    "event_moments",
+    "expectation",
     "expose",
     "expose_binary",
     "expose_ctia",
@@ -104,9 +102,9 @@ __all__ = [
     "expose_rate",
     "file_content",
     "generator",
-    "incident_photons",
     "load_sensor",
     "merged",
+    "open_counts",
     "photocurrent",
     "photon_rate",
     "preset",
@@ -114,8 +112,7 @@ __all__ = [
     "reading_current",
     "reading_electrons",
     "reading_moments",
-    "reading_signal_to_noise",
-    "signal_to_noise",
+    "volt_moments",
     "without",
     "write_counts",
 ]

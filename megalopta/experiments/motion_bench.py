@@ -152,7 +152,7 @@ def record(speed_mm_s: float, sensor: Sensor) -> Exposure:
     frames = np.tile(radiance.reshape(-1, *radiance.shape[2:]), (_REPEATS, 1, 1, 1))
     rows = np.broadcast_to(frames, (len(frames), _ROWS, *frames.shape[2:]))
     name = f"motion bench, {speed_mm_s:g} mm/s, {sensor.name}"
-    return expose(rows, _BANDS_NM, sensor, seed=0, sequence=name)
+    return expose(rows, _BANDS_NM, sensor, seed=0, sequence=name, expectation=True)
 
 
 def pooled(counts: NDArray[Any]) -> Floats:
@@ -165,7 +165,8 @@ def pooled(counts: NDArray[Any]) -> Floats:
 def peaks(speed_mm_s: float, sensor: Sensor) -> dict[str, Peaks]:
     """Peak responses of NDM and NDS to every crossing at one speed."""
     exposure = record(speed_mm_s, sensor)
-    noisy, ideal = pooled(exposure.counts), pooled(exposure.expected)
+    assert exposure.expectation is not None
+    noisy, ideal = pooled(exposure.counts), pooled(exposure.expectation.mean_reading)
     return {
         name: Peaks(_crossing_peaks(detector(name), noisy), _crossing_peaks(detector(name), ideal))
         for name in TIME_CONSTANTS_S

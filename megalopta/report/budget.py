@@ -1,8 +1,8 @@
 """The photon budget: what reaches a pixel in one exposure and what the sensor makes of it.
 
 Readings are counts, or electrons of a sensor that integrates. Photons, detections and the
-signal-to-noise ratio are computed from the radiance of the frames that the report shows, expected
-readings and saturation from everything that was stored.
+signal-to-noise ratio are of the frames that the report shows, mean readings and saturation of
+everything that was stored.
 """
 
 import math
@@ -19,13 +19,11 @@ from megalopta.report.records import Record
 from megalopta.scenes.lighting import illuminance_of
 from megalopta.sensor import (
     ImageSensor,
-    StoredCounts,
+    OpenedCounts,
     detected_photons,
-    expected_reading,
-    incident_photons,
-    reading_signal_to_noise,
+    expectation,
 )
-from megalopta.stages import exposures, light_scale, read_exposure, variances
+from megalopta.stages import exposures, light_scale, open_exposure, variances
 
 # Pixels between these percentiles are drawn as the spread of the signal-to-noise ratio.
 _SPREAD_PERCENT = (5, 50, 95)
@@ -47,7 +45,7 @@ class Budget:
     dark : float
         Reading of a pixel in the dark.
     expected : float
-        Mean of the noise-free twin, what is read in the dark included; of counts before saturation.
+        Mean reading, what is read in the dark included.
     signal_to_noise : (low, median, high)
         Of single pixels: 5th, 50th and 95th percentile.
     saturated_fraction : float
@@ -85,7 +83,7 @@ def exposed(dataset: Dataset, footage: ReportFrames, record: Record) -> list[Exp
     noise = record.get("monte_carlo") or {}
     return [
         _exposed(
-            dataset.configuration, footage, read_exposure(dataset, sensor, level), level, noise
+            dataset.configuration, footage, open_exposure(dataset, sensor, level), level, noise
         )
         for sensor, level in exposures(dataset)
     ]
@@ -94,47 +92,50 @@ def exposed(dataset: Dataset, footage: ReportFrames, record: Record) -> list[Exp
 def _exposed(
     configuration: Configuration,
     footage: ReportFrames,
-    stored: StoredCounts,
+    opened: OpenedCounts,
     level: LightLevel,
     noise: Record,
 ) -> ExposureSummary:
-    exposure, frames = stored.exposure, list(footage.selection.frames)
+    frames = list(footage.selection.frames)
     scale = light_scale(configuration, level)
     light = footage.radiance * scale.astype(np.float32)
     try:
-        budget = _budget(configuration, light, stored, level)
+        budget = _budget(configuration, light, opened, frames, level)
     except ValueError as problem:  # a measured map is gone
-        raise UserError(f"sensor {stored.sensor.name!r}: {problem}") from None
+        raise UserError(f"sensor {opened.sensor.name!r}: {problem}") from None
     if "covariance" in noise:
-        rendering, shot, _ = variances(noise, configuration, stored.sensor, scale)
+        rendering, shot, _ = variances(noise, configuration, opened.sensor, scale)
         relative = math.sqrt(max(rendering, 0.0) / shot) if shot else math.inf
         budget = replace(budget, rendering_noise=relative)
     return ExposureSummary(
         budget,
-        footage.selection.pixels(exposure.counts[frames]),
-        footage.selection.pixels(exposure.saturated[frames]),
+        footage.selection.pixels(opened["counts"][frames]),
+        footage.selection.pixels(opened["saturated"][frames]),
     )
 
 
 def _budget(
     configuration: Configuration,
     light: NDArray[np.float32],
-    stored: StoredCounts,
+    opened: OpenedCounts,
+    frames: list[int],
     level: LightLevel,
 ) -> Budget:
-    sensor, bands = stored.sensor, configuration.render.bands_nm
+    sensor, bands = opened.sensor, configuration.render.bands_nm
     detected = detected_photons(light, bands, sensor)
-    ratio = reading_signal_to_noise(light, bands, sensor)
+    period_s = 1 / configuration.trajectory.frame_rate_hz
+    dark = expectation(0 * light[:1], bands, sensor, frame_period_s=period_s)
+    ratio = opened.expectation(frames).signal_to_noise(dark)
     low, median, high = np.percentile(ratio, _SPREAD_PERCENT)
     return Budget(
         sensor=sensor,
         level=level,
         illuminance_lux=illuminance_of(level),
-        photons=float(incident_photons(light, bands, sensor).mean()),
+        photons=float(opened["photons"][frames].mean()),
         detected=float(detected.mean()),
-        dark=float(expected_reading(0 * light[:1], bands, sensor).mean()),
-        expected=float(stored.exposure.expected.mean()),
+        dark=float(dark.mean_reading.mean()),
+        expected=opened["mean_reading"].mean(),
         signal_to_noise=(float(low), float(median), float(high)),
-        saturated_fraction=float(stored.exposure.saturated.mean()),
+        saturated_fraction=opened["saturated"].mean(),
         photons_per_frame=float(detected.sum(axis=(1, 2)).mean()),
     )

@@ -6,7 +6,7 @@ from .pipeline import run_all, run_stage
 from .redo import open_dataset_whole
 from .registry import STAGES
 from .render import build
-from .sense import exposures, light_scale, read_exposure
+from .sense import exposures, light_scale, open_exposure
 
 __all__ = [
     "STAGES",
@@ -16,7 +16,7 @@ __all__ = [
     "exposures",
     "light_scale",
     "open_dataset_whole",
-    "read_exposure",
+    "open_exposure",
     "responses_path",
     "run_all",
     "run_stage",

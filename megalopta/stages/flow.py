@@ -68,7 +68,7 @@ def _measure_exposure(
     advance: Callable[[int], object],
 ) -> list[Record]:
     """Write the responses of all methods and return their errors."""
-    shape, rates = opened.counts.shape, yaw_rates_deg_s(settings.trajectory)
+    shape, rates = opened["counts"].shape, yaw_rates_deg_s(settings.trajectory)
     measurements = {
         name: Measurement(
             METHODS[name],
@@ -97,17 +97,17 @@ def _seen_frames(
     opened: OpenedCounts, references: Sequence[Reference]
 ) -> Iterator[tuple[int, SeenFrames]]:
     """Yield the number of the first frame and the frames of successive chunks."""
-    reading_scale = _to_one(opened.mean_reading.mean())
-    photon_scale = _to_one(opened.photons.mean()) if "perfect" in references else 1.0
-    for first in range(0, opened.counts.shape[0], _CHUNK_FRAMES):
+    reading_scale = _to_one(opened["mean_reading"].mean())
+    photon_scale = _to_one(opened["photons"].mean()) if "perfect" in references else 1.0
+    for first in range(0, opened["counts"].shape[0], _CHUNK_FRAMES):
         chunk = slice(first, first + _CHUNK_FRAMES)
         yield (
             first,
             SeenFrames(
-                opened.counts[chunk],
-                opened.mean_reading[chunk].astype(np.float64),
-                opened.photons[chunk].astype(np.float64) if "perfect" in references else None,
-                opened.saturated[chunk],
+                opened["counts"][chunk],
+                opened["mean_reading"][chunk].astype(np.float64),
+                opened["photons"][chunk].astype(np.float64) if "perfect" in references else None,
+                opened["saturated"][chunk],
                 reading_scale,
                 photon_scale,
             ),

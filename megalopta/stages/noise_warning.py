@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.config import Configuration
-from megalopta.sensor import ImageSensor, detected_photons, expected_reading
+from megalopta.sensor import ImageSensor, detected_photons, expectation
 
 LIMIT = 0.1
 """Largest share of the variance of shot noise and detail that goes without a warning."""
@@ -64,7 +64,7 @@ def variances(
     unit = max(noise["mean"]) or 1.0  # sensors refuse light that is absurdly bright
     one_band_each = np.broadcast_to(unit * np.diag(scale)[:, None, None, :], shape)
     photons = detected_photons(one_band_each, bands, sensor).reshape(len(bands), -1) / unit
-    dark = expected_reading(np.zeros((1, *shape[1:])), bands, sensor)
+    dark = expectation(np.zeros((1, *shape[1:])), bands, sensor).mean_events
     arrivals = np.array(noise["mean"]) @ photons.mean(axis=1) + dark.mean()
     products = photons @ photons.T / photons.shape[1]
     rendering = np.sum(products * np.array(noise["covariance"]))

@@ -83,6 +83,7 @@ class _Film:
                 sequence=self._sequence,
                 first_frame=first,
                 frame_period_s=1 / self._settings.trajectory.frame_rate_hz,
+                expectation=True,
             )
         self._write(first, exposure)
 
@@ -152,7 +153,8 @@ def _band_mean(spectrum: Spectrum, band: tuple[float, float]) -> float:
 def _write_final_images(dataset: Dataset) -> None:
     """Counts of the first sensor at the first light level as gray images, all exposed alike."""
     configuration = dataset.configuration
-    counts = open_exposure(dataset, configuration.sensors[0], configuration.light_levels[0]).counts
+    opened = open_exposure(dataset, configuration.sensors[0], configuration.light_levels[0])
+    counts = opened["counts"]
     brightest = [np.percentile(counts[index], 99) for index in range(len(counts))]
     white = max(float(np.mean(brightest)), 1.0)
     for index in range(len(counts)):

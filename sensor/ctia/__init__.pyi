@@ -1,9 +1,10 @@
 from .array import (
+    electron_moments,
     expose_ctia,
     expose_photocurrent,
     photocurrent,
     reading_electrons,
-    reading_moments,
+    volt_moments,
 )
 from .bias import DacBias, FixedBias, FloatingGateBias, trimmed_bias
 from .calibration import Measurement, calibrate, leak_floor
@@ -30,6 +31,7 @@ __all__ = [
     "ctia_preset",
     "discharge",
     "discharge_time",
+    "electron_moments",
     "estimate_current",
     "expose_ctia",
     "expose_photocurrent",
@@ -38,7 +40,7 @@ __all__ = [
     "photocurrent",
     "pixels",
     "reading_electrons",
-    "reading_moments",
     "reverse_current",
     "trimmed_bias",
+    "volt_moments",
 ]

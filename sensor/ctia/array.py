@@ -10,10 +10,12 @@ than the one before.
 Source: dissertation, Chapter 3, for the pixel; the array is ours.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import ndtr
 
 from megalopta.sensor.ctia.integration import Pixel, discharge
 from megalopta.sensor.ctia.model import CtiaSensor, pixels
@@ -21,6 +23,9 @@ from megalopta.sensor.ctia.noise import draw_noise, noise_variance
 from megalopta.sensor.ctia.photodiode import ELEMENTARY_CHARGE_C, Floats, Reals
 from megalopta.sensor.optics import check_brightness, detected_rate
 from megalopta.sensor.sampling import generator
+
+# Swings: where the electrons of a full pixel are no longer followed.
+_FAR = 1e3
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,14 +36,11 @@ class CtiaExposure:
     ----------
     volts : (T, H, W) float64
         Discharge of each pixel; the swing where saturated. Noise can make it negative.
-    expected : (T, H, W) float64
-        The same without noise.
     saturated : (T, H, W) bool
         Where the output was at its lower rail: the reading is a lower bound.
     """
 
     volts: Floats
-    expected: Floats
     saturated: NDArray[np.bool_]
 
 
@@ -93,31 +95,56 @@ def expose_photocurrent(
 ) -> CtiaExposure:
     """Read frames whose photocurrent is known, (T, H, W) in A; as `expose_ctia`."""
     light = _checked(photocurrent_a)
-    volts, expected = np.empty_like(light), np.empty_like(light)
-    array = pixels(sensor, (light.shape[1], light.shape[2]))
-    period = frame_period_s or sensor.exposure_s
-    for index, frame_light in enumerate(light):
-        frame = first_frame + index
-        now = _aged(array, frame * period)
-        rng = generator(seed, "ctia exposure", sequence, frame)
-        expected[index] = discharge(now, frame_light, sensor.exposure_s)
-        noise = draw_noise(rng, sensor.noise, now, frame_light, sensor.exposure_s)
-        volts[index] = expected[index] + noise
-    saturated = (volts >= sensor.swing_v) | (expected >= sensor.swing_v)
+    volts, saturated = np.empty_like(light), np.empty(light.shape, np.bool_)
+    for index, now in enumerate(_aging(sensor, light.shape, first_frame, frame_period_s)):
+        rng = generator(seed, "ctia exposure", sequence, first_frame + index)
+        discharged = discharge(now, light[index], sensor.exposure_s)
+        noise = draw_noise(rng, sensor.noise, now, light[index], sensor.exposure_s)
+        volts[index] = discharged + noise
+        saturated[index] = (volts[index] >= sensor.swing_v) | (discharged >= sensor.swing_v)
     volts[saturated] = sensor.swing_v
-    return CtiaExposure(volts, expected, saturated)
+    return CtiaExposure(volts, saturated)
 
 
-def reading_moments(photocurrent_a: ArrayLike, sensor: CtiaSensor) -> tuple[Floats, Floats]:
-    """Mean (V) and variance (V²) of readings at a photocurrent, (T, H, W) in A.
+def volt_moments(
+    photocurrent_a: ArrayLike,
+    sensor: CtiaSensor,
+    first_frame: int = 0,
+    frame_period_s: float | None = None,
+) -> tuple[Floats, Floats]:
+    """Mean (V) and variance (V²) of readings, each (T, H, W); parameters as `expose_photocurrent`.
 
-    All frames as the first one, before the gate has leaked; saturation is in the mean only.
+    The noise of a pixel near its rail is taken as normal; there a pixel holds 1e8 electrons.
     """
     light = _checked(photocurrent_a)
-    array = pixels(sensor, (light.shape[1], light.shape[2]))
-    mean = np.array([discharge(array, each, sensor.exposure_s) for each in light])
-    variance = [noise_variance(sensor.noise, array, each, sensor.exposure_s) for each in light]
-    return mean.reshape(light.shape), np.array(variance).reshape(light.shape)
+    mean, variance = np.empty_like(light), np.empty_like(light)
+    for index, now in enumerate(_aging(sensor, light.shape, first_frame, frame_period_s)):
+        free = discharge(now, light[index], sensor.exposure_s)
+        noise = noise_variance(sensor.noise, now, light[index], sensor.exposure_s)
+        mean[index], variance[index] = _held_at(sensor.swing_v, free, noise)
+    return mean, variance
+
+
+def electron_moments(
+    photocurrent_a: ArrayLike,
+    sensor: CtiaSensor,
+    first_frame: int = 0,
+    frame_period_s: float | None = None,
+) -> tuple[Floats, Floats]:
+    """Mean and variance of the electrons collected, of full pixels too; as `volt_moments`."""
+    light = _checked(photocurrent_a)
+    mean, variance = np.empty_like(light), np.empty_like(light)
+    arrivals = sensor.noise.model_copy(update={"reset": False, "read_noise_v": 0.0})
+    for index, now in enumerate(_aging(sensor, light.shape, first_frame, frame_period_s)):
+        # of pixels that stay within their swing, discharges are quicker to compute with it
+        full = discharge(now, light[index], sensor.exposure_s) >= sensor.swing_v
+        for pixel, which in ((now, ~full), (replace(now, swing_v=_FAR * now.swing_v), full)):
+            if which.any():
+                volts = discharge(pixel, light[index], sensor.exposure_s)
+                noise = noise_variance(arrivals, pixel, light[index], sensor.exposure_s)
+                mean[index][which] = reading_electrons(volts, sensor)[which]
+                variance[index][which] = noise[which]
+    return mean, variance * (sensor.capacitance_f / ELEMENTARY_CHARGE_C) ** 2
 
 
 def reading_current(volts: Reals, sensor: CtiaSensor) -> Floats:
@@ -130,9 +157,30 @@ def reading_electrons(volts: Reals, sensor: CtiaSensor) -> Floats:
     return np.asarray(volts * sensor.capacitance_f / ELEMENTARY_CHARGE_C)
 
 
-def _aged(array: Pixel, age_s: float) -> Pixel:
-    bias = array.bias_v + array.drift_v_s * age_s
-    return replace(array, bias_v=bias)
+def _held_at(rail_v: float, free_v: Floats, noise: Floats) -> tuple[Floats, Floats]:
+    """Mean and variance of normal numbers that stop at a rail; at it, without noise, they stay."""
+    sigma = np.sqrt(noise)
+    below = np.divide(rail_v - free_v, sigma, out=np.full_like(free_v, np.inf), where=sigma > 0)
+    chance = ndtr(below)
+    density = np.exp(-(below**2) / 2) / np.sqrt(2 * np.pi)
+    lost = sigma * density - np.where(chance < 1, (rail_v - free_v) * (1 - chance), 0.0)
+    square = noise * chance - (rail_v - free_v) * sigma * density
+    square += np.where(chance < 1, (rail_v - free_v) ** 2 * (1 - chance), 0.0)
+    is_held = free_v >= rail_v
+    return (
+        np.where(is_held, rail_v, free_v - lost),
+        np.where(is_held, 0.0, np.maximum(square - lost**2, 0.0)),
+    )
+
+
+def _aging(
+    sensor: CtiaSensor, shape: tuple[int, ...], first_frame: int, frame_period_s: float | None
+) -> Iterator[Pixel]:
+    """Pixels of a device at each frame."""
+    array = pixels(sensor, (shape[1], shape[2]))
+    period = frame_period_s or sensor.exposure_s
+    for frame in range(first_frame, first_frame + shape[0]):
+        yield replace(array, bias_v=array.bias_v + array.drift_v_s * frame * period)
 
 
 def _checked(photocurrent_a: ArrayLike) -> Floats:

@@ -13,27 +13,27 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 
 from megalopta.plug_ins import plug_ins
+from megalopta.sensor import Expectation, Exposure
 from megalopta.sensor.ctia import (
     CTIA_PRESETS,
     CtiaSensor,
     Floats,
+    electron_moments,
     expose_ctia,
     photocurrent,
     pixels,
     reading_electrons,
-    reading_moments,
+    volt_moments,
 )
 from megalopta.sensor.optics import band_efficiency, detected_rate, photon_rate
 from megalopta.sensor.spad import (
     PRESETS,
-    Exposure,
     Sensor,
     detection_rate,
     draw_fixed_pattern,
-    expected_counts,
     expose,
     load_sensor,
-    signal_to_noise,
+    spad_expectation,
 )
 
 ImageSensor: TypeAlias = Annotated[Sensor | CtiaSensor, Field(discriminator="kind")]
@@ -63,11 +63,18 @@ def expose_image(
     sequence: str | int,
     first_frame: int = 0,
     frame_period_s: float | None = None,
+    expectation: bool = False,
 ) -> Exposure:
     """Expose frames of a scene; parameters as for `expose` and `expose_ctia`."""
     if isinstance(sensor, Sensor):
         return expose(
-            radiance, bands_nm, sensor, seed=seed, sequence=sequence, first_frame=first_frame
+            radiance,
+            bands_nm,
+            sensor,
+            seed=seed,
+            sequence=sequence,
+            first_frame=first_frame,
+            expectation=expectation,
         )
     reading = expose_ctia(
         radiance,
@@ -80,8 +87,40 @@ def expose_image(
     )
     return Exposure(
         reading_electrons(reading.volts, sensor).astype(np.float32),
-        reading_electrons(reading.expected, sensor),
         reading.saturated,
+        _ctia_expectation(radiance, bands_nm, sensor, first_frame, frame_period_s)
+        if expectation
+        else None,
+    )
+
+
+def expectation(
+    radiance: ArrayLike,
+    bands_nm: ArrayLike,
+    sensor: ImageSensor,
+    first_frame: int = 0,
+    frame_period_s: float | None = None,
+) -> Expectation:
+    """Mean and variance of photons, events and readings; parameters as for `expose_image`."""
+    if isinstance(sensor, Sensor):
+        return spad_expectation(radiance, bands_nm, sensor)
+    return _ctia_expectation(radiance, bands_nm, sensor, first_frame, frame_period_s)
+
+
+def _ctia_expectation(
+    radiance: ArrayLike,
+    bands_nm: ArrayLike,
+    sensor: CtiaSensor,
+    first_frame: int,
+    frame_period_s: float | None,
+) -> Expectation:
+    light = photocurrent(radiance, bands_nm, sensor)
+    mean_v, variance_v2 = volt_moments(light, sensor, first_frame, frame_period_s)
+    return Expectation(
+        photon_rate(radiance, bands_nm, sensor) * sensor.exposure_s,
+        *electron_moments(light, sensor, first_frame, frame_period_s),
+        reading_electrons(mean_v, sensor),
+        variance_v2 * float(reading_electrons(1.0, sensor)) ** 2,
     )
 
 
@@ -101,33 +140,8 @@ def check_sensor(sensor: ImageSensor, bands_nm: ArrayLike, shape: tuple[int, int
         pixels(sensor, shape)
 
 
-def incident_photons(radiance: ArrayLike, bands_nm: ArrayLike, sensor: ImageSensor) -> Floats:
-    """Photons that fall on each pixel in one exposure, (T, H, W); parameters as for `expose`."""
-    return photon_rate(radiance, bands_nm, sensor) * sensor.exposure_s
-
-
 def detected_photons(radiance: ArrayLike, bands_nm: ArrayLike, sensor: ImageSensor) -> Floats:
-    """Photons detected in one exposure if nothing is lost, (T, H, W); as `incident_photons`."""
+    """Photons detected in one exposure if nothing is lost, (T, H, W); as for `expose`."""
     if isinstance(sensor, Sensor):
         return detection_rate(radiance, bands_nm, sensor) * sensor.exposure_s
     return detected_rate(radiance, bands_nm, sensor) * sensor.exposure_s
-
-
-def expected_reading(radiance: ArrayLike, bands_nm: ArrayLike, sensor: ImageSensor) -> Floats:
-    """Mean reading, dark counts or electrons included, (T, H, W); as `incident_photons`."""
-    if isinstance(sensor, Sensor):
-        return expected_counts(radiance, bands_nm, sensor)
-    mean, _ = reading_moments(photocurrent(radiance, bands_nm, sensor), sensor)
-    return reading_electrons(mean, sensor)
-
-
-def reading_signal_to_noise(
-    radiance: ArrayLike, bands_nm: ArrayLike, sensor: ImageSensor
-) -> Floats:
-    """What the light adds to a reading over its standard deviation, (T, H, W); as `expose`."""
-    if isinstance(sensor, Sensor):
-        return signal_to_noise(radiance, bands_nm, sensor)
-    light = photocurrent(radiance, bands_nm, sensor)
-    mean, variance = reading_moments(light, sensor)
-    signal = mean - reading_moments(0 * light[:1], sensor)[0]
-    return np.divide(signal, np.sqrt(variance), out=np.zeros_like(signal), where=variance > 0)

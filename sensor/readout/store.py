@@ -1,13 +1,13 @@
 """Counts on disk: one Zarr v3 group per sequence and sensor.
 
-Arrays `counts`, `expected` and `saturated`, each (frame, row, column) in chunks of whole frames,
-with its unit as an attribute: counts, or electrons of a sensor that integrates. The attributes of
-the group hold what made them: sensor, exposure, seed, sequence, illuminance. A store is written
-under a temporary name and renamed, so it is there whole or not at all.
+Arrays `counts`, `saturated` and, where the expectation was asked for, `photons`, `mean_events`,
+`events_variance`, `mean_reading`, `reading_variance` (float32), each (frame, row, column) in chunks
+of whole frames, with its unit as an attribute: counts, or electrons of a sensor that integrates.
+The attributes of the group hold what made them: sensor, exposure, seed, sequence, illuminance. A
+store is written under a temporary name and renamed, so it is there whole or not at all.
 """
 
 import operator
-import textwrap
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -17,19 +17,25 @@ from typing import Any, cast
 import numpy as np
 import zarr
 from numpy.typing import NDArray
-from pydantic import TypeAdapter
 
 from megalopta.files import atomic_write
+from megalopta.sensor import Exposure
 from megalopta.sensor.readout.images import ImageSensor
-from megalopta.sensor.spad import Exposure
 
-_IMAGE_SENSOR: TypeAdapter[ImageSensor] = TypeAdapter(ImageSensor)
-_FORMAT = "megalopta counts"
-_KINDS = {"counts": "uf", "expected": "f", "saturated": "b"}
+FORMAT = "megalopta counts"
+READINGS = ("counts", "saturated")
+"""Arrays of every store."""
+MOMENTS = ("photons", "mean_events", "events_variance", "mean_reading", "reading_variance")
+"""Arrays of a store with its expectation."""
+
 _MEANINGS = {
     "counts": "{unit} per exposure",
-    "expected": "mean {unit} per exposure",
     "saturated": "true where the pixel was full",
+    "photons": "mean photons on the pixel per exposure",
+    "mean_events": "mean {event} per exposure",
+    "events_variance": "{event}² per exposure",
+    "mean_reading": "mean {unit} per exposure",
+    "reading_variance": "{unit}² per exposure",
 }
 _CHUNK_BYTES = 4 * 2**20
 
@@ -100,68 +106,31 @@ def counts_writer(
         group = zarr.open_group(temporary, mode="w", zarr_format=3, attributes=_attributes(origin))
 
         def write(first: int, exposure: Exposure) -> None:
-            for name, meaning in _MEANINGS.items():
-                values = getattr(exposure, name)
+            for name, values in _arrays(exposure):
                 if name not in group:
-                    unit = meaning.format(unit=origin.sensor.unit)
-                    _create_array(group, name, frames, values, unit)
+                    _create_array(group, name, frames, values, _unit(name, origin.sensor))
                 array = cast("zarr.Array[Any]", group[name])
                 array[first : first + len(values)] = values
 
         yield write
 
 
-def read_counts(path: str | Path) -> StoredCounts:
-    """Read a store that `write_counts` wrote.
-
-    Raises
-    ------
-    FileNotFoundError
-        When there is nothing of this name.
-    ValueError
-        When it is something else, lacks a part or is damaged.
-    """
-    path = Path(path)
-    if not path.exists():
-        raise FileNotFoundError(f"{path}: no such counts store")
-    try:
-        group = zarr.open_group(path, mode="r")
-        attributes: dict[str, Any] = dict(group.attrs)
-    except Exception as problem:  # of a damaged file, anything
-        raise ValueError(f"{path}: not a Zarr group; give a folder of counts") from problem
-    if attributes.get("format") != _FORMAT:
-        raise ValueError(f"{path}: a Zarr group, but not one of counts; give a folder of counts")
-    try:
-        return StoredCounts(
-            exposure=_read_exposure(group),
-            sensor=_IMAGE_SENSOR.validate_python(attributes["sensor"]),
-            **{name: attributes[name] for name in ("seed", "sequence", "illuminance_lux", "extra")},
-        )
-    except KeyError as missing:
-        raise ValueError(f"{path}: lacks {missing}; write the counts again") from missing
-    except Exception as problem:
-        reason = textwrap.shorten(str(problem), 200)
-        raise ValueError(f"{path}: damaged ({reason}); write the counts again") from problem
+def _arrays(exposure: Exposure) -> Iterator[tuple[str, NDArray[Any]]]:
+    for name in READINGS:
+        yield name, getattr(exposure, name)
+    for name in MOMENTS if exposure.expectation else ():
+        yield name, getattr(exposure.expectation, name).astype(np.float32)
 
 
-def _read_exposure(group: zarr.Group) -> Exposure:
-    """Frames of a store, if its arrays fit together."""
-    shapes, arrays = [], []
-    for name, kinds in _KINDS.items():
-        array = group[name]
-        if not isinstance(array, zarr.Array) or array.dtype.kind not in kinds:
-            raise ValueError(f"{name} is no array of its kind of numbers")
-        arrays.append(array)
-        shapes.append(array.shape)
-    if len(shapes[0]) != 3 or len(set(shapes)) > 1:
-        raise ValueError(f"arrays of shapes {', '.join(map(str, shapes))}")
-    return Exposure(*map(np.asarray, arrays))
+def _unit(name: str, sensor: ImageSensor) -> str:
+    event = "electrons" if sensor.unit == "electrons" else "events"
+    return _MEANINGS[name].format(unit=sensor.unit, event=event)
 
 
 def _attributes(origin: Origin) -> dict[str, Any]:
     sequence = origin.sequence
     return {
-        "format": _FORMAT,
+        "format": FORMAT,
         "sensor": origin.sensor.model_dump(mode="json"),
         "exposure_s": origin.sensor.exposure_s,
         "seed": operator.index(origin.seed),

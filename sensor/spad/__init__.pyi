@@ -1,24 +1,17 @@
-from .exposure import (
-    Exposure,
-    checked_rate,
-    detection_rate,
-    expected_counts,
-    expose,
-    expose_rate,
-    over_frames,
-    signal_to_noise,
-)
+from .exposure import expose, expose_rate
 from .fixed_pattern import draw_fixed_pattern
+from .frames import over_frames
 from .measured import MapFile, MeasuredMaps
 from .model import Sensor
+from .moments import event_moments, reading_moments, spad_expectation
 from .order import ORDER_OF_EFFECTS, active_effects, without
 from .presets import PRESETS, TABLE_2_1, load_sensor, preset, with_files
+from .rates import checked_rate, detection_rate
 
 __all__ = [
     "ORDER_OF_EFFECTS",
     "PRESETS",
     "TABLE_2_1",
-    "Exposure",
     "MapFile",
     "MeasuredMaps",
     "Sensor",
@@ -26,13 +19,14 @@ __all__ = [
     "checked_rate",
     "detection_rate",
     "draw_fixed_pattern",
-    "expected_counts",
+    "event_moments",
     "expose",
     "expose_rate",
     "load_sensor",
     "over_frames",
     "preset",
-    "signal_to_noise",
+    "reading_moments",
+    "spad_expectation",
     "with_files",
     "without",
 ]

@@ -12,9 +12,17 @@ from megalopta.dataset.frames import read_radiance_frames, read_truth_frames
 from megalopta.errors import UserError
 from megalopta.report.write import write_report
 from megalopta.scenes.spectra.airglow import AIRGLOW
-from megalopta.sensor import CtiaSensor, DacBias, FloatingGateBias, expose_ctia, reading_electrons
+from megalopta.sensor import (
+    CtiaSensor,
+    DacBias,
+    FloatingGateBias,
+    expectation,
+    expose_ctia,
+    read_counts,
+    reading_electrons,
+)
 from megalopta.stages.pipeline import run_all
-from megalopta.stages.sense import STAGE, light_scale, read_exposure
+from megalopta.stages.sense import STAGE, light_scale, open_exposure
 
 SMALL = {
     "name": "night",
@@ -63,10 +71,10 @@ def test_store_holds_electrons_that_say_so(night):
     settings = night.configuration
     group = zarr.open_group(night.counts(settings.sensors[0], "airglow"), mode="r")
     assert group["counts"].attrs["unit"] == "electrons per exposure"
-    assert group["expected"].attrs["unit"] == "mean electrons per exposure"
+    assert group["mean_reading"].attrs["unit"] == "mean electrons per exposure"
     assert group["counts"].dtype == np.float32
     assert group.attrs["sensor"]["kind"] == "ctia"
-    assert read_exposure(night, settings.sensors[0], "airglow").sensor == settings.sensors[0]
+    assert open_exposure(night, settings.sensors[0], "airglow").sensor == settings.sensors[0]
 
 
 def test_electrons_without_noise_are_the_photons_times_efficiency_and_the_dark_current(night):
@@ -78,18 +86,16 @@ def test_electrons_without_noise_are_the_photons_times_efficiency_and_the_dark_c
     irradiance = math.pi * radiance * np.diff(bands)[:, 0] / (4 * sensor.lens.f_number**2 + 1)
     power = irradiance * sensor.lens.transmission * sensor.pitch_m**2
     signal = (power * per_joule).sum(axis=-1) * sensor.exposure_s
-    dark = expose_ctia(
-        0 * radiance, bands, sensor, seed=0, sequence="", frame_period_s=0.1
-    ).expected
-    expected = read_exposure(night, sensor, "airglow").exposure.expected
-    added = expected - reading_electrons(dark, sensor)
+    dark = expectation(0 * radiance, bands, sensor, frame_period_s=0.1).mean_reading
+    stated = open_exposure(night, sensor, "airglow").expectation()
+    added = stated.mean_reading - dark
     # the mean over 2001 points counts the ends of a band in full
     np.testing.assert_allclose(added, signal, rtol=1e-3)
 
 
 def test_readings_do_not_depend_on_how_frames_are_cut(night):
     settings, sensor = night.configuration, night.configuration.sensors[0]
-    stored = read_exposure(night, sensor, "airglow")
+    stored = read_counts(night.counts(sensor, "airglow"))
     frames = [frame for _, chunk in read_radiance_frames(night, 5) for frame in chunk]
     alone = expose_ctia(
         frames[11][np.newaxis],

@@ -14,7 +14,7 @@ from megalopta.dataset.store import open_dataset
 from megalopta.errors import UserError
 from megalopta.render import read_radiance, read_truth, write_truth
 from megalopta.render.exr import read_truth_header
-from megalopta.sensor import expected_counts, read_counts
+from megalopta.sensor import expectation, read_counts
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_stage
 
@@ -139,7 +139,8 @@ def test_sensors_see_the_frames_of_the_shutter(moving):
     stored = read_counts(moving.counts(moving.configuration.sensors[0], "twilight"))
     first, *_ = (frames for _, frames in read_radiance_frames(moving, 3))
     np.testing.assert_array_equal(first[1], blurred)
-    ratio = stored.exposure.expected[1] / expected_counts(blurred[None], bands, stored.sensor)[0]
+    stated = expectation(blurred[None], bands, stored.sensor)
+    ratio = stored.exposure.expectation.mean_events[1] / stated.mean_events[0]
     np.testing.assert_allclose(ratio, ratio.mean(), rtol=1e-5)
 
 

@@ -3,7 +3,7 @@ import pytest
 
 from megalopta.config.model import load
 from megalopta.dataset.rendering_noise import _differences
-from megalopta.sensor import IMAGE_SENSORS, changed, detected_photons, expected_reading
+from megalopta.sensor import IMAGE_SENSORS, changed, detected_photons, expectation
 from megalopta.stages.noise_warning import LIMIT, noise_share, noise_warning
 
 SETTINGS = load(
@@ -42,7 +42,7 @@ def test_share_is_that_of_noisy_light_run_through_the_sensor(sensors, name):
     share = noise_share(RECORD, settings, sensor, scale)
     normal = np.random.default_rng(3).standard_normal((400, 20, 24, 4))
     readings = detected_photons((normal @ NOISE.T + MEAN) * scale, BANDS, sensor)
-    dark = expected_reading(np.zeros((1, 20, 24, 4)), BANDS, sensor).mean()
+    dark = expectation(np.zeros((1, 20, 24, 4)), BANDS, sensor).mean_events.mean()
     # 480 pixels with 400 draws each know their mean variance to 0.4 % (σ), a few of them weighing
     # most; five σ
     expected = readings.var(axis=0, ddof=1).mean() / (readings.mean() + dark)

@@ -8,7 +8,7 @@ from megalopta.sensor.ctia.array import (
     photocurrent,
     reading_current,
     reading_electrons,
-    reading_moments,
+    volt_moments,
 )
 from megalopta.sensor.ctia.bias import DacBias, FixedBias, FloatingGateBias
 from megalopta.sensor.ctia.model import CtiaSensor, pixels
@@ -101,9 +101,7 @@ def test_fixed_patterns_have_the_spread_stated():
 def test_floating_gate_leaves_less_dark_current_than_a_converter_and_both_less_than_none():
     dark = np.zeros((1, 40, 40))
     means = [
-        expose_photocurrent(
-            dark, QUIET.model_copy(update={"bias": bias}), seed=0, sequence=""
-        ).expected.mean()
+        volt_moments(dark, QUIET.model_copy(update={"bias": bias}))[0].mean()
         for bias in (FloatingGateBias(), DacBias(), FixedBias())
     ]
     assert means[0] < means[1] < means[2] / 10
@@ -111,14 +109,14 @@ def test_floating_gate_leaves_less_dark_current_than_a_converter_and_both_less_t
 
 def test_gate_leak_makes_later_frames_darker_in_signal_by_more_dark_current():
     dark = np.zeros((200, 3, 3))
-    expected = expose_photocurrent(dark, QUIET, seed=0, sequence="").expected
+    expected, _ = volt_moments(dark, QUIET)
     assert np.all(np.diff(expected, axis=0) > 0)
 
 
 def test_a_longer_frame_period_ages_the_gate_faster():
     dark = np.zeros((3, 3, 3))
-    fast = expose_photocurrent(dark, QUIET, seed=0, sequence="").expected
-    slow = expose_photocurrent(dark, QUIET, seed=0, sequence="", frame_period_s=0.2).expected
+    fast, _ = volt_moments(dark, QUIET)
+    slow, _ = volt_moments(dark, QUIET, frame_period_s=0.2)
     np.testing.assert_array_equal(slow[1], fast[2])
 
 
@@ -132,7 +130,7 @@ def test_readings_scatter_with_the_stated_mean_and_variance():
             for seed, frame in enumerate(light)
         ]
     )
-    mean, variance = reading_moments(light[:1], one_kind)
+    mean, variance = volt_moments(light[:1], one_kind)
     z = (draws - mean) / np.sqrt(variance)
     # |z| < 5, false alarm 6e-7; variance of a sample variance of nearly normal noise: 2/count
     assert abs(z.mean()) < 5 / np.sqrt(z.size)

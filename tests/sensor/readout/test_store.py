@@ -5,15 +5,25 @@ import numpy as np
 import pytest
 import zarr
 
-from megalopta.sensor import Exposure, StoredCounts, expose_rate, preset, read_counts
+from megalopta.sensor import (
+    Expectation,
+    Exposure,
+    StoredCounts,
+    expose,
+    open_counts,
+    preset,
+    read_counts,
+)
 from megalopta.sensor.readout import store as counts_store
-from megalopta.sensor.readout.store import counts_writer, write_counts
+from megalopta.sensor.readout.store import MOMENTS, READINGS, counts_writer, write_counts
 
 
 @pytest.fixture
 def stored():
     sensor = preset("spadcam")
-    exposure = expose_rate(np.linspace(0, 5e3, 720).reshape(5, 12, 12), sensor, seed=3, sequence=0)
+    radiance = np.linspace(0, 1e-6, 720).reshape(5, 12, 12, 1)
+    bands = [(400.0, 500.0)]
+    exposure = expose(radiance, bands, sensor, seed=3, sequence=0, expectation=True)
     return StoredCounts(
         exposure=exposure, sensor=sensor, seed=3, sequence="forest/0", illuminance_lux=1e-3,
         extra={"speed": [1, 2.5], "note": "µ"},
@@ -23,10 +33,15 @@ def stored():
 def test_everything_comes_back_as_it_was_written(tmp_path, stored):
     write_counts(tmp_path / "a" / "spadcam.zarr", stored)
     back = read_counts(tmp_path / "a" / "spadcam.zarr")
-    for name in ("counts", "expected", "saturated"):
+    for name in READINGS:
         before, after = getattr(stored.exposure, name), getattr(back.exposure, name)
         assert after.dtype == before.dtype
         np.testing.assert_array_equal(after, before)
+    for name in MOMENTS:
+        before = getattr(stored.exposure.expectation, name)
+        after = getattr(back.exposure.expectation, name)
+        assert after.dtype == np.float32
+        np.testing.assert_array_equal(after, before.astype(np.float32))
     for name in ("sensor", "seed", "sequence", "illuminance_lux", "extra"):
         assert getattr(back, name) == getattr(stored, name)
 
@@ -37,7 +52,7 @@ def test_store_is_zarr_v3_in_chunks_of_whole_frames(tmp_path, stored, monkeypatc
     group = zarr.open_group(tmp_path / "s.zarr", mode="r")
     assert group.metadata.zarr_format == 3
     assert group["counts"].chunks == (2, 12, 12)
-    assert group["expected"].chunks == (1, 12, 12)
+    assert group["mean_reading"].chunks == (1, 12, 12)
     assert group.attrs["exposure_s"] == stored.sensor.exposure_s
     np.testing.assert_array_equal(group["counts"][...], stored.exposure.counts)
 
@@ -52,13 +67,50 @@ def test_interrupted_write_leaves_nothing(tmp_path, stored):
     assert list(tmp_path.iterdir()) == []
 
 
+def part(exposure, frames):
+    moments = (getattr(exposure.expectation, name)[frames] for name in MOMENTS)
+    return Exposure(exposure.counts[frames], exposure.saturated[frames], Expectation(*moments))
+
+
+def test_frames_are_read_by_slices_without_the_rest(tmp_path, stored, monkeypatch):
+    monkeypatch.setattr(counts_store, "_CHUNK_BYTES", 1)
+    write_counts(tmp_path / "s.zarr", stored)
+    for name in READINGS + MOMENTS:  # of frame 4, nothing is left
+        (tmp_path / "s.zarr" / name / "c/4/0/0").write_bytes(b"")
+    opened = open_counts(tmp_path / "s.zarr")
+    assert len(opened["counts"]) == 5
+    assert opened["photons"].shape == (5, 12, 12)
+    first, expected = opened.exposure(slice(1, 3)), part(stored.exposure, slice(1, 3))
+    np.testing.assert_array_equal(first.counts, expected.counts)
+    np.testing.assert_array_equal(opened["saturated"][[0, 2]], stored.exposure.saturated[[0, 2]])
+    np.testing.assert_array_equal(
+        opened.expectation([1, 2]).mean_reading,
+        expected.expectation.mean_reading.astype(np.float32),
+    )
+    with pytest.raises(ValueError, match=r"s\.zarr: damaged .*; write the counts again"):
+        opened["counts"][3:]
+
+
+def test_mean_over_frames_is_that_of_the_whole(tmp_path, stored):
+    write_counts(tmp_path / "s.zarr", stored)
+    stored_counts = open_counts(tmp_path / "s.zarr")["counts"]
+    assert stored_counts.mean(frames_at_once=2) == pytest.approx(stored.exposure.counts.mean())
+
+
+def test_counts_without_expectation_are_stored_as_such(tmp_path, stored):
+    plain = Exposure(stored.exposure.counts, stored.exposure.saturated)
+    write_counts(tmp_path / "s.zarr", replace(stored, exposure=plain))
+    assert read_counts(tmp_path / "s.zarr").exposure.expectation is None
+    with pytest.raises(ValueError, match="holds no photons; expose with expectation=True"):
+        open_counts(tmp_path / "s.zarr")["photons"]
+
+
 def test_frames_written_in_parts_are_the_same_bytes(tmp_path, stored):
     write_counts(tmp_path / "whole.zarr", stored)
     exposure = stored.exposure
     with counts_writer(tmp_path / "parts.zarr", stored, len(exposure.counts)) as write:
         for first in range(len(exposure.counts)):
-            frames = slice(first, first + 1)
-            write(first, Exposure(*(values[frames] for values in vars(exposure).values())))
+            write(first, part(exposure, slice(first, first + 1)))
     for path in (tmp_path / "whole.zarr").rglob("*"):
         twin = tmp_path / "parts.zarr" / path.relative_to(tmp_path / "whole.zarr")
         assert path.is_dir() or twin.read_bytes() == path.read_bytes()
@@ -76,7 +128,7 @@ def test_missing_store_is_named(tmp_path):
         read_counts(tmp_path / "nothing.zarr")
 
 
-@pytest.mark.parametrize("part", ["expected", "saturated"])
+@pytest.mark.parametrize("part", ["mean_reading", "saturated"])
 def test_store_that_lacks_an_array_is_refused_with_its_name(tmp_path, stored, part):
     write_counts(tmp_path / "s.zarr", stored)
     del zarr.open_group(tmp_path / "s.zarr")[part]
@@ -96,7 +148,7 @@ def tamper(path, **changes):
     path.write_text(json.dumps({**values, **changes}))
 
 
-@pytest.mark.parametrize("part", ["counts", "expected", "saturated"])
+@pytest.mark.parametrize("part", ["counts", "mean_reading", "saturated"])
 @pytest.mark.parametrize(
     "changes",
     [
@@ -123,7 +175,7 @@ def test_tampered_array_is_refused_in_one_sentence(tmp_path, stored, part, chang
     assert "\n" not in str(no.value)
 
 
-@pytest.mark.parametrize("part", ["", "counts", "expected"])
+@pytest.mark.parametrize("part", ["", "counts", "photons"])
 @pytest.mark.parametrize("keep", [0, 1, 100, -2])
 def test_truncated_description_is_refused(tmp_path, stored, part, keep):
     write_counts(tmp_path / "s.zarr", stored)

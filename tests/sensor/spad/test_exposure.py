@@ -10,12 +10,13 @@ from megalopta.sensor import (
     Sensor,
     changed,
     detection_rate,
-    expected_counts,
+    event_moments,
+    expectation,
     expose,
     expose_rate,
     photon_rate,
     preset,
-    signal_to_noise,
+    reading_moments,
     without,
 )
 from megalopta.sensor.counters.digital import DigitalCounter
@@ -37,10 +38,15 @@ def expose_frames(sensor, radiance=RADIANCE, **place):
     return expose(radiance, BANDS, sensor, **({"seed": 0, "sequence": "forest"} | place))
 
 
+def signal_to_noise(sensor, radiance=RADIANCE):
+    dark = expectation(0 * radiance[:1], BANDS, sensor)
+    return expectation(radiance, BANDS, sensor).signal_to_noise(dark)
+
+
 def same(first, second):
     return all(
         getattr(first, name).tobytes() == getattr(second, name).tobytes()
-        for name in ("counts", "expected", "saturated")
+        for name in ("counts", "saturated")
     )
 
 
@@ -49,7 +55,7 @@ def same(first, second):
 def test_frames_have_the_same_bytes_drawn_alone_or_among_others(name, frames):
     whole = expose_frames(SENSORS[name])
     part = expose_frames(SENSORS[name], RADIANCE[frames], first_frame=frames.start)
-    for field in ("counts", "expected", "saturated"):
+    for field in ("counts", "saturated"):
         assert getattr(part, field).tobytes() == getattr(whole, field)[frames].tobytes()
 
 
@@ -70,19 +76,30 @@ def test_same_seed_same_bytes_and_any_other_name_other_counts():
 
 
 @pytest.mark.parametrize("name", SENSORS)
-def test_counts_scatter_about_the_noise_free_twin(name):
+def test_counts_scatter_about_the_mean_reading(name):
     sensor = changed(SENSORS[name], counter=DigitalCounter())
-    exposure = expose_frames(sensor)
-    # the sum over all pixels and frames; dead time only lowers the variance below the mean
-    z = (exposure.counts - exposure.expected).sum() / np.sqrt(exposure.expected.sum())
+    exposure = expose_frames(sensor, expectation=True)
+    stated = exposure.expectation
+    z = (exposure.counts - stated.mean_reading).sum() / np.sqrt(stated.reading_variance.sum())
     assert abs(z) < 5  # false alarm 6e-7
 
 
 @pytest.mark.parametrize("name", SENSORS)
-def test_noise_free_twin_is_the_expected_count(name):
-    expected = expected_counts(RADIANCE, BANDS, SENSORS[name])
-    assert expected.dtype == np.float64
-    np.testing.assert_array_equal(expose_frames(SENSORS[name]).expected, expected)
+def test_expectation_is_the_same_with_and_without_draws_and_at_any_rate(name):
+    sensor = SENSORS[name]
+    stated = expectation(RADIANCE, BANDS, sensor)
+    beside = expose_frames(sensor, expectation=True).expectation
+    assert expose_frames(sensor).expectation is None
+    for field, values in vars(stated).items():
+        assert values.dtype == np.float64
+        np.testing.assert_array_equal(getattr(beside, field), values)
+    rate = detection_rate(RADIANCE, BANDS, sensor)
+    np.testing.assert_array_equal(
+        event_moments(rate, sensor), (stated.mean_events, stated.events_variance)
+    )
+    np.testing.assert_array_equal(
+        reading_moments(rate, sensor), (stated.mean_reading, stated.reading_variance)
+    )
 
 
 def test_photon_rate_is_the_textbook_formula():
@@ -100,7 +117,9 @@ def test_photon_rate_is_the_textbook_formula():
     arguments = np.full((1, 2, 2, 1), radiance), [(lower, upper)], sensor
     np.testing.assert_allclose(photon_rate(*arguments), photons, rtol=1e-12)
     np.testing.assert_allclose(detection_rate(*arguments), photons * 0.5 * 0.25, rtol=1e-12)
-    np.testing.assert_allclose(expected_counts(*arguments), photons * 0.125 * 0.01, rtol=1e-12)
+    stated = expectation(*arguments)
+    np.testing.assert_allclose(stated.photons, photons * 0.01, rtol=1e-12)
+    np.testing.assert_allclose(stated.mean_events, photons * 0.125 * 0.01, rtol=1e-12)
 
 
 def test_detection_rate_is_linear_and_additive_over_bands():
@@ -128,18 +147,18 @@ def test_detection_rate_has_the_mismatch_of_the_device():
 
 def test_dark_frame_shows_the_dark_counts_of_the_device():
     sensor = changed(SENSORS["spadcam"], dead_time=DeadTime())
-    dark = expected_counts(np.zeros((2, 64, 64, 4)), BANDS, sensor)
+    dark = expectation(np.zeros((2, 64, 64, 4)), BANDS, sensor).mean_events
     np.testing.assert_array_equal(dark[0], dark[1])
     # 1.77 Hz/µm² on 360 µm² for 0.1 s; standard error of the mean over the pixels is 1.0
     assert dark.mean() == pytest.approx(1.77 * 36, abs=5.0)
 
 
-def test_full_counter_is_flagged_and_the_twin_keeps_the_true_mean():
-    exposure = expose_frames(SENSORS["spadcam"], 1e5 * RADIANCE)
+def test_full_counter_is_flagged_and_events_go_on():
+    exposure = expose_frames(SENSORS["spadcam"], 1e5 * RADIANCE, expectation=True)
     assert exposure.counts.max() in (319, 320)  # leakage takes up to a step of the swing
     assert exposure.counts.dtype == np.uint16
     np.testing.assert_array_equal(exposure.saturated, exposure.counts >= 319)
-    assert exposure.expected.max() > 400
+    assert exposure.expectation.mean_events.max() > 400
 
 
 def test_rates_can_be_exposed_without_a_scene():
@@ -151,8 +170,8 @@ def test_rates_can_be_exposed_without_a_scene():
 def test_ideal_signal_to_noise_is_the_square_root_of_the_counts():
     sensor = SENSORS["ideal"]
     np.testing.assert_allclose(
-        signal_to_noise(RADIANCE, BANDS, sensor),
-        np.sqrt(expected_counts(RADIANCE, BANDS, sensor)),
+        signal_to_noise(sensor),
+        np.sqrt(expectation(RADIANCE, BANDS, sensor).mean_events),
         rtol=1e-12,
     )
 
@@ -166,13 +185,11 @@ def test_dark_counts_are_noise_and_not_signal():
     )
     dark = 2.0 * 360 * sensor.exposure_s
     signal = detection_rate(RADIANCE, BANDS, sensor) * sensor.exposure_s
-    np.testing.assert_allclose(
-        signal_to_noise(RADIANCE, BANDS, sensor), signal / np.sqrt(signal + dark), rtol=1e-9
-    )
+    np.testing.assert_allclose(signal_to_noise(sensor), signal / np.sqrt(signal + dark), rtol=1e-9)
 
 
 def test_signal_to_noise_without_any_counts_is_zero():
-    assert np.all(signal_to_noise(np.zeros((1, 2, 2, 4)), BANDS, SENSORS["ideal"]) == 0)
+    assert np.all(signal_to_noise(SENSORS["ideal"], np.zeros((1, 2, 2, 4))) == 0)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -1e-12])
@@ -198,7 +215,9 @@ def test_rate_too_high_to_be_drawn_is_refused_by_its_name():
         expose_rate(np.full((1, 2, 2), 1e17), SENSORS["ideal"], seed=0, sequence="x")
 
 
-@pytest.mark.parametrize("function", [expose_frames, lambda s: expected_counts(RADIANCE, BANDS, s)])
+@pytest.mark.parametrize(
+    "function", [expose_frames, lambda s: event_moments(np.ones((1, 2, 2)), s)]
+)
 def test_name_in_place_of_a_sensor_is_refused_with_the_remedy(function):
     with pytest.raises(TypeError, match=r"sensor: 'spadcam' is no Sensor; .*preset"):
         function("spadcam")

@@ -1,0 +1,47 @@
+"""What a device would detect if its pixels were always live, checked."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from megalopta.sensor.effects import MOST_ARRIVALS
+from megalopta.sensor.optics import check_brightness, detected_rate
+from megalopta.sensor.spad.fixed_pattern import FixedPattern, draw_fixed_pattern
+from megalopta.sensor.spad.model import Sensor
+
+Floats = NDArray[np.float64]
+
+
+def detection_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> Floats:
+    """Photons per second that each pixel would detect if always live, (T, H, W); as `expose`."""
+    _check_sensor(sensor)
+    rate = detected_rate(radiance, bands_nm, sensor)
+    _, rows, columns = rate.shape
+    rate *= draw_fixed_pattern(sensor, (rows, columns)).efficiency_factor
+    return check_brightness(rate, sensor.exposure_s)
+
+
+def checked_rate(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, FixedPattern]:
+    """Rate as (frames, rows, columns) and the device that sees it, or refuse the rate.
+
+    Raises
+    ------
+    ValueError
+        When the rate has another shape, is negative, not finite or too high to be drawn.
+    """
+    _check_sensor(sensor)
+    rate = np.asarray(detections_hz, np.float64)
+    if rate.ndim != 3:
+        raise ValueError(f"detections_hz: shape {rate.shape}; give (frames, rows, columns)")
+    most = MOST_ARRIVALS / sensor.exposure_s
+    if rate.size and not (rate.min() >= 0 and rate.max() <= most):
+        raise ValueError(
+            f"detections_hz: from {rate.min():g} to {rate.max():g}; must be finite, not negative "
+            f"and at most {most:g} Hz ({MOST_ARRIVALS:g} an exposure)"
+        )
+    _, rows, columns = rate.shape
+    return rate, draw_fixed_pattern(sensor, (rows, columns))
+
+
+def _check_sensor(sensor: Sensor) -> None:
+    if not isinstance(sensor, Sensor):
+        raise TypeError(f"sensor: {sensor!r} is no Sensor; give one, such as preset('spadcam')")
