@@ -47,7 +47,7 @@ def test_a_rendering_beyond_the_machine_is_refused_before_it_is_begun(tmp_path, 
 
 
 def test_every_stage_is_weighed_before_the_first_begins(tmp_path):
-    settings = load("demo", {"benchmark.repeats": "100000", "benchmark.fluxes_per_decade": "1000"})
+    settings = load("demo", {"benchmark.repeats": "100000", "benchmark.fluxes_per_decade": "20"})
     with pytest.raises(UserError, match=r"bench: .* days of work, more than .* 30 days; lower"):
         run_all(tmp_path / "out", settings)
     assert not list(tmp_path.iterdir())
@@ -89,13 +89,13 @@ def test_short_work_is_not(capsys):
     assert capsys.readouterr().err == ""
 
 
-def test_work_grows_with_what_it_is_made_of():
+def test_work_grows_with_the_frames_and_memory_does_not():
     few, many = (load("demo", {"trajectory.frames": frames}) for frames in ("40", "80"))
     for stage in ("render", "sense", "flow", "bench"):
         first, second = estimate.estimate(few, stage), estimate.estimate(many, stage)
         assert second.seconds == pytest.approx(2 * first.seconds)
         assert second.disk_bytes == pytest.approx(2 * first.disk_bytes)
-        assert second.memory_bytes > first.memory_bytes
+        assert second.memory_bytes == pytest.approx(first.memory_bytes, rel=1e-3)
 
 
 def test_a_sweep_of_months_is_refused_and_one_of_minutes_announced(capsys):

@@ -16,6 +16,7 @@ from megalopta.dataset.store import open_dataset
 from megalopta.errors import UserError
 from megalopta.flow.benchmark import sequence as benchmark
 from megalopta.flow.files.flo import read_flo
+from megalopta.flow.stimuli import draw_counts
 from megalopta.render.exr import read_radiance, read_truth
 from megalopta.scenes.spectra.blackbody import planckian
 from megalopta.scenes.spectra.photometry import luminous
@@ -24,6 +25,7 @@ from megalopta.sensor import expectation, read_counts
 from megalopta.stages import STAGES as ORDER
 from megalopta.stages import Ledger, registry
 from megalopta.stages import flow as stage_flow
+from megalopta.stages.measurement import Measurement
 from megalopta.stages.pipeline import run_all, run_stage
 from megalopta.stages.render import FrameWriter
 from megalopta.stages.sense import light_scale
@@ -265,20 +267,14 @@ def test_what_a_killed_writer_left_is_swept_and_not_entered(copy):
 def test_flow_goes_on_after_an_interruption(copy, monkeypatch):
     before = content(copy.root)
     Ledger(copy).forget("flow")
-    write = stage_flow._write_responses
-
-    def interrupted(path, *rest):
-        write(path, *rest)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(stage_flow, "_write_responses", interrupted)
-    for _ in range(2):
+    for _ in range(2):  # in the second exposure that it comes to
+        methods = len(copy.configuration.methods)
+        monkeypatch.setattr(stage_flow, "Measurement", _counting(Measurement, [], methods + 1))
         with pytest.raises(KeyboardInterrupt):
             run_stage(copy.root, copy.configuration, "flow")
-    monkeypatch.undo()
-    monkeypatch.setattr(stage_flow, "_compare", _counting(stage_flow._compare, calls := []))
+    monkeypatch.setattr(stage_flow, "Measurement", _counting(Measurement, calls := []))
     run_stage(copy.root, copy.configuration, "flow")
-    assert len(calls) == len(copy.configuration.methods) * 2  # two of four exposures were there
+    assert len(calls) == methods * 2  # two of four exposures were there
     run_stage(copy.root, copy.configuration, "bench")
     assert content(copy.root) == before
 
@@ -286,27 +282,28 @@ def test_flow_goes_on_after_an_interruption(copy, monkeypatch):
 def test_bench_goes_on_after_an_interruption(copy, monkeypatch):
     before = content(copy.root)
     Ledger(copy).forget("bench")
-    work, calls = benchmark._one_repeat, []
-
-    def interrupted(*arguments):
-        if calls:
-            raise KeyboardInterrupt
-        calls.append(arguments)
-        return work(*arguments)
-
-    monkeypatch.setattr(benchmark, "_one_repeat", interrupted)
+    repeats = copy.configuration.benchmark.repeats
+    monkeypatch.setattr(benchmark, "draw_counts", _counting(draw_counts, drawn := []))
+    run_stage(copy.root, copy.configuration, "bench")
+    a_repeat = len(drawn) // repeats
+    Ledger(copy).forget("bench")
+    monkeypatch.setattr(benchmark, "draw_counts", _counting(draw_counts, [], a_repeat + 1))
     with pytest.raises(KeyboardInterrupt):
         run_stage(copy.root, copy.configuration, "bench")
-    monkeypatch.setattr(benchmark, "_one_repeat", _counting(work, calls := []))
+    monkeypatch.setattr(benchmark, "draw_counts", _counting(draw_counts, drawn := []))
     run_stage(copy.root, copy.configuration, "bench")
-    assert len(calls) == copy.configuration.benchmark.repeats - 1
+    assert len(drawn) == a_repeat * (repeats - 1)
     assert content(copy.root) == before
 
 
-def _counting(function, calls):
-    def counted(*arguments):
+def _counting(function, calls, interrupted_at=None):
+    """The function, which notes its calls and ends with Ctrl-C at one of them."""
+
+    def counted(*arguments, **named):
         calls.append(arguments)
-        return function(*arguments)
+        if len(calls) == interrupted_at:
+            raise KeyboardInterrupt
+        return function(*arguments, **named)
 
     return counted
 
@@ -314,7 +311,7 @@ def _counting(function, calls):
 def test_flow_of_other_code_is_made_again_without_being_asked(copy, monkeypatch, capsys):
     other = dataclasses.replace(stage_flow.STAGE, model=lambda: "other code")
     monkeypatch.setitem(registry.STAGES, "flow", other)
-    monkeypatch.setattr(stage_flow, "_compare", _counting(stage_flow._compare, calls := []))
+    monkeypatch.setattr(stage_flow, "Measurement", _counting(Measurement, calls := []))
     run_stage(copy.root, copy.configuration, "flow")
     assert "flow: made by another version of the program, and made again" in capsys.readouterr().err
     assert len(calls) == len(copy.configuration.methods) * 4
