@@ -19,7 +19,7 @@ from .style import (
     method_style,
     new_canvas,
 )
-from .sweep import Needed, needed, sweep_curve, sweep_figure, threshold_of
+from .sweep import Needed, bound, needed, sweep_curve, sweep_figure, threshold_of
 
 __all__ = [
     "BLACK",
@@ -41,6 +41,7 @@ __all__ = [
     "Printed",
     "Run",
     "Templates",
+    "bound",
     "draw_table",
     "house_style",
     "method_style",

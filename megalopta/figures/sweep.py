@@ -70,6 +70,11 @@ def needed(thresholds: Sequence[Threshold]) -> Needed:
     return Needed(fluxes[0], only.low, only.high, only.interval)
 
 
+def bound(end: float | None) -> float:
+    """Return an end of an interval as a number, NaN where it is open."""
+    return math.nan if end is None else end
+
+
 def threshold_of(
     results: Results, trial: Trial, method: str, metric: Metric, bits: int
 ) -> Threshold:
@@ -299,7 +304,7 @@ def _rows(sweep: Sweep, results: Results) -> Iterator[tuple[Cell, ...]]:
                     curve.metric,
                     bits,
                     found.kind,
-                    *(math.nan if each is None else each for each in fluxes),
+                    *map(bound, fluxes),
                 )
 
 

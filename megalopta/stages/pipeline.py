@@ -18,14 +18,16 @@ from megalopta.stages.redo import begin_redo, complete_redo, discard, publish
 from megalopta.stages.registry import STAGES
 
 
-def run_stage(root: Path, configuration: Configuration, name: str, redo: bool = False) -> Dataset:
+def run_stage(
+    root: str | Path, configuration: Configuration, name: str, redo: bool = False
+) -> Dataset:
     """Bring one stage of a dataset to its end; what is there already is kept. Raises UserError."""
-    return _run(root, configuration, (name,), redo)
+    return _run(Path(root), configuration, (name,), redo)
 
 
-def run_all(root: Path, configuration: Configuration, redo: bool = False) -> Dataset:
+def run_all(root: str | Path, configuration: Configuration, redo: bool = False) -> Dataset:
     """Run every stage, after checking that the configuration serves all of them."""
-    return _run(root, configuration, tuple(STAGES), redo)
+    return _run(Path(root), configuration, tuple(STAGES), redo)
 
 
 def _run(root: Path, configuration: Configuration, names: Sequence[str], redo: bool) -> Dataset:

@@ -13,6 +13,7 @@ from megalopta.figures import (
     FigureRecipe,
     Needed,
     Run,
+    bound,
     draw_table,
     sweep_curve,
 )
@@ -153,12 +154,8 @@ def _fluxes(rows: Sequence[Sequence[Cell]], images: str, metric: Metric) -> dict
 
 def _numbers(found: Best, thesis: float) -> tuple[Cell, ...]:
     needed = found.needed
-    bounds = _number(needed.low), _number(needed.high)
+    bounds = bound(needed.low), bound(needed.high)
     return needed.flux, *bounds, needed.interval, needed.flux / thesis, found.where
-
-
-def _number(bound: float | None) -> float:
-    return math.nan if bound is None else bound
 
 
 RECIPES = (FigureRecipe(TABLE, _figure, _trials, write_page),)
