@@ -21,6 +21,7 @@ from megalopta.config.built_in import built_in_names, built_in_text
 from megalopta.config.yaml_model import mapping, read_text, validated
 from megalopta.flow.benchmark import BenchmarkSettings, each_once
 from megalopta.flow.detectors import METHODS, THESIS_METHODS
+from megalopta.flow.stimuli import Normalization
 from megalopta.render import RenderSettings
 from megalopta.scenes import AnyScene, MovingObject, Shutter
 from megalopta.scenes.cameras import AnyCamera, PerspectiveCamera
@@ -50,6 +51,25 @@ class FlowSettings(
     saturated: Literal["score", "leave_out"] = "score"
     """Pixels that are full, and blocks with a tenth of them or more: scored like others, or left
     out; how many readings are full is in the record and in the report."""
+
+
+class SequenceBenchmark(BenchmarkSettings, frozen=True):
+    """The photon benchmark of a sequence."""
+
+    both_normalizations: bool = False
+    """Whether it is measured by the other normalization too, to show the effect; twice the work"""
+
+    def one(self, normalization: Normalization) -> BenchmarkSettings:
+        """Return the settings of a single measurement."""
+        values = self.model_dump(exclude={"both_normalizations"})
+        return BenchmarkSettings.model_validate({**values, "normalization": normalization})
+
+    @property
+    def measurements(self) -> tuple[BenchmarkSettings, ...]:
+        """One, or by both normalizations; the chosen one is the first."""
+        other: Normalization = "per_sequence" if self.normalization == "per_frame" else "per_frame"
+        both = (self.normalization, other) if self.both_normalizations else (self.normalization,)
+        return tuple(map(self.one, both))
 
 
 class Configuration(
@@ -115,7 +135,7 @@ class Configuration(
     flow: FlowSettings = FlowSettings()
     """What the responses of detectors are compared with."""
 
-    benchmark: BenchmarkSettings = BenchmarkSettings(sizes=(60,))
+    benchmark: SequenceBenchmark = SequenceBenchmark(sizes=(60,))
     """The search for the photons that each detector needs."""
 
     @field_validator("name")

@@ -1,6 +1,12 @@
 from . import sintel
 from .flow_record import FlowRecord, ResponseErrors, RotationErrors, TruthErrors
-from .frames import read_radiance_frame, read_radiance_frames, read_truth_frame, read_truth_frames
+from .frames import (
+    FRAMES_AT_ONCE,
+    read_radiance_frame,
+    read_radiance_frames,
+    read_truth_frame,
+    read_truth_frames,
+)
 from .rendering_noise import ATTRIBUTE, noise_record
 from .store import (
     REDO_FOLDER,
@@ -16,6 +22,7 @@ from .store import (
 
 __all__ = [
     "ATTRIBUTE",
+    "FRAMES_AT_ONCE",
     "REDO_FOLDER",
     "Dataset",
     "FlowRecord",

@@ -10,8 +10,13 @@ from megalopta.errors import UserError
 from megalopta.render import read_radiance, read_truth
 from megalopta.render.truth import Truth
 
+FRAMES_AT_ONCE = 16
+"""So many are in memory, in every stage."""
 
-def read_radiance_frames(dataset: Dataset, chunk: int) -> Iterator[tuple[int, NDArray[np.float32]]]:
+
+def read_radiance_frames(
+    dataset: Dataset, chunk: int = FRAMES_AT_ONCE
+) -> Iterator[tuple[int, NDArray[np.float32]]]:
     """Yield the first frame's number and radiance (n ≤ chunk, H, W, B) of successive chunks.
 
     It is the radiance that sensors see, through the shutter.

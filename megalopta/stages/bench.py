@@ -18,7 +18,7 @@ import zarr
 
 from megalopta import files
 from megalopta.config import Configuration
-from megalopta.dataset import Dataset, read_radiance_frames
+from megalopta.dataset import FRAMES_AT_ONCE, Dataset, read_radiance_frames
 from megalopta.flow.benchmark import (
     BenchmarkResult,
     Clip,
@@ -34,28 +34,37 @@ from megalopta.sensor import PRESETS, photon_rate
 from megalopta.stages.declaration import Stage
 
 _PARTS = "benchmark-parts"
-_CHUNK_FRAMES = 16
+_RESULTS = ("benchmark.json", "benchmark-other.json")
 
 
 def bench(dataset: Dataset) -> None:
-    """Measure the photons that each method needs; writes benchmark.json and benchmark.csv."""
+    """Measure the photons that each method needs; writes benchmark.json and benchmark.csv.
+
+    By the other normalization, if that is asked for, benchmark-other.json.
+    """
     settings = dataset.configuration
-    light = _kept_light(dataset, dataset.result(_PARTS) / _model() / "light.zarr")
-    total = work_units(light.shape, settings.benchmark)
+    parts = dataset.result(_PARTS) / _model()
+    light = _kept_light(dataset, parts / "light.zarr")
+    measurements = settings.benchmark.measurements
+    total = work_units(light.shape, settings.benchmark) * len(measurements)
     with progress("Searching photon thresholds", total, "pixel") as advance:
-        result = photon_benchmark(
-            light,
-            [METHODS[name] for name in settings.methods],
-            settings.benchmark,
-            settings.seed,
-            dataset.sequence,
-            advance,
-            partial(_part, dataset.result(_PARTS) / _model()),
-        )
-    files.write_json(dataset.result("benchmark.json"), result.to_dict())
-    files.write_text(dataset.result("benchmark.csv"), _table(result))
+        results = [
+            photon_benchmark(
+                light,
+                [METHODS[name] for name in settings.methods],
+                each,
+                settings.seed,
+                dataset.sequence,
+                advance,
+                partial(_part, parts / each.normalization),
+            )
+            for each in measurements
+        ]
+    for name, result in zip(_RESULTS, results, strict=False):
+        files.write_json(dataset.result(name), result.to_dict())
+    files.write_text(dataset.result("benchmark.csv"), _table(results[0]))
     files.remove(dataset.result(_PARTS))
-    _say_thresholds(result)
+    _say_thresholds(results[0])
 
 
 def _part(folder: Path, name: str, work: Callable[[], list[ErrorSums]]) -> list[ErrorSums]:
@@ -103,9 +112,9 @@ def write_photons(dataset: Dataset, path: Path) -> None:
     """Write photons per second on each pixel (T, H, W) of the ideal sensor: light without noise."""
     settings = dataset.configuration
     shape = settings.trajectory.frames, settings.camera.height, settings.camera.width
-    chunk = min(_CHUNK_FRAMES, shape[0]), *shape[1:]
+    chunk = min(FRAMES_AT_ONCE, shape[0]), *shape[1:]
     light = zarr.create_array(path, shape=shape, chunks=chunk, dtype=np.float64)
-    for first, radiance in read_radiance_frames(dataset, _CHUNK_FRAMES):
+    for first, radiance in read_radiance_frames(dataset):
         photons = photon_rate(radiance, settings.render.bands_nm, PRESETS["ideal"])
         light[first : first + len(photons)] = photons
 
@@ -130,7 +139,7 @@ def _model() -> str:
 
 
 def _outputs(dataset: Dataset) -> list[Path]:
-    return [dataset.result(name) for name in ("benchmark.json", "benchmark.csv", _PARTS)]
+    return [dataset.result(name) for name in (*_RESULTS, "benchmark.csv", _PARTS)]
 
 
 def _check(settings: Configuration) -> None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from megalopta.config import Configuration
+from megalopta.dataset import FRAMES_AT_ONCE
 from megalopta.errors import UserError
 from megalopta.experiments import Sweep
 from megalopta.flow.benchmark import work_units
@@ -37,8 +38,6 @@ _COUNTS_BYTES, _RESPONSE_BYTES, _LIGHT_BYTES = 22, 5, 8
 benchmark keeps while it runs."""
 _PROGRAM_BYTES, _RENDERED_BYTES, _POSE_BYTES = 1e9, 1000, 1000
 """In memory: the program, a pixel while it is rendered, a frame's pose."""
-_HELD_FRAMES = 16
-"""Frames in memory at once, in all stages."""
 _EXPOSED_BYTES, _SEEN_BYTES, _DRAWN_BYTES = 120, 80, 60
 """In memory, of a pixel of a frame held: exposed on a sensor, seen by detectors, drawn in the
 benchmark."""
@@ -198,7 +197,8 @@ def _flow(settings: Configuration) -> Estimate:
 def _bench(settings: Configuration) -> Estimate:
     frames, pixels = _frames_and_pixels(settings)
     shape = frames, settings.camera.height, settings.camera.width
-    drawn = float(work_units(shape, settings.benchmark) * len(settings.methods))
+    times = len(settings.methods) * len(settings.benchmark.measurements)
+    drawn = float(work_units(shape, settings.benchmark) * times)
     states = 2 * len(settings.methods) * len(settings.benchmark.fluxes)
     return _of(
         settings,
@@ -229,7 +229,7 @@ def _frames_and_pixels(settings: Configuration) -> tuple[int, int]:
 
 
 def _held(frames: int) -> int:
-    return min(frames, _HELD_FRAMES)
+    return min(frames, FRAMES_AT_ONCE)
 
 
 def _of(

@@ -16,7 +16,7 @@ import zarr
 
 from megalopta import files
 from megalopta.config import Configuration, LightLevel, Reference
-from megalopta.dataset import Dataset, FlowRecord, exposure_name, read_truth_frame
+from megalopta.dataset import FRAMES_AT_ONCE, Dataset, FlowRecord, exposure_name, read_truth_frame
 from megalopta.errors import UserError
 from megalopta.flow.benchmark import default_warm_up
 from megalopta.flow.detectors import METHODS, BlockDetector, BlockGrid
@@ -28,8 +28,6 @@ from megalopta.sensor import ImageSensor, OpenedCounts
 from megalopta.stages.declaration import Stage
 from megalopta.stages.measurement import BlockTruth, Floats, Measurement, Record, SeenFrames
 from megalopta.stages.sense import exposures, open_exposure
-
-_CHUNK_FRAMES = 16
 
 
 def measure_flow(dataset: Dataset) -> None:
@@ -99,8 +97,8 @@ def _seen_frames(
     """Yield the number of the first frame and the frames of successive chunks."""
     reading_scale = _to_one(opened["mean_reading"].mean())
     photon_scale = _to_one(opened["photons"].mean()) if "perfect" in references else 1.0
-    for first in range(0, opened["counts"].shape[0], _CHUNK_FRAMES):
-        chunk = slice(first, first + _CHUNK_FRAMES)
+    for first in range(0, opened["counts"].shape[0], FRAMES_AT_ONCE):
+        chunk = slice(first, first + FRAMES_AT_ONCE)
         yield (
             first,
             SeenFrames(
@@ -139,7 +137,7 @@ def _block_truths(dataset: Dataset) -> dict[str, BlockTruth]:
 
 def _write(group: zarr.Group, name: str, first: int, values: Floats, frames: int) -> None:
     if name not in group:
-        chunks = (min(frames, _CHUNK_FRAMES), *values.shape[1:])
+        chunks = (min(frames, FRAMES_AT_ONCE), *values.shape[1:])
         group.create_array(name, shape=(frames, *chunks[1:]), chunks=chunks, dtype=np.float32)
     cast("zarr.Array[Any]", group[name])[first : first + len(values)] = values
 

@@ -31,9 +31,6 @@ from megalopta.sensor.readout import Origin, counts_writer
 from megalopta.stages.declaration import Stage
 from megalopta.stages.noise_warning import noise_share, noise_warning
 
-# Frames held in memory at once, as radiance.
-_CHUNK_FRAMES = 16
-
 
 def sense(dataset: Dataset) -> None:
     """Expose what is not there yet: every frame is read once, for all sensors at all levels."""
@@ -45,7 +42,7 @@ def sense(dataset: Dataset) -> None:
         ExitStack() as stores,
     ):
         films = [_Film(dataset, *pair, stores) for pair in missing]
-        for first, radiance in read_radiance_frames(dataset, _CHUNK_FRAMES) if films else ():
+        for first, radiance in read_radiance_frames(dataset) if films else ():
             for film in films:
                 film.expose(first, radiance)
                 advance(len(radiance))

@@ -141,12 +141,13 @@ def _attributes(origin: Origin) -> dict[str, Any]:
 
 
 def _create_array(group: zarr.Group, name: str, frames: int, like: NDArray[Any], unit: str) -> None:
-    per_chunk = max(1, _CHUNK_BYTES // max(1, like[:1].nbytes))
+    # no larger than what is written at once: part of a chunk would be read and written again
+    per_chunk = min(max(1, _CHUNK_BYTES // max(1, like[:1].nbytes)), max(1, len(like)))
     group.create_array(
         name,
         shape=(frames, *like.shape[1:]),
         dtype=like.dtype,
-        chunks=(min(per_chunk, max(1, frames)), *like.shape[1:]),
+        chunks=(per_chunk, *like.shape[1:]),
         dimension_names=("frame", "row", "column"),
         attributes={"unit": unit},
     )
