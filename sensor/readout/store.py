@@ -38,6 +38,8 @@ _MEANINGS = {
     "reading_variance": "{unit}² per exposure",
 }
 _CHUNK_BYTES = 4 * 2**20
+# As many as the stages write at once: of a larger chunk the rest would be read and written again.
+_CHUNK_FRAMES = 16
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -141,8 +143,7 @@ def _attributes(origin: Origin) -> dict[str, Any]:
 
 
 def _create_array(group: zarr.Group, name: str, frames: int, like: NDArray[Any], unit: str) -> None:
-    # no larger than what is written at once: part of a chunk would be read and written again
-    per_chunk = min(max(1, _CHUNK_BYTES // max(1, like[:1].nbytes)), max(1, len(like)))
+    per_chunk = max(1, min(frames, _CHUNK_FRAMES, _CHUNK_BYTES // max(1, like[:1].nbytes)))
     group.create_array(
         name,
         shape=(frames, *like.shape[1:]),
