@@ -1,5 +1,7 @@
-from .analog import AnalogCounter, AnalogPixels, analog_pixels, error_variance, read_analog
+from .analog import AnalogCounter, AnalogPixels, analog_pixels
+from .conversion import read_analog
 from .digital import LARGEST_CAPACITY, Counts, DigitalCounter, empty_counts, read_digital
+from .moments import counter_moments, events_until_full, simple_moments
 
 __all__ = [
     "LARGEST_CAPACITY",
@@ -8,8 +10,10 @@ __all__ = [
     "Counts",
     "DigitalCounter",
     "analog_pixels",
+    "counter_moments",
     "empty_counts",
-    "error_variance",
+    "events_until_full",
     "read_analog",
     "read_digital",
+    "simple_moments",
 ]

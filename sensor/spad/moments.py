@@ -1,16 +1,29 @@
 """Mean and variance of events and of readings, frame by frame, without drawing any."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from megalopta.sensor import Expectation
 from megalopta.sensor.avalanches import count_moments
+from megalopta.sensor.counters import (
+    AnalogPixels,
+    counter_moments,
+    events_until_full,
+    simple_moments,
+)
 from megalopta.sensor.optics import photon_rate
+from megalopta.sensor.spad.event_law import event_law, reach_of_events
+from megalopta.sensor.spad.fixed_pattern import FixedPattern
 from megalopta.sensor.spad.frames import over_frames
 from megalopta.sensor.spad.model import Sensor
 from megalopta.sensor.spad.rates import checked_rate, detection_rate
 
+_LARGEST_LAW = 1_000_000
+
 Floats = NDArray[np.float64]
+Places = NDArray[np.intp]
 
 
 def event_moments(
@@ -49,13 +62,57 @@ def _all_moments(
     detections_hz: ArrayLike, sensor: Sensor, threads: int | None
 ) -> tuple[Floats, Floats, Floats, Floats]:
     rate, device = checked_rate(detections_hz, sensor)
-    mean, variance = np.empty(rate.shape), np.empty(rate.shape)
+    moments = np.empty((4, *rate.shape))
 
     def state(frame: int) -> None:
         arrivals_hz = rate[frame] + device.dark_counts_hz
-        mean[frame], variance[frame] = count_moments(
-            arrivals_hz, sensor.exposure_s, sensor.avalanche_effects
-        )
+        events = count_moments(arrivals_hz, sensor.exposure_s, sensor.avalanche_effects)
+        arrivals = arrivals_hz * sensor.exposure_s
+        moments[:2, frame] = events
+        moments[2:, frame] = _of_readings(arrivals, events, sensor, device)
 
     over_frames(state, len(rate), threads)
-    return mean, variance, mean, variance
+    return moments[0], moments[1], moments[2], moments[3]
+
+
+def _of_readings(
+    arrivals: Floats, events: tuple[Floats, Floats], sensor: Sensor, device: FixedPattern
+) -> tuple[Floats, Floats]:
+    """Mean and variance of the readings of a frame, by law only where that is needed."""
+    counter, all_pixels = sensor.counter, device.counters
+    reach = reach_of_events(*events)
+    simple_mean, simple_variance, needs_law = simple_moments(counter, all_pixels, events, reach)
+    mean, variance = np.array(simple_mean), np.array(simple_variance)
+    until = np.broadcast_to(events_until_full(counter, all_pixels), mean.shape)
+    is_full = reach[0] >= until
+    for chosen in _groups(needs_law, np.where(is_full, 0, reach[1] - reach[0])):
+        first, law = until[chosen], np.ones((len(chosen[0]), 1))
+        if not is_full[chosen].all():
+            first, within = reach[0][chosen], (events[0][chosen], events[1][chosen])
+            law = event_law(
+                arrivals[chosen],
+                within,
+                sensor.exposure_s,
+                sensor.avalanche_effects,
+                reach[:, chosen[0], chosen[1]],
+            )
+        pixels = AnalogPixels(*(each[chosen] for each in all_pixels)) if all_pixels else None
+        mean[chosen], variance[chosen] = counter_moments(
+            counter, pixels, sensor.exposure_s, first, law
+        )
+    return mean, variance
+
+
+def _groups(needs_law: NDArray[np.bool_], width: Floats) -> Iterator[tuple[Places, Places]]:
+    """Pixels, in groups of about equal width, whose laws fit into memory."""
+    places = np.flatnonzero(needs_law)
+    places = places[np.argsort(width.ravel()[places], kind="stable")]
+    while places.size:
+        widths = width.ravel()[places]
+        fits = (widths + 1) * np.arange(1, places.size + 1) <= _LARGEST_LAW
+        size = max(int(fits.sum()), 1)
+        if widths[0] == 0:  # full
+            size = min(size, int((widths == 0).sum()))
+        rows, columns = np.unravel_index(places[:size], needs_law.shape)
+        yield rows, columns
+        places = places[size:]
