@@ -15,24 +15,16 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Surface:
-    """A triangle mesh with texture coordinates and normals as arrays.
-
-    Attributes
-    ----------
-    vertices : (n, 3) float64
-        Meters.
-    faces : (m, 3) int64
-        Counterclockwise seen from outside.
-    uv : (n, 2) float64
-        Texture coordinates; the texture repeats with period 1.
-    normals : (n, 3) float64, optional
-        Unit vertex normals of a smooth surface; None where faces are flat.
-    """
+    """A triangle mesh with texture coordinates and normals as arrays."""
 
     vertices: FloatArray
+    """(n, 3): meters."""
     faces: NDArray[np.int64]
+    """(m, 3): counterclockwise seen from outside."""
     uv: FloatArray
+    """(n, 2): texture coordinates; the texture repeats with period 1."""
     normals: FloatArray | None = None
+    """(n, 3): unit vertex normals of a smooth surface; None where faces are flat."""
 
     @property
     def area(self) -> float:

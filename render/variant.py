@@ -51,21 +51,14 @@ _LIBRARY_FOLDERS = {
 
 @dataclass(frozen=True)
 class Variant:
-    """The variant in use, why, and what would make it faster.
-
-    Attributes
-    ----------
-    name : str
-        Mitsuba's name, such as "llvm_ad_spectral".
-    reason : str
-        One clause for a person.
-    advice : str
-        What would make rendering faster; empty when nothing would.
-    """
+    """The variant in use, why, and what would make it faster."""
 
     name: str
+    """Mitsuba's name, such as "llvm_ad_spectral"."""
     reason: str
+    """One clause for a person."""
     advice: str = ""
+    """What would make rendering faster; empty when nothing would."""
 
     def __str__(self) -> str:
         return f"{self.name} ({self.reason})" + (f"; {self.advice}" if self.advice else "")

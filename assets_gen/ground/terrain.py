@@ -27,30 +27,21 @@ class Terrain:
     """Height of the ground: 0, but for bumps of a few centimeters, along the camera's path.
 
     It is exactly 0 at the world's origin if the path passes within 3 m of it.
-
-    Attributes
-    ----------
-    path : cKDTree
-        Points of the camera's path in the plane (m), one every meter or closer.
-    hills, bumps : PlaneWaves
-        Rolling land and unevenness underfoot (m).
-    crest : PlaneWaves
-        Unevenness of the rim, relative to its height.
-    drift : pair of PlaneWaves
-        Slow distortion of the texture in u and v (tiles).
-    rim_m : (float, float)
-        Distances from the path between which the land rises (m).
-    rim_height_m : float
-        How high the rim is on average (m).
     """
 
     path: cKDTree
+    """Points of the camera's path in the plane (m), one every meter or closer."""
     hills: PlaneWaves
     bumps: PlaneWaves
+    """Rolling land and unevenness underfoot (m)."""
     crest: PlaneWaves
+    """Unevenness of the rim, relative to its height."""
     drift: tuple[PlaneWaves, PlaneWaves]
+    """Slow distortion of the texture in u and v (tiles)."""
     rim_m: tuple[float, float]
+    """Distances from the path between which the land rises (m)."""
     rim_height_m: float
+    """How high the rim is on average (m)."""
 
     def height(self, points: FloatArray) -> FloatArray:
         """Return the height of the ground (m) at points (n, 2) (m)."""

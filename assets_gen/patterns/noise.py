@@ -49,21 +49,14 @@ def to_weight(signal: FloatArray) -> NDArray[np.float32]:
 
 @dataclass(frozen=True)
 class PlaneWaves:
-    """A smooth random field of the plane: a sum of cosine waves in random directions.
-
-    Attributes
-    ----------
-    wave_vectors : (n, 2) float64
-        rad/m.
-    phases : (n,) float64
-        rad.
-    amplitudes : (n,) float64
-        The field's unit; the variance is half the sum of their squares.
-    """
+    """A smooth random field of the plane: a sum of cosine waves in random directions."""
 
     wave_vectors: FloatArray
+    """(n, 2): rad/m."""
     phases: FloatArray
+    """(n,): rad."""
     amplitudes: FloatArray
+    """(n,): the field's unit; the variance is half the sum of their squares."""
 
     def __call__(self, points: FloatArray) -> FloatArray:
         """Return the field at points (…, 2) (m), shape (…)."""

@@ -19,18 +19,12 @@ IndexArray = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Skeleton:
-    """Nodes and the node each of them grew from.
-
-    Attributes
-    ----------
-    positions : (n, 3) float64
-        Meters, z up.
-    parents : (n,) intp
-        Index of the parent, always smaller than the node's own; −1 for a root.
-    """
+    """Nodes and the node each of them grew from."""
 
     positions: FloatArray
+    """(n, 3): meters, z up."""
     parents: IndexArray
+    """(n,): index of the parent, always smaller than the node's own; −1 for a root."""
 
     def child_counts(self) -> IndexArray:
         """Return how many nodes grew from each node, shape (n,)."""

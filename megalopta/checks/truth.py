@@ -34,25 +34,16 @@ _SMOOTHING_PX = 1.0
 
 @dataclass(frozen=True)
 class Residual:
-    """What is left of one comparison.
-
-    Attributes
-    ----------
-    name : str
-        What was compared.
-    pixels : int
-        How many values went in.
-    median, percentile_99 : float
-        Of the residual's length, px.
-    limit : float
-        Of the median, px.
-    """
+    """What is left of one comparison."""
 
     name: str
     pixels: int
+    """How many values went in."""
     median: float
     percentile_99: float
+    """Of the residual's length, px."""
     limit: float
+    """Of the median, px."""
 
     @property
     def passed(self) -> bool:

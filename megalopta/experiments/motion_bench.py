@@ -52,18 +52,12 @@ _REPEATS = 4
 
 
 class Peaks(NamedTuple):
-    """Peak responses at one speed.
-
-    Attributes
-    ----------
-    noisy : (crossings, rows, detectors)
-        In counts (NDS) or counts² (NDM).
-    ideal : (crossings, rows, detectors)
-        The same without noise.
-    """
+    """Peak responses at one speed."""
 
     noisy: Floats
+    """(crossings, rows, detectors): in counts (NDS) or counts² (NDM)."""
     ideal: Floats
+    """(crossings, rows, detectors): the same without noise."""
 
     @property
     def mean(self) -> float:

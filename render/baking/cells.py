@@ -45,27 +45,18 @@ def pixel_angle(camera: Camera) -> float:
 
 @dataclass(frozen=True)
 class Cells:
-    """How the cells of M meshes with F faces in all, in loading order, are numbered.
-
-    Attributes
-    ----------
-    first_face : (M,)
-        Number of the first face of each mesh.
-    first_cell : (F,)
-        Number of the first cell of each face: front side row by row, then back side.
-    origin : (F,)
-        Corner, 0 to 2, at which both coordinates are 0.
-    pieces : (2, F)
-        Into how many pieces the edges to the next corner and to the one after it are cut.
-    count : int
-        All cells.
-    """
+    """How the cells of M meshes with F faces in all, in loading order, are numbered."""
 
     first_face: UInt32
+    """(M,): number of the first face of each mesh."""
     first_cell: UInt32
+    """(F,): number of the first cell of each face: front side row by row, then back side."""
     origin: UInt32
+    """(F,): corner, 0 to 2, at which both coordinates are 0."""
     pieces: UInt32
+    """(2, F): into how many pieces the edges to the next corner and to the one after it are cut."""
     count: int
+    """All cells."""
 
     @classmethod
     def of(

@@ -19,15 +19,7 @@ Float32 = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class MovingPart:
-    """A run of vertices that belong to one moving object.
-
-    Attributes
-    ----------
-    vertices : slice
-        Which vertices.
-    motion : Motion
-        How they move.
-    """
+    """A run of vertices that belong to one moving object."""
 
     vertices: slice
     motion: Motion
@@ -35,52 +27,34 @@ class MovingPart:
 
 @dataclass(frozen=True)
 class MergedMesh:
-    """All triangles of one material, in meters relative to the scene's `origin_m`.
-
-    Attributes
-    ----------
-    material : str
-        Key into `Scene.materials`.
-    vertices : (V, 3) float32
-        Positions, m; of moving objects at time 0.
-    faces : (F, 3) uint32
-        Vertex indices.
-    normals : (V, 3) float32 or None
-        Shading normals of smooth parts; None where every face is flat.
-    uv : (V, 2) float32 or None
-        Texture coordinates, for textured materials.
-    object_id : (F,) uint32
-        Object of each triangle: index into `Scene.placements` plus one.
-    """
+    """All triangles of one material, in meters relative to the scene's `origin_m`."""
 
     material: str
+    """Key into `Scene.materials`."""
     vertices: Float32
+    """(V, 3): positions, m; of moving objects at time 0."""
     faces: NDArray[np.uint32]
+    """(F, 3): vertex indices."""
     normals: Float32 | None
+    """(V, 3): shading normals of smooth parts; None where every face is flat."""
     uv: NDArray[np.float32] | None
+    """(V, 2): texture coordinates, for textured materials."""
     object_id: NDArray[np.uint32]
+    """(F,): object of each triangle: index into `Scene.placements` plus one."""
 
 
 @dataclass(frozen=True)
 class MovingMesh(MergedMesh):
-    """A merged mesh of objects that move.
-
-    Attributes
-    ----------
-    placed : (V, 3) float64
-        World positions of the objects as placed, m.
-    placed_normals : (V, 3) float64 or None
-        Shading normals of the objects as placed.
-    parts : tuple of MovingPart
-        All vertices, in order.
-    origin_m : (x, y, z)
-        The scene's local origin.
-    """
+    """A merged mesh of objects that move."""
 
     placed: NDArray[np.float64]
+    """(V, 3): world positions of the objects as placed, m."""
     placed_normals: NDArray[np.float64] | None
+    """(V, 3): shading normals of the objects as placed."""
     parts: tuple[MovingPart, ...]
+    """All vertices, in order."""
     origin_m: tuple[float, float, float]
+    """(x, y, z): the scene's local origin."""
 
     def vertices_at(self, time_s: float) -> Float32:
         """Positions (V, 3) at a time, m, relative to the local origin."""

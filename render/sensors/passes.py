@@ -19,24 +19,16 @@ Trace = Callable[[int, int], NDArray[np.floating]]
 
 @dataclass(frozen=True)
 class Passes:
-    """How a frame is divided.
-
-    Attributes
-    ----------
-    height : int
-        Rows of the frame.
-    rows : int
-        Rows of a strip; the last one may reach beyond the frame.
-    samples : int
-        Light paths per pixel and pass.
-    repeats : int
-        Passes over each strip.
-    """
+    """How a frame is divided."""
 
     height: int
+    """Rows of the frame."""
     rows: int
+    """Rows of a strip; the last one may reach beyond the frame."""
     samples: int
+    """Light paths per pixel and pass."""
     repeats: int
+    """Passes over each strip."""
 
     def render(self, trace: Trace, seed: int) -> NDArray[np.float64]:
         """Put a frame (H, W, B) together.

@@ -17,27 +17,17 @@ PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
 
 @dataclass(frozen=True)
 class LodLevel:
-    """A level of detail.
-
-    Attributes
-    ----------
-    name : str
-        Part of the names of the assets.
-    beyond_m : float
-        Distance from the path where it begins (m).
-    detail : Detail
-        How plants are drawn.
-    triangles : int
-        Of a tree, roughly; bushes have a fourth.
-    sides : int
-        Of rocks; logs have half as many.
-    """
+    """A level of detail."""
 
     name: str
+    """Part of the names of the assets."""
     beyond_m: float
+    """Distance from the path where it begins (m)."""
     detail: Detail
     triangles: int
+    """Of a tree, roughly; bushes have a fourth."""
     sides: int
+    """Of rocks; logs have half as many."""
 
     @property
     def merged_small(self) -> int:

@@ -46,30 +46,20 @@ class Wind(
 
 @dataclass(frozen=True)
 class Sway:
-    """One tree's bending.
-
-    Attributes
-    ----------
-    foot_m : (x, y, z)
-        Where it stands.
-    height_m : float
-        Height of its top above the foot.
-    along : (x, y)
-        Unit vector of the wind.
-    amplitude_m : float
-        Largest way of the top along the wind.
-    frequency_hz : float
-        Of the swaying along the wind.
-    phases_rad : (along, across)
-        At time 0.
-    """
+    """One tree's bending."""
 
     foot_m: tuple[float, float, float]
+    """(x, y, z): where it stands."""
     height_m: float
+    """Height of its top above the foot."""
     along: tuple[float, float]
+    """(x, y): unit vector of the wind."""
     amplitude_m: float
+    """Largest way of the top along the wind."""
     frequency_hz: float
+    """Of the swaying along the wind."""
     phases_rad: tuple[float, float]
+    """(along, across): at time 0."""
 
     def carry(self, points: Float64, time_s: float) -> Float64:
         """Where points (n, 3) of the tree at rest are at a time."""

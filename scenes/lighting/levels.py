@@ -26,21 +26,14 @@ LevelName = Literal[
 
 @dataclass(frozen=True)
 class Level:
-    """What a named light level means.
-
-    Attributes
-    ----------
-    illuminance_lux : float
-        On an unshaded horizontal plane.
-    shape : Spectrum
-        Of sky and disc, in any unit.
-    disc_fraction : float
-        Share of the illuminance that comes from the disc of sun or moon.
-    """
+    """What a named light level means."""
 
     illuminance_lux: float
+    """On an unshaded horizontal plane."""
     shape: Spectrum
+    """Of sky and disc, in any unit."""
     disc_fraction: float
+    """Share of the illuminance that comes from the disc of sun or moon."""
 
     def spectrum(self) -> Spectrum:
         """Irradiance of an unshaded horizontal plane, W·m⁻²·nm⁻¹."""

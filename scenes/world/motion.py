@@ -113,18 +113,12 @@ ObjectMotion = Annotated[Drift | Tour, Field(discriminator="kind")]
 
 @dataclass(frozen=True)
 class RigidMotion:
-    """A body that keeps its shape: it turns about a point of its own, which moves.
-
-    Attributes
-    ----------
-    center_m : (x, y, z)
-        The point, at time 0.
-    course : Drift or Tour
-        How it moves, and the body turns about it.
-    """
+    """A body that keeps its shape: it turns about a point of its own, which moves."""
 
     center_m: Vector
+    """(x, y, z): the point, at time 0."""
     course: Drift | Tour
+    """How it moves, and the body turns about it."""
 
     def carry(self, points: Float64, time_s: float) -> Float64:
         """Where points (n, 3) of the object as placed are at a time."""
