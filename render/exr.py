@@ -118,19 +118,10 @@ def write_truth(
     origin_m: Sequence[float] = (0, 0, 0),
     attributes: Mapping[str, str] | None = None,
 ) -> None:
-    """Write the ground truth of one frame.
+    """Write the ground truth of one frame, with attributes for the header.
 
-    Parameters
-    ----------
-    path : Path
-        File.
-    truth : Truth
-        What is known.
-    origin_m : (x, y, z)
-        World position near the camera. Positions are stored relative to it, so that their float32
-        is precise far from the world's origin, too.
-    attributes : mapping, optional
-        More for the header.
+    The origin is a world position near the camera. Positions are stored relative to it, so that
+    their float32 is precise far from the world's origin, too.
     """
     origin = np.asarray(origin_m, dtype=np.float64)
     channels: dict[str, NDArray[np.float32] | NDArray[np.uint32]] = {}
@@ -145,13 +136,7 @@ def write_truth(
 
 
 def read_truth(path: Path) -> Truth:
-    """Read the ground truth of one frame.
-
-    Raises
-    ------
-    ValueError
-        When the file is no EXR or not a truth file of this layout.
-    """
+    """Read the ground truth of one frame. Raises ValueError for a file that holds none."""
     header, channels = _read(path)
     try:
         fields = {

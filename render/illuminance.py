@@ -52,17 +52,9 @@ class LightSurvey:
 
 
 class LightMeter:
-    """Measures in a loaded scene.
+    """Measures in a scene that is loaded in the active variant, a spectral one.
 
-    Parameters
-    ----------
-    scene : mitsuba.Scene
-        Loaded in the active variant, a spectral one.
-    sun : Sun or None
-        The scene's.
-    max_depth : int
-        Of the frames: longest path from the camera in surface hits plus one, 2 or more to light
-        anything.
+    `max_depth` is that of the frames: 2 or more to light anything.
     """
 
     def __init__(self, scene: Any, sun: Sun | None, max_depth: int) -> None:

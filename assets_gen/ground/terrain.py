@@ -82,18 +82,9 @@ def make_terrain(
 def ground_surface(
     terrain: Terrain, low: FloatArray, high: FloatArray, step_m: float, reach_m: float
 ) -> Surface:
-    """Return the ground as a grid: even between two corners (2,), ever coarser beyond.
+    """Return the ground as a grid, even with steps of `step_m` between two corners (2,) (m).
 
-    Parameters
-    ----------
-    terrain : Terrain
-        Heights and texture coordinates.
-    low, high : (2,) float64
-        Corners of the even part (m).
-    step_m : float
-        Its grid (m).
-    reach_m : float
-        How far the ground reaches beyond it (m).
+    Beyond it reaches on for `reach_m`, ever coarser.
     """
     x, y = (_graded(low[i], high[i], step_m, reach_m) for i in range(2))
     flat = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)

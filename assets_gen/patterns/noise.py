@@ -20,16 +20,12 @@ def tileable_noise(
 
     Parameters
     ----------
-    shape : (int, int)
-        Rows and columns.
     size_m : (float, float)
         Extent of the rows' and of the columns' direction (m).
     wavelengths_m : (float, float)
         Shortest and longest wavelength present (m).
     exponent : float
         Amplitude falls as frequency to the minus `exponent`; 1 gives all octaves equal contrast.
-    rng : Generator
-        White noise that is filtered.
     stretch : float
         Features are this many times longer along the rows' index (v) than across.
     """

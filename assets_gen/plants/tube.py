@@ -44,13 +44,13 @@ def sweep(
 
     Parameters
     ----------
-    axis : (k, 3) float64
+    axis : (k, 3)
         Center line from base to tip (m).
-    profile : (k - 1, sides) float64
+    profile : (k - 1, sides)
         Radius of each ring toward each side (m); the last node of the axis is the pointed tip.
     tile_m : (float, float)
         Size of one texture tile around and along the tube (m).
-    uv_origin : (2,) float64
+    uv_origin : (2,)
         Texture coordinates where the tube begins.
     whole_tiles : bool
         Stretch the texture to a whole number of tiles around the base, which hides the seam.

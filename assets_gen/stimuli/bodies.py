@@ -17,15 +17,7 @@ _SIDES = (
 
 
 def box(extent_m: tuple[float, float, float], tile_m: float) -> Surface:
-    """Return a box around the origin; the texture repeats every `tile_m`.
-
-    Parameters
-    ----------
-    extent_m : (x, y, z)
-        Lengths of the edges (m).
-    tile_m : float
-        Size of the texture's square (m).
-    """
+    """Return a box around the origin with edges along x, y, z; its texture repeats."""
     return join([_side(np.array(extent_m) / 2, tile_m, *side) for side in _SIDES])
 
 

@@ -59,16 +59,7 @@ def random_dots(
 ) -> NDArray[np.float64]:
     """Image (H, W) of value 1 + C on disks and 1 − C elsewhere; it tiles without a seam.
 
-    Parameters
-    ----------
-    shape : (int, int)
-        Rows and columns.
-    size : (float, float)
-        Height and width of the image in periods; disks have a diameter of half a period.
-    contrast : float
-        Michelson contrast C.
-    rng : Generator
-        Number and places of the disks.
+    Disks have a diameter of half a period; `size` is the image's height and width in periods.
     """
     radius = 0.25
     count = rng.poisson(np.log(2) / (np.pi * radius**2) * size[0] * size[1])

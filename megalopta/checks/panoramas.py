@@ -72,12 +72,7 @@ def compare(shipped: Path, radiance: NDArray[np.float32], noise: RenderNoise) ->
 def run_check_panoramas(out: Path | None = None, console: Console | None = None) -> bool:
     """Render all shipped panoramas again, print how they differ; return whether noise explains it.
 
-    Parameters
-    ----------
-    out : Path, optional
-        Folder for what was rendered, as it would be shipped.
-    console : Console, optional
-        Where to print.
+    What was rendered goes to the folder `out`, as it would be shipped.
     """
     if out:
         ensure_directory(out)

@@ -200,19 +200,10 @@ def _resolve_sensor(sensor: Any, folder: Path) -> Any:
 
 
 def load(source: str, overrides: Mapping[str, str] | None = None) -> Configuration:
-    """Read a built-in configuration by name, or a YAML file, and apply overrides.
+    """Read a configuration by its source, and apply overrides. Raises UserError.
 
-    Parameters
-    ----------
-    source : str
-        Name of a built-in configuration, path of a YAML file, or a dataset's folder.
-    overrides : mapping, optional
-        Field path, such as "scene.trees", to a value in YAML.
-
-    Raises
-    ------
-    UserError
-        With one sentence that names field, value and remedy.
+    The source is the name of a built-in one, a YAML file or a dataset's folder; overrides map the
+    path of a field, such as "scene.trees", to a value in YAML.
     """
     if source in built_in_names():
         return parse(built_in_text(source), source, overrides)

@@ -109,14 +109,7 @@ NATURAL_PANORAMAS: Mapping[str, NaturalPanorama] = MappingProxyType(
 def render_panorama(
     recipe: NaturalPanorama, after_pass: Callable[[], object]
 ) -> tuple[NDArray[np.float32], RenderNoise]:
-    """Radiance (251, m, 1) in the luminance band, W·m⁻²·sr⁻¹·nm⁻¹, and its noise.
-
-    Parameters
-    ----------
-    recipe : NaturalPanorama
-    after_pass : callable
-        Called after each pass.
-    """
+    """Radiance (251, m, 1) in the luminance band, W·m⁻²·sr⁻¹·nm⁻¹, and its noise."""
     height = recipe.eye_m
     stand = Trajectory(frames=1, position_m=(0, 0, height), look_at_m=(10, 0, height))
     forest = build_scene(recipe.forest, recipe.light, recipe.camera, stand)

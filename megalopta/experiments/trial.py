@@ -207,16 +207,7 @@ class Trial(_Record, frozen=True):
 
 
 def measure(trial: Trial, pixels: Floats, name: str) -> tuple[ErrorCurve, ...]:
-    """Return the error curves of a trial.
-
-    Parameters
-    ----------
-    trial
-    pixels : (251, m)
-        Its template.
-    name : str
-        Names its random numbers.
-    """
+    """Return the error curves of a trial on its template (251, m); `name` seeds its noise."""
     smeared = blurred(pixels, abs(trial.velocity_px)) if trial.blurred else pixels
     stimulus = MovingTemplate(smeared, trial.velocity_px, trial.size, trial.resize)
     return photon_search(stimulus, trial.detectors, trial.search, trial.seed, name)

@@ -67,10 +67,7 @@ class Cells:
     ) -> "Cells":
         """Cut meshes for a camera that comes to positions (T, 3).
 
-        Raises
-        ------
-        ValueError
-            When there are more cells than a table holds.
+        Raises ValueError when there are more cells than a table holds.
         """
         path, pixel_rad = cKDTree(positions), pixel_angle(camera)
         cuts = [_cut(mesh, path, pixel_rad) for mesh in meshes]
@@ -118,13 +115,9 @@ class Patches:
     indices: UInt32
 
     def barycentric(self, of: Callable[[UInt32], Any], a: Any, b: Any) -> Any:
-        """Mitsuba's barycentric coordinates of points at (a, b), 0 to 1, in cells.
+        """Mitsuba's barycentric coordinates of points (N,) at (a, b), 0 to 1, in cells.
 
-        Parameters
-        ----------
-        of : callable
-            Takes values of cells (C,) to those of points (N,).
-        a, b : Float (N,)
+        `of` takes values of cells (C,) to those of points.
         """
         n = [mi.Float(of(pieces)) for pieces in self.pieces]
         index = [mi.Float(of(values)) for values in self.indices]

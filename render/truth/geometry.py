@@ -57,17 +57,8 @@ class _Moment:
 class Geometry:
     """Triangles of merged meshes and the loaded scenes that trace them.
 
-    Parameters
-    ----------
-    meshes : sequence of MergedMesh
-        Those at rest first, as `merge` gives them.
-    loaded : Mitsuba scene
-        Of all these meshes, in their order.
-
-    Attributes
-    ----------
-    object_id : (F + 1,) uint32
-        Object of each triangle; the last, of the sky, is 0.
+    Meshes come as `merge` gives them, those at rest first, and are loaded in their order.
+    `object_id` (F + 1,) is the object of each triangle; the last, of the sky, is 0.
     """
 
     def __init__(self, meshes: Sequence[MergedMesh], loaded: Any) -> None:

@@ -64,17 +64,7 @@ class Truth:
 
 
 class TruthTracer:
-    """Traces the truth of a scene's frames.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene.
-    geometry : Geometry
-        Its merged meshes, loaded.
-    camera : Camera
-        Where the pixel centers look.
-    """
+    """Traces the truth of a scene's frames."""
 
     def __init__(self, scene: Scene, geometry: Geometry, camera: Camera) -> None:
         self._geometry = geometry

@@ -152,20 +152,10 @@ def check_size(forest: Forest, path_m: float) -> None:
 
 
 def build_forest(forest: Forest, path_xy: ArrayLike) -> Scene:
-    """Return the forest around a path, without light.
+    """Return the forest around a path of camera positions (n, 2) (m), without light.
 
-    Parameters
-    ----------
-    forest : Forest
-        What grows.
-    path_xy : (n, 2) array_like
-        Camera positions (m). Trunks keep `clearance_m` from the line through them, and the ground
-        along it is level, at height 0, but for a few centimeters.
-
-    Returns
-    -------
-    Scene
-        `lighting` is None; placements are named by species, "ground" is the first.
+    Trunks keep `clearance_m` from the line through them, and the ground along it is level, at
+    height 0, but for a few centimeters. Placements are named by species, "ground" is the first.
 
     Raises
     ------

@@ -42,18 +42,9 @@ Floats = NDArray[np.float64]
 
 
 def under_clouds(scene: Scene, lighting: Lighting, wavelength_nm: float, seed: int) -> Scene:
-    """Return the scene lit by clouds and sun alone, its light of flat spectrum.
+    """Return the scene lit by clouds and sun alone, in place of its own lighting.
 
-    Parameters
-    ----------
-    scene : Scene
-        A forest; its own lighting is left out.
-    lighting : Lighting
-        Radiance of the sky and irradiance of the sun.
-    wavelength_nm : float
-        Where both are read.
-    seed : int
-        Which clouds.
+    Radiance of the sky and irradiance of the sun are read at one wavelength, for a flat spectrum.
     """
     glowing = {"sky": (_dome(), Emission(float(lighting.sky(wavelength_nm)), clouds(seed)))}
     if lighting.sun:

@@ -77,12 +77,7 @@ def rounded_about(positions: Float64, origin_m: ArrayLike) -> Float64:
 def looking(views: Float64, up: ArrayLike) -> Float64:
     """Rotations (n, 3, 3) whose columns are the camera axes right, down and forward.
 
-    Parameters
-    ----------
-    views : (n, 3) array
-        Directions of view, of any length.
-    up : (3,) array_like
-        Direction that is up in the image.
+    Views (n, 3) are of any length; `up` (3,) is up in the image.
     """
     forward = views / np.linalg.norm(views, axis=-1, keepdims=True)
     right = np.cross(forward, np.asarray(up, dtype=float))
