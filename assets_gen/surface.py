@@ -46,6 +46,23 @@ class Surface:
         )
 
 
+def grid_corners(rows: int, columns: int) -> tuple[NDArray[np.int64], ...]:
+    """Vertices a, b, c, d around each cell of a grid of vertices, numbered row by row.
+
+    a and b are neighbors in a row, d and c those in the next: (a, b, c) and (a, c, d) fill a cell.
+    """
+    index = np.arange(rows * columns).reshape(rows, columns)
+    low, high = index[:-1], index[1:]
+    a, b, c, d = (x.ravel() for x in (low[:, :-1], low[:, 1:], high[:, 1:], high[:, :-1]))
+    return a, b, c, d
+
+
+def grid_faces(rows: int, columns: int) -> NDArray[np.int64]:
+    """Two triangles for each cell of a grid of vertices: all first ones, then all second ones."""
+    a, b, c, d = grid_corners(rows, columns)
+    return np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
+
+
 def join(surfaces: Sequence[Surface]) -> Surface:
     """Return the surfaces as one; they must be all smooth or all flat."""
     offsets = np.cumsum([0, *(len(surface.vertices) for surface in surfaces[:-1])])

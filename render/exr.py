@@ -107,7 +107,10 @@ def read_size(path: Path) -> tuple[int, int]:
 
 
 def read_attributes(path: Path) -> dict[str, str]:
-    """Read the text attributes in the header of a file. Raises ValueError when it is no EXR."""
+    """Read the text in a file's header, of truth camera, pose, time and names of kinds.
+
+    Raises ValueError when it is no EXR.
+    """
     header, _ = _read(path, header_only=True)
     return {name: value for name, value in header.items() if isinstance(value, str)}
 
@@ -153,12 +156,6 @@ def read_truth(path: Path) -> Truth:
             fields[field] = fields[field][..., 0].astype(bool)
     fields["position"] = fields["position"].astype(np.float64) + origin
     return Truth(**fields)
-
-
-def read_truth_header(path: Path) -> dict[str, str]:
-    """Read the text attributes of a truth file: camera, pose, time, names of kinds."""
-    header, _ = _read(path)
-    return {name: value for name, value in header.items() if isinstance(value, str)}
 
 
 def _write(

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from megalopta.assets_gen import FloatArray, Surface, unit
+from megalopta.assets_gen import FloatArray, Surface, grid_faces, unit
 from megalopta.assets_gen.ground.scatter import distance_to
 from megalopta.assets_gen.patterns import PlaneWaves, plane_waves
 
@@ -90,7 +90,7 @@ def ground_surface(
     flat = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     grid = np.column_stack([flat, terrain.height(flat)]).reshape(len(y), len(x), 3)
     return Surface(
-        grid.reshape(-1, 3), _grid_faces(len(y), len(x)), terrain.uv(flat), _grid_normals(grid)
+        grid.reshape(-1, 3), grid_faces(len(y), len(x)), terrain.uv(flat), _grid_normals(grid)
     )
 
 
@@ -99,14 +99,6 @@ def _graded(low: float, high: float, step_m: float, reach_m: float) -> FloatArra
     steps = step_m * GROWTH ** np.arange(1, 200)
     beyond = np.cumsum(steps)[: np.searchsorted(np.cumsum(steps), reach_m) + 1]
     return np.concatenate([low - beyond[::-1], inside, high + beyond])
-
-
-def _grid_faces(rows: int, columns: int) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
-    index = np.arange(rows * columns).reshape(rows, columns)
-    a, b, c, d = (
-        x.ravel() for x in (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1])
-    )
-    return np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
 
 
 def _grid_normals(grid: FloatArray) -> FloatArray:

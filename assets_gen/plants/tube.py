@@ -10,7 +10,7 @@ watertight.
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.assets_gen import FloatArray, Surface, cross, unit
+from megalopta.assets_gen import FloatArray, Surface, cross, grid_faces, unit
 
 
 def rotation_minimizing_frames(axis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -93,11 +93,8 @@ def _grid_normals(grid: FloatArray, axis: FloatArray) -> FloatArray:
 
 def tube_faces(rings: int, sides: int) -> NDArray[np.int64]:
     """Return the triangles of a tube: walls between rings, the pointed tip, the base."""
-    index = np.arange(rings * (sides + 1)).reshape(rings, sides + 1)
-    low, high = index[:-1], index[1:]
-    a, b, c, d = (x.ravel() for x in (low[:, :-1], low[:, 1:], high[:, 1:], high[:, :-1]))
-    walls = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
-    last, apex = index[-1], np.full(sides, rings * (sides + 1))
-    tip = np.stack([last[:-1], last[1:], apex], -1)
+    apex = rings * (sides + 1)
+    last = np.arange(apex - sides - 1, apex)
+    tip = np.stack([last[:-1], last[1:], np.full(sides, apex)], -1)
     base = [(0, side + 1, side) for side in range(1, sides - 1)]
-    return np.concatenate([walls, tip, np.array(base)])
+    return np.concatenate([grid_faces(rings, sides + 1), tip, np.array(base)])

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.assets_gen import grid_corners
+
 if TYPE_CHECKING:
     import trimesh
 
@@ -96,9 +98,8 @@ def open_cylinder(radius_m: float, height_m: float, segments: int = 720) -> "tri
     vertices = np.concatenate([lower, upper]) * [1, 1, height_m]
     u = np.arange(segments + 1) / segments
     uv = np.concatenate([np.column_stack([u, np.full_like(u, v)]) for v in (0.0, 1.0)])
-    a = np.arange(segments)
-    b, c, d = a + 1, a + segments + 1, a + segments + 2
-    faces = np.concatenate([np.column_stack([a, c, b]), np.column_stack([b, c, d])])
+    a, b, c, d = grid_corners(2, segments + 1)
+    faces = np.concatenate([np.column_stack([a, d, b]), np.column_stack([b, d, c])])
     return trimesh.Trimesh(
         vertices, faces, process=False, visual=trimesh.visual.TextureVisuals(uv=uv)
     )

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import (
-    BaseModel,
     Field,
     ValidationInfo,
     field_validator,
@@ -21,6 +20,7 @@ from megalopta.config.built_in import built_in_names, built_in_text
 from megalopta.config.yaml_model import mapping, read_text, validated
 from megalopta.flow.benchmark import BenchmarkSettings, each_once
 from megalopta.flow.detectors import METHODS, THESIS_METHODS
+from megalopta.record import Record
 from megalopta.render import RenderSettings
 from megalopta.scenes import AnyScene, MovingObject, Shutter
 from megalopta.scenes.cameras import AnyCamera, PerspectiveCamera
@@ -36,9 +36,7 @@ LightLevel = float | str
 _LONGEST_VALUE = 60
 
 
-class Configuration(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class Configuration(Record, frozen=True):
     """A sequence: what is seen, how it is rendered, sensed and measured."""
 
     name: str = "forest"

@@ -15,7 +15,7 @@ from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras import Camera
 from megalopta.scenes.forest.flora import BUSHES, TREES
 from megalopta.scenes.forest.planting import FloatArray, Planting, dense_path, tree_positions
-from megalopta.scenes.forest.size import MOST_TRIANGLES, foreseen_size
+from megalopta.scenes.forest.size import check_size
 from megalopta.scenes.forest.specimens import materials, plant_assets
 from megalopta.scenes.forest.stand import PRESETS
 from megalopta.scenes.forest.sway import Wind, swaying
@@ -126,29 +126,6 @@ class Forest(SceneDescription, frozen=True):
         *others, last = [name for name, share in self.mix.items() if share > 0]
         species = f"{', '.join(others)} and {last}" if others else last
         return f"A forest of {self.trees:,} trees ({species}), {self.density_per_ha:g} per hectare."
-
-
-def foreseen(forest: Forest, path_m: float) -> tuple[float, float]:
-    """Return how many plants and triangles the forest will have around a path, roughly."""
-    return foreseen_size(
-        forest.trees,
-        forest.density_per_ha,
-        forest.clearance_m,
-        forest.densities_per_m2,
-        forest.detail,
-        path_m,
-    )
-
-
-def check_size(forest: Forest, path_m: float) -> None:
-    """Refuse a forest around a path of the given length that would not fit into memory."""
-    plants, triangles = foreseen(forest, path_m)
-    if triangles > MOST_TRIANGLES:
-        raise ValueError(
-            f"trees {forest.trees}, density_per_ha {forest.density_per_ha:g}, undergrowth "
-            f"{forest.undergrowth:g} and detail {forest.detail:g} make about {plants:.2g} plants "
-            f"of {triangles:.2g} triangles, more than {MOST_TRIANGLES:.2g}; lower one of them"
-        )
 
 
 def build_forest(forest: Forest, path_xy: ArrayLike) -> Scene:

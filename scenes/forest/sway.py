@@ -14,9 +14,10 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field
+from pydantic import Field
 
 from megalopta.assets_gen import generator
+from megalopta.record import Record
 from megalopta.scenes.world import Asset, Placement
 
 Float64 = NDArray[np.float64]
@@ -29,9 +30,7 @@ ACROSS, DETUNING = 0.4, 1.13
 """Amplitude and frequency across the wind, in units of those along it."""
 
 
-class Wind(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class Wind(Record, frozen=True):
     """Wind that makes trees and bushes sway."""
 
     amplitude_m: Annotated[float, Field(gt=0, le=3)] = 0.3

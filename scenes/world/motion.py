@@ -10,9 +10,11 @@ from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
+
+from megalopta.record import Record
 
 Float64 = NDArray[np.float64]
 Vector = tuple[float, float, float]
@@ -34,9 +36,7 @@ class Motion(Protocol):
         """The motion in numbers, for a file."""
 
 
-class _Spinning(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class _Spinning(Record, frozen=True):
     """A steady spin of a body about its own center."""
 
     spin_deg_s: float = 0.0
