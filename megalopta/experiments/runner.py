@@ -51,11 +51,9 @@ def run_trials(
         template = hashes[each.template]
         parts = each.model_dump_json(), template, _code(), *_methods(each)
         path = store / f"{digest(*parts)}.json"
-        stored = _read(path)
-        if stored is None:
+        if (stored := _read(path)) is None:
             stimulus = digest(json.dumps(each.stimulus), template)
-            future = executor.submit(measure, each, templates[each.template], stimulus)
-            running[future] = each, path
+            running[executor.submit(measure, each, templates[each.template], stimulus)] = each, path
         else:
             results[each] = stored
             on_progress(_work(each))
