@@ -69,8 +69,8 @@ class Bench(SceneDescription, frozen=True):
         parts = (("beam 1", "beam"), ("plate", "plate"), ("beam 2", "beam"))
         for (name, kind), (left, right) in zip(parts, pairwise(limits), strict=True):
             if left < right:
-                corners = np.array([[left, low[1]], [right, high[1]]])
-                assets[name] = Asset({kind: board(*corners, 1.0)})
+                corner, opposite = np.array([[left, low[1]], [right, high[1]]])
+                assets[name] = Asset({kind: board(corner, opposite, 1.0)})
                 placements.append(Placement(name, kind, pose))
         materials = {
             kind: Material(flat(0.0), None, Emission(glow[kind]))
