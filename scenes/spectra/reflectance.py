@@ -7,8 +7,8 @@ from megalopta import strict_yaml
 from megalopta.scenes.spectra.spectrum import Spectrum
 
 _TABLES = strict_yaml.load(Path(__file__).with_name("reflectance.yaml").read_text("utf-8"))
-REFLECTANCES = tuple(name for table in _TABLES for name in table if name != "wavelengths_nm")
-"""The names of the tables."""
+REFLECTANCES = {name: table for table in _TABLES for name in table if name != "wavelengths_nm"}
+"""The table that each name stands in."""
 
 
 @cache
@@ -17,7 +17,7 @@ def reflectance_of(description: str) -> Spectrum:
     name, _, factor = description.partition(" * ")
     if factor:
         return reflectance_of(name).scaled(float(factor))
-    table = next(table for table in _TABLES if name in table)
+    table = REFLECTANCES[name]
     if isinstance(table[name], str):
         return reflectance_of(table[name])
     return Spectrum(tuple(table["wavelengths_nm"]), tuple(table[name]))
