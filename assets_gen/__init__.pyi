@@ -1,5 +1,5 @@
 from .seeding import generator
-from .surface import FloatArray, Surface, cross, join, unit
+from .surface import FloatArray, Surface, cross, grid_corners, grid_faces, join, unit
 from .surface_textures import TEXTURES
 
 __all__ = [
@@ -8,6 +8,8 @@ __all__ = [
     "Surface",
     "cross",
     "generator",
+    "grid_corners",
+    "grid_faces",
     "join",
     "unit",
 ]

@@ -6,14 +6,9 @@ import numpy as np
 
 
 def generator(seed: int, *purpose: str | int) -> np.random.Generator:
-    """Return the generator that belongs to a seed and a purpose.
+    """Return the generator that belongs to a seed, 0 or more, and to what is drawn.
 
-    Parameters
-    ----------
-    seed : int
-        The user's seed, 0 or more; 0 is a seed like any other.
-    *purpose : str or int
-        What is drawn, from coarse to fine: ``generator(3, "tree", "beech", 2)``.
+    That is told from coarse to fine: ``generator(3, "tree", "beech", 2)``.
     """
     key = [crc32(part.encode()) if isinstance(part, str) else part for part in purpose]
     # The length comes first because numpy takes a seed's trailing zeros for padding.

@@ -15,24 +15,16 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Surface:
-    """A triangle mesh with texture coordinates and normals as arrays.
-
-    Attributes
-    ----------
-    vertices : (n, 3) float64
-        Meters.
-    faces : (m, 3) int64
-        Counterclockwise seen from outside.
-    uv : (n, 2) float64
-        Texture coordinates; the texture repeats with period 1.
-    normals : (n, 3) float64, optional
-        Unit vertex normals of a smooth surface; None where faces are flat.
-    """
+    """A triangle mesh with texture coordinates and normals as arrays."""
 
     vertices: FloatArray
+    """(n, 3): meters."""
     faces: NDArray[np.int64]
+    """(m, 3): counterclockwise seen from outside."""
     uv: FloatArray
+    """(n, 2): texture coordinates; the texture repeats with period 1."""
     normals: FloatArray | None = None
+    """(n, 3): unit vertex normals of a smooth surface; None where faces are flat."""
 
     @property
     def area(self) -> float:
@@ -52,6 +44,23 @@ class Surface:
             metadata={"smooth": self.normals is not None},
             process=False,
         )
+
+
+def grid_corners(rows: int, columns: int) -> tuple[NDArray[np.int64], ...]:
+    """Vertices a, b, c, d around each cell of a grid of vertices, numbered row by row.
+
+    a and b are neighbors in a row, d and c those in the next: (a, b, c) and (a, c, d) fill a cell.
+    """
+    index = np.arange(rows * columns).reshape(rows, columns)
+    low, high = index[:-1], index[1:]
+    a, b, c, d = (x.ravel() for x in (low[:, :-1], low[:, 1:], high[:, 1:], high[:, :-1]))
+    return a, b, c, d
+
+
+def grid_faces(rows: int, columns: int) -> NDArray[np.int64]:
+    """Two triangles for each cell of a grid of vertices: all first ones, then all second ones."""
+    a, b, c, d = grid_corners(rows, columns)
+    return np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
 
 
 def join(surfaces: Sequence[Surface]) -> Surface:

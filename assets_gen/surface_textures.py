@@ -48,35 +48,32 @@ def turf_texture(rng: np.random.Generator) -> NDArray[np.float32]:
 
 
 def _leaf_coordinates() -> tuple[FloatArray, FloatArray]:
-    texels = ATLAS_TILES * LEAF_TEXELS
-    place = (np.arange(texels) + 0.5) / LEAF_TEXELS % 1
+    """Place along the midrib and distance from it, in leaves, of every texel of the atlas."""
+    place = (np.arange(ATLAS_TILES * LEAF_TEXELS) + 0.5) / LEAF_TEXELS % 1
     v, u = np.meshgrid(place, place, indexing="ij")
     return v, np.abs(u - 0.5)
 
 
-def _leaf_tones(rng: np.random.Generator) -> FloatArray:
+def _blades(marks: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Return an atlas of blades with the marks, each of its own shade, and blotches over all."""
+    blotches = tileable_noise(marks.shape, (8.0, 8.0), (0.05, 0.8), 1.0, rng)
     tones = rng.uniform(-0.7, 0.7, (ATLAS_TILES, ATLAS_TILES))
-    return tones.repeat(LEAF_TEXELS, axis=0).repeat(LEAF_TEXELS, axis=1)
+    shades = tones.repeat(LEAF_TEXELS, axis=0).repeat(LEAF_TEXELS, axis=1)
+    return shades + marks + 0.25 * blotches
 
 
 def leaf_texture(rng: np.random.Generator) -> NDArray[np.float32]:
     """Return an atlas of leaves of many shades with veins and blotches; 1 is lightest."""
     v, off = _leaf_coordinates()
-    texels = ATLAS_TILES * LEAF_TEXELS
-    blotches = tileable_noise((texels, texels), (8.0, 8.0), (0.05, 0.8), 1.0, rng)
     veins = 0.8 * (off < 0.03) + 0.45 * ((7 * (v - 1.2 * off)) % 1 < 0.16)
-    signal = _leaf_tones(rng) + veins + 0.25 * blotches - 0.15
-    return to_weight(signal)
+    return to_weight(_blades(veins, rng) - 0.15)
 
 
 def needle_texture(rng: np.random.Generator) -> NDArray[np.float32]:
     """Return an atlas of needle sprays: bright needles over dark gaps, slanted off the twig."""
     v, off = _leaf_coordinates()
-    texels = ATLAS_TILES * LEAF_TEXELS
-    blotches = tileable_noise((texels, texels), (8.0, 8.0), (0.05, 0.8), 1.0, rng)
     needles = np.cos(2 * np.pi * 11 * (v - 0.9 * off)) - 1.0 * (off < 0.04)
-    signal = _leaf_tones(rng) + 0.6 * needles + 0.25 * blotches
-    return to_weight(signal)
+    return to_weight(_blades(0.6 * needles, rng))
 
 
 def stone_texture(rng: np.random.Generator) -> NDArray[np.float32]:

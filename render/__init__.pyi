@@ -5,7 +5,6 @@ from .exr import (
     read_radiance,
     read_size,
     read_truth,
-    read_truth_header,
     write_radiance,
     write_truth,
 )
@@ -40,7 +39,6 @@ __all__ = [
     "read_radiance",
     "read_size",
     "read_truth",
-    "read_truth_header",
     "render_once",
     "render_until",
     "write_radiance",

@@ -6,13 +6,7 @@ Bands = Sequence[tuple[float, float]]
 
 
 def channel_names(bands_nm: Bands) -> list[str]:
-    """Name of the channel of each band, after its center.
-
-    Raises
-    ------
-    ValueError
-        When two bands share a center, and so a channel.
-    """
+    """Name of the channel of each band, after its center, which must be its own (ValueError)."""
     names = [_channel_name(band) for band in bands_nm]
     for name in names:
         if names.count(name) > 1:

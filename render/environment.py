@@ -28,16 +28,7 @@ _ENDS_EARLY = re.compile(r"Success|read \d+ out of \d+ bytes")
 
 
 class EnvironmentView:
-    """A camera before a panorama, ready to be turned.
-
-    Parameters
-    ----------
-    environment : Environment
-    camera : Camera
-    bands_nm : sequence of (lower, upper)
-    samples : int
-        Points per pixel, rounded up to a square.
-    """
+    """A camera before a panorama, ready to be turned; samples are rounded up to a square."""
 
     def __init__(
         self, environment: Environment, camera: Camera, bands_nm: Bands, samples: int
@@ -118,10 +109,7 @@ def band_means(
 def load_panorama(environment: Environment) -> Floats:
     """Read the picture (H, W, 3) so that it gives the illuminance with the spectra as they are.
 
-    Raises
-    ------
-    ValueError
-        When the file cannot be read, has changed, or is no panorama.
+    Raises ValueError when the file cannot be read, has changed, or is no panorama.
     """
     path = environment.file.path
     environment.file.read()  # refuses what is not there or has changed
@@ -153,10 +141,7 @@ def horizontal(rgb: NDArray[np.floating]) -> NDArray[np.float64]:
 def read_picture(path: str) -> Floats:
     """Read a picture (H, W, 3) in linear sRGB; PNG is decoded, an alpha channel left out.
 
-    Raises
-    ------
-    ValueError
-        When it cannot be read, or holds values that are negative or not finite.
+    Raises ValueError when it cannot be read, or holds values that are negative or not finite.
     """
     try:
         bitmap = mi.Bitmap(path)

@@ -107,7 +107,10 @@ def read_size(path: Path) -> tuple[int, int]:
 
 
 def read_attributes(path: Path) -> dict[str, str]:
-    """Read the text attributes in the header of a file. Raises ValueError when it is no EXR."""
+    """Read the text in a file's header, of truth camera, pose, time and names of kinds.
+
+    Raises ValueError when it is no EXR.
+    """
     header, _ = _read(path, header_only=True)
     return {name: value for name, value in header.items() if isinstance(value, str)}
 
@@ -118,19 +121,10 @@ def write_truth(
     origin_m: Sequence[float] = (0, 0, 0),
     attributes: Mapping[str, str] | None = None,
 ) -> None:
-    """Write the ground truth of one frame.
+    """Write the ground truth of one frame, with attributes for the header.
 
-    Parameters
-    ----------
-    path : Path
-        File.
-    truth : Truth
-        What is known.
-    origin_m : (x, y, z)
-        World position near the camera. Positions are stored relative to it, so that their float32
-        is precise far from the world's origin, too.
-    attributes : mapping, optional
-        More for the header.
+    The origin is a world position near the camera. Positions are stored relative to it, so that
+    their float32 is precise far from the world's origin, too.
     """
     origin = np.asarray(origin_m, dtype=np.float64)
     channels: dict[str, NDArray[np.float32] | NDArray[np.uint32]] = {}
@@ -145,13 +139,7 @@ def write_truth(
 
 
 def read_truth(path: Path) -> Truth:
-    """Read the ground truth of one frame.
-
-    Raises
-    ------
-    ValueError
-        When the file is no EXR or not a truth file of this layout.
-    """
+    """Read the ground truth of one frame. Raises ValueError for a file that holds none."""
     header, channels = _read(path)
     try:
         fields = {
@@ -168,12 +156,6 @@ def read_truth(path: Path) -> Truth:
             fields[field] = fields[field][..., 0].astype(bool)
     fields["position"] = fields["position"].astype(np.float64) + origin
     return Truth(**fields)
-
-
-def read_truth_header(path: Path) -> dict[str, str]:
-    """Read the text attributes of a truth file: camera, pose, time, names of kinds."""
-    header, _ = _read(path)
-    return {name: value for name, value in header.items() if isinstance(value, str)}
 
 
 def _write(

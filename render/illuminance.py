@@ -33,49 +33,28 @@ _V_NM = np.arange(380.0, 771.0, 10.0)
 
 @dataclass(frozen=True)
 class Illuminance:
-    """Lux on a horizontal plane.
-
-    Attributes
-    ----------
-    position_m : (x, y, z)
-    lux : float
-    standard_error_lux : float
-        Of the light paths.
-    """
+    """Lux on a horizontal plane."""
 
     position_m: tuple[float, float, float]
     lux: float
     standard_error_lux: float
+    """Of the light paths."""
 
 
 @dataclass(frozen=True)
 class LightSurvey:
-    """What a scene gets, in the open and below a camera's path.
-
-    Attributes
-    ----------
-    unshaded : Illuminance
-        Above everything.
-    ground : tuple of Illuminance
-        Just above what lies below the camera; empty where nothing does.
-    """
+    """What a scene gets, in the open and below a camera's path."""
 
     unshaded: Illuminance
+    """Above everything."""
     ground: tuple[Illuminance, ...]
+    """Just above what lies below the camera; empty where nothing does."""
 
 
 class LightMeter:
-    """Measures in a loaded scene.
+    """Measures in a scene that is loaded in the active variant, a spectral one.
 
-    Parameters
-    ----------
-    scene : mitsuba.Scene
-        Loaded in the active variant, a spectral one.
-    sun : Sun or None
-        The scene's.
-    max_depth : int
-        Of the frames: longest path from the camera in surface hits plus one, 2 or more to light
-        anything.
+    `max_depth` is that of the frames: 2 or more to light anything.
     """
 
     def __init__(self, scene: Any, sun: Sun | None, max_depth: int) -> None:

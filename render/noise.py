@@ -28,27 +28,18 @@ _BLOCK_PX = 4
 
 @dataclass(frozen=True)
 class RenderNoise:
-    """Monte Carlo error of one frame.
-
-    Attributes
-    ----------
-    passes : int
-        Averaged in the frame.
-    median_relative : float
-        σ/mean of the pixels of a block of 4 × 4, median over the lit blocks (sum over bands).
-    rms_over_mean : float
-        RMS of the noise over the mean radiance (sum over bands).
-    mean : (B,)
-        Mean radiance of each band, W·m⁻²·sr⁻¹·nm⁻¹.
-    covariance : (B, B)
-        Of the noise of a pixel between bands, mean over pixels, (W·m⁻²·sr⁻¹·nm⁻¹)².
-    """
+    """Monte Carlo error of one frame."""
 
     passes: int
+    """Averaged in the frame."""
     median_relative: float
+    """σ/mean of the pixels of a block of 4 × 4, median over the lit blocks (sum over bands)."""
     rms_over_mean: float
+    """RMS of the noise over the mean radiance (sum over bands)."""
     mean: tuple[float, ...]
+    """(B,): mean radiance of each band, W·m⁻²·sr⁻¹·nm⁻¹."""
     covariance: tuple[tuple[float, ...], ...]
+    """(B, B): of the noise of a pixel between bands, mean over pixels, (W·m⁻²·sr⁻¹·nm⁻¹)²."""
 
     def to_json(self) -> str:
         """As text for a file's header."""

@@ -51,13 +51,7 @@ class SceneRenderer:
 
     Parameters
     ----------
-    scene : Scene
-        What to render.
-    camera : Camera
-        Projection, image size and field of view.
-    settings : RenderSettings
-        Samples, bands, backend.
-    poses : (T, 4, 4) float64, optional
+    poses : (T, 4, 4), optional
         Where the camera will come; light is baked for these. Without them paths are traced.
     seed : int
         Seed of the sequence, for what its frames share.
@@ -66,8 +60,6 @@ class SceneRenderer:
     ----------
     samples_per_pixel : int
         Light paths per pixel as the sampler rounds them.
-    variant : Variant
-        The Mitsuba variant in use.
     integrator : str
         "baked" or "path", and why paths are traced.
 
@@ -113,19 +105,8 @@ class SceneRenderer:
     ) -> NDArray[np.float32]:
         """Spectral radiance (H, W, B) seen from a pose (4, 4), W·m⁻²·sr⁻¹·nm⁻¹, band means.
 
-        Parameters
-        ----------
-        pose : (4, 4) array
-            Camera to world.
-        seed : int
-            Of the noise.
-        time_s : float
-            Where the moving objects are; of no account in a scene at rest.
-
-        Raises
-        ------
-        FloatingPointError
-            When the renderer returns a value that is not finite.
+        `time_s` says where the moving objects are. Raises FloatingPointError when the renderer
+        returns a value that is not finite.
         """
         self._view.move_to(time_s)
         return self._view.radiance(self._local(pose), seed)
@@ -133,19 +114,8 @@ class SceneRenderer:
     def exposed(self, path: Path, shutter: Shutter, frame: int, seed: int) -> NDArray[np.float32]:
         """Spectral radiance (H, W, B) of a frame as a shutter takes it: blurred, rolling or both.
 
-        The mean of several instants, each with noise of its own; together they have about the
-        samples per pixel of a sharp frame.
-
-        Parameters
-        ----------
-        path : Path
-            Of the camera.
-        shutter : Shutter
-            How long rows are open and how they follow one another.
-        frame : int
-            Which frame of the path.
-        seed : int
-            Of the sequence.
+        The mean of several instants, each with noise of its own, from the seed of the sequence;
+        together they have about the samples per pixel of a sharp frame.
         """
         self._check_shutter(shutter)
         instants = (path.times_s[frame] + shutter.instants_s).tolist()
@@ -168,16 +138,9 @@ class SceneRenderer:
     def truth(
         self, poses: NDArray[np.float64], frame: int, times_s: ArrayLike | None = None
     ) -> Truth:
-        """Ground truth of one frame of a sequence.
+        """Ground truth of one frame of a sequence, with flow toward the one after and before.
 
-        Parameters
-        ----------
-        poses : (T, 4, 4) array
-            Camera to world, of all frames.
-        frame : int
-            Which one; flow is toward the one after and the one before.
-        times_s : (T,) array_like, optional
-            Time of each frame, s; needed where objects move.
+        Poses (T, 4, 4) are camera to world; times (T,), s, are needed where objects move.
         """
         last = len(poses) - 1
         return self._tracer.truth(

@@ -3,16 +3,15 @@
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 
+from megalopta.record import Record
 from megalopta.render.bands import channel_names
 
 Backend = Literal["auto", "cuda", "llvm", "scalar"]
 
 
-class RenderSettings(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class RenderSettings(Record, frozen=True):
     """How radiance is computed."""
 
     samples_per_pixel: Annotated[int, Field(ge=1, le=2**20)] = 25

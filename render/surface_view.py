@@ -16,20 +16,7 @@ from megalopta.scenes.world import Scene
 
 
 class SurfaceView:
-    """A camera in a loaded scene.
-
-    Parameters
-    ----------
-    scene : Scene
-    meshes : sequence of MergedMesh
-        Of the scene.
-    loaded : mitsuba.Scene
-        These meshes and the scene's lights.
-    camera : Camera
-    settings : RenderSettings
-    integrator : mitsuba.Integrator
-        Follows the paths.
-    """
+    """A camera in a loaded scene, and Mitsuba's integrator that follows its paths."""
 
     def __init__(
         self,
@@ -70,10 +57,7 @@ class SurfaceView:
     ) -> NDArray[np.float32]:
         """Radiance (H, W, B) from a pose, or one for each row, at one of the instants of a frame.
 
-        Raises
-        ------
-        FloatingPointError
-            When Mitsuba returns a value that is not finite.
+        Raises FloatingPointError when Mitsuba returns a value that is not finite.
         """
         film = self._film(instants, pose.ndim == 3)
         radiance = film.expose(self._integrator, self._loaded, pose, seed)

@@ -51,21 +51,14 @@ _LIBRARY_FOLDERS = {
 
 @dataclass(frozen=True)
 class Variant:
-    """The variant in use, why, and what would make it faster.
-
-    Attributes
-    ----------
-    name : str
-        Mitsuba's name, such as "llvm_ad_spectral".
-    reason : str
-        One clause for a person.
-    advice : str
-        What would make rendering faster; empty when nothing would.
-    """
+    """The variant in use, why, and what would make it faster."""
 
     name: str
+    """Mitsuba's name, such as "llvm_ad_spectral"."""
     reason: str
+    """One clause for a person."""
     advice: str = ""
+    """What would make rendering faster; empty when nothing would."""
 
     def __str__(self) -> str:
         return f"{self.name} ({self.reason})" + (f"; {self.advice}" if self.advice else "")
@@ -74,15 +67,8 @@ class Variant:
 def choose_variant(backend: Backend = "auto") -> Variant:
     """Choose the fastest spectral variant that is right and cannot abort the process.
 
-    Parameters
-    ----------
-    backend : {"auto", "cuda", "llvm", "scalar"}
-        "auto" takes llvm where it works, else scalar; a named one is taken or refused.
-
-    Raises
-    ------
-    ValueError
-        When the named backend is not usable here.
+    "auto" takes llvm where it works, else scalar; a named backend is taken or, when it is not
+    usable here, refused with ValueError.
     """
     if backend == "cuda":
         if has_cuda_device():
@@ -127,15 +113,7 @@ def llvm_in_use() -> tuple[str, str]:
 
 
 def find_llvm() -> tuple[str, str]:
-    """Find a libLLVM that Dr.Jit can use.
-
-    Returns
-    -------
-    library : str
-        Its path, empty when there is none.
-    found : str
-        Its version, or why there is none.
-    """
+    """Find a libLLVM that Dr.Jit can use: its path and version, or "" and why there is none."""
     asked = os.environ.get("DRJIT_LIBLLVM_PATH")
     refusals = []
     for library in [Path(asked)] if asked else _llvm_libraries():

@@ -8,17 +8,14 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar
 
-from pydantic import BaseModel
-
+from megalopta.record import Record
 from megalopta.scenes.cameras import Camera
 from megalopta.scenes.lighting import Light
 from megalopta.scenes.trajectories import Path
 from megalopta.scenes.world import Scene
 
 
-class SceneDescription(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class SceneDescription(Record, frozen=True):
     """What stands there, as frozen parameters; `kind: Literal["…"] = "…"` names it."""
 
     kind: str

@@ -12,14 +12,9 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 def any_of(models: Sequence[type[BaseModel]], default: str | None = None) -> Any:
-    """Type of a field that holds any of some models; the help of their `kind` lists them all.
+    """Type of a field that holds any of some models, each with a `kind` of its own.
 
-    Parameters
-    ----------
-    models
-        Each with a `kind` of its own and a docstring on it.
-    default : str, optional
-        The kind of a mapping that tells none.
+    The help of their `kind` lists them all; `default` is that of a mapping that tells none.
     """
     kinds = ", ".join(map(kind_of, models))
     for model in models:

@@ -6,12 +6,13 @@ from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field
+from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.patterns import tileable_noise, to_weight
 from megalopta.assets_gen.stimuli import ball, box, checkerboard
+from megalopta.record import Record
 from megalopta.scenes.kinds import kind_unless_told
 from megalopta.scenes.spectra import flat
 from megalopta.scenes.world import (
@@ -30,9 +31,7 @@ Length = Annotated[float, Field(gt=0)]
 Reflectance = Annotated[float, Field(ge=0, le=1)]
 
 
-class MovingObject(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class MovingObject(Record, frozen=True):
     """A textured box or ball."""
 
     name: str = "box"

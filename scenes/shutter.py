@@ -7,14 +7,14 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field
+from pydantic import Field
+
+from megalopta.record import Record
 
 Float64 = NDArray[np.float64]
 
 
-class Shutter(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class Shutter(Record, frozen=True):
     """Motion blur and rolling shutter; by default neither, every frame is taken at an instant."""
 
     exposure_s: Annotated[float, Field(ge=0)] = 0.0

@@ -26,17 +26,9 @@ def white_level(linear: NDArray[np.floating]) -> float:
 def preview(
     radiance: NDArray[np.floating], bands_nm: Bands, white: Spectrum, level: float | None = None
 ) -> NDArray[np.uint8]:
-    """Picture (H, W, 3) of radiance (H, W, B).
+    """Picture (H, W, 3) of band-mean radiance (H, W, B); the spectrum `white` comes out neutral.
 
-    Parameters
-    ----------
-    radiance : (H, W, B)
-        Band means.
-    bands_nm : sequence of (lower, upper)
-    white : Spectrum
-        What has this spectrum comes out neutral.
-    level : float, optional
-        Linear value to show as white; by default that of this picture.
+    `level` is the linear value to show as white, by default that of this picture.
     """
     linear = linear_srgb(radiance, bands_nm, white)
     return encode_srgb(linear / (level or white_level(linear)))

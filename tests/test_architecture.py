@@ -11,7 +11,16 @@ import pytest
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("assets_gen", "flow", "render", "scenes", "sensor")
 # Within the package of the command line, modules beside the rooms; every room may import them.
-LEAVES = ("errors", "files", "folders", "freshness", "plug_ins", "progress", "strict_yaml")
+LEAVES = (
+    "errors",
+    "files",
+    "folders",
+    "freshness",
+    "plug_ins",
+    "progress",
+    "record",
+    "strict_yaml",
+)
 
 
 def sources() -> list[Path]:

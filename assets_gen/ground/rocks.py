@@ -47,21 +47,14 @@ def _directions(azimuth: FloatArray, elevation: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Boulder:
-    """A convex solid cut by planes, with dents.
-
-    Attributes
-    ----------
-    planes : (n, 3) float64
-        Unit normals.
-    distances_m : (n,) float64
-        From the middle to each plane (m).
-    dents : three PlaneWaves
-        Weathering as a sum of fields over the planes xy, yz and zx (m).
-    """
+    """A convex solid cut by planes, with dents."""
 
     planes: FloatArray
+    """(n, 3): unit normals."""
     distances_m: FloatArray
+    """(n,): from the middle to each plane (m)."""
     dents: tuple[PlaneWaves, ...]
+    """Weathering as a sum of fields over the planes xy, yz and zx (m)."""
 
     def radius(self, direction: FloatArray) -> FloatArray:
         """Distance from the middle to the surface in directions (..., 3) (m)."""

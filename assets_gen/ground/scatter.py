@@ -12,28 +12,10 @@ JAMMING = 0.547
 def poisson_disk(
     low: FloatArray, high: FloatArray, count: int, spacing_m: float, rng: np.random.Generator
 ) -> FloatArray:
-    """Return `count` points of a box that keep their distance from each other.
+    """Return points (count, 2) of a box, from corner to corner (2,), in the order of the throws.
 
-    Parameters
-    ----------
-    low, high : (2,) float64
-        Corners of the box (m).
-    count : int
-        How many points.
-    spacing_m : float
-        Least distance between two points (m).
-    rng : Generator
-        The darts; a dart that falls too close to an earlier one is lost.
-
-    Returns
-    -------
-    ndarray
-        Shape (count, 2), in the order of the throws.
-
-    Raises
-    ------
-    ValueError
-        If the points would fill more than nine tenths of what random throwing can fill.
+    A dart that falls nearer than `spacing_m` to an earlier one is lost. Raises ValueError if the
+    points would fill more than nine tenths of what random throwing can fill.
     """
     cover = count * np.pi * spacing_m**2 / 4 / np.prod(high - low)
     if count > 1 and cover > 0.9 * JAMMING:

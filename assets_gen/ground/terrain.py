@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from megalopta.assets_gen import FloatArray, Surface, unit
+from megalopta.assets_gen import FloatArray, Surface, grid_faces, unit
 from megalopta.assets_gen.ground.scatter import distance_to
 from megalopta.assets_gen.patterns import PlaneWaves, plane_waves
 
@@ -27,30 +27,21 @@ class Terrain:
     """Height of the ground: 0, but for bumps of a few centimeters, along the camera's path.
 
     It is exactly 0 at the world's origin if the path passes within 3 m of it.
-
-    Attributes
-    ----------
-    path : cKDTree
-        Points of the camera's path in the plane (m), one every meter or closer.
-    hills, bumps : PlaneWaves
-        Rolling land and unevenness underfoot (m).
-    crest : PlaneWaves
-        Unevenness of the rim, relative to its height.
-    drift : pair of PlaneWaves
-        Slow distortion of the texture in u and v (tiles).
-    rim_m : (float, float)
-        Distances from the path between which the land rises (m).
-    rim_height_m : float
-        How high the rim is on average (m).
     """
 
     path: cKDTree
+    """Points of the camera's path in the plane (m), one every meter or closer."""
     hills: PlaneWaves
     bumps: PlaneWaves
+    """Rolling land and unevenness underfoot (m)."""
     crest: PlaneWaves
+    """Unevenness of the rim, relative to its height."""
     drift: tuple[PlaneWaves, PlaneWaves]
+    """Slow distortion of the texture in u and v (tiles)."""
     rim_m: tuple[float, float]
+    """Distances from the path between which the land rises (m)."""
     rim_height_m: float
+    """How high the rim is on average (m)."""
 
     def height(self, points: FloatArray) -> FloatArray:
         """Return the height of the ground (m) at points (n, 2) (m)."""
@@ -91,24 +82,15 @@ def make_terrain(
 def ground_surface(
     terrain: Terrain, low: FloatArray, high: FloatArray, step_m: float, reach_m: float
 ) -> Surface:
-    """Return the ground as a grid: even between two corners (2,), ever coarser beyond.
+    """Return the ground as a grid, even with steps of `step_m` between two corners (2,) (m).
 
-    Parameters
-    ----------
-    terrain : Terrain
-        Heights and texture coordinates.
-    low, high : (2,) float64
-        Corners of the even part (m).
-    step_m : float
-        Its grid (m).
-    reach_m : float
-        How far the ground reaches beyond it (m).
+    Beyond it reaches on for `reach_m`, ever coarser.
     """
     x, y = (_graded(low[i], high[i], step_m, reach_m) for i in range(2))
     flat = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     grid = np.column_stack([flat, terrain.height(flat)]).reshape(len(y), len(x), 3)
     return Surface(
-        grid.reshape(-1, 3), _grid_faces(len(y), len(x)), terrain.uv(flat), _grid_normals(grid)
+        grid.reshape(-1, 3), grid_faces(len(y), len(x)), terrain.uv(flat), _grid_normals(grid)
     )
 
 
@@ -117,14 +99,6 @@ def _graded(low: float, high: float, step_m: float, reach_m: float) -> FloatArra
     steps = step_m * GROWTH ** np.arange(1, 200)
     beyond = np.cumsum(steps)[: np.searchsorted(np.cumsum(steps), reach_m) + 1]
     return np.concatenate([low - beyond[::-1], inside, high + beyond])
-
-
-def _grid_faces(rows: int, columns: int) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
-    index = np.arange(rows * columns).reshape(rows, columns)
-    a, b, c, d = (
-        x.ravel() for x in (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1])
-    )
-    return np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
 
 
 def _grid_normals(grid: FloatArray) -> FloatArray:

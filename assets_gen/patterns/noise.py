@@ -20,16 +20,12 @@ def tileable_noise(
 
     Parameters
     ----------
-    shape : (int, int)
-        Rows and columns.
     size_m : (float, float)
         Extent of the rows' and of the columns' direction (m).
     wavelengths_m : (float, float)
         Shortest and longest wavelength present (m).
     exponent : float
         Amplitude falls as frequency to the minus `exponent`; 1 gives all octaves equal contrast.
-    rng : Generator
-        White noise that is filtered.
     stretch : float
         Features are this many times longer along the rows' index (v) than across.
     """
@@ -49,21 +45,14 @@ def to_weight(signal: FloatArray) -> NDArray[np.float32]:
 
 @dataclass(frozen=True)
 class PlaneWaves:
-    """A smooth random field of the plane: a sum of cosine waves in random directions.
-
-    Attributes
-    ----------
-    wave_vectors : (n, 2) float64
-        rad/m.
-    phases : (n,) float64
-        rad.
-    amplitudes : (n,) float64
-        The field's unit; the variance is half the sum of their squares.
-    """
+    """A smooth random field of the plane: a sum of cosine waves in random directions."""
 
     wave_vectors: FloatArray
+    """(n, 2): rad/m."""
     phases: FloatArray
+    """(n,): rad."""
     amplitudes: FloatArray
+    """(n,): the field's unit; the variance is half the sum of their squares."""
 
     def __call__(self, points: FloatArray) -> FloatArray:
         """Return the field at points (…, 2) (m), shape (…)."""

@@ -27,8 +27,6 @@ def strew(
     ----------
     shape, size_m
         Rows and columns, and their extent (m).
-    count : int
-        Marks.
     lengths_m : (float, float)
         Shortest and longest mark (m); lengths are log-uniform.
     aspect : float

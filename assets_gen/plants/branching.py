@@ -24,18 +24,11 @@ FOOT_M = (0.0, 0.1, 0.25, 0.5)
 
 @dataclass(frozen=True)
 class Branching:
-    """A skeleton, and the axes of it that bear leaves.
-
-    Attributes
-    ----------
-    skeleton : Skeleton
-        All axes.
-    bearing : (a, s) intp
-        Node indices, from base to tip, of the twigs that bear leaves; all have s nodes.
-    """
+    """A skeleton, and the axes of it that bear leaves."""
 
     skeleton: Skeleton
     bearing: IndexArray
+    """(a, s): node indices, from base to tip, of the twigs that bear leaves; all have s nodes."""
 
 
 def grow_axes(species: Species, rng: np.random.Generator) -> Branching:

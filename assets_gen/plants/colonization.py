@@ -58,18 +58,14 @@ def colonize(
 
     Parameters
     ----------
-    skeleton : Skeleton
-        Trunk and first-order branches.
-    buds : (b,) intp
-        The nodes of it that may grow.
-    points : (p, 3) float64
+    buds : (b,)
+        The nodes that may grow.
+    points : (p, 3)
         Attraction points (m).
     step_m : float
         Length of an internode (m).
     tropism : float
         Upward pull, in units of the pull of the points.
-    rng : Generator
-        Small random deflection of each step.
     """
     distance, nearest = np.full(len(points), np.inf), np.zeros(len(points), dtype=np.intp)
     while len(buds) and len(points):

@@ -17,21 +17,14 @@ from megalopta.assets_gen.plants.skeleton import IndexArray, axes
 
 @dataclass(frozen=True)
 class Detail:
-    """How coarsely a plant is drawn.
-
-    Attributes
-    ----------
-    merged : int
-        Leaves, and twigs, that are merged into one.
-    thinnest_m : float
-        Branches of a smaller radius at their base are twigs (m).
-    chord_m : float
-        Branches that bend and taper less than this are drawn straight (m).
-    """
+    """How coarsely a plant is drawn."""
 
     merged: int
+    """Leaves, and twigs, that are merged into one."""
     thinnest_m: float
+    """Branches of a smaller radius at their base are twigs (m)."""
     chord_m: float
+    """Branches that bend and taper less than this are drawn straight (m)."""
 
 
 def coarsened(plant: Plant, detail: Detail, rng: np.random.Generator) -> tuple[Surface, Surface]:

@@ -60,12 +60,10 @@ def blades(
 
     Parameters
     ----------
-    base, direction, facing : (n, 3) float64
+    base, direction, facing : (n, 3)
         Attachment (m), unit vector along the midrib, and where the upper side should face.
-    size : (n,) float64
+    size : (n,)
         Factor on length and width.
-    foliage : Foliage
-        Proportions.
     rng : Generator
         Chooses each leaf's tile of the leaf texture.
     """

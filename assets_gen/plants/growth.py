@@ -19,26 +19,14 @@ STEM_FINENESS = 0.3
 
 @dataclass(frozen=True)
 class Plant:
-    """One grown plant, its foot at the origin.
-
-    Attributes
-    ----------
-    species : Species
-        What it was grown from.
-    branching : Branching
-        Its axes.
-    radii_m : (n,) float64
-        Radius at every node of the skeleton.
-    tubes : tuple of Surface
-        One closed tube per axis.
-    leaves : Surface
-        All leaves.
-    """
+    """One grown plant, its foot at the origin."""
 
     species: Species
     branching: Branching
     radii_m: FloatArray
+    """(n,): radius at every node of the skeleton."""
     tubes: tuple[Surface, ...]
+    """One closed tube per axis."""
     leaves: Surface
 
     @property

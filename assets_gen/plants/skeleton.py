@@ -19,18 +19,12 @@ IndexArray = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Skeleton:
-    """Nodes and the node each of them grew from.
-
-    Attributes
-    ----------
-    positions : (n, 3) float64
-        Meters, z up.
-    parents : (n,) intp
-        Index of the parent, always smaller than the node's own; −1 for a root.
-    """
+    """Nodes and the node each of them grew from."""
 
     positions: FloatArray
+    """(n, 3): meters, z up."""
     parents: IndexArray
+    """(n,): index of the parent, always smaller than the node's own; −1 for a root."""
 
     def child_counts(self) -> IndexArray:
         """Return how many nodes grew from each node, shape (n,)."""
@@ -60,19 +54,10 @@ def sum_toward_root(skeleton: Skeleton, values: FloatArray) -> FloatArray:
 
 
 def pipe_areas(skeleton: Skeleton, disused_share: float) -> FloatArray:
-    """Return the cross-section of every node in pipes, shape (n,).
+    """Return the cross-section of every node in pipes of one living tip, shape (n,).
 
-    Parameters
-    ----------
-    skeleton : Skeleton
-        The axes.
-    disused_share : float
-        Pipes of shed leaves per meter of axis, in units of one living pipe.
-
-    Returns
-    -------
-    ndarray
-        Number of tips above the node plus `disused_share` times the length of axis above it.
+    It is the number of tips above the node plus `disused_share` (1/m), for pipes of shed leaves,
+    times the length of axis above it.
     """
     tips = (skeleton.child_counts() == 0).astype(float)
     disused: FloatArray = disused_share * np.linalg.norm(skeleton.internodes(), axis=1)

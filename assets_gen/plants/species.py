@@ -2,18 +2,16 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, Field
+from pydantic import Field
+
+from megalopta.record import Record
 
 Positive = Annotated[float, Field(gt=0)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 Angle = Annotated[float, Field(ge=0, le=180)]
 
 
-class Data(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
-    """Frozen parameters; unknown keys are refused."""
-
-
-class Crown(Data):
+class Crown(Record, frozen=True):
     """The space that the branches may fill: a solid of revolution with irregular sides."""
 
     base: Fraction
@@ -24,7 +22,7 @@ class Crown(Data):
     """Radius at equal steps from crown base to top, as a share of the largest."""
 
 
-class Colonized(Data):
+class Colonized(Record, frozen=True):
     """Branches that grow toward attraction points in free space: broad-leaved trees and bushes."""
 
     kind: Literal["colonized"] = "colonized"
@@ -47,7 +45,7 @@ class Colonized(Data):
     """How far twigs bend down: 0 straight on, 1 halfway to hanging (1)."""
 
 
-class Whorled(Data):
+class Whorled(Record, frozen=True):
     """Tiers of branches around a straight leader (spruces and firs)."""
 
     kind: Literal["whorled"] = "whorled"
@@ -62,7 +60,7 @@ class Whorled(Data):
     """How far a branch sags at its middle, as a share of its length."""
 
 
-class Foliage(Data):
+class Foliage(Record, frozen=True):
     """Leaves, or sprays of needles, along the twigs that bear them."""
 
     length_m: Positive
@@ -91,7 +89,7 @@ class Foliage(Data):
     """Texture drawn on the polygon."""
 
 
-class Species(Data):
+class Species(Record, frozen=True):
     """Everything that is needed to grow one kind of tree or bush."""
 
     height_m: Positive

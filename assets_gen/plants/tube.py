@@ -10,7 +10,7 @@ watertight.
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.assets_gen import FloatArray, Surface, cross, unit
+from megalopta.assets_gen import FloatArray, Surface, cross, grid_faces, unit
 
 
 def rotation_minimizing_frames(axis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -44,13 +44,13 @@ def sweep(
 
     Parameters
     ----------
-    axis : (k, 3) float64
+    axis : (k, 3)
         Center line from base to tip (m).
-    profile : (k - 1, sides) float64
+    profile : (k - 1, sides)
         Radius of each ring toward each side (m); the last node of the axis is the pointed tip.
     tile_m : (float, float)
         Size of one texture tile around and along the tube (m).
-    uv_origin : (2,) float64
+    uv_origin : (2,)
         Texture coordinates where the tube begins.
     whole_tiles : bool
         Stretch the texture to a whole number of tiles around the base, which hides the seam.
@@ -93,11 +93,8 @@ def _grid_normals(grid: FloatArray, axis: FloatArray) -> FloatArray:
 
 def tube_faces(rings: int, sides: int) -> NDArray[np.int64]:
     """Return the triangles of a tube: walls between rings, the pointed tip, the base."""
-    index = np.arange(rings * (sides + 1)).reshape(rings, sides + 1)
-    low, high = index[:-1], index[1:]
-    a, b, c, d = (x.ravel() for x in (low[:, :-1], low[:, 1:], high[:, 1:], high[:, :-1]))
-    walls = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
-    last, apex = index[-1], np.full(sides, rings * (sides + 1))
-    tip = np.stack([last[:-1], last[1:], apex], -1)
+    apex = rings * (sides + 1)
+    last = np.arange(apex - sides - 1, apex)
+    tip = np.stack([last[:-1], last[1:], np.full(sides, apex)], -1)
     base = [(0, side + 1, side) for side in range(1, sides - 1)]
-    return np.concatenate([walls, tip, np.array(base)])
+    return np.concatenate([grid_faces(rings, sides + 1), tip, np.array(base)])

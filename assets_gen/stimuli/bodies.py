@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from megalopta.assets_gen import FloatArray, Surface, join
+from megalopta.assets_gen import FloatArray, Surface, grid_corners, join
 
 _RINGS = 48
 
@@ -17,15 +17,7 @@ _SIDES = (
 
 
 def box(extent_m: tuple[float, float, float], tile_m: float) -> Surface:
-    """Return a box around the origin; the texture repeats every `tile_m`.
-
-    Parameters
-    ----------
-    extent_m : (x, y, z)
-        Lengths of the edges (m).
-    tile_m : float
-        Size of the texture's square (m).
-    """
+    """Return a box around the origin with edges along x, y, z; its texture repeats."""
     return join([_side(np.array(extent_m) / 2, tile_m, *side) for side in _SIDES])
 
 
@@ -55,10 +47,9 @@ def ball(extent_m: tuple[float, float, float], tile_m: float) -> Surface:
     around = max(round(2 * np.pi * float(half[:2].mean()) / tile_m), 1)
     along = np.pi * float(half.mean()) / tile_m
     uv = np.stack([azimuth / (2 * np.pi) * around, (1 - polar / np.pi) * along], axis=-1)
-    columns = 2 * _RINGS + 1
-    first = (np.arange(_RINGS)[:, None] * columns + np.arange(columns - 1)).ravel()
-    upper = np.column_stack([first, first + columns, first + 1])[columns - 1 :]
-    lower = np.column_stack([first + 1, first + columns, first + columns + 1])[: 1 - columns]
+    a, b, c, d = grid_corners(_RINGS + 1, 2 * _RINGS + 1)
+    upper = np.column_stack([a, d, b])[2 * _RINGS :]
+    lower = np.column_stack([b, d, c])[: -2 * _RINGS]
     normals = unit / half
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     return Surface(unit * half, np.concatenate([upper, lower]), uv.reshape(-1, 2), normals)

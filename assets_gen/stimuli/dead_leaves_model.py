@@ -21,22 +21,9 @@ def dead_leaves(
 ) -> NDArray[np.float64]:
     """Return an image (H, W) of disks that tiles without a seam in both directions.
 
-    Parameters
-    ----------
-    shape : (int, int)
-        Rows and columns.
-    rng : Generator
-        Order, places, radii and values of the disks.
-    radii_px : (float, float)
-        Smallest and largest radius; density r⁻³ between them.
-    values : (float, float)
-        Darkest and brightest value; uniform between them.
-
-    Raises
-    ------
-    ValueError
-        When the radii or the values are not in growing order above 0, or a disk would be wider
-        than the image.
+    Radii have density r⁻³ from the smallest to the largest, values are uniform from the darkest to
+    the brightest. Raises ValueError when either are not in growing order above 0, or a disk would
+    be wider than the image.
     """
     for name, (low, high) in (("radii_px", radii_px), ("values", values)):
         if not 0 < low <= high:

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.assets_gen import grid_corners
+
 if TYPE_CHECKING:
     import trimesh
 
@@ -59,16 +61,7 @@ def random_dots(
 ) -> NDArray[np.float64]:
     """Image (H, W) of value 1 + C on disks and 1 − C elsewhere; it tiles without a seam.
 
-    Parameters
-    ----------
-    shape : (int, int)
-        Rows and columns.
-    size : (float, float)
-        Height and width of the image in periods; disks have a diameter of half a period.
-    contrast : float
-        Michelson contrast C.
-    rng : Generator
-        Number and places of the disks.
+    Disks have a diameter of half a period; `size` is the image's height and width in periods.
     """
     radius = 0.25
     count = rng.poisson(np.log(2) / (np.pi * radius**2) * size[0] * size[1])
@@ -105,9 +98,8 @@ def open_cylinder(radius_m: float, height_m: float, segments: int = 720) -> "tri
     vertices = np.concatenate([lower, upper]) * [1, 1, height_m]
     u = np.arange(segments + 1) / segments
     uv = np.concatenate([np.column_stack([u, np.full_like(u, v)]) for v in (0.0, 1.0)])
-    a = np.arange(segments)
-    b, c, d = a + 1, a + segments + 1, a + segments + 2
-    faces = np.concatenate([np.column_stack([a, c, b]), np.column_stack([b, c, d])])
+    a, b, c, d = grid_corners(2, segments + 1)
+    faces = np.concatenate([np.column_stack([a, d, b]), np.column_stack([b, d, c])])
     return trimesh.Trimesh(
         vertices, faces, process=False, visual=trimesh.visual.TextureVisuals(uv=uv)
     )

@@ -17,20 +17,12 @@ _OWN = ("dataset.yaml", "manifest.jsonl", "timings.json", "report.html")
 
 @dataclass(frozen=True)
 class Fault:
-    """Something that is not as it was written.
-
-    Attributes
-    ----------
-    path : Path
-    what : str
-        What is wrong with it.
-    remedy : str
-        How to mend it.
-    """
+    """Something that is not as it was written."""
 
     path: Path
     what: str
     remedy: str
+    """How to mend it."""
 
 
 def run_check_files(dataset: Dataset, console: Console | None = None) -> bool:

@@ -36,22 +36,15 @@ them alone to count, exceeds four times its expectation by chance once in 3e8.""
 
 @dataclass(frozen=True)
 class Comparison:
-    """A rendering beside the shipped file; all but `rounding` are RMS over the mean radiance.
-
-    Attributes
-    ----------
-    pixels, blocks : float
-        Difference of pixels, and of the means of blocks.
-    noise : float
-        What noise makes of the difference of pixels; that of blocks is 1/25 of it.
-    rounding : float
-        RMS of what half floats change, over the noise of the shipped rendering.
-    """
+    """A rendering beside the shipped file; all but `rounding` are RMS over the mean radiance."""
 
     pixels: float
     blocks: float
+    """Difference of pixels, and of the means of blocks."""
     noise: float
+    """What noise makes of the difference of pixels; that of blocks is 1/25 of it."""
     rounding: float
+    """RMS of what half floats change, over the noise of the shipped rendering."""
 
     @property
     def agrees(self) -> bool:
@@ -79,12 +72,7 @@ def compare(shipped: Path, radiance: NDArray[np.float32], noise: RenderNoise) ->
 def run_check_panoramas(out: Path | None = None, console: Console | None = None) -> bool:
     """Render all shipped panoramas again, print how they differ; return whether noise explains it.
 
-    Parameters
-    ----------
-    out : Path, optional
-        Folder for what was rendered, as it would be shipped.
-    console : Console, optional
-        Where to print.
+    What was rendered goes to the folder `out`, as it would be shipped.
     """
     if out:
         ensure_directory(out)

@@ -39,17 +39,8 @@ _DEAD_TIMES: dict[Kind, str] = {
 def run_check_physics(plots: Path | None = None, console: Console | None = None) -> bool:
     """Run all checks and print their table; return whether all passed.
 
-    Parameters
-    ----------
-    plots : Path, optional
-        Folder for pictures of the counting laws.
-    console : rich Console, optional
-        Where to print.
-
-    Raises
-    ------
-    UserError
-        When the folder is a file; nothing is checked then.
+    `plots` is a folder for pictures of the counting laws. Raises UserError when it is a file;
+    nothing is checked then.
     """
     plots = plots and ensure_directory(plots)
     console = console or Console()

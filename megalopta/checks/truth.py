@@ -22,7 +22,7 @@ from megalopta.checks.reprojection import View, motion_from, rederived_flow
 from megalopta.dataset import Dataset
 from megalopta.errors import UserError
 from megalopta.progress import progress
-from megalopta.render import Truth, read_radiance, read_truth, read_truth_header
+from megalopta.render import Truth, read_attributes, read_radiance, read_truth
 from megalopta.scenes.world import Motion
 from megalopta.stages import Ledger
 
@@ -34,25 +34,16 @@ _SMOOTHING_PX = 1.0
 
 @dataclass(frozen=True)
 class Residual:
-    """What is left of one comparison.
-
-    Attributes
-    ----------
-    name : str
-        What was compared.
-    pixels : int
-        How many values went in.
-    median, percentile_99 : float
-        Of the residual's length, px.
-    limit : float
-        Of the median, px.
-    """
+    """What is left of one comparison."""
 
     name: str
     pixels: int
+    """How many values went in."""
     median: float
     percentile_99: float
+    """Of the residual's length, px."""
     limit: float
+    """Of the median, px."""
 
     @property
     def passed(self) -> bool:
@@ -158,7 +149,7 @@ def _pairs(
 def _frame(dataset: Dataset, index: int) -> tuple[tuple[Truth, View], NDArray[np.float64]]:
     path = dataset.truth(index)
     try:
-        truth, view = read_truth(path), View.of(read_truth_header(path))
+        truth, view = read_truth(path), View.of(read_attributes(path))
         radiance, _ = read_radiance(dataset.radiance(index))
     except (OSError, KeyError, ValueError) as problem:
         raise UserError(

@@ -1,10 +1,8 @@
 from .built_in import built_in_names
+from .measuring import FlowSettings, Reference, SequenceBenchmark
 from .model import (
     Configuration,
-    FlowSettings,
     LightLevel,
-    Reference,
-    SequenceBenchmark,
     differences,
     level_text,
     load,

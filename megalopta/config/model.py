@@ -7,10 +7,9 @@ path, `--scene.trees 200`, and its value is read as YAML.
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import (
-    BaseModel,
     Field,
     ValidationInfo,
     field_validator,
@@ -18,10 +17,11 @@ from pydantic import (
 )
 
 from megalopta.config.built_in import built_in_names, built_in_text
+from megalopta.config.measuring import FlowSettings, SequenceBenchmark
 from megalopta.config.yaml_model import mapping, read_text, validated
-from megalopta.flow.benchmark import BenchmarkSettings, each_once
+from megalopta.flow.benchmark import each_once
 from megalopta.flow.detectors import METHODS, THESIS_METHODS
-from megalopta.flow.stimuli import Normalization
+from megalopta.record import Record
 from megalopta.render import RenderSettings
 from megalopta.scenes import AnyScene, MovingObject, Shutter
 from megalopta.scenes.cameras import AnyCamera, PerspectiveCamera
@@ -33,48 +33,11 @@ from megalopta.sensor.spad import load_sensor, with_files
 
 LightLevel = float | str
 
-Reference = Literal["self", "perfect"]
-
 # Longer ones, such as a recorded path, are cut where two configurations are compared.
 _LONGEST_VALUE = 60
 
 
-class FlowSettings(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
-    """What the responses to readings are compared with."""
-
-    references: Annotated[tuple[Reference, ...], Field(min_length=1)] = ("self", "perfect")
-    """self: the mean reading of the same device, whose noise the error then is. perfect: the
-    photons on the pixels; the excess over self is what the device costs. self is always there."""
-
-    saturated: Literal["score", "leave_out"] = "score"
-    """Pixels that are full, and blocks with a tenth of them or more: scored like others, or left
-    out; how many readings are full is in the record and in the report."""
-
-
-class SequenceBenchmark(BenchmarkSettings, frozen=True):
-    """The photon benchmark of a sequence."""
-
-    both_normalizations: bool = False
-    """Whether it is measured by the other normalization too, to show the effect; twice the work"""
-
-    def one(self, normalization: Normalization) -> BenchmarkSettings:
-        """Return the settings of a single measurement."""
-        values = self.model_dump(exclude={"both_normalizations"})
-        return BenchmarkSettings.model_validate({**values, "normalization": normalization})
-
-    @property
-    def measurements(self) -> tuple[BenchmarkSettings, ...]:
-        """One, or by both normalizations; the chosen one is the first."""
-        other: Normalization = "per_sequence" if self.normalization == "per_frame" else "per_frame"
-        both = (self.normalization, other) if self.both_normalizations else (self.normalization,)
-        return tuple(map(self.one, both))
-
-
-class Configuration(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class Configuration(Record, frozen=True):
     """A sequence: what is seen, how it is rendered, sensed and measured."""
 
     name: str = "forest"
@@ -239,19 +202,10 @@ def _resolve_sensor(sensor: Any, folder: Path) -> Any:
 
 
 def load(source: str, overrides: Mapping[str, str] | None = None) -> Configuration:
-    """Read a built-in configuration by name, or a YAML file, and apply overrides.
+    """Read a configuration by its source, and apply overrides. Raises UserError.
 
-    Parameters
-    ----------
-    source : str
-        Name of a built-in configuration, path of a YAML file, or a dataset's folder.
-    overrides : mapping, optional
-        Field path, such as "scene.trees", to a value in YAML.
-
-    Raises
-    ------
-    UserError
-        With one sentence that names field, value and remedy.
+    The source is the name of a built-in one, a YAML file or a dataset's folder; overrides map the
+    path of a field, such as "scene.trees", to a value in YAML.
     """
     if source in built_in_names():
         return parse(built_in_text(source), source, overrides)

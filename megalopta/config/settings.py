@@ -13,18 +13,12 @@ from pydantic import BaseModel
 
 @dataclass(frozen=True)
 class Settings:
-    """Settings of a verb.
-
-    Attributes
-    ----------
-    record : model
-        With the values that stand where nothing else is asked for.
-    fields : collection of str, optional
-        Those that its help lists; all by default.
-    """
+    """Settings of a verb."""
 
     record: BaseModel
+    """With the values that stand where nothing else is asked for."""
     fields: Collection[str] | None = None
+    """Those that its help lists; all by default."""
 
     def takes_list(self, path: str) -> bool:
         """Whether the field at a path may hold a list; also where there is none: it is refused."""

@@ -18,14 +18,7 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 def read_text(path: Path, what: str) -> str:
-    """Return the text of a file.
-
-    Parameters
-    ----------
-    path
-    what : str
-        What it should be and the way out, to follow "no such".
-    """
+    """Return the text of a file; `what` it should be, and the way out, follow "no such"."""
     try:
         return path.read_text("utf-8")
     except UnicodeDecodeError:
@@ -51,19 +44,10 @@ def validated(
     overrides: Mapping[str, str] | None = None,
     folder: Path = Path(),
 ) -> Model:
-    """Return the model of some values, with overrides.
+    """Return the model of some values, as YAML holds them; `source` names them in errors.
 
-    Parameters
-    ----------
-    model
-    values
-        As YAML holds them; paths among them are relative to `folder`.
-    source : str
-        Names them in errors.
-    overrides : mapping, optional
-        Field path, such as "scene.trees", to a value in YAML; paths are relative to the working
-        folder.
-    folder : Path
+    Overrides map the path of a field, such as "scene.trees", to a value in YAML. Files among the
+    values are relative to `folder`, those in overrides to the working folder.
     """
     record = _validated(model, values, source, folder)
     if not overrides:

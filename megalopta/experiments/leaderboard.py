@@ -90,11 +90,7 @@ def sequences(smallest_radius_px: float = 3.0) -> Floats:
 def information(clean: Floats, margin_px: int = 0) -> Floats:
     """Return J of every block inside at one photon per frame, (n, rows − 2, columns − 2, 2, 2).
 
-    Parameters
-    ----------
-    clean : (n, FRAMES, H, W)
-    margin_px : int
-        Pixels around each block that are counted with it.
+    A margin of pixels around each block is counted with it.
     """
     pixels = np.stack([fisher_information(each[-1], BlockGrid(GRID.shape, 1)) for each in clean])
     side, step = GRID.block_px + 2 * margin_px, GRID.block_px
@@ -115,15 +111,7 @@ def bound_along_x(information: Floats) -> float:
 
 
 def ranked(clean: Floats, methods: Iterable[Method]) -> list[Entry]:
-    """Return the methods that give a velocity, fewest photons first.
-
-    Parameters
-    ----------
-    clean : (n, FRAMES, H, W)
-        From `sequences`.
-    methods
-        Names, detectors or functions; those that give no velocity of blocks are passed over.
-    """
+    """Return the methods that give a velocity of blocks, fewest photons first, on `sequences`."""
     known, known_with_margin = information(clean), information(clean, MARGIN_PX)
     drawn: dict[float, list[NDArray[np.unsignedinteger]]] = {}
 
@@ -161,17 +149,9 @@ def draw(clean: Floats, flux: float, sequence: int, repeat: int = 0) -> NDArray[
 def efficiencies(
     clean: Floats, detector: BlockDetector, fluxes: Sequence[float], draws: int
 ) -> list[float]:
-    """Return bound over variance of one method at each flux, frames seen whole.
+    """Return bound over variance of one method at each flux, its newest frames seen whole.
 
-    Parameters
-    ----------
-    clean : (n, FRAMES, H, W)
-    detector
-        Uses the newest `memory_frames` + 1 frames.
-    fluxes
-        Photons per frame.
-    draws : int
-        Independent draws of each sequence; the variance of each block is over them.
+    The variance of each block is over independent draws of each sequence.
     """
     frames = detector.memory_frames + 1
     least = cramer_rao_covariance(information(clean), frames)

@@ -52,18 +52,12 @@ _REPEATS = 4
 
 
 class Peaks(NamedTuple):
-    """Peak responses at one speed.
-
-    Attributes
-    ----------
-    noisy : (crossings, rows, detectors)
-        In counts (NDS) or counts² (NDM).
-    ideal : (crossings, rows, detectors)
-        The same without noise.
-    """
+    """Peak responses at one speed."""
 
     noisy: Floats
+    """(crossings, rows, detectors): in counts (NDS) or counts² (NDM)."""
     ideal: Floats
+    """(crossings, rows, detectors): the same without noise."""
 
     @property
     def mean(self) -> float:
@@ -156,7 +150,7 @@ def record(speed_mm_s: float, sensor: Sensor) -> Exposure:
 
 
 def pooled(counts: NDArray[Any]) -> Floats:
-    """ExposureSummary frames as recordings of single rows, (2·FRAMES, recordings·16, 12)."""
+    """Exposed frames as recordings of single rows, (2·FRAMES, recordings·16, 12)."""
     recordings = counts.reshape(-1, 2 * FRAMES, *counts.shape[1:]).swapaxes(0, 1)
     return triangular_pool(recordings.reshape(2 * FRAMES, -1, PIXELS))
 

@@ -15,10 +15,11 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field
+from pydantic import Field
 
 from megalopta.experiments.trial import ROWS
 from megalopta.freshness import RENDER_MODEL
+from megalopta.record import Record
 from megalopta.render import RenderNoise, RenderSettings, RunningMean, SceneRenderer, frame_seed
 from megalopta.scenes import build_scene
 from megalopta.scenes.cameras import CylindricalCamera
@@ -30,9 +31,7 @@ LUMINANCE_BAND_NM = (507.0, 614.0)
 """As wide as the photopic V(λ) is when squared off (107 nm), about its centroid of 560 nm."""
 
 
-class NaturalPanorama(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class NaturalPanorama(Record, frozen=True):
     """A forest, its light, and how it is rendered all around."""
 
     forest: Forest
@@ -109,14 +108,7 @@ NATURAL_PANORAMAS: Mapping[str, NaturalPanorama] = MappingProxyType(
 def render_panorama(
     recipe: NaturalPanorama, after_pass: Callable[[], object]
 ) -> tuple[NDArray[np.float32], RenderNoise]:
-    """Radiance (251, m, 1) in the luminance band, W·m⁻²·sr⁻¹·nm⁻¹, and its noise.
-
-    Parameters
-    ----------
-    recipe : NaturalPanorama
-    after_pass : callable
-        Called after each pass.
-    """
+    """Radiance (251, m, 1) in the luminance band, W·m⁻²·sr⁻¹·nm⁻¹, and its noise."""
     height = recipe.eye_m
     stand = Trajectory(frames=1, position_m=(0, 0, height), look_at_m=(10, 0, height))
     forest = build_scene(recipe.forest, recipe.light, recipe.camera, stand)

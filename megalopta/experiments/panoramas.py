@@ -49,17 +49,8 @@ def natural_templates(
 ) -> dict[str, NDArray[np.float64]]:
     """Templates (251, m) of the natural stimuli by name; what is not there yet is rendered.
 
-    Parameters
-    ----------
-    cache : Path, optional
-        Folder of the cache; by default the user's.
-    panoramas : mapping of name to NaturalPanorama
-        What to show.
-
-    Raises
-    ------
-    UserError
-        When the cache cannot be a folder, or a file in it cannot be read.
+    The cache is by default the user's. Raises UserError when it cannot be a folder, or a file in it
+    cannot be read.
     """
     paths = {name: panorama_file(name, recipe, cache) for name, recipe in panoramas.items()}
     absent = [path for path in paths.values() if not path.exists()]
@@ -120,13 +111,8 @@ def template_from_file(path: Path) -> NDArray[np.float64]:
 
     Rows may be equidistant in elevation (equirectangular) or in its tangent (cylindrical): in
     either a turn about the vertical is a shift of columns. Light is binned by area; of color the
-    luminance counts.
-
-    Raises
-    ------
-    UserError
-        When the file cannot be read, is not 2:1 to 4:1 or too small, or holds values that are no
-        light.
+    luminance counts. Raises UserError when the file cannot be read, is not 2:1 to 4:1 or too small,
+    or holds values that are no light.
     """
     activate(choose_variant("auto"))
     try:

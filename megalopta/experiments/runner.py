@@ -36,24 +36,11 @@ def run_trials(
     executor: Executor,
     on_progress: Callable[[int], object] = lambda work: None,
 ) -> dict[Trial, Curves]:
-    """Return the error curves of all trials.
+    """Return the error curves of all trials; each is run once, however often it comes.
 
-    Parameters
-    ----------
-    trials
-        Each is run once, however often it comes.
-    templates
-        Every template to its pixels.
-    store : Path
-        Folder of the results; made if it does not exist.
-    executor
-    on_progress
-        Called with the work done since the last call, in the units of `work_units`.
-
-    Raises
-    ------
-    UserError
-        When a template cannot be measured, such as one with a black frame.
+    Results are stored in a folder, made if it does not exist; `on_progress` gets the work done
+    since its last call, in the units of `work_units`. Raises UserError when a template cannot be
+    measured, such as one with a black frame.
     """
     ensure_directory(store)
     results: dict[Trial, Curves] = {}
@@ -64,11 +51,9 @@ def run_trials(
         template = hashes[each.template]
         parts = each.model_dump_json(), template, _code(), *_methods(each)
         path = store / f"{digest(*parts)}.json"
-        stored = _read(path)
-        if stored is None:
+        if (stored := _read(path)) is None:
             stimulus = digest(json.dumps(each.stimulus), template)
-            future = executor.submit(measure, each, templates[each.template], stimulus)
-            running[future] = each, path
+            running[executor.submit(measure, each, templates[each.template], stimulus)] = each, path
         else:
             results[each] = stored
             on_progress(_work(each))
@@ -93,15 +78,7 @@ def run(
     store: Path,
     workers: int | None = None,
 ) -> dict[Trial, Curves]:
-    """Return the error curves of all trials, measured by threads under a progress bar.
-
-    Parameters
-    ----------
-    trials, templates, store
-        As in `run_trials`.
-    workers : int, optional
-        Threads; by default one for each core.
-    """
+    """`run_trials` by threads, one for each core by default, under a progress bar."""
     if not trials:
         return {}
     with locked(store):

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated, Any, NamedTuple, Self
 
 from pydantic import (
-    BaseModel,
     Field,
     ValidationError,
     ValidationInfo,
@@ -19,6 +18,7 @@ from megalopta.config import mapping, one_sentence, put, read_text, validated
 from megalopta.errors import UserError
 from megalopta.experiments.trial import Template, Trial, path_from_its_file, template_names
 from megalopta.flow.benchmark import each_once
+from megalopta.record import Record
 from megalopta.strict_yaml import booleans_for_others
 
 Value = int | float | bool | str
@@ -39,9 +39,7 @@ class Point(NamedTuple):
     trial: Trial
 
 
-class Sweep(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class Sweep(Record, frozen=True):
     """Trials that differ in one parameter; in several sizes, averaged over several templates."""
 
     title: str = "Photons that motion detectors need"

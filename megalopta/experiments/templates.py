@@ -13,18 +13,9 @@ from megalopta.scenes.spectra import encode_srgb
 
 
 def pixels_of(templates: Iterable[Template], cache: Path | None = None) -> dict[Template, Floats]:
-    """Return the pixels, (251, m), of each template.
+    """Return the pixels, (251, m), of each template. Raises UserError for what is no panorama.
 
-    Parameters
-    ----------
-    templates
-    cache : Path, optional
-        Folder of the panoramas rendered by this project; by default the user's.
-
-    Raises
-    ------
-    UserError
-        When a file is no panorama.
+    Panoramas rendered by this project are in the cache, by default the user's.
     """
     asked = set(templates)
     names = {each.name for each in asked if not isinstance(each, GratingTemplate)}

@@ -4,9 +4,9 @@ Unless a sweep varies it: contrast 90 %, spatial frequency 5 cycles per frame, 5
 0.1 dark counts per pixel and frame. Pooling levels are those that text or captions name.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import cache
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from megalopta.experiments.panorama_recipes import NATURAL_PANORAMAS
 from megalopta.experiments.sweep import Sweep, Value
@@ -24,18 +24,34 @@ _NATURAL = _FIXED.model_copy(
 )
 
 
-def _gratings(title: str, vary: str, values: Iterable[Value], sizes: tuple[int, ...] = ()) -> Sweep:
+class _Axis(NamedTuple):
+    """What a sweep varies: its name, its path in a trial, its values, and the sizes."""
+
+    name: str
+    vary: str
+    values: tuple[Value, ...]
+    sizes: tuple[int, ...] = ()
+
+
+_FREQUENCY = _Axis("spatial frequency", "template.cycles_per_frame", tuple(range(1, 10)), POOLING)
+_CONTRAST = _Axis("contrast", "template.contrast", tuple(n / 10 for n in range(1, 10)), POOLING)
+_DARK = _Axis("dark counts", "search.dark_counts", DARK_COUNTS, (240,))
+_VELOCITY = _Axis("velocity", "velocity_px", VELOCITIES, (60, 240))
+_POOLING = _Axis("spatial pooling", "size", POOLING)
+
+
+def _gratings(heading: str, axis: _Axis, seen: str = "gratings") -> Sweep:
     """A sweep that is not checked: that makes all its trials, and few sweeps are asked for."""
+    title = f"{heading} needed over {axis.name}, {seen}"
     return Sweep.model_construct(
-        title=title, trial=_FIXED, vary=vary, values=tuple(values), sizes=sizes
+        title=title, trial=_FIXED, vary=axis.vary, values=axis.values, sizes=axis.sizes
     )
 
 
 def _forests(
-    title: str,
-    vary: str,
-    values: Iterable[Value],
-    sizes: tuple[int, ...] = (),
+    heading: str,
+    axis: _Axis,
+    seen: str = "natural scenes",
     blurred: bool = False,
     coding: Literal["linear", "srgb"] = "linear",
 ) -> Sweep:
@@ -43,64 +59,25 @@ def _forests(
         PanoramaTemplate(kind="panorama", name=name, coding=coding) for name in NATURAL_PANORAMAS
     )
     changes = {"templates": forests, "trial": _NATURAL.model_copy(update={"blurred": blurred})}
-    return _gratings(title, vary, values, sizes).model_copy(update=changes)
+    return _gratings(heading, axis, seen).model_copy(update=changes)
 
 
 SWEEPS: Mapping[str, Sweep] = {
-    "fig-4.5": _gratings(
-        "Figure 4.5: photons needed over spatial frequency, gratings",
-        "template.cycles_per_frame",
-        range(1, 10),
-        POOLING,
-    ),
-    "fig-4.6": _gratings(
-        "Figure 4.6: photons needed over contrast, gratings",
-        "template.contrast",
-        (step / 10 for step in range(1, 10)),
-        POOLING,
-    ),
-    "fig-4.7": _gratings(
-        "Figure 4.7: photons needed over dark counts, gratings",
-        "search.dark_counts",
-        DARK_COUNTS,
-        (240,),
-    ),
-    "fig-4.8": _gratings(
-        "Figure 4.8: photons needed over velocity, gratings", "velocity_px", VELOCITIES, (60, 240)
-    ),
-    "fig-4.9": _gratings(
-        "Figure 4.9: photons needed over spatial pooling, gratings", "size", POOLING
-    ),
-    "fig-4.10": _forests(
-        "Figure 4.10: photons needed over dark counts, natural scenes",
-        "search.dark_counts",
-        DARK_COUNTS,
-        (240,),
-    ),
-    "fig-4.11": _forests(
-        "Figure 4.11: photons needed over velocity, natural scenes",
-        "velocity_px",
-        VELOCITIES,
-        (60, 240),
-    ),
+    "fig-4.5": _gratings("Figure 4.5: photons", _FREQUENCY),
+    "fig-4.6": _gratings("Figure 4.6: photons", _CONTRAST),
+    "fig-4.7": _gratings("Figure 4.7: photons", _DARK),
+    "fig-4.8": _gratings("Figure 4.8: photons", _VELOCITY),
+    "fig-4.9": _gratings("Figure 4.9: photons", _POOLING),
+    "fig-4.10": _forests("Figure 4.10: photons", _DARK),
+    "fig-4.11": _forests("Figure 4.11: photons", _VELOCITY),
     "fig-4.12": _forests(
-        "Figure 4.12: photons needed over velocity, natural scenes with motion blur",
-        "velocity_px",
-        VELOCITIES,
-        (60, 240),
-        blurred=True,
+        "Figure 4.12: photons", _VELOCITY, "natural scenes with motion blur", blurred=True
     ),
-    "fig-4.13": _forests(
-        "Figure 4.13: photons needed over spatial pooling, natural scenes", "size", POOLING
-    ),
+    "fig-4.13": _forests("Figure 4.13: photons", _POOLING),
 }
 
 PHOTOGRAPHED = _forests(
-    "Photons needed over velocity, photographs of natural scenes",
-    "velocity_px",
-    VELOCITIES,
-    (60,),
-    coding="srgb",
+    "Photons", _VELOCITY._replace(sizes=(60,)), "photographs of natural scenes", coding="srgb"
 )
 """The dissertation's panoramas are pictures from the web, whose gray values are no light."""
 

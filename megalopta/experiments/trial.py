@@ -11,7 +11,6 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import (
-    BaseModel,
     Field,
     InstanceOf,
     SerializeAsAny,
@@ -25,6 +24,7 @@ from megalopta.flow.benchmark import SearchSettings, each_once, photon_search
 from megalopta.flow.detectors import METHODS, THESIS_METHODS, Detector, IntensityMeasurement, method
 from megalopta.flow.metrics import ErrorCurve
 from megalopta.flow.stimuli import MovingTemplate, ResizeKind, blurred
+from megalopta.record import Record
 
 ROWS = 251
 """Rows of every template, and columns of a frame before resizing (thesis, §4.2); a prime."""
@@ -32,13 +32,7 @@ ROWS = 251
 Floats = NDArray[np.float64]
 
 
-class _Record(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
-    pass
-
-
-class GratingTemplate(_Record, frozen=True):
+class GratingTemplate(Record, frozen=True):
     """The 2-D sine grating of the thesis (§4.2.1), 251 × 251."""
 
     kind: Literal["grating"] = "grating"
@@ -69,7 +63,7 @@ class GratingTemplate(_Record, frozen=True):
         )
 
 
-class PanoramaTemplate(_Record, frozen=True):
+class PanoramaTemplate(Record, frozen=True):
     """A full turn of natural surroundings, 251 × m."""
 
     kind: Literal["panorama"] = "panorama"
@@ -117,7 +111,7 @@ def template_names(templates: Sequence[Template]) -> list[str]:
     ]
 
 
-class Trial(_Record, frozen=True):
+class Trial(Record, frozen=True):
     """One stimulus, and the photons that detectors need on it."""
 
     template: Template = GratingTemplate()
@@ -207,16 +201,7 @@ class Trial(_Record, frozen=True):
 
 
 def measure(trial: Trial, pixels: Floats, name: str) -> tuple[ErrorCurve, ...]:
-    """Return the error curves of a trial.
-
-    Parameters
-    ----------
-    trial
-    pixels : (251, m)
-        Its template.
-    name : str
-        Names its random numbers.
-    """
+    """Return the error curves of a trial on its template (251, m); `name` seeds its noise."""
     smeared = blurred(pixels, abs(trial.velocity_px)) if trial.blurred else pixels
     stimulus = MovingTemplate(
         smeared, trial.velocity_px, trial.size, trial.resize, trial.search.normalization

@@ -45,27 +45,18 @@ def pixel_angle(camera: Camera) -> float:
 
 @dataclass(frozen=True)
 class Cells:
-    """How the cells of M meshes with F faces in all, in loading order, are numbered.
-
-    Attributes
-    ----------
-    first_face : (M,)
-        Number of the first face of each mesh.
-    first_cell : (F,)
-        Number of the first cell of each face: front side row by row, then back side.
-    origin : (F,)
-        Corner, 0 to 2, at which both coordinates are 0.
-    pieces : (2, F)
-        Into how many pieces the edges to the next corner and to the one after it are cut.
-    count : int
-        All cells.
-    """
+    """How the cells of M meshes with F faces in all, in loading order, are numbered."""
 
     first_face: UInt32
+    """(M,): number of the first face of each mesh."""
     first_cell: UInt32
+    """(F,): number of the first cell of each face: front side row by row, then back side."""
     origin: UInt32
+    """(F,): corner, 0 to 2, at which both coordinates are 0."""
     pieces: UInt32
+    """(2, F): into how many pieces the edges to the next corner and to the one after it are cut."""
     count: int
+    """All cells."""
 
     @classmethod
     def of(
@@ -76,10 +67,7 @@ class Cells:
     ) -> "Cells":
         """Cut meshes for a camera that comes to positions (T, 3).
 
-        Raises
-        ------
-        ValueError
-            When there are more cells than a table holds.
+        Raises ValueError when there are more cells than a table holds.
         """
         path, pixel_rad = cKDTree(positions), pixel_angle(camera)
         cuts = [_cut(mesh, path, pixel_rad) for mesh in meshes]
@@ -127,13 +115,9 @@ class Patches:
     indices: UInt32
 
     def barycentric(self, of: Callable[[UInt32], Any], a: Any, b: Any) -> Any:
-        """Mitsuba's barycentric coordinates of points at (a, b), 0 to 1, in cells.
+        """Mitsuba's barycentric coordinates of points (N,) at (a, b), 0 to 1, in cells.
 
-        Parameters
-        ----------
-        of : callable
-            Takes values of cells (C,) to those of points (N,).
-        a, b : Float (N,)
+        `of` takes values of cells (C,) to those of points.
         """
         n = [mi.Float(of(pieces)) for pieces in self.pieces]
         index = [mi.Float(of(values)) for values in self.indices]

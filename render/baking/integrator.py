@@ -34,14 +34,7 @@ def path_tracing_reason(
 ) -> str:
     """Why frames are rendered by path tracing; empty where their light is baked.
 
-    Parameters
-    ----------
-    scene : Scene
-    variant : str
-        Mitsuba's variant.
-    poses : (T, 4, 4) float64 or None
-        Of the sequence, where it is known.
-    settings : RenderSettings
+    Poses (T, 4, 4) are those of the sequence, where it is known.
     """
     if settings.integrator == "path":
         return "as asked"
@@ -62,19 +55,8 @@ def path_tracing_reason(
 class BakedLightIntegrator:
     """A scene whose light is baked as cameras see it.
 
-    Parameters
-    ----------
-    loaded : mitsuba.Scene
-    scene : Scene
-    meshes : sequence of MergedMesh
-        As loaded.
-    settings : RenderSettings
-    camera : Camera
-    poses : (T, 4, 4) float64
-        Of the sequence, relative to the scene's origin: where it comes close surfaces are cut
-        finely, and what it sees much of gets the most paths.
-    seed : int
-        Seed (32 bits) of what is baked.
+    The poses (T, 4, 4) of the sequence are relative to the scene's origin: where it comes close
+    surfaces are cut finely, and what it sees much of gets the most paths. The seed has 32 bits.
     """
 
     def __init__(

@@ -54,11 +54,7 @@ def reflectances(material: Material) -> tuple[Spectrum, Spectrum]:
 def wavelength_groups(bands_nm: Bands, place: Any) -> Iterator[tuple[int, int, Any]]:
     """Bands in groups that fit Mitsuba's four wavelengths: first band, bands, wavelengths.
 
-    Parameters
-    ----------
-    bands_nm : sequence of (lower, upper)
-    place : Float
-        Where in each band the wavelength lies, 0 to 1.
+    `place` is where in each band the wavelength lies, 0 to 1.
     """
     for first in range(0, len(bands_nm), 4):
         group = bands_nm[first : first + 4]
@@ -71,18 +67,7 @@ def wavelength_groups(bands_nm: Bands, place: Any) -> Iterator[tuple[int, int, A
 class BakedLight:
     """Radiance that the cells of a scene send out, without what the sun's disc adds directly.
 
-    Parameters
-    ----------
-    loaded : mitsuba.Scene
-    scene : Scene
-    meshes : sequence of MergedMesh
-        As loaded.
-    cells : Cells
-    seen : (cells.count,) uint32
-        How often a survey of the sequence saw each cell.
-    settings : RenderSettings
-    seed : int
-        32 bits.
+    `seen` (cells.count,) is how often a survey of the sequence saw each cell; the seed has 32 bits.
     """
 
     def __init__(

@@ -7,27 +7,21 @@ What moves has meshes of its own, after those at rest, whose vertices follow fro
 """
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from megalopta.scenes.world import Motion, Placement, Scene
+from megalopta.scenes.world import Material, Motion, Placement, Scene
 
 Float32 = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
 class MovingPart:
-    """A run of vertices that belong to one moving object.
-
-    Attributes
-    ----------
-    vertices : slice
-        Which vertices.
-    motion : Motion
-        How they move.
-    """
+    """A run of vertices that belong to one moving object."""
 
     vertices: slice
     motion: Motion
@@ -35,52 +29,34 @@ class MovingPart:
 
 @dataclass(frozen=True)
 class MergedMesh:
-    """All triangles of one material, in meters relative to the scene's `origin_m`.
-
-    Attributes
-    ----------
-    material : str
-        Key into `Scene.materials`.
-    vertices : (V, 3) float32
-        Positions, m; of moving objects at time 0.
-    faces : (F, 3) uint32
-        Vertex indices.
-    normals : (V, 3) float32 or None
-        Shading normals of smooth parts; None where every face is flat.
-    uv : (V, 2) float32 or None
-        Texture coordinates, for textured materials.
-    object_id : (F,) uint32
-        Object of each triangle: index into `Scene.placements` plus one.
-    """
+    """All triangles of one material, in meters relative to the scene's `origin_m`."""
 
     material: str
+    """Key into `Scene.materials`."""
     vertices: Float32
+    """(V, 3): positions, m; of moving objects at time 0."""
     faces: NDArray[np.uint32]
+    """(F, 3): vertex indices."""
     normals: Float32 | None
+    """(V, 3): shading normals of smooth parts; None where every face is flat."""
     uv: NDArray[np.float32] | None
+    """(V, 2): texture coordinates, for textured materials."""
     object_id: NDArray[np.uint32]
+    """(F,): object of each triangle: index into `Scene.placements` plus one."""
 
 
 @dataclass(frozen=True)
 class MovingMesh(MergedMesh):
-    """A merged mesh of objects that move.
-
-    Attributes
-    ----------
-    placed : (V, 3) float64
-        World positions of the objects as placed, m.
-    placed_normals : (V, 3) float64 or None
-        Shading normals of the objects as placed.
-    parts : tuple of MovingPart
-        All vertices, in order.
-    origin_m : (x, y, z)
-        The scene's local origin.
-    """
+    """A merged mesh of objects that move."""
 
     placed: NDArray[np.float64]
+    """(V, 3): world positions of the objects as placed, m."""
     placed_normals: NDArray[np.float64] | None
+    """(V, 3): shading normals of the objects as placed."""
     parts: tuple[MovingPart, ...]
+    """All vertices, in order."""
     origin_m: tuple[float, float, float]
+    """(x, y, z): the scene's local origin."""
 
     def vertices_at(self, time_s: float) -> Float32:
         """Positions (V, 3) at a time, m, relative to the local origin."""
@@ -98,74 +74,78 @@ class MovingMesh(MergedMesh):
         return np.concatenate(turned).astype(np.float32)
 
 
+class _Member(NamedTuple):
+    """A mesh as it stands in the scene."""
+
+    object_id: int
+    placement: Placement
+    mesh: trimesh.Trimesh
+
+    def vertices(self) -> NDArray[np.float64]:
+        to_world = self.placement.to_world
+        return np.asarray(self.mesh.vertices @ to_world[:3, :3].T + to_world[:3, 3])
+
+    def normals(self) -> NDArray[np.float64]:
+        turned = self.mesh.vertex_normals @ self.placement.to_world[:3, :3].T
+        return np.asarray(turned / np.linalg.norm(turned, axis=1, keepdims=True))
+
+    def uv(self, material: str) -> NDArray[np.float64]:
+        uv = getattr(self.mesh.visual, "uv", None)
+        if uv is None:
+            raise ValueError(
+                f"asset {self.placement.asset!r}: material {material!r} is patterned, but its mesh "
+                "has no uv"
+            )
+        return np.asarray(uv)
+
+
 def merge(scene: Scene) -> list[MergedMesh]:
     """One mesh per material, smoothness and whether it moves; those at rest come first."""
-    groups: dict[tuple[bool, str, bool], list[tuple[int, Placement, trimesh.Trimesh]]] = {}
+    groups: dict[tuple[bool, str, bool], list[_Member]] = {}
     for index, placement in enumerate(scene.placements):
         for material, mesh in scene.assets[placement.asset].parts.items():
-            moves = placement.motion is not None
-            key = moves, material, bool(mesh.metadata.get("smooth"))
-            groups.setdefault(key, []).append((index + 1, placement, mesh))
+            key = placement.motion is not None, material, bool(mesh.metadata.get("smooth"))
+            groups.setdefault(key, []).append(_Member(index + 1, placement, mesh))
     return [_merge_group(scene, *key, groups[key]) for key in sorted(groups)]
 
 
 def _merge_group(
-    scene: Scene,
-    moves: bool,
-    material: str,
-    smooth: bool,
-    members: list[tuple[int, Placement, trimesh.Trimesh]],
+    scene: Scene, moves: bool, material: str, smooth: bool, members: list[_Member]
 ) -> MergedMesh:
-    vertices, faces, normals, uvs, ids, parts = [], [], [], [], [], []
-    definition = scene.materials[material]
-    needs_uv = definition.texture is not None or (
-        definition.emission is not None and definition.emission.pattern is not None
-    )
-    offset = 0
-    for object_id, placement, mesh in members:
-        rotation = placement.to_world[:3, :3]
-        vertices.append(mesh.vertices @ rotation.T + placement.to_world[:3, 3])
-        faces.append(np.asarray(mesh.faces) + offset)
-        ids.append(np.full(len(mesh.faces), object_id, np.uint32))
-        if smooth:
-            turned = mesh.vertex_normals @ rotation.T
-            normals.append(turned / np.linalg.norm(turned, axis=1, keepdims=True))
-        if needs_uv:
-            uvs.append(_uv(mesh, material, placement.asset))
-        following = offset + len(mesh.vertices)
-        if placement.motion is not None:
-            parts.append(MovingPart(slice(offset, following), placement.motion))
-        offset = following
-    placed = np.concatenate(vertices)
-    placed_normals = np.concatenate(normals) if smooth else None
+    offsets = np.cumsum([0, *(len(each.mesh.vertices) for each in members)]).tolist()
+    faces = [
+        np.asarray(each.mesh.faces) + offset for each, offset in zip(members, offsets, strict=False)
+    ]
+    placed = np.concatenate([each.vertices() for each in members])
+    normals = np.concatenate([each.normals() for each in members]) if smooth else None
+    patterned = _is_patterned(scene.materials[material])
+    uv = np.concatenate([each.uv(material) for each in members]) if patterned else None
+    ids = [np.full(len(each.mesh.faces), each.object_id, np.uint32) for each in members]
     merged = MergedMesh(
         material,
         _local(placed, scene.origin_m),
         np.concatenate(faces).astype(np.uint32),
-        None if placed_normals is None else placed_normals.astype(np.float32),
-        np.concatenate(uvs).astype(np.float32) if needs_uv else None,
+        None if normals is None else normals.astype(np.float32),
+        None if uv is None else uv.astype(np.float32),
         np.concatenate(ids),
     )
     if not moves:
         return merged
+    parts = tuple(
+        MovingPart(slice(*span), each.placement.motion)
+        for span, each in zip(pairwise(offsets), members, strict=True)
+        if each.placement.motion is not None
+    )
     moving = MovingMesh(
-        **vars(merged),
-        placed=placed,
-        placed_normals=placed_normals,
-        parts=tuple(parts),
-        origin_m=scene.origin_m,
+        **vars(merged), placed=placed, placed_normals=normals, parts=parts, origin_m=scene.origin_m
     )
     return replace(moving, vertices=moving.vertices_at(0.0), normals=moving.normals_at(0.0))
 
 
+def _is_patterned(material: Material) -> bool:
+    emission = material.emission
+    return material.texture is not None or (emission is not None and emission.pattern is not None)
+
+
 def _local(points: NDArray[np.float64], origin_m: tuple[float, float, float]) -> Float32:
     return np.asarray(points - np.asarray(origin_m), dtype=np.float32)
-
-
-def _uv(mesh: trimesh.Trimesh, material: str, asset: str) -> NDArray[np.float64]:
-    uv = getattr(mesh.visual, "uv", None)
-    if uv is None:
-        raise ValueError(
-            f"asset {asset!r}: material {material!r} is patterned, but its mesh has no uv"
-        )
-    return np.asarray(uv)

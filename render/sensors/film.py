@@ -33,21 +33,7 @@ def trace_paths(integrator: Any, scene: Any, sensor: Any, seed: int, samples: in
 class Film:
     """What a sensor of Mitsuba's and the division of frames into passes make together.
 
-    Parameters
-    ----------
-    camera : Camera
-        Projection, image size and field of view.
-    settings : RenderSettings
-        Bands and sampler.
-    samples : int
-        Light paths per pixel.
-    has_row_poses : bool
-        Whether every row has a pose of its own.
-
-    Attributes
-    ----------
-    samples_per_pixel : int
-        Light paths per pixel as the sampler rounds them.
+    Its `samples_per_pixel` are those asked for as the sampler rounds them.
     """
 
     def __init__(

@@ -15,39 +15,24 @@ from numpy.typing import NDArray
 from megalopta.render import frame_seed
 
 Trace = Callable[[int, int], NDArray[np.floating]]
+"""Renders the strip (rows, W, B) that begins at a given row, with a given seed."""
 
 
 @dataclass(frozen=True)
 class Passes:
-    """How a frame is divided.
-
-    Attributes
-    ----------
-    height : int
-        Rows of the frame.
-    rows : int
-        Rows of a strip; the last one may reach beyond the frame.
-    samples : int
-        Light paths per pixel and pass.
-    repeats : int
-        Passes over each strip.
-    """
+    """How a frame is divided."""
 
     height: int
+    """Rows of the frame."""
     rows: int
+    """Rows of a strip; the last one may reach beyond the frame."""
     samples: int
+    """Light paths per pixel and pass."""
     repeats: int
+    """Passes over each strip."""
 
     def render(self, trace: Trace, seed: int) -> NDArray[np.float64]:
-        """Put a frame (H, W, B) together.
-
-        Parameters
-        ----------
-        trace : callable
-            Renders the strip (rows, W, B) that begins at a given row, with a given seed.
-        seed : int
-            The frame's. The first pass has it, the others have seeds derived from it.
-        """
+        """Put a frame (H, W, B) together; the first pass has its seed, others derive theirs."""
         strips = [
             sum(
                 trace(first, pass_seed(seed, number * self.repeats + repeat)).astype(np.float64)

@@ -31,24 +31,16 @@ _GRAZING = 1e-4
 
 @dataclass(frozen=True)
 class Surface:
-    """What N rays see.
-
-    Attributes
-    ----------
-    triangle : (N,) int64
-        Row of the triangle in the geometry's tables; -1 for the sky.
-    points : (N, 3) float64
-        Place on the surface, m; for the sky the ray's direction.
-    normal : (N, 3) float64
-        Geometric unit normal, toward the ray's origin; NaN for the sky.
-    barycentric : (N, 2) float64
-        Weights of the triangle's second and third vertex.
-    """
+    """What N rays see."""
 
     triangle: Integers
+    """(N,): row of the triangle in the geometry's tables; -1 for the sky."""
     points: Float64
+    """(N, 3): place on the surface, m; for the sky the ray's direction."""
     normal: Float64
+    """(N, 3): geometric unit normal, toward the ray's origin; NaN for the sky."""
     barycentric: Float64
+    """(N, 2): weights of the triangle's second and third vertex."""
 
     @property
     def is_sky(self) -> NDArray[np.bool_]:
@@ -65,17 +57,8 @@ class _Moment:
 class Geometry:
     """Triangles of merged meshes and the loaded scenes that trace them.
 
-    Parameters
-    ----------
-    meshes : sequence of MergedMesh
-        Those at rest first, as `merge` gives them.
-    loaded : Mitsuba scene
-        Of all these meshes, in their order.
-
-    Attributes
-    ----------
-    object_id : (F + 1,) uint32
-        Object of each triangle; the last, of the sky, is 0.
+    Meshes come as `merge` gives them, those at rest first, and are loaded in their order.
+    `object_id` (F + 1,) is the object of each triangle; the last, of the sky, is 0.
     """
 
     def __init__(self, meshes: Sequence[MergedMesh], loaded: Any) -> None:

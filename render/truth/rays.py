@@ -22,21 +22,14 @@ VISIBILITY_MARGIN = 2e-4
 
 @dataclass(frozen=True)
 class Hits:
-    """Nearest hits of N rays.
-
-    Attributes
-    ----------
-    distance : (N,) float64
-        Along the unit direction, m; infinite where nothing was hit.
-    mesh : (N,) int64
-        Index of the mesh hit, as loaded.
-    triangle : (N,) int64
-        Index of the triangle in that mesh.
-    """
+    """Nearest hits of N rays."""
 
     distance: Float64
+    """(N,): along the unit direction, m; infinite where nothing was hit."""
     mesh: NDArray[np.int64]
+    """(N,): index of the mesh hit, as loaded."""
     triangle: NDArray[np.int64]
+    """(N,): index of the triangle in that mesh."""
 
 
 def nearest_hits(scene: Any, origin: Float64, directions: Float64) -> Hits:

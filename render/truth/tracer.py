@@ -25,73 +25,46 @@ Float64 = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Flow:
-    """Where the points that one frame sees are in another (H, W).
-
-    Attributes
-    ----------
-    displacement : (H, W, 2) float32
-        Way (x, y) in px; NaN where undefined.
-    occluded : (H, W) bool
-        Whether something stands between the point and the other frame's camera.
-    out_of_view : (H, W) bool
-        Whether the point leaves the image, or has no flow.
-    """
+    """Where the points that one frame sees are in another (H, W)."""
 
     displacement: NDArray[np.float32]
+    """(H, W, 2): way (x, y) in px; NaN where undefined."""
     occluded: NDArray[np.bool_]
+    """(H, W): whether something stands between the point and the other frame's camera."""
     out_of_view: NDArray[np.bool_]
+    """(H, W): whether the point leaves the image, or has no flow."""
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What is known exactly about one frame (H, W).
-
-    Attributes
-    ----------
-    depth : (H, W) float32
-        Distance along the optical axis, in panoramas along the ray, m; infinite for the sky.
-    position : (H, W, 3) float64
-        World position of what the pixel center sees, m; NaN for the sky.
-    normal : (H, W, 3) float32
-        Geometric unit normal in world axes, toward the camera; NaN for the sky.
-    object_id : (H, W) uint32
-        Index into `Scene.placements` plus one; 0 for the sky.
-    kind_id : (H, W) uint32
-        Index into `Scene.kinds` plus one; 0 for the sky.
-    flow_forward, flow_backward : (H, W, 2) float32
-        Displacement (x, y) in px to the next and to the previous frame; NaN where undefined,
-        everywhere when there is no such frame.
-    occluded_forward, occluded_backward : (H, W) bool
-        Whether something stands between the point and the camera of the next or previous frame.
-    out_of_view_forward, out_of_view_backward : (H, W) bool
-        Whether the point leaves the image, or has no flow.
-    """
+    """What is known exactly about one frame (H, W)."""
 
     depth: NDArray[np.float32]
+    """(H, W): distance along the optical axis, in panoramas along the ray, m; infinite for the
+    sky."""
     position: NDArray[np.float64]
+    """(H, W, 3): world position of what the pixel center sees, m; NaN for the sky."""
     normal: NDArray[np.float32]
+    """(H, W, 3): geometric unit normal in world axes, toward the camera; NaN for the sky."""
     object_id: NDArray[np.uint32]
+    """(H, W): index into `Scene.placements` plus one; 0 for the sky."""
     kind_id: NDArray[np.uint32]
+    """(H, W): index into `Scene.kinds` plus one; 0 for the sky."""
     flow_forward: NDArray[np.float32]
     flow_backward: NDArray[np.float32]
+    """(H, W, 2): displacement (x, y) in px to the next and to the previous frame; NaN where
+    undefined, everywhere when there is no such frame."""
     occluded_forward: NDArray[np.bool_]
     occluded_backward: NDArray[np.bool_]
+    """(H, W): whether something stands between the point and the camera of the next or previous
+    frame."""
     out_of_view_forward: NDArray[np.bool_]
     out_of_view_backward: NDArray[np.bool_]
+    """(H, W): whether the point leaves the image, or has no flow."""
 
 
 class TruthTracer:
-    """Traces the truth of a scene's frames.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene.
-    geometry : Geometry
-        Its merged meshes, loaded.
-    camera : Camera
-        Where the pixel centers look.
-    """
+    """Traces the truth of a scene's frames."""
 
     def __init__(self, scene: Scene, geometry: Geometry, camera: Camera) -> None:
         self._geometry = geometry

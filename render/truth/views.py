@@ -22,18 +22,12 @@ _ITERATIONS, _TOLERANCE_PX = 60, 1e-4
 
 @dataclass(frozen=True)
 class Eyes:
-    """Where N rays start and how the camera is turned there.
-
-    Attributes
-    ----------
-    origin : (3,) or (N, 3)
-        Camera position, m; one for all rays or one for each.
-    rotation : (3, 3) or (N, 3, 3)
-        Camera axes to world.
-    """
+    """Where N rays start and how the camera is turned there."""
 
     origin: Float64
+    """(3,) or (N, 3): camera position, m; one for all rays or one for each."""
     rotation: Float64
+    """(3, 3) or (N, 3, 3): camera axes to world."""
 
     def to_world(self, vectors: Float64) -> Float64:
         """Vectors (N, 3) in world axes of those in camera axes."""
@@ -60,18 +54,11 @@ class View(Protocol):
 
 @dataclass(frozen=True)
 class Instant:
-    """A frame taken at once.
-
-    Attributes
-    ----------
-    time_s : float
-        When.
-    pose : (4, 4)
-        Camera to world.
-    """
+    """A frame taken at once."""
 
     time_s: float
     pose: Float64
+    """(4, 4): camera to world."""
 
     def pixels(self, camera: Camera) -> Eyes:
         """Eyes of the H·W pixels."""
@@ -84,21 +71,13 @@ class Instant:
 
 @dataclass(frozen=True)
 class Rolling:
-    """A frame taken row by row, of a scene at rest.
-
-    Attributes
-    ----------
-    time_s : float
-        Of the middle row.
-    shutter : Shutter
-        How the rows follow one another.
-    pose_at : callable
-        Poses (n, 4, 4) at times (n,), s.
-    """
+    """A frame taken row by row, of a scene at rest."""
 
     time_s: float
+    """Of the middle row."""
     shutter: Shutter
     pose_at: Callable[[Float64], Float64]
+    """Poses (n, 4, 4) at times (n,), s."""
 
     def pixels(self, camera: Camera) -> Eyes:
         """Eyes of the H·W pixels: each row has its own."""

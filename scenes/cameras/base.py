@@ -9,7 +9,9 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field
+from pydantic import Field
+
+from megalopta.record import Record
 
 Float64 = NDArray[np.float64]
 
@@ -19,9 +21,7 @@ SINGULAR_RAD = 1e-5
 Pixels = Annotated[int, Field(ge=1, le=2**15)]
 
 
-class Camera(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class Camera(Record, frozen=True):
     """A projection, its image size and field of view."""
 
     kind: str

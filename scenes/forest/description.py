@@ -15,7 +15,7 @@ from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras import Camera
 from megalopta.scenes.forest.flora import BUSHES, TREES
 from megalopta.scenes.forest.planting import FloatArray, Planting, dense_path, tree_positions
-from megalopta.scenes.forest.size import MOST_TRIANGLES, foreseen_size
+from megalopta.scenes.forest.size import check_size
 from megalopta.scenes.forest.specimens import materials, plant_assets
 from megalopta.scenes.forest.stand import PRESETS
 from megalopta.scenes.forest.sway import Wind, swaying
@@ -128,44 +128,11 @@ class Forest(SceneDescription, frozen=True):
         return f"A forest of {self.trees:,} trees ({species}), {self.density_per_ha:g} per hectare."
 
 
-def foreseen(forest: Forest, path_m: float) -> tuple[float, float]:
-    """Return how many plants and triangles the forest will have around a path, roughly."""
-    return foreseen_size(
-        forest.trees,
-        forest.density_per_ha,
-        forest.clearance_m,
-        forest.densities_per_m2,
-        forest.detail,
-        path_m,
-    )
-
-
-def check_size(forest: Forest, path_m: float) -> None:
-    """Refuse a forest around a path of the given length that would not fit into memory."""
-    plants, triangles = foreseen(forest, path_m)
-    if triangles > MOST_TRIANGLES:
-        raise ValueError(
-            f"trees {forest.trees}, density_per_ha {forest.density_per_ha:g}, undergrowth "
-            f"{forest.undergrowth:g} and detail {forest.detail:g} make about {plants:.2g} plants "
-            f"of {triangles:.2g} triangles, more than {MOST_TRIANGLES:.2g}; lower one of them"
-        )
-
-
 def build_forest(forest: Forest, path_xy: ArrayLike) -> Scene:
-    """Return the forest around a path, without light.
+    """Return the forest around a path of camera positions (n, 2) (m), without light.
 
-    Parameters
-    ----------
-    forest : Forest
-        What grows.
-    path_xy : (n, 2) array_like
-        Camera positions (m). Trunks keep `clearance_m` from the line through them, and the ground
-        along it is level, at height 0, but for a few centimeters.
-
-    Returns
-    -------
-    Scene
-        `lighting` is None; placements are named by species, "ground" is the first.
+    Trunks keep `clearance_m` from the line through them, and the ground along it is level, at
+    height 0, but for a few centimeters. Placements are named by species, "ground" is the first.
 
     Raises
     ------

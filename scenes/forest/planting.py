@@ -89,24 +89,14 @@ def _strewn(
 
 @dataclass(frozen=True)
 class Planting:
-    """What every planting step needs to know.
-
-    Attributes
-    ----------
-    seed : int
-        Of the forest.
-    path : cKDTree
-        Points of the camera's path (m).
-    terrain : Terrain
-        The ground.
-    detail : float
-        Factor on the distances where plants get coarser.
-    """
+    """What every planting step needs to know."""
 
     seed: int
     path: cKDTree
+    """Points of the camera's path (m)."""
     terrain: Terrain
     detail: float
+    """Factor on the distances where plants get coarser."""
 
     def trees(
         self, mix: Mapping[str, float], height_spread: float, points: FloatArray

@@ -31,37 +31,24 @@ class Coat:
 
 @dataclass(frozen=True)
 class Layer:
-    """How one kind of undergrowth is strewn around the path.
-
-    Attributes
-    ----------
-    per_m2 : float
-        Plants per square meter where the layer is densest, unless the forest says otherwise.
-    reach_m : float
-        Farthest distance from the path (m); smaller plants cannot be made out farther away.
-    clearance_m : float
-        Least distance from the path (m).
-    scale : (float, float)
-        Smallest and largest size, as a factor on the grown plant.
-    """
+    """How one kind of undergrowth is strewn around the path."""
 
     per_m2: float
+    """Plants per square meter where the layer is densest, unless the forest says otherwise."""
     reach_m: float
+    """Farthest distance from the path (m); smaller plants cannot be made out farther away."""
     clearance_m: float
+    """Least distance from the path (m)."""
     scale: tuple[float, float] = (0.6, 1.25)
+    """Smallest and largest size, as a factor on the grown plant."""
 
 
 @dataclass(frozen=True)
 class Plant(ABC):
-    """One kind of what stands or lies in a forest.
-
-    Attributes
-    ----------
-    name : str
-        For people, and for the seeds of its individuals.
-    """
+    """One kind of what stands or lies in a forest."""
 
     name: str
+    """For people, and for the seeds of its individuals."""
 
     detail_distance: ClassVar[float] = 1.0
     """Factor on the distances from which it is drawn coarser."""
@@ -84,22 +71,15 @@ class Plant(ABC):
 
 @dataclass(frozen=True)
 class Woody(Plant):
-    """A tree or bush.
-
-    Attributes
-    ----------
-    shape : Species
-        What it is grown from.
-    bark, leaf : (Spectrum, Spectrum)
-        Light and dark bark, dark and light leaf.
-    layer : Layer, optional
-        Where it stands in the undergrowth.
-    """
+    """A tree or bush."""
 
     shape: Species
+    """What it is grown from."""
     bark: Spectra
     leaf: Spectra
+    """Light and dark bark, dark and light leaf."""
     layer: Layer | None = None
+    """Where it stands in the undergrowth."""
 
     @property
     def coats(self) -> Mapping[str, Coat]:
@@ -120,21 +100,13 @@ class Woody(Plant):
 
 @dataclass(frozen=True)
 class Small(Plant):
-    """A plant of the forest's floor.
-
-    Attributes
-    ----------
-    layer : Layer
-        How it is strewn.
-    looks : mapping
-        How each organ looks.
-    drawn : callable
-        Organs of an individual at a level of detail, the same individual for the same generator.
-    """
+    """A plant of the forest's floor."""
 
     layer: Layer
     looks: Mapping[str, Coat]
+    """How each organ looks."""
     drawn: Callable[[LodLevel, np.random.Generator], Organs]
+    """Organs of an individual at a level of detail, the same individual for the same generator."""
 
     detail_distance = 0.4
 

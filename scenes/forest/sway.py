@@ -14,9 +14,10 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field
+from pydantic import Field
 
 from megalopta.assets_gen import generator
+from megalopta.record import Record
 from megalopta.scenes.world import Asset, Placement
 
 Float64 = NDArray[np.float64]
@@ -29,9 +30,7 @@ ACROSS, DETUNING = 0.4, 1.13
 """Amplitude and frequency across the wind, in units of those along it."""
 
 
-class Wind(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class Wind(Record, frozen=True):
     """Wind that makes trees and bushes sway."""
 
     amplitude_m: Annotated[float, Field(gt=0, le=3)] = 0.3
@@ -46,30 +45,20 @@ class Wind(
 
 @dataclass(frozen=True)
 class Sway:
-    """One tree's bending.
-
-    Attributes
-    ----------
-    foot_m : (x, y, z)
-        Where it stands.
-    height_m : float
-        Height of its top above the foot.
-    along : (x, y)
-        Unit vector of the wind.
-    amplitude_m : float
-        Largest way of the top along the wind.
-    frequency_hz : float
-        Of the swaying along the wind.
-    phases_rad : (along, across)
-        At time 0.
-    """
+    """One tree's bending."""
 
     foot_m: tuple[float, float, float]
+    """(x, y, z): where it stands."""
     height_m: float
+    """Height of its top above the foot."""
     along: tuple[float, float]
+    """(x, y): unit vector of the wind."""
     amplitude_m: float
+    """Largest way of the top along the wind."""
     frequency_hz: float
+    """Of the swaying along the wind."""
     phases_rad: tuple[float, float]
+    """(along, across): at time 0."""
 
     def carry(self, points: Float64, time_s: float) -> Float64:
         """Where points (n, 3) of the tree at rest are at a time."""

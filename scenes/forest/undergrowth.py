@@ -20,7 +20,7 @@ from megalopta.assets_gen.plants import (
 from megalopta.scenes.forest.flora import BUSHES, TREES
 from megalopta.scenes.forest.plants import Coat, Layer, Lying, Organs, Plant, Small, by_name
 from megalopta.scenes.forest.stand import LodLevel
-from megalopta.scenes.spectra import reflectance as spectra
+from megalopta.scenes.spectra import reflectance_of
 
 Draw = Callable[[LodLevel, np.random.Generator], Organs]
 
@@ -53,50 +53,35 @@ def _rock(lod: LodLevel, rng: np.random.Generator) -> Organs:
     return {"": grow_rock(rng, lod.sides)}
 
 
-def _leaf(dark: float, light: float) -> Coat:
-    return Coat((spectra.LEAF_DARK.scaled(dark), spectra.LEAF_LIGHT.scaled(light)), "leaf")
+def _coat(first: str, second: str, texture: str = "leaf") -> Coat:
+    return Coat((reflectance_of(first), reflectance_of(second)), texture)
 
+
+_LEAF = _coat("leaf dark", "leaf light")
+_FERN = _coat("leaf dark * 1.1", "leaf light * 1.1")
+_BILBERRY = _coat("leaf dark * 0.9", "leaf light")
+_MOSSY_BARK = _coat("spruce bark dark * 1.5", "leaf light * 0.55", "mossy")
+_PETAL = _coat("white petal * 0.75", "white petal")
 
 SMALL: Mapping[str, Small] = by_name(
-    Small("fern", Layer(0.55, 30, 0.9), {"leaf": _leaf(1.1, 1.1)}, _leaves(grow_fern)),
-    Small("bilberry", Layer(0.3, 22, 0.6), {"leaf": _leaf(0.9, 1.0)}, _leaves(grow_bilberry)),
-    Small(
-        "grass",
-        Layer(4.0, 30, 0.35),
-        {"leaf": Coat((spectra.GRASS_DARK, spectra.GRASS_LIGHT), "leaf")},
-        _grass,
-    ),
-    Small("herb", Layer(1.4, 18, 0.3), {"leaf": _leaf(1.0, 1.0)}, _leaves(grow_herbs)),
-    Small(
-        "flower",
-        Layer(0.15, 18, 0.3),
-        {
-            "leaf": _leaf(1.0, 1.0),
-            "petal": Coat((spectra.WHITE_PETAL.scaled(0.75), spectra.WHITE_PETAL), "leaf"),
-        },
-        _flower,
-    ),
+    Small("fern", Layer(0.55, 30, 0.9), {"leaf": _FERN}, _leaves(grow_fern)),
+    Small("bilberry", Layer(0.3, 22, 0.6), {"leaf": _BILBERRY}, _leaves(grow_bilberry)),
+    Small("grass", Layer(4.0, 30, 0.35), {"leaf": _coat("grass dark", "grass light")}, _grass),
+    Small("herb", Layer(1.4, 18, 0.3), {"leaf": _LEAF}, _leaves(grow_herbs)),
+    Small("flower", Layer(0.15, 18, 0.3), {"leaf": _LEAF, "petal": _PETAL}, _flower),
     Lying(
-        "litter",
-        Layer(1.0, 9, 0.0),
-        {"leaf": Coat((spectra.SOIL.scaled(1.6), spectra.LITTER), "leaf")},
-        _leaves(strew_litter),
+        "litter", Layer(1.0, 9, 0.0), {"leaf": _coat("soil * 1.6", "litter")}, _leaves(strew_litter)
     ),
     Lying(
         "log",
         Layer(0.008, 40, 2.2, (0.7, 1.1)),
-        {
-            "bark": Coat(
-                (spectra.SPRUCE_BARK_DARK.scaled(1.5), spectra.LEAF_LIGHT.scaled(0.55)), "mossy"
-            ),
-            "wood": Coat((spectra.FRESH_WOOD, spectra.FRESH_WOOD.scaled(0.5)), "smooth"),
-        },
+        {"bark": _MOSSY_BARK, "wood": _coat("fresh wood", "fresh wood * 0.5", "smooth")},
         _log,
     ),
     Lying(
         "rock",
         Layer(0.012, 40, 1.6, (0.25, 1.6)),
-        {"": Coat((spectra.STONE_DARK, spectra.STONE_LIGHT), "stone")},
+        {"": _coat("stone dark", "stone light", "stone")},
         _rock,
     ),
 )
@@ -113,9 +98,9 @@ PLANTS: Mapping[str, Plant] = MappingProxyType({**TREES, **BUSHES, **SMALL})
 
 COVERS: Mapping[str, Coat] = MappingProxyType(
     {
-        "litter": Coat((spectra.SOIL, spectra.LITTER), "litter"),
-        "meadow": Coat((spectra.GRASS_DARK.scaled(0.8), spectra.GRASS_LIGHT.scaled(0.85)), "turf"),
-        "moss": Coat((spectra.SOIL.scaled(0.5), spectra.LEAF_LIGHT.scaled(0.7)), "turf"),
+        "litter": _coat("soil", "litter", "litter"),
+        "meadow": _coat("grass dark * 0.8", "grass light * 0.85", "turf"),
+        "moss": _coat("soil * 0.5", "leaf light * 0.7", "turf"),
     }
 )
 """What covers the ground."""

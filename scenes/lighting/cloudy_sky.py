@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.assets_gen import generator
+from megalopta.assets_gen import generator, grid_corners
 from megalopta.assets_gen.patterns import plane_waves
 from megalopta.scenes.spectra import flat
 from megalopta.scenes.world import Asset, Emission, Lighting, Material, Placement, Scene, Sun
@@ -42,18 +42,9 @@ Floats = NDArray[np.float64]
 
 
 def under_clouds(scene: Scene, lighting: Lighting, wavelength_nm: float, seed: int) -> Scene:
-    """Return the scene lit by clouds and sun alone, its light of flat spectrum.
+    """Return the scene lit by clouds and sun alone, in place of its own lighting.
 
-    Parameters
-    ----------
-    scene : Scene
-        A forest; its own lighting is left out.
-    lighting : Lighting
-        Radiance of the sky and irradiance of the sun.
-    wavelength_nm : float
-        Where both are read.
-    seed : int
-        Which clouds.
+    Radiance of the sky and irradiance of the sun are read at one wavelength, for a flat spectrum.
     """
     glowing = {"sky": (_dome(), Emission(float(lighting.sky(wavelength_nm)), clouds(seed)))}
     if lighting.sun:
@@ -96,22 +87,12 @@ def _dome() -> "trimesh.Trimesh":
     rows, columns = _FACETS
     v, u = np.meshgrid(np.linspace(0, 1, rows + 1), np.linspace(0, 1, columns + 1), indexing="ij")
     elevation = np.radians(LOWEST_DEG + (90 - LOWEST_DEG) * v)
+    level, azimuth = np.cos(elevation), 2 * np.pi * u
     vertices = DOME_M * np.stack(
-        [
-            np.cos(elevation) * np.cos(2 * np.pi * u),
-            np.cos(elevation) * np.sin(2 * np.pi * u),
-            np.sin(elevation),
-        ],
-        axis=-1,
+        [level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], axis=-1
     )
-    corner = (np.arange(rows)[:, np.newaxis] * (columns + 1) + np.arange(columns)).ravel()
-    above = corner + columns + 1
-    faces = np.concatenate(
-        [
-            np.column_stack([corner, above, corner + 1]),
-            np.column_stack([corner + 1, above, above + 1]),
-        ]
-    )
+    a, b, c, d = grid_corners(rows + 1, columns + 1)
+    faces = np.concatenate([np.column_stack([a, d, b]), np.column_stack([b, d, c])])
     mesh = trimesh.Trimesh(vertices.reshape(-1, 3), faces, process=False)
     mesh.visual = trimesh.visual.TextureVisuals(uv=np.stack([u.ravel(), v.ravel()], axis=-1))
     return mesh

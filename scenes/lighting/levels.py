@@ -14,8 +14,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal, get_args
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 
+from megalopta.record import Record
 from megalopta.scenes.spectra import AIRGLOW, MOONLIGHT, Spectrum, luminous, planckian
 from megalopta.scenes.world import Lighting, Sun
 
@@ -26,21 +27,14 @@ LevelName = Literal[
 
 @dataclass(frozen=True)
 class Level:
-    """What a named light level means.
-
-    Attributes
-    ----------
-    illuminance_lux : float
-        On an unshaded horizontal plane.
-    shape : Spectrum
-        Of sky and disc, in any unit.
-    disc_fraction : float
-        Share of the illuminance that comes from the disc of sun or moon.
-    """
+    """What a named light level means."""
 
     illuminance_lux: float
+    """On an unshaded horizontal plane."""
     shape: Spectrum
+    """Of sky and disc, in any unit."""
     disc_fraction: float
+    """Share of the illuminance that comes from the disc of sun or moon."""
 
     def spectrum(self) -> Spectrum:
         """Irradiance of an unshaded horizontal plane, W·m⁻²·nm⁻¹."""
@@ -62,9 +56,7 @@ DIMMEST_LUX, BRIGHTEST_LUX = 1e-12, 1e9
 """Beyond all that there is outdoors, by eight and four orders of magnitude."""
 
 
-class Light(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class Light(Record, frozen=True):
     """The light outside: a named level, any part of which can be overridden."""
 
     level: LevelName = "twilight"

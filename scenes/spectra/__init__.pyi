@@ -1,9 +1,9 @@
-from . import reflectance
 from .airglow import AIRGLOW
 from .blackbody import planckian
 from .color import Bands, encode_srgb, linear_srgb
 from .moonlight import MOONLIGHT
 from .photometry import MAXIMUM_EFFICACY_LM_W, luminous, luminous_efficiency
+from .reflectance import reflectance_of
 from .spectrum import Spectrum, flat
 
 __all__ = [
@@ -18,5 +18,5 @@ __all__ = [
     "luminous",
     "luminous_efficiency",
     "planckian",
-    "reflectance",
+    "reflectance_of",
 ]

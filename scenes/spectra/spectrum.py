@@ -8,18 +8,12 @@ from numpy.typing import ArrayLike, NDArray
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Values at wavelengths, linear between them and constant beyond the first and last.
-
-    Attributes
-    ----------
-    wavelengths_nm : tuple of float
-        Strictly increasing, nm.
-    values : tuple of float
-        Same length; the unit is the owner's (reflectance: 1; radiance: W·m⁻²·sr⁻¹·nm⁻¹).
-    """
+    """Values at wavelengths, linear between them and constant beyond the first and last."""
 
     wavelengths_nm: tuple[float, ...]
+    """Strictly increasing, nm."""
     values: tuple[float, ...]
+    """Same length; the unit is the owner's (reflectance: 1; radiance: W·m⁻²·sr⁻¹·nm⁻¹)."""
 
     def __post_init__(self) -> None:
         """Refuse tables that are not functions."""

@@ -64,23 +64,19 @@ class Bench(SceneDescription, frozen=True):
         limits = np.concatenate([[low[0]], np.clip(edges, low[0], high[0]), [high[0]]])
         pose = board_pose(poses[0], distance_m)
         radiance = sky_radiance(light.resolved().illuminance_lux)
-        parts = [("beam 1", "beam"), ("plate", "plate"), ("beam 2", "beam")]
-        seen = [
-            (name, kind, x)
-            for (name, kind), x in zip(parts, pairwise(limits), strict=True)
-            if x[1] > x[0]
-        ]
-        assets = {
-            name: Asset({kind: board(np.array([left, low[1]]), np.array([right, high[1]]), 1.0)})
-            for name, kind, (left, right) in seen
-        }
         glow = {"beam": radiance, "plate": radiance * self.shade}
-        kinds = {kind for _, kind, _ in seen}
+        assets, placements = {}, []
+        parts = (("beam 1", "beam"), ("plate", "plate"), ("beam 2", "beam"))
+        for (name, kind), (left, right) in zip(parts, pairwise(limits), strict=True):
+            if left < right:
+                corner, opposite = np.array([[left, low[1]], [right, high[1]]])
+                assets[name] = Asset({kind: board(corner, opposite, 1.0)})
+                placements.append(Placement(name, kind, pose))
         materials = {
-            kind: Material(flat(0.0), None, Emission(glow[kind])) for kind in sorted(kinds)
+            kind: Material(flat(0.0), None, Emission(glow[kind]))
+            for kind in sorted({placement.kind for placement in placements})
         }
-        placements = tuple(Placement(name, kind, pose) for name, kind, _ in seen)
-        return Scene(materials, assets, placements)
+        return Scene(materials, assets, tuple(placements))
 
     def describe(self) -> str:
         """A sentence for the report."""

@@ -72,13 +72,7 @@ class Panorama(SceneDescription, frozen=True):
 
 
 def primaries(light: Spectrum) -> tuple[Spectrum, Spectrum, Spectrum]:
-    """Spectra of red, green and blue that add up to the light's, with sRGB's luminances.
-
-    Parameters
-    ----------
-    light : Spectrum
-        Spectrum of white.
-    """
+    """Spectra of red, green and blue that add up to that of white, with sRGB's luminances."""
     red_share, _, blue_share = LUMINANCE_SHARES
     values = light(_GRID_NM)
     total = luminous(_spectrum(values))

@@ -10,7 +10,9 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel, Field
+from pydantic import Field
+
+from megalopta.record import Record
 
 Float64 = NDArray[np.float64]
 # Beyond, squares of lengths leave no digits for a forest, or overflow.
@@ -18,9 +20,7 @@ Coordinate = Annotated[float, Field(ge=-1e12, le=1e12)]
 Vector = tuple[Coordinate, Coordinate, Coordinate]
 
 
-class Path(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class Path(Record, frozen=True):
     """Frames at a steady rate along a path that is known at any time."""
 
     frames: Annotated[int, Field(ge=1, le=1_000_000)] = 32
@@ -77,12 +77,7 @@ def rounded_about(positions: Float64, origin_m: ArrayLike) -> Float64:
 def looking(views: Float64, up: ArrayLike) -> Float64:
     """Rotations (n, 3, 3) whose columns are the camera axes right, down and forward.
 
-    Parameters
-    ----------
-    views : (n, 3) array
-        Directions of view, of any length.
-    up : (3,) array_like
-        Direction that is up in the image.
+    Views (n, 3) are of any length; `up` (3,) is up in the image.
     """
     forward = views / np.linalg.norm(views, axis=-1, keepdims=True)
     right = np.cross(forward, np.asarray(up, dtype=float))

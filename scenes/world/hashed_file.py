@@ -8,10 +8,12 @@ import hashlib
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
+
+from megalopta.record import Record
 
 
-class HashedFile(BaseModel, frozen=True, extra="forbid", use_attribute_docstrings=True):
+class HashedFile(Record, frozen=True):
     """A file by path and content; a plain path will do, and gets its hash."""
 
     path: str

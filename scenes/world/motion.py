@@ -10,9 +10,11 @@ from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field, model_validator
+from pydantic import Field, model_validator
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
+
+from megalopta.record import Record
 
 Float64 = NDArray[np.float64]
 Vector = tuple[float, float, float]
@@ -34,9 +36,7 @@ class Motion(Protocol):
         """The motion in numbers, for a file."""
 
 
-class _Spinning(
-    BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-):
+class _Spinning(Record, frozen=True):
     """A steady spin of a body about its own center."""
 
     spin_deg_s: float = 0.0
@@ -113,18 +113,12 @@ ObjectMotion = Annotated[Drift | Tour, Field(discriminator="kind")]
 
 @dataclass(frozen=True)
 class RigidMotion:
-    """A body that keeps its shape: it turns about a point of its own, which moves.
-
-    Attributes
-    ----------
-    center_m : (x, y, z)
-        The point, at time 0.
-    course : Drift or Tour
-        How it moves, and the body turns about it.
-    """
+    """A body that keeps its shape: it turns about a point of its own, which moves."""
 
     center_m: Vector
+    """(x, y, z): the point, at time 0."""
     course: Drift | Tour
+    """How it moves, and the body turns about it."""
 
     def carry(self, points: Float64, time_s: float) -> Float64:
         """Where points (n, 3) of the object as placed are at a time."""

@@ -24,108 +24,69 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Texture:
-    """A second reflectance mixed in over the surface: (1 − w)·reflectance + w·texture.reflectance.
-
-    Attributes
-    ----------
-    weight : (H, W) float32 in [0, 1]
-        Tiles over the uv square; row 0 is v = 0.
-    reflectance : Spectrum
-        Reached where the weight is 1.
-    """
+    """A second reflectance mixed in: (1 − w)·reflectance + w·texture.reflectance."""
 
     weight: NDArray[np.float32]
+    """(H, W), 0 to 1: tiles over the uv square; row 0 is v = 0."""
     reflectance: Spectrum
+    """Reached where the weight is 1."""
 
 
 @dataclass(frozen=True)
 class Material:
-    """A two-sided diffuse surface (Lambert), or one that emits.
-
-    Attributes
-    ----------
-    reflectance : Spectrum
-        Diffuse reflectance, 0 to 1.
-    texture : Texture, optional
-        Needs meshes with uv coordinates.
-    emission : Emission, optional
-        Makes the surface a source; reflectance is then ignored.
-    """
+    """A two-sided diffuse surface (Lambert), or one that emits."""
 
     reflectance: Spectrum
+    """Diffuse reflectance, 0 to 1."""
     texture: Texture | None = None
+    """Needs meshes with uv coordinates."""
     emission: "Emission | None" = None
+    """Makes the surface a source; reflectance is then ignored."""
 
 
 @dataclass(frozen=True)
 class Emission:
-    """Radiance leaving a surface, the same at every wavelength: pattern(u, v) · radiance.
-
-    Attributes
-    ----------
-    radiance : float
-        W·m⁻²·sr⁻¹·nm⁻¹ where the pattern is 1.
-    pattern : (H, W) float32, optional
-        Non-negative factor over the uv square; row 0 is v = 0. None means 1.
-    """
+    """Radiance leaving a surface, the same at every wavelength: pattern(u, v) · radiance."""
 
     radiance: float
+    """W·m⁻²·sr⁻¹·nm⁻¹ where the pattern is 1."""
     pattern: NDArray[np.float32] | None = None
+    """(H, W): non-negative factor over the uv square; row 0 is v = 0. None means 1."""
 
 
 @dataclass(frozen=True)
 class Asset:
-    """A shape made of one mesh per material.
-
-    Attributes
-    ----------
-    parts : mapping of material name to trimesh.Trimesh
-        Meters, outward normals. Vertex normals are used as given when the mesh carries them in
-        `metadata["smooth"]`; otherwise faces are flat.
-    """
+    """A shape made of one mesh per material."""
 
     parts: "Mapping[str, trimesh.Trimesh]"
+    """Meters, outward normals. Vertex normals are used as given when the mesh carries them in
+    `metadata["smooth"]`; otherwise faces are flat."""
 
 
 @dataclass(frozen=True)
 class Placement:
-    """One object: an asset, its species or kind, and its pose.
-
-    Attributes
-    ----------
-    asset : str
-        Key into `Scene.assets`.
-    kind : str
-        What it is to a person: "beech", "fern", "ground".
-    to_world : (4, 4) float64
-        Rotation, uniform scale and translation (m).
-    motion : Motion, optional
-        How the object, so placed, moves or bends with time; None where it is at rest.
-    """
+    """One object: an asset, its species or kind, and its pose."""
 
     asset: str
+    """Key into `Scene.assets`."""
     kind: str
+    """What it is to a person: "beech", "fern", "ground"."""
     to_world: NDArray[np.float64]
+    """Rotation, uniform scale and translation (m)."""
     motion: Motion | None = None
+    """How the object, so placed, moves or bends with time; None where it is at rest."""
 
 
 @dataclass(frozen=True)
 class Sun:
-    """A distant disc, evenly bright: sun or moon. It casts light and is not itself seen.
-
-    Attributes
-    ----------
-    direction : (x, y, z)
-        Unit vector from the scene toward the center of the disc.
-    irradiance : Spectrum
-        On a plane facing the disc, W·m⁻²·nm⁻¹.
-    angular_diameter_deg : float
-        As seen from the scene; 0 is a point. Sun and moon: 0.53.
-    """
+    """A distant disc, evenly bright: sun or moon. It casts light and is not itself seen."""
 
     direction: tuple[float, float, float]
+    """(x, y, z): unit vector from the scene toward the center of the disc."""
     irradiance: Spectrum
+    """On a plane facing the disc, W·m⁻²·nm⁻¹."""
     angular_diameter_deg: float = 0.53
+    """As seen from the scene; 0 is a point. Sun and moon: 0.53."""
 
     def points(self, count: int) -> NDArray[np.float64]:
         """Unit vectors (count, 3) toward points that share the disc evenly, on a sunflower spiral.
@@ -147,70 +108,45 @@ class Sun:
 
 @dataclass(frozen=True)
 class Lighting:
-    """Light from outside the scene: a uniform sky and, perhaps, a disc.
-
-    Attributes
-    ----------
-    sky : Spectrum
-        Radiance of the sky, the same from every direction, W·m⁻²·sr⁻¹·nm⁻¹.
-    sun : Sun, optional
-        The sun or moon.
-    """
+    """Light from outside the scene: a uniform sky and, perhaps, a disc."""
 
     sky: Spectrum
+    """Radiance of the sky, the same from every direction, W·m⁻²·sr⁻¹·nm⁻¹."""
     sun: Sun | None = None
 
 
 @dataclass(frozen=True)
 class Environment:
-    """A photographed panorama at infinity, seen in place of a uniform sky.
-
-    Attributes
-    ----------
-    file : HashedFile
-        Equirectangular picture in linear sRGB (HDR, EXR) or sRGB-coded (PNG): its center column
-        lies in direction +x, azimuth grows to the left, row 0 is the zenith.
-    turn_deg : float
-        Turns it counterclockwise about z.
-    spectra : (red, green, blue)
-        Spectrum of one unit of each primary, in any unit.
-    illuminance_lux : float
-        That its upper half gives to a horizontal plane.
-    """
+    """A photographed panorama at infinity, seen in place of a uniform sky."""
 
     file: HashedFile
+    """Equirectangular picture in linear sRGB (HDR, EXR) or sRGB-coded (PNG): its center column lies
+    in direction +x, azimuth grows to the left, row 0 is the zenith."""
     turn_deg: float
+    """Turns it counterclockwise about z."""
     spectra: tuple[Spectrum, Spectrum, Spectrum]
+    """(red, green, blue): spectrum of one unit of each primary, in any unit."""
     illuminance_lux: float
+    """That its upper half gives to a horizontal plane."""
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything that is rendered, but for the camera.
-
-    Attributes
-    ----------
-    materials : mapping of name to Material
-        The names are the keys of `Asset.parts`.
-    assets : mapping of name to Asset
-        Each shape once, however often it is placed.
-    placements : tuple of Placement
-        The objects; object id = index + 1.
-    lighting : Lighting, optional
-        None where only the surfaces emit.
-    origin_m : (x, y, z)
-        A point near the camera. The renderer's coordinates are relative to it, so that they are
-        precise also far from the world's origin.
-    environment : Environment, optional
-        Stands alone: it lights no objects.
-    """
+    """Everything that is rendered, but for the camera."""
 
     materials: Mapping[str, Material]
+    """The names are the keys of `Asset.parts`."""
     assets: Mapping[str, Asset]
+    """Each shape once, however often it is placed."""
     placements: tuple[Placement, ...]
+    """The objects; object id = index + 1."""
     lighting: Lighting | None = None
+    """None where only the surfaces emit."""
     origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """(x, y, z): a point near the camera. The renderer's coordinates are relative to it, so that
+    they are precise also far from the world's origin."""
     environment: Environment | None = None
+    """Stands alone: it lights no objects."""
 
     def __post_init__(self) -> None:
         """Refuse dangling names and objects before a panorama."""

@@ -8,7 +8,7 @@ from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings, frame_seed
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.lighting.levels import Light
-from megalopta.scenes.spectra.reflectance import LEAF_LIGHT
+from megalopta.scenes.spectra import reflectance_of
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 from megalopta.scenes.trajectories.steady import Trajectory
 from megalopta.scenes.world.scene import Lighting, Material, Scene, Sun, Texture
@@ -53,9 +53,9 @@ def test_diffuse_plane_under_airglow_returns_reflectance_times_irradiance_over_p
     # Mitsuba's own range ends at 830 nm; lines and water bands make both factors uneven.
     bands = tuple((float(a), float(a + 160)) for a in range(900, 1700, 160))
     _, assets, placements = placed(ground)
-    sky = Light(level="airglow").lighting()
-    scene = Scene({"thing": Material(LEAF_LIGHT)}, assets, placements, sky)
-    expected = band_means(lambda nm: LEAF_LIGHT(nm) * sky.sky(nm), bands)
+    leaf, sky = reflectance_of("leaf light"), Light(level="airglow").lighting()
+    scene = Scene({"thing": Material(leaf)}, assets, placements, sky)
+    expected = band_means(lambda nm: leaf(nm) * sky.sky(nm), bands)
     np.testing.assert_allclose(mean_radiance(scene, bands=bands), expected, rtol=5e-3)
 
 

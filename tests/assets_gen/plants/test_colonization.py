@@ -9,14 +9,16 @@ from megalopta.assets_gen.plants.colonization import (
     crown_points,
 )
 from megalopta.assets_gen.plants.skeleton import Skeleton
-from megalopta.scenes.forest.flora import BEECH
+from megalopta.scenes.forest.flora import TREES
 
 STEP_M = 0.4
 
 
 @pytest.fixture(scope="module")
 def points():
-    return crown_points(BEECH.shape.crown, BEECH.shape.height_m, 200, np.random.default_rng(1))
+    return crown_points(
+        TREES["beech"].shape.crown, TREES["beech"].shape.height_m, 200, np.random.default_rng(1)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -27,12 +29,12 @@ def grown(points):
 
 
 def test_attraction_points_lie_in_the_crown(points):
-    level = (points[:, 2] / BEECH.shape.height_m - BEECH.shape.crown.base) / (
-        1 - BEECH.shape.crown.base
+    level = (points[:, 2] / TREES["beech"].shape.height_m - TREES["beech"].shape.crown.base) / (
+        1 - TREES["beech"].shape.crown.base
     )
     assert level.min() >= 0 and level.max() <= 1
     # 1.28: the crown's radius times the largest possible sum of its two lobes
-    assert np.hypot(*points[:, :2].T).max() <= 1.28 * BEECH.shape.crown.radius_m
+    assert np.hypot(*points[:, :2].T).max() <= 1.28 * TREES["beech"].shape.crown.radius_m
 
 
 def test_branches_come_close_to_nearly_all_attraction_points(grown, points):

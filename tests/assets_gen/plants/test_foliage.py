@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from megalopta.assets_gen.plants.foliage import ATLAS_TILES, blades, place_leaves
-from megalopta.scenes.forest.flora import BEECH, SPRUCE
+from megalopta.scenes.forest.flora import TREES
 
 AXES = np.random.default_rng(3).normal(0, 1, (40, 3, 3))
 
@@ -16,7 +16,9 @@ def distance_to_axes(points, axes):
 
 
 @pytest.mark.parametrize(
-    "foliage", [BEECH.shape.foliage, SPRUCE.shape.foliage], ids=["leaf", "needles"]
+    "foliage",
+    [TREES["beech"].shape.foliage, TREES["spruce"].shape.foliage],
+    ids=["leaf", "needles"],
 )
 def test_every_leaf_starts_on_its_twig(foliage):
     leaves = place_leaves(AXES[:6], foliage, np.random.default_rng(0))
@@ -31,31 +33,38 @@ def test_leaf_area_is_half_length_times_width_however_it_is_folded():
         np.eye(3),
         np.roll(np.eye(3), 1, axis=0),
         sizes,
-        BEECH.shape.foliage,
+        TREES["beech"].shape.foliage,
         np.random.default_rng(0),
     )
     area = leaf.to_mesh().area_faces.reshape(3, 2).sum(axis=1)
-    expected = sizes**2 * BEECH.shape.foliage.length_m * BEECH.shape.foliage.width_m / 2
+    expected = (
+        sizes**2 * TREES["beech"].shape.foliage.length_m * TREES["beech"].shape.foliage.width_m / 2
+    )
     np.testing.assert_allclose(area, expected, rtol=1e-12)
 
 
 def test_blades_face_where_they_are_told():
     up = np.array([[0, 0, 1.0]])
     leaf = blades(
-        0 * up, np.eye(3)[:1], up, np.ones(1), BEECH.shape.foliage, np.random.default_rng(0)
+        0 * up,
+        np.eye(3)[:1],
+        up,
+        np.ones(1),
+        TREES["beech"].shape.foliage,
+        np.random.default_rng(0),
     )
     assert np.all(leaf.to_mesh().face_normals[:, 2] > 0.9)
 
 
 def test_the_twigs_bare_part_bears_nothing():
     axis = np.outer(np.linspace(0, 2, 5), [1.0, 0, 0])[None]
-    bare = BEECH.shape.foliage.model_copy(update={"bare": 0.4})
+    bare = TREES["beech"].shape.foliage.model_copy(update={"bare": 0.4})
     leaves = place_leaves(axis, bare, np.random.default_rng(0))
     assert leaves.vertices[::4, 0].min() >= 0.4 * 2
 
 
 def test_each_leaf_shows_one_tile_of_the_atlas():
-    leaves = place_leaves(AXES, BEECH.shape.foliage, np.random.default_rng(0))
+    leaves = place_leaves(AXES, TREES["beech"].shape.foliage, np.random.default_rng(0))
     tile = np.floor(leaves.uv.reshape(-1, 4, 2) * ATLAS_TILES)
     assert np.all(tile == tile[:, :1])
     assert len(np.unique(tile[:, 0], axis=0)) == ATLAS_TILES**2

@@ -3,12 +3,14 @@ import pytest
 
 from megalopta.assets_gen.plants.branching import grow_axes
 from megalopta.assets_gen.plants.skeleton import Skeleton, axes, pipe_areas, pipe_radii, smoothed
-from megalopta.scenes.forest.flora import BEECH, SPRUCE
+from megalopta.scenes.forest.flora import TREES
 
 DISUSED = 0.3
 
 
-@pytest.fixture(params=[BEECH.shape, SPRUCE.shape], ids=["beech", "spruce"], scope="module")
+@pytest.fixture(
+    params=[TREES["beech"].shape, TREES["spruce"].shape], ids=["beech", "spruce"], scope="module"
+)
 def skeleton(request):
     return grow_axes(request.param, np.random.default_rng(5)).skeleton
 

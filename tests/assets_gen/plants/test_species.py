@@ -2,7 +2,7 @@ import pytest
 from pydantic import ValidationError
 
 from megalopta.assets_gen.plants.species import Species
-from megalopta.scenes.forest.flora import BEECH, BUSHES, TREES
+from megalopta.scenes.forest.flora import BUSHES, TREES
 
 
 def test_species_survive_the_round_trip_through_json():
@@ -15,4 +15,4 @@ def test_species_survive_the_round_trip_through_json():
 )
 def test_impossible_plants_are_refused(field, value):
     with pytest.raises(ValidationError, match=field):
-        Species.model_validate(BEECH.shape.model_dump() | {field: value})
+        Species.model_validate(TREES["beech"].shape.model_dump() | {field: value})

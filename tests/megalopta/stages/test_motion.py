@@ -13,7 +13,7 @@ from megalopta.dataset.frames import read_radiance_frames, read_truth_frames
 from megalopta.dataset.store import open_dataset
 from megalopta.errors import UserError
 from megalopta.render import read_radiance, read_truth, write_truth
-from megalopta.render.exr import read_truth_header
+from megalopta.render.exr import read_attributes
 from megalopta.sensor import expectation, read_counts
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_stage
@@ -87,7 +87,7 @@ def test_wrong_flow_fails_the_check(moving, tmp_path, wrong, failing, capsys):
     shutil.copytree(moving.root, root)
     for index in (0, 1):
         source = open_dataset(root).truth(index)
-        truth, header = read_truth(source), read_truth_header(source)
+        truth, header = read_truth(source), read_attributes(source)
         values = {**vars(truth), "flow_forward": wrong(truth.flow_forward)}
         kept = {name: header[name] for name in ("camera", "cameraToWorld", "timeSeconds")}
         write_truth(source, type(truth)(**values), (0, 0, 1), kept)
@@ -120,7 +120,7 @@ def test_a_check_that_cannot_be_made_is_refused(arguments, words, capsys):
 
 
 def test_truth_files_name_camera_pose_time_and_kinds(moving):
-    header = read_truth_header(moving.truth(1))
+    header = read_attributes(moving.truth(1))
     pose = np.array(header["cameraToWorld"].split(), dtype=float).reshape(4, 4)
     np.testing.assert_array_equal(pose, moving.configuration.trajectory.poses()[1])
     assert json.loads(header["camera"])["width"] == 64

@@ -10,9 +10,10 @@ from pydantic import ValidationError
 from scipy.spatial import cKDTree
 from scipy.stats import binomtest
 
-from megalopta.scenes.forest.description import Forest, build_forest, foreseen
+from megalopta.scenes.forest.description import Forest, build_forest
 from megalopta.scenes.forest.flora import TREES
 from megalopta.scenes.forest.planting import BELT_M, REGULARITY, THICKET
+from megalopta.scenes.forest.size import foreseen
 from megalopta.scenes.forest.stand import LODS, PRESETS
 from megalopta.scenes.forest.undergrowth import LAYERS
 
