@@ -47,8 +47,13 @@ def _figure(run: Run) -> Figure:
         "median of three runs, from counts of 10 photons per pixel to responses. The dissertation "
         "used MATLAB on an Intel Core i5-5300U at 2.3 GHz.",
         draw=draw,
-        columns=("method", *(f"time_{size}_ms" for size in SIZES)),
-        rows=tuple((name, *spent) for name, spent in times.items()),
+        numbers={
+            "method": list(times),
+            **{
+                f"time_{size}_ms": [spent[place] for spent in times.values()]
+                for place, size in enumerate(SIZES)
+            },
+        },
         height_in=2.0,
     )
 
