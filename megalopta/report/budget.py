@@ -17,6 +17,7 @@ from megalopta.errors import UserError
 from megalopta.report.footage import ReportFrames
 from megalopta.report.records import Record
 from megalopta.scenes.lighting import illuminance_of
+from megalopta.scenes.spectra import Bands
 from megalopta.sensor import (
     ImageSensor,
     StoredCounts,
@@ -33,42 +34,27 @@ _SPREAD_PERCENT = (5, 50, 95)
 
 @dataclass(frozen=True)
 class Budget:
-    """One sensor at one light level; means over pixels and frames unless said otherwise.
-
-    Attributes
-    ----------
-    sensor : Sensor or CtiaSensor
-    level : LightLevel
-    illuminance_lux : float
-    photons : float
-        That fall on a pixel, per exposure.
-    detected : float
-        Of these, without dead time.
-    dark : float
-        Reading of a pixel in the dark.
-    expected : float
-        Mean of the noise-free twin, what is read in the dark included; of counts before saturation.
-    signal_to_noise : (low, median, high)
-        Of single pixels: 5th, 50th and 95th percentile.
-    saturated_fraction : float
-        Readings of full pixels.
-    photons_per_frame : float
-        Detected photons summed over the frame.
-    rendering_noise : float, optional
-        Of a pixel, over its shot noise (standard deviations); None where it was not measured.
-    """
+    """One sensor at one light level; means over pixels and frames unless said otherwise."""
 
     sensor: ImageSensor
     level: LightLevel
     illuminance_lux: float
     photons: float
+    """That fall on a pixel, per exposure"""
     detected: float
+    """Of these, without dead time"""
     dark: float
+    """Reading of a pixel in the dark"""
     expected: float
+    """Of the noise-free twin, what is read in the dark included; of counts before saturation"""
     signal_to_noise: tuple[float, float, float]
+    """Of single pixels: 5th, 50th and 95th percentile"""
     saturated_fraction: float
+    """Readings of full pixels"""
     photons_per_frame: float
+    """Detected photons summed over the frame"""
     rendering_noise: float | None = None
+    """Of a pixel, over its shot noise (standard deviations); None where it was not measured"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,45 +70,40 @@ def exposed(dataset: Dataset, footage: ReportFrames, record: Record) -> list[Exp
     """Budget and pictures of every sensor at every light level; `record` is that of the scene."""
     noise = record.get("monte_carlo") or {}
     return [
-        _exposed(
-            dataset.configuration, footage, read_exposure(dataset, sensor, level), level, noise
-        )
-        for sensor, level in exposures(dataset)
+        _exposed(dataset.configuration, footage, read_exposure(dataset, *each), each[1], noise)
+        for each in exposures(dataset)
     ]
 
 
 def _exposed(
-    configuration: Configuration,
+    settings: Configuration,
     footage: ReportFrames,
     stored: StoredCounts,
     level: LightLevel,
     noise: Record,
 ) -> ExposureSummary:
-    exposure, frames = stored.exposure, list(footage.selection.frames)
-    scale = light_scale(configuration, level)
+    frames = list(footage.selection.frames)
+    scale = light_scale(settings, level)
     light = footage.radiance * scale.astype(np.float32)
     try:
-        budget = _budget(configuration, light, stored, level)
+        budget = _budget(light, settings.render.bands_nm, stored, level)
     except ValueError as problem:  # a measured map is gone
         raise UserError(f"sensor {stored.sensor.name!r}: {problem}") from None
     if "covariance" in noise:
-        rendering, shot, _ = variances(noise, configuration, stored.sensor, scale)
+        rendering, shot, _ = variances(noise, settings, stored.sensor, scale)
         relative = math.sqrt(max(rendering, 0.0) / shot) if shot else math.inf
         budget = replace(budget, rendering_noise=relative)
-    return ExposureSummary(
-        budget,
-        footage.selection.pixels(exposure.counts[frames]),
-        footage.selection.pixels(exposure.saturated[frames]),
+    counts, saturated = (
+        footage.selection.pixels(each[frames])
+        for each in (stored.exposure.counts, stored.exposure.saturated)
     )
+    return ExposureSummary(budget, counts, saturated)
 
 
 def _budget(
-    configuration: Configuration,
-    light: NDArray[np.float32],
-    stored: StoredCounts,
-    level: LightLevel,
+    light: NDArray[np.float32], bands: Bands, stored: StoredCounts, level: LightLevel
 ) -> Budget:
-    sensor, bands = stored.sensor, configuration.render.bands_nm
+    sensor = stored.sensor
     detected = detected_photons(light, bands, sensor)
     ratio = reading_signal_to_noise(light, bands, sensor)
     low, median, high = np.percentile(ratio, _SPREAD_PERCENT)

@@ -10,8 +10,8 @@ from megalopta.flow.benchmark import BenchmarkResult
 from megalopta.flow.metrics import ErrorCurve, Metric, Threshold
 from megalopta.report.budget import Budget
 from megalopta.report.charts import Need, error_chart, need_chart
-from megalopta.report.components import Table
-from megalopta.report.text import enumerate_words, short
+from megalopta.report.components import Table, crossed
+from megalopta.report.text import UNDEFINED, enumerate_words, short
 from megalopta.report.verdicts import ACCURATE
 
 Shape = tuple[int, int]
@@ -27,29 +27,18 @@ class Chart:
 
 @dataclass(frozen=True)
 class NeedSection:
-    """Charts and thresholds of the photon benchmark.
-
-    Attributes
-    ----------
-    curves : tuple of Chart
-        One per frame size and metric.
-    needs : tuple of Chart
-        One per frame size.
-    table : Table
-        Thresholds with their intervals.
-    repeats, warm_up, confidence_percent : number
-        How they were measured.
-    dark_counts : str
-        Per frame and pixel at each frame size.
-    """
+    """Charts and thresholds of the photon benchmark, and how they were measured."""
 
     curves: tuple[Chart, ...]
+    """One per frame size and metric"""
     needs: tuple[Chart, ...]
+    """One per frame size"""
     table: Table
     repeats: int
     warm_up: int
     confidence_percent: float
     dark_counts: str
+    """Per frame and pixel at each frame size"""
 
 
 def need_section(benchmark: BenchmarkResult, budgets: Sequence[Budget]) -> NeedSection:
@@ -67,7 +56,7 @@ def need_section(benchmark: BenchmarkResult, budgets: Sequence[Budget]) -> NeedS
             for shape in shapes
             if 2 in settings.bits
         ),
-        table=_threshold_table(curves, shapes, settings.metrics),
+        table=crossed("N_2b in photons per frame", "Detector", _thresholds(benchmark)),
         repeats=settings.repeats,
         warm_up=benchmark.warm_up,
         confidence_percent=100 * settings.confidence,
@@ -90,12 +79,11 @@ def _dark_counts(
 ) -> str:
     """Dark counts of a pixel at each size: a setting per original pixel, times the area ratio."""
     pixels = math.prod(original)
-    return enumerate_words(
-        [
-            f"{short(per_original_pixel * pixels / math.prod(shape))} at {_size(shape)} px"
-            for shape in shapes
-        ]
-    )
+    words = [
+        f"{short(per_original_pixel * pixels / math.prod(shape))} at {_size(shape)} px"
+        for shape in shapes
+    ]
+    return enumerate_words(words)
 
 
 def _curve_chart(curves: Sequence[ErrorCurve], shape: Shape, metric: str) -> Chart:
@@ -116,19 +104,10 @@ def _need_chart(curves: Sequence[ErrorCurve], shape: Shape, budgets: Sequence[Bu
     return Chart(title, need_chart(needs, budgets, f"need-{shape[0]}", text))
 
 
-def _threshold_table(
-    curves: Sequence[ErrorCurve], shapes: Sequence[Shape], metrics: Sequence[Metric]
-) -> Table:
-    cells = {
-        (curve.method, curve.shape, curve.metric): str(curve.thresholds.get(2, "–"))
-        for curve in curves
+def _thresholds(benchmark: BenchmarkResult) -> dict[tuple[str, str], str]:
+    return {
+        (curve.method, f"{_size(curve.shape)}, {curve.metric}"): str(
+            curve.thresholds.get(2, UNDEFINED)
+        )
+        for curve in benchmark.curves
     }
-    columns = [(shape, metric) for shape in shapes for metric in metrics]
-    return Table(
-        "N_2b in photons per frame",
-        ("Detector", *(f"{_size(shape)}, {metric}" for shape, metric in columns)),
-        tuple(
-            (method, *(cells[method, shape, metric] for shape, metric in columns))
-            for method in dict.fromkeys(curve.method for curve in curves)
-        ),
-    )
