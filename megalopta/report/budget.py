@@ -6,6 +6,7 @@ readings and saturation from everything that was stored.
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -55,6 +56,14 @@ class Budget:
     """Detected photons summed over the frame"""
     rendering_noise: float | None = None
     """Of a pixel, over its shot noise (standard deviations); None where it was not measured"""
+
+
+def by_sensor(budgets: Iterable[Budget]) -> dict[str, list[Budget]]:
+    """Budgets by the name of their sensor, in their order."""
+    found: dict[str, list[Budget]] = {}
+    for each in budgets:
+        found.setdefault(each.sensor.name, []).append(each)
+    return found
 
 
 @dataclass(frozen=True, eq=False)

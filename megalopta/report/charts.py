@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from megalopta.figures import BLACK, BLUE, DASHES, MARKERS, RULE, method_style, write_at
 from megalopta.flow.metrics import ErrorCurve, Threshold
-from megalopta.report.budget import Budget
+from megalopta.report.budget import Budget, by_sensor
 from megalopta.report.svg import in_style, logarithmic, new_axes, to_svg
 from megalopta.report.text import level_name, percent, short
 
@@ -48,9 +48,9 @@ def signal_chart(budgets: Sequence[Budget], sensors: Sequence[str]) -> Markup:
     # Before anything is drawn: with nothing above zero to show, the axes keep their first limits.
     logarithmic(axes, "x", _NUMBERS)
     logarithmic(axes, "y", _NUMBERS)
+    ranked = by_sensor(sorted(budgets, key=lambda each: each.illuminance_lux))
     for sensor, marker, dash in zip(sensors, cycle(MARKERS), cycle(DASHES), strict=False):
-        own = [each for each in budgets if each.sensor.name == sensor]
-        own.sort(key=lambda each: each.illuminance_lux)
+        own = ranked[sensor]
         lux = [each.illuminance_lux for each in own]
         low, median, high = _drawable(np.array([each.signal_to_noise for each in own])).T
         axes.plot(lux, median, marker, linestyle=dash, color=BLACK, label=_plain(sensor))
@@ -124,9 +124,7 @@ def need_chart(
 
     Filled markers are the first metric, open ones the others.
     """
-    supplies: dict[str, list[Budget]] = {}
-    for each in budgets:
-        supplies.setdefault(each.sensor.name, []).append(each)
+    supplies = by_sensor(budgets)
     first = 1.5 * len(supplies)
     places = [*(1.5 * row for row in range(len(supplies))), *(first + n for n in range(len(needs)))]
     bottom = places[-1] + 0.7

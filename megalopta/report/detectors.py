@@ -42,22 +42,11 @@ class ResponsePair:
 
 
 @dataclass(frozen=True)
-class ResponseRow:
-    """One method's answers at every light level."""
-
-    method: str
-    label: str
-    description: str
-    is_velocity: bool
-    pairs: tuple[ResponsePair, ...]
-
-
-@dataclass(frozen=True)
 class SensorResponses:
-    """All methods on one sensor."""
+    """One sensor: the answers of each method, a pair at every light level."""
 
     name: str
-    rows: tuple[ResponseRow, ...]
+    rows: tuple[tuple[Detector, tuple[ResponsePair, ...]], ...]
     errors: Table
 
 
@@ -135,14 +124,8 @@ def _sensor_responses(
 ) -> SensorResponses:
     settings = source.dataset.configuration
     rows = tuple(
-        ResponseRow(
-            method.name,
-            method.label,
-            _first_sentence(method),
-            method.gives == "velocity",
-            tuple(_pair(source, sensor, level, method) for level in settings.light_levels),
-        )
-        for method in (METHODS[name] for name in settings.methods)
+        (method, tuple(_pair(source, sensor, level, method) for level in settings.light_levels))
+        for method in map(METHODS.__getitem__, settings.methods)
     )
     return SensorResponses(sensor.name, rows, _errors(sensor.name, records))
 
@@ -209,7 +192,8 @@ def _response_scale(ideal: Floats) -> ColorScale:
     return map_scale("inferno", 0.0, high, _ROOT)
 
 
-def _first_sentence(method: Detector) -> str:
+def first_sentence(method: Detector) -> str:
+    """What a method's docstring says of it first."""
     text = (type(method).__doc__ or "").strip().split("\n")[0].removeprefix(f"{method.name}: ")
     return text[:1].upper() + text[1:]
 

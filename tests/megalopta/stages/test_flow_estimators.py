@@ -9,7 +9,7 @@ import pytest
 from megalopta.config.model import Configuration, load
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
 from megalopta.flow.egomotion.yaw_rate import rotation_error, yaw_rates_deg_s
-from megalopta.report.write import write_report
+from megalopta.report.page import write_report
 from megalopta.scenes.trajectories.steady import Trajectory
 from megalopta.stages.pipeline import run_stage
 
