@@ -18,8 +18,6 @@ class Figure:
 
     Attributes
     ----------
-    name : str
-        As on the command line and in file names: "fig-3.2", "table-3.1".
     title : str
         What is shown, in one line; of the dissertation's with their number: "Figure 3.2: …".
     caption : str
@@ -38,9 +36,10 @@ class Figure:
         Sentences that the numbers of this run bear out.
     details : mapping
         What else belongs to the numbers, ready for JSON: parameters, intervals, error curves.
+    name : str
+        That of its recipe, as on the command line and in file names: "fig-3.2", "table-3.1".
     """
 
-    name: str
     title: str
     caption: str
     draw: Callable[[Canvas], None]
@@ -49,11 +48,12 @@ class Figure:
     printed: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     findings: tuple[str, ...] = ()
     details: Mapping[str, Any] = field(default_factory=dict)
+    name: str = ""
 
     def __post_init__(self) -> None:
         """Refuse columns of unequal length."""
         if len({len(column) for column in self.numbers.values()}) > 1:
-            raise ValueError(f"{self.name}: columns {self.columns} differ in length")
+            raise ValueError(f"{self.title}: columns {self.columns} differ in length")
 
     @property
     def columns(self) -> tuple[str, ...]:

@@ -23,12 +23,12 @@ def points(sweep: Sweep, results: Results) -> str:
     level = f"{100 * 2.0 ** -search.bits[0]:g} %"
     metric = {"literal": "Eq. 4.5", "ratio": "the quotient of means"}[search.metrics[0]]
     flux = f"the photons per frame at which the error of {metric} falls to {level}"
-    text = (
-        f"Each point is the mean over {len(sweep.templates)} templates of {flux}, and its bar"
-        " reaches from the least to the most of them"
-        if len(sweep.templates) > 1
-        else f"Each point gives {flux}, with its {100 * search.confidence:g} % interval"
-    )
+    text = f"Each point gives {flux}, with its {100 * search.confidence:g} % interval"
+    if len(sweep.templates) > 1:
+        text = (
+            f"Each point is the mean over {len(sweep.templates)} templates of {flux}, and its bar "
+            "reaches from the least to the most of them"
+        )
     return f"{text}{_missing(sweep, results)}."
 
 

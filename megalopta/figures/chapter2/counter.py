@@ -92,7 +92,6 @@ def _figure(name: str, step_v: float) -> Figure:
 
     step = f"{1e3 * step_v:g} mV"
     return Figure(
-        name=name,
         title=f"Figure {name.removeprefix('fig-')}: analog counter in low light, steps of {step}",
         caption=(
             f"{_SHOWN} of {ROW[1]} pixels of a simulated row detect {LIGHT_HZ:g} photons per "

@@ -38,7 +38,6 @@ def _figure(_: Run) -> Figure:
         axes.legend(loc="upper left", ncols=2)
 
     return Figure(
-        name="fig-2.2",
         title="Figure 2.2: count rate over photon rate with dead time",
         caption=(
             "The curves are stationary means (Eq. 2.5 and 2.6) for four dead times τ. The count "

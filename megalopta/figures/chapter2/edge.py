@@ -43,8 +43,7 @@ def responses(method: str, frames: Floats) -> Floats:
     return detector(method).respond(frames[:, np.newaxis])[:, 0, 1:-1]
 
 
-def figure_2_14(_: Run) -> Figure:
-    """Pooled frames as an edge passes."""
+def _figure_2_14(_: Run) -> Figure:
     frames = {name: recording(sensor)[:FRAMES] for name, sensor in SENSORS.items()}
     bright, hidden = OPEN_PHOTONS, OPEN_PHOTONS * Bench().shade
     full = record(_SPEED_MM_S, SENSORS["SPADCAM"]).saturated.mean()
@@ -53,7 +52,6 @@ def figure_2_14(_: Run) -> Figure:
         "difference over open": 1 - hidden / bright,
     }
     return Figure(
-        name="fig-2.14",
         title="Figure 2.14: 32 frames of a row of 12 pooled pixels as an edge passes",
         caption=(
             f"The edge moves by {_SPEED}; photons are those detected, and SPADCAM's dark counts "
@@ -85,7 +83,6 @@ def _response_figure(name: str, method: str) -> Figure:
     }
     before = slice(detector(method).memory_frames, FRAMES // 4)
     return Figure(
-        name=name,
         title=f"Figure {name.removeprefix('fig-')}: {method} in the frames of Figure 2.14",
         caption=(
             "Each panel shows ten detectors with time constants of "
@@ -104,8 +101,7 @@ def _response_figure(name: str, method: str) -> Figure:
     )
 
 
-def figure_2_17(_: Run) -> Figure:
-    """One pooled pixel and its detectors as the edge passes and returns."""
+def _figure_2_17(_: Run) -> Figure:
     curves = {name: _curves(recording(sensor)) for name, sensor in SENSORS.items()}
     time_s = np.arange(2 * FRAMES) / FRAME_RATE_HZ
     styles = {"pooled pixel": ("-", GRAY), "NDM": ("-", BLUE), "NDS": ("--", VERMILION)}
@@ -123,7 +119,6 @@ def figure_2_17(_: Run) -> Figure:
         panels[1].set_xlabel("Time (s)")
 
     return Figure(
-        name="fig-2.17",
         title="Figure 2.17: one pooled pixel and its detectors as an edge passes and returns",
         caption=(
             f"The edge moves by {_SPEED}, as in the dissertation, and every curve is divided by "
@@ -179,8 +174,8 @@ def csv_name(label: str) -> str:
 
 
 RECIPES = (
-    FigureRecipe("fig-2.14", figure_2_14),
+    FigureRecipe("fig-2.14", _figure_2_14),
     FigureRecipe("fig-2.15", lambda _: _response_figure("fig-2.15", "NDM")),
     FigureRecipe("fig-2.16", lambda _: _response_figure("fig-2.16", "NDS")),
-    FigureRecipe("fig-2.17", figure_2_17),
+    FigureRecipe("fig-2.17", _figure_2_17),
 )

@@ -21,7 +21,6 @@ def _figure(_: Run) -> Figure:
         draw_table(canvas, _HEAD, [_texts(row) for row in rows], _WIDTHS)
 
     return Figure(
-        name="table-2.1",
         title="Table 2.1: SPADs of the literature, as presets",
         caption=(
             'Columns named "ours" are what the preset of each device measures in 4 s in the dark '

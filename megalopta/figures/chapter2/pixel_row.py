@@ -83,8 +83,7 @@ def measured_efficiency(row: RowMeasurement) -> Floats:
     return np.where(row.is_saturated, np.nan, (row.bright - row.dark) / photons)
 
 
-def figure_2_9(_: Run) -> Figure:
-    """Dark count rate of the row over the bias."""
+def _figure_2_9(_: Run) -> Figure:
     density = dark_density(measure_row())
     row = density[_index_of(SHEET_V)]
     quiet = row[row < 1.5]
@@ -97,7 +96,6 @@ def figure_2_9(_: Run) -> Figure:
         write_at(axes, "counter full", (13.405, FULL_HZ_UM2), (0, 4), color=GRAY)
 
     return Figure(
-        name="fig-2.9",
         title="Figure 2.9: dark count rate over bias, 16 pixels of one row",
         caption=(
             f"One row of the SPADCAM preset is simulated with {FRAMES} frames of 0.1 s at each "
@@ -115,8 +113,7 @@ def figure_2_9(_: Run) -> Figure:
     )
 
 
-def figure_2_10(_: Run) -> Figure:
-    """Cumulative distribution of the dark count rate over the row."""
+def _figure_2_10(_: Run) -> Figure:
     density = np.nan_to_num(dark_density(measure_row()))
     ranked = {v: np.sort(density[_index_of(v)]) for v in (13.48, 13.54, 13.58, 13.64, 13.68)}
     share = np.arange(1, PIXELS + 1) / PIXELS
@@ -132,7 +129,6 @@ def figure_2_10(_: Run) -> Figure:
         axes.legend(title="Anode voltage", loc="lower right")
 
     return Figure(
-        name="fig-2.10",
         title="Figure 2.10: cumulative distribution of the dark count rate over one row",
         caption=(
             "This is the row of Figure 2.9, exposed for 0.1 s at 10 mV a count. The dissertation "
@@ -144,8 +140,7 @@ def figure_2_10(_: Run) -> Figure:
     )
 
 
-def figure_2_11(_: Run) -> Figure:
-    """Detection efficiency of the row over the bias."""
+def _figure_2_11(_: Run) -> Figure:
     efficiency = measured_efficiency(measure_row())
     offsets = breakdown_offset(SPADCAM.bias, (1, PIXELS), SPADCAM.device_seed)[0]
 
@@ -155,7 +150,6 @@ def figure_2_11(_: Run) -> Figure:
         axes.set_ylim(0, None)
 
     return Figure(
-        name="fig-2.11",
         title="Figure 2.11: photon detection efficiency over bias, 16 pixels of one row, 450 nm",
         caption=(
             "The efficiency is the bright less the dark counts over the photons on the active "
@@ -178,8 +172,7 @@ def figure_2_11(_: Run) -> Figure:
     )
 
 
-def figure_2_12(_: Run) -> Figure:
-    """Ratio of detections to dark counts over the bias."""
+def _figure_2_12(_: Run) -> Figure:
     row = measure_row()
     efficiency, dark_hz = measured_efficiency(row), dark_density(row) * ACTIVE_UM2
     # no logarithm where nothing was detected
@@ -200,7 +193,6 @@ def figure_2_12(_: Run) -> Figure:
         axes.legend(loc="upper right")
 
     return Figure(
-        name="fig-2.12",
         title="Figure 2.12: detections over dark counts, 10⁶ photons per pixel and second",
         caption=(
             "The curves are efficiency times photon rate over dark count rate, in power decibels, "
@@ -243,8 +235,8 @@ def _biases_of_largest(values: Floats) -> str:
 
 
 RECIPES = (
-    FigureRecipe("fig-2.9", figure_2_9),
-    FigureRecipe("fig-2.10", figure_2_10),
-    FigureRecipe("fig-2.11", figure_2_11),
-    FigureRecipe("fig-2.12", figure_2_12),
+    FigureRecipe("fig-2.9", _figure_2_9),
+    FigureRecipe("fig-2.10", _figure_2_10),
+    FigureRecipe("fig-2.11", _figure_2_11),
+    FigureRecipe("fig-2.12", _figure_2_12),
 )

@@ -89,7 +89,6 @@ def _figure(name: str, method: str) -> Figure:
 
     number = name.removeprefix("fig-")
     return Figure(
-        name=name,
         title=f"Figure {number}: peak response of {method} to an edge over its velocity",
         caption=_caption(method, found),
         printed=_printed(method, found, float(ideal[2] / ideal[1])),

@@ -76,8 +76,7 @@ def over_bias(axes: Axes, label: str, is_current: bool) -> None:
         axes.yaxis.set_major_formatter(EngFormatter(unit="A"))
 
 
-def figure_3_2(_: Run) -> Figure:
-    """Discharge for open-loop gains of 40 to 90 dB."""
+def _figure_3_2(_: Run) -> Figure:
     diode = Photodiode(saturation_current_a=100e-12)
     pixels = {
         gain_db: Pixel(diode, 100e-15, SWING_V, gain_from_db(float(gain_db)), 1e-3)
@@ -95,7 +94,6 @@ def figure_3_2(_: Run) -> Figure:
         axes.legend(title="Open-loop gain")
 
     return Figure(
-        name="fig-3.2",
         title="Figure 3.2: CTIA pixel discharging from an input offset of 1 mV",
         caption=(
             "As in the dissertation, the saturation current is 100 pA, the capacitance 100 fF, and "
@@ -116,8 +114,7 @@ def figure_3_2(_: Run) -> Figure:
     )
 
 
-def figure_3_5(_: Run) -> Figure:
-    """Discharge with the silicon diode at several reverse biases."""
+def _figure_3_5(_: Run) -> Figure:
     biases = [code * STEP_V for code in (24.5, 12.5, 6.5, 3.5, 1.5, 0.5, -0.5)]
     pixels = {bias: built_pixel("si", bias) for bias in biases}
     times = np.linspace(0, 300, 301)
@@ -129,7 +126,6 @@ def figure_3_5(_: Run) -> Figure:
         axes.legend(title="Reverse bias", loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
     return Figure(
-        name="fig-3.5",
         title="Figure 3.5: CTIA pixel discharging in the dark, Si photodiode",
         caption=(
             "The fabricated pixel (10 pF, 130 dB) has the preset of the SFH229FA and DAC codes "
@@ -144,8 +140,7 @@ def figure_3_5(_: Run) -> Figure:
     )
 
 
-def figure_3_6(_: Run) -> Figure:
-    """Dark current against reverse bias for both diodes."""
+def _figure_3_6(_: Run) -> Figure:
     biases = dac_sweep(1.0)
     printed = {"ingaas": 700e-12, "si": 10.4e-15}
     currents = {name: estimate_current(built_pixel(name, biases)) for name in printed}
@@ -164,7 +159,6 @@ def figure_3_6(_: Run) -> Figure:
         axes.legend()
 
     return Figure(
-        name="fig-3.6",
         title="Figure 3.6: dark current against reverse bias, non-adaptive pixel",
         caption=(
             "Points are 10–90 % estimates at DAC codes with the presets of the diodes, which have "
@@ -216,7 +210,7 @@ def _draw_discharges(
 
 
 RECIPES = (
-    FigureRecipe("fig-3.2", figure_3_2),
-    FigureRecipe("fig-3.5", figure_3_5),
-    FigureRecipe("fig-3.6", figure_3_6),
+    FigureRecipe("fig-3.2", _figure_3_2),
+    FigureRecipe("fig-3.5", _figure_3_5),
+    FigureRecipe("fig-3.6", _figure_3_6),
 )

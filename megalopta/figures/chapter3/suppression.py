@@ -62,46 +62,37 @@ LED_A: Mapping[str, tuple[float, float]] = {
     "si": (5e-12, 20e-12),
     "ingaas_quiet": (150e-12, 600e-12),
 }
+_STATES = ("Non-adaptive (best)", "Adaptive (poor)", "Adaptive (fine)", "Limit set by the leak")
 
 
 def _photocurrents(name: str, diode: str, decades_printed: str) -> Figure:
     """Dark current and photocurrents of two LED intensities against bias."""
     biases = dac_sweep(1.2)
     dark, *light = _bench(diode, biases)
-    flat = max(float(np.ptp(one) / np.mean(one)) for one in light)
+    ppm = 1e6 * max(1e-6, *(np.ptp(one) / np.mean(one) for one in light))
     fall = decades(diode, 20e-3, 1e-3)
-    note, figure = (
-        ("", "Figure 3.10")
-        if diode == "si"
-        else ("; the diode, printed only as less noisy, has the 100 pA of Figure 3.2", "Figure 3.9")
-    )
+    note, figure = "; the diode, printed only as less noisy, has the 100 pA of Figure 3.2", "3.9"
+    if diode == "si":
+        note, figure = "", "3.10"
 
     def draw(canvas: Canvas) -> None:
         axes = canvas.subplots()
-        curves = (
-            ("LED2 − dark", light[1], "o-", ORANGE),
-            ("LED1 − dark", light[0], "s-", BLUE),
-            ("dark", dark, "^-", BLACK),
-        )
-        for label, values, line, color in curves:
-            axes.plot(1e3 * biases, values, line, color=color, label=label)
+        axes.plot(1e3 * biases, light[1], "o-", color=ORANGE, label="LED2 − dark")
+        axes.plot(1e3 * biases, light[0], "s-", color=BLUE, label="LED1 − dark")
+        axes.plot(1e3 * biases, dark, "^-", color=BLACK, label="dark")
         over_bias(axes, "Estimated current", is_current=True)
         axes.legend(loc="lower right")
 
     return Figure(
-        name=name,
         title=f"{_number(name)}: dark current and photocurrent, {NAMES[diode]} photodiode",
         caption=(
             "Each photocurrent is the difference of two 10–90 % estimates; the model's quantum "
             "efficiency does not depend on bias. LED1 and LED2 are our choice, "
             f"{' and '.join(map(ampere, LED_A[diode]))}, for none is printed{note}. A diode with a "
-            f"shunt cannot fall by more than 1.30 decades, of which {figure} tells more."
+            f"shunt cannot fall by more than 1.30 decades, of which Figure {figure} tells more."
         ),
         printed={
-            "Photocurrent over bias": (
-                f"constant to {1e6 * max(flat, 1e-6):.0f} ppm",
-                "fairly constant",
-            ),
+            "Photocurrent over bias": (f"constant to {ppm:.0f} ppm", "fairly constant"),
             "Fall of the dark current, 20 to 1 mV": (f"{fall:.2f} decades", decades_printed),
         },
         draw=draw,
@@ -136,7 +127,6 @@ def _snr(name: str, diode: str, printed_db: float, printed: str) -> Figure:
         axes.legend()
 
     return Figure(
-        name=name,
         title=f"{_number(name)}: SNR against reverse bias, {NAMES[diode]} photodiode",
         caption=(
             "The SNR is 20·log10(photocurrent / dark current). The model allows a rise of 23.0 to "
@@ -154,15 +144,9 @@ def _snr(name: str, diode: str, printed_db: float, printed: str) -> Figure:
     )
 
 
-def table_3_1(_: Run) -> Figure:
-    """Dark currents of both pixels, ours beside those printed."""
+def _table_3_1(_: Run) -> Figure:
     numbers: dict[str, list[Cell]] = {
-        "state": [
-            "Non-adaptive (best)",
-            "Adaptive (poor)",
-            "Adaptive (fine)",
-            "Limit set by the leak",
-        ],
+        "state": [*_STATES],
         "si_printed_a": [10.4e-15, 1.6e-12, 33.8e-15, np.nan],
         "si_ours_a": [*_states("si", poor_v=15e-3)],
         "ingaas_printed_a": [700e-12, 5.8e-9, 2.25e-12, np.nan],
@@ -179,7 +163,6 @@ def table_3_1(_: Run) -> Figure:
         for diode in BUILT
     ]
     return Figure(
-        name="table-3.1",
         title="Table 3.1: dark current suppression of the CTIA pixel",
         caption=(
             "Non-adaptive is the mean over an offset that falls anywhere between two DAC codes, "
@@ -263,5 +246,5 @@ RECIPES = (
         "fig-3.9", lambda _: _snr("fig-3.9", "ingaas_quiet", 40.0, "about 40 dB, then 50 dB")
     ),
     FigureRecipe("fig-3.10", lambda _: _snr("fig-3.10", "si", 30.0, "about 30 dB")),
-    FigureRecipe("table-3.1", table_3_1),
+    FigureRecipe("table-3.1", _table_3_1),
 )

@@ -100,7 +100,6 @@ def _figure(run: Run) -> Figure:
     factor = fluxes["natural", "literal", "EMD"] / fluxes["natural", "ratio", "EMD"]
     found = borne_out(division_sentence(factor), growth_with_floor(curves["natural"]))
     return Figure(
-        name="denominators",
         title="Dividing by responses near zero, frames of 60 × 60 px",
         caption=(
             f"The left panel has the error of EMD at {FLUX / 1e6:g} million photons per frame of "

@@ -170,7 +170,6 @@ def _figure(run: Run) -> Figure:
     ]
     columns = ("method", "picture", "coding", "information_per_photon", "photons_per_frame")
     return Figure(
-        name="natural-information",
         title="Photons needed over the information in a natural picture",
         caption=(
             f"Points are the least photons per frame of {SIZE} × {SIZE} px, of all velocities, "

@@ -22,8 +22,7 @@ _VARIANTS: tuple[GratingVariant, ...] = ("rot", "periodic")
 _LEAVES_COLUMNS = 753
 
 
-def figure_4_2(_: Run) -> Figure:
-    """The 2-D sine grating at N_pool = 60."""
+def _figure_4_2(_: Run) -> Figure:
     center = (np.arange(ROWS) + 0.5) / ROWS
     y, x = np.meshgrid(center, center, indexing="ij")
     frames = {
@@ -40,7 +39,6 @@ def figure_4_2(_: Run) -> Figure:
 
     rows, columns = np.indices((POOLED, POOLED))
     return Figure(
-        name="fig-4.2",
         title="Figure 4.2: 2-D sine grating, 4 cycles per frame, 60 × 60 px",
         caption=(
             "The grating is S = 1 + C·sin(2πf·xr)·sin(2πf·yr) in coordinates turned by 45°, with "
@@ -57,8 +55,7 @@ def figure_4_2(_: Run) -> Figure:
     )
 
 
-def figure_4_3(run: Run) -> Figure:
-    """The four rendered forests, and their statistics beside those of dead leaves."""
+def _figure_4_3(run: Run) -> Figure:
     forests = natural_templates(run.cache)
     leaves = dead_leaves((ROWS, _LEAVES_COLUMNS), generator(1, "figure 4.3"))
     templates = {**forests, "dead leaves": leaves}
@@ -80,7 +77,6 @@ def figure_4_3(run: Run) -> Figure:
         _draw_gradients(gradients, templates)
 
     return Figure(
-        name="fig-4.3",
         title="Figure 4.3: rendered forests in place of photographs",
         caption=_caption(statistics),
         draw=draw,
@@ -132,6 +128,6 @@ def _line(index: int) -> dict[str, object]:
 
 
 RECIPES = (
-    FigureRecipe("fig-4.2", figure_4_2),
-    FigureRecipe("fig-4.3", figure_4_3),
+    FigureRecipe("fig-4.2", _figure_4_2),
+    FigureRecipe("fig-4.3", _figure_4_3),
 )

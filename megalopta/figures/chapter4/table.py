@@ -87,7 +87,6 @@ def _figure(run: Run) -> Figure:
         draw_table(canvas, head, lines, [1.5, 0.9, 0.9, 0.7, 1.6, 1.6, 1.1])
 
     return Figure(
-        name=TABLE,
         title="Table 4.1: fewest photons per frame for two bits, 60 × 60 px",
         caption=NOTE,
         draw=draw,

@@ -41,7 +41,6 @@ def _figure(run: Run) -> Figure:
         draw_table(canvas, ["", *head], [_line(*each) for each in times.items()], WIDTHS)
 
     return Figure(
-        name="table-4.times",
         title="Computing time per frame (ms), beside that of §4.6.4",
         caption="Ours is the CPU time on this machine of a frame whose predecessors are known, the "
         "median of three runs, from counts of 10 photons per pixel to responses. The dissertation "

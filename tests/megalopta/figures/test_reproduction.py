@@ -74,7 +74,7 @@ def test_failed_figure_leaves_no_file(tmp_path):
     def fail(canvas):
         raise RuntimeError("no ink")
 
-    broken = Figure("broken", "", "", fail, {})
+    broken = Figure("", "", fail, {}, name="broken")
     with pytest.raises(RuntimeError, match="no ink"):
         write_figure(broken, tmp_path)
     assert not list(tmp_path.iterdir())
@@ -108,7 +108,7 @@ def test_no_name_is_refused_with_the_list(tmp_path):
 
 def test_ragged_numbers_are_refused():
     with pytest.raises(ValueError, match="differ in length"):
-        Figure("x", "", "", draw, {"a": (1.0,), "b": (1.0, 2.0)})
+        Figure("x", "", draw, {"a": (1.0,), "b": (1.0, 2.0)})
 
 
 def test_a_figure_is_found_by_its_name_and_under_no_other():
