@@ -43,7 +43,7 @@ class Figure:
     title: str
     caption: str
     draw: Callable[[Canvas], None]
-    numbers: Mapping[str, Sequence[Cell] | Floats]
+    numbers: Mapping[str, Sequence[Cell] | NDArray[np.floating | np.integer]]
     height_in: float = 4.0
     printed: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     findings: tuple[str, ...] = ()

@@ -75,7 +75,7 @@ def speed_chart(speeds: NDArray[np.floating], median: float) -> Markup:
         alpha=0.85,
     )
     axes.axvline(median, color=BLACK, linewidth=1.2)
-    top = {"xycoords": ("data", "axes fraction"), "va": "top", "fontsize": 10.5}
+    top: Style = {"xycoords": ("data", "axes fraction"), "va": "top", "fontsize": 10.5}
     axes.annotate(f" median {median:.2g}", (median, 1), **top)
     axes.grid(axis="y")
     axes.set(xlabel="speed in the image (px per frame)", ylabel="share of pixels (%)")
@@ -103,7 +103,7 @@ def error_chart(curves: Sequence[ErrorCurve], name: str, level: float, descripti
         axes.fill_between(curve.fluxes, lower, upper, color=style["color"], alpha=0.2, linewidth=0)
         axes.plot(curve.fluxes, errors, **style, markersize=4)
     axes.axhline(level, color=BLACK, linewidth=1.2, linestyle="--")
-    right = {"xycoords": ("axes fraction", "data"), "ha": "right", "fontsize": 10.5}
+    right: Style = {"xycoords": ("axes fraction", "data"), "ha": "right", "fontsize": 10.5}
     write_at(axes, f"{percent(level)} error", (1, level), (-3, 3), **right)
     logarithmic(axes, "x", _NUMBERS)
     logarithmic(axes, "y", _ERRORS)

@@ -14,6 +14,7 @@ from megalopta.report.text import enumerate_words, level_name, level_title, numb
 from megalopta.report.verdicts import LIMIT, VerdictGroup
 from megalopta.scenes.lighting import illuminance_of
 
+Needs = Mapping[str, Threshold]
 NO_MOTION = "IM"
 """The yardstick among the methods: it measures brightness."""
 
@@ -152,7 +153,8 @@ def need_finding(curves: Sequence[ErrorCurve], metric: Metric) -> str | None:
         if (curve.shape, curve.metric) == ((rows, columns), metric)
         if curve.method != NO_MOTION and (need := curve.thresholds.get(2))
     }
-    parts = [*_fewest(needs), *_most(needs)]
+    crossing = {name: need for name, need in needs.items() if need.flux}
+    parts = [*_fewest(needs, crossing), *_most(needs, crossing)]
     if not parts:
         return None
     return (
@@ -162,12 +164,11 @@ def need_finding(curves: Sequence[ErrorCurve], metric: Metric) -> str | None:
     )
 
 
-def _fewest(needs: Mapping[str, Threshold]) -> list[str]:
+def _fewest(needs: Needs, crossing: Needs) -> list[str]:
     below = [name for name, need in needs.items() if need.kind == "below"]
     if below:
         limit = format_flux(max(needs[name].range_min for name in below))
         return [f"{_named(below)} fewer than {limit} photons per frame"]
-    crossing = {name: need for name, need in needs.items() if need.flux}
     if not crossing:
         return []
     least = min(crossing.values(), key=_flux)
@@ -178,12 +179,11 @@ def _fewest(needs: Mapping[str, Threshold]) -> list[str]:
     return [f"{_named(close)}{rank} {fluxes} per frame"]
 
 
-def _most(needs: Mapping[str, Threshold]) -> list[str]:
+def _most(needs: Needs, crossing: Needs) -> list[str]:
     above = [name for name, need in needs.items() if need.kind == "above"]
     if above:
         limit = format_flux(min(needs[name].range_max for name in above))
         return [f"{_named(above)} more than {limit} photons per frame"]
-    crossing = {name: need for name, need in needs.items() if need.flux}
     if len(crossing) < 2:
         return []
     name, most = max(crossing.items(), key=lambda each: _flux(each[1]))

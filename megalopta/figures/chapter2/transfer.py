@@ -54,14 +54,7 @@ def theory(method: str, velocity: Floats) -> Floats:
 def _figure(name: str, method: str) -> Figure:
     velocity = np.array([pixels_per_frame(speed) for speed in SPEEDS_MM_S])
     found = measured(method)
-    statistics = {
-        label: {
-            "mean": np.array([each.mean for each in over_speeds]),
-            "sigma": np.array([each.deviation for each in over_speeds]),
-            "snr_db": np.array([each.snr_db for each in over_speeds]),
-        }
-        for label, over_speeds in found.items()
-    }
+    statistics = {label: _statistics(over_speeds) for label, over_speeds in found.items()}
     ideal = np.array([each.ideal.mean() for each in found["Poisson noise only"]])
     scale = ideal.max() / theory(method, velocity).max()
 
@@ -105,6 +98,14 @@ def _figure(name: str, method: str) -> Figure:
             },
         },
     )
+
+
+def _statistics(over_speeds: list[Peaks]) -> dict[str, Floats]:
+    return {
+        "mean": np.array([each.mean for each in over_speeds]),
+        "sigma": np.array([each.deviation for each in over_speeds]),
+        "snr_db": np.array([each.snr_db for each in over_speeds]),
+    }
 
 
 def _caption(method: str, found: dict[str, list[Peaks]]) -> str:

@@ -34,6 +34,7 @@ from megalopta.figures import (
     BLUE,
     GRAY,
     ORANGE,
+    Cell,
     Figure,
     FigureRecipe,
     Run,
@@ -72,23 +73,7 @@ def leaderboard(_: Run) -> Figure:
             f"{_collected(entries)}"
         ),
         draw=lambda canvas: _draw_board(canvas.subplots(), entries, {2: two, 8: eight}),
-        numbers=columns_of(
-            {
-                "method": each.detector.name,
-                "label": each.detector.label,
-                "frames": float(each.frames),
-                "photons_per_frame": each.photons,
-                "photons_in_all_frames": each.frames * each.photons,
-                "low": each.low,
-                "high": each.high,
-                "bound_photons_per_frame": each.bound_photons,
-                "block_and_margin_bound_photons_per_frame": each.cut_bound_photons,
-                "efficiency": each.efficiency,
-                "photons_over_two_frame_bound": each.photons / two,
-                "cpu_ms_per_frame": each.ms_per_frame,
-            }
-            for each in entries
-        ),
+        numbers=columns_of(_row(each, two) for each in entries),
         height_in=0.8 + 0.36 * len(entries),
         details={
             "bounds": {
@@ -100,6 +85,23 @@ def leaderboard(_: Run) -> Figure:
             }
         },
     )
+
+
+def _row(entry: Entry, two_frame_bound: float) -> dict[str, Cell]:
+    return {
+        "method": entry.detector.name,
+        "label": entry.detector.label,
+        "frames": float(entry.frames),
+        "photons_per_frame": entry.photons,
+        "photons_in_all_frames": entry.frames * entry.photons,
+        "low": entry.low,
+        "high": entry.high,
+        "bound_photons_per_frame": entry.bound_photons,
+        "block_and_margin_bound_photons_per_frame": entry.cut_bound_photons,
+        "efficiency": entry.efficiency,
+        "photons_over_two_frame_bound": entry.photons / two_frame_bound,
+        "cpu_ms_per_frame": entry.ms_per_frame,
+    }
 
 
 def _collected(entries: Sequence[Entry]) -> str:
