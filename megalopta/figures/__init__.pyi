@@ -1,4 +1,4 @@
-from .picture import Cell, Figure, Floats, Printed, rows_of
+from .picture import Cell, Figure, Floats, borne_out, columns_of
 from .recipe import FigureRecipe, Run, Templates
 from .registry import names
 from .reproduction import reproduce, reproduce_sweep
@@ -16,10 +16,13 @@ from .style import (
     VERMILION,
     draw_table,
     house_style,
+    line_style,
     method_style,
     new_canvas,
+    write_at,
 )
-from .sweep import Needed, bound, needed, sweep_curve, sweep_figure, threshold_of
+from .sweep import sweep_figure
+from .thresholds import Needed, needed, or_nan, sweep_curve, threshold_of
 
 __all__ = [
     "BLACK",
@@ -38,20 +41,22 @@ __all__ = [
     "FigureRecipe",
     "Floats",
     "Needed",
-    "Printed",
     "Run",
     "Templates",
-    "bound",
+    "borne_out",
+    "columns_of",
     "draw_table",
     "house_style",
+    "line_style",
     "method_style",
     "names",
     "needed",
     "new_canvas",
+    "or_nan",
     "reproduce",
     "reproduce_sweep",
-    "rows_of",
     "sweep_curve",
     "sweep_figure",
     "threshold_of",
+    "write_at",
 ]

@@ -45,7 +45,7 @@ class FigureRecipe:
 
     def make(self, run: Run) -> Figure:
         """Return the figure; one that rests on fewer trials says so, in title and numbers."""
-        made = self.figure(run)
+        made = replace(self.figure(run), name=self.name)
         if not (run.is_quick and self.trials(True)):
             return made
         title = f"{made.title} (quick form)"

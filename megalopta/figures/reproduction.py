@@ -29,7 +29,7 @@ def reproduce(
     workers: int | None = None,
     cache: Path | None = None,
 ) -> list[Path]:
-    """Write NAME.png, NAME.svg, NAME.csv and NAME.json into a folder for every figure named.
+    """Write NAME.png, NAME.svg, NAME.csv and NAME.json of every figure named; return their paths.
 
     Parameters
     ----------
@@ -46,11 +46,6 @@ def reproduce(
         Threads that measure; by default one for each core. Changes no number.
     cache : Path, optional
         Folder of rendered panoramas; by default the user's.
-
-    Returns
-    -------
-    list of Path
-        What was written.
 
     Raises
     ------
@@ -74,16 +69,7 @@ def reproduce(
 def reproduce_sweep(
     name: str, sweep: Sweep, out: Path, workers: int | None = None, cache: Path | None = None
 ) -> list[Path]:
-    """Measure a sweep and write its figure; as `reproduce`.
-
-    Parameters
-    ----------
-    name : str
-        Of the files.
-    sweep
-    out, workers, cache
-        As in `reproduce`.
-    """
+    """Measure a sweep and write its figure under this name; else as `reproduce`."""
     ensure_directory(out)
     measured = _measure(sweep.trials, out, False, workers, cache)
     return write_figure(sweep_figure(name, sweep, measured.results), out)
@@ -98,41 +84,38 @@ def _measure(
 
 def write_figure(figure: Figure, out: Path) -> list[Path]:
     """Draw one figure and write its four files."""
-    paths = [out / f"{figure.name}.{kind}" for kind in ("png", "svg", "csv", "json")]
+    paths = png, svg, numbers, record = [
+        out / f"{figure.name}.{kind}" for kind in ("png", "svg", "csv", "json")
+    ]
+    table = [(what, *values) for what, values in figure.printed.items()]
     with house_style():
-        table = [("", "Ours", "Dissertation"), *figure.printed] if figure.printed else []
-        canvas = new_canvas(figure.title, figure.caption, figure.height_in, table)
+        head = [("", "Ours", "Dissertation")] if table else []
+        canvas = new_canvas(figure.title, figure.caption, figure.height_in, head + table)
         figure.draw(canvas)
         canvas.draw_without_rendering()
         canvas.set_layout_engine("none")  # laid out once is enough for both pictures
-        title = figure.title
-        for path, metadata in zip(
-            paths, ({"Title": title}, {"Title": title, "Date": None}), strict=False
-        ):
+        for path, undated in ((png, {}), (svg, {"Date": None})):
             with atomic_write(path) as temporary:
-                canvas.savefig(temporary, metadata=metadata)
-    _write_csv(figure, paths[2])
-    write_json(paths[3], _record(figure))
+                canvas.savefig(temporary, metadata={"Title": figure.title, **undated})
+    with atomic_write(numbers) as part, part.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerows([figure.columns, *([_cell(each) for each in row] for row in figure.rows)])
+    write_json(record, _record(figure))
     return paths
 
 
-def _write_csv(figure: Figure, path: Path) -> None:
-    with atomic_write(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(figure.columns)
-        writer.writerows([_cell(value) for value in row] for row in figure.rows)
-
-
 def _record(figure: Figure) -> dict[str, Any]:
-    rows = [[_json(value) for value in row] for row in figure.rows]
     return {
         "name": figure.name,
         "title": figure.title,
         "caption": figure.caption,
-        "printed": [each._asdict() for each in figure.printed],
+        "printed": [
+            {"quantity": what, "ours": ours, "dissertation": theirs}
+            for what, (ours, theirs) in figure.printed.items()
+        ],
         "findings": figure.findings,
         "columns": figure.columns,
-        "rows": rows,
+        "rows": [[_json(value) for value in row] for row in figure.rows],
         **figure.details,
     }
 

@@ -15,6 +15,7 @@ from zlib import crc32
 
 import matplotlib
 from cycler import cycler
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Canvas
 from matplotlib.typing import LineStyleType
@@ -90,6 +91,11 @@ def method_style(name: str) -> dict[str, Any]:
     }
 
 
+def line_style(place: int) -> dict[str, Any]:
+    """Return color and dash of the line in this place among others."""
+    return {"color": PALETTE[place], "linestyle": DASHES[place % len(DASHES)]}
+
+
 @contextmanager
 def house_style(changes: Mapping[str, Any] = MappingProxyType({})) -> Iterator[None]:
     """Matplotlib's settings, with some changes, inside the block; they are as before after it."""
@@ -105,14 +111,8 @@ def new_canvas(
 ) -> Canvas:
     """Return an empty matplotlib figure with a title above and a caption below the drawing.
 
-    Parameters
-    ----------
-    title, caption : str
-        They are wrapped to the width.
-    height_in : float
-        Height left for the drawing (inches).
-    table : sequence of rows
-        Three texts per row, shown between drawing and caption; the first row is its head.
+    Title and caption are wrapped to the width; `height_in` is left for the drawing, and below it
+    stands `table`, rows of three texts, the first of which is its head.
     """
     head, lines = wrapped(title, _TITLE_CHARACTERS), wrapped(caption, _CHARACTERS)
     above = _TITLE_LINE_IN * len(head) + 0.16
@@ -139,6 +139,13 @@ def new_canvas(
     return canvas
 
 
+def write_at(
+    axes: Axes, text: str, at: tuple[float, float], offset: tuple[float, float], **style: Any
+) -> None:
+    """Write a text so many points beside a place, which is one in data where not said otherwise."""
+    axes.annotate(text, at, offset, textcoords="offset points", **style)
+
+
 def wrapped(text: str, characters: int) -> list[str]:
     """Return the lines of a text; no number is parted from its unit."""
     held = re.sub(r"(?<=[\d×=]) (?=\S)| (?=[×=%])", "\N{NO-BREAK SPACE}", text)
@@ -146,35 +153,20 @@ def wrapped(text: str, characters: int) -> list[str]:
 
 
 def draw_table(
-    canvas: Canvas,
-    columns: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    widths: Sequence[float] | None = None,
+    canvas: Canvas, head: Sequence[str], rows: Sequence[Sequence[str]], widths: Sequence[float]
 ) -> None:
-    """Draw a table of text with a rule under its head and light rules between its rows.
+    """Draw a table of text, with a rule under its head and light rules between its rows.
 
-    Parameters
-    ----------
-    canvas : matplotlib figure
-    columns : sequence of str
-        Head of each column.
-    rows : sequence of sequences of str
-        One text per column.
-    widths : sequence of float, optional
-        Relative width of each column; equal where not given.
+    Each column has a share of the page in proportion to its width.
     """
     axes = canvas.subplots()
     axes.set_axis_off()
-    share = [1.0] * len(columns) if widths is None else list(widths)
-    share = [width / sum(share) for width in share]
-    starts = [sum(share[:column]) for column in range(len(share))]
+    starts = [sum(widths[:column]) / sum(widths) for column in range(len(widths))]
     lines = len(rows) + 1
-    for line, row in enumerate([columns, *rows]):
-        height = 1 - (line + 0.5) / lines
+    for line, row in enumerate([head, *rows]):
+        weight, color, width = ("normal", RULE, 0.8) if line else ("bold", BLACK, 1.2)
         for start, text in zip(starts, row, strict=True):
-            weight = "bold" if line == 0 else "normal"
+            height = 1 - (line + 0.5) / lines
             axes.text(start + 0.01, height, text, va="center", fontsize=10.5, fontweight=weight)
-        color, width = (BLACK, 1.2) if line == 0 else (RULE, 0.8)
         axes.plot([0, 1], [1 - (line + 1) / lines] * 2, color=color, linewidth=width)
-    axes.set_xlim(0, 1)
-    axes.set_ylim(0, 1)
+    axes.set(xlim=(0, 1), ylim=(0, 1))

@@ -19,25 +19,16 @@ _PAPER, _INK, _FAINT = (255, 255, 255), (26, 26, 26), (110, 110, 110)
 
 @dataclass(frozen=True)
 class Cell:
-    """One scene in one light.
-
-    Attributes
-    ----------
-    scene, level : str
-        Names.
-    illuminance_lux : float
-        Of an unshaded horizontal plane.
-    view : (H, W, 3) uint8
-        The radiance, exposed and white-balanced for its own light.
-    counts : (H, W)
-        Of a sensor, in one exposure.
-    """
+    """One scene in one light."""
 
     scene: str
     level: str
     illuminance_lux: float
+    """Of an unshaded horizontal plane"""
     view: NDArray[np.uint8]
+    """The radiance (H, W, 3), exposed and white-balanced for its own light"""
     counts: NDArray[np.integer | np.floating]
+    """Of a sensor, in one exposure (H, W)"""
 
     @property
     def light(self) -> str:
@@ -67,11 +58,9 @@ def write_sheet(path: Path, cells: Sequence[Cell]) -> None:
     height, width = cells[0].view.shape[:2]
     size = (_WIDTH, round(_WIDTH * height / width))
     row_height = 2 * (size[1] + _LINE) + _LINE + 3 * _GAP
-    sheet = Image.new(
-        "RGB",
-        (max(map(len, rows)) * (_WIDTH + _GAP) + _GAP, _LINE + 2 * _GAP + len(rows) * row_height),
-        _PAPER,
-    )
+    columns = max(map(len, rows))
+    whole = columns * (_WIDTH + _GAP) + _GAP, _LINE + 2 * _GAP + len(rows) * row_height
+    sheet = Image.new("RGB", whole, _PAPER)
     draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(12)
     for row, group in enumerate(rows):
         top = _LINE + 2 * _GAP + row * row_height
@@ -94,9 +83,8 @@ def write_page(path: Path, cells: Sequence[Cell], exposure_s: float) -> None:
     """Write all cells as one HTML page with the pictures inside it."""
     rows = [(scene, list(group)) for scene, group in groupby(cells, lambda cell: cell.scene)]
     values = {"rows": rows, "exposure_ms": 1e3 * exposure_s}
-    write_text(
-        path, render_page("megalopta.gallery", "page.html", {"data_uri": data_uri}, **values)
-    )
+    page = render_page("megalopta.gallery", "page.html", {"data_uri": data_uri}, **values)
+    write_text(path, page)
 
 
 def _plain(text: str) -> str:

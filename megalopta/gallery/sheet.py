@@ -59,8 +59,8 @@ def write_gallery(
     with progress("Rendering the gallery", len(scenes) * len(LEVELS), "view") as advance:
         cells = [
             cell
-            for name in scenes
-            for cell in _cells(name, scenes[name], samples_per_pixel, advance)
+            for name, parts in scenes.items()
+            for cell in _cells(name, parts, samples_per_pixel, advance)
         ]
     out.mkdir(parents=True, exist_ok=True)
     write_sheet(out / "gallery.png", cells)

@@ -1,6 +1,6 @@
 from .images import data_uri, gray_scale
+from .page import write_report
 from .text import level_name, lux, number
-from .write import write_report
 
 __all__ = [
     "data_uri",

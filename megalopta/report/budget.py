@@ -6,6 +6,7 @@ everything that was stored.
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,42 +32,35 @@ _SPREAD_PERCENT = (5, 50, 95)
 
 @dataclass(frozen=True)
 class Budget:
-    """One sensor at one light level; means over pixels and frames unless said otherwise.
-
-    Attributes
-    ----------
-    sensor : Sensor or CtiaSensor
-    level : LightLevel
-    illuminance_lux : float
-    photons : float
-        That fall on a pixel, per exposure.
-    detected : float
-        Of these, without dead time.
-    dark : float
-        Reading of a pixel in the dark.
-    expected : float
-        Mean reading, what is read in the dark included.
-    signal_to_noise : (low, median, high)
-        Of single pixels: 5th, 50th and 95th percentile.
-    saturated_fraction : float
-        Readings of full pixels.
-    photons_per_frame : float
-        Detected photons summed over the frame.
-    rendering_noise : float, optional
-        Of a pixel, over its shot noise (standard deviations); None where it was not measured.
-    """
+    """One sensor at one light level; means over pixels and frames unless said otherwise."""
 
     sensor: ImageSensor
     level: LightLevel
     illuminance_lux: float
     photons: float
+    """That fall on a pixel, per exposure"""
     detected: float
+    """Of these, without dead time"""
     dark: float
+    """Reading of a pixel in the dark"""
     expected: float
+    """Mean reading, what is read in the dark included"""
     signal_to_noise: tuple[float, float, float]
+    """Of single pixels: 5th, 50th and 95th percentile"""
     saturated_fraction: float
+    """Readings of full pixels"""
     photons_per_frame: float
+    """Detected photons summed over the frame"""
     rendering_noise: float | None = None
+    """Of a pixel, over its shot noise (standard deviations); None where it was not measured"""
+
+
+def by_sensor(budgets: Iterable[Budget]) -> dict[str, list[Budget]]:
+    """Budgets by the name of their sensor, in their order."""
+    found: dict[str, list[Budget]] = {}
+    for each in budgets:
+        found.setdefault(each.sensor.name, []).append(each)
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,48 +76,45 @@ def exposed(dataset: Dataset, footage: ReportFrames, record: Record) -> list[Exp
     """Budget and pictures of every sensor at every light level; `record` is that of the scene."""
     noise = record.get("monte_carlo") or {}
     return [
-        _exposed(
-            dataset.configuration, footage, open_exposure(dataset, sensor, level), level, noise
-        )
-        for sensor, level in exposures(dataset)
+        _exposed(dataset.configuration, footage, open_exposure(dataset, *each), each[1], noise)
+        for each in exposures(dataset)
     ]
 
 
 def _exposed(
-    configuration: Configuration,
+    settings: Configuration,
     footage: ReportFrames,
     opened: OpenedCounts,
     level: LightLevel,
     noise: Record,
 ) -> ExposureSummary:
     frames = list(footage.selection.frames)
-    scale = light_scale(configuration, level)
+    scale = light_scale(settings, level)
     light = footage.radiance * scale.astype(np.float32)
     try:
-        budget = _budget(configuration, light, opened, frames, level)
+        budget = _budget(settings, light, opened, frames, level)
     except ValueError as problem:  # a measured map is gone
         raise UserError(f"sensor {opened.sensor.name!r}: {problem}") from None
     if "covariance" in noise:
-        rendering, shot, _ = variances(noise, configuration, opened.sensor, scale)
+        rendering, shot, _ = variances(noise, settings, opened.sensor, scale)
         relative = math.sqrt(max(rendering, 0.0) / shot) if shot else math.inf
         budget = replace(budget, rendering_noise=relative)
-    return ExposureSummary(
-        budget,
-        footage.selection.pixels(opened["counts"][frames]),
-        footage.selection.pixels(opened["saturated"][frames]),
+    counts, saturated = (
+        footage.selection.pixels(opened[name][frames]) for name in ("counts", "saturated")
     )
+    return ExposureSummary(budget, counts, saturated)
 
 
 def _budget(
-    configuration: Configuration,
+    settings: Configuration,
     light: NDArray[np.float32],
     opened: OpenedCounts,
     frames: list[int],
     level: LightLevel,
 ) -> Budget:
-    sensor, bands = opened.sensor, configuration.render.bands_nm
+    sensor, bands = opened.sensor, settings.render.bands_nm
     detected = detected_photons(light, bands, sensor)
-    period_s = 1 / configuration.trajectory.frame_rate_hz
+    period_s = 1 / settings.trajectory.frame_rate_hz
     dark = expectation(0 * light[:1], bands, sensor, frame_period_s=period_s)
     ratio = opened.expectation(frames).signal_to_noise(dark)
     low, median, high = np.percentile(ratio, _SPREAD_PERCENT)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,9 @@ from matplotlib.ticker import FuncFormatter
 from matplotlib.typing import LineStyleType
 from numpy.typing import NDArray
 
-from megalopta.figures import BLACK, BLUE, DASHES, MARKERS, RULE, method_style
+from megalopta.figures import BLACK, BLUE, DASHES, MARKERS, RULE, method_style, write_at
 from megalopta.flow.metrics import ErrorCurve, Threshold
-from megalopta.report.budget import Budget
+from megalopta.report.budget import Budget, by_sensor
 from megalopta.report.svg import in_style, logarithmic, new_axes, to_svg
 from megalopta.report.text import level_name, percent, short
 
@@ -47,24 +48,13 @@ def signal_chart(budgets: Sequence[Budget], sensors: Sequence[str]) -> Markup:
     # Before anything is drawn: with nothing above zero to show, the axes keep their first limits.
     logarithmic(axes, "x", _NUMBERS)
     logarithmic(axes, "y", _NUMBERS)
-    for index, sensor in enumerate(sensors):
-        own = sorted(
-            (each for each in budgets if each.sensor.name == sensor),
-            key=lambda each: each.illuminance_lux,
-        )
+    ranked = by_sensor(sorted(budgets, key=lambda each: each.illuminance_lux))
+    for sensor, marker, dash in zip(sensors, cycle(MARKERS), cycle(DASHES), strict=False):
+        own = ranked[sensor]
         lux = [each.illuminance_lux for each in own]
-        low, median, high = np.array([each.signal_to_noise for each in own]).T
-        style: Style = {"linestyle": DASHES[index % len(DASHES)], "color": BLACK}
-        axes.plot(
-            lux,
-            _drawable(median),
-            marker=MARKERS[index % len(MARKERS)],
-            label=_plain(sensor),
-            **style,
-        )
-        axes.fill_between(
-            lux, _drawable(low), _drawable(high), color=BLACK, alpha=0.12, linewidth=0
-        )
+        low, median, high = _drawable(np.array([each.signal_to_noise for each in own])).T
+        axes.plot(lux, median, marker, linestyle=dash, color=BLACK, label=_plain(sensor))
+        axes.fill_between(lux, low, high, color=BLACK, alpha=0.12, linewidth=0)
     axes.axhline(1, color=BLACK, linewidth=1, linestyle=":", label="signal = noise")
     axes.set(xlabel="illuminance (lux)", ylabel="signal-to-noise ratio of a pixel")
     axes.legend(loc="upper left", frameon=False)
@@ -75,21 +65,21 @@ def signal_chart(budgets: Sequence[Budget], sensors: Sequence[str]) -> Markup:
 def speed_chart(speeds: NDArray[np.floating], median: float) -> Markup:
     """Histogram of the true image speed (px per frame)."""
     figure, axes = new_axes(_WIDTH_PT, 270)
-    weights = np.full(speeds.size, 100 / max(speeds.size, 1))
-    style: Style = {"histtype": "stepfilled", "color": BLUE, "alpha": 0.85}
-    axes.hist(speeds, bins=_SPEED_BINS, range=_wide_enough(speeds), weights=weights, **style)
+    axes.hist(
+        speeds,
+        bins=_SPEED_BINS,
+        range=_wide_enough(speeds),
+        weights=np.full(speeds.size, 100 / max(speeds.size, 1)),
+        histtype="stepfilled",
+        color=BLUE,
+        alpha=0.85,
+    )
     axes.axvline(median, color=BLACK, linewidth=1.2)
-    axes.annotate(
-        f" median {median:.2g}",
-        (median, 1),
-        xycoords=("data", "axes fraction"),
-        va="top",
-        fontsize=10.5,
-    )
+    top: Style = {"xycoords": ("data", "axes fraction"), "va": "top", "fontsize": 10.5}
+    axes.annotate(f" median {median:.2g}", (median, 1), **top)
     axes.grid(axis="y")
-    axes.set(
-        xlabel="speed in the image (px per frame)", ylabel="share of pixels (%)", xlim=(0, None)
-    )
+    axes.set(xlabel="speed in the image (px per frame)", ylabel="share of pixels (%)")
+    axes.set_xlim(0, None)
     return to_svg(figure, "speed", "Histogram of the true speed of the image")
 
 
@@ -103,10 +93,7 @@ def _wide_enough(values: NDArray[np.floating]) -> tuple[float, float] | None:
 
 @in_style
 def error_chart(curves: Sequence[ErrorCurve], name: str, level: float, description: str) -> Markup:
-    """Error over photons per frame, a curve per method with its interval, log-log.
-
-    NaN or 0 is not drawn.
-    """
+    """Error over photons per frame, a curve per method with its interval; NaN or 0 is a gap."""
     figure, axes = new_axes(_WIDTH_PT, 300)
     for curve in curves:
         style = method_style(curve.method)
@@ -116,7 +103,8 @@ def error_chart(curves: Sequence[ErrorCurve], name: str, level: float, descripti
         axes.fill_between(curve.fluxes, lower, upper, color=style["color"], alpha=0.2, linewidth=0)
         axes.plot(curve.fluxes, errors, **style, markersize=4)
     axes.axhline(level, color=BLACK, linewidth=1.2, linestyle="--")
-    _note(axes, level, f"{percent(level)} error")
+    right: Style = {"xycoords": ("axes fraction", "data"), "ha": "right", "fontsize": 10.5}
+    write_at(axes, f"{percent(level)} error", (1, level), (-3, 3), **right)
     logarithmic(axes, "x", _NUMBERS)
     logarithmic(axes, "y", _ERRORS)
     largest = max((float(np.nanmax(each.errors, initial=1)) for each in curves), default=1.0)
@@ -136,64 +124,44 @@ def need_chart(
 
     Filled markers are the first metric, open ones the others.
     """
-    sensors = list(dict.fromkeys(each.sensor.name for each in budgets))
-    rows = [*sensors, *(each.method for each in needs)]
-    figure, axes = new_axes(_WIDTH_PT, 50 + 42 * len(sensors) + 28 * len(needs))
-    places = [*(1.5 * index for index in range(len(sensors)))]
-    places += [1.5 * len(sensors) + index for index in range(len(needs))]
-    low, high = _flux_range(needs, budgets)
-    axes.set(xscale="log", xlim=(low, high), ylim=(places[-1] + 0.7, -0.9))
-    for sensor, place in zip(sensors, places, strict=False):
-        own = [each for each in budgets if each.sensor.name == sensor]
-        _draw_supply(
-            axes,
-            own,
-            place,
-            places[-1] + 0.7,
-            DASHES[sensors.index(sensor) % len(DASHES)],
-        )
-    for need, place in zip(needs, places[len(sensors) :], strict=True):
+    supplies = by_sensor(budgets)
+    first = 1.5 * len(supplies)
+    places = [*(1.5 * row for row in range(len(supplies))), *(first + n for n in range(len(needs)))]
+    bottom = places[-1] + 0.7
+    figure, axes = new_axes(_WIDTH_PT, 50 + 42 * len(supplies) + 28 * len(needs))
+    axes.set(xscale="log", xlim=_flux_range(needs, budgets), ylim=(bottom, -0.9))
+    for own, place, dash in zip(supplies.values(), places, cycle(DASHES), strict=False):
+        _draw_supply(axes, own, place, bottom, dash)
+    for need, place in zip(needs, places[len(supplies) :], strict=True):
         _draw_need(axes, need, place)
-    axes.set_yticks(places, [_plain(row) for row in rows])
+    axes.set_yticks(places, map(_plain, [*supplies, *(each.method for each in needs)]))
     axes.tick_params(axis="y", length=0)
     logarithmic(axes, "x", _NUMBERS)
     axes.grid(visible=False)
     axes.set_xlabel("photons per frame")
-    if sensors:
-        axes.axhline(1.5 * len(sensors) - 0.65, color=RULE, linewidth=0.8)
+    if supplies:
+        axes.axhline(first - 0.65, color=RULE, linewidth=0.8)
     return to_svg(figure, name, description)
 
 
 def _draw_supply(
-    axes: Axes, budgets: Sequence[Budget], place: float, bottom: float, line: LineStyleType
+    axes: Axes, budgets: Sequence[Budget], place: float, bottom: float, dash: LineStyleType
 ) -> None:
     """Mark the photons at each level, each name above or below, whichever is free."""
     decades = math.log10(axes.get_xlim()[1] / axes.get_xlim()[0])
+    line: Style = {"color": BLACK, "alpha": 0.4, "linewidth": 1, "linestyle": dash, "zorder": 0}
     last, above = -math.inf, False
     for budget in sorted(budgets, key=lambda each: each.photons_per_frame):
         flux = budget.photons_per_frame
         if flux <= 0:
             continue
-        above = not above if math.log10(flux) - last < 0.22 * decades else True
+        above = not above or math.log10(flux) - last >= 0.22 * decades
         last = math.log10(flux)
-        style: Style = {
-            "color": BLACK,
-            "alpha": 0.4,
-            "linewidth": 1,
-            "linestyle": line,
-            "zorder": 0,
-        }
-        axes.plot([flux, flux], [place, bottom], **style)
+        axes.plot([flux, flux], [place, bottom], **line)
         axes.plot(flux, place, color=BLACK, marker="d", markersize=6)
-        axes.annotate(
-            _plain(level_name(budget.level)),
-            (flux, place),
-            (0, 6 if above else -6),
-            textcoords="offset points",
-            ha="center",
-            va="bottom" if above else "top",
-            fontsize=10,
-        )
+        offset, side = (6, "bottom") if above else (-6, "top")
+        name = _plain(level_name(budget.level))
+        write_at(axes, name, (flux, place), (0, offset), ha="center", va=side, fontsize=10)
 
 
 def _draw_need(axes: Axes, need: Need, place: float) -> None:
@@ -204,10 +172,9 @@ def _draw_need(axes: Axes, need: Need, place: float) -> None:
         if threshold.flux is None:
             _draw_absence(axes, threshold, height, metric)
             continue
-        interval = [threshold.low or threshold.range_min, threshold.high or threshold.range_max]
-        axes.plot(
-            interval, [height, height], color=style["color"], linewidth=2.2, solid_capstyle="butt"
-        )
+        ends = [threshold.low or threshold.range_min, threshold.high or threshold.range_max]
+        bar: Style = {"color": style["color"], "linewidth": 2.2, "solid_capstyle": "butt"}
+        axes.plot(ends, [height, height], **bar)
         axes.plot(threshold.flux, height, markersize=6, markerfacecolor=face, **style)
 
 
@@ -232,18 +199,6 @@ def _flux_range(needs: Sequence[Need], budgets: Sequence[Budget]) -> tuple[float
 def _drawable(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """What a logarithmic axis can show; gaps elsewhere."""
     return np.where(values > 0, values, np.nan)
-
-
-def _note(axes: Axes, height: float, text: str) -> None:
-    axes.annotate(
-        text,
-        (1, height),
-        (-3, 3),
-        xycoords=("axes fraction", "data"),
-        textcoords="offset points",
-        ha="right",
-        fontsize=10.5,
-    )
 
 
 def _plain(text: str) -> str:

@@ -1,11 +1,12 @@
 """What sections of the report are made of: pictures and tables, ready for the template."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from PIL import Image
 
 from megalopta.report.images import Legend, data_uri, stacked
+from megalopta.report.text import UNDEFINED
 
 RADIANCE_FILM = "var(--radiance)"
 """The tone-mapped radiance, which is on the page once and shown in several places."""
@@ -13,29 +14,18 @@ RADIANCE_FILM = "var(--radiance)"
 
 @dataclass(frozen=True)
 class Picture:
-    """A still picture, or a film that follows the frame slider.
-
-    Attributes
-    ----------
-    source : str
-        Data URI, or the style sheet's variable for the radiance film.
-    alt : str
-        What is to be seen, for those who do not see it.
-    title : str
-        Above or below it, a few words.
-    frames : int
-        Frames of a film, stacked above each other; 0 for a still.
-    legend : Legend, optional
-    note : str
-        Written across the picture, where it shows nothing; part of what those read who do not see.
-    """
+    """A still picture, or a film that follows the frame slider."""
 
     source: str
+    """Data URI, or the style sheet's variable for the radiance film."""
     alt: str
+    """What is to be seen, for those who do not see it."""
     title: str = ""
     frames: int = 0
+    """Frames of a film, stacked above each other; 0 for a still."""
     legend: Legend | None = None
     note: str = ""
+    """Written across the picture, where it shows nothing; part of what those read who do not see"""
 
     @property
     def background(self) -> str:
@@ -50,6 +40,16 @@ class Table:
     label: str
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+
+
+def crossed(label: str, corner: str, cells: Mapping[tuple[str, str], str]) -> Table:
+    """A table of texts by row and column; a dash where there is none."""
+    rows, columns = (dict.fromkeys(names) for names in zip(*cells, strict=True))
+    return Table(
+        label,
+        (corner, *columns),
+        tuple((row, *(cells.get((row, each), UNDEFINED) for each in columns)) for row in rows),
+    )
 
 
 def film(

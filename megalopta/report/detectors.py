@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import zarr
@@ -15,7 +15,7 @@ from megalopta.errors import UserError
 from megalopta.flow.detectors import METHODS, BlockDetector, Detector
 from megalopta.flow.files import flow_to_rgb
 from megalopta.flow.metrics import block_flow
-from megalopta.report.components import Picture, Table, still
+from megalopta.report.components import Picture, Table, crossed, still
 from megalopta.report.footage import ReportFrames, Selection
 from megalopta.report.images import ColorScale, Floats, Legend, map_scale
 from megalopta.report.motion import Wheel
@@ -42,22 +42,11 @@ class ResponsePair:
 
 
 @dataclass(frozen=True)
-class ResponseRow:
-    """One method's answers at every light level."""
-
-    method: str
-    label: str
-    description: str
-    is_velocity: bool
-    pairs: tuple[ResponsePair, ...]
-
-
-@dataclass(frozen=True)
 class SensorResponses:
-    """All methods on one sensor."""
+    """One sensor: the answers of each method, a pair at every light level."""
 
     name: str
-    rows: tuple[ResponseRow, ...]
+    rows: tuple[tuple[Detector, tuple[ResponsePair, ...]], ...]
     errors: Table
 
 
@@ -79,6 +68,15 @@ class DetectorSection:
         return {each.kind for group in self.verdicts for row in group.rows.values() for each in row}
 
 
+class _Source(NamedTuple):
+    """Whose responses are shown, and how."""
+
+    dataset: Dataset
+    selection: Selection
+    frame: int
+    wheel: Wheel
+
+
 def detector_section(
     dataset: Dataset, footage: ReportFrames, wheel: Wheel, records: Sequence[FlowRecord]
 ) -> DetectorSection:
@@ -86,13 +84,11 @@ def detector_section(
     settings = dataset.configuration
     warm_up = max(record.warm_up_frames for record in records)
     frame = _frame_shown(footage.selection, settings.trajectory.frames, warm_up)
+    source = _Source(dataset, footage.selection, frame, wheel)
     return DetectorSection(
         frame=frame,
         truth=_true_blocks(settings.methods, footage, frame, wheel),
-        sensors=tuple(
-            _sensor_responses(dataset, sensor, frame, footage.selection, wheel, records)
-            for sensor in settings.sensors
-        ),
+        sensors=tuple(_sensor_responses(source, each, records) for each in settings.sensors),
         against_truth=against_truth(records),
         splits=split_table(records),
         rotation=rotation_table(records),
@@ -124,63 +120,36 @@ def _true_blocks(
 
 
 def _sensor_responses(
-    dataset: Dataset,
-    sensor: ImageSensor,
-    frame: int,
-    selection: Selection,
-    wheel: Wheel,
-    records: Sequence[FlowRecord],
+    source: _Source, sensor: ImageSensor, records: Sequence[FlowRecord]
 ) -> SensorResponses:
-    settings = dataset.configuration
-    levels = settings.light_levels
+    settings = source.dataset.configuration
     rows = tuple(
-        ResponseRow(
-            name,
-            METHODS[name].label,
-            _first_sentence(METHODS[name]),
-            METHODS[name].gives == "velocity",
-            tuple(
-                _pair(dataset, sensor, level, METHODS[name], frame, selection, wheel)
-                for level in levels
-            ),
-        )
-        for name in settings.methods
+        (method, tuple(_pair(source, sensor, level, method) for level in settings.light_levels))
+        for method in map(METHODS.__getitem__, settings.methods)
     )
-    return SensorResponses(
-        sensor.name, rows, _error_table(sensor.name, settings.methods, levels, records)
-    )
+    return SensorResponses(sensor.name, rows, _errors(sensor.name, records))
 
 
 def _pair(
-    dataset: Dataset,
-    sensor: ImageSensor,
-    level: LightLevel,
-    method: Detector,
-    frame: int,
-    selection: Selection,
-    wheel: Wheel,
+    source: _Source, sensor: ImageSensor, level: LightLevel, method: Detector
 ) -> ResponsePair:
-    path, name = responses_path(dataset, sensor, level), level_name(level)
-    shape = _shape(dataset.configuration, method)
-    answers = [_read(path, f"{method.name}{kind}", frame, shape) for kind in ("-ideal", "")]
+    path, name = responses_path(source.dataset, sensor, level), level_name(level)
+    shape = _shape(source.dataset.configuration, method)
+    answers = [_read(path, f"{method.name}{kind}", source.frame, shape) for kind in ("-ideal", "")]
     if method.gives == "velocity":
-        images = [Image.fromarray(flow_to_rgb(each, wheel.max_speed)) for each in answers]
-        smallest, nothing, legend = _PALE * wheel.max_speed, "no motion found", None
+        fastest = source.wheel.max_speed
+        images = [Image.fromarray(flow_to_rgb(each, fastest)) for each in answers]
+        smallest, nothing, legend = _PALE * fastest, "no motion found", None
     else:
         scale = _response_scale(answers[0])
         legend = scale.legend(number(scale.low), number(scale.high))
-        images = [scale.picture(selection.pixels(each)) for each in answers]
+        images = [scale.picture(source.selection.pixels(each)) for each in answers]
         smallest, nothing = 0.0, "no response"
+    notes = ["" if _largest(each) > smallest else nothing for each in answers]
+    kinds = "noise-free", f"from {sensor.unit}"
     ideal, noisy = (
-        still(
-            image,
-            kind,
-            f"{method.name}, {name}, {kind}",
-            note="" if _largest(each) > smallest else nothing,
-        )
-        for image, each, kind in zip(
-            images, answers, ("noise-free", f"from {sensor.unit}"), strict=True
-        )
+        still(image, kind, f"{method.name}, {name}, {kind}", note)
+        for image, kind, note in zip(images, kinds, notes, strict=True)
     )
     return ResponsePair(name, legend, (ideal, noisy))
 
@@ -218,38 +187,27 @@ def _response_scale(ideal: Floats) -> ColorScale:
     known = ideal[np.isfinite(ideal)]
     high = float(np.percentile(np.abs(known), _BRIGHT_PERCENTILE)) if known.size else 0.0
     high = high or 1.0
-    signed = known.size and known.min() < 0
-    if signed:
+    if known.size and known.min() < 0:
         return map_scale("RdBu_r", -high, high, _ROOT)
     return map_scale("inferno", 0.0, high, _ROOT)
 
 
-def _first_sentence(method: Detector) -> str:
-    text = (type(method).__doc__ or "").strip().split("\n")[0]
-    text = text.removeprefix(f"{method.name}: ")
+def first_sentence(method: Detector) -> str:
+    """What a method's docstring says of it first."""
+    text = (type(method).__doc__ or "").strip().split("\n")[0].removeprefix(f"{method.name}: ")
     return text[:1].upper() + text[1:]
 
 
-def _error_table(
-    sensor: str, methods: Sequence[str], levels: Sequence[LightLevel], records: Sequence[FlowRecord]
-) -> Table:
-    rows = tuple(
-        (method, *(_error_text(_find(records, sensor, level, method).error) for level in levels))
-        for method in methods
-    )
-    return Table(
-        f"Errors of the responses on {sensor}",
-        ("Detector", *(level_name(level) for level in levels)),
-        rows,
-    )
+def _errors(sensor: str, records: Sequence[FlowRecord]) -> Table:
+    cells = {
+        (each.method, level_name(each.level)): _error_text(each.error)
+        for each in records
+        if each.sensor == sensor
+    }
+    return crossed(f"Errors of the responses on {sensor}", "Detector", cells)
 
 
 def _error_text(errors: ResponseErrors) -> str:
     if errors.ratio is None:
         return UNDEFINED
     return f"{relative_error(errors.ratio)} ({relative_error(errors.literal)})"
-
-
-def _find(records: Sequence[FlowRecord], sensor: str, level: LightLevel, method: str) -> FlowRecord:
-    key = (sensor, level, method)
-    return next(each for each in records if (each.sensor, each.level, each.method) == key)

@@ -5,7 +5,6 @@ The last frame is left out: it has no successor and so no true flow.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,15 +26,7 @@ _OTHER_FILMS = 6
 
 @dataclass(frozen=True)
 class Selection:
-    """Frames and pixels that are shown.
-
-    Attributes
-    ----------
-    frames : tuple of int
-        Numbers of the frames, from 0.
-    step : int
-        Every so many-th pixel of a row and of a column is shown.
-    """
+    """Frames, by their numbers from 0, and pixels that are shown: every so many-th of a line."""
 
     frames: tuple[int, ...]
     step: int
@@ -75,21 +66,15 @@ def select(configuration: Configuration) -> Selection:
 
 def read_footage(dataset: Dataset) -> ReportFrames:
     """Read what is shown. Raises UserError when a file cannot be read."""
-    selection = select(dataset.configuration)
+    settings = dataset.configuration
+    selection, bands = select(settings), settings.render.bands_nm
     radiance = [read_radiance_frame(dataset, index) for index in selection.frames]
+    white = white_of(settings.scene, settings.light)
+    # all are exposed alike, after the first
+    level = white_level(linear_srgb(radiance[0], bands, white))
     return ReportFrames(
         selection,
         np.stack(radiance),
-        _previews(dataset.configuration, radiance),
+        tuple(preview(each, bands, white, level) for each in radiance),
         tuple(read_truth_frame(dataset, index) for index in selection.frames),
     )
-
-
-def _previews(
-    configuration: Configuration, radiance: Sequence[NDArray[np.float32]]
-) -> tuple[NDArray[np.uint8], ...]:
-    """Pictures of the frames, all exposed alike, after the first."""
-    bands = configuration.render.bands_nm
-    white = white_of(configuration.scene, configuration.light)
-    level = white_level(linear_srgb(radiance[0], bands, white))
-    return tuple(preview(each, bands, white, level) for each in radiance)

@@ -27,52 +27,34 @@ _NOTHING = (24, 26, 30)
 
 @dataclass(frozen=True)
 class Legend:
-    """What the colors of a picture mean.
-
-    Attributes
-    ----------
-    bar : str
-        Data URI of the colors from low to high, left to right.
-    low, high : str
-        Values at the ends, the unit with the latter.
-    special : str
-        What pixels of the special color are; empty when there are none.
-    special_color : str
-        That color, for CSS.
-    """
+    """What the colors of a picture mean."""
 
     bar: str
+    """Data URI of the colors from low to high, left to right."""
     low: str
     high: str
+    """Value at this end, with the unit"""
     special: str = ""
+    """What pixels of the special color are; empty when there are none."""
     special_color: str = ""
+    """For CSS"""
 
 
 @dataclass(frozen=True)
 class ColorScale:
-    """Values to colors; values beyond the ends get the colors of the ends.
-
-    Attributes
-    ----------
-    low, high : float
-        Ends of the scale.
-    colors : (n, 3) uint8
-        Colors from low to high.
-    special : (r, g, b)
-        Color of pixels that are marked, or have no value.
-    root : float
-        Colors are spread evenly over this root of the value, or of its size on each side of 0
-        where the scale has two; 2.2 makes the luminance of grays follow the value.
-    logarithmic : bool
-        Colors are spread evenly over the value's logarithm instead.
-    """
+    """Values to colors; values beyond the ends get the colors of the ends."""
 
     low: float
     high: float
     colors: Rgb
+    """From low to high, (n, 3)"""
     special: tuple[int, int, int] = GRAY
+    """Color of pixels that are marked, or have no value"""
     root: float = 1.0
+    """Colors are spread evenly over this root of the value, or of its size on each side of 0 where
+    the scale has two; 2.2 makes the luminance of grays follow the value."""
     logarithmic: bool = False
+    """Colors are spread evenly over the value's logarithm instead."""
 
     def picture(self, values: Floats, marked: NDArray[np.bool_] | None = None) -> Image.Image:
         """Return an image of values (H, W), NaN or marked pixels in the special color."""
@@ -92,10 +74,8 @@ class ColorScale:
         return Legend(data_uri(self.picture(values[np.newaxis])), low, high, special, color)
 
     def _index(self, values: Floats) -> NDArray[np.int64]:
-        low, high, bounded = (
-            self._stretched(each)
-            for each in (self.low, self.high, np.clip(values, self.low, self.high))
-        )
+        low, high = self._stretched(self.low), self._stretched(self.high)
+        bounded = self._stretched(np.clip(values, self.low, self.high))
         return np.rint((bounded - low) / (high - low) * (len(self.colors) - 1)).astype(np.int64)
 
     def _stretched(self, values: Floats | float) -> Floats:
@@ -128,9 +108,7 @@ def id_picture(identifiers: NDArray[np.integer]) -> Image.Image:
     """Return an image of object numbers (H, W), successive ones in unlike colors; 0 is dark."""
     index = np.where(identifiers == 0, 0, 1 + identifiers % _ID_COLORS)
     image = Image.fromarray(index.astype(np.uint8))
-    image.putpalette(
-        bytes([*_NOTHING, *(part for n in range(_ID_COLORS) for part in _id_color(n))])
-    )
+    image.putpalette([*_NOTHING, *(part for n in range(_ID_COLORS) for part in _id_color(n))])
     return image
 
 

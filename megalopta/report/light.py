@@ -82,12 +82,12 @@ def describe(sensor: ImageSensor) -> str:
 
 
 def _detection(sensor: ImageSensor) -> str:
-    best = int(np.argmax(sensor.efficiency.values))
-    efficiency, peak_nm = sensor.efficiency.values[best], sensor.efficiency.wavelengths_nm[best]
-    flat = len(set(sensor.efficiency.values)) == 1
-    if flat:
-        return f"it detects {percent(efficiency)} of the photons on it"
-    return f"it detects at most {percent(efficiency)} of the photons on it, at {peak_nm:g} nm"
+    curve = sensor.efficiency
+    best = int(np.argmax(curve.values))
+    most, where = "at most ", f", at {curve.wavelengths_nm[best]:g} nm"
+    if len(set(curve.values)) == 1:
+        most = where = ""
+    return f"it detects {most}{percent(curve.values[best])} of the photons on it{where}"
 
 
 def _readout(sensor: ImageSensor) -> str:
@@ -103,8 +103,8 @@ def _readout(sensor: ImageSensor) -> str:
 def _effects(sensor: ImageSensor) -> str:
     if isinstance(sensor, CtiaSensor):
         return ""
-    names = [field.replace("_", " ") for field in active_effects(sensor)]
-    return f" Modeled, in this order: {enumerate_words(names)}."
+    words = enumerate_words([field.replace("_", " ") for field in active_effects(sensor)])
+    return f" Modeled, in this order: {words}."
 
 
 def _time(seconds: float) -> str:
@@ -117,76 +117,51 @@ def _time(seconds: float) -> str:
 def _panel(
     sensor: ImageSensor, footage: ReportFrames, shown: Sequence[ExposureSummary]
 ) -> SensorPanel:
-    radiance = Picture(
-        RADIANCE_FILM, "The scene's light, tone-mapped", "radiance", len(footage.selection.frames)
-    )
+    frames, budgets = len(footage.selection.frames), [each.budget for each in shown]
+    radiance = Picture(RADIANCE_FILM, "The scene's light, tone-mapped", "radiance", frames)
     return SensorPanel(
         sensor.name,
         describe(sensor),
         (radiance, *(_counts_film(each) for each in shown)),
-        _budget_table(sensor, [each.budget for each in shown]),
-        _saturation(sensor, [each.budget for each in shown]),
-        _rendering([each.budget for each in shown]),
+        _budget_table(sensor, budgets),
+        _saturation(sensor, budgets),
+        _rendering(budgets),
     )
 
 
 def _budget_table(sensor: ImageSensor, budgets: Sequence[Budget]) -> Table:
-    columns, rows = _columns(sensor), [_budget_row(each) for each in budgets]
-    if any(each.rendering_noise is not None for each in budgets):
-        columns += ("Rendering : shot noise",)
-        rows = [
-            (*row, UNDEFINED if each.rendering_noise is None else number(each.rendering_noise))
-            for row, each in zip(rows, budgets, strict=True)
+    columns = {
+        "Light": [level_title(each.level) for each in budgets],
+        "Photons on the pixel": [number(each.photons) for each in budgets],
+        "Detected": [number(each.detected) for each in budgets],
+        f"Dark {sensor.unit}": [number(each.dark) for each in budgets],
+        f"Expected {sensor.unit}": [number(each.expected) for each in budgets],
+        "Signal-to-noise": [number(each.signal_to_noise[1]) for each in budgets],
+        "Saturated": [percent(each.saturated_fraction) for each in budgets],
+    }
+    noises = [each.rendering_noise for each in budgets]
+    if any(noise is not None for noise in noises):
+        columns["Rendering : shot noise"] = [
+            UNDEFINED if noise is None else number(noise) for noise in noises
         ]
-    return Table(f"Photon budget of {sensor.name}", columns, tuple(rows))
-
-
-def _columns(sensor: ImageSensor) -> tuple[str, ...]:
-    return (
-        "Light",
-        "Photons on the pixel",
-        "Detected",
-        f"Dark {sensor.unit}",
-        f"Expected {sensor.unit}",
-        "Signal-to-noise",
-        "Saturated",
-    )
+    rows = tuple(zip(*columns.values(), strict=True))
+    return Table(f"Photon budget of {sensor.name}", tuple(columns), rows)
 
 
 def _counts_film(exposed: ExposureSummary) -> Picture:
-    budget, counts = exposed.budget, exposed.counts.astype(np.float64)
+    level, sensor = exposed.budget.level, exposed.budget.sensor
+    counts, full = exposed.counts.astype(np.float64), exposed.saturated
     white = max(math.ceil(np.percentile(counts, _WHITE_PERCENTILE)), 1)
     scale = gray_scale(white)
-    images = [
-        scale.picture(frame, full) for frame, full in zip(counts, exposed.saturated, strict=True)
-    ]
-    legend = scale.legend(
-        "0", f"≥ {short(white)} {budget.sensor.unit}", "full" if exposed.saturated.any() else ""
-    )
-    name = level_name(budget.level)
-    unit = budget.sensor.unit.capitalize()
-    return film(images, name, f"{unit} of {budget.sensor.name} at {name}", legend)
-
-
-def _budget_row(budget: Budget) -> tuple[str, ...]:
-    return (
-        level_title(budget.level),
-        number(budget.photons),
-        number(budget.detected),
-        number(budget.dark),
-        number(budget.expected),
-        number(budget.signal_to_noise[1]),
-        percent(budget.saturated_fraction),
-    )
+    legend = scale.legend("0", f"≥ {short(white)} {sensor.unit}", "full" if full.any() else "")
+    name = level_name(level)
+    alt = f"{sensor.unit.capitalize()} of {sensor.name} at {name}"
+    return film([*map(scale.picture, counts, full)], name, alt, legend)
 
 
 def _rendering(budgets: Sequence[Budget]) -> str:
     """Where the rendering, not the photons, sets how clean a frame is."""
-    noisy = [
-        level_name(each.level)
-        for each in budgets
-        if each.rendering_noise is not None and each.rendering_noise > 1
-    ]
+    noisy = [level_name(each.level) for each in budgets if (each.rendering_noise or 0) > 1]
     if not noisy:
         return ""
     return (

@@ -1,6 +1,5 @@
 """Section "The true motion": flow, depth, occlusion and objects of the frames shown."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,10 +8,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from megalopta.flow.files import flow_to_rgb, wheel_legend
-from megalopta.render.truth import Truth
 from megalopta.report.charts import speed_chart
 from megalopta.report.components import Picture, film
-from megalopta.report.footage import ReportFrames, Selection
+from megalopta.report.footage import ReportFrames
 from megalopta.report.images import ORANGE, data_uri, id_picture, map_scale, rgb_picture
 from megalopta.report.text import percent
 
@@ -61,7 +59,7 @@ def motion_section(footage: ReportFrames) -> MotionSection:
         chart=speed_chart(speed, median),
         median_speed=median,
         occluded=percent(float(occluded)),
-        objects_seen=len(_seen(footage.truths)),
+        objects_seen=len(set(np.unique([truth.object_id for truth in footage.truths])) - {0}),
     )
 
 
@@ -83,43 +81,27 @@ def _flow_film(footage: ReportFrames, wheel: Wheel) -> Picture:
 def _depth_film(footage: ReportFrames) -> Picture:
     depth = footage.selection.pixels(np.stack([truth.depth for truth in footage.truths]))
     depth = np.where(np.isfinite(depth), depth, np.nan)
-    near, far = _range(depth)
+    near, far = 1.0, 10.0
+    if not np.isnan(depth).all():
+        near, far = (float(each) for each in np.nanpercentile(depth, (0.5, 99.5)))
+        far = max(far, 1.01 * near)
     scale = map_scale("viridis_r", near, far, logarithmic=True)
     legend = scale.legend(f"{near:.2g}", f"{far:.2g} m", "sky" if np.isnan(depth).any() else "")
     return film([scale.picture(each) for each in depth], "depth", "Depth of the scene", legend)
 
 
-def _range(depth: NDArray[np.floating]) -> tuple[float, float]:
-    known = depth[np.isfinite(depth)]
-    if not known.size:
-        return 1.0, 10.0
-    near, far = (float(each) for each in np.percentile(known, (0.5, 99.5)))
-    return near, max(far, 1.01 * near)
-
-
 def _occlusion_film(footage: ReportFrames) -> Picture:
-    images = [
-        rgb_picture(_marked(preview, truth, footage.selection))
-        for preview, truth in zip(footage.previews, footage.truths, strict=True)
-    ]
-    return film(images, "hidden in the next frame", "Pixels hidden in the next frame, in orange")
-
-
-def _marked(preview: NDArray[np.uint8], truth: Truth, selection: Selection) -> NDArray[np.uint8]:
     """The scene dimmed to gray with the pixels that will be hidden in orange."""
-    step = selection.step
-    gray = preview[::step, ::step].mean(axis=-1) * _BACKDROP_GRAY
-    picture = np.repeat(gray[..., np.newaxis], 3, axis=-1).astype(np.uint8)
-    picture[truth.occluded_forward[::step, ::step]] = ORANGE
-    return picture
+    step, images = footage.selection.step, []
+    for preview, truth in zip(footage.previews, footage.truths, strict=True):
+        gray = preview[::step, ::step].mean(axis=-1) * _BACKDROP_GRAY
+        picture = np.repeat(gray[..., np.newaxis], 3, axis=-1).astype(np.uint8)
+        picture[truth.occluded_forward[::step, ::step]] = ORANGE
+        images.append(rgb_picture(picture))
+    return film(images, "hidden in the next frame", "Pixels hidden in the next frame, in orange")
 
 
 def _object_film(footage: ReportFrames) -> Picture:
     step = footage.selection.step
     images = [id_picture(truth.object_id[::step, ::step]) for truth in footage.truths]
     return film(images, "objects", "Each object in a color of its own, the sky dark")
-
-
-def _seen(truths: Sequence[Truth]) -> NDArray[np.uint32]:
-    numbers = np.unique(np.concatenate([np.unique(truth.object_id) for truth in truths]))
-    return numbers[numbers > 0]

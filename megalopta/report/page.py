@@ -2,15 +2,17 @@
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 
 from megalopta import info
-from megalopta.config import to_yaml
+from megalopta.config import Configuration, to_yaml
 from megalopta.dataset import Dataset
 from megalopta.figures import GLYPHS, method_style
+from megalopta.files import write_text
 from megalopta.flow.detectors import METHODS
 from megalopta.pages import render_page
 from megalopta.report.budget import exposed
-from megalopta.report.detectors import DetectorSection, detector_section
+from megalopta.report.detectors import DetectorSection, detector_section, first_sentence
 from megalopta.report.footage import ReportFrames, read_footage
 from megalopta.report.images import data_uri, rgb_picture, stacked
 from megalopta.report.light import LightSection, light_section
@@ -38,25 +40,6 @@ _RED_END_NM = 700.0
 
 
 @dataclass(frozen=True)
-class Method:
-    """A method in the legends."""
-
-    name: str
-    label: str
-    color: str
-    marker: str
-
-
-@dataclass(frozen=True)
-class Timing:
-    """Time a stage took, in words and relative to the longest."""
-
-    name: str
-    time: str
-    share_percent: float
-
-
-@dataclass(frozen=True)
 class Sections:
     """What the finished stages have to show, and one sentence for each finding."""
 
@@ -67,35 +50,50 @@ class Sections:
     findings: tuple[str, ...]
 
 
+def write_report(dataset: Dataset) -> Path:
+    """Write DATASET/report.html from the stages that are finished; returns its path.
+
+    Raises
+    ------
+    UserError
+        When nothing was rendered yet, or a file cannot be read.
+    """
+    Ledger(dataset).require("render")
+    path = dataset.root / "report.html"
+    write_text(path, page(dataset))
+    return path
+
+
 def page(dataset: Dataset) -> str:
     """Return the report as HTML."""
+    settings, timings = dataset.configuration, Ledger(dataset).timings()
     footage, record = read_footage(dataset), read_scene_record(dataset)
     sections = _sections(dataset, footage, record)
     return render_page(
         "megalopta.report",
         "template.html",
+        {"duration": duration, "first_sentence": first_sentence},
         dataset=dataset,
-        configuration=dataset.configuration,
-        title=title(dataset.configuration),
-        lead=lead(dataset.configuration),
-        facts=facts(dataset.configuration, record, sections.motion),
+        configuration=settings,
+        title=title(settings),
+        lead=lead(settings),
+        facts=facts(settings, record, sections.motion),
         sections=sections,
         radiance_film=_radiance_film(footage),
         frames=footage.selection.frames,
         step=footage.selection.step,
         start=_start(footage, sections.detectors),
-        playback_hz=_playback_hz(dataset, footage),
-        methods=_methods(dataset),
+        playback_hz=_playback_hz(settings, footage),
+        methods=[_legend(name) for name in settings.methods],
         meanings=MEANINGS,
         columns=_columns,
-        visible=min(dataset.configuration.render.bands_nm)[0] < _RED_END_NM,
-        units=sorted({sensor.unit for sensor in dataset.configuration.sensors}),
-        settings=to_yaml(dataset.configuration),
+        visible=min(settings.render.bands_nm)[0] < _RED_END_NM,
+        units=sorted({sensor.unit for sensor in settings.sensors}),
+        settings=to_yaml(settings),
         versions=info.versions(),
         scene_record=record,
         render_noise=render_noise(record),
-        timings=_timings(dataset),
-        total_time=duration(sum(Ledger(dataset).timings().values())),
+        timings={stage: timings[stage] for stage in STAGES if stage in timings},
     )
 
 
@@ -129,31 +127,23 @@ def _start(footage: ReportFrames, detectors: DetectorSection | None) -> int:
     return frames.index(detectors.frame) if detectors else len(frames) // 2
 
 
-def _playback_hz(dataset: Dataset, footage: ReportFrames) -> float:
-    trajectory = dataset.configuration.trajectory
+def _playback_hz(settings: Configuration, footage: ReportFrames) -> float:
+    trajectory = settings.trajectory
     shown_hz = trajectory.frame_rate_hz * len(footage.selection.frames) / trajectory.frames
     slowest, fastest = _PLAYBACK_HZ
     return min(max(shown_hz, slowest), fastest)
 
 
-def _methods(dataset: Dataset) -> list[Method]:
-    return [
-        Method(name, METHODS[name].label, themed(style["color"]), GLYPHS[style["marker"]])
-        for name in dataset.configuration.methods
-        for style in [method_style(name)]
-    ]
+def _legend(method: str) -> dict[str, str]:
+    style = method_style(method)
+    return {
+        "name": method,
+        "label": METHODS[method].label,
+        "color": themed(style["color"]),
+        "marker": GLYPHS[style["marker"]],
+    }
 
 
 def _columns(items: int, most: int) -> int:
     """So many a row that rows are nearly alike, and the last holds no single one."""
     return math.ceil(items / math.ceil(items / most))
-
-
-def _timings(dataset: Dataset) -> list[Timing]:
-    timings = Ledger(dataset).timings()
-    longest = max(timings.values(), default=0) or 1
-    return [
-        Timing(stage, duration(timings[stage]), round(100 * timings[stage] / longest, 1))
-        for stage in STAGES
-        if stage in timings
-    ]

@@ -15,24 +15,16 @@ _CAUTION = 0.1
 
 @dataclass(frozen=True)
 class RenderNoise:
-    """Noise of the rendered light.
-
-    Attributes
-    ----------
-    relative : str
-        σ/mean of a pixel, median over pixels.
-    rms : str
-        RMS of the noise over the mean of the light.
-    photons : str
-        Photons per pixel that are as noisy.
-    caution : bool
-        Whether there is so much of it that the reader should be warned.
-    """
+    """Noise of the rendered light."""
 
     relative: str
+    """σ/mean of a pixel, median over pixels"""
     rms: str
+    """RMS of the noise over the mean of the light"""
     photons: str
+    """Photons per pixel that are as noisy"""
     caution: bool
+    """Whether there is so much of it that the reader should be warned."""
 
 
 def render_noise(record: Mapping[str, Any]) -> RenderNoise | None:

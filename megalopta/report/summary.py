@@ -2,25 +2,24 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from megalopta.config import Configuration, LightLevel
 from megalopta.flow.detectors import METHODS
 from megalopta.flow.metrics import ErrorCurve, Metric, Threshold, format_flux
-from megalopta.report.budget import Budget
+from megalopta.report.budget import Budget, by_sensor
 from megalopta.report.detectors import DetectorSection
 from megalopta.report.motion import MotionSection
 from megalopta.report.text import enumerate_words, level_name, level_title, number, plural
 from megalopta.report.verdicts import LIMIT, VerdictGroup
 from megalopta.scenes.lighting import illuminance_of
 
+Needs = Mapping[str, Threshold]
 NO_MOTION = "IM"
 """The yardstick among the methods: it measures brightness."""
 
 
-@dataclass(frozen=True)
-class Fact:
+class Fact(NamedTuple):
     """A number and what it counts."""
 
     value: str
@@ -47,15 +46,16 @@ def lead(configuration: Configuration) -> str:
     )
 
 
-def facts(
-    configuration: Configuration, record: Mapping[str, Any], motion: MotionSection
-) -> list[Fact]:
+def facts(settings: Configuration, record: Mapping[str, Any], motion: MotionSection) -> list[Fact]:
     """Key numbers of the sequence; `record` is that of the scene."""
-    camera, trajectory = configuration.camera, configuration.trajectory
+    camera, trajectory, seen = settings.camera, settings.trajectory, motion.objects_seen
+    noted = {key: record[key] for key in ("objects", "triangles") if record.get(key)}
     return [
         Fact(f"{trajectory.frames}", f"frames of {camera.width} × {camera.height} px"),
-        *_scene_facts(configuration, record),
-        *_seen_facts(motion.objects_seen),
+        *(Fact(f"{count:,}", what) for what, count in settings.scene.counts.items()),
+        *(Fact(f"{count:,}", what) for what, count in noted.items()),
+        *_light_facts(record),
+        *([Fact(f"{seen:,}", "objects in view, one time or another")] if seen else []),
         Fact(f"{motion.median_speed:.2g}", "px per frame, median speed"),
         Fact(f"{trajectory.frame_rate_hz:g}", "frames per second"),
     ]
@@ -63,38 +63,35 @@ def facts(
 
 def light_finding(budgets: Sequence[Budget]) -> str:
     """How much light there is, from the brightest to the darkest level."""
-    ranked = sorted(budgets, key=lambda each: each.illuminance_lux)
-    sensors = list(dict.fromkeys(each.sensor.name for each in budgets))
-    if ranked[0].level == ranked[-1].level:
-        ratios = [f"{number(each.signal_to_noise[1])} on {each.sensor.name}" for each in budgets]
+    ranked = by_sensor(sorted(budgets, key=lambda each: -each.illuminance_lux))
+    sensor, own = next(iter(ranked.items()))
+    bright, dark = own[0], own[-1]
+    if bright.level == dark.level:
+        ratios = [f"{_ratio(each[0])} on {name}" for name, each in ranked.items()]
         return (
-            f"At {level_name(ranked[0].level)}, {number(budgets[0].photons)} photons per frame "
-            f"fall on a pixel of {sensors[0]}; a pixel's median signal-to-noise ratio is "
+            f"At {level_name(bright.level)}, {number(bright.photons)} photons per frame fall on a "
+            f"pixel of {sensor}; a pixel's median signal-to-noise ratio is "
             f"{enumerate_words(ratios)}."
         )
-    spans = []
-    for sensor in sensors:
-        own = [each for each in ranked if each.sensor.name == sensor]
-        ends = (f"{number(each.signal_to_noise[1])}" for each in (own[-1], own[0]))
-        spans.append(f"{' to '.join(ends)} on {sensor}")
-    first = [each for each in ranked if each.sensor.name == sensors[0]]
+    spans = [f"{_ratio(each[0])} to {_ratio(each[-1])} on {name}" for name, each in ranked.items()]
     # Beyond the visible, light of fewer lux may have more photons.
-    falls = first[-1].photons > first[0].photons
+    falls = bright.photons > dark.photons
     return (
-        f"From {level_name(first[-1].level)} to {level_name(first[0].level)}, the photons on a "
-        f"pixel of {sensors[0]} {'fall' if falls else 'go'} from {number(first[-1].photons)} to "
-        f"{number(first[0].photons)} per frame, and a pixel's median signal-to-noise ratio goes "
-        f"from {enumerate_words(spans)}."
+        f"From {level_name(bright.level)} to {level_name(dark.level)}, the photons on a pixel of "
+        f"{sensor} {'fall' if falls else 'go'} from {number(bright.photons)} to "
+        f"{number(dark.photons)} per frame, and a pixel's median signal-to-noise ratio goes from "
+        f"{enumerate_words(spans)}."
     )
+
+
+def _ratio(budget: Budget) -> str:
+    return number(budget.signal_to_noise[1])
 
 
 def dark_findings(budgets: Sequence[Budget]) -> list[str]:
     """At which light a sensor reads more dark counts or electrons than photons."""
-    brightest_first = sorted(budgets, key=lambda each: -each.illuminance_lux)
-    drowned: dict[str, list[Budget]] = {}
-    for each in brightest_first:
-        if each.dark > each.detected:
-            drowned.setdefault(each.sensor.name, []).append(each)
+    ranked = sorted(budgets, key=lambda each: -each.illuminance_lux)
+    drowned = by_sensor([each for each in ranked if each.dark > each.detected])
     return [
         f"On {name}, dark {found[0].sensor.unit} outnumber the detected photons at "
         f"{enumerate_words([level_name(each.level) for each in found])} "
@@ -112,27 +109,22 @@ def motion_findings(section: DetectorSection) -> list[str]:
         velocities = [name for name in methods if METHODS[name].gives == "velocity"]
         responses = [name for name in methods if name not in velocities]
         if velocities:
-            findings.append(_true_motion(group, velocities))
+            findings.append(f"On {group.sensor}, {_true_motion(group, velocities)}.")
         if responses:
-            findings.append(_repetition(group, responses))
+            findings.append(
+                f"On {group.sensor}, detectors that give no velocity "
+                f"({enumerate_words(responses)}) repeat their noise-free answer within {LIMIT} "
+                f"(both errors), right or wrong: {_where(group, responses, 'repeats')}."
+            )
     return findings
 
 
 def _true_motion(group: VerdictGroup, methods: Sequence[str]) -> str:
     if all(each.kind == "unknown" for name in methods for each in group.rows[name]):
-        return f"On {group.sensor}, nothing is known to move, so no velocity can be judged."
+        return "nothing is known to move, so no velocity can be judged"
     return (
-        f"On {group.sensor}, detectors that measure velocity ({enumerate_words(methods)}) come "
-        f"within {LIMIT} of the true motion (median over blocks): "
-        f"{_where(group, methods, 'right')}."
-    )
-
-
-def _repetition(group: VerdictGroup, methods: Sequence[str]) -> str:
-    return (
-        f"On {group.sensor}, detectors that give no velocity ({enumerate_words(methods)}) repeat "
-        f"their noise-free answer within {LIMIT} (both errors), right or wrong: "
-        f"{_where(group, methods, 'repeats')}."
+        f"detectors that measure velocity ({enumerate_words(methods)}) come within {LIMIT} of the "
+        f"true motion (median over blocks): {_where(group, methods, 'right')}"
     )
 
 
@@ -161,7 +153,8 @@ def need_finding(curves: Sequence[ErrorCurve], metric: Metric) -> str | None:
         if (curve.shape, curve.metric) == ((rows, columns), metric)
         if curve.method != NO_MOTION and (need := curve.thresholds.get(2))
     }
-    parts = [*_fewest(needs), *_most(needs)]
+    crossing = {name: need for name, need in needs.items() if need.flux}
+    parts = [*_fewest(needs, crossing), *_most(needs, crossing)]
     if not parts:
         return None
     return (
@@ -171,12 +164,11 @@ def need_finding(curves: Sequence[ErrorCurve], metric: Metric) -> str | None:
     )
 
 
-def _fewest(needs: Mapping[str, Threshold]) -> list[str]:
+def _fewest(needs: Needs, crossing: Needs) -> list[str]:
     below = [name for name, need in needs.items() if need.kind == "below"]
     if below:
         limit = format_flux(max(needs[name].range_min for name in below))
         return [f"{_named(below)} fewer than {limit} photons per frame"]
-    crossing = {name: need for name, need in needs.items() if need.flux}
     if not crossing:
         return []
     least = min(crossing.values(), key=_flux)
@@ -187,12 +179,11 @@ def _fewest(needs: Mapping[str, Threshold]) -> list[str]:
     return [f"{_named(close)}{rank} {fluxes} per frame"]
 
 
-def _most(needs: Mapping[str, Threshold]) -> list[str]:
+def _most(needs: Needs, crossing: Needs) -> list[str]:
     above = [name for name, need in needs.items() if need.kind == "above"]
     if above:
         limit = format_flux(min(needs[name].range_max for name in above))
         return [f"{_named(above)} more than {limit} photons per frame"]
-    crossing = {name: need for name, need in needs.items() if need.flux}
     if len(crossing) < 2:
         return []
     name, most = max(crossing.items(), key=lambda each: _flux(each[1]))
@@ -208,16 +199,6 @@ def _named(methods: Sequence[str]) -> str:
 
 def _flux(need: Threshold) -> float:
     return need.flux or math.nan
-
-
-def _scene_facts(configuration: Configuration, record: Mapping[str, Any]) -> list[Fact]:
-    own = [Fact(f"{count:,}", what) for what, count in configuration.scene.counts.items()]
-    counted = [Fact(f"{record[key]:,}", key) for key in ("objects", "triangles") if record.get(key)]
-    return own + counted + _light_facts(record)
-
-
-def _seen_facts(objects: int) -> list[Fact]:
-    return [Fact(f"{objects:,}", "objects in view, one time or another")] if objects else []
 
 
 def _light_facts(record: Mapping[str, Any]) -> list[Fact]:

@@ -29,9 +29,8 @@ def themed(color: str) -> str:
 
 def new_axes(width_pt: float, height_pt: float) -> tuple[Figure, Axes]:
     """Return a figure of this size with one pair of axes; for functions that are `in_style`."""
-    figure = Figure(
-        figsize=(width_pt / _POINTS_PER_INCH, height_pt / _POINTS_PER_INCH), layout="constrained"
-    )
+    size = width_pt / _POINTS_PER_INCH, height_pt / _POINTS_PER_INCH
+    figure = Figure(figsize=size, layout="constrained")
     return figure, figure.add_subplot()
 
 
@@ -47,21 +46,15 @@ def logarithmic(axes: Axes, which: Literal["x", "y"], labels: FuncFormatter) -> 
 def to_svg(figure: Figure, name: str, description: str) -> Markup:
     """Return a figure as an SVG element; for functions that are `in_style`.
 
-    Parameters
-    ----------
-    figure : Figure
-    name : str
-        Letters, digits and dashes; makes the element's identifiers unique on the page.
-    description : str
-        What is to be seen, for those who do not see it.
+    The name, of letters, digits and dashes, makes its identifiers unique on the page; the
+    description is for those who do not see it.
     """
     file = io.StringIO()
     with rc_context({"svg.hashsalt": name}):
         figure.savefig(file, format="svg", transparent=True, metadata={"Date": None})
     svg = file.getvalue()
     svg = svg[svg.index("<svg") :]
-    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
-    svg = re.sub(r"<style.*?</style>|<!--.*?-->", "", svg, flags=re.DOTALL)
+    svg = re.sub(r"(?s)<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->", "", svg)
     svg = re.sub(r"font-family:[^;]*; ", "", svg)
     view = re.search(r'viewBox="[^"]*"', svg)
     label = escape(description)

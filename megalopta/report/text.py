@@ -69,11 +69,8 @@ def level_name(level: LightLevel) -> str:
 
 def level_title(level: LightLevel) -> str:
     """Name and illuminance of a light level: "full moon, 0.25 lux"."""
-    return (
-        f"{level_name(level)}, {lux(illuminance_of(level))}"
-        if isinstance(level, str)
-        else (level_name(level))
-    )
+    illuminance = f", {lux(illuminance_of(level))}" if isinstance(level, str) else ""
+    return f"{level_name(level)}{illuminance}"
 
 
 def lux(illuminance_lux: float) -> str:

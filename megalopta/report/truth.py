@@ -6,7 +6,7 @@ from typing import TypeVar
 
 from megalopta.dataset import FlowRecord, RotationErrors, TruthErrors
 from megalopta.flow.metrics import FAST_PX, OCCLUDED_SHARE, SLOW_PX
-from megalopta.report.components import Table
+from megalopta.report.components import Table, crossed
 from megalopta.report.text import FAILS, SENSELESS, UNDEFINED, level_name, number, percent
 
 Value = TypeVar("Value")
@@ -20,18 +20,13 @@ _GROUPS = {
 }
 
 
-Cells = dict[tuple[str, str], str]
-"""Exposure and method to text"""
-
-
 def against_truth(records: Sequence[FlowRecord]) -> tuple[Table, ...]:
     """Mean error and share of outliers, a row per exposure and a column per method."""
     truths = {_key(each): each.truth for each in records if each.truth}
-    if not truths:
-        return ()
-    return (
-        _by_exposure("Mean error (px)", {key: _error(each) for key, each in truths.items()}),
-        _by_exposure("Outliers", {key: _outliers(each) for key, each in truths.items()}),
+    return tuple(
+        crossed(label, label, {key: text(each) for key, each in truths.items()})
+        for label, text in (("Mean error (px)", _error), ("Outliers", _outliers))
+        if truths
     )
 
 
@@ -42,20 +37,19 @@ def split_table(records: Sequence[FlowRecord]) -> Table | None:
         return None
     best, _ = _key(min(measured, key=_median_error))
     splits = {
-        method: dict(each.truth_splits)
+        each.method: dict(each.truth_splits)
         for each in measured
-        for exposure, method in [_key(each)]
-        if each.truth_splits and exposure == best
+        if each.truth_splits and _key(each)[0] == best
     }
     blocks = {name: split.ideal.blocks for name, split in next(iter(splits.values())).items()}
-    filled = [name for name in _GROUPS if blocks[name]]
-    return Table(
-        f"Mean error (px) by speed and occlusion where it is smallest: {best}",
-        ("Detector", *(f"{_GROUPS[name]} ({blocks[name]:,})" for name in filled)),
-        tuple(
-            (method, *(_error(split[name]) for name in filled)) for method, split in splits.items()
-        ),
-    )
+    cells = {
+        (method, f"{_GROUPS[name]} ({blocks[name]:,})"): _error(split[name])
+        for method, split in splits.items()
+        for name in _GROUPS
+        if blocks[name]
+    }
+    label = f"Mean error (px) by speed and occlusion where it is smallest: {best}"
+    return crossed(label, "Detector", cells)
 
 
 def rotation_table(records: Sequence[FlowRecord]) -> Table | None:
@@ -64,22 +58,8 @@ def rotation_table(records: Sequence[FlowRecord]) -> Table | None:
     if not rotations:
         return None
     true = number(next(iter(rotations.values())).true_deg_s)
-    return _by_exposure(
-        f"Error of the yaw rate (deg/s) of {true} deg/s",
-        {key: _yaw(each) for key, each in rotations.items()},
-    )
-
-
-def _by_exposure(label: str, cells: Cells) -> Table:
-    exposures, methods = (dict.fromkeys(names) for names in zip(*cells, strict=True))
-    return Table(
-        label,
-        (label, *methods),
-        tuple(
-            (exposure, *(cells.get((exposure, method), UNDEFINED) for method in methods))
-            for exposure in exposures
-        ),
-    )
+    label = f"Error of the yaw rate (deg/s) of {true} deg/s"
+    return crossed(label, label, {key: _yaw(each) for key, each in rotations.items()})
 
 
 def _key(record: FlowRecord) -> tuple[str, str]:

@@ -58,15 +58,11 @@ def verdict_group(
     sensor: str, levels: Sequence[LightLevel], records: Sequence[FlowRecord]
 ) -> VerdictGroup:
     """Verdicts on all methods on one sensor."""
-    own = [each for each in records if each.sensor == sensor]
-    return VerdictGroup(
-        sensor,
-        tuple(level_name(level) for level in levels),
-        {
-            method: tuple(verdict(each) for each in own if each.method == method)
-            for method in dict.fromkeys(each.method for each in own)
-        },
-    )
+    rows: dict[str, tuple[Verdict, ...]] = {}
+    for each in records:
+        if each.sensor == sensor:
+            rows[each.method] = (*rows.get(each.method, ()), verdict(each))
+    return VerdictGroup(sensor, tuple(map(level_name, levels)), rows)
 
 
 def verdict(record: FlowRecord) -> Verdict:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 from scipy.stats import linregress
 
-from megalopta.figures import PALETTE, Figure, FigureRecipe, Floats, Printed, rows_of
+from megalopta.figures import Figure, FigureRecipe, Floats
 from megalopta.sensor import Sensor, changed, expose_events, preset
 from megalopta.sensor.counters import AnalogCounter, analog_pixels
 
@@ -80,51 +80,38 @@ def _figure(name: str, step_v: float) -> Figure:
 
     def draw(canvas: Canvas) -> None:
         whole, start = canvas.subplots(1, 2, width_ratios=(3, 2))
-        for pixel in range(_SHOWN):
-            for axes in (whole, start):
-                axes.step(
-                    1e3 * row.time_s,
-                    row.output_v[pixel],
-                    where="post",
-                    color=PALETTE[pixel],
-                    lw=1.4,
-                    label=f"pixel {pixel}",
-                )
-        whole.set_ylabel("Output (V)")
         for axes in (whole, start):
+            for pixel, output in enumerate(row.output_v[:_SHOWN]):
+                label = f"pixel {pixel}"
+                axes.step(1e3 * row.time_s, output, where="post", lw=1.4, label=label)
             axes.set_xlabel("Time since reset (ms)")
-        whole.set_xlim(0, 1e3 * sensor.exposure_s)
-        whole.set_ylim(0, 3.4)
+        whole.set(ylabel="Output (V)", xlim=(0, 1e3 * sensor.exposure_s), ylim=(0, 3.4))
         whole.legend(loc="upper right")
         start.set_xlim(0, _ZOOM * whole.get_xlim()[1])
         start.set_ylim(counter.supply_v - 20.5 * step_v, counter.supply_v + step_v)
 
+    step = f"{1e3 * step_v:g} mV"
     return Figure(
-        name=name,
-        title=(
-            f"Figure {name.removeprefix('fig-')}: analog counter in low light, steps of "
-            f"{1e3 * step_v:g} mV"
-        ),
+        title=f"Figure {name.removeprefix('fig-')}: analog counter in low light, steps of {step}",
         caption=(
             f"{_SHOWN} of {ROW[1]} pixels of a simulated row detect {LIGHT_HZ:g} photons per "
             "second besides dark counts; the first 20 steps are shown on the right. The straight "
             "line of R² ends at the bottom of the swing; over events the model bends by its leak "
             "alone, over time also by the chance of arrivals."
         ),
-        printed=(
-            Printed(
-                "Fall per event over the swing",
+        printed={
+            "Fall per event over the swing": (
                 f"{1e3 * volts_per_event(row, bottom):.2f} mV",
-                f"about {1e3 * step_v:g} mV",
+                f"about {step}",
             ),
-            Printed("Least R² over events", _floor(over_events.min()), "above 0.99"),
-            Printed(
-                "R² over time", f"{over_time.min():.3f} to {over_time.max():.3f}", "above 0.99"
-            ),
-        ),
+            "Least R² over events": (_floor(over_events.min()), "above 0.99"),
+            "R² over time": (f"{over_time.min():.3f} to {over_time.max():.3f}", "above 0.99"),
+        },
         draw=draw,
-        columns=("time_s", *(f"pixel_{pixel}_v" for pixel in range(ROW[1]))),
-        rows=rows_of(row.time_s, *row.output_v),
+        numbers={
+            "time_s": row.time_s,
+            **{f"pixel_{pixel}_v": output for pixel, output in enumerate(row.output_v)},
+        },
         height_in=3.4,
     )
 

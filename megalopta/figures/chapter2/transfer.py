@@ -19,17 +19,7 @@ from megalopta.experiments import (
     peaks,
     pixels_per_frame,
 )
-from megalopta.figures import (
-    BLACK,
-    BLUE,
-    GREEN,
-    ORANGE,
-    Figure,
-    FigureRecipe,
-    Floats,
-    Printed,
-    rows_of,
-)
+from megalopta.figures import BLACK, BLUE, GREEN, ORANGE, Figure, FigureRecipe, Floats
 from megalopta.figures.chapter2.edge import csv_name
 from megalopta.flow.detectors import ndm_mean, nds_mean
 
@@ -64,60 +54,58 @@ def theory(method: str, velocity: Floats) -> Floats:
 def _figure(name: str, method: str) -> Figure:
     velocity = np.array([pixels_per_frame(speed) for speed in SPEEDS_MM_S])
     found = measured(method)
-    mean = {label: np.array([each.mean for each in row]) for label, row in found.items()}
-    sigma = {label: np.array([each.deviation for each in row]) for label, row in found.items()}
-    snr_db = {label: np.array([each.snr_db for each in row]) for label, row in found.items()}
+    statistics = {label: _statistics(over_speeds) for label, over_speeds in found.items()}
     ideal = np.array([each.ideal.mean() for each in found["Poisson noise only"]])
-    fine = np.linspace(0, velocity[-1], 201)
     scale = ideal.max() / theory(method, velocity).max()
 
     def draw(canvas: Canvas) -> None:
         axes = canvas.subplots()
+        fine = np.linspace(0, velocity[-1], 201)
         curve = scale * theory(method, fine)
         axes.plot(fine, curve, "--", color=BLACK, lw=1.6, label="theoretical, sinusoid")
         axes.plot(velocity, ideal, "-", color=GREEN, lw=1.6, label="edge without noise")
         styles = (("o", BLUE, -0.1), ("s", ORANGE, 0.1))
-        for label, (marker, color, shift) in zip(found, styles, strict=True):
+        for (label, each), (marker, color, shift) in zip(statistics.items(), styles, strict=True):
             axes.errorbar(
                 velocity + shift,
-                mean[label],
-                sigma[label],
+                each["mean"],
+                each["sigma"],
                 fmt=marker,
                 color=color,
                 capsize=3,
                 lw=1.4,
                 label=f"{label}, mean SNR {mean_snr_db(found[label]):.1f} dB",
             )
-        axes.set_xlabel("Image velocity (pixels/frame)")
+        axes.set(xlabel="Image velocity (pixels/frame)", ylim=(0, None))
         axes.set_ylabel(f"Peak response ({UNITS[method]})")
-        axes.set_ylim(0, None)
         axes.legend(loc="lower right")
 
-    statistics = {"mean": mean, "sigma": sigma, "snr_db": snr_db}
+    number = name.removeprefix("fig-")
     return Figure(
-        name=name,
-        title=(
-            f"Figure {name.removeprefix('fig-')}: peak response of {method} to an edge over its "
-            "velocity"
-        ),
+        title=f"Figure {number}: peak response of {method} to an edge over its velocity",
         caption=_caption(method, found),
         printed=_printed(method, found, float(ideal[2] / ideal[1])),
         draw=draw,
-        columns=(
-            "speed_mm_s",
-            "velocity_px_per_frame",
-            "theoretical",
-            "without_noise",
-            *(f"{csv_name(label)}_{what}" for label in found for what in statistics),
-        ),
-        rows=rows_of(
-            np.array(SPEEDS_MM_S),
-            velocity,
-            scale * theory(method, velocity),
-            ideal,
-            *(values[label] for label in found for values in statistics.values()),
-        ),
+        numbers={
+            "speed_mm_s": np.array(SPEEDS_MM_S, float),
+            "velocity_px_per_frame": velocity,
+            "theoretical": scale * theory(method, velocity),
+            "without_noise": ideal,
+            **{
+                f"{csv_name(label)}_{what}": values
+                for label, each in statistics.items()
+                for what, values in each.items()
+            },
+        },
     )
+
+
+def _statistics(over_speeds: list[Peaks]) -> dict[str, Floats]:
+    return {
+        "mean": np.array([each.mean for each in over_speeds]),
+        "sigma": np.array([each.deviation for each in over_speeds]),
+        "snr_db": np.array([each.snr_db for each in over_speeds]),
+    }
 
 
 def _caption(method: str, found: dict[str, list[Peaks]]) -> str:
@@ -133,30 +121,28 @@ def _caption(method: str, found: dict[str, list[Peaks]]) -> str:
     )
 
 
-def _printed(method: str, found: dict[str, list[Peaks]], growth: float) -> tuple[Printed, ...]:
+def _printed(
+    method: str, found: dict[str, list[Peaks]], growth: float
+) -> dict[str, tuple[str, str]]:
     """SNR, how far NDM is behind NDS (a product doubles relative noise: 6 dB), and linearity."""
     rows_db = np.mean([each.row_snr_db for each in found["SPADCAM"][1:]], axis=0)
-    behind = [
-        mean_snr_db(sums) - mean_snr_db(products)
-        for sums, products in zip(measured("NDS").values(), measured("NDM").values(), strict=True)
-    ]
-    printed_db = f"{PRINTED_SNR_DB[method]} dB, one row"
-    apart_db = PRINTED_SNR_DB["NDS"] - PRINTED_SNR_DB["NDM"]
-    return (
-        *(
-            Printed(f"SNR, {label}", f"{mean_snr_db(over_speeds):.1f} dB", printed_db)
+    sums, products = measured("NDS"), measured("NDM")
+    behind = [mean_snr_db(sums[label]) - mean_snr_db(products[label]) for label in sums]
+    return {
+        **{
+            f"SNR, {label}": (
+                f"{mean_snr_db(over_speeds):.1f} dB",
+                f"{PRINTED_SNR_DB[method]} dB, one row",
+            )
             for label, over_speeds in found.items()
+        },
+        "SNR of single rows, SPADCAM": (f"{rows_db.min():.1f} to {rows_db.max():.1f} dB", "—"),
+        "NDM behind NDS": (
+            f"{min(behind):.1f} to {max(behind):.1f} dB",
+            f"{PRINTED_SNR_DB['NDS'] - PRINTED_SNR_DB['NDM']:.1f} dB",
         ),
-        Printed(
-            "SNR of single rows, SPADCAM", f"{rows_db.min():.1f} to {rows_db.max():.1f} dB", "—"
-        ),
-        Printed(
-            "NDM behind NDS", f"{min(behind):.1f} to {max(behind):.1f} dB", f"{apart_db:.1f} dB"
-        ),
-        Printed(
-            "Growth from 1.67 to 3.33 px/frame", f"{growth:.2f} times", "fairly linear below 4"
-        ),
-    )
+        "Growth from 1.67 to 3.33 px/frame": (f"{growth:.2f} times", "fairly linear below 4"),
+    }
 
 
 RECIPES = (

@@ -5,21 +5,22 @@ each figure sets ours beside these. No constant here was chosen to meet them, bu
 currents that the presets of the photodiodes were made from.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import EngFormatter
 
 from megalopta.figures import (
-    DASHES,
     MARKERS,
     PALETTE,
     Figure,
     FigureRecipe,
     Floats,
-    Printed,
     Run,
-    rows_of,
+    line_style,
+    write_at,
 )
 from megalopta.sensor.ctia import (
     PHOTODIODES,
@@ -36,6 +37,7 @@ from megalopta.sensor.ctia import (
 SWING_V = 3.3
 BUILT_FARAD, BUILT_GAIN_DB = 10e-12, 130.0
 STEP_V = DacBias().step_v
+BUILT = ("si", "ingaas")
 NAMES = {"si": "Si", "ingaas": "InGaAs", "ingaas_quiet": "InGaAs"}
 
 
@@ -65,91 +67,65 @@ def decades(diode: str, from_v: float, to_v: float) -> float:
     return float(np.log10(far / near))
 
 
-def log_bias_axis(axes: Axes) -> None:
-    """Make the horizontal axis the reverse bias in mV."""
-    axes.set_xscale("log")
-    axes.set_xlabel("Reverse bias (mV)")
+def over_bias(axes: Axes, label: str, is_current: bool) -> None:
+    """Make the axes those of a quantity, in decades if it is a current, over the reverse bias."""
+    axes.set(xscale="log", xlabel="Reverse bias (mV)", ylabel=label)
     axes.xaxis.set_major_formatter("{x:g}")
+    if is_current:
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter(EngFormatter(unit="A"))
 
 
-def log_current_axis(axes: Axes, label: str) -> None:
-    """Make the vertical axis a current."""
-    axes.set_yscale("log")
-    axes.yaxis.set_major_formatter(EngFormatter(unit="A"))
-    axes.set_ylabel(label)
-
-
-def figure_3_2(_: Run) -> Figure:
-    """Discharge for open-loop gains of 40 to 90 dB."""
-    gains_db = np.arange(40, 91, 10)
+def _figure_3_2(_: Run) -> Figure:
     diode = Photodiode(saturation_current_a=100e-12)
-    pixels = [Pixel(diode, 100e-15, SWING_V, gain_from_db(float(g)), 1e-3) for g in gains_db]
+    pixels = {
+        gain_db: Pixel(diode, 100e-15, SWING_V, gain_from_db(float(gain_db)), 1e-3)
+        for gain_db in range(40, 91, 10)
+    }
     times = np.linspace(0, 0.09, 181)
-    outputs = np.array([SWING_V - discharge(one, 0.0, times) for one in pixels])
-    ends = [float(discharge_time(one, 0.0, SWING_V)) for one in pixels]
-    moved = [1e3 * SWING_V / float(gain_from_db(g)) for g in (40.0, 100.0)]
+    moved = [SWING_V / float(gain_from_db(gain_db)) for gain_db in (40.0, 100.0)]
     growth = float(reverse_current(diode, 1e-3 + SWING_V / 100) / reverse_current(diode, 1e-3))
+    first, last = (1e3 * _swing_time(pixels[gain_db]) for gain_db in (40, 90))
 
     def draw(canvas: Canvas) -> None:
         axes = canvas.subplots()
-        for index, (gain_db, output) in enumerate(zip(gains_db, outputs, strict=True)):
-            shown = _to_rail(times, output, ends[index])
-            (line,) = axes.plot(
-                1e3 * shown[0], shown[1], label=f"{gain_db} dB", color=PALETTE[index]
-            )
-            line.set_linestyle(DASHES[index % len(DASHES)])
-        axes.set_xlabel("Time (ms)")
-        axes.set_ylabel("Output (V)")
-        axes.set_xlim(0, 90)
-        axes.set_ylim(0, 3.4)
+        _draw_discharges(axes, {f"{each} dB": pixels[each] for each in pixels}, times, 1e3)
+        axes.set(xlabel="Time (ms)", ylabel="Output (V)", xlim=(0, 90), ylim=(0, 3.4))
         axes.legend(title="Open-loop gain")
 
     return Figure(
-        name="fig-3.2",
         title="Figure 3.2: CTIA pixel discharging from an input offset of 1 mV",
         caption=(
             "As in the dissertation, the saturation current is 100 pA, the capacitance 100 fF, and "
             "there is no light. The less gain, the more the input moves over the swing, and the "
             "more the dark current grows with it."
         ),
-        printed=(
-            Printed("Motion of the input at 40 dB", f"{moved[0]:.0f} mV", "33 mV"),
-            Printed("Motion of the input at 100 dB", f"{1e3 * moved[1]:.0f} µV", "33 µV"),
-            Printed("Growth of the dark current at 40 dB", f"{growth:.0f} times", "—"),
-            Printed(
-                "Time of the swing at 40 and 90 dB",
-                f"{1e3 * ends[0]:.1f} and {1e3 * ends[-1]:.1f} ms",
-                "—",
-            ),
-        ),
+        printed={
+            "Motion of the input at 40 dB": (f"{1e3 * moved[0]:.0f} mV", "33 mV"),
+            "Motion of the input at 100 dB": (f"{1e6 * moved[1]:.0f} µV", "33 µV"),
+            "Growth of the dark current at 40 dB": (f"{growth:.0f} times", "—"),
+            "Time of the swing at 40 and 90 dB": (f"{first:.1f} and {last:.1f} ms", "—"),
+        },
         draw=draw,
-        columns=("time_s", *(f"output_at_{gain}_db_v" for gain in gains_db)),
-        rows=rows_of(times, *outputs),
+        numbers={
+            "time_s": times,
+            **{f"output_at_{each}_db_v": _output(pixels[each], times) for each in pixels},
+        },
     )
 
 
-def figure_3_5(_: Run) -> Figure:
-    """Discharge with the silicon diode at several reverse biases."""
-    biases = np.array([24.5, 12.5, 6.5, 3.5, 1.5, 0.5, -0.5]) * STEP_V
+def _figure_3_5(_: Run) -> Figure:
+    biases = [code * STEP_V for code in (24.5, 12.5, 6.5, 3.5, 1.5, 0.5, -0.5)]
+    pixels = {bias: built_pixel("si", bias) for bias in biases}
     times = np.linspace(0, 300, 301)
-    pixels = [built_pixel("si", float(bias)) for bias in biases]
-    outputs = np.array([SWING_V - discharge(one, 0.0, times) for one in pixels])
-    ends = [float(discharge_time(one, 0.0, SWING_V)) for one in pixels]
 
     def draw(canvas: Canvas) -> None:
         axes = canvas.subplots()
-        for index, (bias, output) in enumerate(zip(biases, outputs, strict=True)):
-            shown = _to_rail(times, output, ends[index])
-            (line,) = axes.plot(*shown, label=_millivolt(bias), color=PALETTE[index])
-            line.set_linestyle(DASHES[index % len(DASHES)])
-        axes.set_xlabel("Time (s)")
-        axes.set_ylabel("Output (V)")
-        axes.set_xlim(0, 300)
-        axes.set_ylim(0, 3.45)
+        _draw_discharges(axes, {_millivolt(bias): pixels[bias] for bias in biases}, times, 1)
+        axes.set(xlabel="Time (s)", ylabel="Output (V)", xlim=(0, 300), ylim=(0, 3.45))
         axes.legend(title="Reverse bias", loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
     return Figure(
-        name="fig-3.5",
         title="Figure 3.5: CTIA pixel discharging in the dark, Si photodiode",
         caption=(
             "The fabricated pixel (10 pF, 130 dB) has the preset of the SFH229FA and DAC codes "
@@ -157,68 +133,55 @@ def figure_3_5(_: Run) -> Figure:
             "discharge. The dissertation prints no number for this figure."
         ),
         draw=draw,
-        columns=("time_s", *(f"output_at_{1e3 * bias:.2f}_mv_v" for bias in biases)),
-        rows=rows_of(times, *outputs),
+        numbers={
+            "time_s": times,
+            **{f"output_at_{1e3 * each:.2f}_mv_v": _output(pixels[each], times) for each in biases},
+        },
     )
 
 
-def figure_3_6(_: Run) -> Figure:
-    """Dark current against reverse bias for both diodes."""
+def _figure_3_6(_: Run) -> Figure:
     biases = dac_sweep(1.0)
-    currents = {name: estimate_current(built_pixel(name, biases)) for name in ("ingaas", "si")}
-    drop = {name: decades(name, 20e-3, STEP_V / 2) for name in currents}
     printed = {"ingaas": 700e-12, "si": 10.4e-15}
+    currents = {name: estimate_current(built_pixel(name, biases)) for name in printed}
+    falls = {name: f"{decades(name, 20e-3, STEP_V / 2):.1f} decades" for name in printed}
+    instantaneous_ms = 1e3 * _swing_time(built_pixel("ingaas", 0.1))
 
     def draw(canvas: Canvas) -> None:
         axes = canvas.subplots()
-        for index, (name, values) in enumerate(currents.items()):
-            color = PALETTE[index]
-            axes.plot(1e3 * biases, values, MARKERS[index] + "-", color=color, label=NAMES[name])
-            axes.axhline(printed[name], color=color, linestyle=":", linewidth=1.5)
-            text = f"lowest measured, {NAMES[name]}: {ampere(printed[name])}"
-            axes.annotate(
-                text,
-                (900, printed[name]),
-                xytext=(0, 5),
-                textcoords="offset points",
-                ha="right",
-                color=color,
-                fontsize=10,
-            )
-        log_bias_axis(axes)
-        log_current_axis(axes, "Dark current")
+        for color, marker, name in zip(PALETTE, MARKERS, printed, strict=False):
+            axes.plot(1e3 * biases, currents[name], marker + "-", color=color, label=NAMES[name])
+            lowest = printed[name]
+            axes.axhline(lowest, color=color, linestyle=":", linewidth=1.5)
+            text = f"lowest measured, {NAMES[name]}: {ampere(lowest)}"
+            write_at(axes, text, (900, lowest), (0, 5), ha="right", color=color, fontsize=10)
+        over_bias(axes, "Dark current", is_current=True)
         axes.legend()
 
-    instantaneous = float(discharge_time(built_pixel("ingaas", 0.1), 0.0, SWING_V))
     return Figure(
-        name="fig-3.6",
         title="Figure 3.6: dark current against reverse bias, non-adaptive pixel",
         caption=(
             "Points are 10–90 % estimates at DAC codes with the presets of the diodes, which have "
             "neither generation nor tunneling, by which real ones rise faster. The lowest current "
             "measured with Si needs a bias within 0.08 mV of zero, which one offset in ten leaves; "
             "ours is that at half a code. At 100 mV InGaAs discharges in "
-            f"{1e3 * instantaneous:.2f} ms, which the bench could not sample."
+            f"{instantaneous_ms:.2f} ms, which the bench could not sample."
         ),
-        printed=(
-            *(
-                Printed(
-                    f"Fall from 20 to 0.40 mV, {NAMES[name]}", f"{drop[name]:.1f} decades", "1–2"
+        printed={
+            **{f"Fall from 20 to 0.40 mV, {NAMES[each]}": (falls[each], "1–2") for each in BUILT},
+            **{
+                f"Lowest current, {NAMES[each]}": (
+                    ampere(currents[each][0]),
+                    ampere(printed[each]),
                 )
-                for name in ("si", "ingaas")
-            ),
-            *(
-                Printed(
-                    f"Lowest current, {NAMES[name]}",
-                    ampere(currents[name][0]),
-                    ampere(printed[name]),
-                )
-                for name in ("si", "ingaas")
-            ),
-        ),
+                for each in BUILT
+            },
+        },
         draw=draw,
-        columns=("reverse_bias_v", "dark_current_ingaas_a", "dark_current_si_a"),
-        rows=rows_of(biases, *currents.values()),
+        numbers={
+            "reverse_bias_v": biases,
+            **{f"dark_current_{name}_a": values for name, values in currents.items()},
+        },
     )
 
 
@@ -226,16 +189,28 @@ def _millivolt(volts: float) -> str:
     return f"{1e3 * volts:.1f} mV".replace("-", "−")
 
 
-def _to_rail(times: Floats, output: Floats, end: float) -> tuple[Floats, Floats]:
-    """Times and output up to the moment at which the lower rail is reached."""
-    before = times < end
-    if before.all():
-        return times, output
-    return np.append(times[before], end), np.append(output[before], 0.0)
+def _swing_time(pixel: Pixel) -> float:
+    """Seconds in the dark from reset to the lower rail."""
+    return float(discharge_time(pixel, 0.0, SWING_V))
+
+
+def _output(pixel: Pixel, times: Floats) -> Floats:
+    return np.asarray(SWING_V - discharge(pixel, 0.0, times))
+
+
+def _draw_discharges(
+    axes: Axes, pixels: Mapping[str, Pixel], times: Floats, per_second: float
+) -> None:
+    """Draw outputs over time, each up to the moment at which the lower rail is reached."""
+    for place, (label, pixel) in enumerate(pixels.items()):
+        shown, output, end = times, _output(pixel, times), _swing_time(pixel)
+        if end <= times[-1]:
+            shown, output = np.append(times[times < end], end), np.append(output[times < end], 0)
+        axes.plot(per_second * shown, output, label=label, **line_style(place))
 
 
 RECIPES = (
-    FigureRecipe("fig-3.2", figure_3_2),
-    FigureRecipe("fig-3.5", figure_3_5),
-    FigureRecipe("fig-3.6", figure_3_6),
+    FigureRecipe("fig-3.2", _figure_3_2),
+    FigureRecipe("fig-3.5", _figure_3_5),
+    FigureRecipe("fig-3.6", _figure_3_6),
 )

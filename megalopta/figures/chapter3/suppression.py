@@ -16,6 +16,7 @@ goes as the root of the conductance at zero bias.
 """
 
 from collections.abc import Mapping
+from functools import cache
 
 import numpy as np
 from matplotlib.figure import Figure as Canvas
@@ -28,23 +29,22 @@ from megalopta.figures import (
     GRAY,
     MARKERS,
     ORANGE,
+    Cell,
     Figure,
     FigureRecipe,
     Floats,
-    Printed,
     Run,
     draw_table,
-    rows_of,
 )
 from megalopta.figures.chapter3.pixel import (
+    BUILT,
     NAMES,
     STEP_V,
     ampere,
     built_pixel,
     dac_sweep,
     decades,
-    log_bias_axis,
-    log_current_axis,
+    over_bias,
 )
 from megalopta.sensor.ctia import (
     PHOTODIODES,
@@ -62,47 +62,46 @@ LED_A: Mapping[str, tuple[float, float]] = {
     "si": (5e-12, 20e-12),
     "ingaas_quiet": (150e-12, 600e-12),
 }
+_STATES = ("Non-adaptive (best)", "Adaptive (poor)", "Adaptive (fine)", "Limit set by the leak")
 
 
 def _photocurrents(name: str, diode: str, decades_printed: str) -> Figure:
     """Dark current and photocurrents of two LED intensities against bias."""
     biases = dac_sweep(1.2)
     dark, *light = _bench(diode, biases)
-    flat = max(float(np.ptp(one) / np.mean(one)) for one in light)
+    ppm = 1e6 * max(1e-6, *(np.ptp(one) / np.mean(one) for one in light))
     fall = decades(diode, 20e-3, 1e-3)
+    note, figure = "; the diode, printed only as less noisy, has the 100 pA of Figure 3.2", "3.9"
+    if diode == "si":
+        note, figure = "", "3.10"
 
     def draw(canvas: Canvas) -> None:
         axes = canvas.subplots()
-        curves = (("LED2 − dark", light[1]), ("LED1 − dark", light[0]), ("dark", dark))
-        for (label, values), color, marker in zip(
-            curves, (ORANGE, BLUE, BLACK), MARKERS, strict=False
-        ):
-            axes.plot(1e3 * biases, values, marker + "-", color=color, label=label)
-        log_bias_axis(axes)
-        log_current_axis(axes, "Estimated current")
+        axes.plot(1e3 * biases, light[1], "o-", color=ORANGE, label="LED2 − dark")
+        axes.plot(1e3 * biases, light[0], "s-", color=BLUE, label="LED1 − dark")
+        axes.plot(1e3 * biases, dark, "^-", color=BLACK, label="dark")
+        over_bias(axes, "Estimated current", is_current=True)
         axes.legend(loc="lower right")
 
     return Figure(
-        name=name,
         title=f"{_number(name)}: dark current and photocurrent, {NAMES[diode]} photodiode",
         caption=(
             "Each photocurrent is the difference of two 10–90 % estimates; the model's quantum "
             "efficiency does not depend on bias. LED1 and LED2 are our choice, "
-            f"{ampere(LED_A[diode][0])} and {ampere(LED_A[diode][1])}, for none is printed"
-            f"{_diode_note(diode)}. A diode with a shunt cannot fall by more than 1.30 decades, of "
-            f"which {'Figure 3.10' if diode == 'si' else 'Figure 3.9'} tells more."
+            f"{' and '.join(map(ampere, LED_A[diode]))}, for none is printed{note}. A diode with a "
+            f"shunt cannot fall by more than 1.30 decades, of which Figure {figure} tells more."
         ),
-        printed=(
-            Printed(
-                "Photocurrent over bias",
-                f"constant to {1e6 * max(flat, 1e-6):.0f} ppm",
-                "fairly constant",
-            ),
-            Printed("Fall of the dark current, 20 to 1 mV", f"{fall:.2f} decades", decades_printed),
-        ),
+        printed={
+            "Photocurrent over bias": (f"constant to {ppm:.0f} ppm", "fairly constant"),
+            "Fall of the dark current, 20 to 1 mV": (f"{fall:.2f} decades", decades_printed),
+        },
         draw=draw,
-        columns=("reverse_bias_v", "dark_current_a", "photocurrent_led1_a", "photocurrent_led2_a"),
-        rows=rows_of(biases, dark, *light),
+        numbers={
+            "reverse_bias_v": biases,
+            "dark_current_a": dark,
+            "photocurrent_led1_a": light[0],
+            "photocurrent_led2_a": light[1],
+        },
     )
 
 
@@ -117,19 +116,17 @@ def _snr(name: str, diode: str, printed_db: float, printed: str) -> Figure:
 
     def draw(canvas: Canvas) -> None:
         axes = canvas.subplots()
-        for index, (true, off) in enumerate(zip(exact, dashed, strict=True)):
-            color, marker = (BLUE, ORANGE)[index], MARKERS[index]
-            axes.plot(1e3 * biases, true, marker + "-", color=color, label=f"LED{index + 1}")
-            label = f"LED{index + 1}, bias reads {1e3 * error:.2f} mV high"
+        styles = zip(("LED1", "LED2"), (BLUE, ORANGE), MARKERS, strict=False)
+        for (led, color, marker), true, off in zip(styles, exact, dashed, strict=True):
+            axes.plot(1e3 * biases, true, marker + "-", color=color, label=led)
+            label = f"{led}, bias reads {1e3 * error:.2f} mV high"
             axes.plot(1e3 * fine, off, "--", color=color, label=label)
         for edge in (1, 20):
             axes.axvline(edge, color=GRAY, linewidth=1, linestyle=":")
-        log_bias_axis(axes)
-        axes.set_ylabel("SNR (dB)")
+        over_bias(axes, "SNR (dB)", is_current=False)
         axes.legend()
 
     return Figure(
-        name=name,
         title=f"{_number(name)}: SNR against reverse bias, {NAMES[diode]} photodiode",
         caption=(
             "The SNR is 20·log10(photocurrent / dark current). The model allows a rise of 23.0 to "
@@ -137,61 +134,48 @@ def _snr(name: str, diode: str, printed_db: float, printed: str) -> Figure:
             f"{1e3 * error:.2f} mV below the one read, where one DAC code is 0.81 mV, the rise "
             f"would be {printed_db:.0f} dB (dashed): our inference, to which nothing is fitted."
         ),
-        printed=(Printed("Rise from 20 to 1 mV", f"{gained:.1f} dB", printed),),
+        printed={"Rise from 20 to 1 mV": (f"{gained:.1f} dB", printed)},
         draw=draw,
-        columns=(
-            "reverse_bias_v",
-            "snr_led1_db",
-            "snr_led2_db",
-            "snr_led1_bias_error_db",
-            "snr_led2_bias_error_db",
-        ),
-        rows=rows_of(biases, *exact, *shifted),
+        numbers={
+            "reverse_bias_v": biases,
+            **{f"snr_led{led}_db": each for led, each in enumerate(exact, 1)},
+            **{f"snr_led{led}_bias_error_db": each for led, each in enumerate(shifted, 1)},
+        },
     )
 
 
-def table_3_1(_: Run) -> Figure:
-    """Dark currents of both pixels, ours beside those printed."""
-    best = {name: _best_codes(name) for name in ("si", "ingaas")}
-    poor = {"si": _poor("si", 15e-3), "ingaas": _poor("ingaas", 17.5e-3)}
-    fine = {name: _tuned(name) for name in ("si", "ingaas")}
-    floor = {name: leak_floor(built_pixel(name, 0.0, FloatingGateBias().leak_v_s)) for name in fine}
-    rows = (
-        ("Non-adaptive (best)", 10.4e-15, best["si"], 700e-12, best["ingaas"]),
-        ("Adaptive (poor)", 1.6e-12, poor["si"], 5.8e-9, poor["ingaas"]),
-        ("Adaptive (fine)", 33.8e-15, fine["si"].current_a, 2.25e-12, fine["ingaas"].current_a),
-        ("Limit set by the leak", np.nan, floor["si"], np.nan, floor["ingaas"]),
-    )
+def _table_3_1(_: Run) -> Figure:
+    numbers: dict[str, list[Cell]] = {
+        "state": [*_STATES],
+        "si_printed_a": [10.4e-15, 1.6e-12, 33.8e-15, np.nan],
+        "si_ours_a": [*_states("si", poor_v=15e-3)],
+        "ingaas_printed_a": [700e-12, 5.8e-9, 2.25e-12, np.nan],
+        "ingaas_ours_a": [*_states("ingaas", poor_v=17.5e-3)],
+    }
 
     def draw(canvas: Canvas) -> None:
         head = ("", "Si, printed", "Si, ours", "InGaAs, printed", "InGaAs, ours")
-        text = [(row[0], *("" if np.isnan(v) else ampere(v) for v in row[1:])) for row in rows]
-        draw_table(canvas, head, text, widths=(1.6, 1, 1, 1.25, 1.1))
+        texts = [[_text(cell) for cell in column] for column in numbers.values()]
+        draw_table(canvas, head, [*zip(*texts, strict=True)], widths=(1.6, 1, 1, 1.25, 1.1))
 
-    hours = fine["si"].elapsed_s / 3600
-    over = floor["si"] / 33.8e-15, floor["ingaas"] / 2.25e-12
+    over = [
+        float(numbers[f"{diode}_ours_a"][3]) / float(numbers[f"{diode}_printed_a"][2])
+        for diode in BUILT
+    ]
     return Figure(
-        name="table-3.1",
         title="Table 3.1: dark current suppression of the CTIA pixel",
         caption=(
             "Non-adaptive is the mean over an offset that falls anywhere between two DAC codes, "
             "and poor the state at 15 mV (Si, from which the preset was made) and 17.5 mV "
             "(InGaAs). Fine is the end of the programming loop, from "
             f"{1e3 * TYPICAL_OFFSET_V:.1f} mV in pulses of 500 µV with a leak of 1.5 µV/s, which "
-            f"takes {hours:.1f} h for Si. The last line is the least that the leak allows, "
-            f"{over[0]:.1f} and {over[1]:.1f} times what was measured: the conductance of the real "
-            f"diodes at zero bias must be {over[0] ** 2:.0f} and {over[1] ** 2:.0f} times smaller "
-            "than that of the presets."
+            f"takes {_tuned('si').elapsed_s / 3600:.1f} h for Si. The last line is the least that "
+            f"the leak allows, {over[0]:.1f} and {over[1]:.1f} times what was measured: the "
+            f"conductance of the real diodes at zero bias must be {over[0] ** 2:.0f} and "
+            f"{over[1] ** 2:.0f} times smaller than that of the presets."
         ),
         draw=draw,
-        columns=(
-            "state",
-            "si_printed_a",
-            "si_ours_a",
-            "ingaas_printed_a",
-            "ingaas_ours_a",
-        ),
-        rows=rows,
+        numbers=numbers,
         height_in=1.9,
     )
 
@@ -223,24 +207,30 @@ def _snr_db(diode: str, biases: Floats, valid: NDArray[np.bool_] | None = None) 
     return [np.where(valid, 20 * np.log10(one / dark), np.nan) for one in light]
 
 
-def _best_codes(diode: str) -> float:
-    left = (np.arange(200) + 0.5) / 200 * STEP_V
-    return float(estimate_current(built_pixel(diode, left)).mean())
+def _states(diode: str, poor_v: float) -> list[float]:
+    """Dark current of each state of Table 3.1, A."""
+    any_offset = built_pixel(diode, (np.arange(200) + 0.5) / 200 * STEP_V)
+    poor, at_zero = (
+        built_pixel(diode, bias, FloatingGateBias().leak_v_s) for bias in (poor_v, 0.0)
+    )
+    return [
+        float(estimate_current(any_offset).mean()),
+        float(estimate_current(poor)),
+        _tuned(diode).current_a,
+        leak_floor(at_zero),
+    ]
 
 
-def _poor(diode: str, bias_v: float) -> float:
-    return float(estimate_current(built_pixel(diode, bias_v, FloatingGateBias().leak_v_s)))
-
-
+@cache
 def _tuned(diode: str) -> Measurement:
     log = calibrate(FloatingGateBias(), built_pixel(diode, TYPICAL_OFFSET_V))
     return min(log, key=lambda turn: turn.current_a or np.inf)
 
 
-def _diode_note(diode: str) -> str:
-    if diode == "si":
-        return ""
-    return "; the diode, printed only as less noisy, has the 100 pA of Figure 3.2"
+def _text(cell: Cell) -> str:
+    if isinstance(cell, str):
+        return cell
+    return "" if np.isnan(cell) else ampere(cell)
 
 
 def _number(name: str) -> str:
@@ -256,5 +246,5 @@ RECIPES = (
         "fig-3.9", lambda _: _snr("fig-3.9", "ingaas_quiet", 40.0, "about 40 dB, then 50 dB")
     ),
     FigureRecipe("fig-3.10", lambda _: _snr("fig-3.10", "si", 30.0, "about 30 dB")),
-    FigureRecipe("table-3.1", table_3_1),
+    FigureRecipe("table-3.1", _table_3_1),
 )

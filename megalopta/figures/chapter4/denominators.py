@@ -4,24 +4,24 @@ Where responses have a density at zero, the mean of |ΔR|/|R| has no limit: with
 at ε it grows as log(1/ε). The `ratio` Σ|ΔR|/Σ|R| has no such pixels.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import EngFormatter, NullFormatter
-from numpy.typing import NDArray
 
 from megalopta.experiments import SWEEPS, Trial
 from megalopta.figures import (
     BLUE,
     ORANGE,
-    Cell,
     Figure,
     FigureRecipe,
+    Floats,
     Run,
     Templates,
+    borne_out,
     needed,
     threshold_of,
 )
@@ -38,14 +38,14 @@ _FRAMES, _WARM_UP = 60, 30
 _COLORS = {"synthetic": BLUE, "natural": ORANGE}
 
 
-def floored_errors(ideal: NDArray[np.float64], noisy: NDArray[np.float64]) -> NDArray[np.float64]:
+def floored_errors(ideal: Floats, noisy: Floats) -> Floats:
     """Return Eq. 4.5 with denominators of at least each of `FLOORS` mean responses."""
     size, difference = np.abs(ideal).ravel(), np.abs(noisy - ideal).ravel()
     floors = FLOORS * size.mean()
     return np.array([np.mean(difference / np.maximum(size, floor)) for floor in floors])
 
 
-def growth_with_floor(errors: NDArray[np.float64]) -> str | None:
+def growth_with_floor(errors: Floats) -> str | None:
     """Say that the error has no limit, if it grows by a tenth in each of three decades."""
     at = [float(np.interp(power, np.log10(FLOORS), errors)) for power in (-4, -3, -2, -1)]
     if not all(small > 1.1 * large for small, large in pairwise(at)):
@@ -87,20 +87,19 @@ def _figure(run: Run) -> Figure:
         _draw_floors(left, curves)
         _draw_fluxes(right, fluxes)
 
-    rows: list[tuple[Cell, ...]] = [
-        ("error_of_emd", kind, "EMD", float(floor), float(error))
+    floored = [
+        ("error_of_emd", kind, "EMD", floor, error)
         for kind, errors in curves.items()
-        for floor, error in zip(FLOORS, errors, strict=True)
+        for floor, error in zip(FLOORS.tolist(), errors.tolist(), strict=True)
     ]
-    rows += [
+    found_at = [
         (f"n_2b_{metric}", kind, name, np.nan, flux)
         for (kind, metric, name), flux in fluxes.items()
     ]
+    columns = zip(*floored, *found_at, strict=True)
     factor = fluxes["natural", "literal", "EMD"] / fluxes["natural", "ratio", "EMD"]
-    said = (division_sentence(factor), growth_with_floor(curves["natural"]))
-    found = tuple(sentence for sentence in said if sentence)
+    found = borne_out(division_sentence(factor), growth_with_floor(curves["natural"]))
     return Figure(
-        name="denominators",
         title="Dividing by responses near zero, frames of 60 × 60 px",
         caption=(
             f"The left panel has the error of EMD at {FLUX / 1e6:g} million photons per frame of "
@@ -109,14 +108,13 @@ def _figure(run: Run) -> Figure:
             f"4.5, filled) and by the quotient of means (open). {' '.join(found[:1])}"
         ).strip(),
         draw=draw,
-        columns=("quantity", "images", "method", "floor", "value"),
-        rows=tuple(rows),
+        numbers=dict(zip(("quantity", "images", "method", "floor", "value"), columns, strict=True)),
         height_in=3.4,
         findings=found,
     )
 
 
-def _errors(trial: Trial, templates: Templates) -> NDArray[np.float64]:
+def _errors(trial: Trial, templates: Templates) -> Floats:
     stimulus = MovingTemplate(templates[trial.template], trial.velocity_px, trial.size)
     light = stimulus.light(0, _FRAMES)
     detector = METHODS["EMD"]
@@ -128,26 +126,22 @@ def _errors(trial: Trial, templates: Templates) -> NDArray[np.float64]:
     return floored_errors(ideal, noisy)
 
 
-def _draw_floors(axes: Axes, curves: Mapping[str, NDArray[np.float64]]) -> None:
+def _draw_floors(axes: Axes, curves: Mapping[str, Floats]) -> None:
     for kind, errors in curves.items():
         axes.plot(FLOORS, errors, color=_COLORS[kind], label=kind)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    axes.set(xscale="log", yscale="log")
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.set_xlabel("Floor (mean responses)")
-    axes.set_ylabel("Error of EMD, Eq. 4.5")
+    axes.set(xlabel="Floor (mean responses)", ylabel="Error of EMD, Eq. 4.5")
     axes.legend()
 
 
 def _draw_fluxes(axes: Axes, fluxes: Mapping[tuple[str, Metric, str], float]) -> None:
-    names: Sequence[str] = list(PRINTED)
+    names = list(PRINTED)
     for (kind, metric, name), flux in fluxes.items():
-        face = _COLORS[kind] if metric == "literal" else "none"
-        shift = -0.12 if kind == "synthetic" else 0.12
-        axes.plot(
-            names.index(name) + shift, flux, "o", color=_COLORS[kind], markerfacecolor=face, ms=7
-        )
+        color, place = _COLORS[kind], names.index(name) + (-0.12 if kind == "synthetic" else 0.12)
+        face = color if metric == "literal" else "none"
+        axes.plot(place, flux, "o", color=color, markerfacecolor=face, ms=7)
     for face, text in (("black", "mean of quotients"), ("none", "quotient of means")):
         axes.plot([], [], "o", color="black", markerfacecolor=face, label=text)
     axes.legend(loc="upper left")

@@ -12,8 +12,9 @@ from typing import TypeAlias
 import numpy as np
 
 from megalopta.experiments import Results, Sweep
-from megalopta.figures import sweep_curve, threshold_of
+from megalopta.figures import borne_out, sweep_curve, threshold_of
 from megalopta.flow.detectors import THESIS_METHODS
+from megalopta.flow.metrics import METRICS
 
 Finding: TypeAlias = Callable[[Sweep, Results], str | None]
 Curve: TypeAlias = Mapping[float, float]
@@ -26,8 +27,7 @@ _LARGE = 10.0
 
 def findings(name: str, sweep: Sweep, results: Results) -> tuple[str, ...]:
     """Return what the results of a figure bear out."""
-    said = (finding(sweep, results) for finding in FINDINGS.get(name, ()))
-    return tuple(sentence for sentence in said if sentence)
+    return borne_out(*(finding(sweep, results) for finding in FINDINGS.get(name, ())))
 
 
 def curve(sweep: Sweep, results: Results, method: str, size: int = 0) -> Curve:
@@ -38,7 +38,7 @@ def curve(sweep: Sweep, results: Results, method: str, size: int = 0) -> Curve:
 
 def decades(photons: Curve) -> float:
     """Return how far a curve moves; NaN for less than two points."""
-    return math.log10(_most(photons) / _least(photons)) if len(photons) > 1 else math.nan
+    return math.log10(_spread(photons)) if len(photons) > 1 else math.nan
 
 
 def exponent(photons: Curve, low: float, high: float) -> float:
@@ -50,7 +50,7 @@ def exponent(photons: Curve, low: float, high: float) -> float:
 
 def widely_over_frequency(sweep: Sweep, results: Results) -> str | None:
     """EMD moves by two to three decades and IIA by two."""
-    emd, iia = (_at_sizes(sweep, results, name, decades) for name in ("EMD", "IIA"))
+    emd, iia = (_moved(sweep, results, name) for name in ("EMD", "IIA"))
     if not all(1.5 < each < 3.5 for each in emd) or not all(1.5 < each < 2.5 for each in iia):
         return None
     return (
@@ -61,7 +61,7 @@ def widely_over_frequency(sweep: Sweep, results: Results) -> str | None:
 
 def nonlinear_over_frequency(sweep: Sweep, results: Results) -> str | None:
     """NDM and NDS move by more than the decade that is printed."""
-    moved = [each for name in ("NDM", "NDS") for each in _at_sizes(sweep, results, name, decades)]
+    moved = _moved(sweep, results, "NDM") + _moved(sweep, results, "NDS")
     if not all(each > 1.05 for each in moved):
         return None
     return (
@@ -72,12 +72,9 @@ def nonlinear_over_frequency(sweep: Sweep, results: Results) -> str | None:
 
 def inverse_square_of_contrast(sweep: Sweep, results: Results) -> str | None:
     """Motion detectors need photons as C⁻²."""
-    ends = [float(value) for value in (sweep.values[0], sweep.values[-1])]
-    found = [
-        each
-        for name in MOTION
-        for each in _at_sizes(sweep, results, name, lambda photons: exponent(photons, *ends))
-    ]
+    ends = float(sweep.values[0]), float(sweep.values[-1])
+    curves = (curve(sweep, results, name, size) for name in MOTION for size in sweep.sizes)
+    found = [exponent(photons, *ends) for photons in curves]
     if not all(-2.3 < each < -1.7 for each in found):
         return None
     return (
@@ -89,17 +86,11 @@ def inverse_square_of_contrast(sweep: Sweep, results: Results) -> str | None:
 def towards_root_of_dark_counts(sweep: Sweep, results: Results) -> str | None:
     """N_2b of the motion detectors rises ever more steeply, towards the root of dark counts."""
     counts = [float(value) for value in sweep.values]
-    rises = [
-        [exponent(photons, *pair) for pair in pairwise(counts)]
-        for name in MOTION
-        for photons in (curve(sweep, results, name, size) for size in sweep.sizes)
-    ]
+    curves = (curve(sweep, results, name, size) for name in MOTION for size in sweep.sizes)
+    rises = [[exponent(photons, *pair) for pair in pairwise(counts)] for photons in curves]
     last = [each[-1] for each in rises if each]
-    if (
-        len(counts) < 3
-        or not all(sorted(each) == each for each in rises)
-        or not all(0.1 < each < 0.6 for each in last)
-    ):
+    is_steeper = all(sorted(each) == each for each in rises)
+    if len(counts) < 3 or not is_steeper or not all(0.1 < each < 0.6 for each in last):
         return None
     return (
         "N_2b of the motion detectors rises ever more steeply with the dark counts, towards their "
@@ -134,11 +125,11 @@ def flat_interpolation(sweep: Sweep, results: Results) -> str | None:
     if 240 not in sweep.sizes:
         return None
     photons = curve(sweep, results, "IIA", 240)
-    if len(photons) < len(sweep.values) or _most(photons) > 3 * _least(photons):
+    if len(photons) < len(sweep.values) or _spread(photons) > 3:
         return None
     return (
-        f"IIA is flat at N = 240, within a factor of {_most(photons) / _least(photons):.2f}: noise "
-        "in its gradients shrinks every velocity by the same factor."
+        f"IIA is flat at N = 240, within a factor of {_spread(photons):.2f}: noise in its "
+        "gradients shrinks every velocity by the same factor."
     )
 
 
@@ -153,7 +144,7 @@ def interpolation_at_one_pixel(sweep: Sweep, results: Results) -> str | None:
         return None
     return (
         "IIA has its least at v = 4, nearly one pixel per frame of 60 × 60 px, and needs "
-        f"{_two_digits(factor)} times as many photons at the median of the other velocities."
+        f"{_rounded(factor, 2)} times as many photons at the median of the other velocities."
     )
 
 
@@ -193,8 +184,7 @@ def division_by_small_responses(sweep: Sweep, results: Results) -> str | None:
     quotients = []
     for point in sweep.points:
         literal, ratio = (
-            threshold_of(results, point.trial, "EMD", metric, 2).flux
-            for metric in ("literal", "ratio")
+            threshold_of(results, point.trial, "EMD", metric, 2).flux for metric in METRICS
         )
         if literal and ratio:
             quotients.append(literal / ratio)
@@ -206,7 +196,7 @@ def division_sentence(factor: float) -> str | None:
     if not factor > _LARGE:
         return None
     return (
-        f"By the quotient of means EMD needs about {_one_digit(factor)} times fewer photons on "
+        f"By the quotient of means EMD needs about {_rounded(factor, 1)} times fewer photons on "
         "natural scenes: Eq. 4.5 divides by its responses near zero."
     )
 
@@ -229,18 +219,13 @@ FINDINGS: Mapping[str, tuple[Finding, ...]] = {
 """By name of a figure; its caption has the first that holds, its page all."""
 
 
-def _at_sizes(
-    sweep: Sweep, results: Results, method: str, measure: Callable[[Curve], float]
-) -> list[float]:
-    return [measure(curve(sweep, results, method, size)) for size in sweep.sizes]
+def _moved(sweep: Sweep, results: Results, method: str) -> list[float]:
+    """Decades by which a method moves, at each size."""
+    return [decades(curve(sweep, results, method, size)) for size in sweep.sizes]
 
 
-def _least(photons: Curve) -> float:
-    return min(photons.values())
-
-
-def _most(photons: Curve) -> float:
-    return max(photons.values())
+def _spread(photons: Curve) -> float:
+    return max(photons.values()) / min(photons.values())
 
 
 def _span(values: Sequence[float]) -> str:
@@ -248,9 +233,5 @@ def _span(values: Sequence[float]) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def _two_digits(factor: float) -> str:
-    return f"{float(f'{factor:.2g}'):g}"
-
-
-def _one_digit(factor: float) -> str:
-    return f"{float(f'{factor:.1g}'):g}"
+def _rounded(factor: float, digits: int) -> str:
+    return f"{float(f'{factor:.{digits}g}'):g}"

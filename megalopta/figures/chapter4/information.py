@@ -14,20 +14,27 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import EngFormatter, NullFormatter
-from numpy.typing import NDArray
 
 from megalopta.experiments import (
     PHOTOGRAPHED,
     ROWS,
     SWEEPS,
     PanoramaTemplate,
-    Point,
     Results,
     Template,
     Trial,
     in_form,
 )
-from megalopta.figures import Figure, FigureRecipe, Run, Templates, method_style, threshold_of
+from megalopta.figures import (
+    Figure,
+    FigureRecipe,
+    Floats,
+    Run,
+    Templates,
+    borne_out,
+    method_style,
+    threshold_of,
+)
 from megalopta.figures.chapter4.table import PRINTED, SIZE
 from megalopta.flow.detectors import block_grid
 from megalopta.flow.metrics import fisher_information
@@ -51,20 +58,11 @@ class Seen(NamedTuple):
     """Per frame, at the velocity where they are fewest"""
 
 
-def information_per_photon(template: NDArray[np.float64], dark_share: float = 0.0) -> float:
+def information_per_photon(template: Floats, dark_share: float = 0.0) -> float:
     """Return the information on motion along x in 60 × 60 frames, the harmonic mean of the blocks.
 
-    Parameters
-    ----------
-    template : (251, m)
-        A full turn.
-    dark_share : float
-        Dark counts per photon.
-
-    Returns
-    -------
-    float
-        px⁻² per pixel, at one photon per pixel; 0 when a block has no gradient.
+    In px⁻² per pixel at one photon per pixel, of a full turn (251, m) with so many dark counts per
+    photon; 0 when a block has no gradient.
     """
     grid = block_grid((SIZE, SIZE))
     turning = MovingTemplate(template, _COLUMNS_APART, SIZE)
@@ -79,18 +77,13 @@ def implied_information(seen: Sequence[Seen], printed: float) -> float:
 
     Thresholds are inverse to it, at the (geometric) mean of the pictures given.
     """
-    return (
-        float(np.exp(np.mean([np.log(each.information * each.photons) for each in seen]))) / printed
-    )
-
-
-def _points(is_quick: bool) -> list[Point]:
-    sweeps = (in_form(sweep, is_quick) for sweep in _SOURCES)
-    return [point for sweep in sweeps for point in sweep.points if point.size == SIZE]
+    products = [each.information * each.photons for each in seen]
+    return float(np.exp(np.mean(np.log(products)))) / printed
 
 
 def _trials(is_quick: bool) -> list[Trial]:
-    return [point.trial for point in _points(is_quick)]
+    sweeps = (in_form(sweep, is_quick) for sweep in _SOURCES)
+    return [point.trial for sweep in sweeps for point in sweep.points if point.size == SIZE]
 
 
 def needed_of(method: str, trials: Sequence[Trial], results: Results, templates: Templates) -> Seen:
@@ -110,7 +103,7 @@ def inverse_to_information(seen: Sequence[Seen]) -> str | None:
     """Say that information tells photons to a factor of two, if it does so better than nothing."""
     spreads, ranges = [], []
     for method in PRINTED:
-        gray = [each for each in seen if (each.method, each.coding) == (method, "srgb")]
+        gray = _of(seen, method, "srgb")
         spreads.append(_quotient([each.information * each.photons for each in gray]))
         ranges.append(_quotient([each.photons for each in gray]))
     alike = zip(spreads, ranges, strict=True)
@@ -149,6 +142,10 @@ def apart(stars: Mapping[str, float]) -> str | None:
     )
 
 
+def _of(seen: Sequence[Seen], method: str, coding: str) -> list[Seen]:
+    return [each for each in seen if (each.method, each.coding) == (method, coding)]
+
+
 def _quotient(values: Sequence[float]) -> float:
     return max(values) / min(values) if values else math.nan
 
@@ -163,15 +160,16 @@ def _figure(run: Run) -> Figure:
         for method in PRINTED
     ]
     stars = {
-        method: implied_information(
-            [each for each in seen if (each.method, each.coding) == (method, "srgb")], printed
-        )
+        method: implied_information(_of(seen, method, "srgb"), printed)
         for method, (_, printed) in PRINTED.items()
     }
-    said = (inverse_to_information(seen), like_the_open_forest(seen, stars), apart(stars))
-    found = tuple(sentence for sentence in said if sentence)
+    found = borne_out(inverse_to_information(seen), like_the_open_forest(seen, stars), apart(stars))
+    printed = [
+        Seen(method, "dissertation", "", stars[method], natural)
+        for method, (_, natural) in PRINTED.items()
+    ]
+    columns = ("method", "picture", "coding", "information_per_photon", "photons_per_frame")
     return Figure(
-        name="natural-information",
         title="Photons needed over the information in a natural picture",
         caption=(
             f"Points are the least photons per frame of {SIZE} × {SIZE} px, of all velocities, "
@@ -181,14 +179,7 @@ def _figure(run: Run) -> Figure:
             f"printed thresholds. {' '.join(found[:1])}"
         ).strip(),
         draw=lambda canvas: _draw(canvas, seen, stars),
-        columns=("method", "picture", "coding", "information_per_photon", "photons_per_frame"),
-        rows=(
-            *seen,
-            *(
-                (method, "dissertation", "", stars[method], printed)
-                for method, (_, printed) in PRINTED.items()
-            ),
-        ),
+        numbers=dict(zip(columns, zip(*seen, *printed, strict=True), strict=True)),
         height_in=4.2,
         findings=found,
     )
@@ -200,14 +191,8 @@ def _draw(canvas: Canvas, seen: Sequence[Seen], stars: Mapping[str, float]) -> N
     for method, (_, printed) in PRINTED.items():
         style = method_style(method) | {"linestyle": "none"}
         for coding, face, label in (("srgb", style["color"], method), ("linear", "none", None)):
-            points = [each for each in seen if (each.method, each.coding) == (method, coding)]
-            axes.plot(
-                [each.information for each in points],
-                [each.photons for each in points],
-                **style,
-                markerfacecolor=face,
-                label=label,
-            )
+            *_, information, photons = zip(*_of(seen, method, coding), strict=True)
+            axes.plot(information, photons, **style, markerfacecolor=face, label=label)
         ends = np.array([stars[method], right])
         axes.plot(ends, printed * ends[0] / ends, color=style["color"], linewidth=1)
         axes.plot(ends[0], printed, "*", color=style["color"], markersize=14)

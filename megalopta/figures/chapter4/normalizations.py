@@ -17,9 +17,10 @@ from megalopta.figures import (
     Floats,
     Needed,
     Run,
-    bound,
+    columns_of,
     draw_table,
     needed,
+    or_nan,
     threshold_of,
 )
 from megalopta.figures.chapter4.table import SIZE
@@ -49,7 +50,7 @@ def _trials(is_quick: bool) -> list[Trial]:
 
 
 def _figure(run: Run) -> Figure:
-    rows: list[tuple[Cell, ...]] = []
+    rows: list[dict[str, Cell]] = []
     lines: list[list[str]] = []
     for method in THESIS_METHODS:
         found = {
@@ -63,7 +64,14 @@ def _figure(run: Run) -> Figure:
             np.array([each.flux for each in of_forests]) for of_forests in found.values()
         )
         rows += [
-            (method, name, forest, each.flux, bound(each.low), bound(each.high))
+            {
+                "method": method,
+                "convention": name,
+                "forest": forest,
+                "photons_per_frame": each.flux,
+                "low": or_nan(each.low),
+                "high": or_nan(each.high),
+            }
             for name, of_forests in found.items()
             for forest, each in enumerate(of_forests)
         ]
@@ -75,7 +83,6 @@ def _figure(run: Run) -> Figure:
         draw_table(canvas, head, lines, [0.8, 1.2, 1.6, 1.9])
 
     return Figure(
-        name="normalizations",
         title="Two conventions of the benchmark, natural scenes",
         caption=(
             f"N_2b at 5 px per frame and {SIZE} × {SIZE} px when every frame is brought to the "
@@ -85,15 +92,14 @@ def _figure(run: Run) -> Figure:
             "the flux, and of comparing with the light without dark counts."
         ),
         draw=draw,
-        columns=("method", "convention", "forest", "photons_per_frame", "low", "high"),
-        rows=tuple(rows),
+        numbers=columns_of(rows),
         height_in=2.6,
     )
 
 
 def _percent(found: Sequence[Needed]) -> str:
     """Half a typical interval."""
-    widths = [(bound(each.high) - bound(each.low)) / each.flux / 2 for each in found]
+    widths = [(or_nan(each.high) - or_nan(each.low)) / each.flux / 2 for each in found]
     return f"{100 * np.nanmedian(widths):.0f} %"
 
 

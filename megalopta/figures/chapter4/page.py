@@ -5,7 +5,7 @@ from pathlib import Path
 
 from megalopta.figures import Figure, names
 from megalopta.files import write_text
-from megalopta.flow.metrics import format_flux
+from megalopta.flow.metrics import METRICS, format_flux
 from megalopta.pages import render_page
 
 TABLE = "table-4.1"
@@ -14,20 +14,13 @@ TABLE = "table-4.1"
 def write_page(out: Path, figures: Sequence[Figure]) -> Path:
     """Write chapter-4.html beside the pictures of some figures, one of them Table 4.1.
 
-    Figures of other chapters are passed over.
-
-    Returns
-    -------
-    Path
-        Of the page.
+    Figures of other chapters are passed over. Returns the path of the page.
     """
     known = names("chapter-4")
     figures = [figure for figure in figures if figure.name in known]
     (table,) = (figure for figure in figures if figure.name == TABLE)
     rows = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
-    literal, ratio = (
-        [row for row in rows if row["metric"] == name] for name in ("literal", "ratio")
-    )
+    literal, ratio = ([row for row in rows if row["metric"] == name] for name in METRICS)
     page = render_page(
         "megalopta.figures.chapter4",
         "page.html",

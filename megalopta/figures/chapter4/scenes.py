@@ -1,7 +1,7 @@
 """Chapter 4, §4.2: what the detectors look at. The grating of Fig. 4.2, the forests of Fig. 4.3."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,7 +11,7 @@ from matplotlib.ticker import PercentFormatter
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.stimuli import GratingVariant, dead_leaves, moving_cycles, sine_grating
 from megalopta.experiments import NATURAL_PANORAMAS, ROWS, natural_templates
-from megalopta.figures import BLACK, DASHES, PALETTE, Figure, FigureRecipe, Floats, Run
+from megalopta.figures import BLACK, DASHES, PALETTE, Figure, FigureRecipe, Floats, Run, columns_of
 from megalopta.flow.stimuli import ImageStatistics, image_statistics, power_spectrum, resize
 from megalopta.scenes import white_level
 from megalopta.scenes.spectra import encode_srgb
@@ -22,8 +22,7 @@ _VARIANTS: tuple[GratingVariant, ...] = ("rot", "periodic")
 _LEAVES_COLUMNS = 753
 
 
-def figure_4_2(_: Run) -> Figure:
-    """The 2-D sine grating at N_pool = 60."""
+def _figure_4_2(_: Run) -> Figure:
     center = (np.arange(ROWS) + 0.5) / ROWS
     y, x = np.meshgrid(center, center, indexing="ij")
     frames = {
@@ -34,19 +33,12 @@ def figure_4_2(_: Run) -> Figure:
     def draw(canvas: Canvas) -> None:
         for axes, (variant, frame) in zip(canvas.subplots(1, 2), frames.items(), strict=True):
             axes.imshow(frame, cmap="gray", vmin=0, vmax=2)
-            moving = moving_cycles(CYCLES, variant)
-            axes.set_title(f"{variant}: {moving:.3g} cycles move")
-            axes.set_xlabel("Column (px)")
+            axes.set_title(f"{variant}: {moving_cycles(CYCLES, variant):.3g} cycles move")
+            axes.set(xlabel="Column (px)", ylabel="Row (px)")
             axes.grid(visible=False)
-            axes.set_ylabel("Row (px)")
 
-    rows = tuple(
-        (row, column, *(float(frame[row, column]) for frame in frames.values()))
-        for row in range(POOLED)
-        for column in range(POOLED)
-    )
+    rows, columns = np.indices((POOLED, POOLED))
     return Figure(
-        name="fig-4.2",
         title="Figure 4.2: 2-D sine grating, 4 cycles per frame, 60 × 60 px",
         caption=(
             "The grating is S = 1 + C·sin(2πf·xr)·sin(2πf·yr) in coordinates turned by 45°, with "
@@ -55,13 +47,15 @@ def figure_4_2(_: Run) -> Figure:
             "other variant (periodic) has f cycles and no seam."
         ),
         draw=draw,
-        columns=("row", "column", *(f"brightness_{variant}" for variant in _VARIANTS)),
-        rows=rows,
+        numbers={
+            "row": rows.ravel(),
+            "column": columns.ravel(),
+            **{f"brightness_{variant}": frame.ravel() for variant, frame in frames.items()},
+        },
     )
 
 
-def figure_4_3(run: Run) -> Figure:
-    """The four rendered forests, and their statistics beside those of dead leaves."""
+def _figure_4_3(run: Run) -> Figure:
     forests = natural_templates(run.cache)
     leaves = dead_leaves((ROWS, _LEAVES_COLUMNS), generator(1, "figure 4.3"))
     templates = {**forests, "dead leaves": leaves}
@@ -83,12 +77,10 @@ def figure_4_3(run: Run) -> Figure:
         _draw_gradients(gradients, templates)
 
     return Figure(
-        name="fig-4.3",
         title="Figure 4.3: rendered forests in place of photographs",
         caption=_caption(statistics),
         draw=draw,
-        columns=("template", *(field.name for field in fields(ImageStatistics))),
-        rows=tuple((name, *asdict(each).values()) for name, each in statistics.items()),
+        numbers=columns_of({"template": name, **asdict(each)} for name, each in statistics.items()),
         height_in=11.5,
     )
 
@@ -116,8 +108,7 @@ def _caption(statistics: Mapping[str, ImageStatistics]) -> str:
 def _draw_spectra(axes: Axes, templates: Mapping[str, Floats]) -> None:
     for index, (name, template) in enumerate(templates.items()):
         axes.loglog(*power_spectrum(template), **_line(index), label=name)
-    axes.set_xlabel("Frequency (cycles/px)")
-    axes.set_ylabel("Power (mean² px²)")
+    axes.set(xlabel="Frequency (cycles/px)", ylabel="Power (mean² px²)")
     axes.legend()
 
 
@@ -127,8 +118,7 @@ def _draw_gradients(axes: Axes, templates: Mapping[str, Floats]) -> None:
         gradient = np.diff(template, axis=1, append=template[:, :1])
         share, _ = np.histogram(gradient / gradient.std(), edges)
         axes.semilogy((edges[:-1] + edges[1:]) / 2, share / gradient.size, **_line(index))
-    axes.set_xlabel("Gradient along rows (σ)")
-    axes.set_ylabel("Share of pixels")
+    axes.set(xlabel="Gradient along rows (σ)", ylabel="Share of pixels")
     axes.yaxis.set_major_formatter(PercentFormatter(1, decimals=1))
 
 
@@ -138,6 +128,6 @@ def _line(index: int) -> dict[str, object]:
 
 
 RECIPES = (
-    FigureRecipe("fig-4.2", figure_4_2),
-    FigureRecipe("fig-4.3", figure_4_3),
+    FigureRecipe("fig-4.2", _figure_4_2),
+    FigureRecipe("fig-4.3", _figure_4_3),
 )

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from matplotlib.figure import Figure as Canvas
 
@@ -13,8 +13,10 @@ from megalopta.figures import (
     FigureRecipe,
     Needed,
     Run,
-    bound,
+    borne_out,
+    columns_of,
     draw_table,
+    or_nan,
     sweep_curve,
 )
 from megalopta.figures.chapter4.findings import division_sentence, interpolation_at_one_pixel
@@ -71,66 +73,63 @@ def _trials(is_quick: bool) -> list[Trial]:
 
 
 def _figure(run: Run) -> Figure:
-    rows: list[tuple[Cell, ...]] = []
-    lines: list[list[str]] = []
-    for kind in _SOURCES:
-        for method, printed in PRINTED.items():
-            literal, ratio = (
-                best(run.results, kind, method, metric, run.is_quick)
-                for metric in ("literal", "ratio")
-            )
-            thesis = printed[kind != "synthetic"]
-            rows += [
-                (method, kind, metric, thesis, *_numbers(found, thesis))
-                for metric, found in (("literal", literal), ("ratio", ratio))
-            ]
-            flux = literal.needed.flux
-            lines.append(
-                [
-                    f"{method}, {kind}",
-                    format_flux(thesis),
-                    format_flux(flux),
-                    f"{flux / thesis:.2f}",
-                    literal.needed.interval,
-                    literal.where,
-                    format_flux(ratio.needed.flux),
-                ]
-            )
-
-    said = (
-        fewer_in_light(rows),
-        division_of_natural(rows),
-        interpolation_at_one_pixel(in_form(PHOTOGRAPHED, run.is_quick), run.results),
-    )
+    rows = [
+        _row(run, kind, method, metric)
+        for kind in _SOURCES
+        for method in PRINTED
+        for metric in METRICS
+    ]
+    photographed = in_form(PHOTOGRAPHED, run.is_quick)
 
     def draw(canvas: Canvas) -> None:
         head = ["", "Thesis", "Ours", "Ratio", "95 % or forests", "Found at", "Σ|Δ|/Σ|R|"]
+        lines = [_line(*pair) for pair in zip(rows[::2], rows[1::2], strict=True)]
         draw_table(canvas, head, lines, [1.5, 0.9, 0.9, 0.7, 1.6, 1.6, 1.1])
 
     return Figure(
-        name=TABLE,
         title="Table 4.1: fewest photons per frame for two bits, 60 × 60 px",
         caption=NOTE,
         draw=draw,
-        columns=(
-            "method",
-            "images",
-            "metric",
-            "thesis_photons_per_frame",
-            "photons_per_frame",
-            "low",
-            "high",
-            "interval",
-            "ratio",
-            "found_at",
-        ),
-        rows=tuple(rows),
+        numbers=columns_of(rows),
         height_in=5.0,
-        findings=tuple(sentence for sentence in said if sentence),
+        findings=borne_out(
+            fewer_in_light(rows),
+            division_of_natural(rows),
+            interpolation_at_one_pixel(photographed, run.results),
+        ),
     )
 
 
-def fewer_in_light(rows: Sequence[Sequence[Cell]]) -> str | None:
+def _row(run: Run, kind: str, method: str, metric: Metric) -> dict[str, Cell]:
+    needed, where = best(run.results, kind, method, metric, run.is_quick)
+    thesis = PRINTED[method][kind != "synthetic"]
+    return {
+        "method": method,
+        "images": kind,
+        "metric": metric,
+        "thesis_photons_per_frame": thesis,
+        "photons_per_frame": needed.flux,
+        "low": or_nan(needed.low),
+        "high": or_nan(needed.high),
+        "interval": needed.interval,
+        "ratio": needed.flux / thesis,
+        "found_at": where,
+    }
+
+
+def _line(literal: Mapping[str, Any], ratio: Mapping[str, Any]) -> list[str]:
+    return [
+        f"{literal['method']}, {literal['images']}",
+        format_flux(literal["thesis_photons_per_frame"]),
+        format_flux(literal["photons_per_frame"]),
+        f"{literal['ratio']:.2f}",
+        literal["interval"],
+        literal["found_at"],
+        format_flux(ratio["photons_per_frame"]),
+    ]
+
+
+def fewer_in_light(rows: Sequence[Mapping[str, Any]]) -> str | None:
     """Say that light needs fewer photons than gray values, if it does with every method."""
     light, gray = (_fluxes(rows, images, "literal") for images in ("natural", "photo"))
     if not all(light[method] < gray[method] for method in PRINTED):
@@ -141,21 +140,18 @@ def fewer_in_light(rows: Sequence[Sequence[Cell]]) -> str | None:
     )
 
 
-def division_of_natural(rows: Sequence[Sequence[Cell]]) -> str | None:
+def division_of_natural(rows: Sequence[Mapping[str, Any]]) -> str | None:
     """Say how much more EMD needs by Eq. 4.5 on natural scenes, if it is much."""
     by_quotients, by_means = (_fluxes(rows, "natural", each)["EMD"] for each in METRICS)
     return division_sentence(by_quotients / by_means)
 
 
-def _fluxes(rows: Sequence[Sequence[Cell]], images: str, metric: Metric) -> dict[str, float]:
-    chosen = [row for row in rows if (row[1], row[2]) == (images, metric)]
-    return {str(row[0]): float(row[4]) for row in chosen}
-
-
-def _numbers(found: Best, thesis: float) -> tuple[Cell, ...]:
-    needed = found.needed
-    bounds = bound(needed.low), bound(needed.high)
-    return needed.flux, *bounds, needed.interval, needed.flux / thesis, found.where
+def _fluxes(rows: Sequence[Mapping[str, Any]], images: str, metric: Metric) -> dict[str, float]:
+    return {
+        row["method"]: row["photons_per_frame"]
+        for row in rows
+        if (row["images"], row["metric"]) == (images, metric)
+    }
 
 
 RECIPES = (FigureRecipe(TABLE, _figure, _trials, write_page),)

@@ -3,7 +3,7 @@
 The textures have equal contrast in all octaves. Fluxes do not count dark counts.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,7 +20,7 @@ from megalopta.experiments import (
     Detection,
     detections,
 )
-from megalopta.figures import GRAY, Figure, FigureRecipe, method_style
+from megalopta.figures import GRAY, Figure, FigureRecipe, columns_of, method_style
 from megalopta.flow.detectors import METHODS, Method, method
 from megalopta.flow.metrics import d_prime, format_flux
 
@@ -51,15 +51,14 @@ def detection_figure(
             f"the ROC is that at {format_flux(shown)} photons per frame."
         ),
         draw=lambda canvas: _draw_panels(canvas, found, shown),
-        columns=(
-            "method",
-            "photons_per_frame",
-            "d_prime_motion",
-            "d_prime_direction",
-            "false_alarm_rate",
-        ),
-        rows=tuple(
-            (each.method, each.flux, each.motion, each.direction, each.false_alarms)
+        numbers=columns_of(
+            {
+                "method": each.method,
+                "photons_per_frame": each.flux,
+                "d_prime_motion": each.motion,
+                "d_prime_direction": each.direction,
+                "false_alarm_rate": each.false_alarms,
+            }
             for measured in found.values()
             for each in measured
         ),
@@ -76,37 +75,27 @@ def _draw_panels(canvas: Canvas, found: Mapping[str, Sequence[Detection]], roc_f
         [["motion", "direction"], ["false_alarms", "roc"], ["legend", "legend"]],
         height_ratios=(1, 1, 0.18),
     )
-    _draw_curves(panels["motion"], found, lambda each: each.motion)
-    _draw_curves(panels["direction"], found, lambda each: each.direction)
-    _draw_curves(panels["false_alarms"], found, lambda each: each.false_alarms)
-    for name, title in (("motion", "Moving from still"), ("direction", "Right from left")):
-        panels[name].axhline(_limit(), color=GRAY, linewidth=1, linestyle=":")
-        panels[name].set(title=title, ylabel="d′")
+    for field in ("motion", "direction", "false_alarms"):
+        for name, measured in found.items():
+            values = [getattr(each, field) for each in measured]
+            fluxes = [each.flux for each in measured]
+            panels[field].plot(fluxes, values, label=name, **method_style(name))
+        panels[field].set(xscale="log", xlabel="Photons per frame")
+    for field, title in (("motion", "Moving from still"), ("direction", "Right from left")):
+        panels[field].axhline(_limit(), color=GRAY, linewidth=1, linestyle=":")
+        panels[field].set(title=title, ylabel="d′")
     panels["false_alarms"].set(title="False alarms in a still scene", ylabel="Share of blocks")
     panels["false_alarms"].yaxis.set_major_formatter(PercentFormatter(1))
     _draw_roc(panels["roc"], found, roc_flux)
-    handles, labels = panels["motion"].get_legend_handles_labels()
     panels["legend"].set_axis_off()
     panels["legend"].legend(
-        handles,
-        labels,
+        *panels["motion"].get_legend_handles_labels(),
         loc="center",
         ncols=6,
         handlelength=2.8,
         columnspacing=1.1,
         markerscale=0.8,
     )
-
-
-def _draw_curves(
-    axes: Axes,
-    found: Mapping[str, Sequence[Detection]],
-    value: Callable[[Detection], float],
-) -> None:
-    for name, measured in found.items():
-        fluxes = [each.flux for each in measured]
-        axes.plot(fluxes, [value(each) for each in measured], label=name, **method_style(name))
-    axes.set(xscale="log", xlabel="Photons per frame")
 
 
 def _draw_roc(axes: Axes, found: Mapping[str, Sequence[Detection]], flux: float) -> None:

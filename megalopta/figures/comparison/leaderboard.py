@@ -29,7 +29,19 @@ from megalopta.experiments import (
     ranked,
     sequences,
 )
-from megalopta.figures import BLACK, BLUE, GRAY, ORANGE, Figure, FigureRecipe, Run, method_style
+from megalopta.figures import (
+    BLACK,
+    BLUE,
+    GRAY,
+    ORANGE,
+    Cell,
+    Figure,
+    FigureRecipe,
+    Run,
+    columns_of,
+    method_style,
+    write_at,
+)
 from megalopta.flow.detectors import METHODS, BlockDetector
 from megalopta.flow.metrics import format_flux
 
@@ -61,37 +73,7 @@ def leaderboard(_: Run) -> Figure:
             f"{_collected(entries)}"
         ),
         draw=lambda canvas: _draw_board(canvas.subplots(), entries, {2: two, 8: eight}),
-        columns=(
-            "method",
-            "label",
-            "frames",
-            "photons_per_frame",
-            "photons_in_all_frames",
-            "low",
-            "high",
-            "bound_photons_per_frame",
-            "block_and_margin_bound_photons_per_frame",
-            "efficiency",
-            "photons_over_two_frame_bound",
-            "cpu_ms_per_frame",
-        ),
-        rows=tuple(
-            (
-                each.detector.name,
-                each.detector.label,
-                float(each.frames),
-                each.photons,
-                each.frames * each.photons,
-                each.low,
-                each.high,
-                each.bound_photons,
-                each.cut_bound_photons,
-                each.efficiency,
-                each.photons / two,
-                each.ms_per_frame,
-            )
-            for each in entries
-        ),
+        numbers=columns_of(_row(each, two) for each in entries),
         height_in=0.8 + 0.36 * len(entries),
         details={
             "bounds": {
@@ -105,21 +87,37 @@ def leaderboard(_: Run) -> Figure:
     )
 
 
+def _row(entry: Entry, two_frame_bound: float) -> dict[str, Cell]:
+    return {
+        "method": entry.detector.name,
+        "label": entry.detector.label,
+        "frames": float(entry.frames),
+        "photons_per_frame": entry.photons,
+        "photons_in_all_frames": entry.frames * entry.photons,
+        "low": entry.low,
+        "high": entry.high,
+        "bound_photons_per_frame": entry.bound_photons,
+        "block_and_margin_bound_photons_per_frame": entry.cut_bound_photons,
+        "efficiency": entry.efficiency,
+        "photons_over_two_frame_bound": entry.photons / two_frame_bound,
+        "cpu_ms_per_frame": entry.ms_per_frame,
+    }
+
+
 def _collected(entries: Sequence[Entry]) -> str:
     """Say which methods collect the photons of more than two frames."""
     many = [each for each in entries if each.frames > 2]
     if not many:
         return "All methods collect two frames."
     names = " and ".join(
-        f"{each.detector.label} collects {each.frames} frames"
-        + (
-            f" ({format_flux(each.frames * each.photons)} photons in total)"
-            if math.isfinite(each.photons)
-            else ""
-        )
-        for each in many
+        f"{each.detector.label} collects {each.frames} frames{_in_total(each)}" for each in many
     )
     return f"{names}, to be held against their bound, all other methods two."
+
+
+def _in_total(entry: Entry) -> str:
+    flux = entry.frames * entry.photons
+    return f" ({format_flux(flux)} photons in total)" if math.isfinite(flux) else ""
 
 
 def efficiency(_: Run) -> Figure:
@@ -136,24 +134,12 @@ def efficiency(_: Run) -> Figure:
     def draw(canvas: Canvas) -> None:
         axes = canvas.subplots()
         for name, values in curves.items():
-            axes.semilogx(
-                EFFICIENCY_FLUXES,
-                values,
-                label=METHODS[name].label,
-                **method_style(name),
-            )
+            label = METHODS[name].label
+            axes.semilogx(EFFICIENCY_FLUXES, values, label=label, **method_style(name))
         axes.axhline(0.5, color=GRAY, linestyle=":")
-        axes.annotate(
-            "variance twice the bound",
-            (EFFICIENCY_FLUXES[0], 0.5),
-            xytext=(2, 4),
-            textcoords="offset points",
-            color=BLACK,
-            fontsize=9.5,
-        )
-        axes.set_ylim(0, 1.05)
-        axes.set_xlabel("Photons per frame")
-        axes.set_ylabel("Efficiency (bound / variance)")
+        left = EFFICIENCY_FLUXES[0], 0.5
+        write_at(axes, "variance twice the bound", left, (2, 4), color=BLACK, fontsize=9.5)
+        axes.set(xlabel="Photons per frame", ylabel="Efficiency (bound / variance)", ylim=(0, 1.05))
         axes.legend(loc="lower right")
 
     return Figure(
@@ -169,8 +155,10 @@ def efficiency(_: Run) -> Figure:
             "bias, so a biased method can exceed 1 and still be wrong."
         ),
         draw=draw,
-        columns=("photons_per_frame", *(f"{name}_efficiency" for name in curves)),
-        rows=tuple(zip(EFFICIENCY_FLUXES, *curves.values(), strict=True)),
+        numbers={
+            "photons_per_frame": EFFICIENCY_FLUXES,
+            **{f"{name}_efficiency": values for name, values in curves.items()},
+        },
     )
 
 
@@ -181,33 +169,10 @@ def _frames_of(names: Sequence[str]) -> str:
 def _draw_board(axes: Axes, entries: Sequence[Entry], bounds: Mapping[int, float]) -> None:
     """Draw a bar for each method, and the bounds of two and eight frames."""
     for place, entry in enumerate(entries):
-        needed = entry.photons if math.isfinite(entry.photons) else FLUXES[-1]
-        color = BLUE if entry.detector.name in OURS else GRAY
-        hatch = None if math.isfinite(entry.photons) else "///"
-        axes.barh(
-            place,
-            needed,
-            height=0.62,
-            color=color if hatch is None else "none",
-            edgecolor=color,
-            hatch=hatch,
-        )
-        high = min(entry.high, FLUXES[-1])
-        if hatch is None:
-            axes.plot([entry.low, high], [place, place], "|-", color=BLACK, linewidth=1.2)
-        axes.annotate(
-            _beside(entry),
-            (max(needed, high), place),
-            xytext=(5, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize=9.5,
-            bbox={"color": "white", "pad": 0.5},
-        )
+        _draw_entry(axes, entry, place)
     for (frames, flux), dash in zip(bounds.items(), ("--", ":"), strict=True):
         axes.axvline(flux, color=ORANGE, linestyle=dash, label=f"bound, {frames} frames")
-    axes.set_xscale("log")
-    axes.set_xlim(min(*bounds.values(), FLUXES[0]) / 1.6, 40 * FLUXES[-1])
+    axes.set(xscale="log", xlim=(min(*bounds.values(), FLUXES[0]) / 1.6, 40 * FLUXES[-1]))
     axes.set_xticks(10.0 ** np.arange(3, round(math.log10(FLUXES[-1])) + 1))
     axes.minorticks_off()
     axes.set_yticks(range(len(entries)), [_label(each) for each in entries])
@@ -215,6 +180,20 @@ def _draw_board(axes: Axes, entries: Sequence[Entry], bounds: Mapping[int, float
     axes.grid(visible=False, axis="y")
     axes.set_xlabel("Photons per frame for a median error of 25 %")
     axes.legend(loc="upper right", ncols=2, frameon=True, framealpha=1, edgecolor="none")
+
+
+def _draw_entry(axes: Axes, entry: Entry, place: int) -> None:
+    color = BLUE if entry.detector.name in OURS else GRAY
+    end = FLUXES[-1]
+    if math.isfinite(entry.photons):
+        end = min(entry.high, FLUXES[-1])
+        axes.barh(place, entry.photons, height=0.62, color=color, edgecolor=color)
+        axes.plot([entry.low, end], [place, place], "|-", color=BLACK, linewidth=1.2)
+        end = max(entry.photons, end)
+    else:
+        axes.barh(place, end, height=0.62, color="none", edgecolor=color, hatch="///")
+    pad = {"color": "white", "pad": 0.5}
+    write_at(axes, _beside(entry), (end, place), (5, 0), va="center", fontsize=9.5, bbox=pad)
 
 
 def _label(entry: Entry) -> str:

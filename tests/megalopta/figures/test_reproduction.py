@@ -27,8 +27,7 @@ EXAMPLE = Figure(
     title="An example",
     caption="What it shows. " * 20,
     draw=draw,
-    columns=("time_s", "name", "output_v"),
-    rows=((0.0, "a, b", 1 / 3), (1.0, "c", np.nan)),
+    numbers={"time_s": (0.0, 1.0), "name": ("a, b", "c"), "output_v": np.array([1 / 3, np.nan])},
 )
 
 
@@ -75,7 +74,7 @@ def test_failed_figure_leaves_no_file(tmp_path):
     def fail(canvas):
         raise RuntimeError("no ink")
 
-    broken = Figure("broken", "", "", fail, (), ())
+    broken = Figure("", "", fail, {}, name="broken")
     with pytest.raises(RuntimeError, match="no ink"):
         write_figure(broken, tmp_path)
     assert not list(tmp_path.iterdir())
@@ -108,8 +107,8 @@ def test_no_name_is_refused_with_the_list(tmp_path):
 
 
 def test_ragged_numbers_are_refused():
-    with pytest.raises(ValueError, match="does not fit"):
-        Figure("x", "", "", draw, ("a", "b"), ((1.0,),))
+    with pytest.raises(ValueError, match="differ in length"):
+        Figure("x", "", draw, {"a": (1.0,), "b": (1.0, 2.0)})
 
 
 def test_a_figure_is_found_by_its_name_and_under_no_other():

@@ -15,11 +15,11 @@ from megalopta.cli import main as cli
 from megalopta.config.model import Configuration, load
 from megalopta.dataset.store import Dataset
 from megalopta.errors import UserError
-from megalopta.report import write as report_write
+from megalopta.report import page as report_page
 from megalopta.report.budget import exposed
 from megalopta.report.footage import read_footage, select
+from megalopta.report.page import write_report
 from megalopta.report.records import read_benchmark, read_records
-from megalopta.report.write import write_report
 from megalopta.sensor import DigitalCounter
 from megalopta.stages.flow import responses_path
 from megalopta.stages.ledger import Ledger
@@ -364,7 +364,7 @@ def test_a_failed_report_leaves_the_old_one(dataset, monkeypatch):
     def fail(_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(report_write, "page", fail)
+    monkeypatch.setattr(report_page, "page", fail)
     with pytest.raises(KeyboardInterrupt):
         write_report(dataset)
     assert (dataset.root / "report.html").read_bytes() == old

@@ -10,7 +10,7 @@ from scipy.ndimage import binary_erosion
 from megalopta.config.model import built_in_names, load, parse
 from megalopta.dataset.frames import read_radiance_frames, read_truth_frames
 from megalopta.errors import UserError
-from megalopta.report.write import write_report
+from megalopta.report.page import write_report
 from megalopta.scenes.spectra.airglow import AIRGLOW
 from megalopta.sensor import (
     CtiaSensor,

@@ -7,7 +7,7 @@ import pytest
 
 from megalopta.config.model import Configuration, load
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
-from megalopta.report.write import write_report
+from megalopta.report.page import write_report
 from megalopta.stages.pipeline import run_stage
 
 from ..conftest import TINY

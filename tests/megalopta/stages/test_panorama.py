@@ -9,7 +9,7 @@ import pytest
 from megalopta.config.model import load
 from megalopta.errors import UserError
 from megalopta.render.exr import read_radiance, read_truth
-from megalopta.report.write import write_report
+from megalopta.report.page import write_report
 from megalopta.scenes.cameras.panoramic import CylindricalCamera
 from megalopta.stages.pipeline import run_all, run_stage
 

@@ -30,7 +30,8 @@ from megalopta.figures.recipe import Run
 from megalopta.figures.registry import find, names
 from megalopta.figures.reproduction import reproduce
 from megalopta.figures.style import house_style, new_canvas
-from megalopta.figures.sweep import needed, sweep_figure
+from megalopta.figures.sweep import sweep_figure
+from megalopta.figures.thresholds import needed
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.curve import ErrorCurve
 from megalopta.flow.metrics.photon_threshold import Threshold

@@ -177,7 +177,12 @@ def test_a_run_without_thresholds_bears_out_nothing(name, is_quick):
 def table(natural, photo, emd_by_means=1.0):
     """Rows as of Table 4.1, of every method alike."""
     return [
-        (method, images, metric, 0.0, flux * (emd_by_means if metric == "ratio" else 1))
+        {
+            "method": method,
+            "images": images,
+            "metric": metric,
+            "photons_per_frame": flux * (emd_by_means if metric == "ratio" else 1),
+        }
         for method in PRINTED
         for images, flux in (("natural", natural), ("photo", photo))
         for metric in ("literal", "ratio")
