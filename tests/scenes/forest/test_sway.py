@@ -12,7 +12,11 @@ TREE = Sway((3.0, 4.0, 1.0), 20.0, (0.0, 1.0), 0.3, 0.31, (0.4, 1.1))
 @pytest.fixture(scope="module")
 def windy():
     forest = Forest(
-        trees=30, density_per_ha=900, undergrowth=0.2, wind=Wind(amplitude_m=0.4, seed=3)
+        trees=30,
+        density_per_ha=900,
+        undergrowth=0.2,
+        detail=0.1,
+        wind=Wind(amplitude_m=0.4, seed=3),
     )
     return build_forest(forest, PATH)
 
@@ -69,7 +73,7 @@ def test_height_is_that_of_the_plant_as_placed(windy):
 
 
 def test_wind_changes_nothing_but_the_motion(windy):
-    calm = build_forest(Forest(trees=30, density_per_ha=900, undergrowth=0.2), PATH)
+    calm = build_forest(Forest(trees=30, density_per_ha=900, undergrowth=0.2, detail=0.1), PATH)
     assert [each.asset for each in calm.placements] == [each.asset for each in windy.placements]
     assert not calm.is_moving
     assert windy.is_moving
