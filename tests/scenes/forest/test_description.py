@@ -221,6 +221,7 @@ def test_detail_falls_with_distance_from_the_whole_path_and_nowhere_else(scene):
             )
 
 
+@pytest.mark.slow
 def test_full_detail_draws_every_plant_in_full_where_it_stood():
     forest = SMALL.model_copy(update={"undergrowth": 0.1})
     coarse = build_forest(forest.model_copy(update={"detail": 0.1}), PATH)
