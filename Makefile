@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 export PIP_CONSTRAINT := $(CURDIR)/constraints.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: install demo test test-all lint types bench clean
+.PHONY: install demo test test-slow test-scalar test-all lint types bench clean
 
 install: $(VENV)/installed
 
@@ -25,9 +25,13 @@ PYTEST := $(BIN)/python -m pytest --numprocesses auto --dist loadfile
 test: lint types
 	$(PYTEST) -m 'not slow'
 
-test-all: lint types
-	$(PYTEST)
+test-slow: install
+	$(PYTEST) -m slow
+
+test-scalar: install
 	DRJIT_LIBLLVM_PATH=/none $(PYTEST) tests/render
+
+test-all: test test-slow test-scalar
 
 lint: install
 	$(BIN)/ruff check .

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from megalopta.experiments import GratingTemplate, Sweep, Trial, detections, run
-from megalopta.experiments.leaderboard import ranked, sequences
+from megalopta.experiments.leaderboard import FRAMES, SIZE_PX, ranked
 from megalopta.flow import (
     METHODS,
     BenchmarkSettings,
@@ -83,7 +83,8 @@ def test_functions_of_another_source_or_enclosed_value_are_other_detectors():
 def test_functions_enter_detection_and_leaderboard():
     told = detections([to_the_right], 1e5)[0]
     assert told.motion == told.direction == 0
-    (entry,) = ranked(sequences()[:1], [to_the_right])
+    light = np.random.default_rng(0).random((1, FRAMES, SIZE_PX, SIZE_PX)) / SIZE_PX**2
+    (entry,) = ranked(light, [to_the_right])
     assert entry.photons == np.inf
 
 

@@ -1,8 +1,8 @@
 """What the two methods of our own promise: photons against the bound, variance against the bound.
 
-Two sequences of 64 blocks. Everything is drawn from fixed seeds. Over other seeds the photons for
-25 % scatter by about a tenth and the efficiencies by about 0.03; the limits asserted are those of
-the claims.
+A sequence has 64 blocks. Everything is drawn from fixed seeds. Over other textures photons scatter by
+half, as the bound does, their quotient by a tenth, efficiencies by 0.05; the limits asserted are
+those of the claims.
 """
 
 import numpy as np
@@ -27,7 +27,7 @@ def clean():
 @pytest.fixture(scope="module")
 def entries(clean):
     chosen = {name: METHODS[name] for name in ("BM", "NDS", "PPM", "PM")}
-    return {each.detector.name: each for each in leaderboard.ranked(clean, chosen)}
+    return {each.detector.name: each for each in leaderboard.ranked(clean[:1], chosen)}
 
 
 def test_methods_without_velocity_are_passed_over_and_the_others_ranked(entries):
@@ -67,7 +67,7 @@ _SHOWN = ("IIA", "PM")
 
 @pytest.mark.parametrize("name", ["leaderboard", "efficiency"])
 def test_figures_are_drawn_with_their_numbers(name, clean, monkeypatch, check_words):
-    monkeypatch.setattr(figures_leaderboard, "sequences", lambda: clean)
+    monkeypatch.setattr(figures_leaderboard, "sequences", lambda: clean[:2])
     monkeypatch.setattr(figures_leaderboard, "OURS", ("PM",))
     monkeypatch.setattr(figures_leaderboard, "EFFICIENCY_FLUXES", (1e6, 1e7))
     monkeypatch.setattr(figures_leaderboard, "DRAWS", 3)

@@ -2,6 +2,7 @@ import pytest
 
 from megalopta.figures.recipe import Run
 from megalopta.figures.registry import find
+from megalopta.figures.style import house_style, new_canvas
 
 
 @pytest.fixture(scope="session")
@@ -13,3 +14,21 @@ def made():
         return recipe.make(Run())
 
     return make
+
+
+@pytest.fixture(scope="session")
+def drawn(made, check_words):
+    """The same, drawn once; what its files hold is tested on one example."""
+
+    def draw(name):
+        figure = made(name)
+        assert figure.name == name
+        check_words(figure)
+        assert {len(row) for row in figure.rows} == {len(figure.columns)}
+        with house_style():
+            canvas = new_canvas(figure.title, figure.caption, figure.height_in)
+            figure.draw(canvas)
+            canvas.draw_without_rendering()
+        return figure
+
+    return draw

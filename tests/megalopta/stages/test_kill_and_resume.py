@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 IS_LONG = os.environ.get("MEGALOPTA_LONG") == "1"
 FRAMES, PIXELS, TREES, KILLS = (400, 240, 130, 5) if IS_LONG else (30, 24, 8, 2)
@@ -52,6 +53,7 @@ def files(folder: Path) -> dict[str, bytes]:
     }
 
 
+@pytest.mark.slow
 def test_a_rendering_killed_at_random_moments_equals_the_uninterrupted_one_byte_for_byte(
     tmp_path: Path,
 ) -> None:

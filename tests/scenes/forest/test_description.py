@@ -20,7 +20,14 @@ from megalopta.scenes.forest.undergrowth import LAYERS
 FOREST = Forest(seed=11)
 PATH = np.stack([np.linspace(-1, 4, 11), np.linspace(0, 1, 11)], axis=-1)
 EYE_M = 1.5
-SMALL = Forest(seed=0, trees=40, density_per_ha=900, undergrowth=0.3)
+SMALL = Forest(
+    seed=0,
+    trees=40,
+    density_per_ha=900,
+    mix={"beech": 1, "spruce": 1},
+    undergrowth=0.05,
+    detail=0.3,
+)
 
 
 @pytest.fixture(scope="module")
@@ -215,6 +222,7 @@ def test_detail_falls_with_distance_from_the_whole_path_and_nowhere_else(scene):
             )
 
 
+@pytest.mark.slow
 def test_full_detail_draws_every_plant_in_full_where_it_stood():
     forest = SMALL.model_copy(update={"undergrowth": 0.1})
     coarse = build_forest(forest.model_copy(update={"detail": 0.1}), PATH)
@@ -242,7 +250,10 @@ def test_presets_set_what_is_not_given(name):
     assert Forest.model_validate_json(changed.model_dump_json()) == changed
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize(
+    "name",
+    ["open", *(pytest.param(name, marks=pytest.mark.slow) for name in PRESETS if name != "open")],
+)
 def test_presets_grow_what_they_name(name):
     forest = Forest(preset=name, undergrowth=0.1, detail=0.1)
     scene = build_forest(forest, PATH)
@@ -254,7 +265,12 @@ def test_presets_grow_what_they_name(name):
 
 
 @pytest.mark.parametrize(
-    "forest", [FOREST, Forest(preset="open"), Forest(trees=600, detail=3.0, undergrowth=0)]
+    "forest",
+    [
+        FOREST,
+        Forest(trees=600, detail=3.0, undergrowth=0),
+        pytest.param(Forest(preset="open"), marks=pytest.mark.slow),
+    ],
 )
 def test_the_size_of_a_forest_is_foreseen(scene, forest):
     scene = scene if forest is FOREST else build_forest(forest, PATH)

@@ -5,15 +5,16 @@ from megalopta.scenes.forest.description import Forest, build_forest
 from megalopta.scenes.forest.flora import BUSHES, TREES
 from megalopta.scenes.forest.sway import FREQUENCY_SPREAD, FREQUENCY_TIMES_HEIGHT, Sway, Wind
 
+STAND = Forest(
+    trees=12, density_per_ha=300, mix={"birch": 1, "spruce": 1}, undergrowth=0.02, detail=0.1
+)
 PATH = [[0.0, 0.0], [2.0, 0.0]]
 TREE = Sway((3.0, 4.0, 1.0), 20.0, (0.0, 1.0), 0.3, 0.31, (0.4, 1.1))
 
 
 @pytest.fixture(scope="module")
 def windy():
-    forest = Forest(
-        trees=30, density_per_ha=900, undergrowth=0.2, wind=Wind(amplitude_m=0.4, seed=3)
-    )
+    forest = STAND.model_copy(update={"wind": Wind(amplitude_m=0.4, seed=3)})
     return build_forest(forest, PATH)
 
 
@@ -69,7 +70,7 @@ def test_height_is_that_of_the_plant_as_placed(windy):
 
 
 def test_wind_changes_nothing_but_the_motion(windy):
-    calm = build_forest(Forest(trees=30, density_per_ha=900, undergrowth=0.2), PATH)
+    calm = build_forest(STAND, PATH)
     assert [each.asset for each in calm.placements] == [each.asset for each in windy.placements]
     assert not calm.is_moving
     assert windy.is_moving

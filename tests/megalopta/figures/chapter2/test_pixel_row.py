@@ -7,17 +7,11 @@ from megalopta.figures.chapter2.pixel_row import (
     measure_row,
     measured_efficiency,
 )
-from megalopta.figures.reproduction import write_figure
 
 
 @pytest.mark.parametrize("name", ["fig-2.9", "fig-2.10", "fig-2.11", "fig-2.12"])
-def test_figure_is_drawn_with_its_numbers(made, name, tmp_path, check_words):
-    figure = made(name)
-    assert figure.name == name
-    check_words(figure)
-    paths = write_figure(figure, tmp_path)
-    assert [path.suffix for path in paths] == [".png", ".svg", ".csv", ".json"]
-    assert paths[2].read_text("utf-8").count("\n") == len(figure.rows) + 1
+def test_figure_is_drawn_with_its_numbers(drawn, name):
+    drawn(name)
 
 
 def test_quiet_pixels_of_the_table_are_those_drawn(made):
