@@ -3,15 +3,16 @@
 Frames of 240 × 240 pixels whose mean counts spread by a factor of 3. "poisson" compares with
 NumPy's `Generator.poisson` on the same means and bit generator (1 means as fast), and so does
 "radiance to counts"; "by event" with a plain event-by-event simulation in numba; "binary" with
-`Generator.binomial(1, p)` or with `random < 1 - exp(-mean)` and `np.packbits`, all in single
-precision, which does not check its rates. "floor" compares with what cannot be left out, done by NumPy: for ideal
-counts two random numbers each (one below 10 counts), for SPADCAM a Poisson count and a random
-number each, for binary frames 16 random bits a pixel, from rates an `expm1` as well. Medians of
-alternating repeats in processor time of one thread; "two threads" is the speed by the clock with
-two threads over that with one and means something on an idle machine with two cores only.
+`Generator.binomial(1, p)`; "comparison" with `random < 1 - exp(-mean)` and `np.packbits` in single
+precision, which does not check its rates. "floor" compares with what cannot be left out, done by
+NumPy: for ideal counts two random numbers each (one below 10 counts), for SPADCAM a Poisson count
+and a random number each, for binary frames 16 random bits a pixel, from rates an `expm1` as well.
+Medians of alternating repeats in processor time of one thread; "two threads" is the speed by the
+clock with two threads over that with one and means something on an idle machine with two cores
+only.
 
 Least wanted: ideal 0.9, SPADCAM 0.2, SPADCAM at 300 counts by event 20, binary 10,
-rates to packed frames 1 over the comparison in single precision.
+comparison 1.
 """
 
 import time

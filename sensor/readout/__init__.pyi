@@ -1,9 +1,11 @@
-from .binary import expose_binary, unpack
-from .events import expose_events, histogram
+from .binary import check_binary, expose_binary, unpack
+from .events import Events, expose_events, histogram
 from .store import Origin, counts_writer
 
 __all__ = [
+    "Events",
     "Origin",
+    "check_binary",
     "counts_writer",
     "expose_binary",
     "expose_events",

@@ -1,8 +1,8 @@
 """Random words in bulk, twice as fast as NumPy fills an array with them.
 
-Sixteen SFC64 generators (Chris Doty-Humphrey, PractRand) side by side, as vector instructions. Their
-states, three random words each, come from a NumPy generator, so they share no state but by chance
-(2⁻¹⁸⁴); twelve rounds go before the first word, as in NumPy's own.
+Sixteen SFC64 generators (Chris Doty-Humphrey, PractRand) side by side, as vector instructions.
+Their states, three random words each, come from a NumPy generator, so they share no state but by
+chance (2⁻¹⁸⁴); twelve rounds go before the first word, as in NumPy's own.
 """
 
 import numpy as np
