@@ -40,7 +40,7 @@ def is_packed_along_height(packed: Bits) -> bool:
 
 
 def _mean_image(bits: Bits) -> Image:
-    return bits[:: max(1, len(bits) // _MOST_FRAMES)].mean(axis=0, dtype=np.float64)
+    return np.asarray(bits[:: max(1, len(bits) // _MOST_FRAMES)].mean(axis=0, dtype=np.float64))
 
 
 def _is_smoother(one: Image, other: Image) -> bool:

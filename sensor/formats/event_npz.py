@@ -55,8 +55,10 @@ def events_npz_writer(path: str | Path, origin: EventOrigin) -> Iterator[Callabl
 
         def write(events: Events) -> None:
             begin = starts[-1]
-            for column, values in zip(columns.values(), columns_of(events, origin), strict=True):
-                column.write(values.data)
+            t, x, y = columns_of(events, origin)
+            columns["t"].write(t.data)
+            columns["x"].write(x.data)
+            columns["y"].write(y.data)
             starts.extend((begin + events.starts[1:]).tolist())
 
         yield write

@@ -7,6 +7,7 @@ significant bit first, the last byte of a row filled up with zeros.
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,12 +102,12 @@ def read_binary_npy(
     return RecordedFrames(counts=counts, bit_depth=1, exposure_s=None, source="npy")
 
 
-def _mapped(path: Path) -> NDArray[np.generic]:
+def _mapped(path: Path) -> NDArray[Any]:
     """The array of a file, read where it is used; nothing is unpickled."""
     if file_bytes(path)[:6].tobytes() != b"\x93NUMPY":
         raise ValueError(f"{path}: no .npy file; give one, or the kind that it is")
     try:
-        return np.load(path, mmap_mode="r", allow_pickle=False)
+        return np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))
     except (ValueError, OSError, EOFError, SyntaxError, TypeError, KeyError, OverflowError) as why:
         raise ValueError(
             f"{path}: damaged, cut short or not of plain numbers ({_line(why)}); copy it again"

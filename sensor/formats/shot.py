@@ -20,6 +20,9 @@ from megalopta.sensor.readout import (
 )
 from megalopta.sensor.spad import Exposure, Sensor, detection_rate
 
+MOST_EVENTS = 5e7
+"""Of a frame; they take about 3 GB of memory while they are drawn and sorted."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Shot:
@@ -63,8 +66,20 @@ class Shot:
         return detection_rate(self.radiance, self.bands_nm, self._spad)
 
     def events(self) -> Iterator[Events]:
-        """Events, frame by frame."""
+        """Events, frame by frame.
+
+        Raises
+        ------
+        ValueError
+            When there would be more of a frame than fit into memory.
+        """
         for index, rate in enumerate(self._detections_hz):
+            arrivals = float(rate.sum()) * self.sensor.exposure_s
+            if arrivals > MOST_EVENTS:
+                raise ValueError(
+                    f"about {arrivals:.2g} events in a frame, more than {MOST_EVENTS:.0e}; give a "
+                    "darker level, a shorter exposure_s or a smaller image, or no events"
+                )
             frame = self.first_frame + index
             yield expose_events(
                 rate[np.newaxis],
