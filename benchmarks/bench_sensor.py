@@ -3,13 +3,16 @@
 Frames of 240 × 240 pixels whose mean counts spread by a factor of 3. "poisson" compares with
 NumPy's `Generator.poisson` on the same means and bit generator (1 means as fast), and so does
 "radiance to counts"; "by event" with a plain event-by-event simulation in numba; "binary" with
-`Generator.binomial(1, p)`. "floor" compares with what cannot be left out, done by NumPy: for ideal
-counts two random numbers each (one below 10 counts), for SPADCAM a Poisson count and a random
-number each, for binary frames 16 random bits a pixel, from rates an `expm1` as well. Medians of
-alternating repeats in processor time of one thread; "two threads" is the speed by the clock with
-two threads over that with one and means something on an idle machine with two cores only.
+`Generator.binomial(1, p)`; "comparison" with `random < 1 - exp(-mean)` and `np.packbits` in single
+precision, which does not check its rates. "floor" compares with what cannot be left out, done by
+NumPy: for ideal counts two random numbers each (one below 10 counts), for SPADCAM a Poisson count
+and a random number each, for binary frames 16 random bits a pixel, from rates an `expm1` as well.
+Medians of alternating repeats in processor time of one thread; "two threads" is the speed by the
+clock with two threads over that with one and means something on an idle machine with two cores
+only.
 
-Least wanted: ideal 0.9, SPADCAM 0.2, SPADCAM at 300 counts by event 20, binary 10.
+Least wanted: ideal 0.9, SPADCAM 0.2, SPADCAM at 300 counts by event 20, binary 10,
+comparison 1.
 """
 
 import time
@@ -118,14 +121,19 @@ def two_threads_binary() -> float:
 def binary_over_binomial(p: float) -> list[float]:
     """Of the draw from given probabilities, and of the whole step from rates to packed frames.
 
-    The third and fourth number compare the two with their floors.
+    Then the second against a comparison in single precision, and both against their floors.
     """
     chances = np.random.default_rng(0).uniform(0.5 * p, min(1.5 * p, 1), SHAPE)
     rng, sensor = generator(0), preset("ideal")
-    rates = -np.log1p(-chances) / sensor.exposure_s
-    draw = lambda: [draw_binary(rng, frame) for frame in chances]  # noqa: E731
+    means = -np.log1p(-chances)
+    rates, singles = means / sensor.exposure_s, means.astype(np.float32)
+    draw = lambda: [draw_binary(rng, frame) for frame in means]  # noqa: E731
     expose_all = lambda: expose_binary(rates, sensor, seed=0, sequence="bench", threads=1)  # noqa: E731
     binomial = lambda: [rng.binomial(1, frame) for frame in chances]  # noqa: E731
+    compare = lambda: [  # noqa: E731
+        np.packbits(rng.random(frame.shape, np.float32) < 1 - np.exp(-frame), axis=-1)
+        for frame in singles
+    ]
     words = lambda: [  # noqa: E731
         rng.integers(0, 2**64, frame.size // 4, np.uint64, endpoint=False) for frame in chances
     ]
@@ -133,6 +141,7 @@ def binary_over_binomial(p: float) -> list[float]:
     return [
         ratio(draw, binomial),
         ratio(expose_all, binomial),
+        ratio(expose_all, compare),
         ratio(draw, words),
         ratio(expose_all, lambda: (words(), [np.expm1(f, out=exponentials) for f in chances])),
     ]
@@ -167,6 +176,7 @@ if __name__ == "__main__":
         (
             "binary, binomial (p .02 .2 .6)",
             "rates to packed frames, binomial",
+            "rates to packed frames, comparison",
             "binary, floor",
             "rates to packed frames, floor",
         ),

@@ -29,6 +29,7 @@ from megalopta.scenes.forest import Forest
 from megalopta.scenes.lighting import Light, illuminance_of
 from megalopta.scenes.trajectories import CameraPath, Trajectory
 from megalopta.sensor import IMAGE_SENSORS, ImageSensor, merged
+from megalopta.sensor.formats import ProductName
 from megalopta.sensor.spad import load_sensor, with_files
 
 LightLevel = float | str
@@ -90,6 +91,10 @@ class Configuration(Record, frozen=True):
         IMAGE_SENSORS["ideal"],
     )
 
+    products: tuple[ProductName, ...] = ("counts",)
+    """What `sense` writes of every sensor at every level: `counts`, which must be among them, and
+    `events_hdf5`, `events_npz`, `binary_npy`, `binary_spad512`, `tiff` (docs/file-formats.md)."""
+
     methods: Annotated[
         tuple[str, ...],
         Field(min_length=1, description=f"Motion detectors to run, of {', '.join(METHODS)}."),
@@ -130,6 +135,13 @@ class Configuration(Record, frozen=True):
             return sensors
         folder = (validation.context or {}).get("folder", Path())
         return tuple(_resolve_sensor(sensor, folder) for sensor in sensors)
+
+    @field_validator("products")
+    @classmethod
+    def _counts_are_made(cls, products: tuple[ProductName, ...]) -> tuple[ProductName, ...]:
+        if "counts" not in products:
+            raise ValueError("counts are what the motion detectors see: name them, too")
+        return each_once(products)
 
     @field_validator("methods")
     @classmethod

@@ -8,7 +8,7 @@ training/flow|occlusions|invalid|depth|camdata_left/SEQ/
 radiance|truth/SEQ/          EXR, every frame at its instant
 radiance_shutter/SEQ/        EXR, the same frames blurred and rolling, where a shutter is set
 truth_shutter/SEQ/           EXR, truth of every row at its own time, where rows are read out
-counts/SEQ/SENSOR-LEVEL.zarr
+counts/SEQ/SENSOR-LEVEL.zarr, and other products beside it (docs/file-formats.md)
 results/SEQ/                 detector responses, errors, photon benchmark
 """
 
@@ -145,8 +145,8 @@ def files_in(paths: Iterable[Path]) -> Iterable[Path]:
 
 
 def whole_of(path: Path) -> Path:
-    """What is written at once with a file: the outermost Zarr store that it lies in, or itself."""
-    stores = [folder for folder in path.parents if folder.suffix == ".zarr"]
+    """What is written at once with a file: the outermost store that it lies in, or itself."""
+    stores = [folder for folder in path.parents if folder.suffix in (".zarr", ".spad512")]
     return stores[-1] if stores else path
 
 

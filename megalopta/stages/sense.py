@@ -1,13 +1,14 @@
 """The sense stage: radiance to the readings of every sensor at every light level, on disk.
 
-A SPAD array reads counts, an array of CTIA pixels electrons.
+A SPAD array reads counts, an array of CTIA pixels electrons. Events, binary frames and TIFF stacks
+are written beside them where `products` asks for it.
 
 Light is additive, so a scene under the same light made k times as bright has k times the radiance,
 in every band for itself: one rendering serves all levels. What stays is where the light comes from:
 a full moon sensed from a rendering under an overcast sky casts no shadows.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 
 import numpy as np
@@ -20,28 +21,31 @@ from megalopta.freshness import SENSOR_MODEL
 from megalopta.progress import progress, say
 from megalopta.scenes.lighting import LEVELS, illuminance_of
 from megalopta.scenes.spectra import Spectrum
-from megalopta.sensor import (
-    ImageSensor,
-    OpenedCounts,
-    check_sensor,
-    expose_image,
-    open_counts,
+from megalopta.sensor import ImageSensor, OpenedCounts, check_sensor, open_counts
+from megalopta.sensor.formats import (
+    ProductName,
+    Shot,
+    check_product,
+    product_path,
+    product_writer,
 )
-from megalopta.sensor.readout import Origin, counts_writer
+from megalopta.sensor.readout import Origin
 from megalopta.stages.declaration import Stage
 from megalopta.stages.noise_warning import noise_share, noise_warning
 
 
 def sense(dataset: Dataset) -> None:
     """Expose what is not there yet: every frame is read once, for all sensors at all levels."""
-    missing = [pair for pair in exposures(dataset) if not dataset.counts(*pair).exists()]
+    missing = [
+        (*pair, products) for pair in exposures(dataset) if (products := _missing(dataset, *pair))
+    ]
     _warn_of_noise(dataset)
     frames = dataset.configuration.trajectory.frames if missing else 0
     with (
         progress("Exposing sensors", len(missing) * frames, "frame") as advance,
         ExitStack() as stores,
     ):
-        films = [_Film(dataset, *pair, stores) for pair in missing]
+        films = [_Film(dataset, *each, stores) for each in missing]
         for first, radiance in read_radiance_frames(dataset) if films else ():
             for film in films:
                 film.expose(first, radiance)
@@ -49,11 +53,21 @@ def sense(dataset: Dataset) -> None:
     _write_final_images(dataset)
 
 
+def _missing(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> list[ProductName]:
+    counts, products = dataset.counts(sensor, level), dataset.configuration.products
+    return [each for each in products if not product_path(counts, each).exists()]
+
+
 class _Film:
-    """Exposes frames on one sensor at one light level into their store."""
+    """Exposes frames on one sensor at one light level into their files."""
 
     def __init__(
-        self, dataset: Dataset, sensor: ImageSensor, level: LightLevel, stores: ExitStack
+        self,
+        dataset: Dataset,
+        sensor: ImageSensor,
+        level: LightLevel,
+        products: Sequence[ProductName],
+        stores: ExitStack,
     ) -> None:
         self._settings, self._sensor, self._level = dataset.configuration, sensor, level
         self._sequence = f"{dataset.sequence}/{exposure_name(sensor, level)}"
@@ -65,24 +79,29 @@ class _Film:
             illuminance_lux=illuminance_of(level),
             extra={"level": level},
         )
-        frames = self._settings.trajectory.frames
-        path = dataset.counts(sensor, level)
-        self._write = stores.enter_context(counts_writer(path, origin, frames))
+        camera, trajectory = self._settings.camera, self._settings.trajectory
+        shape = trajectory.frames, camera.height, camera.width
+        self._period_s = 1 / trajectory.frame_rate_hz
+        self._writers = []
+        for product in products:
+            path = product_path(dataset.counts(sensor, level), product)
+            writer = product_writer(product, path, origin, shape, self._period_s)
+            self._writers.append(stores.enter_context(writer))
 
     def expose(self, first: int, radiance: NDArray[np.float32]) -> None:
         """Expose frames (n, H, W, B) from a number on."""
+        shot = Shot(
+            radiance=radiance * self._scale,
+            bands_nm=self._settings.render.bands_nm,
+            sensor=self._sensor,
+            seed=self._settings.seed,
+            sequence=self._sequence,
+            first_frame=first,
+            frame_period_s=self._period_s,
+        )
         with _refusals_told(self._sensor, self._level):
-            exposure = expose_image(
-                radiance * self._scale,
-                self._settings.render.bands_nm,
-                self._sensor,
-                seed=self._settings.seed,
-                sequence=self._sequence,
-                first_frame=first,
-                frame_period_s=1 / self._settings.trajectory.frame_rate_hz,
-                expectation=True,
-            )
-        self._write(first, exposure)
+            for write in self._writers:
+                write(shot)
 
 
 @contextmanager
@@ -184,13 +203,15 @@ def _check(settings: Configuration) -> None:
         try:
             shape = settings.camera.height, settings.camera.width
             check_sensor(sensor, settings.render.bands_nm, shape)
+            for product in settings.products:
+                check_product(product, sensor, shape)
         except ValueError as problem:
             raise ValueError(f"sensor {sensor.name!r}: {problem}") from None
 
 
 STAGE = Stage(
     name="sense",
-    fields=("light_levels", "sensors"),
+    fields=("light_levels", "sensors", "products"),
     needs=("render",),
     outputs=lambda dataset: [
         dataset.root / "counts" / dataset.sequence,

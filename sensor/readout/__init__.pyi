@@ -1,12 +1,17 @@
-from .binary import expose_binary, unpack
-from .events import expose_events, histogram
+from .binary import check_binary, expose_binary, unpack
+from .events import Events, expose_events, histogram
+from .images import ImageSensor, expose_image
 from .store import Origin, counts_writer
 
 __all__ = [
+    "Events",
+    "ImageSensor",
     "Origin",
+    "check_binary",
     "counts_writer",
     "expose_binary",
     "expose_events",
+    "expose_image",
     "histogram",
     "unpack",
 ]

@@ -2,9 +2,9 @@
 
 The bit is 1 with probability 1 − exp(−r·T) from a live start, whatever the dead time and the
 afterpulses, which come after the first event; mean p, variance p·(1−p). Gated, T is the time open.
-Bits are drawn by comparing 16 random bits with p·2¹⁶ and, in the one case in 65536 in which they
-are equal, a further uniform number with the rest: exact to the last bit of p at a quarter of a
-random word a pixel.
+Bits are drawn by comparing 16 random bits with p·2¹⁶, where p is taken in single precision, and, in
+the two cases in 65536 in which that leaves them open, a further uniform number with the rest of the
+exact p: exact to the last bit of p at a quarter of a random word a pixel.
 
 Packed as visionsim does: `np.packbits` along the width, most significant bit first, the last byte
 of a row filled up with zeros.
@@ -15,11 +15,20 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from megalopta.sensor.effects import open_fraction
-from megalopta.sensor.sampling import generator
+from megalopta.sensor.readout.chance import CHANCE_ERROR, chance
+from megalopta.sensor.sampling import LANES, fill_words, generator, word_streams
 from megalopta.sensor.spad import Sensor, checked_rate, over_frames
 
 # Times a word of eight bytes of 0 or 1: these bits in the highest byte, the first one on top.
 _GATHER = np.uint64(0x8040201008040201)
+
+_OPEN = np.uint8(2)
+"""Instead of a bit that is not decided yet."""
+_ANY_OPEN = np.uint64(0x0202020202020202)
+_LOTS = np.float32(65536)
+# Of p·2¹⁶ in single precision, twice its error; a lot this far from both ends of it is decided.
+_MARGIN = np.float32(2 * CHANCE_ERROR * 65536)
+_CERTAIN = np.float32(1) + _MARGIN
 
 Floats = NDArray[np.float64]
 
@@ -41,40 +50,37 @@ def expose_binary(
         When the rate is impossible, or the first event of a pixel depends on more than its rate:
         with crosstalk, or with dead time and a stationary start.
     """
-    _check_first_event(sensor)
+    check_binary(sensor)
     rate, device = checked_rate(detections_hz, sensor)
     open_s = sensor.exposure_s * open_fraction(sensor.gate, sensor.exposure_s)
     frames, rows, columns = rate.shape
+    dark_hz = np.ascontiguousarray(np.broadcast_to(device.dark_counts_hz, (rows, columns)))
     packed = np.empty((frames, rows, -(-columns // 8)), np.uint8)
 
     def expose_frame(frame: int) -> None:
-        p = rate[frame] + device.dark_counts_hz
-        p *= -open_s
-        np.negative(np.expm1(p, out=p), out=p)
-        packed[frame] = draw_binary(generator(seed, "binary", sequence, first_frame + frame), p)
+        rng = generator(seed, "binary", sequence, first_frame + frame)
+        _draw(rng, np.ascontiguousarray(rate[frame]), dark_hz, open_s, packed[frame])
 
     over_frames(expose_frame, frames, threads)
     return packed
 
 
-def draw_binary(rng: np.random.Generator, p: Floats) -> NDArray[np.uint8]:
+def draw_binary(rng: np.random.Generator, means: Floats) -> NDArray[np.uint8]:
     """Draw one packed binary frame.
 
     Parameters
     ----------
     rng : numpy.random.Generator
-    p : (rows, columns) float64
-        Probability of a 1.
+    means : (rows, columns) float64
+        Mean number of events in the time open; a bit is 1 with probability 1 − e^(−mean).
 
     Returns
     -------
     (rows, ceil(columns/8)) uint8
     """
-    rows, columns = p.shape
-    bytes_per_row = -(-columns // 8)
-    words = rng.integers(0, 2**64, rows * bytes_per_row * 2, np.uint64, endpoint=False)
-    packed = np.empty((rows, bytes_per_row), np.uint8)
-    _pack(rng, np.ascontiguousarray(p, np.float64), words.view(np.uint16), packed)
+    rows, columns = means.shape
+    packed = np.empty((rows, -(-columns // 8)), np.uint8)
+    _draw(rng, np.ascontiguousarray(means, np.float64), np.zeros(means.shape), 1.0, packed)
     return packed
 
 
@@ -83,7 +89,14 @@ def unpack(packed: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
     return np.unpackbits(packed, axis=-1, count=width)
 
 
-def _check_first_event(sensor: Sensor) -> None:
+def check_binary(sensor: Sensor) -> None:
+    """Make sure that a sensor has binary frames: the first event depends on nothing but the rate.
+
+    Raises
+    ------
+    ValueError
+        With crosstalk, or with dead time or afterpulses and a stationary start.
+    """
     if sensor.crosstalk.is_on:
         raise ValueError(
             f"crosstalk.probability: {sensor.crosstalk.probability:g}; binary frames have no "
@@ -97,36 +110,60 @@ def _check_first_event(sensor: Sensor) -> None:
         )
 
 
+def _draw(
+    rng: np.random.Generator,
+    rate_hz: Floats,
+    dark_hz: Floats,
+    open_s: float,
+    packed: NDArray[np.uint8],
+) -> None:
+    _pack(rng, word_streams(rng), rate_hz, dark_hz, open_s, packed)
+
+
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _pack(
     rng: np.random.Generator,
-    p: Floats,
-    lots: NDArray[np.uint16],
+    streams: NDArray[np.uint64],
+    rate_hz: Floats,
+    dark_hz: Floats,
+    open_s: float,
     packed: NDArray[np.uint8],
 ) -> None:
-    rows, columns = p.shape
+    rows, columns = rate_hz.shape
     bits = np.zeros(8 * packed.shape[1], np.uint8)
     eights = bits.view(np.uint64)
+    means = np.empty(columns, np.float32)
+    words = np.empty((-(-columns // (4 * LANES)), LANES), np.uint64)
+    lots = words.reshape(-1).view(np.uint16)
     for row in range(rows):
-        first = row * bits.size
-        ties = 0
-        # no branches and one array each: this loop becomes vector instructions
+        fill_words(streams, words)
+        # No branches and one array each: these loops become vector instructions, and the second
+        # one of twice the width, as it has nothing in double precision.
         for column in range(columns):
-            whole = np.int32(p[row, column] * 65536.0)
-            lot = np.int32(lots[first + column])
-            bits[column] = lot < whole
-            ties += lot == whole
-        if ties > 0:
-            _settle_ties(rng, p[row], lots[first : first + columns], bits)
+            means[column] = (rate_hz[row, column] + dark_hz[row, column]) * open_s
+        for column in range(columns):
+            above = _LOTS * chance(means[column]) - np.float32(np.int32(lots[column]))
+            bits[column] = _OPEN * (above > -_MARGIN) - (above >= _CERTAIN)
+        seen = np.uint64(0)
+        for byte in range(eights.size):
+            seen |= eights[byte]
+        if seen & _ANY_OPEN:
+            _settle(rng, rate_hz[row], dark_hz[row], open_s, lots, bits)
         for byte in range(eights.size):
             packed[row, byte] = (eights[byte] * _GATHER) >> np.uint64(56)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _settle_ties(
-    rng: np.random.Generator, p: Floats, lots: NDArray[np.uint16], bits: NDArray[np.uint8]
+def _settle(
+    rng: np.random.Generator,
+    rate_hz: Floats,
+    dark_hz: Floats,
+    open_s: float,
+    lots: NDArray[np.uint16],
+    bits: NDArray[np.uint8],
 ) -> None:
-    for column in range(p.size):
-        threshold = p[column] * 65536.0
-        if lots[column] == int(threshold):
-            bits[column] = rng.random() < threshold - int(threshold)
+    """Draw the bits that single precision leaves open."""
+    for column in range(rate_hz.size):
+        if bits[column] == _OPEN:
+            mean = (rate_hz[column] + dark_hz[column]) * open_s
+            bits[column] = rng.random() < -np.expm1(-mean) * 65536.0 - lots[column]

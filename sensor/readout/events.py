@@ -11,6 +11,7 @@ Source: dissertation §2.3.2 (jitter), §2.3.5.
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from megalopta.sensor.avalanches import simulate_events
@@ -21,27 +22,42 @@ from megalopta.sensor.spad import Sensor, checked_rate, over_frames
 
 @dataclass(frozen=True, eq=False)
 class Events:
-    """Events of consecutive frames, sorted by frame and time stamp.
+    """Events of consecutive frames, sorted by frame and time stamp; 12 bytes each.
 
     Attributes
     ----------
-    frame : (N,) int64
-        Number in the sequence of the frame that the avalanche belongs to.
     time_s : (N,) float64
-        Time stamp from the start of that frame's exposure, s.
-    row, column : (N,) int64
-        The pixel.
+        Time stamp from the start of the event's frame, s.
+    pixel : (N,) uint32
+        row · columns + column.
+    starts : (frames + 1,) int64
+        Number of the first event of each frame; N at the end.
     shape : (frames, rows, columns)
     first_frame : int
         Number in the sequence of the first frame.
     """
 
-    frame: NDArray[np.int64]
     time_s: NDArray[np.float64]
-    row: NDArray[np.int64]
-    column: NDArray[np.int64]
+    pixel: NDArray[np.uint32]
+    starts: NDArray[np.int64]
     shape: tuple[int, int, int]
     first_frame: int = 0
+
+    @property
+    def frame(self) -> NDArray[np.int64]:
+        """Number in the sequence of each event's frame, (N,)."""
+        frames = np.arange(self.first_frame, self.first_frame + self.shape[0])
+        return np.repeat(frames, np.diff(self.starts))
+
+    @property
+    def row(self) -> NDArray[np.int64]:
+        """Row of each event, (N,)."""
+        return self.pixel.astype(np.int64) // max(self.shape[2], 1)
+
+    @property
+    def column(self) -> NDArray[np.int64]:
+        """Column of each event, (N,)."""
+        return self.pixel.astype(np.int64) % max(self.shape[2], 1)
 
 
 def expose_events(
@@ -58,7 +74,7 @@ def expose_events(
     Parameters and errors are those of `expose_rate`; `detection_rate` gives the rate of a scene.
     """
     rate, device = checked_rate(detections_hz, sensor)
-    streams: list[tuple[NDArray[np.float64], NDArray[np.int64]]] = [None] * len(rate)  # type: ignore[list-item]
+    streams: list[tuple[NDArray[np.float64], NDArray[np.uint32]]] = [None] * len(rate)  # type: ignore[list-item]
 
     def expose_frame(frame: int) -> None:
         arrivals_hz = rate[frame] + device.dark_counts_hz
@@ -67,9 +83,7 @@ def expose_events(
         times, pixels = simulate_events(
             rng, arrivals_hz, sensor.exposure_s, sensor.avalanche_effects
         )
-        stamps = stamp(rng, times, sensor.jitter)
-        order = np.argsort(stamps, kind="stable")
-        streams[frame] = stamps[order], pixels[order]
+        streams[frame] = _sorted(stamp(rng, times, sensor.jitter), pixels)
 
     over_frames(expose_frame, len(rate), threads)
     return _joined(streams, rate.shape, first_frame)
@@ -77,20 +91,53 @@ def expose_events(
 
 def histogram(events: Events) -> NDArray[np.int64]:
     """Events per pixel and frame, (frames, rows, columns)."""
-    _, rows, columns = events.shape
-    flat = ((events.frame - events.first_frame) * rows + events.row) * columns + events.column
-    return np.bincount(flat, minlength=int(np.prod(events.shape))).reshape(events.shape)
+    frames, rows, columns = events.shape
+    counts = np.empty((frames, rows * columns), np.int64)
+    for frame in range(frames):
+        pixels = events.pixel[events.starts[frame] : events.starts[frame + 1]]
+        counts[frame] = np.bincount(pixels, minlength=rows * columns)
+    return counts.reshape(events.shape)
 
 
 def _joined(
-    streams: list[tuple[NDArray[np.float64], NDArray[np.int64]]],
+    streams: list[tuple[NDArray[np.float64], NDArray[np.uint32]]],
     shape: tuple[int, ...],
     first_frame: int,
 ) -> Events:
     frames, rows, columns = shape
-    lengths = [times.size for times, _ in streams]
+    starts = np.cumsum([0, *(times.size for times, _ in streams)], dtype=np.int64)
     times = np.concatenate([np.empty(0), *(times for times, _ in streams)])
-    pixels = np.concatenate([np.empty(0, np.int64), *(pixels for _, pixels in streams)])
-    row, column = np.divmod(pixels, max(columns, 1))
-    frame = np.repeat(np.arange(first_frame, first_frame + frames), lengths)
-    return Events(frame, times, row, column, (frames, rows, columns), first_frame)
+    pixels = np.concatenate([np.empty(0, np.uint32), *(pixels for _, pixels in streams)])
+    return Events(times, pixels, starts, (frames, rows, columns), first_frame)
+
+
+def _sorted(
+    stamps: NDArray[np.float64], pixels: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
+    """Put events in the order of time; those of the same time stay as they were.
+
+    NumPy's unstable sort is four times as fast as its stable one, but orders equal times
+    differently on different processors.
+    """
+    order = np.argsort(stamps)
+    times, places = np.empty_like(stamps), np.empty(stamps.size, np.uint32)
+    _gather(stamps, pixels, order, times, places)
+    return times, places
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _gather(
+    stamps: NDArray[np.float64],
+    pixels: NDArray[np.int64],
+    order: NDArray[np.int64],
+    times: NDArray[np.float64],
+    places: NDArray[np.uint32],
+) -> None:
+    for rank in range(order.size):
+        times[rank] = stamps[order[rank]]
+        slot = rank
+        while slot > 0 and times[slot - 1] == times[rank] and order[slot - 1] > order[slot]:
+            order[slot - 1], order[slot] = order[slot], order[slot - 1]
+            slot -= 1
+    for rank in range(order.size):
+        places[rank] = pixels[order[rank]]

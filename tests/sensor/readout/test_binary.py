@@ -13,30 +13,36 @@ from megalopta.sensor import (
 )
 from megalopta.sensor.counters.digital import DigitalCounter
 from megalopta.sensor.readout.binary import draw_binary, unpack
+from megalopta.sensor.readout.chance import CHANCE_ERROR, chance
 from megalopta.sensor.sampling.streams import generator
 
 IDEAL = preset("ideal")
 
 
+def test_chance_is_as_close_as_it_says():
+    means = np.concatenate([np.linspace(0, 20, 20_000), np.logspace(-9, 3, 1000)]).astype("f4")
+    error = [float(chance(mean)) + np.expm1(-float(mean)) for mean in means]
+    assert np.abs(error).max() < CHANCE_ERROR
+
+
 @pytest.mark.parametrize("p", [0.0, 1e-4, 0.3, 1 - 1e-4, 1.0])
 def test_ones_come_with_their_probability(p):
-    bits = unpack(draw_binary(generator(3), np.full((1000, 1003), p)), 1003)
+    mean = -np.log1p(-p) if p < 1 else np.inf
+    bits = unpack(draw_binary(generator(3), np.full((1000, 1003), mean)), 1003)
     # 5 standard errors: false alarm 6e-7
     assert abs(bits.mean() - p) <= 5 * np.sqrt(p * (1 - p) / bits.size)
 
 
 def test_probability_finer_than_the_sixteen_bits_of_a_lot_is_kept():
     p = 0.4 / 65536
-    ones = sum(
-        int(unpack(draw_binary(generator(k), np.full((1000, 1000), p)), 1000).sum())
-        for k in range(20)
-    )
+    means = np.full((1000, 1000), -np.log1p(-p))
+    ones = sum(int(unpack(draw_binary(generator(k), means), 1000).sum()) for k in range(20))
     assert abs(ones - 2e7 * p) < 5 * np.sqrt(2e7 * p)  # false alarm 6e-7
 
 
 def test_packing_is_that_of_numpy_along_the_width_most_significant_bit_first():
     pattern = np.random.default_rng(0).integers(0, 2, (5, 21)).astype(float)
-    packed = draw_binary(generator(0), pattern)
+    packed = draw_binary(generator(0), np.where(pattern == 1, np.inf, 0.0))
     np.testing.assert_array_equal(packed, np.packbits(pattern.astype(np.uint8), axis=-1))
 
 

@@ -1,0 +1,27 @@
+"""Names of what is written of an exposure, and of the files.
+
+Apart from the writers, as settings need the names and load nothing else.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Literal, TypeAlias, get_args
+
+ProductName: TypeAlias = Literal[
+    "counts", "events_hdf5", "events_npz", "binary_npy", "binary_spad512", "tiff"
+]
+PRODUCTS: tuple[ProductName, ...] = get_args(ProductName)
+
+_SUFFIXES: Mapping[ProductName, str] = {
+    "counts": ".zarr",
+    "events_hdf5": ".events.h5",
+    "events_npz": ".events.npz",
+    "binary_npy": ".binary.npy",
+    "binary_spad512": ".spad512",
+    "tiff": ".tiff",
+}
+
+
+def product_path(counts: Path, product: ProductName) -> Path:
+    """Where a product lies, given the path of the counts, which ends in `.zarr`."""
+    return counts.with_name(counts.name.removesuffix(".zarr") + _SUFFIXES[product])

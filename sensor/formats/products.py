@@ -1,0 +1,136 @@
+"""What can be written of an exposure beside its counts, frame after frame, in flat memory."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from functools import partial
+from pathlib import Path
+from typing import TypeAlias
+
+from megalopta.sensor.formats.event_hdf5 import events_hdf5_writer
+from megalopta.sensor.formats.event_npz import events_npz_writer
+from megalopta.sensor.formats.event_stream import MOST_PIXELS_A_SIDE, EventOrigin
+from megalopta.sensor.formats.names import ProductName
+from megalopta.sensor.formats.packed_npy import binary_npy_writer
+from megalopta.sensor.formats.shot import Shot
+from megalopta.sensor.formats.spad512 import check_spad512_size, spad512_writer
+from megalopta.sensor.formats.tiff import tiff_writer
+from megalopta.sensor.readout import Events, ImageSensor, Origin, check_binary, counts_writer
+from megalopta.sensor.spad import Sensor
+
+Write: TypeAlias = Callable[[Shot], None]
+
+
+def check_product(product: ProductName, sensor: ImageSensor, shape: tuple[int, int]) -> None:
+    """Make sure that a sensor of (rows, columns) pixels can give a product.
+
+    Raises
+    ------
+    ValueError
+        With one sentence that says why not.
+    """
+    if product in ("counts", "tiff"):
+        return
+    if not isinstance(sensor, Sensor):
+        raise ValueError(
+            f"{product}: a sensor that integrates has no single events; take the product or the "
+            "sensor out"
+        )
+    try:
+        if product.startswith("binary"):
+            check_binary(sensor)
+        if product == "binary_spad512":
+            check_spad512_size(*shape)
+    except ValueError as problem:
+        raise ValueError(f"{product}: {problem}") from None
+    if product.startswith("events") and max(shape) > MOST_PIXELS_A_SIDE:
+        raise ValueError(f"{product}: {max(shape)} pixels a side; events have up to 65536")
+
+
+def product_writer(
+    product: ProductName,
+    path: Path,
+    origin: Origin,
+    shape: tuple[int, int, int],
+    frame_period_s: float,
+) -> AbstractContextManager[Write]:
+    """Yield what appends shots of consecutive frames; the product appears when all are there.
+
+    Parameters
+    ----------
+    product : str
+        One of `PRODUCTS`.
+    path : Path
+    origin : Origin
+        What made the exposure.
+    shape : (frames, rows, columns)
+    frame_period_s : float
+        From the beginning of a frame to that of the next, s.
+    """
+    return _WRITERS[product](path, origin, shape, frame_period_s)
+
+
+@contextmanager
+def _counts(path: Path, origin: Origin, shape: tuple[int, int, int], _: float) -> Iterator[Write]:
+    with counts_writer(path, origin, shape[0]) as write:
+        yield lambda shot: write(shot.first_frame, shot.exposure)
+
+
+@contextmanager
+def _tiff(path: Path, origin: Origin, shape: tuple[int, int, int], _: float) -> Iterator[Write]:
+    most_bytes = math.prod(shape) * 4
+    with tiff_writer(path, most_bytes, exposure_s=origin.sensor.exposure_s) as write:
+        yield lambda shot: write(shot.exposure.counts)
+
+
+@contextmanager
+def _events(
+    writer: Callable[[Path, EventOrigin], AbstractContextManager[Callable[[Events], None]]],
+    path: Path,
+    origin: Origin,
+    shape: tuple[int, int, int],
+    frame_period_s: float,
+) -> Iterator[Write]:
+    described = {
+        "sensor": origin.sensor.model_dump(mode="json"),
+        "seed": origin.seed,
+        "sequence": origin.sequence,
+        "illuminance_lux": origin.illuminance_lux,
+        **origin.extra,
+    }
+    of_events = EventOrigin(
+        shape=shape,
+        frame_period_s=frame_period_s,
+        exposure_s=origin.sensor.exposure_s,
+        extra=described,
+    )
+    with writer(path, of_events) as write:
+
+        def write_shot(shot: Shot) -> None:
+            for events in shot.events():
+                write(events)
+
+        yield write_shot
+
+
+@contextmanager
+def _npy(path: Path, _: Origin, shape: tuple[int, int, int], __: float) -> Iterator[Write]:
+    frames, rows, columns = shape
+    with binary_npy_writer(path, (frames, rows, -(-columns // 8))) as write:
+        yield lambda shot: write(shot.bits)
+
+
+@contextmanager
+def _spad512(path: Path, _: Origin, __: tuple[int, int, int], ___: float) -> Iterator[Write]:
+    with spad512_writer(path) as write:
+        yield lambda shot: write(shot.bits)
+
+
+_WRITERS: Mapping[ProductName, Callable[..., AbstractContextManager[Write]]] = {
+    "counts": _counts,
+    "events_hdf5": partial(_events, events_hdf5_writer),
+    "events_npz": partial(_events, events_npz_writer),
+    "binary_npy": _npy,
+    "binary_spad512": _spad512,
+    "tiff": _tiff,
+}

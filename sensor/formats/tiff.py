@@ -1,0 +1,119 @@
+"""Stacks of frames in TIFF, as of quantitative CMOS cameras; read by ImageJ and tifffile.
+
+One page a frame, uncompressed, unsigned integers or float32. Description of the first page: JSON
+with `shape` and `exposure_s`. BigTIFF from 4 GB on.
+"""
+
+import json
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tifffile
+from numpy.typing import NDArray
+
+from megalopta.files import atomic_write
+from megalopta.sensor.formats.record import RecordedFrames, file_bytes, wanted
+
+_LARGEST_TIFF = 4 * 10**9
+# The most that a deflate stream grows by: a file does not justify more memory than that.
+_LARGEST_EXPANSION = 1032
+
+
+def write_tiff(path: str | Path, frames: NDArray[Any], *, exposure_s: float | None = None) -> None:
+    """Write frames (T, H, W) as one stack."""
+    with tiff_writer(path, frames.nbytes, exposure_s=exposure_s) as write:
+        write(frames)
+
+
+@contextmanager
+def tiff_writer(
+    path: str | Path, total_bytes: int, *, exposure_s: float | None = None
+) -> Iterator[Callable[[NDArray[Any]], None]]:
+    """Yield what appends frames (T, H, W); the file appears when the writer is left.
+
+    Parameters
+    ----------
+    path
+    total_bytes : int
+        Of all frames that will be written, about.
+    exposure_s : float, optional
+        Exposure time of a frame, s.
+    """
+    is_big = total_bytes > _LARGEST_TIFF
+    metadata = {} if exposure_s is None else {"exposure_s": exposure_s}
+    with (
+        atomic_write(Path(path)) as temporary,
+        tifffile.TiffWriter(temporary, bigtiff=is_big) as file,
+    ):
+
+        def write(frames: NDArray[Any]) -> None:
+            for frame in frames:
+                file.write(frame, contiguous=True, photometric="minisblack", metadata=metadata)
+
+        yield write
+
+
+def read_tiff(path: str | Path, *, first: int = 0, frames: int | None = None) -> RecordedFrames:
+    """Read the first stack of a file, (T, H, W).
+
+    Raises
+    ------
+    FileNotFoundError
+        When there is nothing.
+    ValueError
+        When the file is damaged, compressed in an unknown way, or no stack of gray frames.
+    """
+    path = Path(path)
+    size = file_bytes(path).size
+    logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # it reports what is told here
+    try:
+        with tifffile.TiffFile(path) as file:
+            stack = file.series[0]
+            pages = [page for page in stack.pages if page is not None]
+            _check(path, stack, pages, size)
+            total = len(pages) if len(pages) > 1 or stack.ndim == 2 else stack.shape[0]
+            range_ = wanted(total, first, frames, path)
+            if len(pages) == total:
+                images = [file_page.asarray() for file_page in pages[range_]]
+                counts = np.array(images).reshape(-1, *stack.shape[-2:])
+            else:
+                counts = stack.asarray()[range_]
+            exposure_s = _exposure_s(file)
+    except ValueError as problem:
+        if str(problem).startswith(str(path)):
+            raise
+        raise _damaged(path, problem) from None
+    except Exception as problem:  # of a damaged file, anything
+        raise _damaged(path, problem) from None
+    depth = 8 * counts.dtype.itemsize
+    return RecordedFrames(counts=counts, bit_depth=depth, exposure_s=exposure_s, source="tiff")
+
+
+def _check(path: Path, stack: Any, pages: list[Any], size: int) -> None:
+    expansion = 1 if pages[0].compression == 1 else _LARGEST_EXPANSION
+    if stack.nbytes > size * expansion:
+        raise ValueError(
+            f"{path}: tells of {stack.nbytes} bytes of frames, more than its {size} can hold; it "
+            "is cut short or damaged: copy it again"
+        )
+    if stack.ndim not in (2, 3) or stack.dtype.kind not in "uif" or "S" in stack.axes:
+        raise ValueError(
+            f"{path}: {stack.dtype} {stack.shape}; give a stack of gray frames (T, H, W)"
+        )
+
+
+def _exposure_s(file: Any) -> float | None:
+    try:
+        found = json.loads(file.pages[0].description).get("exposure_s")
+    except (ValueError, AttributeError):
+        return None
+    return float(found) if isinstance(found, int | float) and found > 0 else None
+
+
+def _damaged(path: Path, problem: Exception) -> ValueError:
+    reason = " ".join(str(problem).split())[:120]
+    return ValueError(f"{path}: damaged, cut short or no TIFF that is known ({reason})")

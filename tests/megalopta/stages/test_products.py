@@ -1,0 +1,128 @@
+"""What `sense` writes beside the counts, through the doors that users take."""
+
+import numpy as np
+import pytest
+
+from megalopta.config.model import load
+from megalopta.errors import UserError
+from megalopta.sensor import Crosstalk, ctia_preset, preset
+from megalopta.sensor.formats import Shot, check_product, read_events, read_frames
+from megalopta.sensor.readout.events import histogram
+from megalopta.stages.ledger import Ledger
+from megalopta.stages.pipeline import run_stage
+from megalopta.stages.sense import read_exposure, sense
+
+LEVEL = 1e-5
+"""Lux, some ten counts a pixel."""
+PRODUCTS = ["counts", "events_hdf5", "events_npz", "binary_npy", "tiff"]
+
+
+def settings(tiny, **changes):
+    values = tiny.model_dump(mode="json") | {"products": PRODUCTS, "light_levels": [LEVEL]}
+    return type(tiny).model_validate(values | {"sensors": tiny.sensors[1:]} | changes)
+
+
+@pytest.fixture(scope="module")
+def sensed(tiny, tmp_path_factory):
+    root = tmp_path_factory.mktemp("products") / "data"
+    for stage in ("render", "sense"):
+        dataset = run_stage(root, settings(tiny), stage)
+    return dataset
+
+
+@pytest.fixture
+def folder(sensed):
+    return sensed.root / "counts" / sensed.sequence
+
+
+def test_every_product_is_in_the_manifest(sensed, folder):
+    line = Ledger(sensed).entry("sense")
+    names = {name.split("/")[-1] for name in line["files"] if "/counts" in f"/{name}"}
+    assert {
+        "ideal-1e-05lux.events.h5", "ideal-1e-05lux.events.npz", "ideal-1e-05lux.binary.npy",
+        "ideal-1e-05lux.tiff",
+    } <= names  # fmt: skip
+    assert not [path for path in folder.iterdir() if path.name.startswith(".")]
+
+
+def test_stack_holds_the_counts(sensed, folder):
+    counts = stored(sensed).exposure.counts
+    found = read_frames(folder / "ideal-1e-05lux.tiff")
+    np.testing.assert_array_equal(found.counts, counts)
+    assert found.exposure_s == sensed.configuration.sensors[0].exposure_s
+
+
+def stored(dataset):
+    return read_exposure(dataset, dataset.configuration.sensors[0], LEVEL)
+
+
+def test_events_of_both_files_are_the_same_and_as_many_as_expected(sensed, folder):
+    one, other = (read_events(folder / f"ideal-1e-05lux.events.{end}") for end in ("h5", "npz"))
+    np.testing.assert_array_equal(one.events.time_s, other.events.time_s)
+    np.testing.assert_array_equal(one.events.pixel, other.events.pixel)
+    assert one.origin == other.origin
+    assert one.origin.extra["level"] == LEVEL
+    expected = stored(sensed).exposure.expectation.mean_events.astype(float)
+    counts = histogram(one.events)
+    # every pixel is Poisson: chi-square of all, and of the sum; false alarm 6e-7 each
+    assert abs(counts.sum() - expected.sum()) < 5 * np.sqrt(expected.sum())
+    chi2 = np.sum((counts - expected) ** 2 / expected)
+    assert abs(chi2 - counts.size) < 5 * np.sqrt(2 * counts.size + np.sum(1 / expected))
+
+
+def test_bits_are_ones_as_often_as_the_light_says(sensed, folder):
+    bits = read_frames(folder / "ideal-1e-05lux.binary.npy", shape=(40, 48)).counts
+    p = -np.expm1(-stored(sensed).exposure.expectation.mean_events.astype(float))
+    assert abs(bits.sum() - p.sum()) < 5 * np.sqrt(np.sum(p * (1 - p))) + 1e-9
+
+
+def test_what_a_kill_left_out_is_made_again_alike(sensed, folder):
+    before = {path: path.read_bytes() for path in folder.glob("*.*") if path.is_file()}
+    for path in before:
+        path.unlink()
+    sense(sensed)
+    assert {path: path.read_bytes() for path in before} == before
+
+
+@pytest.mark.parametrize(
+    ("product", "changes", "message"),
+    [
+        ("events_npz", {}, "a sensor that integrates has no single events"),
+        (
+            "binary_npy",
+            {"crosstalk": Crosstalk(probability=0.1)},
+            "binary frames have no crosstalk",
+        ),
+        ("binary_spad512", None, "512 × 512"),
+    ],
+)
+def test_what_a_sensor_cannot_give_is_refused(tiny, product, changes, message):
+    sensor = tiny.sensors[1]
+    if changes is not None:
+        sensor = sensor.model_copy(update=changes) if changes else ctia_preset("ctia_si")
+    with pytest.raises(ValueError, match=f"{product}: .*{message}"):
+        check_product(product, sensor, (40, 48))
+
+
+def test_more_events_than_memory_holds_are_refused_in_one_sentence():
+    shot = Shot(
+        radiance=np.ones((1, 2, 2, 1)), bands_nm=[(450.0, 550.0)], sensor=preset("ideal"), seed=0,
+        sequence="s", first_frame=0, frame_period_s=1.0,
+    )  # fmt: skip
+    with pytest.raises(ValueError, match="events in a frame, more than"):
+        next(shot.events())
+
+
+def test_refusal_comes_before_the_work_and_names_the_sensor(tiny, sensed):
+    with pytest.raises(UserError, match="sensor 'ideal': binary_spad512: frames of 48 × 40"):
+        wanted = settings(tiny, products=["counts", "binary_spad512"])
+        run_stage(sensed.root, wanted, "sense", redo=True)
+
+
+@pytest.mark.parametrize(
+    ("products", "message"),
+    [("[events_npz]", "counts are what"), ("[counts, counts]", "twice"), ("[raw]", "products")],
+)
+def test_products_are_checked_with_the_settings(products, message):
+    with pytest.raises(UserError, match=message):
+        load("grating", {"products": products})
