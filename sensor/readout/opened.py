@@ -40,7 +40,8 @@ class StoredFrames:
 
     def __getitem__(self, frames: Frames) -> NDArray[Any]:
         """Read frames. Raises ValueError when they are damaged."""
-        return _told(self.path, lambda: np.asarray(self.array.oindex[frames]))
+        chosen = np.asarray(frames) if isinstance(frames, list) else frames
+        return _told(self.path, lambda: np.asarray(self.array.oindex[chosen]))
 
     def mean(self, frames_at_once: int = 64) -> float:
         """Mean over all frames, of which only so many are in memory."""

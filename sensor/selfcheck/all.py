@@ -6,6 +6,7 @@ from megalopta.sensor.selfcheck.ctia import check_ctia_discharge, check_ctia_noi
 from megalopta.sensor.selfcheck.ctia_bias import check_gate_leak, check_pulse_loop, check_trimming
 from megalopta.sensor.selfcheck.measured import check_measured_maps
 from megalopta.sensor.selfcheck.optics import check_falloff, check_lens
+from megalopta.sensor.selfcheck.readings import reading_checks
 from megalopta.sensor.selfcheck.terms import TERM_CHECKS
 
 EFFECT_CHECKS: tuple[Check, ...] = (
@@ -19,4 +20,5 @@ EFFECT_CHECKS: tuple[Check, ...] = (
     check_trimming,
     check_pulse_loop,
     check_gate_leak,
+    *reading_checks(),
 )

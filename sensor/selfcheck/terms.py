@@ -14,7 +14,6 @@ from megalopta.sensor.counters import (
     AnalogCounter,
     DigitalCounter,
     analog_pixels,
-    error_variance,
     read_analog,
     read_digital,
 )
@@ -188,7 +187,7 @@ def check_gate_and_jitter() -> Iterator[Row]:
 
 
 def check_counters() -> Iterator[Row]:
-    """Digital and analog counters: wrap, linearity, flags, read noise."""
+    """Digital and analog counters: wrap, linearity, flags."""
     events = np.arange(1000)[None, :]
     counts, flags = read_digital(events, DigitalCounter.of_bits(8, "wrap"))
     yield exact_row(
@@ -211,13 +210,6 @@ def check_counters() -> Iterator[Row]:
         yield exact_row(term, "1 − R² to saturation", 0, 1 - float(line.rvalue) ** 2, 1e-2)
         full = (ramp + 0.5) * pixels.step_v + pixels.leaked_v > counter.swing_v
         yield exact_row(term, "full counters not flagged", 0, float(np.mean(~flags & full)), 1e-9)
-    noisy = AnalogCounter(step_v=1e-3, read_noise_v=3e-3, adc_bits=12)
-    many = np.full((300, 300), 1000)
-    pixels = analog_pixels(noisy, many.shape, 0.1, 0)
-    counts, _ = read_analog(generator(9), many, noisy, pixels, 0.1)
-    yield variance_row(
-        "analog counter", "variance of a reading (counts²)", error_variance(noisy) + 1 / 12, counts
-    )
 
 
 def check_frames() -> Iterator[Row]:

@@ -115,7 +115,7 @@ def _paralyzable(
         start = np.exp(w) if is_stationary else z[1:] * a / (a + w)
         total[1:] += start * np.exp(w / dead_fraction) / (1 + w)
     total[0] = 1
-    return np.fft.irfft((total * z**-least).conj(), points)[:size]
+    return np.asarray(np.fft.irfft((total * z**-least).conj(), points)[:size])
 
 
 def _add_third_cumulant(law: Floats, more: Floats) -> None:

@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
-from scipy.stats import norm
+from scipy.stats import linregress, norm
 
 from megalopta.sensor import DarkCounts, changed, expose_rate, preset
-from megalopta.sensor.counters.analog import AnalogCounter, analog_pixels, read_analog
+from megalopta.sensor.counters.analog import AnalogCounter, analog_pixels
+from megalopta.sensor.counters.conversion import read_analog
 from megalopta.sensor.sampling.streams import generator
 
 QUIET = AnalogCounter(step_v=10e-3)
@@ -109,3 +110,33 @@ def test_counter_at_the_bottom_is_flagged_whatever_noise_makes_of_its_reading():
 def test_impossible_counter_is_refused(wrong):
     with pytest.raises(ValueError, match=r"step_v|swing_v|adc_bits|step_sigma_v|leak_sigma_v_s"):
         AnalogCounter(**wrong)
+
+
+def test_steps_of_any_slope_take_the_same_swing_and_the_printed_straightness_allows_six_tenths():
+    for slope, most in ((0.0, 0.0), (0.6, 0.0105), (-0.6, 0.0105)):
+        counter = changed(QUIET, step_slope=slope, swing_v=3.2)
+        counts, saturated = read(counter, np.arange(400)[None])
+        line = linregress(np.arange(400)[~saturated[0]], counts[~saturated])
+        assert 1 - line.rvalue**2 <= most + 1e-4
+        # 3.2 V at 10 mV; a slope adds 1/12 of its square
+        assert saturated[0].argmax() == pytest.approx(320 * (1 + slope**2 / 12), abs=3)
+        first = np.diff(counts[0, :40]).mean()
+        assert first == pytest.approx(1 + slope / 2, abs=0.05)
+
+
+def test_each_step_errs_alone():
+    counter = changed(QUIET, step_noise_v=1e-3)
+    for events in (25, 225):
+        counts, _ = read(counter, np.full((200, 200), events))
+        # √N tenths of a count, and rounding; false alarm 6e-7
+        expected = 0.01 * events + 1 / 12
+        assert counts.var() == pytest.approx(expected, rel=5 * (2 / 40_000) ** 0.5 + 0.03)
+
+
+def test_calibration_takes_the_offset_out_and_without_it_it_reads_as_counts():
+    offset = changed(QUIET, offset_sigma_v=30e-3)
+    events = np.full((60, 60), 100)
+    np.testing.assert_array_equal(read(offset, events)[0], 100)
+    counts, _ = read(changed(offset, calibrated=False), events)
+    # 3 counts; 3600 pixels know their spread to 1.2 %, five times which is 6 %
+    assert counts.std() == pytest.approx((9 + 1 / 12) ** 0.5, rel=0.06)

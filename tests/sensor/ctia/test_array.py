@@ -3,6 +3,7 @@ import pytest
 
 from megalopta.scenes.spectra.airglow import AIRGLOW
 from megalopta.sensor.ctia.array import (
+    electron_moments,
     expose_ctia,
     expose_photocurrent,
     photocurrent,
@@ -175,3 +176,19 @@ def test_impossible_requests_are_refused():
         expose_ctia(night(), [[300, 500], [500, 900]], QUIET, seed=0, sequence="")
     with pytest.raises(ValueError, match="gain_db"):
         CtiaSensor.model_validate({**IDEAL.model_dump(), "gain_db": -3})
+
+
+def test_readings_near_the_rail_scatter_as_stated_and_electrons_go_on():
+    noisy = IDEAL.model_copy(update={"noise": SILENT.model_copy(update={"read_noise_v": 0.05})})
+    full = IDEAL.swing_v * IDEAL.capacitance_f / IDEAL.exposure_s
+    light = np.full((1, 200, 200), full) * np.linspace(0.96, 1.02, 200)
+    volts = expose_photocurrent(light, noisy, seed=5, sequence="").volts
+    mean, variance = volt_moments(light, noisy)
+    assert mean.max() <= IDEAL.swing_v
+    # |z| < 5, false alarm 6e-7 each
+    assert abs((volts - mean).sum()) < 5 * variance.sum() ** 0.5
+    excess = (volts - mean) ** 2 - variance
+    assert abs(excess.sum()) < 5 * excess.std() * excess.size**0.5
+    electrons, _ = electron_moments(2 * light, noisy)
+    expected = 2 * light * IDEAL.exposure_s / ELEMENTARY_CHARGE_C
+    np.testing.assert_allclose(electrons, expected, rtol=1e-9)

@@ -159,6 +159,7 @@ def test_full_counter_is_flagged_and_events_go_on():
     assert exposure.counts.dtype == np.uint16
     np.testing.assert_array_equal(exposure.saturated, exposure.counts >= 319)
     assert exposure.expectation.mean_events.max() > 400
+    assert exposure.expectation.mean_reading.max() <= 320
 
 
 def test_rates_can_be_exposed_without_a_scene():

@@ -1,0 +1,108 @@
+"""Mean and variance of readings, stated against drawn: every preset, and what counters do."""
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+
+from megalopta.sensor import changed
+from megalopta.sensor.counters import AnalogCounter, DigitalCounter
+from megalopta.sensor.ctia import CTIA_PRESETS, CtiaSensor, expose_photocurrent, volt_moments
+from megalopta.sensor.effects import DeadTime
+from megalopta.sensor.selfcheck.comparison import Check, Floats, Row
+from megalopta.sensor.spad import PRESETS, Sensor, expose_rate, reading_moments
+
+_CAPACITY = 15
+_ANALOG = AnalogCounter(step_v=0.1, swing_v=1.6)
+_SPREAD = changed(
+    _ANALOG, adc_bits=7, step_sigma_v=5e-3, leak_v_s=0.5, leak_sigma_v_s=0.05, offset_sigma_v=0.05
+)
+_DEAD = DeadTime(kind="nonparalyzable", dead_time_s=2e-3)
+_STRONG = DeadTime(kind="paralyzable", dead_time_s=2e-3)
+
+# name, what differs from a perfect sensor, arrivals in an exposure
+_CASES: tuple[tuple[str, dict[str, object], float], ...] = (
+    ("saturating", {"counter": DigitalCounter(capacity=_CAPACITY)}, 14.0),
+    ("wrapping", {"counter": DigitalCounter(capacity=_CAPACITY, overflow="wrap")}, 14.0),
+    ("one bit", {"counter": DigitalCounter(capacity=1)}, 1.5),
+    (
+        "saturating, non-paralyzable",
+        {"counter": DigitalCounter(capacity=_CAPACITY), "dead_time": _DEAD},
+        18.0,
+    ),
+    (
+        "wrapping, non-paralyzable, running",
+        {
+            "counter": DigitalCounter(capacity=_CAPACITY, overflow="wrap"),
+            "dead_time": changed(_DEAD, start="stationary"),
+        },
+        20.0,
+    ),
+    (
+        "saturating, paralyzable",
+        {"counter": DigitalCounter(capacity=_CAPACITY), "dead_time": _STRONG},
+        40.0,
+    ),
+    (
+        "saturating, paralyzable, running",
+        {
+            "counter": DigitalCounter(capacity=_CAPACITY),
+            "dead_time": changed(_STRONG, start="stationary"),
+        },
+        90.0,
+    ),
+    ("analog", {"counter": _ANALOG}, 14.0),
+    ("analog, uneven, calibrated", {"counter": _SPREAD}, 14.0),
+    ("analog, uneven, uncalibrated", {"counter": changed(_SPREAD, calibrated=False)}, 12.0),
+    ("analog, noise of half a step", {"counter": changed(_ANALOG, read_noise_v=0.05)}, 3.0),
+    (
+        "analog, half a step, dead time",
+        {"counter": changed(_ANALOG, read_noise_v=0.05, adc_bits=8), "dead_time": _DEAD},
+        16.0,
+    ),
+    ("analog, steps that shrink", {"counter": changed(_ANALOG, step_slope=0.5)}, 12.0),
+    (
+        "analog, noisy steps",
+        {"counter": changed(_ANALOG, step_noise_v=0.011, read_noise_v=0.03)},
+        16.0,
+    ),
+)
+
+
+def reading_checks(exposures: int = 40_000) -> tuple[Check, ...]:
+    """Return a check for every preset and every case, each of about so many exposures."""
+    side = int(exposures**0.5)
+    spads = [(name, sensor, 60.0) for name, sensor in PRESETS.items()]
+    spads += [
+        (f"reading, {name}", changed(PRESETS["ideal"], **changes), arrivals)
+        for name, changes, arrivals in _CASES
+    ]
+    return (
+        *(partial(_spad_rows, *case, side) for case in spads),
+        *(partial(_ctia_rows, name, sensor, side) for name, sensor in CTIA_PRESETS.items()),
+    )
+
+
+def _spad_rows(name: str, sensor: Sensor, arrivals: float, side: int) -> Iterator[Row]:
+    rate = np.full((1, side, side), arrivals / sensor.exposure_s)
+    counts = expose_rate(rate, sensor, seed=4, sequence=name).counts
+    return _rows(name, sensor.unit, counts.astype(np.float64), *reading_moments(rate, sensor))
+
+
+def _ctia_rows(name: str, sensor: CtiaSensor, side: int) -> Iterator[Row]:
+    light = np.full((2, side, side), 0.3 * sensor.swing_v * sensor.capacitance_f)
+    light[1] *= 1.1
+    light /= sensor.exposure_s
+    volts = expose_photocurrent(light, sensor, seed=4, sequence=name, first_frame=9).volts
+    return _rows(name, "V", volts, *volt_moments(light, sensor, first_frame=9))
+
+
+def _rows(name: str, unit: str, drawn: Floats, mean: Floats, variance: Floats) -> Iterator[Row]:
+    """Compare independent readings, each of a mean and variance of its own."""
+    deviation = drawn - mean
+    z = deviation.sum() / np.sqrt(variance.sum())
+    yield Row(name, f"mean reading ({unit})", float(mean.mean()), float(drawn.mean()), float(z))
+    excess = deviation**2 - variance
+    z = excess.sum() / (excess.std() * excess.size**0.5)
+    stated, found = float(variance.mean()), float((deviation**2).mean())
+    yield Row(name, f"variance of the reading ({unit}²)", stated, found, float(z))
