@@ -28,8 +28,8 @@ def test_the_python_example_runs_and_prints_a_photon_flux(forest, capsys):
     "line", re.findall(r"^    megalopta ((?:demo|render|sense) [^#\n]*)", README, re.MULTILINE)
 )
 def test_the_settings_on_its_command_lines_are_accepted(line):
-    takes_list = Settings(load("demo")).takes_list
-    own, overrides = split_overrides(shlex.split(line), ("--out", "--redo"), takes_list)
+    takes = Settings(load("demo")).takes
+    own, overrides = split_overrides(shlex.split(line), ("--out", "--redo"), takes)
     assert own[0] in ("demo", "render", "sense")
     load("demo", overrides)  # refuses what it does not know
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NoReturn, TypeAlias
 from megalopta.errors import UserError
 
 if TYPE_CHECKING:
-    from megalopta.config import Settings
+    from megalopta.config import Settings, Words
 
 Verbs: TypeAlias = "argparse._SubParsersAction[Command]"
 Run: TypeAlias = Callable[[argparse.Namespace], None]
@@ -30,11 +30,11 @@ class Command(argparse.ArgumentParser):
         """Its own, such as "--out"."""
         return tuple(self._option_string_actions)
 
-    def takes_list(self, path: str) -> bool:
-        """Whether a setting may hold a list. Raises UserError where nothing can be set."""
+    def takes(self, path: str) -> "Words":
+        """How many words a setting takes. Raises UserError where nothing can be set."""
         if self.settings is None:
             self.error(f"no setting --{path}")
-        return self.settings().takes_list(path)
+        return self.settings().takes(path)
 
     def format_help(self) -> str:
         """Settings follow the options."""

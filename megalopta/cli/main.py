@@ -45,7 +45,7 @@ def _refuse(sentence: str) -> NoReturn:
 def _run(words: Sequence[str]) -> None:
     parser, verbs = program()
     command = next((verbs[word] for word in words if word in verbs), parser)
-    own, overrides = split_overrides(words, {*parser.options, *command.options}, command.takes_list)
+    own, overrides = split_overrides(words, {*parser.options, *command.options}, command.takes)
     options = parser.parse_args(own, Namespace(overrides=overrides))
     with working(options.verb):
         options.run(options)

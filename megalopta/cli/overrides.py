@@ -2,21 +2,25 @@
 
 from collections.abc import Callable, Collection, Sequence
 from difflib import get_close_matches
+from typing import TYPE_CHECKING
 
 from megalopta.errors import UserError
+
+if TYPE_CHECKING:
+    from megalopta.config import Words
 
 _SIMILAR = 0.7
 """From here on a word is an option mistyped; no setting is as similar to one."""
 
 
 def split_overrides(
-    arguments: Sequence[str], options: Collection[str], takes_list: Callable[[str], bool]
+    arguments: Sequence[str], options: Collection[str], takes: "Callable[[str], Words]"
 ) -> tuple[list[str], dict[str, str]]:
     """Separate the program's own options and words from settings: path to a value in YAML.
 
-    A setting that holds one value takes one word, a list takes all words up to the next option, so
-    that `render --scene.trees 200 my.yaml` renders my.yaml. Any "--path" that is none of the
-    options starts a setting; `takes_list` says whether the one at a path may hold a list.
+    A setting that holds one value takes one word, a list takes all words up to the next option, a
+    switch only "true" or "false", so that `render --scene.trees 200 my.yaml` renders my.yaml. Any
+    "--path" that is none of the options starts a setting; `takes` says how many words it takes.
 
     Raises
     ------
@@ -25,7 +29,7 @@ def split_overrides(
     """
     own: list[str] = []
     found: dict[str, list[str]] = {}
-    taker, is_list = "", False  # the setting that takes the words that follow
+    taker, words = "", "one"  # the setting that takes the words that follow, and how many
     for argument in arguments:
         name, equals, value = argument.partition("=")
         if name in options:
@@ -33,14 +37,20 @@ def split_overrides(
             taker = ""
         elif argument.startswith("--"):
             taker = _path_of(name, options)
-            is_list = takes_list(taker)
+            words = takes(taker)
             if taker in found:
                 raise UserError(f"{name}: given twice; several values follow one another")
-            found[taker] = [value] if equals else []
-            taker = "" if equals and not is_list else taker
+            found[taker] = [value] if equals else ["true"] if words == "switch" else []
+            taker = "" if equals and words != "all" else taker
+        elif taker and words == "switch":
+            if argument in ("true", "false"):
+                found[taker] = [argument]
+            else:
+                own.append(argument)
+            taker = ""
         elif taker:
             found[taker].append(argument)
-            taker = taker if is_list else ""
+            taker = taker if words == "all" else ""
         else:
             own.append(argument)
     return own, {path: _as_yaml(path, values) for path, values in found.items()}

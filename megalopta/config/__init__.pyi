@@ -1,5 +1,5 @@
 from .built_in import built_in_names
-from .measuring import FlowSettings, Reference, SequenceBenchmark
+from .measuring import CalibrationFrames, FlowSettings, Reference, SequenceBenchmark
 from .model import (
     Configuration,
     LightLevel,
@@ -8,17 +8,19 @@ from .model import (
     load,
     parse,
 )
-from .settings import Settings, settings_of
+from .settings import Settings, Words, settings_of
 from .validation import one_sentence
 from .yaml_model import mapping, put, read_text, to_yaml, validated
 
 __all__ = [
+    "CalibrationFrames",
     "Configuration",
     "FlowSettings",
     "LightLevel",
     "Reference",
     "SequenceBenchmark",
     "Settings",
+    "Words",
     "built_in_names",
     "differences",
     "level_text",

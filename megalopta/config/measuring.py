@@ -11,6 +11,19 @@ from megalopta.record import Record
 Reference = Literal["self", "perfect"]
 
 
+class CalibrationFrames(Record, frozen=True):
+    """The dark and flat frames that a sensor is calibrated with before its readings are corrected.
+
+    They are drawn of the same device, with a seed of their own.
+    """
+
+    frames: Annotated[int, Field(ge=2, le=100_000)] = 256
+    """Dark frames, and as many flat ones that half fill the pixel"""
+
+    hot_times: Annotated[float, Field(gt=1)] = 10.0
+    """A pixel is hot with more dark counts than so many times the median; neighbors replace it"""
+
+
 class FlowSettings(Record, frozen=True):
     """What the responses to readings are compared with."""
 

@@ -17,7 +17,7 @@ from pydantic import (
 )
 
 from megalopta.config.built_in import built_in_names, built_in_text
-from megalopta.config.measuring import FlowSettings, SequenceBenchmark
+from megalopta.config.measuring import CalibrationFrames, FlowSettings, SequenceBenchmark
 from megalopta.config.yaml_model import mapping, read_text, validated
 from megalopta.flow.benchmark import each_once
 from megalopta.flow.detectors import METHODS, THESIS_METHODS
@@ -94,6 +94,13 @@ class Configuration(Record, frozen=True):
     products: tuple[ProductName, ...] = ("counts",)
     """What `sense` writes of every sensor at every level: `counts`, which must be among them, and
     `events_hdf5`, `events_npz`, `binary_npy`, `binary_spad512`, `tiff` (docs/file-formats.md)."""
+
+    correct: bool = False
+    """Whether `sense` corrects the readings of SPAD arrays too: dark counts, dead time and counter,
+    flat field, hot pixels. Detectors then see both."""
+
+    calibration: CalibrationFrames = CalibrationFrames()
+    """What the correction rests on."""
 
     methods: Annotated[
         tuple[str, ...],

@@ -5,10 +5,13 @@ import textwrap
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from types import UnionType
-from typing import Annotated, Any, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import yaml
 from pydantic import BaseModel
+
+Words = Literal["switch", "one", "all"]
+"""How many words a setting takes on the command line; all are those up to the next option."""
 
 
 @dataclass(frozen=True)
@@ -20,12 +23,17 @@ class Settings:
     fields: Collection[str] | None = None
     """Those that its help lists; all by default."""
 
-    def takes_list(self, path: str) -> bool:
-        """Whether the field at a path may hold a list; also where there is none: it is refused."""
+    def takes(self, path: str) -> Words:
+        """How many words the field at a path takes; "all" also where there is none: it is refused.
+
+        A switch takes none, or "true" or "false".
+        """
         types: list[Any] = [type(self.record)]
         for step in path.split("."):
             types = [inner for each in types for inner in _inner_types(each, step)]
-        return not types or any(get_origin(each) is tuple for each in types)
+        if not types or any(get_origin(each) is tuple for each in types):
+            return "all"
+        return "switch" if types == [bool] else "one"
 
     def help(self) -> str:
         """List the settings, each with its meaning, unit and value."""

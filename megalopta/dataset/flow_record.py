@@ -36,6 +36,8 @@ class TruthErrors(_Record, frozen=True):
 
     ideal: BlockErrors
     counts: BlockErrors
+    corrected: BlockErrors | None = None
+    """From corrected readings, where there are some"""
 
 
 class SplitErrors(_Record, frozen=True):
@@ -71,6 +73,9 @@ class FlowRecord(_Record, frozen=True):
 
     error_perfect: ResponseErrors | None = None
     """Against a sensor that loses and adds nothing: the noise's error and the device's"""
+
+    error_corrected: ResponseErrors | None = None
+    """Of the responses to corrected readings, against the same"""
 
     truth: TruthErrors | None = None
     """Of methods that give velocities"""

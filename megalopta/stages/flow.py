@@ -24,7 +24,8 @@ from megalopta.flow.egomotion import yaw_rates_deg_s
 from megalopta.flow.metrics import block_flow, block_share
 from megalopta.freshness import code_digest
 from megalopta.progress import progress
-from megalopta.sensor import ImageSensor, OpenedCounts
+from megalopta.sensor import ImageSensor, OpenedCounts, StoredFrames
+from megalopta.stages.correction import open_corrected
 from megalopta.stages.declaration import Stage
 from megalopta.stages.measurement import BlockTruth, Floats, Measurement, Record, SeenFrames
 from megalopta.stages.sense import exposures, open_exposure
@@ -53,7 +54,8 @@ def _measure(dataset: Dataset, pairs: Sequence[tuple[ImageSensor, LightLevel]]) 
             with files.atomic_write(responses_path(dataset, sensor, level)) as temporary:
                 group = zarr.open_group(temporary, mode="w", zarr_format=3)
                 opened = open_exposure(dataset, sensor, level)
-                found = _measure_exposure(settings, opened, truths, group, advance)
+                corrected = open_corrected(dataset, sensor, level)
+                found = _measure_exposure(settings, opened, corrected, truths, group, advance)
                 records = [_checked({"sensor": sensor.name, "level": level, **r}) for r in found]
                 group.attrs.update({"model": _model(), "records": records})
 
@@ -61,6 +63,7 @@ def _measure(dataset: Dataset, pairs: Sequence[tuple[ImageSensor, LightLevel]]) 
 def _measure_exposure(
     settings: Configuration,
     opened: OpenedCounts,
+    corrected: StoredFrames | None,
     truths: Mapping[str, BlockTruth],
     group: zarr.Group,
     advance: Callable[[int], object],
@@ -79,7 +82,7 @@ def _measure_exposure(
         for name in settings.methods
     }
     saturated = 0
-    for first, frames in _seen_frames(opened, settings.flow.references):
+    for first, frames in _seen_frames(opened, corrected, settings.flow.references):
         saturated += int(frames.saturated.sum())
         for name, measurement in measurements.items():
             ideal, noisy = measurement.add(frames)
@@ -92,11 +95,15 @@ def _measure_exposure(
 
 
 def _seen_frames(
-    opened: OpenedCounts, references: Sequence[Reference]
+    opened: OpenedCounts, corrected: StoredFrames | None, references: Sequence[Reference]
 ) -> Iterator[tuple[int, SeenFrames]]:
     """Yield the number of the first frame and the frames of successive chunks."""
-    reading_scale = _to_one(opened["mean_reading"].mean())
-    photon_scale = _to_one(opened["photons"].mean()) if "perfect" in references else 1.0
+    photons = opened["photons"] if "perfect" in references else None
+    scales = {
+        "reading_scale": _to_one(opened["mean_reading"]),
+        "photon_scale": _to_one(photons),
+        "corrected_scale": _to_one(corrected),
+    }
     for first in range(0, opened["counts"].shape[0], FRAMES_AT_ONCE):
         chunk = slice(first, first + FRAMES_AT_ONCE)
         yield (
@@ -104,15 +111,16 @@ def _seen_frames(
             SeenFrames(
                 opened["counts"][chunk],
                 opened["mean_reading"][chunk].astype(np.float64),
-                opened["photons"][chunk].astype(np.float64) if "perfect" in references else None,
+                None if photons is None else photons[chunk].astype(np.float64),
+                None if corrected is None else corrected[chunk].astype(np.float64),
                 opened["saturated"][chunk],
-                reading_scale,
-                photon_scale,
+                **scales,
             ),
         )
 
 
-def _to_one(mean: float) -> float:
+def _to_one(frames: StoredFrames | None) -> float:
+    mean = frames.mean() if frames else 0.0
     return 1 / mean if mean else 1.0
 
 

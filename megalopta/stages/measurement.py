@@ -1,7 +1,8 @@
 """One detector on one exposure, a few frames at a time: its responses and their errors.
 
 A detector answers to the readings, to their mean (the same device without temporal noise, "self"),
-and to the photons themselves ("perfect": what a sensor that loses and adds nothing would read).
+and to the photons themselves ("perfect": what a sensor that loses and adds nothing would read). To
+corrected readings too, where there are some; those are compared with the perfect sensor only.
 Of what passes through, the sums of errors are kept, and the velocities of blocks: some bytes a
 block, not the frames.
 """
@@ -17,7 +18,6 @@ from megalopta.flow.egomotion import YawRateTest
 from megalopta.flow.metrics import (
     METRICS,
     ErrorSums,
-    TruthError,
     block_share,
     combine,
     error_sums,
@@ -39,9 +39,11 @@ class SeenFrames:
     counts: NDArray[Any]
     mean_reading: Floats
     photons: Floats | None
+    corrected: Floats | None
     saturated: NDArray[np.bool_]
     reading_scale: float
     photon_scale: float
+    corrected_scale: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,9 +82,11 @@ class Measurement:
     ) -> None:
         self._detector, self._truth, self._warm_up = detector, truth, warm_up
         self._leaves_out = leaves_out_saturated
-        self._to_counts, self._to_mean, self._to_photons = (detector.start(shape) for _ in range(3))
-        self._sums: dict[str, list[ErrorSums]] = {"self": [], "perfect": []}
-        self._velocities: list[tuple[Floats, Floats]] = []
+        self._to_counts, self._to_mean, self._to_photons, self._to_corrected = (
+            detector.start(shape) for _ in range(4)
+        )
+        self._sums: dict[str, list[ErrorSums]] = {}
+        self._velocities: dict[str, list[Floats]] = {}
         self._left_out: list[NDArray[np.bool_]] = []
         self._last_saturated: NDArray[np.bool_] | None = None
         self._yaw = YawRateTest(detector, rates, warm_up)
@@ -92,25 +96,26 @@ class Measurement:
         ideal = self._to_mean(frames.mean_reading, frames.reading_scale)
         noisy = self._to_counts(frames.counts, frames.reading_scale)
         left_out = self._saturated(frames.saturated, ideal)
-        self._add_sums("self", ideal, noisy, left_out)
+        answers = {"ideal": ideal, "counts": noisy}
+        self._add_sums("error", ideal, noisy, left_out)
         if frames.photons is not None:
             perfect = self._to_photons(frames.photons, frames.photon_scale)
-            self._add_sums("perfect", perfect, noisy, left_out)
+            self._add_sums("error_perfect", perfect, noisy, left_out)
+            if frames.corrected is not None and not self._detector.takes_counts:
+                corrected = self._to_corrected(frames.corrected, frames.corrected_scale)
+                answers["corrected"] = corrected
+                self._add_sums("error_corrected", perfect, corrected, left_out)
         if self._truth is not None:
-            self._velocities.append((ideal, noisy))
             self._left_out.append(left_out)
+            for name, velocities in answers.items():
+                self._velocities.setdefault(name, []).append(velocities)
         self._yaw.add(ideal, noisy)
         return ideal, noisy
 
     def record(self) -> Record:
         """Return the errors of what was seen."""
-        record: Record = {
-            "method": self._detector.name,
-            "warm_up_frames": self._warm_up,
-            "error": self._errors("self"),
-        }
-        if self._sums["perfect"]:
-            record["error_perfect"] = self._errors("perfect")
+        record: Record = {"method": self._detector.name, "warm_up_frames": self._warm_up}
+        record |= {name: self._errors(sums) for name, sums in self._sums.items()}
         if self._truth is not None:
             record |= self._against_truth(self._truth)
         if found := self._yaw.result():
@@ -135,26 +140,25 @@ class Measurement:
         if left_out.any():
             mask = left_out[..., np.newaxis] if ideal.ndim == 4 else left_out
             ideal = np.where(mask, np.nan, ideal)
-        self._sums[reference].append(error_sums(self._detector, ideal, noisy))
+        self._sums.setdefault(reference, []).append(error_sums(self._detector, ideal, noisy))
 
-    def _errors(self, reference: str) -> Record:
-        sums = combine(self._sums[reference], lambda parts: np.concatenate(parts)[self._warm_up :])
+    def _errors(self, chunks: list[ErrorSums]) -> Record:
+        sums = combine(chunks, lambda parts: np.concatenate(parts)[self._warm_up :])
         return {metric: _number(sums.of_sequence(metric)) for metric in METRICS}
 
     def _against_truth(self, truth: BlockTruth) -> Record:
         known = np.where(np.concatenate(self._left_out)[..., None], np.nan, truth.velocities)
-        found = [np.concatenate(each) for each in zip(*self._velocities, strict=True)]
-        splits = [truth_splits(each, known, truth.hidden) for each in found]
+        found = {name: np.concatenate(each) for name, each in self._velocities.items()}
+        ideal, counts = (
+            truth_splits(found[name], known, truth.hidden) for name in ("ideal", "counts")
+        )
         return {
-            "truth": _ideal_and_counts(*(truth_error(each, known) for each in found)),
+            "truth": {name: truth_error(each, known).to_dict() for name, each in found.items()},
             "truth_splits": {
-                name: _ideal_and_counts(splits[0][name], splits[1][name]) for name in splits[0]
+                name: {"ideal": ideal[name].to_dict(), "counts": counts[name].to_dict()}
+                for name in ideal
             },
         }
-
-
-def _ideal_and_counts(ideal: TruthError, counts: TruthError) -> Record:
-    return {"ideal": ideal.to_dict(), "counts": counts.to_dict()}
 
 
 def _number(value: float) -> float | None:

@@ -30,6 +30,7 @@ from megalopta.sensor.formats import (
     product_writer,
 )
 from megalopta.sensor.readout import Origin
+from megalopta.stages.correction import write_corrected
 from megalopta.stages.declaration import Stage
 from megalopta.stages.noise_warning import noise_share, noise_warning
 
@@ -50,6 +51,9 @@ def sense(dataset: Dataset) -> None:
             for film in films:
                 film.expose(first, radiance)
                 advance(len(radiance))
+    for sensor in dataset.configuration.sensors if dataset.configuration.correct else ():
+        levels = dataset.configuration.light_levels
+        write_corrected(dataset, sensor, [open_exposure(dataset, sensor, each) for each in levels])
     _write_final_images(dataset)
 
 
@@ -211,11 +215,12 @@ def _check(settings: Configuration) -> None:
 
 STAGE = Stage(
     name="sense",
-    fields=("light_levels", "sensors", "products"),
+    fields=("light_levels", "sensors", "products", "correct", "calibration"),
     needs=("render",),
     outputs=lambda dataset: [
         dataset.root / "counts" / dataset.sequence,
         dataset.root / "training/final" / dataset.sequence,
+        dataset.root / "corrected" / dataset.sequence,
     ],
     work=sense,
     model=lambda: str(SENSOR_MODEL),

@@ -5,10 +5,12 @@ allows; both may be captured or simulated. They are linearized frame by frame be
 averaged, as everything is.
 """
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from megalopta.sensor import expose_rate
 from megalopta.sensor.correct.defects import hot_pixels
@@ -17,6 +19,8 @@ from megalopta.sensor.spad import Sensor, draw_fixed_pattern
 
 Floats = NDArray[np.float64]
 
+_FRAMES_AT_ONCE = 16
+_NEARLY_FULL = 0.95
 _DEADEST = 0.2
 """Of the median response; a pixel below it is as good as dead."""
 
@@ -46,8 +50,8 @@ class Calibration:
 
 
 def calibrate(
-    dark_frames: ArrayLike,
-    flat_frames: ArrayLike,
+    dark_frames: Any,
+    flat_frames: Any,
     sensor: Sensor,
     *,
     flat_detections: float | None = None,
@@ -58,7 +62,8 @@ def calibrate(
     Parameters
     ----------
     dark_frames, flat_frames : (n, rows, columns)
-        Readings without light and under even light, with the exposure of the sensor.
+        Readings without light and under even light, with the exposure of the sensor; arrays, in
+        memory or on disk.
     sensor : Sensor
         Its dead time, afterpulses, counter and so on.
     flat_detections : float, optional
@@ -73,36 +78,21 @@ def calibrate(
         When there are fewer than two frames, shapes differ, or the flat frames are too dark or too
         bright to tell a gain.
     """
-    dark_readings, flat_readings = (
-        _frames(name, frames) for name, frames in (("dark", dark_frames), ("flat", flat_frames))
-    )
-    if dark_readings.shape[1:] != flat_readings.shape[1:]:
+    kinds = {"dark": dark_frames, "flat": flat_frames}
+    shapes = {name: np.shape(frames) for name, frames in kinds.items()}
+    for name, shape in shapes.items():
+        if len(shape) != 3 or shape[0] < 2:
+            raise ValueError(
+                f"{name} frames: shape {shape}; give (frames, rows, columns), two or more"
+            )
+    if shapes["dark"][1:] != shapes["flat"][1:]:
         raise ValueError(
-            f"dark frames of {dark_readings.shape[1:]} and flat frames of "
-            f"{flat_readings.shape[1:]} pixels: give those of one device"
+            f"dark frames of {shapes['dark'][1:]} and flat frames of {shapes['flat'][1:]} pixels: "
+            "give those of one device"
         )
     curve = response_curve(sensor)
-    dark, dark_variance = _mean(dark_readings, curve)
-    flat, flat_variance = _mean(flat_readings, curve)
-    light = flat - dark
-    bad = hot_pixels(dark, hot_times)
-    bad |= (flat_readings.mean(axis=0) >= 0.95 * curve.largest) | (
-        light < _DEADEST * np.median(light)
-    )
-    if bad.all() or not np.median(light) > 0:
-        raise ValueError(
-            "flat frames: too dark or too bright to tell how pixels differ; readings well above "
-            f"the dark and below {curve.largest:.4g} are needed"
-        )
-    even = float(light[~bad].mean()) if flat_detections is None else flat_detections
-    return Calibration(
-        curve,
-        dark,
-        dark_variance,
-        np.where(bad, 1.0, light / even),
-        (flat_variance + dark_variance) / even**2,
-        bad,
-    )
+    dark, flat = (_mean(_chunks(frames), curve) for frames in kinds.values())
+    return _of_means(curve, dark, flat, flat_detections, hot_times)
 
 
 def simulated_calibration(
@@ -127,25 +117,62 @@ def simulated_calibration(
     """
     curve = response_curve(sensor)
     detections = float(curve.arrivals_of(np.array([curve.largest / 2]))[0][0])
-    even = np.full((frames, *shape), detections / sensor.exposure_s)
-    factor = draw_fixed_pattern(sensor, shape).efficiency_factor
+    even = np.full(shape, detections / sensor.exposure_s)
+    even *= draw_fixed_pattern(sensor, shape).efficiency_factor
     dark, flat = (
-        expose_rate(rate, sensor, seed=seed, sequence=f"calibration {name}").counts
-        for name, rate in (("dark", 0 * even), ("flat", even * factor))
+        _mean(_drawn(rate, sensor, frames, seed, f"calibration {name}"), curve)
+        for name, rate in (("dark", 0 * even), ("flat", even))
     )
-    return calibrate(dark, flat, sensor, flat_detections=detections, hot_times=hot_times)
+    return _of_means(curve, dark, flat, detections, hot_times)
 
 
-def _frames(name: str, frames: ArrayLike) -> Floats:
-    readings = np.asarray(frames, np.float64)
-    if readings.ndim != 3 or len(readings) < 2:
+def _chunks(frames: Any) -> Iterator[Floats]:
+    for first in range(0, len(frames), _FRAMES_AT_ONCE):
+        yield np.asarray(frames[first : first + _FRAMES_AT_ONCE], np.float64)
+
+
+def _drawn(
+    rate: Floats, sensor: Sensor, frames: int, seed: int, sequence: str
+) -> Iterator[NDArray[Any]]:
+    for first in range(0, frames, _FRAMES_AT_ONCE):
+        several = np.broadcast_to(rate, (min(_FRAMES_AT_ONCE, frames - first), *rate.shape))
+        yield expose_rate(several, sensor, seed=seed, sequence=sequence, first_frame=first).counts
+
+
+class _Mean(NamedTuple):
+    """Mean arrivals of pixels over frames, the variance of that, and the mean reading."""
+
+    arrivals: Floats
+    variance: Floats
+    readings: Floats
+
+
+def _mean(chunks: Iterable[NDArray[Any]], curve: ResponseCurve) -> _Mean:
+    frames, sums, squares, readings = 0, np.zeros(()), np.zeros(()), np.zeros(())
+    for chunk in chunks:
+        arrivals, _ = curve.arrivals_of(chunk)
+        frames += len(chunk)
+        sums = sums + arrivals.sum(axis=0)
+        squares = squares + np.square(arrivals).sum(axis=0)
+        readings = readings + chunk.sum(axis=0, dtype=np.float64)
+    mean = sums / frames
+    spread = np.maximum(squares / frames - mean**2, 0) / (frames - 1)
+    return _Mean(mean, spread, readings / frames)
+
+
+def _of_means(
+    curve: ResponseCurve, dark: _Mean, flat: _Mean, flat_detections: float | None, hot_times: float
+) -> Calibration:
+    light = flat.arrivals - dark.arrivals
+    bad = hot_pixels(dark.arrivals, hot_times)
+    bad |= flat.readings >= _NEARLY_FULL * curve.largest
+    bad |= light < _DEADEST * np.median(light)
+    if bad.all() or not np.median(light) > 0:
         raise ValueError(
-            f"{name} frames: shape {readings.shape}; give (frames, rows, columns), two or more"
+            "flat frames: too dark or too bright to tell how pixels differ; readings well above "
+            f"the dark and below {curve.largest:.4g} are needed"
         )
-    return readings
-
-
-def _mean(readings: Floats, curve: ResponseCurve) -> tuple[Floats, Floats]:
-    """Mean arrivals over frames, and the variance of that."""
-    arrivals, _ = curve.arrivals_of(readings)
-    return arrivals.mean(axis=0), arrivals.var(axis=0, ddof=1) / len(readings)
+    even = float(light[~bad].mean()) if flat_detections is None else flat_detections
+    gain = np.where(bad, 1.0, light / even)
+    gain_variance = (flat.variance + dark.variance) / even**2
+    return Calibration(curve, dark.arrivals, dark.variance, gain, gain_variance, bad)

@@ -23,7 +23,8 @@ class Corrected:
     variance : (T, H, W) float64
         Of these: noise of the reading, of the dark and of the flat frames.
     filled : (T, H, W) bool
-        Where neighbors stand in for a hot, dead or full pixel.
+        Where the pixel is hot, dead or full, and neighbors stand in for it; all of a frame where
+        there are none.
     ambiguous : (T, H, W) bool
         Where the pixel may have seen much more light (`ResponseCurve.ambiguous_from`).
     """
@@ -47,7 +48,7 @@ def correct(counts: ArrayLike, saturated: ArrayLike, calibration: Calibration) -
     Raises
     ------
     ValueError
-        When shapes do not match, or a frame has no pixel that can be used.
+        When shapes do not match.
     """
     readings, full = np.asarray(counts, np.float64), np.asarray(saturated, np.bool_)
     if readings.ndim != 3 or readings.shape[1:] != calibration.dark.shape:

@@ -31,18 +31,16 @@ def filled_in(values: Floats, variance: Floats, bad: Mask) -> tuple[Floats, Floa
     """Return frames in which bad pixels are the mean of their good neighbors, and their variance.
 
     Neighbors across an edge weigh twice as much as those across a corner. Where all eight are bad,
-    those filled in before stand in for them.
+    those filled in before stand in for them. A frame without any good pixel stays as it is.
 
     Parameters
     ----------
     values, variance : (T, rows, columns)
     bad : (rows, columns) or (T, rows, columns)
-        At least one pixel of a frame must be good.
     """
     values, variance = values.copy(), variance.copy()
     known = np.broadcast_to(~bad, values.shape).copy()
-    if not known.any(axis=(1, 2)).all():
-        raise ValueError("a frame has no pixel that can be used: expose for less, or in less light")
+    known |= ~known.any(axis=(1, 2), keepdims=True)
     weights = _WEIGHTS[np.newaxis]
     while not known.all():
         total = convolve(known.astype(np.float64), weights, mode="constant")

@@ -7,7 +7,7 @@ from megalopta.errors import UserError
 from megalopta.experiments import Sweep
 
 OWN = ("--out", "--redo")
-DEMO = Settings(load("demo")).takes_list
+DEMO = Settings(load("demo")).takes
 
 
 def test_settings_are_told_from_own_options():
@@ -48,9 +48,25 @@ def test_a_list_takes_all_words_up_to_the_next_option(setting):
     assert list(overrides.values()) == ["[1, 2, 3]"]
 
 
+@pytest.mark.parametrize(
+    ("words", "value"),
+    [
+        (["--correct", "demo"], "true"),
+        (["demo", "--correct"], "true"),
+        (["--correct", "false", "demo"], "false"),
+        (["--correct=false", "demo"], "false"),
+        (["--correct", "--out", "there", "demo"], "true"),
+    ],
+)
+def test_a_switch_takes_true_or_false_and_nothing_else(words, value):
+    own, overrides = split_overrides(words, OWN, DEMO)
+    assert "demo" in own
+    assert overrides == {"correct": value}
+
+
 def test_values_of_a_sweep_are_a_list_and_its_file_is_not_swallowed():
     words = ["sweep", "--trial.size", "30", "my.yaml", "--values", "1", "2"]
-    own, overrides = split_overrides(words, OWN, Settings(Sweep()).takes_list)
+    own, overrides = split_overrides(words, OWN, Settings(Sweep()).takes)
     assert own == ["sweep", "my.yaml"]
     assert overrides == {"trial.size": "30", "values": "[1, 2]"}
 

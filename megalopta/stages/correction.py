@@ -1,0 +1,102 @@
+"""Corrected frames beside the readings: corrected/SEQ/SENSOR-LEVEL.zarr.
+
+Arrays `detections`, `variance`, `filled` and `ambiguous`, each (frame, row, column), as in
+`sensor.correct.Corrected`. A sensor is calibrated once, on dark and flat frames drawn of the same
+device.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import zarr
+
+from megalopta import files
+from megalopta.config import LightLevel
+from megalopta.dataset import FRAMES_AT_ONCE, Dataset, exposure_name
+from megalopta.errors import UserError
+from megalopta.progress import progress
+from megalopta.sensor import ImageSensor, OpenedCounts, Sensor, StoredFrames
+from megalopta.sensor.correct import Calibration, Corrected, correct, simulated_calibration
+
+_UNITS = {
+    "detections": "photons detected per exposure, by pixels of nominal efficiency",
+    "variance": "photons squared",
+    "filled": "true where neighbors stand in for a hot, dead or full pixel",
+    "ambiguous": "true where the pixel may have seen much more light",
+}
+
+
+def corrected_path(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> Path:
+    """Zarr group with corrected frames."""
+    folder = dataset.root / "corrected" / dataset.sequence
+    return folder / f"{exposure_name(sensor, level)}.zarr"
+
+
+def open_corrected(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> StoredFrames | None:
+    """Detections of the corrected frames of an exposure; None where they were not asked for."""
+    path = corrected_path(dataset, sensor, level)
+    if not (dataset.configuration.correct and isinstance(sensor, Sensor)):
+        return None
+    try:
+        array = zarr.open_group(path, mode="r")["detections"]
+        return StoredFrames(path, cast("zarr.Array[Any]", array))
+    except (OSError, ValueError, KeyError) as problem:
+        raise UserError(
+            f"{path} cannot be read ({problem}); run: megalopta sense {dataset.home} --redo"
+        ) from None
+
+
+def write_corrected(dataset: Dataset, sensor: ImageSensor, opened: Sequence[OpenedCounts]) -> None:
+    """Correct what is not corrected yet of the exposures of a sensor at every light level."""
+    levels = dataset.configuration.light_levels
+    missing = {
+        path: counts
+        for level, counts in zip(levels, opened, strict=True)
+        if not (path := corrected_path(dataset, sensor, level)).exists()
+    }
+    if not missing or not isinstance(sensor, Sensor):
+        return
+    with progress(
+        f"Correcting {sensor.name}", len(missing) * len(opened[0]["counts"]), "frame"
+    ) as advance:
+        calibration = _calibration(dataset, sensor)
+        for path, counts in missing.items():
+            with files.atomic_write(path) as temporary:
+                group = zarr.open_group(temporary, mode="w", zarr_format=3)
+                for first in range(0, len(counts["counts"]), FRAMES_AT_ONCE):
+                    chunk = slice(first, first + FRAMES_AT_ONCE)
+                    readings, saturated = counts["counts"][chunk], counts["saturated"][chunk]
+                    corrected = correct(readings, saturated, calibration)
+                    _write(group, first, len(counts["counts"]), corrected)
+                    advance(len(readings))
+
+
+def _calibration(dataset: Dataset, sensor: Sensor) -> Calibration:
+    settings = dataset.configuration
+    shape = settings.camera.height, settings.camera.width
+    wanted = settings.calibration
+    try:
+        return simulated_calibration(
+            sensor, shape, frames=wanted.frames, seed=settings.seed, hot_times=wanted.hot_times
+        )
+    except ValueError as problem:
+        raise UserError(f"sense: {sensor.name} cannot be calibrated: {problem}") from None
+
+
+def _write(group: zarr.Group, first: int, frames: int, corrected: Corrected) -> None:
+    for name, unit in _UNITS.items():
+        values = getattr(corrected, name)
+        values = values if values.dtype == np.bool_ else values.astype(np.float32)
+        if name not in group:
+            shape = (frames, *values.shape[1:])
+            group.create_array(
+                name,
+                shape=shape,
+                chunks=(min(FRAMES_AT_ONCE, frames), *shape[1:]),
+                dtype=values.dtype,
+                dimension_names=("frame", "row", "column"),
+                attributes={"unit": unit},
+            )
+        cast("zarr.Array[Any]", group[name])[first : first + len(values)] = values
