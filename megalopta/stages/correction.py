@@ -58,18 +58,17 @@ def write_corrected(dataset: Dataset, sensor: ImageSensor, opened: Sequence[Open
     }
     if not missing or not isinstance(sensor, Sensor):
         return
-    with progress(
-        f"Correcting {sensor.name}", len(missing) * len(opened[0]["counts"]), "frame"
-    ) as advance:
+    frames = len(opened[0]["counts"])
+    with progress(f"Correcting {sensor.name}", len(missing) * frames, "frame") as advance:
         calibration = _calibration(dataset, sensor)
         for path, counts in missing.items():
             with files.atomic_write(path) as temporary:
                 group = zarr.open_group(temporary, mode="w", zarr_format=3)
-                for first in range(0, len(counts["counts"]), FRAMES_AT_ONCE):
+                for first in range(0, frames, FRAMES_AT_ONCE):
                     chunk = slice(first, first + FRAMES_AT_ONCE)
                     readings, saturated = counts["counts"][chunk], counts["saturated"][chunk]
                     corrected = correct(readings, saturated, calibration)
-                    _write(group, first, len(counts["counts"]), corrected)
+                    _write(group, first, frames, corrected)
                     advance(len(readings))
 
 

@@ -85,7 +85,7 @@ def _nonparalyzable(
         blind = _integral(n, left) - _integral(n, np.maximum(left - lost, 0))
         reached = (reached + blind) / (1 + lost)
     reached[n <= 0] = 1.0
-    return reached[:, :-1] - reached[:, 1:]
+    return np.asarray(reached[:, :-1] - reached[:, 1:])
 
 
 def _integral(n: Floats, upper: Floats) -> Floats:

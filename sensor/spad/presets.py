@@ -24,13 +24,13 @@ leakage. Chosen here, because it is not given:
 - read noise 1 mV and 12 bits of the ADC; the swing follows from 320 counts of 10 mV.
 
 Left open by §2.4.4: "at 13.68 V nearly all pixels are fully saturated by dark counts", of one row
-of 16 with exposures "above 50 ms", where the exposure and the step are not given. In 0.1 s this
-preset then fills 2 or 3 of 16 pixels, in 0.5 s 10, in 1 s 15. An ordinary pixel (median 0.63 Hz/µm² at 13.58 V, 227 Hz) fills 320
-counts of 10 mV in 1.4 s there, so in 0.1 s its dark counts would have to grow 14-fold within 0.1 V,
-e-fold in 38 mV; the mismatch of 42 mV would then scatter them e-fold, three times as much as the
-ordinary pixels were measured to (0.32 about 0.71). That scatter allows e-fold in 0.1 V and no less,
-so longer exposures filled the counters, about 1 s at 10 mV or a third of it at 30 mV, as "above
-50 ms" permits. The preset keeps 0.1 s.
+of 16 with exposures "above 50 ms", where the exposure and the step are not given. There, this
+preset fills 2 or 3 of 16 pixels in 0.1 s, 10 in 0.5 s, 15 in 1 s. An ordinary pixel (median 0.63
+Hz/µm² at 13.58 V, 227 Hz) fills 320 counts of 10 mV in 1.4 s at 13.58 V; to do so in 0.1 s, its
+dark counts would have to grow 14-fold within 0.1 V, e-fold in 38 mV. The mismatch of 42 mV would
+then scatter them e-fold, far more than was measured among ordinary pixels (0.32 about 0.71), which
+allows e-fold in 0.1 V and no less. So longer exposures filled the counters, about 1 s at 10 mV or a
+third of it at 30 mV, as "above 50 ms" permits. The preset keeps 0.1 s.
 
 The devices of Table 2.1 have the efficiency and dark counts printed there, at the bias printed
 there. Only the peak of the efficiency is given: these presets have it at all wavelengths, so use
