@@ -27,6 +27,10 @@ class UserError(Exception):
     """What the user asked for cannot be done; the message says what, and the way out."""
 
 
+class DamagedFileError(UserError, ValueError):
+    """A file is not what was written; the message names it, and the way out."""
+
+
 def machine_problem(error: OSError) -> str | None:
     """What the machine refused, as "path: reason; remedy"; None where the fault is ours."""
     remedy = _REMEDIES.get(error.errno or 0)

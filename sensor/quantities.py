@@ -37,17 +37,21 @@ class Expectation:
     mean_reading: Reals
     reading_variance: Reals
 
-    def signal_to_noise(self, dark: "Expectation") -> Floats:
+    def signal_to_noise(self, brighter: "Expectation", by: float) -> Floats:
         """What the light adds to the reading over the reading's standard deviation, (T, H, W).
 
-        Negative where a paralyzable pixel reads less than in the dark, 0 where readings never vary.
+        What it adds is taken from the slope of the reading at this light, as in EMVA 1288 (SNR
+        referred to the exposure): next to nothing where the pixel is full, negative where a
+        paralyzable pixel reads less the more it sees, 0 where readings never vary.
 
         Parameters
         ----------
-        dark : Expectation
-            Of the same sensor without light; one frame, or as many as here.
+        brighter : Expectation
+            Of the same sensor in light that is stronger by this share.
+        by : float
+            Small against 1, such as 0.01.
         """
-        signal = np.asarray(self.mean_reading, np.float64) - dark.mean_reading
+        signal = (np.asarray(brighter.mean_reading, np.float64) - self.mean_reading) / by
         noise = np.sqrt(np.asarray(self.reading_variance, np.float64))
         return np.divide(signal, noise, out=np.zeros_like(signal), where=noise > 0)
 

@@ -28,6 +28,7 @@ from megalopta.stages import exposures, light_scale, open_exposure, variances
 
 # Pixels between these percentiles are drawn as the spread of the signal-to-noise ratio.
 _SPREAD_PERCENT = (5, 50, 95)
+_BRIGHTER = 0.01
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class Budget:
     expected: float
     """Mean reading, what is read in the dark included"""
     signal_to_noise: tuple[float, float, float]
-    """Of single pixels: 5th, 50th and 95th percentile"""
+    """Of single pixels of the middle frame: 5th, 50th and 95th percentile"""
     saturated_fraction: float
     """Readings of full pixels"""
     photons_per_frame: float
@@ -114,9 +115,18 @@ def _budget(
 ) -> Budget:
     sensor, bands = opened.sensor, settings.render.bands_nm
     detected = detected_photons(light, bands, sensor)
-    period_s = 1 / settings.trajectory.frame_rate_hz
-    dark = expectation(0 * light[:1], bands, sensor, frame_period_s=period_s)
-    ratio = opened.expectation(frames).signal_to_noise(dark)
+    middle = len(frames) // 2
+    dark, seen, brighter = (
+        expectation(
+            np.float32(factor) * light[[middle]],
+            bands,
+            sensor,
+            first_frame=frames[middle],
+            frame_period_s=1 / settings.trajectory.frame_rate_hz,
+        )
+        for factor in (0.0, 1.0, 1 + _BRIGHTER)
+    )
+    ratio = seen.signal_to_noise(brighter, _BRIGHTER)
     low, median, high = np.percentile(ratio, _SPREAD_PERCENT)
     return Budget(
         sensor=sensor,

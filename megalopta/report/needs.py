@@ -16,6 +16,8 @@ from megalopta.report.verdicts import ACCURATE
 
 Shape = tuple[int, int]
 
+_NORMALIZED = {"per_frame": "every frame", "per_sequence": "the mean frame"}
+
 
 @dataclass(frozen=True)
 class NeedSection:
@@ -31,10 +33,19 @@ class NeedSection:
     confidence_percent: float
     dark_counts: str
     """Per frame and pixel at each frame size"""
+    normalization: str
+    """What is brought to the flux, in words"""
+    normalizations: Table | None
+    """By the other normalization, where that was measured too"""
 
 
-def need_section(benchmark: BenchmarkResult, budgets: Sequence[Budget]) -> NeedSection:
-    """Section of a finished benchmark, beside what the sensors detect."""
+def need_section(
+    benchmark: BenchmarkResult, budgets: Sequence[Budget], other: BenchmarkResult | None = None
+) -> NeedSection:
+    """Section of a finished benchmark, beside what the sensors detect.
+
+    `other` is the same benchmark by the other normalization.
+    """
     settings = benchmark.settings
     at_shape: dict[Shape, list[ErrorCurve]] = {}
     for curve in benchmark.curves:
@@ -55,7 +66,20 @@ def need_section(benchmark: BenchmarkResult, budgets: Sequence[Budget]) -> NeedS
         warm_up=benchmark.warm_up,
         confidence_percent=100 * settings.confidence,
         dark_counts=_dark_counts(settings.dark_counts, benchmark.frames[1:], at_shape),
+        normalization=_NORMALIZED[settings.normalization],
+        normalizations=_beside(benchmark, other) if other else None,
     )
+
+
+def _beside(benchmark: BenchmarkResult, other: BenchmarkResult) -> Table:
+    """N_2b by both normalizations, literal error."""
+    cells = {}
+    for result in (benchmark, other):
+        for curve in result.curves:
+            if curve.metric == "literal":
+                column = f"{_size(curve.shape)}, {_NORMALIZED[result.settings.normalization]}"
+                cells[curve.method, column] = str(curve.thresholds.get(2, UNDEFINED))
+    return crossed("N_2b by what is brought to the number of photons", "Detector", cells)
 
 
 def _size(shape: Shape) -> str:

@@ -13,6 +13,7 @@ from megalopta.flow.detectors import METHODS
 from megalopta.pages import render_page
 from megalopta.report.budget import exposed
 from megalopta.report.detectors import DetectorSection, detector_section, first_sentence
+from megalopta.report.device_cost import DeviceCost, device_costs
 from megalopta.report.footage import ReportFrames, read_footage
 from megalopta.report.images import data_uri, rgb_picture, stacked
 from megalopta.report.light import LightSection, light_section
@@ -46,6 +47,7 @@ class Sections:
     motion: MotionSection
     light: LightSection | None
     detectors: DetectorSection | None
+    costs: tuple[DeviceCost, ...]
     needs: NeedSection | None
     findings: tuple[str, ...]
 
@@ -99,6 +101,7 @@ def page(dataset: Dataset) -> str:
 
 def _sections(dataset: Dataset, footage: ReportFrames, record: Record) -> Sections:
     motion, light, detectors, needs = motion_section(footage), None, None, None
+    costs: tuple[DeviceCost, ...] = ()
     findings: list[str | None] = []
     budgets = []
     if Ledger(dataset).is_finished("sense"):
@@ -107,13 +110,17 @@ def _sections(dataset: Dataset, footage: ReportFrames, record: Record) -> Sectio
         light = light_section(dataset.configuration.sensors, footage, shown)
         findings += [light_finding(budgets), *dark_findings(budgets)]
     if Ledger(dataset).is_finished("flow"):
-        detectors = detector_section(dataset, footage, motion.wheel, read_records(dataset))
+        records = read_records(dataset)
+        detectors = detector_section(dataset, footage, motion.wheel, records)
+        costs = device_costs(dataset, footage.selection, detectors.frame, records)
         findings += motion_findings(detectors)
     if Ledger(dataset).is_finished("bench"):
         benchmark = read_benchmark(dataset)
-        needs = need_section(benchmark, budgets)
+        both = dataset.configuration.benchmark.both_normalizations
+        other = read_benchmark(dataset, "benchmark-other.json") if both else None
+        needs = need_section(benchmark, budgets, other)
         findings.append(need_finding(benchmark.curves, benchmark.settings.metrics[0]))
-    return Sections(motion, light, detectors, needs, tuple(filter(None, findings)))
+    return Sections(motion, light, detectors, costs, needs, tuple(filter(None, findings)))
 
 
 def _radiance_film(footage: ReportFrames) -> str:

@@ -80,9 +80,9 @@ def read_records(dataset: Dataset) -> list[FlowRecord]:
     return [records[key] for key in expected]
 
 
-def read_benchmark(dataset: Dataset) -> BenchmarkResult:
-    """The photon benchmark. Raises UserError when benchmark.json is damaged or lacks something."""
-    path, remedy = dataset.result("benchmark.json"), f"run: megalopta bench {dataset.root} --redo"
+def read_benchmark(dataset: Dataset, name: str = "benchmark.json") -> BenchmarkResult:
+    """The photon benchmark. Raises UserError when its file is damaged or lacks something."""
+    path, remedy = dataset.result(name), f"run: megalopta bench {dataset.root} --redo"
     benchmark = _read(path, BenchmarkResult.from_dict, remedy)
     found = {(curve.method, curve.shape, curve.metric) for curve in benchmark.curves}
     shapes: set[tuple[int, ...]] = {curve.shape for curve in benchmark.curves} or {()}

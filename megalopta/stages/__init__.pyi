@@ -1,3 +1,4 @@
+from .correction import open_corrected
 from .estimate import announce_sweep
 from .flow import responses_path
 from .ledger import Ledger
@@ -15,6 +16,7 @@ __all__ = [
     "build",
     "exposures",
     "light_scale",
+    "open_corrected",
     "open_dataset_whole",
     "open_exposure",
     "responses_path",

@@ -11,6 +11,7 @@ import zarr
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
+from megalopta.errors import DamagedFileError
 from megalopta.sensor import Expectation, Exposure
 from megalopta.sensor.readout.images import ImageSensor
 from megalopta.sensor.readout.store import FORMAT, MOMENTS, READINGS, Origin, StoredCounts
@@ -39,9 +40,9 @@ class StoredFrames:
         return self.array.shape
 
     def __getitem__(self, frames: Frames) -> NDArray[Any]:
-        """Read frames. Raises ValueError when they are damaged."""
+        """Read frames. Raises DamagedFileError."""
         chosen = np.asarray(frames) if isinstance(frames, list) else frames
-        return _told(self.path, lambda: np.asarray(self.array.oindex[chosen]))
+        return _told(self.path, lambda: _finite(np.asarray(self.array.oindex[chosen])))
 
     def mean(self, frames_at_once: int = 64) -> float:
         """Mean over all frames, of which only so many are in memory."""
@@ -136,12 +137,18 @@ def _opened(path: Path, group: zarr.Group, attributes: dict[str, Any]) -> Opened
     )
 
 
+def _finite(frames: NDArray[Any]) -> NDArray[Any]:
+    if frames.dtype.kind == "f" and not np.isfinite(frames).all():
+        raise ValueError("not all of its numbers are finite")
+    return frames
+
+
 def _told(path: Path, read: Callable[[], T]) -> T:
     """What reading gives, or one sentence on what is wrong with the store."""
     try:
         return read()
     except KeyError as missing:
-        raise ValueError(f"{path}: lacks {missing}; write the counts again") from missing
+        raise DamagedFileError(f"{path}: lacks {missing}; write the counts again") from missing
     except Exception as problem:
         reason = textwrap.shorten(str(problem), 200)
-        raise ValueError(f"{path}: damaged ({reason}); write the counts again") from problem
+        raise DamagedFileError(f"{path}: damaged ({reason}); write the counts again") from problem

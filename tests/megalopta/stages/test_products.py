@@ -5,12 +5,12 @@ import pytest
 
 from megalopta.config.model import load
 from megalopta.errors import UserError
-from megalopta.sensor import Crosstalk, ctia_preset, preset
+from megalopta.sensor import Crosstalk, ctia_preset, preset, read_counts
 from megalopta.sensor.formats import Shot, check_product, read_events, read_frames
 from megalopta.sensor.readout.events import histogram
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_stage
-from megalopta.stages.sense import read_exposure, sense
+from megalopta.stages.sense import sense
 
 LEVEL = 1e-5
 """Lux, some ten counts a pixel."""
@@ -53,7 +53,7 @@ def test_stack_holds_the_counts(sensed, folder):
 
 
 def stored(dataset):
-    return read_exposure(dataset, dataset.configuration.sensors[0], LEVEL)
+    return read_counts(dataset.counts(dataset.configuration.sensors[0], LEVEL))
 
 
 def test_events_of_both_files_are_the_same_and_as_many_as_expected(sensed, folder):

@@ -38,7 +38,9 @@ from megalopta.sensor.selfcheck.optics import check_falloff, check_lens
 COUNTING = counting_checks(arrivals=1e5)
 
 
-@pytest.mark.parametrize("check", EFFECT_CHECKS, ids=lambda check: check.__name__)
+@pytest.mark.parametrize(
+    "check", EFFECT_CHECKS, ids=lambda check: getattr(check, "__name__", None) or str(check.args[0])
+)
 def test_effects_agree_with_theory(check):
     assert [row for row in check() if not row.passed] == []
 

@@ -39,8 +39,8 @@ def expose_frames(sensor, radiance=RADIANCE, **place):
 
 
 def signal_to_noise(sensor, radiance=RADIANCE):
-    dark = expectation(0 * radiance[:1], BANDS, sensor)
-    return expectation(radiance, BANDS, sensor).signal_to_noise(dark)
+    brighter = expectation(1.01 * radiance.astype(float), BANDS, sensor)
+    return expectation(radiance, BANDS, sensor).signal_to_noise(brighter, 0.01)
 
 
 def same(first, second):
@@ -173,7 +173,7 @@ def test_ideal_signal_to_noise_is_the_square_root_of_the_counts():
     np.testing.assert_allclose(
         signal_to_noise(sensor),
         np.sqrt(expectation(RADIANCE, BANDS, sensor).mean_events),
-        rtol=1e-12,
+        rtol=1e-9,
     )
 
 
@@ -187,6 +187,12 @@ def test_dark_counts_are_noise_and_not_signal():
     dark = 2.0 * 360 * sensor.exposure_s
     signal = detection_rate(RADIANCE, BANDS, sensor) * sensor.exposure_s
     np.testing.assert_allclose(signal_to_noise(sensor), signal / np.sqrt(signal + dark), rtol=1e-9)
+
+
+def test_a_full_counter_has_no_signal():
+    sensor = changed(SENSORS["ideal"], counter=DigitalCounter(capacity=20))
+    full = RADIANCE * 100 * 20 / expectation(RADIANCE, BANDS, SENSORS["ideal"]).mean_events.min()
+    assert np.abs(signal_to_noise(sensor, full.astype(np.float32))).max() < 1e-3
 
 
 def test_signal_to_noise_without_any_counts_is_zero():
