@@ -5,8 +5,8 @@ even light, gate, and the counter with its capacity and steps. Its inverse undoe
 once. Under a paralyzable dead time, or a counter that wraps, a reading belongs to two brightnesses
 or more; the dimmest is taken, and what may have been another is flagged.
 
-A reading n scatters by σ, so the inverse of the curve is on average too large by half its curvature
-times σ²; that is taken off.
+A reading scatters by σ, so the inverse of the curve, or any function of the reading, is on average
+too large by half its curvature times σ²; that is taken off, of arrivals and of their variance.
 """
 
 from dataclasses import dataclass
@@ -63,16 +63,17 @@ class ResponseCurve:
         """
         inverse = PchipInterpolator(self.mean, self.arrivals)
         bent = np.clip(readings, self.mean[0], self.mean[-1])
-        noise = np.interp(bent, self.mean, self.variance)
-        slope = inverse(bent, 1)
-        below = np.minimum(readings - self.mean[0], 0) * slope
-        arrivals = inverse(bent) + below - 0.5 * self._curvature(bent) * noise
-        return np.asarray(arrivals), np.asarray(slope**2 * noise)
+        spread = np.gradient(self.arrivals, self.mean) ** 2 * self.variance
+        arrivals = inverse(bent) - self._excess(self.arrivals, bent)
+        arrivals += np.minimum(readings - self.mean[0], 0) * inverse(self.mean[0], 1)
+        variance = np.interp(bent, self.mean, spread) - self._excess(spread, bent)
+        return np.asarray(arrivals), np.maximum(variance, 0)
 
-    def _curvature(self, readings: Floats) -> Floats:
-        """Second derivative of the inverse, from the smooth slopes of the curve."""
-        slopes = np.gradient(self.arrivals, self.mean)
-        return np.asarray(np.interp(readings, self.mean, np.gradient(slopes, self.mean)))
+    def _excess(self, values: Floats, readings: Floats) -> Floats:
+        """By how much the mean over the noise of a function of the reading is too large."""
+        slopes = np.gradient(values, self.mean)
+        excess = 0.5 * np.gradient(slopes, self.mean) * self.variance
+        return np.asarray(np.interp(readings, self.mean, excess))
 
 
 def response_curve(sensor: Sensor) -> ResponseCurve:
