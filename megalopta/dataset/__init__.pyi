@@ -1,5 +1,5 @@
 from . import sintel
-from .flow_record import FlowRecord, ResponseErrors, RotationErrors, TruthErrors
+from .flow_record import BlockErrors, FlowRecord, ResponseErrors, RotationErrors, TruthErrors
 from .frames import (
     FRAMES_AT_ONCE,
     read_radiance_frame,
@@ -24,6 +24,7 @@ __all__ = [
     "ATTRIBUTE",
     "FRAMES_AT_ONCE",
     "REDO_FOLDER",
+    "BlockErrors",
     "Dataset",
     "FlowRecord",
     "ResponseErrors",

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import TypeVar
 
-from megalopta.dataset import FlowRecord, RotationErrors, TruthErrors
+from megalopta.dataset import BlockErrors, FlowRecord, RotationErrors, TruthErrors
 from megalopta.flow.metrics import FAST_PX, OCCLUDED_SHARE, SLOW_PX
 from megalopta.report.components import Table, crossed
 from megalopta.report.text import FAILS, SENSELESS, UNDEFINED, level_name, number, percent
@@ -74,12 +74,12 @@ def _median_error(record: FlowRecord) -> float:
 def _yaw(rotation: RotationErrors) -> str:
     largest = SENSELESS * rotation.true_deg_s or math.inf
     errors = (rotation.ideal_deg_s, rotation.counts_deg_s)
-    return _both(errors, lambda error: number(error) if error < largest else FAILS)
+    return _in_turn(errors, lambda error: number(error) if error < largest else FAILS)
 
 
 def _error(truth: TruthErrors) -> str:
-    return _both(
-        (truth.ideal, truth.counts),
+    return _in_turn(
+        _answers(truth),
         lambda each: _number_of(each.endpoint_error_px, each.relative_error_median),
     )
 
@@ -91,9 +91,14 @@ def _number_of(error_px: float | None, relative: float | None) -> str:
 
 
 def _outliers(truth: TruthErrors) -> str:
-    return _both((truth.ideal.outlier_fraction, truth.counts.outlier_fraction), percent)
+    return _in_turn([each.outlier_fraction for each in _answers(truth)], percent)
 
 
-def _both(values: Iterable[Value | None], text: Callable[[Value], str]) -> str:
-    """Noise-free → counts."""
+def _answers(truth: TruthErrors) -> list[BlockErrors]:
+    corrected = [truth.corrected] if truth.corrected else []
+    return [truth.ideal, truth.counts, *corrected]
+
+
+def _in_turn(values: Iterable[Value | None], text: Callable[[Value], str]) -> str:
+    """Noise-free → counts → corrected counts."""
     return " → ".join(UNDEFINED if value is None else text(value) for value in values)
