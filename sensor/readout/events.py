@@ -65,7 +65,7 @@ def expose_events(
         check_arrivals(arrivals_hz, sensor.exposure_s)
         rng = generator(seed, "events", sequence, first_frame + frame)
         times, pixels = simulate_events(
-            rng, arrivals_hz, sensor.exposure_s, sensor.avalanche_effects
+            rng, arrivals_hz, sensor.exposure_s, sensor.avalanche_effects, device.avalanches
         )
         stamps = stamp(rng, times, sensor.jitter)
         order = np.argsort(stamps, kind="stable")

@@ -110,10 +110,12 @@ def expose_rate(
         arrivals_hz = rate[frame] + device.dark_counts_hz
         rng = generator(seed, "exposure", *key)
         effects = sensor.avalanche_effects
-        events = draw_counts(rng, arrivals_hz, sensor.exposure_s, effects)
+        events = draw_counts(rng, arrivals_hz, sensor.exposure_s, effects, device.avalanches)
         readout = _read_counters(events, sensor, device, lambda: generator(seed, "readout", *key))
         exposure.counts[frame], exposure.saturated[frame] = readout
-        exposure.expected[frame], _ = count_moments(arrivals_hz, sensor.exposure_s, effects)
+        exposure.expected[frame], _ = count_moments(
+            arrivals_hz, sensor.exposure_s, effects, device.avalanches
+        )
 
     over_frames(expose_frame, len(rate), threads)
     return exposure
@@ -199,7 +201,10 @@ def _moments(detections_hz: Floats, sensor: Sensor) -> tuple[Floats, Floats]:
     mean, variance = np.empty(rate.shape), np.empty(rate.shape)
     for frame, frame_hz in enumerate(rate):
         mean[frame], variance[frame] = count_moments(
-            frame_hz + device.dark_counts_hz, sensor.exposure_s, sensor.avalanche_effects
+            frame_hz + device.dark_counts_hz,
+            sensor.exposure_s,
+            sensor.avalanche_effects,
+            device.avalanches,
         )
     return mean, variance
 
