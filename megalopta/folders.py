@@ -9,6 +9,7 @@ from datetime import datetime
 from pathlib import Path
 
 from filelock import FileLock, Timeout
+from platformdirs import user_cache_path
 
 from megalopta.errors import UserError
 from megalopta.progress import say
@@ -16,6 +17,14 @@ from megalopta.progress import say
 LOCK_NAME = ".lock"
 _PATIENCE_S = 0.2
 """Time for which nobody minds waiting in silence."""
+
+
+def cache_folder(chosen: Path | None = None) -> Path:
+    """Where results live that are costly to make and may be thrown away.
+
+    The folder chosen, else `megalopta` where this system keeps caches, on Linux ~/.cache.
+    """
+    return chosen or user_cache_path("megalopta", appauthor=False)
 
 
 def ensure_directory(path: Path) -> Path:

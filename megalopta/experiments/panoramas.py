@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from megalopta import files
 from megalopta.dataset import ATTRIBUTE
 from megalopta.errors import UserError
-from megalopta.experiments.cache import cache_folder
 from megalopta.experiments.panorama_recipes import (
     LUMINANCE_BAND_NM,
     NATURAL_PANORAMAS,
@@ -24,7 +23,7 @@ from megalopta.experiments.panorama_recipes import (
 )
 from megalopta.experiments.trial import ROWS
 from megalopta.flow.stimuli import resize
-from megalopta.folders import locked
+from megalopta.folders import cache_folder, locked
 from megalopta.progress import progress
 from megalopta.render import (
     RenderNoise,

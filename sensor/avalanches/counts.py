@@ -3,77 +3,76 @@
     dead time alone                       its own law (`dead_time`)
     gate alone                            Poisson, in the time the gate is open
     crosstalk alone                       Poisson, then generation after generation (`crosstalk`)
-    anything else                         simulated avalanche by avalanche (`avalanches`)
+    anything else                         simulated avalanche by avalanche (`simulation`)
 
-The mean and variance of a pixel are those of `pixel_moments`. Crosstalk together with dead time or
-afterpulsing enters them as light from the mean counts of the neighbors, which leaves out that such
-light comes at the time of an event.
+The mean and variance of a pixel are those of `moments`, with crosstalk those of `coupled`.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.sensor.avalanches.coupled import coupled_moments
 from megalopta.sensor.avalanches.moments import open_rate, pixel_moments
 from megalopta.sensor.avalanches.simulation import AvalancheEffects, simulate_counts
-from megalopta.sensor.effects import Crosstalk, check_arrivals, crosstalk, dead_time, open_fraction
-
-_ROUNDS_OF_CROSSTALK = 60
+from megalopta.sensor.effects import AvalancheMaps, check_arrivals, crosstalk, dead_time
 
 Floats = NDArray[np.float64]
 
 
 def draw_counts(
-    rng: np.random.Generator, rate_hz: Floats, exposure_s: float, effects: AvalancheEffects
+    rng: np.random.Generator,
+    rate_hz: Floats,
+    exposure_s: float,
+    effects: AvalancheEffects,
+    maps: AvalancheMaps | None = None,
 ) -> NDArray[np.int64]:
     """Draw the counts of one exposure.
 
     Parameters
     ----------
     rng : numpy.random.Generator
-    rate_hz : (rows, columns) float64
-        Rate of photons that would be detected and of dark counts, together.
+    rate_hz : (rows, columns) or (S, rows, columns) float64
+        Rate of photons that would be detected and of dark counts, together; constant, or in S equal
+        parts of the exposure.
     exposure_s : float
     effects : AvalancheEffects
+    maps : AvalancheMaps, optional
+        How pixels differ; by default not at all.
     """
-    if _is_simple(effects):
+    if rate_hz.ndim == 3 and effects.on <= {"crosstalk"}:
+        rate_hz = rate_hz.mean(0)
+    if rate_hz.ndim == 2 and _is_simple(effects):
         open_hz = open_rate(rate_hz, exposure_s, effects)
-        primaries = dead_time.draw_counts(rng, open_hz, exposure_s, effects.dead_time)
-        return crosstalk.spread(rng, primaries, effects.crosstalk)
+        scale = 1.0 if maps is None else maps.dead_time
+        primaries = dead_time.draw_counts(rng, open_hz, exposure_s, effects.dead_time, scale)
+        return crosstalk.spread(rng, primaries, effects.crosstalk, _strength(maps))
     check_arrivals(rate_hz, exposure_s)
-    return simulate_counts(rng, rate_hz, exposure_s, effects)
+    return simulate_counts(rng, rate_hz, exposure_s, effects, maps)
 
 
 def count_moments(
-    rate_hz: Floats, exposure_s: float, effects: AvalancheEffects
+    rate_hz: Floats,
+    exposure_s: float,
+    effects: AvalancheEffects,
+    maps: AvalancheMaps | None = None,
 ) -> tuple[Floats, Floats]:
-    """Mean and variance of the counts of one exposure; as `draw_counts`."""
+    """Mean and variance of the counts of one exposure; as `draw_counts`, at a constant rate."""
     if not effects.crosstalk.is_on:
-        return pixel_moments(rate_hz, exposure_s, effects)
+        return pixel_moments(rate_hz, exposure_s, effects, maps)
     if _is_simple(effects):
         primaries = open_rate(rate_hz, exposure_s, effects) * exposure_s
         return (
-            crosstalk.mean(primaries, effects.crosstalk),
-            crosstalk.variance(primaries, effects.crosstalk),
+            crosstalk.mean(primaries, effects.crosstalk, _strength(maps)),
+            crosstalk.variance(primaries, effects.crosstalk, _strength(maps)),
         )
-    return _moments_with_light_of_neighbors(rate_hz, exposure_s, effects)
+    return coupled_moments(rate_hz, exposure_s, effects, maps)
+
+
+def _strength(maps: AvalancheMaps | None) -> Floats | None:
+    return None if maps is None else maps.crosstalk
 
 
 def _is_simple(effects: AvalancheEffects) -> bool:
     """Whether the counts of a pixel have a law that can be drawn from."""
-    return effects.on <= {"gate", "crosstalk"} or effects.on == {"dead_time"}
-
-
-def _moments_with_light_of_neighbors(
-    rate_hz: Floats, exposure_s: float, effects: AvalancheEffects
-) -> tuple[Floats, Floats]:
-    alone = effects._replace(crosstalk=Crosstalk())
-    open_s = exposure_s * open_fraction(effects.gate, exposure_s)
-    rate = rate_hz
-    mean, variance = pixel_moments(rate, exposure_s, alone)
-    for _ in range(_ROUNDS_OF_CROSSTALK):
-        light = crosstalk.fired_mean(mean, effects.crosstalk) / open_s
-        before, rate = rate, rate_hz + light
-        mean, variance = pixel_moments(rate, exposure_s, alone)
-        if np.allclose(rate, before, rtol=1e-9):
-            break
-    return mean, variance
+    has_law = effects.on == {"dead_time"} and effects.dead_time.has_law
+    return effects.on <= {"gate", "crosstalk"} or has_law

@@ -7,11 +7,13 @@ from .dark_counts import DarkCounts, dark_count_rate, mean_density
 from .dead_time import MOST_ARRIVALS, DeadTime, check_arrivals, expected_counts
 from .gating import Gate, is_open, open_fraction, open_time, wall_time
 from .jitter import Jitter, stamp
+from .mismatch import AvalancheMaps
 from .temperature import Temperature, dark_count_factor
 
 __all__ = [
     "MOST_ARRIVALS",
     "Afterpulsing",
+    "AvalancheMaps",
     "Bias",
     "Crosstalk",
     "DarkCounts",

@@ -2,8 +2,9 @@
 
 Every counted avalanche fills a Poisson number of traps, of mean p < 1. Each carrier is released
 after a random delay, exponential or tabulated, and fires the pixel if it is live then; a carrier
-released during the dead time, or outside the gate, is lost without effect. An avalanche fired by a
-carrier fills traps like any other, so afterpulses have afterpulses. Arrivals that only extend a
+released during the dead time is an arrival like any other: lost, and it extends a paralyzable one.
+Outside the gate it is lost without effect. An avalanche fired by a carrier fills traps like any
+other, so afterpulses have afterpulses. Arrivals that only extend a
 paralyzable dead time fill no traps: the pixel is not recharged, little charge flows.
 
 Without dead time this is a Hawkes process: on average 1/(1−p) counts per primary. For exponential
@@ -30,7 +31,8 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 from scipy.linalg import expm
 
-from megalopta.sensor.effects.base import Effect, Stage
+from megalopta.sensor.effects.base import Effect, PixelRates, Stage
+from megalopta.sensor.effects.mismatch import draw_mismatch
 
 Floats = NDArray[np.float64]
 
@@ -49,6 +51,8 @@ class Afterpulsing(Effect, frozen=True):
     """Points of a measured distribution of the delay, increasing (s); empty: exponential."""
     table_cumulative: tuple[Annotated[float, Field(ge=0, le=1)], ...] = ()
     """Fraction of carriers released up to each of these points, from 0 to 1, not decreasing."""
+    mismatch_sigma: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """Relative standard deviation over the pixels of the number of carriers (log-normal)."""
 
     @model_validator(mode="after")
     def _check_table(self) -> Self:
@@ -80,6 +84,11 @@ class Afterpulsing(Effect, frozen=True):
         """Time after which a pixel has forgotten its past but for a part in e²⁰, s."""
         delay = self.table_delays_s[-1] if self.table_delays_s else self.delay_s
         return 20 * delay / (1 - self.mean_carriers)
+
+    def act_on_rates(self, rates: PixelRates) -> None:
+        """Let the pixels differ."""
+        if self.is_on:
+            draw_mismatch(rates, "afterpulsing", self.mismatch_sigma)
 
 
 def moments(

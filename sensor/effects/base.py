@@ -4,7 +4,7 @@ An effect is one field of `Sensor` and acts in the order of its stage; within a 
 the order of the fields. Default parameters do nothing.
 
 One on rates overrides `act_on_rates`. One on single avalanches, whose stage is `AVALANCHES`, has a
-part in `avalanches/simulation.py`; wherever no law of the counts is known it is simulated.
+part in `avalanches/kernel.py`; wherever no law of the counts is known it is simulated.
 """
 
 from dataclasses import dataclass, field
@@ -41,8 +41,18 @@ class PixelRates:
     breakdown_offset_v: Floats | None = None
     """Breakdown voltage above the nominal one, (H, W), where it was measured"""
 
+    breakdown_shift_v: float = 0.0
+    """Rise of every breakdown voltage since the reference temperature"""
+
+    factors: dict[str, Floats] = field(default_factory=dict)
+    """On the values of dead_time, afterpulsing and crosstalk, (H, W); not named: 1"""
+
     measured: set[str] = field(default_factory=set)
-    """Which of efficiency and dark_counts were measured, at the reference bias"""
+    """What was measured, at the reference bias and temperature"""
+
+    def scale(self, name: str, factor: Floats) -> None:
+        """Multiply one of `factors`."""
+        self.factors[name] = self.factors.get(name, np.ones(self.shape)) * factor
 
 
 class Effect(

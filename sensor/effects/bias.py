@@ -1,12 +1,15 @@
-"""Excess bias and its mismatch: efficiency and dark counts move together.
+"""Excess bias and its mismatch: efficiency, dark counts, afterpulsing and crosstalk move together.
 
-A pixel whose breakdown voltage lies δ above the nominal one has V = excess_v − δ. Relative to the
-values at reference_v,
+A pixel whose breakdown voltage lies δ above the nominal one, at a temperature that moved it by Δ,
+has V = excess_v − δ − Δ. Relative to the values at reference_v,
 
     efficiency    f(V)/f(reference),   f(V) = 1 − exp(−(V − onset_v)/efficiency_scale_v)
     dark counts   exp((V − reference)/dark_efold_v)
+    afterpulsing, crosstalk   1 + slope·(V − reference)/reference, and not below 0
 
-and both are 0 below the onset.
+and the first two are 0 below the onset. The charge of an avalanche is the capacitance of the pixel
+times V, and traps and light are in proportion to it: slope 1. A slope above 1 has in it that a
+carrier fires the more likely the higher V is.
 
 The first is the usual saturating probability that a carrier starts an avalanche; `onset_v` is the
 excess bias at which avalanches become large enough to be seen. The second is empirical and holds
@@ -41,7 +44,7 @@ class Bias(Effect, frozen=True):
 
     stage: ClassVar[Stage] = Stage.OPERATION
     statement: ClassVar[str] = (
-        "excess bias and its mismatch scale efficiency and dark counts of each pixel"
+        "excess bias and its mismatch scale efficiency, dark counts and what avalanches leave"
     )
 
     excess_v: Annotated[float, Field(gt=0)] = 1.0
@@ -54,6 +57,10 @@ class Bias(Effect, frozen=True):
     """Voltage scale of the saturation of the efficiency (V); none: it does not depend on bias."""
     dark_efold_v: Annotated[float, Field(gt=0)] | None = None
     """Rise in bias that multiplies dark counts by e (V); none: they do not depend on bias."""
+    afterpulsing_slope: Annotated[float, Field(ge=0, le=10)] = 0.0
+    """Relative rise of trapped carriers per relative rise of excess bias; 1: as the charge."""
+    crosstalk_slope: Annotated[float, Field(ge=0, le=10)] = 0.0
+    """The same for the number of neighbors that an avalanche fires."""
     breakdown_sigma_v: Annotated[float, Field(ge=0)] = 0.0
     """Standard deviation of the breakdown voltage over the pixels (V)."""
 
@@ -64,12 +71,11 @@ class Bias(Effect, frozen=True):
                 f"bias.onset_v: {self.onset_v:g} is not below reference_v {self.reference_v:g}, "
                 "where the efficiency curve holds; lower it"
             )
-        scales = self.efficiency_scale_v, self.dark_efold_v
-        if self.is_on and self.onset_v == 0 and scales == (None, None):
+        if self.is_on and not self.matters:
             raise ValueError(
                 f"bias: excess_v {self.excess_v:g}, reference_v {self.reference_v:g}, "
                 f"breakdown_sigma_v {self.breakdown_sigma_v:g}, but nothing depends on bias; give "
-                "efficiency_scale_v, dark_efold_v or onset_v"
+                "efficiency_scale_v, dark_efold_v, onset_v, afterpulsing_slope or crosstalk_slope"
             )
         return self
 
@@ -78,24 +84,36 @@ class Bias(Effect, frozen=True):
         """Whether a pixel is anywhere but at the reference bias."""
         return self.excess_v != self.reference_v or self.breakdown_sigma_v > 0
 
+    @property
+    def matters(self) -> bool:
+        """Whether anything depends on the excess bias."""
+        scales = self.efficiency_scale_v, self.dark_efold_v
+        slopes = self.onset_v, self.afterpulsing_slope, self.crosstalk_slope
+        return scales != (None, None) or any(slopes)
+
     def without_efficiency(self) -> "Bias":
         """Return the bias with no influence on efficiency but for the onset."""
-        if self.dark_efold_v is None and self.onset_v == 0:
-            return Bias()
-        return self.model_copy(update={"efficiency_scale_v": None})
+        without = self.model_copy(update={"efficiency_scale_v": None})
+        return without if without.matters else Bias()
 
     def act_on_rates(self, rates: PixelRates) -> None:
-        """Scale efficiency and dark counts of every pixel."""
+        """Scale efficiency, dark counts, afterpulsing and crosstalk of every pixel."""
         offset = rates.breakdown_offset_v
         if offset is None:
             offset = breakdown_offset(self, rates.shape, rates.device_seed)
 
+        now = self.model_copy(update={"excess_v": self.excess_v - rates.breakdown_shift_v})
+
         def factor(name: str, law: Callable[[Bias, ArrayLike], Floats]) -> Floats:
             is_measured = name in rates.measured
-            return since_measurement(law, self, offset) if is_measured else law(self, offset)
+            return since_measurement(law, now, offset) if is_measured else law(now, offset)
 
         rates.efficiency_factor *= factor("efficiency", efficiency_factor)
         rates.dark_counts_hz *= factor("dark_counts", dark_count_factor)
+        if self.afterpulsing_slope > 0:
+            rates.scale("afterpulsing", factor("afterpulsing", afterpulsing_factor))
+        if self.crosstalk_slope > 0:
+            rates.scale("crosstalk", factor("crosstalk", crosstalk_factor))
 
 
 def breakdown_offset(bias: Bias, shape: tuple[int, int], device_seed: int) -> Floats:
@@ -124,6 +142,21 @@ def dark_count_factor(bias: Bias, breakdown_offset_v: ArrayLike) -> Floats:
     with np.errstate(over="ignore"):  # `draw_fixed_pattern` refuses what is not finite
         growth = np.exp((excess - bias.reference_v) / bias.dark_efold_v)
     return np.where(is_sensitive, growth, 0.0)
+
+
+def afterpulsing_factor(bias: Bias, breakdown_offset_v: ArrayLike) -> Floats:
+    """Trapped carriers of an avalanche relative to those at the reference bias."""
+    return _charge_factor(bias, breakdown_offset_v, bias.afterpulsing_slope)
+
+
+def crosstalk_factor(bias: Bias, breakdown_offset_v: ArrayLike) -> Floats:
+    """Neighbors that an avalanche fires, relative to those at the reference bias."""
+    return _charge_factor(bias, breakdown_offset_v, bias.crosstalk_slope)
+
+
+def _charge_factor(bias: Bias, breakdown_offset_v: ArrayLike, slope: float) -> Floats:
+    rise = (bias.excess_v - np.asarray(breakdown_offset_v, np.float64)) / bias.reference_v - 1
+    return np.maximum(1 + slope * rise, 0.0)
 
 
 def since_measurement(

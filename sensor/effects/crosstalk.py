@@ -1,34 +1,36 @@
 """Crosstalk: an avalanche sends light to its neighbors and may fire them.
 
-Every counted avalanche fires each of its 4 (or 8) neighbors with probability p/4 (p/8), at once and
-independently; an avalanche so fired does the same. Beyond the edge of the array there is nothing.
-Crosstalk light that meets a pixel in its dead time is an arrival like any other: lost, and it
-extends a paralyzable dead time.
+Every counted avalanche fires each pixel about it at once and independently, with a probability that
+falls with distance: c to a neighbor across an edge and c·diagonal, c·distance_two, c·distance_three
+to one across a corner and to those two and three pixels away along a row or column. An avalanche so
+fired does the same. Beyond the edge of the array there is nothing. Crosstalk light that meets a
+pixel in its dead time is an arrival like any other: lost, and it extends a paralyzable dead time.
 
-Without dead time the counts are a branching process. K being the sum over neighbors and c = p/4 (or
-p/8), with means N̄ = λ + c·K·N̄ of Poisson primaries λ and the response G = (1 − c·K)⁻¹,
+Without dead time the counts are a branching process. C_ij being the probability that an avalanche
+in j fires i, with means N̄ = λ + C·N̄ of Poisson primaries λ and the response G = (1 − C)⁻¹,
 
-    Var(N_i) = Σ_j G_ij²·D_j,     D = λ + c·(1−c)·K·N̄
+    Var(N_i) = Σ_j G_ij²·D_j,     D = λ + (C − C∘C)·N̄
 
-Var uses the response of an unbounded array, so at the border it is high: in a corner by 4c² of
-itself for small c, at an edge by half of that (2.4 % and 1.2 % at p = 0.3 and four neighbors).
+for every pixel, those at the border included (`branching`).
 
-Source: dissertation §2.3.2.
+Source: dissertation §2.3.2; Rech et al., Optics Express 16, 8381 (2008) for shares by distance.
 """
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 from scipy.ndimage import convolve
 
-from megalopta.sensor.effects.base import Effect, Stage
+from megalopta.sensor.effects.base import Effect, PixelRates, Stage
+from megalopta.sensor.effects.branching import REACH, summed_squares
+from megalopta.sensor.effects.mismatch import draw_mismatch
 
 _NEGLIGIBLE = 1e-15
-_RESPONSE_HALF_WIDTH = 12
 
 Floats = NDArray[np.float64]
+Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class Crosstalk(Effect, frozen=True):
@@ -37,71 +39,125 @@ class Crosstalk(Effect, frozen=True):
     stage: ClassVar[Stage] = Stage.AVALANCHES
     statement: ClassVar[str] = "avalanches send light to neighboring pixels"
 
-    probability: Annotated[float, Field(ge=0, le=0.8)] = 0.0
-    """Mean number of neighbors that one avalanche inside the array fires (0: no crosstalk)."""
-    neighbors: Literal[4, 8] = 4
-    """How many neighbors share it: those across an edge, or across a corner too."""
+    mean_fired_neighbors: Annotated[float, Field(ge=0, le=0.8)] = 0.0
+    """Mean number of pixels that one avalanche inside the array fires (0: no crosstalk)."""
+    diagonal: Share = 0.0
+    """Probability to fire a neighbor across a corner, over that of one across an edge."""
+    distance_two: Share = 0.0
+    """The same for a pixel two away along a row or column."""
+    distance_three: Share = 0.0
+    """The same for a pixel three away along a row or column."""
+    mismatch_sigma: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """Relative standard deviation over the pixels of how many neighbors one fires (log-normal)."""
 
     @property
     def is_on(self) -> bool:
         """Whether any neighbor is fired."""
-        return self.probability > 0
+        return self.mean_fired_neighbors > 0
+
+    def act_on_rates(self, rates: PixelRates) -> None:
+        """Let the pixels differ."""
+        if self.is_on:
+            draw_mismatch(rates, "crosstalk", self.mismatch_sigma)
 
 
 def neighborhood(crosstalk: Crosstalk) -> Floats:
-    """Return (3, 3) probabilities that an avalanche in the middle fires a neighbor."""
-    weights = np.ones((3, 3))
-    if crosstalk.neighbors == 4:
-        weights[::2, ::2] = 0
-    weights[1, 1] = 0
-    return weights * (crosstalk.probability / crosstalk.neighbors)
+    """Return (7, 7) probabilities that an avalanche in the middle fires a pixel about it."""
+    shares = np.zeros((2 * REACH + 1, 2 * REACH + 1))
+    at = REACH + np.array([-1, 1])
+    shares[np.ix_(at, at)] = crosstalk.diagonal
+    for away, share in enumerate((1.0, crosstalk.distance_two, crosstalk.distance_three), 1):
+        for step in (-away, away):
+            shares[REACH + step, REACH] = shares[REACH, REACH + step] = share
+    return np.asarray(shares * (crosstalk.mean_fired_neighbors / shares.sum()))
 
 
 def spread(
-    rng: np.random.Generator, primaries: NDArray[np.int64], crosstalk: Crosstalk
+    rng: np.random.Generator,
+    primaries: NDArray[np.int64],
+    crosstalk: Crosstalk,
+    strength: Floats | None = None,
 ) -> NDArray[np.int64]:
-    """Draw the counts with crosstalk of one (rows, columns) frame of primary counts."""
+    """Draw the counts with crosstalk of one frame.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    primaries : (rows, columns) int64
+    crosstalk : Crosstalk
+    strength : (rows, columns) float64, optional
+        How many neighbors a pixel fires, relative to `mean_fired_neighbors`; by default 1.
+    """
     if not crosstalk.is_on:
         return primaries
     weights = neighborhood(crosstalk)
     counts, generation = primaries.copy(), primaries
     while generation.any():
-        generation = _fired(rng, generation, weights)
+        generation = _fired(rng, generation, weights, strength)
         counts += generation
     return counts
 
 
 def _fired(
-    rng: np.random.Generator, generation: NDArray[np.int64], weights: Floats
+    rng: np.random.Generator,
+    generation: NDArray[np.int64],
+    weights: Floats,
+    strength: Floats | None,
 ) -> NDArray[np.int64]:
-    padded = np.zeros(np.add(generation.shape, 2), np.int64)
+    padded = np.zeros(np.add(generation.shape, 2 * REACH), np.int64)
     rows, columns = generation.shape
+    scale = 1.0 if strength is None else strength
     for row, column in np.argwhere(weights):
         shifted = padded[row : row + rows, column : column + columns]
-        shifted += rng.binomial(generation, weights[row, column])
-    return padded[1:-1, 1:-1]
+        shifted += rng.binomial(generation, np.minimum(weights[row, column] * scale, 1.0))
+    return padded[REACH:-REACH, REACH:-REACH]
 
 
-def fired_mean(counts: Floats, crosstalk: Crosstalk) -> Floats:
+def fired_mean(counts: Floats, crosstalk: Crosstalk, strength: Floats | None = None) -> Floats:
     """Mean number of avalanches fired in each pixel by these mean counts of its neighbors."""
-    return np.asarray(convolve(counts, neighborhood(crosstalk), mode="constant"))
+    sent = counts if strength is None else counts * strength
+    return np.asarray(convolve(sent, neighborhood(crosstalk), mode="constant"))
 
 
-def mean(primaries: Floats, crosstalk: Crosstalk) -> Floats:
+def mean(primaries: Floats, crosstalk: Crosstalk, strength: Floats | None = None) -> Floats:
     """Mean counts of a (rows, columns) frame without dead time, from the mean primaries."""
     total, generation = primaries.copy(), primaries
     while generation.max(initial=0) > _NEGLIGIBLE * total.max(initial=0):
-        generation = fired_mean(generation, crosstalk)
+        generation = fired_mean(generation, crosstalk, strength)
         total += generation
     return total
 
 
-def variance(primaries: Floats, crosstalk: Crosstalk) -> Floats:
+def variance(primaries: Floats, crosstalk: Crosstalk, strength: Floats | None = None) -> Floats:
     """Variance of the counts of a frame without dead time, for Poisson primaries of this mean."""
+    counts = mean(primaries, crosstalk, strength)
+    drawn = primaries + fired_mean(counts, crosstalk, strength)
+    return spread_variance(drawn, counts, crosstalk, strength)
+
+
+def spread_variance(
+    drawn: Floats,
+    counts: Floats,
+    crosstalk: Crosstalk,
+    strength: Floats | None = None,
+    answer: Floats | None = None,
+) -> Floats:
+    """Variance of counts of which each takes part in those of its neighbors.
+
+    Parameters
+    ----------
+    drawn : (rows, columns) float64
+        Variance that each pixel would have if what its neighbors send came as a Poisson process.
+    counts : (rows, columns) float64
+        Mean counts.
+    crosstalk : Crosstalk
+    strength : (rows, columns) float64, optional
+        As for `spread`.
+    answer : (rows, columns) float64, optional
+        Counts that a pixel gains per arrival; by default 1.
+    """
     weights = neighborhood(crosstalk)
-    size = 2 * _RESPONSE_HALF_WIDTH + 1
-    impulse = np.zeros((size, size))
-    impulse[_RESPONSE_HALF_WIDTH, _RESPONSE_HALF_WIDTH] = 1
-    response = mean(impulse, crosstalk)
-    offspring = convolve(mean(primaries, crosstalk), weights * (1 - weights), mode="constant")
-    return np.asarray(convolve(primaries + offspring, response**2, mode="constant"))
+    sent = counts if strength is None else counts * strength**2
+    noise = convolve(sent, weights**2, mode="constant")
+    gain = np.ones_like(counts) if answer is None else answer
+    return summed_squares(drawn - gain**2 * noise, weights, gain, strength)

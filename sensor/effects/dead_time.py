@@ -1,9 +1,23 @@
 """Dead time: what a detector misses while it recovers from the event before.
 
 Three kinds. `ideal`: none, counts are Poisson. `nonparalyzable` and `paralyzable`: see the modules
-of these names for the laws. In all of them τ is the same for every pixel and every event and the
-rate is constant during the exposure. When the exposure starts, the detector is live and idle, or it
-has been running for long (`stationary`) and may be blind.
+of these names for the laws. In all of them τ is the same for every event and the rate is constant
+during the exposure. When the exposure starts, the detector is live and idle, or it has been running
+for long (`stationary`) and may be blind.
+
+A non-paralyzable dead time may end in one of two ways other than at once:
+
+- twilight pulses: an arrival in its last α, when the detector is on its way back, gives a count
+  right at its end. Gaps are τ with probability 1 − e^(−rα), and the mean rate is r/(r·τ + e^(−rα));
+- recharging: the dead time is the hold-off, after it the efficiency grows as 1 − e^(−t/τ_r), and an
+  arrival that fires nothing does nothing.
+
+These are simulated (`megalopta.sensor.avalanches`). Left out: an avalanche of a pixel that is not
+fully charged holds less charge, and so traps fewer carriers and sends less light.
+
+Source: Straka et al., J. Lightwave Technol. 38, 4765 (2020), arXiv 2001.10036, for twilight pulses
+with the rate times a constant α for probability; Krause and Walenta, arXiv 2507.10361, for the
+recovery of the efficiency.
 """
 
 from typing import Annotated, ClassVar, Literal, Self
@@ -13,7 +27,8 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
 from megalopta.sensor.effects import nonparalyzable, paralyzable
-from megalopta.sensor.effects.base import Effect, Stage
+from megalopta.sensor.effects.base import Effect, PixelRates, Stage
+from megalopta.sensor.effects.mismatch import draw_mismatch
 from megalopta.sensor.sampling import draw_poisson
 
 MOST_ARRIVALS = 1e15
@@ -33,6 +48,12 @@ class DeadTime(Effect, frozen=True):
     """No dead time, active quench (lost arrivals do nothing) or passive quench (they extend it)."""
     dead_time_s: Annotated[float, Field(ge=0)] = 0.0
     """Time during which the pixel is blind (s), at least 1e-15; 0 with ideal."""
+    twilight_s: Annotated[float, Field(ge=0)] = 0.0
+    """Last part of the dead time (s) in which an arrival gives a count at its end; 0: none."""
+    recharge_s: Annotated[float, Field(ge=0)] = 0.0
+    """Time constant with which the efficiency comes back after the dead time (s); 0: at once."""
+    mismatch_sigma: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """Relative standard deviation of the dead time over the pixels (log-normal)."""
     start: Literal["live", "stationary"] = "live"
     """Pixel at the start of an exposure: live and idle, or as after running for long."""
 
@@ -50,10 +71,44 @@ class DeadTime(Effect, frozen=True):
             )
         return self
 
+    @model_validator(mode="after")
+    def _check_end(self) -> Self:
+        if self.kind != "nonparalyzable" and not self.has_law:
+            raise ValueError(
+                f"dead_time: twilight_s {self.twilight_s:g} and recharge_s {self.recharge_s:g} "
+                f"with kind {self.kind!r}; leave them out or use kind 'nonparalyzable'"
+            )
+        if self.twilight_s > 0 and self.recharge_s > 0:
+            raise ValueError(
+                f"dead_time: twilight_s {self.twilight_s:g} and recharge_s {self.recharge_s:g} "
+                "are two ways to come back; give one of them"
+            )
+        if self.twilight_s > self.dead_time_s / 2:
+            raise ValueError(
+                f"dead_time.twilight_s: {self.twilight_s:g} is more than half of dead_time_s "
+                f"{self.dead_time_s:g}; lower it"
+            )
+        return self
+
     @property
     def is_on(self) -> bool:
         """Whether anything is lost."""
         return self.kind != "ideal"
+
+    @property
+    def has_law(self) -> bool:
+        """Whether the counts have a law that can be drawn from, without twilight or recharging."""
+        return self.twilight_s == 0 and self.recharge_s == 0
+
+    @property
+    def memory_s(self) -> float:
+        """Time in which a pixel that recharges forgets, beyond some dead times, s."""
+        return 20 * self.recharge_s
+
+    def act_on_rates(self, rates: PixelRates) -> None:
+        """Let the pixels differ."""
+        if self.is_on:
+            draw_mismatch(rates, "dead_time", self.mismatch_sigma)
 
 
 def expected_counts(
@@ -70,7 +125,9 @@ def variance_counts(
     return moments(rate_hz, exposure_s, dead_time)[1]
 
 
-def moments(rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime) -> tuple[Floats, Floats]:
+def moments(
+    rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime, scale: ArrayLike = 1.0
+) -> tuple[Floats, Floats]:
     """Exact mean and variance of the number of counts in one exposure.
 
     Parameters
@@ -79,6 +136,9 @@ def moments(rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime) -> tuple
         Rate of arrivals, photons and dark counts together.
     exposure_s : float
     dead_time : DeadTime
+        Without twilight and recharging.
+    scale : array of the same shape, optional
+        Factor on each pixel's dead time.
 
     Raises
     ------
@@ -86,7 +146,7 @@ def moments(rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime) -> tuple
         When a rate or the exposure is negative or not finite.
     """
     arrivals = check_arrivals(rate_hz, exposure_s)
-    fraction, is_stationary = dead_time.dead_time_s / exposure_s, dead_time.start == "stationary"
+    fraction, is_stationary = _fractions(arrivals, exposure_s, dead_time, scale)
     if dead_time.kind == "paralyzable":
         mean, variance = paralyzable.moments(arrivals, fraction, is_stationary)
     elif dead_time.kind == "nonparalyzable":
@@ -97,11 +157,15 @@ def moments(rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime) -> tuple
 
 
 def draw_counts(
-    rng: np.random.Generator, rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime
+    rng: np.random.Generator,
+    rate_hz: ArrayLike,
+    exposure_s: float,
+    dead_time: DeadTime,
+    scale: ArrayLike = 1.0,
 ) -> NDArray[np.int64]:
     """Draw the number of counts in one exposure; as `moments`."""
     arrivals = check_arrivals(rate_hz, exposure_s)
-    fraction, is_stationary = dead_time.dead_time_s / exposure_s, dead_time.start == "stationary"
+    fraction, is_stationary = _fractions(arrivals, exposure_s, dead_time, scale)
     if dead_time.kind == "paralyzable":
         counts = paralyzable.draw(rng, arrivals, fraction, is_stationary)
     elif dead_time.kind == "nonparalyzable":
@@ -109,6 +173,14 @@ def draw_counts(
     else:
         counts = draw_poisson(rng, arrivals)
     return counts.reshape(np.shape(rate_hz))
+
+
+def _fractions(
+    arrivals: Floats, exposure_s: float, dead_time: DeadTime, scale: ArrayLike
+) -> tuple[Floats, bool]:
+    """Dead time over exposure of every pixel, flat, and whether the start is stationary."""
+    fraction = dead_time.dead_time_s / exposure_s * np.asarray(scale, np.float64).ravel()
+    return np.broadcast_to(fraction, arrivals.shape), dead_time.start == "stationary"
 
 
 def check_arrivals(rate_hz: ArrayLike, exposure_s: float) -> Floats:

@@ -42,7 +42,7 @@ Floats = NDArray[np.float64]
 
 
 def moments(
-    arrivals: Floats, dead_fraction: float, is_stationary: bool = False
+    arrivals: Floats, dead_fraction: Floats | float, is_stationary: bool = False
 ) -> tuple[Floats, Floats]:
     """Exact mean and variance of the counts.
 
@@ -50,28 +50,29 @@ def moments(
     ----------
     arrivals : (N,) float64
         Mean number of arrivals in the exposure, r·T.
-    dead_fraction : float
+    dead_fraction : (N,) float64
         Dead time over exposure, τ/T.
     is_stationary : bool
         Whether the detector has run for long, rather than being live and idle at the start.
     """
+    dead_fraction = np.broadcast_to(dead_fraction, arrivals.shape)
     a = arrivals * dead_fraction
     settled = _settled_stationary_moments if is_stationary else _settled_moments
     mean, variance = settled(1 / dead_fraction, a / (1 + a))
     # β·T/τ < 45, solved for a + a²; the smaller of the two keeps the exponential finite
-    early = a + a**2 > np.pi**2 / np.expm1(min(2 * _SETTLED * dead_fraction, 700.0))
+    early = a + a**2 > np.pi**2 / np.expm1(np.minimum(2 * _SETTLED * dead_fraction, 700.0))
     summed = _summed_stationary_moments if is_stationary else _summed_moments
     mean[early], variance[early] = summed(arrivals[early], a[early], mean[early])
     return mean, variance
 
 
-def _settled_moments(exposure: float, g: Floats) -> tuple[Floats, Floats]:
+def _settled_moments(exposure: Floats, g: Floats) -> tuple[Floats, Floats]:
     mean = g * exposure + g**2 / 2
     variance = g * (1 - g) ** 2 * exposure + g**2 * (3 / 2 - 8 * g / 3 + 5 * g**2 / 4)
     return mean, variance
 
 
-def _settled_stationary_moments(exposure: float, g: Floats) -> tuple[Floats, Floats]:
+def _settled_stationary_moments(exposure: Floats, g: Floats) -> tuple[Floats, Floats]:
     return g * exposure, g * (1 - g) ** 2 * exposure + g**2 * (1 - 4 * g / 3 + g**2 / 2)
 
 
@@ -102,7 +103,10 @@ def _summed_stationary_moments(arrivals: Floats, a: Floats, near: Floats) -> tup
 
 
 def draw(
-    rng: np.random.Generator, arrivals: Floats, dead_fraction: float, is_stationary: bool = False
+    rng: np.random.Generator,
+    arrivals: Floats,
+    dead_fraction: Floats | float,
+    is_stationary: bool = False,
 ) -> NDArray[np.int64]:
     """Draw counts from the exact law; parameters as for `moments`.
 

@@ -49,20 +49,25 @@ Floats = NDArray[np.float64]
 
 
 def moments(
-    arrivals: Floats, dead_fraction: float, is_stationary: bool = False
+    arrivals: Floats, dead_fraction: Floats | float, is_stationary: bool = False
 ) -> tuple[Floats, Floats]:
     """Exact mean and variance of the counts; parameters as for `nonparalyzable.moments`."""
+    fraction = np.broadcast_to(dead_fraction, arrivals.shape)
     mean, variance = np.empty_like(arrivals), np.empty_like(arrivals)
-    _fill_moments(arrivals, dead_fraction, is_stationary, mean, variance)
+    _fill_moments(arrivals, fraction, is_stationary, mean, variance)
     return mean, variance
 
 
 def draw(
-    rng: np.random.Generator, arrivals: Floats, dead_fraction: float, is_stationary: bool = False
+    rng: np.random.Generator,
+    arrivals: Floats,
+    dead_fraction: Floats | float,
+    is_stationary: bool = False,
 ) -> NDArray[np.int64]:
     """Draw counts; parameters as for `moments`."""
-    lower = _lower_of_pair(arrivals * dead_fraction)
-    counts: NDArray[np.int64] = _draw(rng, arrivals, lower, dead_fraction, is_stationary)
+    fraction = np.broadcast_to(dead_fraction, arrivals.shape)
+    lower = _lower_of_pair(arrivals * fraction)
+    counts: NDArray[np.int64] = _draw(rng, arrivals, lower, fraction, is_stationary)
     return counts
 
 
@@ -76,10 +81,12 @@ def approximate_count(z: float, mean: float, variance: float, a: float) -> int:
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _fill_moments(
-    arrivals: Floats, dead_fraction: float, is_stationary: bool, mean: Floats, variance: Floats
+    arrivals: Floats, dead_fraction: Floats, is_stationary: bool, mean: Floats, variance: Floats
 ) -> None:
     for pixel in range(arrivals.size):
-        mean[pixel], variance[pixel] = _moments(arrivals[pixel], dead_fraction, is_stationary)
+        mean[pixel], variance[pixel] = _moments(
+            arrivals[pixel], dead_fraction[pixel], is_stationary
+        )
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
@@ -121,16 +128,16 @@ def _draw(
     rng: np.random.Generator,
     arrivals: Floats,
     lower: Floats,
-    dead_fraction: float,
+    dead_fraction: Floats,
     is_stationary: bool,
 ) -> NDArray[np.int64]:
     counts = np.zeros(arrivals.size, np.int64)
     for pixel in range(arrivals.size):
         x = arrivals[pixel]
-        a = x * dead_fraction
+        a = x * dead_fraction[pixel]
         # the mean exceeds its stationary value by less than 1
         if x * np.exp(-a) > EXACT_UP_TO - 1:
-            mean, variance = _moments(x, dead_fraction, is_stationary)
+            mean, variance = _moments(x, dead_fraction[pixel], is_stationary)
             if mean > EXACT_UP_TO:
                 counts[pixel] = approximate_count(rng.standard_normal(), mean, variance, a)
                 continue

@@ -1,10 +1,12 @@
-"""Temperature: thermal dark counts double every few kelvin.
+"""Temperature: thermal dark counts double every few kelvin, and breakdown moves to higher voltage.
 
     DCR(T) = DCR(T_ref)·2^((T − T_ref)/ΔT)
 
 Thermal generation through traps only; tunneling, which sets the floor in deep sub-micron processes,
-hardly depends on temperature. Cooling by 30 to 40 K lowers the rate by one to two decades
-(dissertation §2.3.1), which is ΔT of 6 to 9 K; silicon is usually given 8 to 10 K.
+hardly depends on temperature. The breakdown voltage rises in proportion, as hot carriers lose more
+energy to the lattice, so that at a constant bias the excess bias falls (`bias`); 0.02 to 0.06 V/K
+in silicon diodes that break down at 15 to 40 V. Cooling by 30 to 40 K lowers the rate by one to two
+decades (dissertation §2.3.1), which is ΔT of 6 to 9 K; silicon is usually given 8 to 10 K.
 """
 
 from typing import Annotated, ClassVar
@@ -19,7 +21,7 @@ class Temperature(Effect, frozen=True):
     """Temperature of the chip; by default that at which the dark counts were given."""
 
     stage: ClassVar[Stage] = Stage.OPERATION
-    statement: ClassVar[str] = "temperature scales the dark counts"
+    statement: ClassVar[str] = "temperature scales the dark counts and moves the breakdown voltage"
 
     celsius: Annotated[float, Field(gt=-273.15, le=1000)] = 20.0
     """Temperature of the chip (°C)."""
@@ -27,6 +29,8 @@ class Temperature(Effect, frozen=True):
     """Temperature at which the dark count rates hold (°C)."""
     dcr_doubling_k: Annotated[float, Field(gt=0)] = 9.0
     """Rise in temperature that doubles the dark count rate (K)."""
+    breakdown_v_per_k: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """Rise of the breakdown voltage per kelvin (V/K); the excess bias falls by as much."""
 
     @property
     def is_on(self) -> bool:
@@ -34,7 +38,9 @@ class Temperature(Effect, frozen=True):
         return self.celsius != self.reference_celsius
 
     def act_on_rates(self, rates: PixelRates) -> None:
-        """Scale the dark counts."""
+        """Scale the dark counts and move the breakdown."""
+        rise = self.celsius - self.reference_celsius
+        rates.breakdown_shift_v += self.breakdown_v_per_k * rise
         with np.errstate(invalid="ignore"):
             rates.dark_counts_hz *= dark_count_factor(self)
 

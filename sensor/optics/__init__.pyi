@@ -1,13 +1,16 @@
-from .efficiency import Efficiency, band_efficiency
-from .efficiency_file import with_curve
+from .efficiency import Efficiency, band_efficiency, band_transmission
+from .efficiency_file import with_curve, with_transmission
 from .lens import Lens, check_bands, falloff, image_irradiance, photon_flux
 from .pixels import PixelOptics, check_brightness, detected_rate, photon_rate
+from .transmission import Transmission
 
 __all__ = [
     "Efficiency",
     "Lens",
     "PixelOptics",
+    "Transmission",
     "band_efficiency",
+    "band_transmission",
     "check_bands",
     "check_brightness",
     "detected_rate",
@@ -16,4 +19,5 @@ __all__ = [
     "photon_flux",
     "photon_rate",
     "with_curve",
+    "with_transmission",
 ]

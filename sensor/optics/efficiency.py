@@ -1,28 +1,33 @@
-"""How many of the photons on the active area are detected: photon detection efficiency (PDE).
+"""How many of the photons on the active area are detected: photon detection probability (PDP).
 
-A tabulated curve with straight lines between its points. A band's efficiency is the mean over its
-photons, for a spectrum that is flat inside the band,
+The photon detection efficiency (PDE), of the photons on the whole pixel, is PDP times fill factor.
 
-    PDE_b = ∫ PDE(λ)·λ dλ / ∫ λ dλ
+A tabulated curve with straight lines between its points. A band's PDP is the mean over its photons,
+for a spectrum that is flat inside the band,
 
-The integrand is a parabola between the points of the curve, for which Simpson's rule is exact, so
-no point is lost however narrow or wide the band. The curve holds at one operating point; `bias`
+    PDP_b = ∫ PDP(λ)·λ dλ / ∫ λ dλ
+
+The integrand is a parabola between the points of the curve, and a cubic where the transmission T(λ)
+of the lens is under the integral too, for which Simpson's rule is exact: no point is lost however
+narrow or wide the band. The curve holds at one operating point; `bias`
 scales it elsewhere, alike at all wavelengths.
 """
 
-from itertools import pairwise
-from typing import Annotated, ClassVar, Self
+from collections.abc import Sequence
+from itertools import pairwise, product
+from typing import Annotated, ClassVar, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
 from megalopta.sensor.effects import Effect, Stage
-from megalopta.sensor.optics.lens import check_bands
+from megalopta.sensor.optics.lens import Lens, check_bands
+from megalopta.sensor.optics.transmission import Transmission
 
 
 class Efficiency(Effect, frozen=True):
-    """Photon detection efficiency over wavelength; a constant one is a curve of two points."""
+    """Photon detection probability over wavelength; a constant one is a curve of two points."""
 
     stage: ClassVar[Stage] = Stage.LIGHT
     statement: ClassVar[str] = (
@@ -32,7 +37,7 @@ class Efficiency(Effect, frozen=True):
     wavelengths_nm: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Field(min_length=2)]
     """Points of the curve, increasing (nm)."""
     values: tuple[Annotated[float, Field(ge=0, le=1)], ...]
-    """Detected fraction of the photons on the active area at each point; no fill factor in it."""
+    """Detected fraction of the photons on the active area (PDP: PDE over fill factor)."""
 
     @model_validator(mode="after")
     def _check_curve(self) -> Self:
@@ -63,14 +68,20 @@ class Efficiency(Effect, frozen=True):
         return np.interp(wavelength_nm, self.wavelengths_nm, self.values)
 
 
-def band_efficiency(efficiency: Efficiency, bands_nm: ArrayLike) -> NDArray[np.float64]:
-    """Mean efficiency over the photons of each band.
+Curve: TypeAlias = Efficiency | Transmission
+
+
+def band_efficiency(
+    efficiency: Efficiency, bands_nm: ArrayLike, lens: Lens | None = None
+) -> NDArray[np.float64]:
+    """Mean PDP over the photons of each band; with a lens, of PDP times the lens's curve.
 
     Parameters
     ----------
     efficiency : Efficiency
     bands_nm : (B, 2)
         Lower and upper edge of each band, nm.
+    lens : Lens, optional
 
     Returns
     -------
@@ -80,23 +91,39 @@ def band_efficiency(efficiency: Efficiency, bands_nm: ArrayLike) -> NDArray[np.f
     Raises
     ------
     ValueError
-        When a band reaches outside the curve.
+        When a band reaches outside a curve.
     """
+    passing = lens.transmission_curve if lens else None
+    curves: list[Curve] = [efficiency, *([passing] if passing else [])]
+    return _photon_means(curves, ["efficiency", "lens.transmission"], bands_nm)
+
+
+def band_transmission(lens: Lens, bands_nm: ArrayLike) -> NDArray[np.float64]:
+    """Mean of the lens's curve over the photons of each band, (B,); as `band_efficiency`."""
+    curves = [lens.transmission_curve] if lens.transmission_curve else []
+    return _photon_means(curves, ["lens.transmission"], bands_nm)
+
+
+def _photon_means(
+    curves: Sequence[Curve], names: Sequence[str], bands_nm: ArrayLike
+) -> NDArray[np.float64]:
     bands = check_bands(bands_nm)
-    first, last = efficiency.wavelengths_nm[0], efficiency.wavelengths_nm[-1]
-    for lower, upper in bands:
+    for (lower, upper), (curve, name) in product(bands, zip(curves, names, strict=False)):
+        first, last = curve.wavelengths_nm[0], curve.wavelengths_nm[-1]
         if lower < first or upper > last:
             raise ValueError(
-                f"bands_nm: {lower:g}–{upper:g} nm reaches outside the efficiency curve, "
+                f"bands_nm: {lower:g}–{upper:g} nm reaches outside the {name} curve, "
                 f"{first:g}–{last:g} nm; extend the curve or drop the band"
             )
-    return np.array([_photon_mean(efficiency, lower, upper) for lower, upper in bands])
+    return np.array([_photon_mean(curves, lower, upper) for lower, upper in bands])
 
 
-def _photon_mean(efficiency: Efficiency, lower: float, upper: float) -> float:
-    points = np.array(efficiency.wavelengths_nm)
+def _photon_mean(curves: Sequence[Curve], lower: float, upper: float) -> float:
+    points = np.unique([point for curve in curves for point in curve.wavelengths_nm])
     nodes = np.concatenate(([lower], points[(points > lower) & (points < upper)], [upper]))
     middle = (nodes[:-1] + nodes[1:]) / 2
-    at_nodes, at_middle = efficiency(nodes) * nodes, efficiency(middle) * middle
+    at_nodes, at_middle = (
+        np.prod([at, *(curve(at) for curve in curves)], 0) for at in (nodes, middle)
+    )
     integrals = np.diff(nodes) * (at_nodes[:-1] + 4 * at_middle + at_nodes[1:]) / 6
     return float(integrals.sum() / ((upper**2 - lower**2) / 2))

@@ -1,4 +1,4 @@
-"""A measured efficiency curve from a CSV file.
+"""A measured curve of efficiency (PDP) or of the lens's transmission from a CSV file.
 
     # comments and one line of column names may stand first
     wavelength_nm,efficiency
@@ -19,36 +19,44 @@ from megalopta.sensor import file_content
 Point = tuple[float, float]
 
 
-def with_curve(efficiency: Any, folder: Path) -> Any:
+def with_curve(curve: Any, folder: Path, field: str = "efficiency") -> Any:
     """Replace `{path: FILE}` by the curve in the file; leave anything else as it is."""
-    if not isinstance(efficiency, Mapping) or not isinstance(efficiency.get("path"), str):
-        return efficiency
-    if len(efficiency) > 1:
-        others = ", ".join(str(name) for name in efficiency if name != "path")
-        raise ValueError(f"efficiency: path and {others} given; give a file or numbers, not both")
-    return read_curve(folder / efficiency["path"])
+    if not isinstance(curve, Mapping) or not isinstance(curve.get("path"), str):
+        return curve
+    if len(curve) > 1:
+        others = ", ".join(str(name) for name in curve if name != "path")
+        raise ValueError(f"{field}: path and {others} given; give a file or numbers, not both")
+    return read_curve(folder / curve["path"], field)
 
 
-def read_curve(path: Path) -> dict[str, tuple[float, ...]]:
-    """Return the fields of `Efficiency` that a CSV file holds.
+def with_transmission(lens: Any, folder: Path) -> Any:
+    """Do the same with the curve of a lens."""
+    if not isinstance(lens, Mapping) or "transmission_curve" not in lens:
+        return lens
+    curve = with_curve(lens["transmission_curve"], folder, "lens.transmission_curve")
+    return {**lens, "transmission_curve": curve}
+
+
+def read_curve(path: Path, field: str = "efficiency") -> dict[str, tuple[float, ...]]:
+    """Return the fields of `Efficiency` or `Transmission` that a CSV file holds.
 
     Raises
     ------
     ValueError
         When the file cannot be read, or a line is no point of a curve; names the line.
     """
-    content = file_content(path, "efficiency")
+    content = file_content(path, field)
     try:
-        points = list(_points(content.decode("utf-8-sig"), path))
+        points = list(_points(content.decode("utf-8-sig"), path, field))
     except (UnicodeDecodeError, csv.Error):
-        raise ValueError(f"efficiency: {path} is no text in UTF-8; give a CSV file") from None
+        raise ValueError(f"{field}: {path} is no text in UTF-8; give a CSV file") from None
     if len(points) < 2:
-        raise ValueError(f"efficiency: {path} has {len(points)} points; give 2 or more")
+        raise ValueError(f"{field}: {path} has {len(points)} points; give 2 or more")
     wavelengths, values = zip(*points, strict=True)
     return {"wavelengths_nm": wavelengths, "values": values}
 
 
-def _points(text: str, path: Path) -> Iterator[Point]:
+def _points(text: str, path: Path, field: str) -> Iterator[Point]:
     lines = [
         (number, line)
         for number, line in enumerate(text.splitlines(), 1)
@@ -58,10 +66,10 @@ def _points(text: str, path: Path) -> Iterator[Point]:
         lines = lines[1:]
     last = 0.0
     for (number, _), row in zip(lines, csv.reader(line for _, line in lines), strict=True):
-        wavelength, value = _point(row, f"efficiency: line {number} of {path}")
+        wavelength, value = _point(row, f"{field}: line {number} of {path}")
         if not last < wavelength < math.inf:
             raise ValueError(
-                f"efficiency: line {number} of {path}: {wavelength:g} nm follows {last:g}; sort "
+                f"{field}: line {number} of {path}: {wavelength:g} nm follows {last:g}; sort "
                 "the lines by positive wavelengths, each once"
             )
         last = wavelength

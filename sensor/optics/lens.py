@@ -7,7 +7,7 @@ gives on the die the irradiance
 
 and photons arrive at ∫ E(λ)·λ/(h·c) dλ per second and square meter. Radiance is known as its mean
 over each band; inside a band the spectrum is taken as flat, for which the integral is exact. The
-lens transmits all wavelengths alike; fold a colored lens or filter into the efficiency curve. The
+lens transmits all wavelengths alike, or what a curve says, such as that of a filter before it. The
 cosine-fourth falloff is off unless the lens is told the horizontal field of view of the camera: a
 rendered pinhole image has no vignetting of its own, and most users want none.
 
@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from megalopta.sensor.effects import Effect, Stage
+from megalopta.sensor.optics.transmission import Transmission
 
 PLANCK_TIMES_LIGHT_SPEED = 1.98644586e-25
 """h·c in J·m."""
@@ -37,6 +38,8 @@ class Lens(Effect, frozen=True):
     """Focal length over aperture diameter."""
     transmission: Annotated[float, Field(gt=0, le=1)] = 1.0
     """Fraction of the light that passes, the same at every wavelength."""
+    transmission_curve: Transmission | None = None
+    """Fraction that passes by wavelength, on top of `transmission`; none: all of it."""
     falloff_fov_deg: Annotated[float, Field(gt=0, lt=180)] | None = None
     """Horizontal field of view (degrees) for cosine-fourth falloff; none: no falloff."""
 

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, Field
 
 from megalopta.sensor.effects import MOST_ARRIVALS
-from megalopta.sensor.optics.efficiency import Efficiency, band_efficiency
+from megalopta.sensor.optics.efficiency import Efficiency, band_efficiency, band_transmission
 from megalopta.sensor.optics.lens import Lens, check_bands, falloff, image_irradiance, photon_flux
 
 Floats = NDArray[np.float64]
@@ -33,12 +33,16 @@ class PixelOptics(
     lens: Lens = Lens()
     """The lens in front of it."""
     efficiency: Efficiency
-    """Photon detection efficiency of the light-sensitive area over wavelength."""
+    """Photon detection probability (PDP) of the light-sensitive area over wavelength."""
 
     @property
     def pixel_area_m2(self) -> float:
         """Area of a whole pixel, m²."""
         return self.pitch_m**2
+
+    def photon_detection_efficiency(self, wavelength_nm: Floats) -> Floats:
+        """PDE, of the photons on a whole pixel, at wavelengths (nm): PDP times fill factor."""
+        return self.fill_factor * self.efficiency(wavelength_nm)
 
     @property
     def active_area_m2(self) -> float:
@@ -48,13 +52,14 @@ class PixelOptics(
 
 def photon_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: PixelOptics) -> Floats:
     """Photons per second that fall on each pixel, (T, H, W); parameters as for `expose`."""
-    flux = _flux_per_radiance(bands_nm, sensor)
+    flux = _flux_per_radiance(bands_nm, sensor) * band_transmission(sensor.lens, bands_nm)
     return _sum_over_bands(radiance, sensor.pixel_area_m2 * flux, sensor)
 
 
 def detected_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: PixelOptics) -> Floats:
     """Photons per second that each pixel detects if all are alike, (T, H, W); as `expose`."""
-    flux = _flux_per_radiance(bands_nm, sensor) * band_efficiency(sensor.efficiency, bands_nm)
+    detected = band_efficiency(sensor.efficiency, bands_nm, sensor.lens)
+    flux = _flux_per_radiance(bands_nm, sensor) * detected
     return _sum_over_bands(radiance, sensor.active_area_m2 * flux, sensor)
 
 
@@ -70,7 +75,7 @@ def check_brightness(rate: Floats, exposure_s: float) -> Floats:
 
 
 def _flux_per_radiance(bands_nm: ArrayLike, sensor: PixelOptics) -> Floats:
-    """Photons·m⁻²·s⁻¹ on the axis for a radiance of 1 in each band."""
+    """Photons·m⁻²·s⁻¹ on the axis for a radiance of 1 in each band, the lens's curve apart."""
     if not isinstance(sensor, PixelOptics):
         raise TypeError(f"sensor: {sensor!r} is no Sensor; give one, such as preset('spadcam')")
     irradiance = image_irradiance(np.ones(len(check_bands(bands_nm))), sensor.lens)

@@ -99,8 +99,8 @@ def check_binary(sensor: Sensor) -> None:
     """
     if sensor.crosstalk.is_on:
         raise ValueError(
-            f"crosstalk.probability: {sensor.crosstalk.probability:g}; binary frames have no "
-            "crosstalk: switch it off, or use a counter of capacity 1 with expose_rate"
+            f"crosstalk.mean_fired_neighbors: {sensor.crosstalk.mean_fired_neighbors:g}; binary "
+            "frames have none: switch it off, or use a counter of capacity 1 with expose_rate"
         )
     has_memory = sensor.dead_time.kind != "ideal" or sensor.afterpulsing.is_on
     if sensor.dead_time.start == "stationary" and has_memory:

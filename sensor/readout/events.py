@@ -81,7 +81,7 @@ def expose_events(
         check_arrivals(arrivals_hz, sensor.exposure_s)
         rng = generator(seed, "events", sequence, first_frame + frame)
         times, pixels = simulate_events(
-            rng, arrivals_hz, sensor.exposure_s, sensor.avalanche_effects
+            rng, arrivals_hz, sensor.exposure_s, sensor.avalanche_effects, device.avalanches
         )
         streams[frame] = _sorted(stamp(rng, times, sensor.jitter), pixels)
 

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.constants import c, h
 from scipy.integrate import dblquad, quad
 
-from megalopta.sensor.optics import Efficiency, Lens
+from megalopta.sensor.optics import Efficiency, Lens, Transmission, photon_rate
 from megalopta.sensor.selfcheck.comparison import Row, exact_row
 from megalopta.sensor.spad import Sensor, detection_rate
 
@@ -37,6 +37,35 @@ def check_lens() -> Iterator[Row]:
             expected,
             float(measured[0, 0, 0]),
             1e-6 * expected,
+        )
+
+
+def check_transmission() -> Iterator[Row]:
+    """Detections and photons through a lens that passes some wavelengths more than others."""
+    radiance, f_number = 1e-6, 2.0
+    passing = Transmission(wavelengths_nm=(350, 500, 750), values=(0.2, 0.9, 0.5))
+    sensor = _sensor(Lens(f_number=f_number, transmission=0.8, transmission_curve=passing))
+    light = radiance * 0.8 * _seen_pupil(f_number, 0.0, 0.0) * 10e-6**2
+    image, bands = np.full((1, 1, 1, 1), radiance), [(400, 700)]
+
+    def photons(nm: float) -> float:
+        return float(np.interp(nm, (350, 500, 750), (0.2, 0.9, 0.5))) * nm * 1e-9 / (h * c)
+
+    for name, measured, per_watt in (
+        ("photons", photon_rate(image, bands, sensor), photons),
+        (
+            "detections",
+            detection_rate(image, bands, sensor),
+            lambda nm: 0.5 * float(_CURVE(np.array(nm))) * photons(nm),
+        ),
+    ):
+        whole, _ = quad(per_watt, 400, 700, points=[500, 550])
+        yield exact_row(
+            "lens, by wavelength",
+            f"{name} (1/s)",
+            light * whole,
+            float(measured[0, 0, 0]),
+            1e-6 * light * whole,
         )
 
 

@@ -1,7 +1,6 @@
 """The effects one by one against closed forms: light, device, crosstalk, counters, frames."""
 
 from collections.abc import Iterator
-from typing import Literal
 
 import numpy as np
 from scipy.integrate import quad
@@ -89,6 +88,48 @@ def check_device() -> Iterator[Row]:
     )
 
 
+def check_operation() -> Iterator[Row]:
+    """Warm chip: what breakdown takes from the excess bias; drawn mismatch of avalanche effects."""
+    cold = changed(
+        preset("spadcam"),
+        bias={"afterpulsing_slope": 1.0, "crosstalk_slope": 2.0, "onset_v": 0.0},
+        afterpulsing=Afterpulsing(mean_carriers=0.1),
+        crosstalk=Crosstalk(mean_fired_neighbors=0.1),
+        temperature={"breakdown_v_per_k": 0.01},
+    )
+    shape, shift = (16, 16), 0.01 * 12
+    warm = draw_fixed_pattern(changed(cold, temperature={"celsius": 32.0}), shape)
+    before = draw_fixed_pattern(cold, shape)
+    assert warm.avalanches is not None
+    excess = 1.18 - bias.breakdown_offset(cold.bias, shape, cold.device_seed)
+    for name, expected, measured in (
+        (
+            "dark counts",
+            2 ** (12 / 9) * np.exp(-shift / 0.12) + 0 * excess,
+            warm.dark_counts_hz / before.dark_counts_hz,
+        ),
+        (
+            "efficiency",
+            (1 - np.exp(-(excess - shift) / 0.2)) / (1 - np.exp(-excess / 0.2)),
+            warm.efficiency_factor / before.efficiency_factor,
+        ),
+        ("afterpulsing, as the charge", (excess - shift) / 1.18, warm.avalanches.afterpulsing),
+        ("crosstalk, twice the charge", 2 * (excess - shift) / 1.18 - 1, warm.avalanches.crosstalk),
+    ):
+        off = float(np.abs(measured / expected - 1).max())
+        yield exact_row("breakdown, 12 K above", f"{name}, largest error", 0.0, off, 1e-9)
+    sigma = {"mismatch_sigma": 0.2}
+    dead = DeadTime(kind="nonparalyzable", dead_time_s=1e-6)
+    sensor = changed(preset("ideal"), dead_time=changed(dead, **sigma))
+    sensor = changed(sensor, afterpulsing=changed(cold.afterpulsing, **sigma))
+    sensor = changed(sensor, crosstalk=changed(cold.crosstalk, **sigma))
+    maps = draw_fixed_pattern(sensor, (200, 200)).avalanches
+    assert maps is not None
+    for field, factors in zip(maps._fields, maps, strict=True):
+        yield mean_row(f"{field} mismatch", "mean factor", 1.0, factors)
+        yield variance_row(f"{field} mismatch", "variance of factors", 0.04, factors)
+
+
 def _check_bias() -> Iterator[Row]:
     model = preset("spadcam").bias
     volts = np.linspace(model.onset_v + 5e-4, 1.4, 8000)
@@ -146,16 +187,15 @@ def check_crosstalk() -> Iterator[Row]:
     """Cascade of one avalanche, edges, and agreement of the two ways to draw it."""
     primaries = np.zeros((25, 25), np.int64)
     primaries[12, 12] = 1000
-    lattices: tuple[Literal[4, 8], ...] = (4, 8)
-    for neighbors in lattices:
-        talk = Crosstalk(probability=0.2, neighbors=neighbors)
+    for neighbors in (4, 8):
+        talk = Crosstalk(mean_fired_neighbors=0.2, diagonal=float(neighbors == 8))
         rng = generator(1, "crosstalk")
-        totals = np.array([crosstalk.spread(rng, primaries, talk).sum() for _ in range(1000)])
+        totals = np.array([crosstalk.spread(rng, primaries, talk).sum() for _ in range(400)])
         term = f"crosstalk, {neighbors} neighbors"
         yield mean_row(term, "avalanches per primary", 1 / (1 - 0.2), totals / 1000)
         variance = 0.2 * (1 - 0.2 / neighbors) / (1 - 0.2) ** 3
         yield variance_row(term, "variance per primary", variance, totals / 1000**0.5)
-    talk = Crosstalk(probability=0.2)
+    talk = Crosstalk(mean_fired_neighbors=0.2)
     effects = AvalancheEffects(DeadTime(), Afterpulsing(), Gate(), talk)
     means = np.full((6, 6), 5.0)
     rng = generator(2, "crosstalk")
@@ -231,7 +271,7 @@ def check_frames() -> Iterator[Row]:
         without(spadcam, "counter"),
         afterpulsing=Afterpulsing(mean_carriers=0.2, delay_s=1e-3),
         dead_time=DeadTime(kind="paralyzable", dead_time_s=1e-3),
-        crosstalk=Crosstalk(probability=0.1),
+        crosstalk=Crosstalk(mean_fired_neighbors=0.1),
         dark_counts=ideal.dark_counts,
         bias=ideal.bias,
     )
@@ -253,6 +293,7 @@ def check_frames() -> Iterator[Row]:
 TERM_CHECKS: tuple[Check, ...] = (
     check_light,
     check_device,
+    check_operation,
     check_afterpulsing,
     check_crosstalk,
     check_gate_and_jitter,

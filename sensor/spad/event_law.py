@@ -40,6 +40,7 @@ def event_law(
     exposure_s: float,
     effects: AvalancheEffects,
     reach: Floats,
+    has_law: bool,
 ) -> Floats:
     """Probability of each number of events, (P, N), from the least in reach on.
 
@@ -53,15 +54,17 @@ def event_law(
     effects : AvalancheEffects
     reach : (2, P)
         Of `reach_of_events`.
+    has_law : bool
+        Whether all pixels have dead time of one length and nothing else.
     """
     size = int((reach[1] - reach[0]).max(initial=0)) + 1
     dead, mean, variance = effects.dead_time, *moments
-    if effects.on == {"dead_time"} and dead.kind == "nonparalyzable":
+    if has_law and dead.kind == "nonparalyzable":
         fraction = dead.dead_time_s / exposure_s
         return _nonparalyzable(arrivals, fraction, dead.start == "stationary", reach[0], size)
     law = np.zeros((arrivals.size, size))
     _fill(mean, variance, reach[0], law)
-    if effects.on == {"dead_time"}:
+    if has_law:
         fraction = dead.dead_time_s / exposure_s
         share = arrivals * fraction * np.exp(-arrivals * fraction)
         third = mean * (1 - 3 * share) ** 2

@@ -91,7 +91,8 @@ def expose_rate(
         key = sequence, first_frame + frame
         arrivals_hz = rate[frame] + device.dark_counts_hz
         rng = generator(seed, "exposure", *key)
-        events = draw_counts(rng, arrivals_hz, sensor.exposure_s, sensor.avalanche_effects)
+        effects = sensor.avalanche_effects
+        events = draw_counts(rng, arrivals_hz, sensor.exposure_s, effects, device.avalanches)
         readout = _read_counters(events, sensor, device, lambda: generator(seed, "readout", *key))
         exposure.counts[frame], exposure.saturated[frame] = readout
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.sensor.counters import AnalogCounter, AnalogPixels, analog_pixels
-from megalopta.sensor.effects import MOST_ARRIVALS, PixelRates
-from megalopta.sensor.spad.model import Sensor
+from megalopta.sensor.effects import MOST_ARRIVALS, AvalancheMaps, PixelRates
+from megalopta.sensor.spad.model import MOST_OFFSPRING, Sensor
 from megalopta.sensor.spad.order import effects_of
 
 Floats = NDArray[np.float64]
@@ -30,11 +30,14 @@ class FixedPattern:
         Dark count rate at this bias and temperature.
     counters : AnalogPixels or None
         Steps and leaks of analog counters.
+    avalanches : AvalancheMaps or None
+        How pixels differ in dead time, afterpulsing and crosstalk; none where they do not.
     """
 
     efficiency_factor: Floats
     dark_counts_hz: Floats
     counters: AnalogPixels | None
+    avalanches: AvalancheMaps | None = None
 
 
 def draw_fixed_pattern(sensor: Sensor, shape: tuple[int, int]) -> FixedPattern:
@@ -61,9 +64,11 @@ def _draw(sensor: Sensor, shape: tuple[int, int]) -> FixedPattern:
         if isinstance(sensor.counter, AnalogCounter)
         else None
     )
-    for pattern in (rates.efficiency_factor, rates.dark_counts_hz, *(counters or ())):
+    maps = AvalancheMaps.of(rates)
+    patterns = rates.efficiency_factor, rates.dark_counts_hz, *(counters or ()), *(maps or ())
+    for pattern in patterns:
         pattern.flags.writeable = False
-    return FixedPattern(rates.efficiency_factor, rates.dark_counts_hz, counters)
+    return FixedPattern(rates.efficiency_factor, rates.dark_counts_hz, counters, maps)
 
 
 _draw_once = lru_cache(maxsize=8)(_draw)
@@ -83,3 +88,11 @@ def _check(sensor: Sensor, rates: PixelRates) -> None:
             f"{sensor.bias.excess_v:g} and temperature.celsius {sensor.temperature.celsius:g}; "
             f"lower these, at most {MOST_ARRIVALS / sensor.exposure_s:g} Hz can be drawn"
         )
+    for effect, field in (("afterpulsing", "mean_carriers"), ("crosstalk", "mean_fired_neighbors")):
+        factor = float(rates.factors.get(effect, np.zeros(1)).max(initial=0))
+        largest = factor * getattr(getattr(sensor, effect), field)
+        if largest > MOST_OFFSPRING:
+            raise ValueError(
+                f"{effect}.{field}: {largest:g} in the worst pixel; lower it, {effect}."
+                f"mismatch_sigma or bias.excess_v so that it is at most {MOST_OFFSPRING:g}"
+            )

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field, model_validator
 
 from megalopta.sensor import file_content
-from megalopta.sensor.effects import Effect, PixelRates, Stage
+from megalopta.sensor.effects import AvalancheMaps, Effect, PixelRates, Stage
 
 Floats = NDArray[np.float64]
 Fit = Literal["exact", "top_left", "center"]
@@ -52,14 +52,14 @@ class MeasuredMaps(Effect, frozen=True):
     """Maps that take the place of drawn patterns; none by default."""
 
     stage: ClassVar[Stage] = Stage.DEVICE
-    statement: ClassVar[str] = (
-        "measured maps replace drawn patterns of efficiency, dark counts and breakdown"
-    )
+    statement: ClassVar[str] = "measured maps replace drawn patterns of the pixels"
     of_effect: ClassVar[Mapping[str, str]] = {
         "efficiency": "efficiency",
         "dark_counts": "dark_counts",
         "bias": "breakdown",
     }
+    relative: ClassVar[tuple[str, ...]] = AvalancheMaps._fields
+    """Maps of factors on the value of the effect of this name"""
     """Effects that are on where there is a map of theirs"""
 
     dark_counts: MapFile | None = None
@@ -68,6 +68,12 @@ class MeasuredMaps(Effect, frozen=True):
     """Efficiency of every pixel relative to the curve, at the reference bias."""
     breakdown: MapFile | None = None
     """Breakdown voltage of every pixel above the nominal one (V)."""
+    dead_time: MapFile | None = None
+    """Dead time of every pixel relative to dead_time.dead_time_s."""
+    afterpulsing: MapFile | None = None
+    """Trapped carriers of every pixel relative to afterpulsing.mean_carriers."""
+    crosstalk: MapFile | None = None
+    """Neighbors that every pixel fires relative to crosstalk.mean_fired_neighbors."""
     fit: Fit = "exact"
     """Which pixels of a map larger than the image are used: top_left or center takes a window of
     the image's size there, exact refuses the map."""
@@ -75,7 +81,8 @@ class MeasuredMaps(Effect, frozen=True):
     @property
     def is_on(self) -> bool:
         """Whether there is a map."""
-        return any((self.dark_counts, self.efficiency, self.breakdown))
+        named = *self.of_effect.values(), *self.relative
+        return any(getattr(self, name) for name in named)
 
     def act_on_rates(self, rates: PixelRates) -> None:
         """Put maps in the place of what was drawn."""
@@ -86,6 +93,9 @@ class MeasuredMaps(Effect, frozen=True):
             rates.efficiency_factor = self._load("efficiency", rates)
         if self.dark_counts:
             rates.dark_counts_hz = self._load("dark_counts", rates)
+        for name in self.relative:
+            if getattr(self, name):
+                rates.scale(name, self._load(name, rates))
 
     def _load(self, name: str, rates: PixelRates, lowest: float = 0.0) -> Floats:
         rates.measured.add(name)

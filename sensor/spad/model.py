@@ -20,6 +20,9 @@ from megalopta.sensor.effects import (
 from megalopta.sensor.optics import PixelOptics
 from megalopta.sensor.spad.measured import MeasuredMaps
 
+MOST_OFFSPRING = 0.95
+"""Avalanches that one may cause, on average, where no dead time ends the cascade."""
+
 
 class Sensor(PixelOptics, frozen=True):
     """A single-photon image sensor behind a lens; the number of pixels is that of the image."""
@@ -29,10 +32,10 @@ class Sensor(PixelOptics, frozen=True):
 
     kind: Literal["spad"] = "spad"
     """Names this kind of image sensor."""
+    temperature: Temperature = Temperature()
+    """Temperature, which moves dark counts and breakdown; by default that at which they hold."""
     bias: Bias = Bias()
     """Excess bias and breakdown mismatch, which move efficiency and dark counts; off by default."""
-    temperature: Temperature = Temperature()
-    """Temperature, which moves dark counts; by default that at which they were given."""
     dark_counts: DarkCounts = DarkCounts()
     """Events without light; off by default."""
     measured: MeasuredMaps = MeasuredMaps()
@@ -62,6 +65,37 @@ class Sensor(PixelOptics, frozen=True):
                 f"gate: it does not open in an exposure_s of {self.exposure_s:g}; lower phase_s "
                 f"{self.gate.phase_s:g} or expose for longer"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _check_breakdown(self) -> Self:
+        per_k = self.temperature.breakdown_v_per_k
+        if self.temperature.is_on and per_k > 0 and not self.bias.matters:
+            raise ValueError(
+                f"temperature.breakdown_v_per_k: {per_k:g}, but nothing depends on bias; give "
+                "bias.efficiency_scale_v, dark_efold_v, afterpulsing_slope or crosstalk_slope"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_cascade(self) -> Self:
+        carriers, fired = self.afterpulsing.mean_carriers, self.crosstalk.mean_fired_neighbors
+        if not self.dead_time.is_on and carriers + fired > MOST_OFFSPRING:
+            raise ValueError(
+                f"afterpulsing.mean_carriers: {carriers:g} and crosstalk.mean_fired_neighbors "
+                f"{fired:g} are together above {MOST_OFFSPRING:g}, so that avalanches without dead "
+                "time never end; lower them or give dead_time"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_relative_maps(self) -> Self:
+        for name in self.measured.relative:
+            if getattr(self.measured, name) and not getattr(self, name).is_on:
+                raise ValueError(
+                    f"measured.{name}: a map of factors on {name}, which is off; give {name} its "
+                    "values or remove the map"
+                )
         return self
 
     @property

@@ -66,7 +66,9 @@ def _all_moments(
 
     def state(frame: int) -> None:
         arrivals_hz = rate[frame] + device.dark_counts_hz
-        events = count_moments(arrivals_hz, sensor.exposure_s, sensor.avalanche_effects)
+        events = count_moments(
+            arrivals_hz, sensor.exposure_s, sensor.avalanche_effects, device.avalanches
+        )
         arrivals = arrivals_hz * sensor.exposure_s
         moments[:2, frame] = events
         moments[2:, frame] = _of_readings(arrivals, events, sensor, device)
@@ -79,7 +81,8 @@ def _of_readings(
     arrivals: Floats, events: tuple[Floats, Floats], sensor: Sensor, device: FixedPattern
 ) -> tuple[Floats, Floats]:
     """Mean and variance of the readings of a frame, by law only where that is needed."""
-    counter, all_pixels = sensor.counter, device.counters
+    counter, all_pixels, effects = sensor.counter, device.counters, sensor.avalanche_effects
+    has_law = effects.on == {"dead_time"} and effects.dead_time.has_law and not device.avalanches
     reach = reach_of_events(*events)
     simple_mean, simple_variance, needs_law = simple_moments(counter, all_pixels, events, reach)
     mean, variance = np.array(simple_mean), np.array(simple_variance)
@@ -93,8 +96,9 @@ def _of_readings(
                 arrivals[chosen],
                 within,
                 sensor.exposure_s,
-                sensor.avalanche_effects,
+                effects,
                 reach[:, chosen[0], chosen[1]],
+                has_law,
             )
         pixels = AnalogPixels(*(each[chosen] for each in all_pixels)) if all_pixels else None
         mean[chosen], variance[chosen] = counter_moments(

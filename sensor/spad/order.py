@@ -1,6 +1,6 @@
 """The effects of a sensor in the order in which they act.
 
-There are rates of arrivals as far as "temperature", avalanches up to "crosstalk", and a number in a
+There are rates of arrivals as far as "bias", avalanches up to "crosstalk", and a number in a
 counter after that. The effects on avalanches act on each other in time and are simulated together
 wherever more than one is on.
 """
@@ -45,6 +45,8 @@ def without(sensor: Sensor, field: str) -> Sensor:
     changes: dict[str, Any] = {field: getattr(sensor, field).off()}
     if field in MeasuredMaps.of_effect:
         changes["measured"] = {MeasuredMaps.of_effect[field]: None}
+    if field in MeasuredMaps.relative:
+        changes["measured"] = {field: None}
     if field == "efficiency":
         changes["bias"] = sensor.bias.without_efficiency()
     return changed(sensor, **changes)

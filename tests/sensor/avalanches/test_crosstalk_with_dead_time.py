@@ -15,9 +15,9 @@ from megalopta.sensor.selfcheck.comparison import two_sample_z
 TAU_S, EXPOSURE_S, RATE_HZ, EXPOSURES = 1e-6, 2e-5, 8e5, 4000
 
 
-def effects(kind, probability, neighbors=4):
+def effects(kind, fired, neighbors=4):
     dead_time = DeadTime(kind=kind, dead_time_s=TAU_S)
-    talk = Crosstalk(probability=probability, neighbors=neighbors)
+    talk = Crosstalk(mean_fired_neighbors=fired, diagonal=float(neighbors == 8))
     return AvalancheEffects(dead_time, Afterpulsing(), Gate(), talk)
 
 

@@ -78,7 +78,7 @@ def test_frames_have_the_same_bytes_drawn_alone_or_among_others():
 @pytest.mark.parametrize(
     ("update", "message"),
     [
-        ({"crosstalk": Crosstalk(probability=0.1)}, "crosstalk"),
+        ({"crosstalk": Crosstalk(mean_fired_neighbors=0.1)}, "crosstalk"),
         (
             {"dead_time": DeadTime(kind="paralyzable", dead_time_s=1e-6, start="stationary")},
             "start live",

@@ -260,3 +260,32 @@ def test_cooling_lowers_the_dark_counts_of_every_pixel_alike():
 def test_bias_off_leaves_the_dark_counts_drawn():
     sensor = changed(preset("spadcam"), bias=Bias())
     assert np.all(draw_fixed_pattern(sensor, (8, 8)).efficiency_factor == 1)
+
+
+def test_maps_of_avalanche_effects_are_factors_on_their_fields(tmp_path):
+    rng = np.random.default_rng(5)
+    factors = {name: rng.uniform(0.8, 1.2, (4, 5)) for name in ("dead_time", "crosstalk")}
+    for name, values in factors.items():
+        np.save(tmp_path / f"{name}.npy", values)
+    files = {name: {"path": str(tmp_path / f"{name}.npy")} for name in factors}
+    sensor = changed(
+        preset("ideal"),
+        dead_time={"kind": "nonparalyzable", "dead_time_s": 1e-6, "mismatch_sigma": 0.3},
+        crosstalk={"mean_fired_neighbors": 0.1},
+        measured=files,
+    )
+    maps = draw_fixed_pattern(sensor, (4, 5)).avalanches
+    np.testing.assert_array_equal(maps.dead_time, factors["dead_time"])
+    np.testing.assert_array_equal(maps.crosstalk, factors["crosstalk"])
+    assert (maps.afterpulsing == 1).all()
+    with pytest.raises(ValueError, match=r"measured\.crosstalk: a map of factors on crosstalk"):
+        changed(sensor, crosstalk={"mean_fired_neighbors": 0})
+
+
+def test_pixels_that_do_not_differ_have_no_maps():
+    assert draw_fixed_pattern(preset("spadcam"), (3, 3)).avalanches is None
+
+
+def test_breakdown_that_moves_nothing_is_refused():
+    with pytest.raises(ValueError, match=r"temperature\.breakdown_v_per_k: 0\.02, but nothing"):
+        changed(preset("ideal"), temperature={"celsius": 40, "breakdown_v_per_k": 0.02})

@@ -95,7 +95,7 @@ def test_laws_of_dead_time_have_its_exact_moments(kind, start, arrivals):
     rate = np.array([[[arrivals]]])
     mean, variance = (each[0, 0] for each in event_moments(rate, sensor))
     reach = reach_of_events(mean, variance)
-    law = event_law(rate[0, 0], (mean, variance), 1.0, sensor.avalanche_effects, reach)[0]
+    law = event_law(rate[0, 0], (mean, variance), 1.0, sensor.avalanche_effects, reach, sensor.dead_time.has_law)[0]
     assert law.sum() == pytest.approx(1, abs=1e-9)
     assert law.min() > -1e-9
     found = moments_of(reach[0, 0] + np.arange(law.size), law)
@@ -110,7 +110,7 @@ def test_matched_laws_have_any_possible_mean_and_variance(mean, variance):
     effects = changed(IDEAL, afterpulsing=Afterpulsing(mean_carriers=0.1, delay_s=1e-6))
     moments = np.array([mean]), np.array([variance])
     reach = reach_of_events(*moments)
-    law = event_law(np.array([mean]), moments, 1.0, effects.avalanche_effects, reach)[0]
+    law = event_law(np.array([mean]), moments, 1.0, effects.avalanche_effects, reach, False)[0]
     found = moments_of(reach[0, 0] + np.arange(law.size), law)
     np.testing.assert_allclose(found, (mean, variance), rtol=1e-6)
 

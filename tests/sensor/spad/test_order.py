@@ -44,7 +44,7 @@ def all_on(tmp_path_factory):
     return changed(
         preset("spadcam"),
         afterpulsing=Afterpulsing(mean_carriers=0.1),
-        crosstalk=Crosstalk(probability=0.1),
+        crosstalk=Crosstalk(mean_fired_neighbors=0.1),
         gate=Gate(period_s=1e-2, width_s=5e-3),
         jitter=Jitter(sigma_s=1e-10),
         temperature=Temperature(celsius=0.0),

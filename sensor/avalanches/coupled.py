@@ -1,0 +1,167 @@
+"""Mean and variance of the counts where crosstalk meets dead time, afterpulsing or both.
+
+Light from a neighbor j is an arrival in pixel i at the time of an avalanche in j, and that matters:
+j was silent for a dead time before, so neither has it just fired i nor i it. With c the probability
+that j fires i, ν counts per second and a pixel's own rate λ, i receives from j
+
+    m_ij = c·(ν_j − c·q_ji·ν_i)
+
+as what i has just fired in j returns while i is dead; an arrival finds i live with q_ij instead of
+the probability ℓ_i at any time. For the two kinds of dead time
+
+    non-paralyzable   ℓ_i = 1 − ν_i·τ    q_ij = 1/(1 + (1 − c)·b/(1 − b)),  b = dead without j's
+                                         light = ν_i·τ − m_ij·q_ij·τ/(1 + λ_i·τ)
+    paralyzable       q_ij/ℓ_i = exp(m_ij·τ + c·ν_i·τ)
+
+The counts are those of a pixel alone (`moments`) at r_i = λ_i + Σ_j m_ij·q_ij/ℓ_i; where dead time
+is paralyzable, of one at λ_i + Σ_j m_ij, whose arrivals extend it, times r_i over that. Early in an
+exposure τ is no longer than the time passed.
+
+For the variance every pixel answers linearly to what its neighbors send (`crosstalk.
+spread_variance`), with the slope and the ratio of variance to mean of a pixel without the light of
+the one neighbor in question. Without dead time, this is exact in long exposures.
+
+Left out: light that reaches a pixel at one instant over two ways, of the order of c², and that
+what neighbors send is less random than a Poisson process also in how it meets dead times.
+
+Errors, relative, per mean number of fired neighbors: below `MEAN_ERROR` and `VARIANCE_ERROR`, by
+simulation of a bright pixel alone, its neighbors, a uniform frame and the border of a dark and a
+bright half, at r·τ of 0.1, 1 and 3, with and without afterpulsing, up to 0.3 fired neighbors. What
+the tables of a pixel alone are off comes on top.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.sensor.avalanches.moments import pixel_moments
+from megalopta.sensor.avalanches.simulation import AvalancheEffects
+from megalopta.sensor.effects import (
+    AvalancheMaps,
+    Crosstalk,
+    crosstalk,
+    neighborhood,
+    open_fraction,
+)
+
+MEAN_ERROR = 0.02
+VARIANCE_ERROR = 0.25
+
+_ROUNDS = 80
+_SETTLED = 1e-7
+_STEP = 1e-3
+
+Floats = NDArray[np.float64]
+
+
+def coupled_moments(
+    rate_hz: Floats,
+    exposure_s: float,
+    effects: AvalancheEffects,
+    maps: AvalancheMaps | None = None,
+) -> tuple[Floats, Floats]:
+    """Mean and variance of the counts of a (rows, columns) frame with crosstalk."""
+    alone = effects._replace(crosstalk=Crosstalk())
+    open_s = exposure_s * open_fraction(effects.gate, exposure_s)
+    is_extended = effects.dead_time.kind == "paralyzable"
+    dead_s = np.broadcast_to(_mean_dead_s(exposure_s, effects, maps), rate_hz.shape)
+    strength = None if maps is None else maps.crosstalk
+
+    def moments_at(rate: Floats) -> tuple[Floats, Floats]:
+        return pixel_moments(rate, exposure_s, alone, maps)
+
+    mean, _ = moments_at(rate_hz)
+    received = weighed = squares = np.zeros_like(rate_hz)
+    for _ in range(_ROUNDS):
+        before = mean
+        received, weighed, squares = _light(
+            rate_hz, mean / open_s, dead_s, effects, strength, np.ones_like(rate_hz)
+        )
+        met = rate_hz + (received if is_extended else weighed)
+        mean, _ = moments_at(met)
+        if is_extended:
+            mean = mean * _ratio(rate_hz + weighed, met)
+        if np.allclose(mean, before, rtol=_SETTLED, atol=1e-300):
+            break
+    # without the light of the neighbor in question: for all arrivals, and for those of neighbors
+    light = received if is_extended else weighed
+    without = np.maximum(met - _ratio(squares, met), 0.0)
+    typical, variance = moments_at(without)
+    others = np.maximum(met - _ratio(squares, light), 0.0)
+    step = np.maximum(others, 1e-3 / open_s) * _STEP
+    more, less = (moments_at(others + sign * step)[0] for sign in (1, 0))
+    answer = (more - less) / (step * open_s)
+    drawn = mean * np.where(typical > 0, _ratio(variance, typical), 1.0)
+    spread = crosstalk.spread_variance(drawn, mean, effects.crosstalk, strength, answer)
+    return mean, np.maximum(spread, 0.0)
+
+
+def _light(
+    own_hz: Floats,
+    counts_hz: Floats,
+    dead_s: Floats,
+    effects: AvalancheEffects,
+    strength: Floats | None,
+    ones: Floats,
+) -> tuple[Floats, Floats, Floats]:
+    """Arrivals per second from all neighbors, the same weighed with q/ℓ, and the sum of squares."""
+    sent = ones if strength is None else strength
+    kind = effects.dead_time.kind
+    weights = neighborhood(effects.crosstalk)
+    received, weighed, squares = (np.zeros_like(own_hz) for _ in range(3))
+    for place in np.argwhere(weights):
+        down, right = place - weights.shape[0] // 2
+        other_hz, other_own, other_sent, other_dead = (
+            _shifted(values, down, right) for values in (counts_hz, own_hz, sent, dead_s)
+        )
+        to, back = weights[tuple(place)] * other_sent, weights[tuple(place)] * sent
+        light = to * other_hz
+        if kind != "ideal":
+            q_back = _live(kind, other_hz, other_own, back * counts_hz, to, other_dead)
+            light = np.maximum(light - to * back * q_back * counts_hz, 0.0)
+        if kind == "nonparalyzable":
+            q = _live(kind, counts_hz, own_hz, light, back, dead_s)
+            likelier = q / np.maximum(1 - counts_hz * dead_s, 1e-3)
+        elif kind == "paralyzable":
+            likelier = np.exp(np.minimum((light + back * counts_hz) * dead_s, 20.0))
+        else:
+            likelier = ones
+        received += light
+        weighed += light * likelier
+        squares += (light if kind == "paralyzable" else light * likelier) ** 2
+    return received, weighed, squares
+
+
+def _live(
+    kind: str, counts_hz: Floats, own_hz: Floats, light: Floats, back: Floats, dead_s: Floats
+) -> Floats:
+    """Probability that a pixel is live when a neighbor fires that sends it this light."""
+    if kind == "paralyzable":
+        return np.exp(-np.minimum((own_hz + np.maximum(light, 0)) * dead_s, 700.0))
+    dead = np.maximum(counts_hz - light / (1 + own_hz * dead_s), 0.0) * dead_s
+    dead = np.minimum(dead, 0.999)
+    return np.asarray(1 / (1 + (1 - back) * dead / (1 - dead)))
+
+
+def _mean_dead_s(
+    exposure_s: float, effects: AvalancheEffects, maps: AvalancheMaps | None
+) -> Floats:
+    """Time, s, that the average moment of an exposure looks back: τ, or less from its start."""
+    dead = effects.dead_time.dead_time_s * (np.ones((1, 1)) if maps is None else maps.dead_time)
+    if effects.dead_time.start == "stationary":
+        return dead
+    return np.where(dead < exposure_s, dead * (1 - dead / (2 * exposure_s)), exposure_s / 2)
+
+
+def _shifted(values: Floats, down: int, right: int) -> Floats:
+    """What lies so far up and left of every pixel; 0 beyond the edge."""
+    rows, columns = values.shape
+    result = np.zeros_like(values)
+    if abs(down) < rows and abs(right) < columns:
+        result[max(down, 0) : rows + min(down, 0), max(right, 0) : columns + min(right, 0)] = (
+            values[max(-down, 0) : rows - max(down, 0), max(-right, 0) : columns - max(right, 0)]
+        )
+    return result
+
+
+def _ratio(above: Floats, below: Floats) -> Floats:
+    return np.divide(above, below, out=np.zeros_like(above), where=below > 0)

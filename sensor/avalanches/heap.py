@@ -1,0 +1,41 @@
+"""What may fire a pixel next, the earliest first: a heap in two arrays, times and owners."""
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def push(times, owners, size, time, owner):  # type: ignore[no-untyped-def]
+    """Add to the heap and return its new size."""
+    place = size
+    while place > 0 and times[(place - 1) // 2] > time:
+        parent = (place - 1) // 2
+        times[place], owners[place] = times[parent], owners[parent]
+        place = parent
+    times[place], owners[place] = time, owner
+    return size + 1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def pop(times, owners, size):  # type: ignore[no-untyped-def]
+    """Remove the first of the heap and return its new size."""
+    size -= 1
+    time, owner = times[size], owners[size]
+    place, child = 0, 1
+    while child < size:
+        if child + 1 < size and times[child + 1] < times[child]:
+            child += 1
+        if times[child] >= time:
+            break
+        times[place], owners[place] = times[child], owners[child]
+        place, child = child, 2 * child + 1
+    times[place], owners[place] = time, owner
+    return size
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def longer(values, room):  # type: ignore[no-untyped-def]
+    """Return twice as long an array with the same beginning."""
+    result = np.empty(2 * values.size + room, values.dtype)
+    result[: values.size] = values
+    return result
