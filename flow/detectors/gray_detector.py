@@ -2,7 +2,9 @@
 
 They were made for pictures and expect gray levels of a fixed range. Photon counts are brought to it
 pair by pair, by one linear map of both frames: the darkest pixel of the two becomes 0, the
-brightest 1. Nothing is clipped, and neither gain nor offset of the counts changes a velocity.
+brightest 1, and neither gain nor offset of the counts changes a velocity. Hot pixels would leave
+few levels to all others, so what lies beyond the middle 98 % of the pixels by more than three times
+the spread of these is clipped there; in pictures without such pixels nothing is.
 Estimators that take 8 bits only round to 256 levels, which loses nothing as long as the counts of
 a pair span less than 256, and is below the photon noise wherever a pixel holds more than
 (span/255)²/12 photons.
@@ -21,6 +23,8 @@ from numpy.typing import NDArray
 from megalopta.flow.detectors.base import FloatArray, Frames, Responder, in_pairs
 from megalopta.flow.detectors.block_detector import BlockDetector
 from megalopta.flow.detectors.blocks import BlockGrid
+
+_MIDDLE_PERCENT, _SPREADS = (1, 99), 3.0
 
 Estimator = Callable[[FloatArray], FloatArray]
 """Two frames (2, H, W), from 0 to 1, to the velocities of the blocks (rows, columns, 2)."""
@@ -50,9 +54,12 @@ def eight_bits(pair: FloatArray) -> NDArray[np.uint8]:
 def gray_levels(pair: Frames) -> FloatArray | None:
     """Return two frames (2, H, W) with gray levels from 0 to 1; None without any contrast."""
     exact = pair.astype(np.float64)
-    darkest, brightest = exact.min(), exact.max()
+    low, high = np.percentile(exact, _MIDDLE_PERCENT)
+    # where nearly all pixels are alike, what stands out is the picture
+    spread = _SPREADS * (high - low) or np.inf
+    darkest, brightest = max(exact.min(), low - spread), min(exact.max(), high + spread)
     if brightest > darkest:
-        return np.asarray((exact - darkest) / (brightest - darkest))
+        return np.asarray((np.clip(exact, darkest, brightest) - darkest) / (brightest - darkest))
     return None
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from megalopta.flow.detectors.block_matching import BlockMatching
 from megalopta.flow.detectors.farneback import Farneback
-from megalopta.flow.detectors.gray_detector import eight_bits
+from megalopta.flow.detectors.gray_detector import eight_bits, gray_levels
 from megalopta.flow.detectors.inverse_search import DenseInverseSearch
 from megalopta.flow.detectors.lucas_kanade import LucasKanade
 from megalopta.flow.detectors.opencv import one_thread
@@ -47,6 +47,23 @@ def test_photon_counts_have_the_velocity_of_their_texture(name):
     counts = np.random.default_rng(1).poisson(4000 * (1 + 0.25 * texture / texture.std()).clip(0))
     found = METHODS[name].respond(counts)[:, 1:-1, 1:-1]
     np.testing.assert_allclose(np.median(found, axis=(0, 1, 2)), (1.3, -0.7), atol=0.1)
+
+
+@pytest.mark.parametrize("name", ["LK", "FB", "DIS", "TV-L1"])
+def test_a_hot_pixel_spoils_its_surroundings_only(name):
+    texture = 1 + 0.25 * drifting_texture((1.3, -0.7), frames=2)
+    bright = texture.copy()
+    bright[:, 30, 100] = 1000 * texture.max()
+    found = METHODS[name].respond(bright)[0, 1:-1, 1:-1]
+    np.testing.assert_allclose(np.median(found, axis=(0, 1)), (1.3, -0.7), atol=0.06)
+    wrong = np.hypot(*(found - (1.3, -0.7)).transpose(2, 0, 1)) > 0.5
+    assert wrong.mean() < 0.15
+
+
+def test_pictures_without_outliers_are_scaled_by_their_darkest_and_brightest_pixel():
+    pair = np.random.default_rng(2).gamma(2.0, size=(2, 60, 80))
+    expected = (pair - pair.min()) / (pair.max() - pair.min())
+    np.testing.assert_array_equal(gray_levels(pair), expected)
 
 
 @pytest.mark.parametrize("name", ["LK", *DENSE])

@@ -90,7 +90,7 @@ def test_what_a_kill_left_out_is_made_again_alike(sensed, folder):
         ("events_npz", {}, "a sensor that integrates has no single events"),
         (
             "binary_npy",
-            {"crosstalk": Crosstalk(probability=0.1)},
+            {"crosstalk": Crosstalk(mean_fired_neighbors=0.1)},
             "binary frames have no crosstalk",
         ),
         ("binary_spad512", None, "512 × 512"),

@@ -95,7 +95,9 @@ def test_laws_of_dead_time_have_its_exact_moments(kind, start, arrivals):
     rate = np.array([[[arrivals]]])
     mean, variance = (each[0, 0] for each in event_moments(rate, sensor))
     reach = reach_of_events(mean, variance)
-    law = event_law(rate[0, 0], (mean, variance), 1.0, sensor.avalanche_effects, reach, sensor.dead_time.has_law)[0]
+    law = event_law(
+        rate[0, 0], (mean, variance), 1.0, sensor.avalanche_effects, reach, dead.has_law
+    )[0]
     assert law.sum() == pytest.approx(1, abs=1e-9)
     assert law.min() > -1e-9
     found = moments_of(reach[0, 0] + np.arange(law.size), law)
