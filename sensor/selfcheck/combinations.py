@@ -31,6 +31,7 @@ from megalopta.sensor.selfcheck.comparison import (
     Counts,
     Floats,
     Row,
+    exact_row,
     mean_row,
     two_sample_z,
     variance_row,
@@ -43,7 +44,7 @@ _RATES = 1e6 * np.array([[0.8, 0.3, 0.05], [1.0, 2.0, 0.5]])
 _TRAPS = Afterpulsing(mean_carriers=0.3, delay_s=1e-6)
 _TALK = Crosstalk(mean_fired_neighbors=0.3, diagonal=0.3, distance_two=0.1)
 _GATE = Gate(period_s=3e-6, width_s=2e-6, phase_s=1e-6)
-_MAPS = AvalancheMaps(*(np.linspace(low, 1.9 - low, 6).reshape(2, 3) for low in (0.6, 0.7, 0.8)))
+_MAPS = AvalancheMaps(*(np.linspace(low, 2 - low, 6).reshape(2, 3) for low in (0.6, 0.7, 0.1)))
 _DRAWN, _PLAIN = 3000, 12_000
 _TABLE_MEAN, _TABLE_VARIANCE = 3e-3, 1.5e-2
 _TABULATED = "paralyzable, crosstalk, afterpulsing"
@@ -88,6 +89,41 @@ def check_combinations() -> Iterator[Row]:
         ):
             effects = AvalancheEffects(dead, traps, gate, talk)
             yield from _against_brute_force(f"{name}, {extra}", effects, None)
+
+
+def check_delays() -> Iterator[Row]:
+    """Many carriers, of which a dead time as long as their delay takes most."""
+    traps = Afterpulsing(mean_carriers=0.9, delay_s=_TAU_S)
+    for name in ("non-paralyzable", "paralyzable"):
+        effects = AvalancheEffects(DEAD_TIMES[name], traps)
+        plain = brute_force_counts(generator(29, name), 2e5, 20e-6, effects, 200_000)
+        drawn = draw_counts(generator(30, name), np.full((200_000, 1), 2e5), 20e-6, effects)
+        zs = two_sample_z(plain, drawn.ravel())
+        for quantity, z in zip(("mean", "variance", "law"), zs, strict=True):
+            yield Row(f"{name}, many carriers", f"{quantity}, as z", 0.0, z, z)
+
+
+def check_dark_neighbor() -> Iterator[Row]:
+    """One pixel in the light, one in the dark: what is lost is lost in the first alone.
+
+    Avalanches of the bright one are a dead time apart, so that its neighbor is live at each.
+    """
+    rates, chance = np.array([[2e6, 0.0]]), _TALK.mean_fired_neighbors / 4
+    talk = Crosstalk(mean_fired_neighbors=_TALK.mean_fired_neighbors)
+    for name in ("non-paralyzable", "paralyzable"):
+        effects = AvalancheEffects(DEAD_TIMES[name], crosstalk=talk)
+        mean, variance = (part[0] for part in count_moments(rates, 200e-6, effects))
+        alone, spread = count_moments(rates[:, :1], 200e-6, effects._replace(crosstalk=Crosstalk()))
+        dark = float(chance * alone[0, 0])
+        scattered = float(chance**2 * spread[0, 0] + chance * (1 - chance) * alone[0, 0])
+        for quantity, expected, stated, tolerance in (
+            ("mean, bright", float(alone[0, 0]), mean[0], 5e-3),
+            ("mean, dark", dark, mean[1], 5e-3),
+            ("variance, bright", float(spread[0, 0]), variance[0], 0.02),
+            ("variance, dark", scattered, variance[1], 0.02),
+        ):
+            term = f"{name}, dark neighbor"
+            yield exact_row(term, quantity, expected, float(stated), tolerance * expected)
 
 
 def check_maps() -> Iterator[Row]:
@@ -213,6 +249,8 @@ def _two_samples(term: str, plain: Counts, drawn: Counts) -> Iterator[Row]:
 AVALANCHE_CHECKS = (
     check_dead_time_ends,
     check_combinations,
+    check_delays,
+    check_dark_neighbor,
     check_maps,
     check_running_frames,
     check_measured_crosstalk,
