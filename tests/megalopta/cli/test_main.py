@@ -93,8 +93,8 @@ def test_help_shows_settings_with_units_and_defaults(run):
     ("verb", "own"),
     [
         ("render", "name seed scene objects light camera trajectory shutter render"),
-        ("sense", "light-levels sensors"),
-        ("flow", "methods"),
+        ("sense", "light-levels sensors products correct calibration"),
+        ("flow", "methods flow"),
         ("bench", "methods benchmark"),
     ],
 )

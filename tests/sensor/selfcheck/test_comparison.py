@@ -4,6 +4,8 @@ Rows are compared at |z| < 5: a right program fails one with probability 6e-7, w
 always or never.
 """
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -38,12 +40,16 @@ from megalopta.sensor.selfcheck.optics import check_falloff, check_lens
 COUNTING = counting_checks(arrivals=1e5)
 
 
-@pytest.mark.parametrize("check", EFFECT_CHECKS, ids=lambda check: check.__name__)
+def name_of(check):
+    return check.args[0] if isinstance(check, partial) else check.__name__
+
+
+@pytest.mark.parametrize("check", EFFECT_CHECKS, ids=name_of)
 def test_effects_agree_with_theory(check):
     assert [row for row in check() if not row.passed] == []
 
 
-@pytest.mark.parametrize("check", COUNTING, ids=lambda check: check.args[0])
+@pytest.mark.parametrize("check", COUNTING, ids=name_of)
 def test_counts_agree_with_brute_force_in_mean_variance_and_law(check):
     assert [row for row in check() if not row.passed] == []
 
