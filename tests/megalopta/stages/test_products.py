@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from megalopta.config.model import load
+from megalopta.config import load
 from megalopta.errors import UserError
 from megalopta.sensor import Crosstalk, ctia_preset, preset
 from megalopta.sensor.formats import Shot, check_product, read_events, read_frames
-from megalopta.sensor.readout.events import histogram
+from megalopta.sensor.readout import histogram
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_stage
 from megalopta.stages.sense import open_exposure, sense
