@@ -20,7 +20,7 @@ from megalopta.scenes.world import Environment
 Floats = NDArray[np.float32]
 
 # Rows of points looked up at once, so that memory stays far below that of the directions.
-_POINTS_AT_ONCE = 2**18
+POINTS_AT_ONCE = 2**18
 _METER_RAYS = 2**18
 
 _ENDS_EARLY = re.compile(r"Success|read \d+ out of \d+ bytes")
@@ -49,7 +49,7 @@ class EnvironmentView:
     def radiance(self, pose: NDArray[np.float64], seed: int = 0, instants: int = 1) -> Floats:
         """Spectral radiance (H, W, B) from a pose (4, 4); without noise, so without a seed."""
         rotation = pose[:3, :3].T.astype(np.float32)
-        step = self._grid * max(1, _POINTS_AT_ONCE // (self._grid * self._axes.shape[1]))
+        step = self._grid * max(1, POINTS_AT_ONCE // (self._grid * self._axes.shape[1]))
         strips = [
             self._pixels(self._axes[first : first + step] @ rotation)
             for first in range(0, len(self._axes), step)

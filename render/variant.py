@@ -116,7 +116,7 @@ def find_llvm() -> tuple[str, str]:
     """Find a libLLVM that Dr.Jit can use: its path and version, or "" and why there is none."""
     asked = os.environ.get("DRJIT_LIBLLVM_PATH")
     refusals = []
-    for library in [Path(asked)] if asked else _llvm_libraries():
+    for library in [Path(asked)] if asked else llvm_libraries():
         version = llvm_version(library)
         if version and version[0] in TRIED_LLVM:
             return str(library), ".".join(map(str, version))
@@ -165,12 +165,14 @@ def has_cuda_device() -> bool:
     return not failed and count.value > 0
 
 
-def _llvm_libraries() -> Iterable[Path]:
-    yield from _packaged_libraries()
-    yield from sorted(_system_libraries(), key=_newest_first)
+def llvm_libraries() -> Iterable[Path]:
+    """Files that may be libLLVM, the likeliest first."""
+    yield from packaged_libraries()
+    yield from sorted(system_libraries(), key=newest_first)
 
 
-def _packaged_libraries() -> Iterable[Path]:
+def packaged_libraries() -> Iterable[Path]:
+    """Those of the installed wheel; none where it is not installed."""
     try:
         installed = files(_LLVM_PACKAGE) or []
     except PackageNotFoundError:
@@ -180,7 +182,8 @@ def _packaged_libraries() -> Iterable[Path]:
             yield Path(str(file.locate())).resolve()
 
 
-def _system_libraries() -> Iterable[Path]:
+def system_libraries() -> Iterable[Path]:
+    """Those that the machine has."""
     seen = set()
     for pattern in _LIBRARY_FOLDERS.get(sys.platform, ()):
         for folder in Path("/").glob(pattern.lstrip("/")):
@@ -191,7 +194,8 @@ def _system_libraries() -> Iterable[Path]:
                     yield library.resolve()
 
 
-def _newest_first(library: Path) -> tuple[int, str]:
+def newest_first(library: Path) -> tuple[int, str]:
+    """Key that sorts libraries by the version in their name."""
     number = re.search(r"\d+", library.name) or re.search(r"llvm-(\d+)", str(library))
     digits = re.sub(r"\D", "", number.group()) if number else "0"
     return -int(digits), str(library)

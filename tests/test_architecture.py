@@ -4,6 +4,7 @@ import ast
 import tomllib
 from collections.abc import Iterator
 from graphlib import TopologicalSorter
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -76,6 +77,10 @@ def published(package: str) -> dict[str, str]:
     }
 
 
+def private(name: str) -> bool:
+    return name.startswith("_") and not name.startswith("__")
+
+
 def places_imported(path: Path) -> Iterator[str]:
     for module, name in imports(path):
         full = f"{module}.{name}".lstrip(".")
@@ -113,8 +118,7 @@ def test_other_rooms_are_entered_by_the_front_door(path):
         is_outside = not f"{own}.".startswith(f"{room_of(module)}.".lstrip("."))
         if module in MODULES and is_outside:
             raise AssertionError(f"{path}: import {name} from megalopta.{room_of(module)}")
-        is_private = name.startswith("_") and not name.startswith("__")
-        assert not is_private, f"{path}: {name} is private to {module}"
+        assert not private(name), f"{path}: {name} is private to {module}"
 
 
 def test_what_a_room_publishes_is_there():
@@ -138,3 +142,50 @@ def test_every_room_is_packaged():
 def test_no_file_repeats_the_name_of_its_folder():
     for path in sources():
         assert not path.stem.startswith(path.parent.name.rstrip("s")), path
+
+
+def files_of_tests() -> list[Path]:
+    return sorted((ROOT / "tests").rglob("*.py"))
+
+
+def modules_in(tree: ast.Module) -> set[str]:
+    """Names by which a file calls modules and packages of ours."""
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "megalopta":
+            above = str(node.module).removeprefix("megalopta").lstrip(".")
+            for alias in node.names:
+                if f"{above}.{alias.name}".lstrip(".") in MODULES | PACKAGES:
+                    found.add(alias.asname or alias.name)
+    return found
+
+
+def private_names_used(tree: ast.Module) -> Iterator[str]:
+    """Yield private names of ours that a file takes from a module, or puts into one by a string."""
+    ours = modules_in(tree)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            if node.value.id in ours and private(node.attr):
+                yield node.attr
+        elif isinstance(node, (ast.Call, ast.Tuple)):
+            # setattr(module, "name", …) and rows (module, "name", …) of a table for it
+            parts = node.args if isinstance(node, ast.Call) else node.elts
+            for owner, name in pairwise(parts):
+                is_ours = isinstance(owner, ast.Name) and owner.id in ours
+                if is_ours and isinstance(name, ast.Constant) and private(str(name.value)):
+                    yield str(name.value)
+        elif isinstance(node, ast.Constant) and str(node.value).startswith("megalopta."):
+            yield from filter(private, str(node.value).split("."))
+
+
+@pytest.mark.parametrize("path", files_of_tests(), ids=lambda path: str(path.relative_to(ROOT)))
+def test_tests_enter_rooms_by_the_front_door(path):
+    tree = ast.parse(path.read_text("utf-8"))
+    assert not list(private_names_used(tree))
+    parts = path.relative_to(ROOT / "tests").parent.parts
+    own = ".".join(parts[1:] if parts[:1] == ("megalopta",) else parts)
+    for module, name in imports(path):
+        assert not private(name), f"{name} is private to {module}"
+        room = room_of(module)
+        if module in MODULES and not f"{own}.".startswith(f"{room}."):
+            assert published(room).get(name) != module, f"import {name} from megalopta.{room}"

@@ -28,7 +28,7 @@ from megalopta.sensor.selfcheck import (
     samples,
 )
 
-_EXPOSURES_OF_A_PICTURE = 100_000
+EXPOSURES_OF_A_PICTURE = 100_000
 _DEAD_TIMES: dict[Kind, str] = {
     "ideal": "no dead time",
     "nonparalyzable": "non-paralyzable dead time",
@@ -92,14 +92,14 @@ def _draw_law(folder: Path, kind: Kind) -> Path:
             f"{traps}; live start; 30 counts on average without afterpulses. r is the rate of "
             f"arrivals, τ = 1 µs{' only a unit here' if kind == 'ideal' else ' the dead time'}. "
             "Steps: event by event; points: as frames are drawn, "
-            f"{_EXPOSURES_OF_A_PICTURE:,} exposures each.",
+            f"{EXPOSURES_OF_A_PICTURE:,} exposures each.",
             3.4,
         )
         axes = canvas.subplots()
         for a, color in zip((0.01, 0.1, 1.0), PALETTE, strict=False):
             effects = effects_of(kind, "live", AFTERPULSING)
             point = operating_point(kind, a, 30)
-            plain, drawn = samples(effects, *point, _EXPOSURES_OF_A_PICTURE)
+            plain, drawn = samples(effects, *point, EXPOSURES_OF_A_PICTURE)
             n = np.arange(int(max(plain.max(), drawn.max())) + 1)
             law = [np.bincount(each, minlength=n.size) / each.size for each in (plain, drawn)]
             axes.step(n, law[0], where="mid", color=color, lw=1.2, label=f"r·τ = {a:g}")

@@ -58,13 +58,13 @@ def _detail(dataset: Dataset, found: Mapping[int, RenderNoise]) -> NDArray[np.fl
     """Covariance (B, B) between bands of what neighboring pixels differ by, without noise."""
     some = list(found)[:: math.ceil(len(found) / _MOST_READ)]
     details = [
-        _differences(read_radiance(dataset.radiance(index))[0]) - found[index].covariance
+        neighbor_differences(read_radiance(dataset.radiance(index))[0]) - found[index].covariance
         for index in some
     ]
     return np.asarray(np.mean(details, axis=0))
 
 
-def _differences(radiance: NDArray[np.float32]) -> NDArray[np.float64]:
+def neighbor_differences(radiance: NDArray[np.float32]) -> NDArray[np.float64]:
     """Half the mean product (B, B) of the differences between neighbors in rows and columns."""
     pixels = radiance.astype(np.float64)
     bands = pixels.shape[-1]

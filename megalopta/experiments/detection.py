@@ -65,14 +65,14 @@ def detections(methods: Sequence[Method], flux: float) -> list[Detection]:
     detectors = [method(each) for each in methods]
     settling = max(each.memory_frames for each in detectors)
     sequences = {
-        name: [_counts(name, view, settling + SCORED_FRAMES, flux) for view in range(VIEWS)]
+        name: [noisy_frames(name, view, settling + SCORED_FRAMES, flux) for view in range(VIEWS)]
         for name in DIRECTIONS
     }
     return [
         _detection(
             detector,
             flux,
-            {name: _responses(detector, each, flux) for name, each in sequences.items()},
+            {name: settled_responses(detector, each, flux) for name, each in sequences.items()},
         )
         for detector in detectors
     ]
@@ -86,27 +86,29 @@ def _detection(detector: Detector, flux: float, responses: Mapping[str, Floats])
         flux=flux,
         motion=d_prime(still, moving),
         direction=d_prime(left, right),
-        false_alarms=false_alarm_rate(still, _threshold(detector)),
+        false_alarms=false_alarm_rate(still, motion_threshold(detector)),
         curve=roc(still, moving),
     )
 
 
 @cache
-def _threshold(detector: Detector) -> float:
+def motion_threshold(detector: Detector) -> float:
     """Half of the median noise-free evidence of motion."""
     frames = detector.memory_frames + SCORED_FRAMES
     means = [_light("right", view, frames) * _BRIGHT for view in range(VIEWS)]
-    return float(np.median(motion_evidence(detector, _responses(detector, means, _BRIGHT)))) / 2
+    responses = settled_responses(detector, means, _BRIGHT)
+    return float(np.median(motion_evidence(detector, responses))) / 2
 
 
-def _responses(detector: Detector, sequences: Sequence[NDArray[Any]], flux: float) -> Floats:
+def settled_responses(detector: Detector, sequences: Sequence[NDArray[Any]], flux: float) -> Floats:
     """Settled responses to all sequences, one after the other."""
     needed = detector.memory_frames + SCORED_FRAMES
     responses = [detector.respond(each[-needed:], SIZE**2 / flux) for each in sequences]
     return np.concatenate([each[-SCORED_FRAMES:] for each in responses])
 
 
-def _counts(direction: str, view: int, frames: int, flux: float) -> Counts:
+def noisy_frames(direction: str, view: int, frames: int, flux: float) -> Counts:
+    """Counts (frames, H, W) of a view that moves in a direction."""
     means = _light(direction, view, frames) * flux + DARK_COUNTS
     key = ("detection", direction, view, f"{flux:.6g}")
     return draw_counts(means, SEED, *key, first_frame=LAST_FRAME - frames)

@@ -21,7 +21,7 @@ from megalopta.scenes.cameras import Camera
 from megalopta.scenes.world import Scene, Sun
 
 # Samples traced at once: what they saw is kept until all cells they saw are baked.
-_SAMPLES_AT_ONCE = 2**22
+SAMPLES_AT_ONCE = 2**22
 # Samples per pixel in a whole sequence from which on baking pays, in units of `bake_samples`. A
 # frame sees fewer cells than it has samples, and few cells take all of `bake_samples`.
 _PAYS_FROM = 8
@@ -82,7 +82,7 @@ class BakedLightIntegrator:
         """Radiance (H, W, B) that a sensor sees, band means, W·m⁻²·sr⁻¹·nm⁻¹; as Mitsuba's own."""
         width, height = sensor.film().crop_size()
         pixels, samples = int(width * height), spp
-        at_once = _largest_divisor(samples, max(1, _SAMPLES_AT_ONCE // pixels))
+        at_once = _largest_divisor(samples, max(1, SAMPLES_AT_ONCE // pixels))
         sampler = sensor.sampler()
         sampler.set_samples_per_wavefront(at_once)
         sampler.seed(seed, pixels * at_once)

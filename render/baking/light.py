@@ -32,8 +32,8 @@ NOT_BAKED = 2**32 - 1
 
 # Paths traced at once, in about a second: what they bring is kept until it is summed, and Ctrl-C
 # waits for them.
-_PATHS_AT_ONCE = 2**19
-_FIRST_ROWS = 2**12
+PATHS_AT_ONCE = 2**19
+FIRST_ROWS = 2**12
 # Wavelengths in a band, of which each sample takes one.
 _WAVELENGTHS = 2**8
 # How often a cell is seen, and how many sixteenths of the samples it then takes. Its noise weighs
@@ -92,7 +92,7 @@ class BakedLight:
         self._seed = dr.opaque(mi.UInt, seed)
         self._reflectance = _reflectance_table(scene, meshes, self._bands)
         self._row = dr.full(mi.UInt, NOT_BAKED, cells.count)
-        self._radiance = dr.zeros(mi.Float, _FIRST_ROWS * self._width)
+        self._radiance = dr.zeros(mi.Float, FIRST_ROWS * self._width)
         self.baked_cells = 0
 
     @property
@@ -109,7 +109,7 @@ class BakedLight:
         missing = np.unique(np.array(dr.gather(mi.UInt, cell, lanes)))
         self._reserve(self.baked_cells + len(missing))
         paths = np.cumsum(self._least * self._shares[missing].astype(np.int64))
-        parts = np.searchsorted(paths, np.arange(_PATHS_AT_ONCE, paths[-1], _PATHS_AT_ONCE))
+        parts = np.searchsorted(paths, np.arange(PATHS_AT_ONCE, paths[-1], PATHS_AT_ONCE))
         for part in np.split(missing, parts):
             self._bake(part)
 

@@ -21,7 +21,7 @@ import numpy as np
 from megalopta.sensor.ctia.bias import FloatingGateBias, gate_bias
 from megalopta.sensor.ctia.integration import LATE, Pixel, discharge_time, estimate_current
 
-_WORTHWHILE = 0.99
+WORTHWHILE = 0.99
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def calibrate(
         log.append(
             Measurement(elapsed, len(log), bias, float(estimate_current(now)) if seen else 0.0)
         )
-        if len(log) > 1 and not 0 < log[-1].current_a < _WORTHWHILE * log[-2].current_a:
+        if len(log) > 1 and not 0 < log[-1].current_a < WORTHWHILE * log[-2].current_a:
             return log
         bias = float(gate_bias(gate, bias, pulses=1, wait_s=duration + gate.pulse_s))
         elapsed += gate.pulse_s

@@ -40,7 +40,7 @@ from megalopta.sensor.ctia.photodiode import (
 EARLY, LATE = 0.1, 0.9
 """Discharged shares of the swing (the output at 90 % and at 10 %) between which time is taken."""
 
-_STEPS = 64
+STEPS = 64
 _NEWTON_STEPS = 100
 _RELATIVE_ERROR = 1e-12
 _LARGE, _TINY = 30.0, 1e-300
@@ -213,7 +213,7 @@ def _runge_kutta(pixel: Pixel, photocurrent_a: Floats, bias: Floats, elapsed: Fl
     if brief.all():
         return volts
     # by pixel, although both are computed for all: no pixel's result depends on its neighbors
-    return np.where(brief, volts, _steps(pixel, photocurrent_a, bias, elapsed, _STEPS))
+    return np.where(brief, volts, _steps(pixel, photocurrent_a, bias, elapsed, STEPS))
 
 
 def _bias_hardly_moves(pixel: Pixel, bias: Floats, elapsed: Floats) -> NDArray[np.bool_]:

@@ -62,10 +62,10 @@ def draw_noise(
     elapsed, bias = _halfway(pixel, photocurrent_a, time_s)
     volts = np.zeros(np.broadcast_shapes(np.shape(photocurrent_a), elapsed.shape))
     if noise.photon_shot:
-        volts += _poisson_charge(rng, photocurrent_a * elapsed) / pixel.capacitance_f
+        volts += poisson_charge(rng, photocurrent_a * elapsed) / pixel.capacitance_f
     if noise.dark_shot:
         volts += _dark_charge(rng, pixel, bias, elapsed) / pixel.capacitance_f
-    normal = _reset_variance(noise, pixel) + noise.read_noise_v**2
+    normal = reset_variance(noise, pixel) + noise.read_noise_v**2
     if normal > 0:
         volts += rng.normal(0.0, np.sqrt(normal), volts.shape)
     return volts
@@ -78,7 +78,7 @@ def noise_variance(noise: CtiaNoise, pixel: Pixel, photocurrent_a: Floats, time_
     shot = noise.photon_shot * photocurrent_a + noise.dark_shot * equivalent
     charge = ELEMENTARY_CHARGE_C * shot * elapsed
     return np.asarray(
-        charge / pixel.capacitance_f**2 + _reset_variance(noise, pixel) + noise.read_noise_v**2
+        charge / pixel.capacitance_f**2 + reset_variance(noise, pixel) + noise.read_noise_v**2
     )
 
 
@@ -95,8 +95,8 @@ def _dark_charge(rng: np.random.Generator, pixel: Pixel, bias: Floats, elapsed: 
     diode = pixel.diode
     time = np.asarray(pixel.dark_scale) * elapsed
     reverse, forward = junction_currents(diode, bias)
-    charge = _poisson_charge(rng, reverse * time)
-    charge -= _poisson_charge(rng, forward * time)
+    charge = poisson_charge(rng, reverse * time)
+    charge -= poisson_charge(rng, forward * time)
     if diode.shunt_ohm is not None:
         conductance = diode.shunt_s * np.asarray(pixel.dark_scale)
         variance = 2 * BOLTZMANN_J_K * diode.temperature_k * conductance * elapsed
@@ -104,12 +104,13 @@ def _dark_charge(rng: np.random.Generator, pixel: Pixel, bias: Floats, elapsed: 
     return charge
 
 
-def _poisson_charge(rng: np.random.Generator, charge: Floats) -> Floats:
+def poisson_charge(rng: np.random.Generator, charge: Floats) -> Floats:
     """Charge of a Poisson number of electrons less its mean, C."""
     electrons = charge / ELEMENTARY_CHARGE_C
     return np.asarray(ELEMENTARY_CHARGE_C * (rng.poisson(electrons) - electrons))
 
 
-def _reset_variance(noise: CtiaNoise, pixel: Pixel) -> float:
+def reset_variance(noise: CtiaNoise, pixel: Pixel) -> float:
+    """Variance of the voltage that a reset leaves, kT/C, V²."""
     kelvin = pixel.diode.temperature_k
     return noise.reset * BOLTZMANN_J_K * kelvin / pixel.capacitance_f

@@ -37,7 +37,7 @@ _MEANINGS = {
     "mean_reading": "mean {unit} per exposure",
     "reading_variance": "{unit}² per exposure",
 }
-_CHUNK_BYTES = 4 * 2**20
+CHUNK_BYTES = 4 * 2**20
 # As many as the stages write at once: of a larger chunk the rest would be read and written again.
 _CHUNK_FRAMES = 16
 
@@ -143,7 +143,7 @@ def _attributes(origin: Origin) -> dict[str, Any]:
 
 
 def _create_array(group: zarr.Group, name: str, frames: int, like: NDArray[Any], unit: str) -> None:
-    per_chunk = max(1, min(frames, _CHUNK_FRAMES, _CHUNK_BYTES // max(1, like[:1].nbytes)))
+    per_chunk = max(1, min(frames, _CHUNK_FRAMES, CHUNK_BYTES // max(1, like[:1].nbytes)))
     group.create_array(
         name,
         shape=(frames, *like.shape[1:]),

@@ -2,7 +2,7 @@ import re
 
 import pytest
 
-from megalopta.config.model import load
+from megalopta.config import load
 
 TINY = {
     "camera.width": "48",

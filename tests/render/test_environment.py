@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.render.environment import EnvironmentView, read_picture
 from megalopta.scenes import Panorama, PerspectiveCamera, Trajectory
-from megalopta.scenes.lighting.levels import Light
+from megalopta.scenes.lighting import Light
 
 BANDS = ((400.0, 475.0), (475.0, 550.0), (550.0, 625.0), (625.0, 700.0))
 CAMERA = PerspectiveCamera(width=33, height=25, fov_deg=60)
@@ -86,7 +86,7 @@ def test_a_moving_camera_sees_and_says_rotation_alone(picture):
 def test_pixels_are_means_over_their_area_whatever_the_strips(picture, monkeypatch):
     path = picture(noise())
     whole = renderer(path, samples=16).radiance(pose(10, 5), 0)
-    monkeypatch.setattr("megalopta.render.environment._POINTS_AT_ONCE", 1)
+    monkeypatch.setattr("megalopta.render.environment.POINTS_AT_ONCE", 1)
     np.testing.assert_array_equal(renderer(path, samples=16).radiance(pose(10, 5), 0), whole)
     fine = CAMERA.model_copy(update={"width": CAMERA.width * 4, "height": CAMERA.height * 4})
     points = renderer(path, samples=1, camera=fine).radiance(pose(10, 5), 0)

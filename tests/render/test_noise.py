@@ -4,7 +4,7 @@ import pytest
 from megalopta.render import RenderSettings, SceneRenderer, frame_seed
 from megalopta.render.noise import RenderNoise, RunningMean, render_once, render_until
 from megalopta.scenes import Light, PerspectiveCamera, Trajectory
-from megalopta.scenes.world.scene import Scene
+from megalopta.scenes.world import Scene
 
 from .conftest import placed
 

@@ -56,7 +56,7 @@ def unbound(monkeypatch):
 
 
 def libraries_never_tried():
-    found = list(variant._llvm_libraries())
+    found = list(variant.llvm_libraries())
     return [path for path in found if (llvm_version(path) or (0, 0, 0))[0] not in TRIED_LLVM]
 
 
@@ -122,7 +122,7 @@ def test_a_file_that_is_no_library_has_no_version_and_another_library_tells_none
 
 def test_the_newest_library_is_asked_first():
     names = ["libLLVM-14.so.1", "libLLVM.so.22.1", "libLLVM-19.so", "libLLVM-9.so"]
-    ordered = sorted((Path("/usr/lib") / name for name in names), key=variant._newest_first)
+    ordered = sorted((Path("/usr/lib") / name for name in names), key=variant.newest_first)
     assert [path.name for path in ordered] == [names[1], names[2], names[0], names[3]]
 
 
@@ -173,7 +173,7 @@ def installed(monkeypatch, unbound, tmp_path):
         found |= {Path("/usr/lib") / name: number for name, number in system.items()}
         monkeypatch.setattr(variant, "files", files)
         monkeypatch.setattr(
-            variant, "_system_libraries", lambda: map(Path("/usr/lib").joinpath, system)
+            variant, "system_libraries", lambda: map(Path("/usr/lib").joinpath, system)
         )
         monkeypatch.setattr(variant, "llvm_version", lambda path: (n := found[path]) and (n, 1, 0))
 
@@ -208,7 +208,7 @@ def test_a_library_of_the_users_own_comes_before_the_package(monkeypatch, instal
     (sys.platform, platform.machine()) != ("linux", "x86_64"), reason="the package is for Linux"
 )
 def test_the_package_that_is_installed_with_ours_renders_without_any_other_library(unbound):
-    (library,) = variant._packaged_libraries()
+    (library,) = variant.packaged_libraries()
     name, bound = render_in_a_process_of_its_own().splitlines()
     assert name == "llvm_ad_spectral"
     assert Path(bound) == library

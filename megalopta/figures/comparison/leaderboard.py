@@ -70,7 +70,7 @@ def leaderboard(_: Run) -> Figure:
             f"hatched: never below 25 % up to {format_flux(FLUXES[-1])} photons) stand its photons "
             "per frame, the share of them that the bound of as many frames needs, and CPU time per "
             "frame. "
-            f"{_collected(entries)}"
+            f"{frames_collected(entries)}"
         ),
         draw=lambda canvas: _draw_board(canvas.subplots(), entries, {2: two, 8: eight}),
         numbers=columns_of(_row(each, two) for each in entries),
@@ -104,7 +104,7 @@ def _row(entry: Entry, two_frame_bound: float) -> dict[str, Cell]:
     }
 
 
-def _collected(entries: Sequence[Entry]) -> str:
+def frames_collected(entries: Sequence[Entry]) -> str:
     """Say which methods collect the photons of more than two frames."""
     many = [each for each in entries if each.frames > 2]
     if not many:

@@ -13,7 +13,7 @@ from megalopta.flow.benchmark import (
     photon_benchmark,
     work_units,
 )
-from megalopta.flow.detectors.registry import THESIS_METHODS, method
+from megalopta.flow.detectors import THESIS_METHODS, method
 
 ALL = tuple(method(name) for name in THESIS_METHODS)
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from megalopta.experiments import GratingTemplate, Sweep, Trial, detections, run
-from megalopta.experiments.leaderboard import FRAMES, SIZE_PX, ranked
+from megalopta.experiments import GratingTemplate, Sweep, Trial, detections, ranked, run
+from megalopta.experiments.leaderboard import FRAMES, SIZE_PX
 from megalopta.flow import (
     METHODS,
     BenchmarkSettings,

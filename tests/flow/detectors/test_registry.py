@@ -5,7 +5,7 @@ import pytest
 from pydantic import ValidationError
 
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS, method
-from megalopta.flow.metrics.detection import rightward_evidence
+from megalopta.flow.metrics import rightward_evidence
 
 from ..textures import drifting_texture
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from megalopta.flow.detectors.blocks import block_grid
+from megalopta.flow.detectors import block_grid
 from megalopta.flow.metrics.endpoint_error import block_share, truth_error
 from megalopta.flow.metrics.splits import truth_splits
 

@@ -5,7 +5,8 @@ from rich.console import Console
 
 from megalopta.checks import physics as check_physics
 from megalopta.errors import UserError
-from megalopta.sensor.selfcheck.comparison import Row, worst
+from megalopta.sensor.selfcheck import Row
+from megalopta.sensor.selfcheck.comparison import worst
 
 GOOD, BAD = Row("gate", "counts", 3.0, 3.1, 0.4), Row("jitter", "variance", 1.0, 2.0, 17.0)
 
@@ -53,7 +54,7 @@ def test_file_in_place_of_the_folder_is_refused_before_anything_is_checked(monke
 
 def test_pictures_are_written_where_asked(console, monkeypatch, tmp_path):
     monkeypatch.setattr(check_physics, "run_checks", lambda checks: [GOOD])
-    monkeypatch.setattr(check_physics, "_EXPOSURES_OF_A_PICTURE", 1000)
+    monkeypatch.setattr(check_physics, "EXPOSURES_OF_A_PICTURE", 1000)
     check_physics.run_check_physics(tmp_path / "plots", console)
     names = sorted(path.name for path in (tmp_path / "plots").iterdir())
     assert names == ["counts_ideal.png", "counts_nonparalyzable.png", "counts_paralyzable.png"]

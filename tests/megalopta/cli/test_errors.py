@@ -55,17 +55,17 @@ def test_a_mistyped_command_gets_one_sentence(capsys, arguments, message):
 def test_what_the_machine_refuses_is_told_with_file_and_remedy(
     capsys, monkeypatch, problem, message
 ):
-    def fails(words):
+    def fails():
         raise problem
 
-    monkeypatch.setattr(cli, "_run", fails)
+    monkeypatch.setattr(cli, "program", fails)
     assert message in refused(capsys, "info")
 
 
 def test_a_fault_of_ours_is_not_told_as_the_users(monkeypatch):
-    def fails(words):
+    def fails():
         raise OSError("no error of the system")
 
-    monkeypatch.setattr(cli, "_run", fails)
+    monkeypatch.setattr(cli, "program", fails)
     with pytest.raises(OSError, match="no error of the system"):
         cli.main(["info"])

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import pytest
 
 from megalopta.cli import main as cli
-from megalopta.render.exr import read_radiance, read_truth
+from megalopta.render import read_radiance, read_truth
 
 COMMAND = [sys.executable, "-m", "megalopta"]
 SMALL = [

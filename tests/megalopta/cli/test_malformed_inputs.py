@@ -15,10 +15,9 @@ import pytest
 import yaml
 
 from megalopta.cli import main as cli
-from megalopta.config import load, settings_of
-from megalopta.config.yaml_model import to_yaml
+from megalopta.config import load, settings_of, to_yaml
 from megalopta.sensor import PRESETS
-from megalopta.stages.pipeline import run_stage
+from megalopta.stages import run_stage
 
 CPU_S, WALL_S = 10, 120
 """Longest a case may compute; and wait, which depends on what else the machine does."""

@@ -7,7 +7,7 @@ import yaml
 from megalopta.config.model import built_in_names, differences, load, parse
 from megalopta.config.yaml_model import to_yaml
 from megalopta.errors import UserError
-from megalopta.scenes.forest.description import Forest
+from megalopta.scenes.forest import Forest
 
 
 @pytest.mark.parametrize("name", built_in_names())

@@ -5,7 +5,7 @@ import pytest
 from megalopta.config.model import load, parse
 from megalopta.config.yaml_model import mapping, validated
 from megalopta.errors import UserError
-from megalopta.experiments.sweep import Sweep
+from megalopta.experiments import Sweep
 
 
 @pytest.mark.parametrize(

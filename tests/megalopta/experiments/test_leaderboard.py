@@ -10,13 +10,11 @@ import pytest
 from numpy.lib.stride_tricks import sliding_window_view
 
 from megalopta.experiments import leaderboard
+from megalopta.figures import Run, house_style, new_canvas
 from megalopta.figures.comparison import leaderboard as figures_leaderboard
-from megalopta.figures.recipe import Run
-from megalopta.figures.style import house_style, new_canvas
-from megalopta.flow.detectors.registry import METHODS
-from megalopta.flow.metrics.photon_threshold import format_flux
-from megalopta.flow.metrics.translation_bound import fisher_information
-from megalopta.flow.stimuli.moving_template import MovingTemplate
+from megalopta.flow.detectors import METHODS
+from megalopta.flow.metrics import fisher_information, format_flux
+from megalopta.flow.stimuli import MovingTemplate
 
 
 @pytest.fixture(scope="module")
@@ -90,12 +88,12 @@ def test_figures_are_drawn_with_their_numbers(name, clean, monkeypatch, check_wo
 
 
 def test_caption_tells_which_methods_collect_more_than_two_frames(entries):
-    found = figures_leaderboard._collected(list(entries.values()))
+    found = figures_leaderboard.frames_collected(list(entries.values()))
     total = format_flux(8 * entries["PPM"].photons)
     assert found.startswith(f"Pooled Poisson matching collects 8 frames ({total} photons in total)")
     assert "Poisson matching collects 2" not in found
     without = [entries["PM"], entries["BM"]]
-    assert figures_leaderboard._collected(without) == "All methods collect two frames."
+    assert figures_leaderboard.frames_collected(without) == "All methods collect two frames."
 
 
 def test_speed_is_that_of_the_stimulus():

@@ -14,7 +14,7 @@ from megalopta.experiments.motion_bench import (
     record,
     stimulus,
 )
-from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
+from megalopta.sensor.spad import draw_fixed_pattern
 
 POISSON, SPADCAM = SENSORS.values()
 HIDDEN_PHOTONS = 27.0

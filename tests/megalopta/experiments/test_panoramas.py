@@ -10,10 +10,10 @@ from megalopta.experiments.panorama_recipes import (
     render_panorama,
 )
 from megalopta.experiments.panoramas import natural_templates, panorama_file, template_from_file
-from megalopta.render.noise import RenderNoise
+from megalopta.render import RenderNoise
 from megalopta.scenes import Forest, Light
-from megalopta.scenes.spectra.color import encode_srgb
-from megalopta.scenes.stimuli.panorama import LUMINANCE_SHARES
+from megalopta.scenes.spectra import encode_srgb
+from megalopta.scenes.stimuli import LUMINANCE_SHARES
 
 NOISE = RenderNoise(2, 0.1, 0.1, (1.0,), ((0.01,),))
 

@@ -8,7 +8,8 @@ from rich.console import Console
 
 from megalopta import checks
 from megalopta.checks import panoramas as check_panoramas
-from megalopta.checks.panoramas import LIMIT, compare, run_check_panoramas
+from megalopta.checks import run_check_panoramas
+from megalopta.checks.panoramas import LIMIT, compare
 from megalopta.cli import main as cli
 from megalopta.experiments import panoramas
 from megalopta.experiments.panorama_recipes import (
@@ -22,7 +23,7 @@ from megalopta.experiments.panoramas import (
     panorama_file,
     write_template,
 )
-from megalopta.render.noise import RenderNoise
+from megalopta.render import RenderNoise
 
 RECIPE = NATURAL_PANORAMAS["open"]
 NOISE = 0.05

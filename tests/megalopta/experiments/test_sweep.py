@@ -3,7 +3,7 @@
 import pytest
 from pydantic import ValidationError
 
-from megalopta.config.yaml_model import to_yaml
+from megalopta.config import to_yaml
 from megalopta.errors import UserError
 from megalopta.experiments.sweep import Sweep, load_sweep
 from megalopta.experiments.trial import GratingTemplate, PanoramaTemplate, Trial, template_names

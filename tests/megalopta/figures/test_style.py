@@ -3,7 +3,7 @@
 import pytest
 
 from megalopta.figures.style import house_style, method_style, new_canvas, wrapped
-from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.detectors import METHODS
 
 
 def test_no_two_methods_look_alike():

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from skimage.io import imread
 
-from megalopta.config.model import Configuration
+from megalopta.config import Configuration
 from megalopta.gallery import sheet as gallery
 from megalopta.scenes.build import OWN_SCENES
-from megalopta.scenes.lighting.levels import LEVELS
+from megalopta.scenes.lighting import LEVELS
 
 
 @pytest.mark.parametrize("name", gallery.SCENES)

@@ -4,10 +4,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from megalopta.figures.style import BLACK, RULE, method_style
-from megalopta.flow.detectors.registry import METHODS
-from megalopta.flow.metrics.curve import ErrorCurve
-from megalopta.flow.metrics.photon_threshold import Threshold
+from megalopta.figures import BLACK, RULE, method_style
+from megalopta.flow.detectors import METHODS
+from megalopta.flow.metrics import ErrorCurve, Threshold
 from megalopta.report.budget import Budget
 from megalopta.report.charts import Need, error_chart, need_chart, signal_chart, speed_chart
 from megalopta.report.svg import themed

@@ -12,8 +12,8 @@ import pytest
 import zarr
 
 from megalopta.cli import main as cli
-from megalopta.config.model import Configuration, load
-from megalopta.dataset.store import Dataset
+from megalopta.config import Configuration, load
+from megalopta.dataset import Dataset
 from megalopta.errors import UserError
 from megalopta.report import page as report_page
 from megalopta.report.budget import exposed
@@ -21,9 +21,7 @@ from megalopta.report.footage import read_footage, select
 from megalopta.report.page import write_report
 from megalopta.report.records import read_benchmark, read_records
 from megalopta.sensor import DigitalCounter
-from megalopta.stages.flow import responses_path
-from megalopta.stages.ledger import Ledger
-from megalopta.stages.pipeline import run_all, run_stage
+from megalopta.stages import Ledger, responses_path, run_all, run_stage
 
 SECTIONS = ("light", "motion", "detectors", "photons", "made")
 SENSOR = "spad_cam-1"

@@ -2,9 +2,8 @@ from dataclasses import replace
 
 import pytest
 
-from megalopta.config.model import Configuration
-from megalopta.flow.metrics.curve import ErrorCurve
-from megalopta.flow.metrics.photon_threshold import Threshold
+from megalopta.config import Configuration
+from megalopta.flow.metrics import ErrorCurve, Threshold
 from megalopta.report.budget import Budget
 from megalopta.report.detectors import DetectorSection
 from megalopta.report.motion import MotionSection, Wheel

@@ -7,11 +7,12 @@ import pytest
 import zarr
 from scipy.ndimage import binary_erosion
 
-from megalopta.config.model import built_in_names, load, parse
-from megalopta.dataset.frames import read_radiance_frames, read_truth_frames
+from megalopta.config import load, parse
+from megalopta.config.model import built_in_names
+from megalopta.dataset import read_radiance_frames, read_truth_frames
 from megalopta.errors import UserError
-from megalopta.report.page import write_report
-from megalopta.scenes.spectra.airglow import AIRGLOW
+from megalopta.report import write_report
+from megalopta.scenes.spectra import AIRGLOW
 from megalopta.sensor import (
     CtiaSensor,
     DacBias,

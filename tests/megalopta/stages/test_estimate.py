@@ -4,9 +4,9 @@ import shutil
 
 import pytest
 
-from megalopta.config.model import load
+from megalopta.config import load
 from megalopta.errors import UserError
-from megalopta.experiments.sweep import Sweep
+from megalopta.experiments import Sweep
 from megalopta.stages import estimate
 from megalopta.stages.estimate import announce, announce_sweep, refuse_absurd, size
 from megalopta.stages.pipeline import run_all, run_stage

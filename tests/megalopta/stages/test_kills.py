@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from megalopta.cli import main
-from megalopta.config.yaml_model import to_yaml
-from megalopta.dataset.store import open_dataset
+from megalopta.config import to_yaml
+from megalopta.dataset import open_dataset
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_all
 

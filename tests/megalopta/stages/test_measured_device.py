@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 import yaml
 
-from megalopta.cli.main import main
-from megalopta.config.model import load
-from megalopta.dataset.store import open_dataset
+from megalopta.cli import main
+from megalopta.config import load
+from megalopta.dataset import open_dataset
 from megalopta.errors import UserError
 from megalopta.sensor import read_counts
 from megalopta.stages.pipeline import run_all, run_stage

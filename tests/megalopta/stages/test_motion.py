@@ -8,12 +8,10 @@ import pytest
 
 from megalopta.checks.truth import check_truth
 from megalopta.cli import main as cli
-from megalopta.config.model import load
-from megalopta.dataset.frames import read_radiance_frames, read_truth_frames
-from megalopta.dataset.store import open_dataset
+from megalopta.config import load
+from megalopta.dataset import open_dataset, read_radiance_frames, read_truth_frames
 from megalopta.errors import UserError
-from megalopta.render import read_radiance, read_truth, write_truth
-from megalopta.render.exr import read_attributes
+from megalopta.render import read_attributes, read_radiance, read_truth, write_truth
 from megalopta.sensor import expectation, read_counts
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_stage

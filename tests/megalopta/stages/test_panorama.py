@@ -6,11 +6,11 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from megalopta.config.model import load
+from megalopta.config import load
 from megalopta.errors import UserError
-from megalopta.render.exr import read_radiance, read_truth
-from megalopta.report.page import write_report
-from megalopta.scenes.cameras.panoramic import CylindricalCamera
+from megalopta.render import read_radiance, read_truth
+from megalopta.report import write_report
+from megalopta.scenes.cameras import CylindricalCamera
 from megalopta.stages.pipeline import run_all, run_stage
 
 from ..conftest import TINY

@@ -9,18 +9,17 @@ import numpy as np
 import pytest
 import zarr
 
-from megalopta.checks.integrity import check_files, run_check_files
-from megalopta.cli.main import main
-from megalopta.config.model import load
-from megalopta.dataset.store import open_dataset
+from megalopta.checks import run_check_files
+from megalopta.checks.integrity import check_files
+from megalopta.cli import main
+from megalopta.config import load
+from megalopta.dataset import open_dataset
 from megalopta.errors import UserError
 from megalopta.flow.benchmark import sequence as benchmark
 from megalopta.flow.files.flo import read_flo
 from megalopta.flow.stimuli import draw_counts
-from megalopta.render.exr import read_radiance, read_truth
-from megalopta.scenes.spectra.blackbody import planckian
-from megalopta.scenes.spectra.photometry import luminous
-from megalopta.scenes.spectra.spectrum import Spectrum
+from megalopta.render import read_radiance, read_truth
+from megalopta.scenes.spectra import Spectrum, luminous, planckian
 from megalopta.sensor import expectation, read_counts
 from megalopta.stages import STAGES as ORDER
 from megalopta.stages import Ledger, registry

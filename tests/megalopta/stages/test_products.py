@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from megalopta.config.model import load
+from megalopta.config import load
 from megalopta.errors import UserError
-from megalopta.sensor import Crosstalk, ctia_preset, preset, read_counts
+from megalopta.sensor import Crosstalk, ctia_preset, preset
 from megalopta.sensor.formats import Shot, check_product, read_events, read_frames
-from megalopta.sensor.readout.events import histogram
+from megalopta.sensor.readout import histogram
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_stage
-from megalopta.stages.sense import sense
+from megalopta.stages.sense import open_exposure, sense
 
 LEVEL = 1e-5
 """Lux, some ten counts a pixel."""
@@ -46,14 +46,15 @@ def test_every_product_is_in_the_manifest(sensed, folder):
 
 
 def test_stack_holds_the_counts(sensed, folder):
-    counts = stored(sensed).exposure.counts
+    counts = stored(sensed).counts
     found = read_frames(folder / "ideal-1e-05lux.tiff")
     np.testing.assert_array_equal(found.counts, counts)
     assert found.exposure_s == sensed.configuration.sensors[0].exposure_s
 
 
 def stored(dataset):
-    return read_counts(dataset.counts(dataset.configuration.sensors[0], LEVEL))
+    opened = open_exposure(dataset, dataset.configuration.sensors[0], LEVEL)
+    return opened.exposure()
 
 
 def test_events_of_both_files_are_the_same_and_as_many_as_expected(sensed, folder):
@@ -62,7 +63,7 @@ def test_events_of_both_files_are_the_same_and_as_many_as_expected(sensed, folde
     np.testing.assert_array_equal(one.events.pixel, other.events.pixel)
     assert one.origin == other.origin
     assert one.origin.extra["level"] == LEVEL
-    expected = stored(sensed).exposure.expectation.mean_events.astype(float)
+    expected = stored(sensed).expectation.mean_events.astype(float)
     counts = histogram(one.events)
     # every pixel is Poisson: chi-square of all, and of the sum; false alarm 6e-7 each
     assert abs(counts.sum() - expected.sum()) < 5 * np.sqrt(expected.sum())
@@ -72,7 +73,7 @@ def test_events_of_both_files_are_the_same_and_as_many_as_expected(sensed, folde
 
 def test_bits_are_ones_as_often_as_the_light_says(sensed, folder):
     bits = read_frames(folder / "ideal-1e-05lux.binary.npy", shape=(40, 48)).counts
-    p = -np.expm1(-stored(sensed).exposure.expectation.mean_events.astype(float))
+    p = -np.expm1(-stored(sensed).expectation.mean_events.astype(float))
     assert abs(bits.sum() - p.sum()) < 5 * np.sqrt(np.sum(p * (1 - p))) + 1e-9
 
 

@@ -7,11 +7,11 @@ import OpenEXR
 import pytest
 import trimesh
 
-from megalopta.config.model import load, parse
+from megalopta.config import load, parse
 from megalopta.errors import UserError
 from megalopta.render import read_attributes, read_radiance
-from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.world.scene import Asset, Material, Placement, Scene
+from megalopta.scenes.spectra import flat
+from megalopta.scenes.world import Asset, Material, Placement, Scene
 from megalopta.stages.pipeline import run_stage
 
 SMALL = {

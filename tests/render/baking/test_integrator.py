@@ -13,10 +13,10 @@ from megalopta.render.baking.integrator import path_tracing_reason
 from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings, bake_seed, frame_seed
 from megalopta.render.variant import choose_variant
-from megalopta.scenes.cameras.perspective import PerspectiveCamera
-from megalopta.scenes.spectra.spectrum import Spectrum, flat
-from megalopta.scenes.trajectories.steady import Trajectory
-from megalopta.scenes.world.scene import (
+from megalopta.scenes.cameras import PerspectiveCamera
+from megalopta.scenes.spectra import Spectrum, flat
+from megalopta.scenes.trajectories import Trajectory
+from megalopta.scenes.world import (
     Asset,
     Emission,
     Lighting,
@@ -197,8 +197,8 @@ def test_frames_do_not_depend_on_which_were_rendered_before_nor_on_batches(monke
     for frame in (0, 2):
         resumed.radiance(ORBIT[frame], frame)
     frames.append(resumed.radiance(ORBIT[3], 7))
-    monkeypatch.setattr(bake, "_PATHS_AT_ONCE", 1000)
-    monkeypatch.setattr(bake, "_FIRST_ROWS", 1)
+    monkeypatch.setattr(bake, "PATHS_AT_ONCE", 1000)
+    monkeypatch.setattr(bake, "FIRST_ROWS", 1)
     frames.append(renderer_of(scene, ORBIT).radiance(ORBIT[3], 7))
     assert frames[0].tobytes() == frames[1].tobytes() == frames[2].tobytes()
     other = renderer_of(scene, ORBIT, seed=1).radiance(ORBIT[3], 7)
@@ -209,7 +209,7 @@ def test_frames_do_not_depend_on_which_were_rendered_before_nor_on_batches(monke
 def test_samples_beyond_one_pass_are_taken_in_several(monkeypatch):
     scene = thicket(Lighting(SKY))
     whole = renderer_of(scene, ORBIT, samples_per_pixel=256).radiance(ORBIT[0], 1)
-    monkeypatch.setattr(baked, "_SAMPLES_AT_ONCE", 100 * 24 * 24)
+    monkeypatch.setattr(baked, "SAMPLES_AT_ONCE", 100 * 24 * 24)
     parts = renderer_of(scene, ORBIT, samples_per_pixel=256).radiance(ORBIT[0], 1)
     # Other jitter in the same strata: four passes of 64. A pass left out, or one too bright, would
     # move the mean by a quarter.

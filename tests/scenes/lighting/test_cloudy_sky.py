@@ -6,8 +6,8 @@ from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.scenes import PerspectiveCamera, Trajectory
 from megalopta.scenes.lighting.cloudy_sky import DOME_M, LOWEST_DEG, clouds, under_clouds
 from megalopta.scenes.lighting.levels import Light
-from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.world.scene import Asset, Material, Placement, Scene
+from megalopta.scenes.spectra import flat
+from megalopta.scenes.world import Asset, Material, Placement, Scene
 
 WAVELENGTH_NM = 560.0
 

@@ -5,9 +5,7 @@ import pytest
 from scipy.constants import sigma
 
 from megalopta.scenes.lighting.levels import LEVELS, Light, illuminance_of
-from megalopta.scenes.spectra.blackbody import planckian
-from megalopta.scenes.spectra.photometry import luminous, luminous_efficiency
-from megalopta.scenes.spectra.spectrum import Spectrum, flat
+from megalopta.scenes.spectra import Spectrum, flat, luminous, luminous_efficiency, planckian
 
 
 @pytest.mark.parametrize("level", LEVELS)

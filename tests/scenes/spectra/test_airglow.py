@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta.scenes.lighting.levels import Light
+from megalopta.scenes.lighting import Light
 from megalopta.scenes.spectra.airglow import AIRGLOW
 
 ARCSEC2_SR = (np.pi / 180 / 3600) ** 2

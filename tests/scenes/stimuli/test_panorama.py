@@ -3,10 +3,10 @@ import pytest
 from pydantic import ValidationError
 
 from megalopta.scenes import Light, Panorama
-from megalopta.scenes.lighting.levels import LEVELS
-from megalopta.scenes.spectra.photometry import luminous
+from megalopta.scenes.lighting import LEVELS
+from megalopta.scenes.spectra import luminous
 from megalopta.scenes.stimuli.panorama import LUMINANCE_SHARES, primaries
-from megalopta.scenes.world.hashed_file import HashedFile
+from megalopta.scenes.world import HashedFile
 
 
 @pytest.mark.parametrize("level", LEVELS)

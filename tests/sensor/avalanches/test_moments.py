@@ -2,13 +2,12 @@ import numpy as np
 import pytest
 
 from megalopta.sensor.avalanches.moments import pixel_moments
-from megalopta.sensor.effects import gated_paralyzable, paralyzable
-from megalopta.sensor.effects.afterpulsing import Afterpulsing
+from megalopta.sensor.effects import Afterpulsing, Gate, gated_paralyzable, paralyzable
 from megalopta.sensor.effects.dead_time import moments
-from megalopta.sensor.effects.gating import Gate
-from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.sampling import generator
+from megalopta.sensor.selfcheck import AFTERPULSING, effects_of
 from megalopta.sensor.selfcheck.brute_force import brute_force_counts
-from megalopta.sensor.selfcheck.counting import AFTERPULSING, GATE, effects_of
+from megalopta.sensor.selfcheck.counting import GATE
 
 TAU_S = 1e-6
 EXPOSURES = 20_000

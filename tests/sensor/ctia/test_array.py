@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta.scenes.spectra.airglow import AIRGLOW
+from megalopta.scenes.spectra import AIRGLOW
 from megalopta.sensor.ctia.array import (
     electron_moments,
     expose_ctia,
@@ -16,8 +16,8 @@ from megalopta.sensor.ctia.model import CtiaSensor, pixels
 from megalopta.sensor.ctia.noise import CtiaNoise
 from megalopta.sensor.ctia.photodiode import ELEMENTARY_CHARGE_C, Photodiode, reverse_current
 from megalopta.sensor.ctia.presets import CTIA_PRESETS, PHOTODIODES, ctia_preset
-from megalopta.sensor.optics.efficiency import Efficiency
-from megalopta.sensor.optics.lens import PLANCK_TIMES_LIGHT_SPEED, Lens
+from megalopta.sensor.optics import Efficiency, Lens
+from megalopta.sensor.optics.lens import PLANCK_TIMES_LIGHT_SPEED
 
 BANDS = np.array([[900.0, 1300.0], [1300.0, 1700.0]])
 SILENT = CtiaNoise(photon_shot=False, dark_shot=False, reset=False)

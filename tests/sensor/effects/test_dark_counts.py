@@ -8,8 +8,7 @@ from megalopta.sensor.effects.dark_counts import (
     density_variance,
     mean_density,
 )
-from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
-from megalopta.sensor.spad.presets import preset
+from megalopta.sensor.spad import draw_fixed_pattern, preset
 
 SPADCAM = preset("spadcam").dark_counts
 UM2 = 1e-12

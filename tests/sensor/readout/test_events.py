@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from megalopta.sensor import Crosstalk, DeadTime, Gate, Jitter, changed, expose_events, preset
-from megalopta.sensor.avalanches.simulation import simulate_events
+from megalopta.sensor.avalanches import simulate_events
 from megalopta.sensor.readout.events import histogram
-from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.sampling import generator
 
 IDEAL = preset("ideal")
 RATE = np.random.default_rng(0).uniform(0, 300, (6, 5, 7))
@@ -56,7 +56,7 @@ def test_jitter_moves_time_stamps_and_nothing_else():
 
 def test_events_of_the_same_time_stay_in_the_order_of_the_simulation():
     # crosstalk fires neighbors at the very time of an avalanche, which comes first
-    sensor = changed(IDEAL, crosstalk=Crosstalk(probability=0.3))
+    sensor = changed(IDEAL, crosstalk=Crosstalk(mean_fired_neighbors=0.3))
     rate = np.full((8, 8), 100.0)
     rng = generator(0, "events", "s", 0)
     times, pixels = simulate_events(rng, rate, sensor.exposure_s, sensor.avalanche_effects)

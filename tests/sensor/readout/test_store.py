@@ -47,7 +47,7 @@ def test_everything_comes_back_as_it_was_written(tmp_path, stored):
 
 
 def test_store_is_zarr_v3_in_chunks_of_whole_frames(tmp_path, stored, monkeypatch):
-    monkeypatch.setattr(counts_store, "_CHUNK_BYTES", 12 * 12 * 2 * 2)
+    monkeypatch.setattr(counts_store, "CHUNK_BYTES", 12 * 12 * 2 * 2)
     write_counts(tmp_path / "s.zarr", stored)
     group = zarr.open_group(tmp_path / "s.zarr", mode="r")
     assert group.metadata.zarr_format == 3
@@ -73,7 +73,7 @@ def part(exposure, frames):
 
 
 def test_frames_are_read_by_slices_without_the_rest(tmp_path, stored, monkeypatch):
-    monkeypatch.setattr(counts_store, "_CHUNK_BYTES", 1)
+    monkeypatch.setattr(counts_store, "CHUNK_BYTES", 1)
     write_counts(tmp_path / "s.zarr", stored)
     for name in READINGS + MOMENTS:  # of frame 4, nothing is left
         (tmp_path / "s.zarr" / name / "c/4/0/0").write_bytes(b"")

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta.experiments.motion_bench import SPEEDS_MM_S
+from megalopta.experiments import SPEEDS_MM_S
 from megalopta.figures.chapter2.transfer import mean_snr_db, measured, theory
 
 OF_ALL_SPEEDS = [pytest.param(f"fig-2.{number}", marks=pytest.mark.slow) for number in (18, 19)]

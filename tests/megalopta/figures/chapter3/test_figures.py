@@ -7,8 +7,7 @@ from megalopta.figures.chapter3.suppression import bias_error
 from megalopta.figures.recipe import Run
 from megalopta.figures.registry import find, names
 from megalopta.figures.style import house_style, new_canvas
-from megalopta.sensor.ctia.photodiode import Photodiode, reverse_current
-from megalopta.sensor.ctia.presets import PHOTODIODES
+from megalopta.sensor.ctia import PHOTODIODES, Photodiode, reverse_current
 
 
 @cache

@@ -10,12 +10,18 @@ import numpy as np
 import pytest
 
 from megalopta.errors import UserError
-from megalopta.experiments import templates
-from megalopta.experiments.panorama_recipes import NATURAL_PANORAMAS
+from megalopta.experiments import (
+    NATURAL_PANORAMAS,
+    PHOTOGRAPHED,
+    SWEEPS,
+    PanoramaTemplate,
+    Sweep,
+    Trial,
+    in_form,
+    templates,
+)
 from megalopta.experiments.runner import run_trials
-from megalopta.experiments.sweep import Sweep
-from megalopta.experiments.thesis_sweeps import PHOTOGRAPHED, SWEEPS, in_form
-from megalopta.experiments.trial import PanoramaTemplate, Trial, measure
+from megalopta.experiments.trial import measure
 from megalopta.figures import reproduction as module
 from megalopta.figures.chapter4.denominators import FLOORS, floored_errors
 from megalopta.figures.chapter4.information import (
@@ -32,9 +38,8 @@ from megalopta.figures.reproduction import reproduce
 from megalopta.figures.style import house_style, new_canvas
 from megalopta.figures.sweep import sweep_figure
 from megalopta.figures.thresholds import needed
-from megalopta.flow.detectors.registry import METHODS
-from megalopta.flow.metrics.curve import ErrorCurve
-from megalopta.flow.metrics.photon_threshold import Threshold
+from megalopta.flow.detectors import METHODS
+from megalopta.flow.metrics import ErrorCurve, Threshold
 
 
 def crossing(flux):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from megalopta.experiments.thesis_sweeps import SWEEPS, in_form
+from megalopta.experiments import SWEEPS, in_form
 from megalopta.figures.chapter4 import findings as module
 from megalopta.figures.chapter4.denominators import FLOORS, growth_with_floor
 from megalopta.figures.chapter4.findings import findings
@@ -14,9 +14,8 @@ from megalopta.figures.chapter4.information import (
     like_the_open_forest,
 )
 from megalopta.figures.chapter4.table import PRINTED, division_of_natural, fewer_in_light
-from megalopta.flow.detectors.registry import THESIS_METHODS
-from megalopta.flow.metrics.curve import ErrorCurve
-from megalopta.flow.metrics.photon_threshold import Threshold
+from megalopta.flow.detectors import THESIS_METHODS
+from megalopta.flow.metrics import ErrorCurve, Threshold
 
 
 def results(sweep, flux_of):

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from megalopta.experiments.panorama_recipes import NATURAL_PANORAMAS
+from megalopta.experiments import NATURAL_PANORAMAS
 from megalopta.figures.chapter4 import scenes as module
-from megalopta.flow.stimuli.statistics import image_statistics
+from megalopta.flow.stimuli import image_statistics
 
 
 def test_grating_is_the_product_of_two_turned_sines_at_the_pixels_that_pooling_keeps(made):

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
+from megalopta.experiments import RESPONSES, detections
 from megalopta.experiments import detection as detection_sweep
-from megalopta.experiments.detection import RESPONSES, SCORED_FRAMES, VIEWS, detections
+from megalopta.experiments.detection import SCORED_FRAMES, VIEWS
 from megalopta.figures.comparison.detection import detection_figure
 from megalopta.figures.reproduction import write_figure
-from megalopta.flow.detectors.registry import METHODS
-from megalopta.flow.metrics.detection import d_prime, motion_evidence
+from megalopta.flow.detectors import METHODS
+from megalopta.flow.metrics import d_prime, motion_evidence
 
 # Two samples of 1024 responses of equal distribution: the standard error of d′ is 0.044, up to twice
 # that with responses of the same texture alike; five of them.
@@ -61,11 +62,14 @@ def test_no_method_changes_the_numbers_of_another():
 def test_threshold_of_a_method_that_takes_counts_is_half_of_its_response_to_bright_ones():
     flux, method = 1e9, METHODS["PM"]
     counts = [
-        detection_sweep._counts("right", view, 1 + SCORED_FRAMES, flux) for view in range(VIEWS)
+        detection_sweep.noisy_frames("right", view, 1 + SCORED_FRAMES, flux)
+        for view in range(VIEWS)
     ]
-    responses = motion_evidence(method, detection_sweep._responses(method, counts, flux))
+    responses = motion_evidence(method, detection_sweep.settled_responses(method, counts, flux))
     # 3e5 photons per pixel leave noise of 0.2 %
-    assert detection_sweep._threshold(method) == pytest.approx(np.median(responses) / 2, rel=0.01)
+    assert detection_sweep.motion_threshold(method) == pytest.approx(
+        np.median(responses) / 2, rel=0.01
+    )
 
 
 def test_figure_is_drawn(figure, tmp_path, check_words):
