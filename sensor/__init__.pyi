@@ -41,6 +41,7 @@ from .readout.images import (
 )
 from .readout.opened import OpenedCounts, StoredFrames, open_counts, read_counts
 from .readout.store import StoredCounts, write_counts
+from .readout.sub_frames import sub_frames
 from .sampling.streams import generator
 from .spad.exposure import expose, expose_rate
 from .spad.measured import MapFile, MeasuredMaps
@@ -112,6 +113,7 @@ __all__ = [
     "reading_current",
     "reading_electrons",
     "reading_moments",
+    "sub_frames",
     "volt_moments",
     "without",
     "write_counts",

@@ -2,6 +2,7 @@ from .binary import check_binary, expose_binary, unpack
 from .events import Events, expose_events, histogram
 from .images import ImageSensor, expose_image
 from .store import Origin, counts_writer
+from .sub_frames import sub_frames
 
 __all__ = [
     "Events",
@@ -13,5 +14,6 @@ __all__ = [
     "expose_events",
     "expose_image",
     "histogram",
+    "sub_frames",
     "unpack",
 ]

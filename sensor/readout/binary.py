@@ -52,6 +52,8 @@ def expose_binary(
     """
     check_binary(sensor)
     rate, device = checked_rate(detections_hz, sensor)
+    if rate.ndim != 3:
+        raise ValueError(f"detections_hz: shape {rate.shape}; give (frames, rows, columns)")
     open_s = sensor.exposure_s * open_fraction(sensor.gate, sensor.exposure_s)
     frames, rows, columns = rate.shape
     dark_hz = np.ascontiguousarray(np.broadcast_to(device.dark_counts_hz, (rows, columns)))

@@ -3,7 +3,8 @@
 The same device under the same light as in `exposure`, without the counter: an event-based array
 reports every avalanche. The histogram over the pixels agrees in distribution with the frames, not
 count by count, as the draws are others. Each exposure starts as a frame does, so the stream is that
-of an array which is reset between frames; choose a stationary start where it runs through.
+of an array which is reset between frames, unless it is free-running: then dead times and trapped
+carriers are carried from one frame into the next.
 
 Source: dissertation §2.3.2 (jitter), §2.3.5.
 """
@@ -14,7 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from megalopta.sensor.avalanches import simulate_events
+from megalopta.sensor.avalanches import PixelState, simulate_frame
 from megalopta.sensor.effects import check_arrivals, stamp
 from megalopta.sensor.sampling import generator
 from megalopta.sensor.spad import Sensor, checked_rate, over_frames
@@ -67,26 +68,47 @@ def expose_events(
     seed: int,
     sequence: str | int,
     first_frame: int = 0,
+    free_running: bool = False,
     threads: int | None = None,
 ) -> Events:
-    """Draw the events of frames whose detection rate is known, (T, H, W) in Hz.
+    """Draw the events of frames whose detection rate is known.
 
-    Parameters and errors are those of `expose_rate`; `detection_rate` gives the rate of a scene.
+    Other parameters, and errors, are those of `expose_rate`.
+
+    Parameters
+    ----------
+    detections_hz : (T, H, W) or (T, S, H, W) array
+        Hz, constant over an exposure or in S equal parts of it (`sub_frames`); `detection_rate`
+        gives that of a scene.
+    sensor : Sensor
+    free_running : bool
+        Exposures follow on each other without a gap, and what a pixel remembers is kept between
+        them; frames then depend on those before, from the first of this call on.
     """
     rate, device = checked_rate(detections_hz, sensor)
     streams: list[tuple[NDArray[np.float64], NDArray[np.uint32]]] = [None] * len(rate)  # type: ignore[list-item]
+    state: PixelState | None = None
 
     def expose_frame(frame: int) -> None:
+        nonlocal state
         arrivals_hz = rate[frame] + device.dark_counts_hz
         check_arrivals(arrivals_hz, sensor.exposure_s)
         rng = generator(seed, "events", sequence, first_frame + frame)
-        times, pixels = simulate_events(
-            rng, arrivals_hz, sensor.exposure_s, sensor.avalanche_effects, device.avalanches
+        simulated = simulate_frame(
+            rng,
+            arrivals_hz,
+            sensor.exposure_s,
+            sensor.avalanche_effects,
+            maps=device.avalanches,
+            state=state,
         )
-        streams[frame] = _sorted(stamp(rng, times, sensor.jitter), pixels)
+        if free_running:
+            state = simulated.state
+        stamps = stamp(rng, simulated.times_s, sensor.jitter)
+        streams[frame] = _sorted(stamps, simulated.pixels)
 
-    over_frames(expose_frame, len(rate), threads)
-    return _joined(streams, rate.shape, first_frame)
+    over_frames(expose_frame, len(rate), 1 if free_running else threads)
+    return _joined(streams, (len(rate), *rate.shape[-2:]), first_frame)
 
 
 def histogram(events: Events) -> NDArray[np.int64]:

@@ -81,11 +81,13 @@ def expose_rate(
     first_frame: int = 0,
     threads: int | None = None,
 ) -> Exposure:
-    """Draw the counts of frames whose detection rate is known, (T, H, W) in Hz; as `expose`."""
+    """Draw the counts of frames whose detection rate is known, in Hz; as `expose`.
+
+    The rate is (T, H, W), constant over an exposure, or (T, S, H, W), in S equal parts of it.
+    """
     rate, device = checked_rate(detections_hz, sensor)
-    exposure = Exposure(
-        empty_counts(rate.shape, sensor.counter.capacity), np.empty(rate.shape, np.bool_)
-    )
+    shape = rate.shape[0], *rate.shape[-2:]
+    exposure = Exposure(empty_counts(shape, sensor.counter.capacity), np.empty(shape, np.bool_))
 
     def expose_frame(frame: int) -> None:
         key = sequence, first_frame + frame

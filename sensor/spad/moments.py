@@ -62,6 +62,8 @@ def _all_moments(
     detections_hz: ArrayLike, sensor: Sensor, threads: int | None
 ) -> tuple[Floats, Floats, Floats, Floats]:
     rate, device = checked_rate(detections_hz, sensor)
+    if rate.ndim != 3:
+        raise ValueError(f"detections_hz: shape {rate.shape}; moments need (frames, rows, columns)")
     moments = np.empty((4, *rate.shape))
 
     def state(frame: int) -> None:

@@ -21,7 +21,7 @@ def detection_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> 
 
 
 def checked_rate(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, FixedPattern]:
-    """Rate as (frames, rows, columns) and the device that sees it, or refuse the rate.
+    """Rate as (frames, [parts,] rows, columns) and the device that sees it, or refuse the rate.
 
     Raises
     ------
@@ -30,15 +30,18 @@ def checked_rate(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, Fixe
     """
     _check_sensor(sensor)
     rate = np.asarray(detections_hz, np.float64)
-    if rate.ndim != 3:
-        raise ValueError(f"detections_hz: shape {rate.shape}; give (frames, rows, columns)")
+    if rate.ndim not in (3, 4):
+        raise ValueError(
+            f"detections_hz: shape {rate.shape}; give (frames, rows, columns), or with parts of "
+            "the exposure (frames, parts, rows, columns)"
+        )
     most = MOST_ARRIVALS / sensor.exposure_s
     if rate.size and not (rate.min() >= 0 and rate.max() <= most):
         raise ValueError(
             f"detections_hz: from {rate.min():g} to {rate.max():g}; must be finite, not negative "
             f"and at most {most:g} Hz ({MOST_ARRIVALS:g} an exposure)"
         )
-    _, rows, columns = rate.shape
+    *_, rows, columns = rate.shape
     return rate, draw_fixed_pattern(sensor, (rows, columns))
 
 

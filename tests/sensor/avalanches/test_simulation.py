@@ -8,8 +8,8 @@ from megalopta.sensor.avalanches.simulation import (
     simulate_counts,
     simulate_frame,
 )
-from megalopta.sensor.effects.dead_time import DeadTime
-from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.effects import DeadTime
+from megalopta.sensor.sampling import generator
 from megalopta.sensor.selfcheck.combinations import AVALANCHE_CHECKS
 
 

@@ -1,0 +1,77 @@
+"""Light between frames, and events that carry motion within a frame."""
+
+import numpy as np
+import pytest
+
+from megalopta.sensor import DeadTime, changed, expose_events, expose_rate, preset, sub_frames
+from megalopta.sensor.readout import histogram
+
+IDEAL = changed(preset("ideal"), exposure_s=1.0)
+
+
+def wave(shift):
+    """A smooth texture of 48 × 64 pixels, drifted by (x, y)."""
+    y, x = np.indices((48, 64))
+    x, y = x - shift[0], y - shift[1]
+    return 2 + np.sin(2 * np.pi * x / 21) * np.cos(2 * np.pi * y / 17)
+
+
+@pytest.mark.parametrize("velocity", [(0.0, 0.0), (2.0, 0.0), (-1.5, 2.5)])
+def test_a_drifting_texture_is_where_it_drifts_to(velocity):
+    frames = np.stack([wave(np.multiply(velocity, t)) for t in range(3)])
+    flow = np.broadcast_to(np.array(velocity), (2, 48, 64, 2))
+    found = sub_frames(frames, flow, 4)
+    assert found.shape == (2, 4, 48, 64)
+    for frame in range(2):
+        for part in range(4):
+            true = wave(np.multiply(velocity, frame + (part + 0.5) / 4))
+            # Bilinear interpolation of a sine of 17 px per period is off by (π/17)²/2 = 1.7 %.
+            inside = np.abs(found[frame, part] - true)[4:-4, 4:-4]
+            assert inside.max() < (0.029 if any(velocity) else 1e-12)
+
+
+def test_what_is_hidden_in_the_next_frame_is_looked_up_in_the_one_before():
+    frames = np.stack((np.full((6, 8), 1.0), np.full((6, 8), 9.0)))
+    hidden = np.zeros((1, 6, 8), bool)
+    hidden[0, :, :4] = True
+    found = sub_frames(frames, np.zeros((1, 6, 8, 2)), 1, hidden)[0, 0]
+    np.testing.assert_array_equal(found[:, :4], 1)
+    np.testing.assert_array_equal(found[:, 4:], 5)
+
+
+def test_undefined_flow_leaves_the_light_where_it_is():
+    frames = np.stack((wave((0, 0)), wave((0, 0))))
+    found = sub_frames(frames, np.full((1, 48, 64, 2), np.nan), 2)
+    np.testing.assert_allclose(found[0, 1], frames[0], rtol=1e-12)
+
+
+@pytest.mark.parametrize("flow", [(1, 48, 64), (2, 48, 64, 2), (1, 48, 60, 2)])
+def test_shapes_that_do_not_match_are_refused(flow):
+    with pytest.raises(ValueError, match="give \\(T, H, W\\)"):
+        sub_frames(np.ones((2, 48, 64)), np.zeros(flow), 2)
+
+
+def test_events_come_when_the_light_does():
+    rate = np.zeros((1, 4, 8, 8))
+    rate[0, 2] = 400.0  # in the third quarter only
+    events = expose_events(rate, IDEAL, seed=0, sequence="s")
+    assert ((events.time_s >= 0.5) & (events.time_s < 0.75)).all()
+    expected = 64 * 100.0
+    assert abs(events.time_s.size - expected) < 5 * np.sqrt(expected)
+    counts = expose_rate(rate, IDEAL, seed=0, sequence="s").counts
+    assert counts.shape == (1, 8, 8)
+    assert abs(counts.sum() - expected) < 5 * np.sqrt(expected)
+
+
+def test_a_free_running_array_is_one_long_exposure():
+    # Ten frames of one dead time each: reset in between, a pixel counts up to one more per frame.
+    sensor = changed(IDEAL, dead_time=DeadTime(kind="nonparalyzable", dead_time_s=1.0))
+    rate = np.full((10, 30, 30), 5.0)
+    reset, running = (
+        histogram(expose_events(rate, sensor, seed=1, sequence="s", free_running=runs)).sum(axis=0)
+        for runs in (False, True)
+    )
+    long = expose_rate(rate[:1], changed(sensor, exposure_s=10.0), seed=2, sequence="s").counts[0]
+    scatter = np.sqrt((running.var() + long.var()) / running.size)
+    assert abs(running.mean() - long.mean()) < 5 * scatter
+    assert reset.mean() > running.mean() + 1
