@@ -5,6 +5,7 @@ these, such as "young spruce 3 far".
 """
 
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from itertools import groupby, product
 from types import MappingProxyType
 from typing import NamedTuple
@@ -66,11 +67,16 @@ def plant_assets(seed: int, names: Iterable[str]) -> dict[str, Asset]:
 
 def materials(seed: int, assets: Mapping[str, Asset]) -> dict[str, Material]:
     """Return the materials of all parts of the assets."""
-    textures: dict[str, NDArray[np.float32]] = {}
     result = {}
     for part in sorted({part for asset in assets.values() for part in asset.parts}):
         (first, second), pattern = _COATS[part].spectra, _COATS[part].texture
-        if pattern not in textures:
-            textures[pattern] = TEXTURES[pattern](generator(seed, "texture", pattern))
-        result[part] = Material(first, Texture(textures[pattern], second))
+        result[part] = Material(first, Texture(_texture(seed, pattern), second))
     return result
+
+
+@lru_cache(maxsize=2 * len(TEXTURES))
+def _texture(seed: int, pattern: str) -> NDArray[np.float32]:
+    """Weights that all forests of a seed share; a megabyte or four each, a second to paint."""
+    weight = TEXTURES[pattern](generator(seed, "texture", pattern))
+    weight.flags.writeable = False
+    return weight

@@ -37,9 +37,8 @@ def test_contrast_is_there_at_every_scale_down_to_the_texel(texture):
         image = coarse
 
 
-@pytest.mark.parametrize("name", sorted(TEXTURES.keys() - ATLASES))
-@pytest.mark.parametrize("axis", [0, 1])
-def test_textures_tile_without_a_seam(name, axis):
-    texture = TEXTURES[name](np.random.default_rng(7))
+def test_textures_tile_without_a_seam(name, texture):
+    if name in ATLASES:
+        return
     # a step across the seam is no larger than the largest between any two rows inside
-    assert seam_contrast(texture, axis) <= 1.05
+    assert max(seam_contrast(texture, axis) for axis in (0, 1)) <= 1.05

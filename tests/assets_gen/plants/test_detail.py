@@ -53,11 +53,11 @@ def test_merged_leaves_lie_where_leaves_lay_and_face_as_they_did(plant):
 
 
 def test_a_crown_covers_as_much_of_the_sky_when_coarse(plant):
-    views = np.pi / 4 * np.arange(4)
+    views = np.pi / 2 * np.arange(2)
     height = plant.species.height_m
     fine = [shadow([plant.wood, plant.leaves], height, azimuth).sum() for azimuth in views]
     rough = [shadow(coarse(plant), height, azimuth).sum() for azimuth in views]
-    # some hundred merged leaves in random places: their overlap scatters by a few per cent
+    # some hundred merged leaves in random places: their overlap scatters by 3 % in one view
     assert sum(rough) == pytest.approx(sum(fine), rel=0.1)
 
 

@@ -50,22 +50,24 @@ def test_intensity_of_a_flat_image_meets_the_closed_form(size, bits, expected):
 def test_search_finds_the_crossing_of_the_full_lattice(name):
     # Other frames, other draws, warmed up with noise instead of clean frames: the standard errors
     # of 251 frames and of 40 are below 4 % (BM) and 1 % (others); phases differ by 5 to 12 %.
+    # Of the lattice, what lies within a factor of three: a crossing elsewhere is none here.
     stimulus = grating(cycles=5, velocity=5)
+    (searched,) = fluxes(found(stimulus, name))
     settings = BenchmarkSettings(
         sizes=(60,),
         metrics=("literal",),
         bits=(2,),
         repeats=2,
-        flux_min=1e4,
-        flux_max=1e7,
+        flux_min=searched / 3,
+        flux_max=searched * 3,
         fluxes_per_decade=8,
     )
     frames = np.stack([np.roll(stimulus.template, 5 * t, axis=1) for t in range(281)])
     full = photon_benchmark(frames, [METHODS[name]], settings, 0, "grating").curves[0]
-    assert fluxes(found(stimulus, name)) == pytest.approx([full.thresholds[2].flux], rel=0.12)
+    assert searched == pytest.approx(full.thresholds[2].flux, rel=0.12)
 
 
-@pytest.mark.parametrize("velocity", [5, 9])
+@pytest.mark.parametrize("velocity", [5, pytest.param(9, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", ["BM", "IIA", "NDS"])
 def test_bends_between_coarse_fluxes_do_not_move_thresholds(name, velocity):
     # All of 16 fluxes per decade on the same draws, averaged over eight seeds. Those of BM spread
@@ -93,10 +95,10 @@ def test_required_flux_goes_as_contrast_to_the_power_of_minus_two():
 
 
 def test_block_matching_too_goes_as_contrast_to_the_power_of_minus_two():
-    # −2.04 with a standard error of 0.022 for one seed, 0.008 for the mean of eight
+    # −2.04 with a standard error of 0.022 for one seed, 0.013 for the mean of three
     contrasts = np.array([0.2, 0.4, 0.8])
     slopes = []
-    for seed in range(8):
+    for seed in range(3):
         needed = [
             fluxes(found(grating(each), "BM", dark_counts=0, seed=seed))[0] for each in contrasts
         ]
@@ -154,15 +156,15 @@ def test_results_do_not_depend_on_the_company_of_methods():
 
 
 def test_interval_holds_the_truth_as_often_as_promised():
-    # 100 seeds at 95 %: fewer than 80 have a probability below 1e-7.
-    # The truth is the median of all; its own error is a fourteenth of that of one.
+    # 60 seeds at 95 %: fewer than 45 have a probability of 3e-8.
+    # The truth is the median of all; its own error is a sixth of that of one.
     stimulus = grating(cycles=6)
     thresholds = [
         found(stimulus, "NDS", seed=seed, flux_min=1e4, flux_max=1e7)[0].thresholds[2]
-        for seed in range(100)
+        for seed in range(60)
     ]
     truth = np.median([each.flux for each in thresholds])
-    assert sum(each.low <= truth <= each.high for each in thresholds) >= 80
+    assert sum(each.low <= truth <= each.high for each in thresholds) >= 45
 
 
 @pytest.mark.parametrize("name", ["BM", "EMD", "NDS"])

@@ -169,8 +169,7 @@ ORBIT = Trajectory(frames=4, position_m=(4, 0, 1.5), look_at_m=(0, 0, 1), rotati
 @pytest.mark.parametrize("sun", [None, Sun(SUN_DIRECTION, flat(2e-8))], ids=["sky", "sun"])
 def test_frames_agree_with_path_tracing_in_the_mean_and_in_each_pixel(sun):
     scene = thicket(Lighting(SKY, sun))
-    camera = PerspectiveCamera(width=40, height=40, fov_deg=40)
-    common = {"samples_per_pixel": 256, "camera": camera, "max_depth": 4}
+    common = {"samples_per_pixel": 256, "max_depth": 4}
     tracer = renderer_of(scene, ORBIT, integrator="path", **common)
     light = renderer_of(scene, ORBIT, bake_samples=256, **common)
     assert light.integrator == "baked"

@@ -10,13 +10,17 @@ from megalopta.sensor.selfcheck.brute_force import brute_force_counts
 from megalopta.sensor.selfcheck.counting import GATE
 
 TAU_S = 1e-6
-EXPOSURES = 20_000
+EXPOSURES = 8_000
 # longer and shorter than the dead time; the last opens with the exposure
 GATES = [
     GATE,
     Gate(period_s=0.3e-6, width_s=0.1e-6, phase_s=0.2e-6),
     Gate(period_s=1.3e-6, width_s=0.9e-6),
 ]
+
+
+def slow(*values):
+    return pytest.param(*values, marks=pytest.mark.slow)
 
 
 def z_scores(counts, mean, variance):
@@ -52,7 +56,7 @@ def test_gate_that_never_closes_leaves_the_closed_form(exposure_s, is_stationary
 
 
 @pytest.mark.parametrize("kind", ["nonparalyzable", "paralyzable"])
-@pytest.mark.parametrize("arrivals", [0.3, 30.0, 3e3, 1e6])
+@pytest.mark.parametrize("arrivals", [slow(0.3), 30.0, slow(3e3), slow(1e6)])
 def test_simulated_moments_without_carriers_to_speak_of_are_the_closed_ones(kind, arrivals):
     hardly_any = Afterpulsing(mean_carriers=1e-9, delay_s=2e-6)
     effects = effects_of(kind, "live", hardly_any)
@@ -68,11 +72,11 @@ def test_simulated_moments_without_carriers_to_speak_of_are_the_closed_ones(kind
 @pytest.mark.parametrize(
     ("kind", "rate", "exposure_s", "traps", "gate"),
     [
-        ("paralyzable", 3.3e6, 300e-6, AFTERPULSING, Gate()),
+        slow("paralyzable", 3.3e6, 300e-6, AFTERPULSING, Gate()),
         ("paralyzable", 1.3e6, 50e-6, AFTERPULSING, GATE),
         ("nonparalyzable", 1.3e6, 50e-6, Afterpulsing(), GATE),
-        ("nonparalyzable", 3.3e6, 400e-6, AFTERPULSING, Gate()),
-        ("ideal", 3.3e6, 400e-6, AFTERPULSING, GATE),
+        slow("nonparalyzable", 3.3e6, 400e-6, AFTERPULSING, Gate()),
+        slow("ideal", 3.3e6, 400e-6, AFTERPULSING, GATE),
     ],
 )
 def test_combined_effects_have_the_moments_of_brute_force(

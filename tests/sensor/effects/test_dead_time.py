@@ -1,6 +1,6 @@
 """Dead time against event-by-event simulation, renewal theory and generating functions.
 
-Sampling tests draw 2·10⁵ exposures with a fixed seed; each compares one number at |z| < 5, which a
+Sampling tests draw 10⁵ exposures with a fixed seed; each compares one number at |z| < 5, which a
 correct sampler fails with probability 6e-7.
 """
 
@@ -23,7 +23,7 @@ from megalopta.sensor.sampling import generator
 KINDS = ["ideal", "nonparalyzable", "paralyzable"]
 RATE_TIMES_DEAD_TIME = [1e-3, 0.01, 0.1, 0.5, 1.0, 3.0, 10.0]
 MEAN_ARRIVALS = [2.0, 30.0, 1000.0]
-DRAWS = 200_000
+DRAWS = 100_000
 
 
 def law(kind, dead_time_s=1.0):
@@ -133,7 +133,10 @@ def assert_follows(counts, p):
     assert chisquare(clipped, expected).pvalue > 1e-6
 
 
-@pytest.mark.parametrize("a", [1e-3, 0.1, 0.3, 1.0, 2.0, 5.0])
+@pytest.mark.parametrize(
+    "a",
+    [1e-3, *(pytest.param(a, marks=pytest.mark.slow) for a in (0.1, 0.3, 2.0)), 1.0, 5.0],
+)
 def test_paralyzable_normal_draws_are_within_4e4_of_the_exact_law_at_the_switch_over(a):
     arrivals = (paralyzable.EXACT_UP_TO + 0.1) * np.exp(a)
     quantiles = ndtri((np.arange(1_000_000) + 0.5) / 1_000_000)

@@ -4,22 +4,23 @@ import pytest
 from megalopta.experiments import SPEEDS_MM_S
 from megalopta.figures.chapter2.transfer import mean_snr_db, measured, theory
 
-OF_ALL_SPEEDS = [pytest.param(f"fig-2.{number}", marks=pytest.mark.slow) for number in (18, 19)]
+# 2.16 is 2.15 of another detector; 2.18 and 2.19 take all speeds
+LONG = [pytest.param(f"fig-2.{number}", marks=pytest.mark.slow) for number in (16, 18, 19)]
 
 
-@pytest.mark.parametrize("name", [*(f"fig-2.{number}" for number in range(14, 18)), *OF_ALL_SPEEDS])
+@pytest.mark.parametrize("name", ["fig-2.14", "fig-2.15", "fig-2.17", *LONG])
 def test_figure_is_drawn_with_its_numbers(drawn, name):
     figure = drawn(name)
     for noise in ("poisson_noise_only_", "spadcam_"):
         assert any(column.startswith(noise) for column in figure.columns)
 
 
-def test_brightest_band_of_a_response_map_follows_the_edge_to_the_left(made):
-    for name in ("fig-2.15", "fig-2.16"):
-        rows = np.array(made(name).rows)[:, 1:11]  # Poisson noise only
-        frame = rows.argmax(axis=0)
-        # 9 detectors at 1.67 pixels per frame; noise moves a peak by a frame or so
-        assert frame[0] - frame[-1] == pytest.approx(9 / 1.67, abs=2.5)
+@pytest.mark.parametrize("name", ["fig-2.15", pytest.param("fig-2.16", marks=pytest.mark.slow)])
+def test_brightest_band_of_a_response_map_follows_the_edge_to_the_left(made, name):
+    rows = np.array(made(name).rows)[:, 1:11]  # Poisson noise only
+    frame = rows.argmax(axis=0)
+    # 9 detectors at 1.67 pixels per frame; noise moves a peak by a frame or so
+    assert frame[0] - frame[-1] == pytest.approx(9 / 1.67, abs=2.5)
 
 
 @pytest.mark.slow
