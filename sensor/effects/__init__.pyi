@@ -8,7 +8,6 @@ from .dead_time import MOST_ARRIVALS, DeadTime, check_arrivals, expected_counts
 from .gating import Gate, is_open, open_fraction, open_time, wall_time
 from .jitter import Jitter, stamp
 from .mismatch import AvalancheMaps
-from .shading import Shading
 from .temperature import Temperature, dark_count_factor
 
 __all__ = [
@@ -23,7 +22,6 @@ __all__ = [
     "Gate",
     "Jitter",
     "PixelRates",
-    "Shading",
     "Stage",
     "Temperature",
     "afterpulsing",

@@ -14,7 +14,6 @@ from megalopta.sensor.effects import (
     DeadTime,
     Gate,
     Jitter,
-    Shading,
     Temperature,
     open_fraction,
 )
@@ -41,8 +40,6 @@ class Sensor(PixelOptics, frozen=True):
     """Events without light; off by default."""
     measured: MeasuredMaps = MeasuredMaps()
     """Measured maps of the pixels of one device, in place of drawn ones; none by default."""
-    shading: Shading = Shading()
-    """Fall of the efficiency toward the corners; none by default."""
     gate: Gate = Gate()
     """Periodic window of sensitivity; always open by default."""
     dead_time: DeadTime = DeadTime()
