@@ -1,3 +1,5 @@
+from functools import cache
+
 import pytest
 
 from megalopta.figures.recipe import Run
@@ -7,8 +9,9 @@ from megalopta.figures.style import house_style, new_canvas
 
 @pytest.fixture(scope="session")
 def made():
-    """A figure by its name, that rests on no trials."""
+    """A figure by its name, that rests on no trials; made once."""
 
+    @cache
     def make(name):
         (recipe,) = find(name)
         return recipe.make(Run())

@@ -33,7 +33,6 @@ SMALL = {
     "scene.density_per_ha": "60",
     "scene.undergrowth": "0",
     "scene.detail": "0.1",
-    "scene.mix": "{birch: 1}",
     "render.samples_per_pixel": "1",
     "methods": "[NDS, BM]",
     "benchmark.sizes": "[20]",

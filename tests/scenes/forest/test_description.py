@@ -241,12 +241,6 @@ def test_full_detail_draws_every_plant_in_full_where_it_stood():
         assert a.asset.rsplit(" ", 1)[0] == b.asset.rsplit(" ", 1)[0]
 
 
-def test_without_undergrowth_only_trees_and_the_belt_are_left():
-    bare = build_forest(SMALL.model_copy(update={"undergrowth": 0.0}), PATH)
-    kinds = {placement.kind for placement in bare.placements}
-    assert kinds == {"ground", *SMALL.mix, *THICKET}
-
-
 @pytest.mark.parametrize("name", PRESETS)
 def test_presets_set_what_is_not_given(name):
     preset = Forest(preset=name)
@@ -287,10 +281,10 @@ def test_the_size_of_a_forest_is_foreseen(scene, forest):
     assert 0.5 < len(scene.placements) / plants < 2
 
 
-def test_a_single_species_and_a_single_camera_position_will_do():
+def test_without_undergrowth_around_one_place_only_one_species_and_the_belt_are_left():
     forest = SMALL.model_copy(update={"mix": {"birch": 2.0}, "undergrowth": 0.0})
-    pure = build_forest(forest, [[3.0, -2.0]])
-    assert {p.kind for p in pure.placements} & TREES.keys() == {"birch"}
+    bare = build_forest(forest, [[3.0, -2.0]])
+    assert {placement.kind for placement in bare.placements} == {"ground", "birch", *THICKET}
 
 
 @pytest.mark.parametrize(

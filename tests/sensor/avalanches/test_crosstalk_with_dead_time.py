@@ -9,7 +9,7 @@ from megalopta.sensor.effects import Afterpulsing, Crosstalk, DeadTime, Gate
 from megalopta.sensor.sampling import generator
 from megalopta.sensor.selfcheck.comparison import two_sample_z
 
-TAU_S, EXPOSURE_S, RATE_HZ, EXPOSURES = 1e-6, 2e-5, 8e5, 4000
+TAU_S, EXPOSURE_S, RATE_HZ, EXPOSURES = 1e-6, 2e-5, 8e5, 2000
 
 
 def effects(kind, fired, neighbors=4):
