@@ -1,5 +1,6 @@
 """Stores of counts read, whole or frames at a time."""
 
+import math
 import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -125,6 +126,11 @@ def _opened(path: Path, group: zarr.Group, attributes: dict[str, Any]) -> Opened
         array = group[name]
         if not isinstance(array, zarr.Array) or array.dtype.kind not in _KINDS[name]:
             raise ValueError(f"{name} is no array of its kind of numbers")
+        written = sum(each.is_file() for each in (path / name / "c").rglob("*"))
+        sizes = zip(array.shape, array.chunks, strict=True)
+        lost = math.prod(-(-size // chunk) for size, chunk in sizes) - written
+        if lost > 0:
+            raise ValueError(f"{lost} chunks of {name} are gone")
         arrays[name] = StoredFrames(path, array)
     shapes = [array.shape for array in arrays.values()]
     if len(shapes[0]) != 3 or len(set(shapes)) > 1:

@@ -151,4 +151,5 @@ def _create_array(group: zarr.Group, name: str, frames: int, like: NDArray[Any],
         chunks=(per_chunk, *like.shape[1:]),
         dimension_names=("frame", "row", "column"),
         attributes={"unit": unit},
+        config={"write_empty_chunks": True},  # so that a lost one is not read as darkness
     )

@@ -211,3 +211,12 @@ def test_something_else_is_refused(tmp_path):
     for name, message in (("folder", "not a"), ("file", "not a"), ("other.zarr", "not one of")):
         with pytest.raises(ValueError, match=message):
             read_counts(tmp_path / name)
+
+
+@pytest.mark.parametrize("part", ["counts", "saturated", "photons"])
+def test_a_lost_chunk_is_no_darkness(tmp_path, stored, part):
+    write_counts(tmp_path / "s.zarr", stored)
+    assert len(read_counts(tmp_path / "s.zarr").exposure.counts)
+    (tmp_path / "s.zarr" / part / "c/0/0/0").unlink()
+    with pytest.raises(ValueError, match=rf"chunks of {part} are gone\); write the counts again"):
+        open_counts(tmp_path / "s.zarr")
