@@ -1,10 +1,13 @@
 from .binary import check_binary, expose_binary, unpack
 from .events import Events, expose_events, histogram
+from .growing import ExtraArray, GrowingCounts
 from .images import ImageSensor, expose_image
 from .store import Origin, counts_writer
 
 __all__ = [
     "Events",
+    "ExtraArray",
+    "GrowingCounts",
     "ImageSensor",
     "Origin",
     "check_binary",

@@ -1,0 +1,7 @@
+from .recording import Recording, RecordingSettings, open_recording
+
+__all__ = [
+    "Recording",
+    "RecordingSettings",
+    "open_recording",
+]
