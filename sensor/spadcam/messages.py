@@ -51,7 +51,7 @@ class Settings(NamedTuple):
     def are_possible(self) -> bool:
         """Whether a frame is exposed before the next begins, and codes and rows exist."""
         return (
-            0 < self.frame_rate_mhz
+            self.frame_rate_mhz > 0
             and 0 < self.exposure_us <= self.period_us
             and self.step_bias <= LARGEST_STEP_BIAS
             and self.first_row < self.end_row <= ROWS
