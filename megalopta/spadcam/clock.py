@@ -10,6 +10,7 @@ frames take no memory.
 What delay the fastest frame had cannot be known: times are late by it, all alike.
 """
 
+from itertools import pairwise
 from typing import NamedTuple
 
 LARGEST_DRIFT = 1e-3
@@ -67,8 +68,7 @@ class Clock:
 
     def _rate(self) -> float:
         """Slope of the edge over the mean time, as far as a clock's can be."""
-        edges = zip(self._corners, self._corners[1:], strict=False)
-        for (device, host), (next_device, next_host) in edges:
+        for (device, host), (next_device, next_host) in pairwise(self._corners):
             if next_device >= self._mean_s:
                 slope = (next_host - host) / (next_device - device)
                 return min(max(slope, 1 - LARGEST_DRIFT), 1 + LARGEST_DRIFT)
@@ -76,8 +76,7 @@ class Clock:
 
     def _mean_distance_s(self, offset_s: float, rate: float) -> float:
         heights = [(device, host - offset_s - rate * device) for device, host in self._corners]
-        edges = zip(heights, heights[1:], strict=False)
-        area = sum((b[0] - a[0]) * (a[1] + b[1]) / 2 for a, b in edges)
+        area = sum((b[0] - a[0]) * (a[1] + b[1]) / 2 for a, b in pairwise(heights))
         span_s = heights[-1][0] - heights[0][0]
         return area / span_s if span_s else 0.0
 

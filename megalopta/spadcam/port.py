@@ -19,11 +19,14 @@ UDEV_RULE = (
 _LIST = "see megalopta spadcam list"
 _REMEDIES = {
     errno.ENOENT: f"no such port; plug the camera in, or choose another ({_LIST})",
-    errno.ENODEV: f"no device behind this port; plug the camera in again, or choose another ({_LIST})",
-    errno.ENXIO: f"no device behind this port; plug the camera in again, or choose another ({_LIST})",
+    **dict.fromkeys(
+        (errno.ENODEV, errno.ENXIO),
+        f"no device behind this port; plug the camera in again, or choose another ({_LIST})",
+    ),
     errno.EACCES: (
         "not permitted; join its group (sudo usermod -aG dialout $USER, then log in again), or put "
-        f"this rule into /etc/udev/rules.d/49-spadcam.rules and plug the camera in again: {UDEV_RULE}"
+        "this rule into /etc/udev/rules.d/49-spadcam.rules and plug the camera in again: "
+        f"{UDEV_RULE}"
     ),
     **dict.fromkeys(
         (errno.EBUSY, errno.EAGAIN),

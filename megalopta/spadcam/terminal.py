@@ -1,4 +1,4 @@
-"""The emulated camera on a pseudo-terminal, where it behaves as a device on a USB port, or worse."""
+"""The emulated camera on a pseudo-terminal: as a device on a USB port, or worse."""
 
 import os
 import pty
@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from megalopta.errors import UserError
 from megalopta.sensor import generator
-from megalopta.sensor.spadcam import Kind, Parser, encode
+from megalopta.sensor.spadcam import Kind, Packet, Parser, encode
 from megalopta.spadcam.emulated import EmulatedCamera
 
 BUFFER_BYTES = 24576
@@ -83,6 +84,8 @@ class EmulatedPort:
         plugged_in: Callable[[str], None] = lambda path: None,
         sent: Callable[[bytes], None] = lambda data: None,
     ) -> None:
+        if link is not None and link.exists() and not link.is_symlink():
+            raise UserError(f"{link}: exists and is no symbolic link; choose another name")
         self._camera, self._faults, self._link = camera, faults or Faults(), link
         self._plugged_in, self._sent = plugged_in, sent
 
@@ -121,7 +124,6 @@ class _Line:
         self._camera, self._faults, self._end, self._sent = camera, faults, end, sent
         self._parser = Parser()
         self._waiting = bytearray()
-        self._packets = 0
         self._start_s = time.monotonic()
 
     def serve(self, stop: threading.Event) -> None:
@@ -144,19 +146,19 @@ class _Line:
 
     def _expose(self) -> None:
         if self._camera.due_us <= self._now_us():
-            packet = self._camera.next_frame()
-            line = encode(packet)
-            self._packets += 1
-            if len(self._waiting) + len(line) <= BUFFER_BYTES:
-                rng = generator(self._camera.seed, "line", self._packets)
-                self._waiting += self._faults.on(line, rng)
+            self._post(self._camera.next_frame())
+
+    def _post(self, packet: Packet) -> None:
+        """Put a packet among those to be sent, if there is room."""
+        line = encode(packet)
+        rng = generator(self._camera.seed, "line", packet.kind, packet.sequence)
+        if len(self._waiting) + len(line) <= BUFFER_BYTES:
+            self._waiting += self._faults.on(line, rng)
 
     def _may_send(self) -> bool:
         faults, now_s = self._faults, self._elapsed_s()
-        if (
-            faults.stall_every_s
-            and now_s % faults.stall_every_s > faults.stall_every_s - faults.stall_s
-        ):
+        sending_s = faults.stall_every_s - faults.stall_s
+        if faults.stall_every_s and now_s % faults.stall_every_s > sending_s:
             return False
         return not faults.burst_s or now_s % faults.burst_s < 0.2 * faults.burst_s
 
@@ -169,7 +171,7 @@ class _Line:
     def _receive(self) -> None:
         for command in self._parser.feed(os.read(self._end, 4096)):
             if command.kind >= Kind.IDENTIFY:
-                self._waiting += encode(self._camera.answer(command, self._now_us()))
+                self._post(self._camera.answer(command, self._now_us()))
 
     def _send(self) -> None:
         count = os.write(self._end, self._waiting)

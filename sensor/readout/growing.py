@@ -97,6 +97,10 @@ class GrowingCounts:
         }
         write_text(self.path / "zarr.json", json.dumps(whole))
 
+    def read(self, name: str, first: int, end: int) -> NDArray[Any]:
+        """Published values of one array."""
+        return np.asarray(self._arrays[name][first:end])
+
     def rewrite(self, name: str, first: int, values: NDArray[Any]) -> None:
         """Replace published values of one array, from a frame on."""
         self._arrays[name][first : first + len(values)] = values
