@@ -2,15 +2,15 @@
 
 from collections import deque
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.errors import UserError
-from megalopta.sensor import AnalogCounter, Sensor, changed, expose_adc
+from megalopta.sensor import AnalogCounter, Sensor, expose_adc
 from megalopta.sensor.spadcam import (
     COLUMNS,
-    NOMINAL_STEP_BIAS,
     NOT_READ,
     ROWS,
     Identity,
@@ -19,31 +19,13 @@ from megalopta.sensor.spadcam import (
     Settings,
     frame_packet,
 )
-from megalopta.spadcam.stimuli import Stimulus
+from megalopta.spadcam.nominal import sensor_as_set
+
+if TYPE_CHECKING:
+    from megalopta.spadcam.stimuli import Stimulus
 
 _AHEAD_S = 0.05
 _MOST_AHEAD = 64
-
-
-def sensor_as_set(sensor: Sensor, settings: Settings) -> Sensor:
-    """A sensor with the camera's exposure, and its step in proportion to the bias (assumed).
-
-    Raises
-    ------
-    UserError
-        When the sensor cannot be so, or its counters are not read by an ADC.
-    """
-    counter = sensor.counter
-    if not isinstance(counter, AnalogCounter) or not 0 < (counter.adc_bits or 0) <= 16:
-        raise UserError(
-            f"sensor {sensor.name}: its counters are not read by an ADC of 1 to 16 bits; "
-            "choose another, such as spadcam"
-        )
-    step_v = counter.step_v * settings.step_bias / NOMINAL_STEP_BIAS
-    try:
-        return changed(sensor, exposure_s=settings.exposure_us * 1e-6, counter={"step_v": step_v})
-    except ValueError as problem:
-        raise UserError(f"sensor {sensor.name}: {problem}") from None
 
 
 class EmulatedCamera:
@@ -61,7 +43,7 @@ class EmulatedCamera:
     """
 
     def __init__(
-        self, sensor: Sensor, stimulus: Stimulus, seed: int = 0, serial_number: str = "EMULATED"
+        self, sensor: Sensor, stimulus: "Stimulus", seed: int = 0, serial_number: str = "EMULATED"
     ) -> None:
         self.sensor, self.stimulus, self.seed = sensor, stimulus, seed
         self.serial_number = serial_number

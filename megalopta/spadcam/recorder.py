@@ -59,8 +59,8 @@ class Recorder:
             started=datetime.now(UTC).isoformat(timespec="milliseconds"),
             serial_number=identity.serial_number,
             firmware=identity.firmware,
-            exposure_s=settings.exposure_us * 1e-6,
-            frame_rate_hz=settings.frame_rate_mhz * 1e-3,
+            exposure_s=settings.exposure_us / 1e6,
+            frame_rate_hz=settings.frame_rate_mhz / 1e3,
             step_bias=settings.step_bias,
             row_window=(settings.first_row, settings.end_row),
         )

@@ -17,8 +17,9 @@ from megalopta.sensor import generator
 from megalopta.sensor.spadcam import Kind, Packet, Parser, encode
 from megalopta.spadcam.emulated import EmulatedCamera
 
-BUFFER_BYTES = 24576
-"""Of the firmware, for what waits to be sent; a frame that finds no room is dropped."""
+BUFFER_BYTES = 24576 + 65536
+"""Room for what waits to be read, in the firmware and in the host's driver, which for a USB port
+has 64 KiB and for a pseudo-terminal a sixth of it; a frame that finds none is dropped."""
 
 _LONGEST_WAIT_S = 0.05
 
