@@ -14,7 +14,6 @@ from megalopta.errors import UserError
 from megalopta.files import remove
 from megalopta.sensor import Sensor
 from megalopta.sensor.spadcam import (
-    Identity,
     Kind,
     Packet,
     Settings,

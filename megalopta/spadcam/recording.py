@@ -159,7 +159,7 @@ def _extras(opened: OpenedCounts) -> Mapping[str, "zarr.Array[Any]"]:
     found = {}
     for name in ("adc", "times_s", "sequence_number"):
         array = group.get(name)
-        if not isinstance(array, zarr.Array) or len(array) != len(opened["counts"]):
+        if not isinstance(array, zarr.Array) or array.shape[0] != len(opened["counts"]):
             raise ValueError(f"{opened.path}: lacks {name}, or has too little; record it again")
         found[name] = array
     return found
