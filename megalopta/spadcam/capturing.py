@@ -112,7 +112,7 @@ def capture(
     ------
     UserError
         When a setting is impossible, the folder exists, or the camera is not there, does not
-        answer, or refuses.
+        answer, refuses, or has not answered when it is stopped.
     """
     settings.check()
     if out.exists():
@@ -128,7 +128,8 @@ def capture(
             remove(out)
         else:
             recording.finish()
-    assert recording.recorder is not None
+    if recording.recorder is None:
+        raise UserError(f"{out}: not recorded, stopped before the camera answered; try again")
     return recording.recorder.record
 
 

@@ -55,7 +55,7 @@ class Clock:
             corners.pop()
         corners.append((device_s, host_s))
         if len(corners) > _MOST_CORNERS:
-            del corners[1:-1:2]
+            self._corners = _thinned(corners)
 
     @property
     def fit(self) -> ClockFit | None:
@@ -79,6 +79,16 @@ class Clock:
         area = sum((b[0] - a[0]) * (a[1] + b[1]) / 2 for a, b in pairwise(heights))
         span_s = heights[-1][0] - heights[0][0]
         return area / span_s if span_s else 0.0
+
+
+def _thinned(corners: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """At most half as many as allowed, evenly in time, with both ends."""
+    apart_s = 2 * (corners[-1][0] - corners[0][0]) / _MOST_CORNERS
+    kept = corners[:1]
+    for corner in corners[1:-1]:
+        if corner[0] - kept[-1][0] >= apart_s:
+            kept.append(corner)
+    return [*kept, corners[-1]]
 
 
 def _is_above(

@@ -97,7 +97,7 @@ class EmulatedCamera:
         """Draw some frames from the next on; drawing them one by one takes longer."""
         period_us = self.settings.period_us
         frames = int(np.clip(_AHEAD_S * 1e6 / period_us, 1, _MOST_AHEAD))
-        times_s = (self._start_us + period_us * np.arange(frames)) * 1e-6
+        times_s = (self._start_us + period_us * np.arange(frames, dtype=np.float64)) * 1e-6
         samples = expose_adc(
             self.stimulus.rates_hz(times_s, self._as_set),
             self._as_set,

@@ -170,4 +170,4 @@ class Recorder:
 
 def _times_s(device_us: NDArray[np.uint64], connection: Connection) -> NDArray[np.float64]:
     assert connection.offset_s is not None and connection.rate is not None
-    return connection.offset_s + connection.rate * (device_us * 1e-6)
+    return np.asarray(connection.offset_s + connection.rate * (device_us * 1e-6), np.float64)

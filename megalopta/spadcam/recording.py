@@ -7,28 +7,24 @@
 `counts.zarr` is a counts store: `megalopta.sensor.open_counts` opens it, too.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import zarr
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import ValidationError
 
 from megalopta import strict_yaml
-from megalopta.sensor import OpenedCounts, Sensor, StoredFrames, open_counts
+from megalopta.record import Record
+from megalopta.sensor import Sensor, StoredFrames, open_counts
 
 COUNTS = "counts.zarr"
 RAW = "raw.bin"
 SETTINGS = "recording.yaml"
 
 
-class Connection(BaseModel, frozen=True):
+class Connection(Record, frozen=True):
     """A stretch between plugging and unplugging: host time = offset_s + rate · device time."""
-
-    model_config = ConfigDict(extra="forbid")
 
     first_frame: int
     """Number, in the recording, of its first frame."""
@@ -42,10 +38,8 @@ class Connection(BaseModel, frozen=True):
     """Mean distance of the earliest arrivals from that line (s)."""
 
 
-class RecordingSettings(BaseModel, frozen=True):
+class RecordingSettings(Record, frozen=True):
     """What recording.yaml says."""
-
-    model_config = ConfigDict(extra="forbid")
 
     kind: str
     """What was recorded, as told: "dark", "flat", …."""
@@ -128,16 +122,18 @@ def open_recording(path: str | Path) -> Recording:
     opened = open_counts(path / COUNTS)
     if not isinstance(opened.sensor, Sensor):
         raise ValueError(f"{path / COUNTS}: of no sensor that counts; give a recording of SPADCAM")
-    arrays = _extras(opened)
+    for name in ("adc", "times_s", "sequence_number"):
+        if name not in opened.arrays:
+            raise ValueError(f"{opened.path}: lacks {name}; give a recording of SPADCAM")
     return Recording(
         path=path,
         settings=settings,
         sensor=opened.sensor,
         counts=opened["counts"],
         saturated=opened["saturated"],
-        adc=StoredFrames(opened.path, arrays["adc"]),
-        times_s=np.asarray(arrays["times_s"][:]),
-        sequence_number=np.asarray(arrays["sequence_number"][:]),
+        adc=opened["adc"],
+        times_s=opened["times_s"][:],
+        sequence_number=opened["sequence_number"][:],
     )
 
 
@@ -152,14 +148,3 @@ def _settings(path: Path) -> RecordingSettings:
         raise ValueError(f"{path}: {place}: {problem['msg']}") from None
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-
-
-def _extras(opened: OpenedCounts) -> Mapping[str, "zarr.Array[Any]"]:
-    group = zarr.open_group(opened.path, mode="r")
-    found = {}
-    for name in ("adc", "times_s", "sequence_number"):
-        array = group.get(name)
-        if not isinstance(array, zarr.Array) or array.shape[0] != len(opened["counts"]):
-            raise ValueError(f"{opened.path}: lacks {name}, or has too little; record it again")
-        found[name] = array
-    return found

@@ -49,7 +49,7 @@ class Flat:
         levels = np.array(self.photons_hz)[
             (times_s // self.step_s).astype(int) % len(self.photons_hz)
         ]
-        return levels[:, None, None] * _efficiency(sensor)
+        return np.asarray(levels[:, None, None] * _efficiency(sensor))
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class Rendered:
 
 def _at(times_s: Floats, frame_rate_hz: float, frames: Floats) -> Floats:
     # A frame that begins a rounding error early is not the one before.
-    return frames[np.floor(times_s * frame_rate_hz + 1e-6).astype(int) % len(frames)]
+    return np.asarray(frames[np.floor(times_s * frame_rate_hz + 1e-6).astype(int) % len(frames)])
 
 
 @cache
@@ -114,4 +114,5 @@ def _shrunk(image: NDArray[np.float32], side: int) -> Floats:
     top, left = ((length - side) // 2 for length in image.shape[:2])
     block = side // ROWS
     square = image[top : top + side, left : left + side]
-    return square.reshape(ROWS, block, COLUMNS, block, -1).mean(axis=(1, 3), dtype=np.float64)
+    blocks = square.reshape(ROWS, block, COLUMNS, block, -1)
+    return np.asarray(blocks.mean(axis=(1, 3), dtype=np.float64))

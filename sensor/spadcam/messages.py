@@ -1,7 +1,7 @@
 """What is in the packets: frames, settings, who the camera is, and the commands to it."""
 
 import struct
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +59,7 @@ class Settings(NamedTuple):
 
     def after(self, command: Packet) -> Self:
         """What a command makes of them; with `refused` where it is impossible."""
-        wanted = self._replace(refused=False, **_wanted(command))
+        wanted = self._replace(**_wanted(command))._replace(refused=False)
         return wanted if wanted.are_possible else self._replace(refused=True)
 
     def payload(self) -> bytes:
@@ -70,7 +70,7 @@ class Settings(NamedTuple):
     def of(cls, payload: bytes) -> Self:
         """From bytes."""
         refused, *values = _SETTINGS.unpack(payload)
-        return cls(*values, refused=bool(refused))
+        return cls(*values, bool(refused))
 
 
 class Identity(NamedTuple):
@@ -132,7 +132,7 @@ def set_row_window(first: int, end: int) -> tuple[Kind, bytes]:
     return Kind.SET_ROW_WINDOW, struct.pack("<BB", first, end)
 
 
-def _wanted(command: Packet) -> dict[str, int]:
+def _wanted(command: Packet) -> dict[str, Any]:
     if command.kind == Kind.SET_ROW_WINDOW:
         first, end = command.payload
         return {"first_row": first, "end_row": end}

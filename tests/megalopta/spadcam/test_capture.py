@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 import tty
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -177,23 +178,24 @@ def test_a_seed_makes_the_same_frames():
 RUN = "from megalopta.__main__ import main; main()"
 
 
+@contextmanager
 def command(*words):
-    return subprocess.Popen(
-        [sys.executable, "-c", RUN, "spadcam", *map(str, words)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    line = [sys.executable, "-c", RUN, "spadcam", *map(str, words)]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(line, stdout=pipe, stderr=pipe, text=True) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
 
 
 def test_a_killed_capture_leaves_a_recording_that_opens(emulated, until, tmp_path):
     out = tmp_path / "a"
     with emulated() as camera:
         words = ["--port", camera.find(), "--out", out, "--kind", "dark", "--rate", 100]
-        running = command("capture", *words, "--exposure", 0.01)
-        until(lambda: (out / "recording.yaml").exists() and len(open_recording(out)) > 50)
-        running.kill()
-        running.communicate()
+        with command("capture", *words, "--exposure", 0.01) as running:
+            until(lambda: (out / "recording.yaml").exists() and len(open_recording(out)) > 50)
+            running.kill()
     recording = open_recording(out)
     assert len(recording) > 50 and recording.kind == "dark" and not recording.settings.finished
     logged = {packet.sequence: packet for packet in raw_frames(out)}
@@ -203,16 +205,13 @@ def test_a_killed_capture_leaves_a_recording_that_opens(emulated, until, tmp_pat
 
 def test_interrupting_leaves_whole_files_and_commands_meet(until, tmp_path):
     link, out = tmp_path / "cam", tmp_path / "a"
-    emulating = command("emulate", "--stimulus", "dark", "--link", link, "--serial", "S1")
-    try:
+    words = ["--stimulus", "dark", "--link", link, "--serial", "S1"]
+    with command("emulate", *words) as emulating:
         assert emulating.stdout.readline().strip() == str(link)
-        running = command("capture", "--port", link, "--out", out)
-        until(lambda: (out / "recording.yaml").exists() and len(open_recording(out)) > 5)
-        running.send_signal(signal.SIGINT)
-        printed, told = running.communicate(timeout=60)
-    finally:
-        emulating.terminate()
-        emulating.communicate()
+        with command("capture", "--port", link, "--out", out) as running:
+            until(lambda: (out / "recording.yaml").exists() and len(open_recording(out)) > 5)
+            running.send_signal(signal.SIGINT)
+            printed, told = running.communicate(timeout=60)
     assert running.returncode == 0, told
     recording = open_recording(out)
     assert recording.settings.finished and recording.settings.serial_number == "S1"
@@ -278,6 +277,14 @@ def test_what_says_nothing_or_something_else_is_told(terminal, tmp_path):
     finally:
         stop.set()
         thread.join()
+    assert not (tmp_path / "a").exists()
+
+
+def test_stopped_before_it_began(emulated, tmp_path):
+    stop = threading.Event()
+    stop.set()
+    with emulated() as camera, pytest.raises(UserError, match="before the camera answered"):
+        capture(camera.find, tmp_path / "a", wanted(1), stop)
     assert not (tmp_path / "a").exists()
 
 
