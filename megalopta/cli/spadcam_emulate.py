@@ -1,5 +1,7 @@
 """`megalopta spadcam emulate`."""
 
+import signal
+import threading
 from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -60,8 +62,6 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
-    import threading
-
     from megalopta.sensor import changed
     from megalopta.spadcam import EmulatedCamera, EmulatedPort, Faults, named_sensor
 
@@ -81,7 +81,10 @@ def _run(options: Namespace) -> None:
         options.link,
         lambda path: print(options.link or path, flush=True),
     )
-    port.run(threading.Event())
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    port.run(stop)
 
 
 def _stimulus(options: Namespace) -> "Stimulus":

@@ -1,7 +1,6 @@
 """A camera that is not there: the full sensor model behind SPADCAM's protocol, without a line."""
 
 from collections import deque
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,19 +39,24 @@ class EmulatedCamera:
         Of photons and noise; a frame depends on nothing else but its number, the settings, and how
         often the camera was plugged in.
     serial_number : str
+
+    Raises
+    ------
+    UserError
+        When the sensor has no ADC, or cannot see the stimulus.
     """
+
+    settings: Settings
 
     def __init__(
         self, sensor: Sensor, stimulus: "Stimulus", seed: int = 0, serial_number: str = "EMULATED"
     ) -> None:
         self.sensor, self.stimulus, self.seed = sensor, stimulus, seed
         self.serial_number = serial_number
-        self.settings = Settings()
         self._plugged_in = 0
         self._number = 0
         self._start_us = 0
-        self._drawn: deque[NDArray[np.uint16]] = deque()
-        self._as_set = sensor_as_set(sensor, self.settings)
+        self._set(Settings())
 
     @property
     def due_us(self) -> int:
@@ -82,33 +86,37 @@ class EmulatedCamera:
     def next_frame(self) -> Packet:
         """Expose and read a frame."""
         if not self._drawn:
-            self._drawn.extend(self._draw())
+            self._drawn.extend(self._draw(self.settings, self._as_set))
         packet = frame_packet(self._number, self.due_us, self._drawn.popleft())
         self._number += 1
         self._start_us += self.settings.period_us
         return packet
 
     def _set(self, settings: Settings) -> None:
-        self._as_set = sensor_as_set(self.sensor, settings)
-        self.settings = settings
-        self._drawn.clear()
+        as_set = sensor_as_set(self.sensor, settings)
+        # Drawn at once: what the sensor cannot do shows now.
+        self._drawn = deque(self._draw(settings, as_set))
+        self._as_set, self.settings = as_set, settings
 
-    def _draw(self) -> Iterator[NDArray[np.uint16]]:
+    def _draw(self, settings: Settings, sensor: Sensor) -> NDArray[np.uint16]:
         """Draw some frames from the next on; drawing them one by one takes longer."""
-        period_us = self.settings.period_us
+        period_us = settings.period_us
         frames = int(np.clip(_AHEAD_S * 1e6 / period_us, 1, _MOST_AHEAD))
         times_s = (self._start_us + period_us * np.arange(frames, dtype=np.float64)) * 1e-6
-        samples = expose_adc(
-            self.stimulus.rates_hz(times_s, self._as_set),
-            self._as_set,
-            seed=self.seed,
-            sequence=self._plugged_in,
-            first_frame=self._number,
-            threads=1,
-        )
-        samples[:, : self.settings.first_row] = NOT_READ
-        samples[:, self.settings.end_row :] = NOT_READ
-        return iter(samples)
+        try:
+            samples = expose_adc(
+                self.stimulus.rates_hz(times_s, sensor),
+                sensor,
+                seed=self.seed,
+                sequence=self._plugged_in,
+                first_frame=self._number,
+                threads=1,
+            )
+        except ValueError as problem:
+            raise UserError(f"sensor {sensor.name}, emulated: {problem}") from None
+        samples[:, : settings.first_row] = NOT_READ
+        samples[:, settings.end_row :] = NOT_READ
+        return samples
 
     def _identity(self) -> Identity:
         counter = self.sensor.counter

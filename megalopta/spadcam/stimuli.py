@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from megalopta.dataset import open_dataset, read_radiance_frame
 from megalopta.errors import UserError
 from megalopta.experiments import FRAME_RATE_HZ, passing_rates
-from megalopta.sensor import Sensor, detection_rate, photon_rate
+from megalopta.sensor import Sensor, changed, detection_rate, photon_rate
 from megalopta.sensor.spadcam import COLUMNS, ROWS
 from megalopta.stages import light_scale
 
@@ -54,13 +54,17 @@ class Flat:
 
 @dataclass(frozen=True)
 class Plate:
-    """The plate of the motion bench (§2.4.8), frame by frame at 10 per second, over and over."""
+    """The plate of the motion bench (§2.4.8), frame by frame at 10 per second, over and over.
+
+    The light is such that an open pixel detects 65 photons in 0.1 s.
+    """
 
     speed_mm_s: float
 
     def rates_hz(self, times_s: Floats, sensor: Sensor) -> Floats:
         """As of a stimulus."""
-        return _at(times_s, FRAME_RATE_HZ, _plate(self.speed_mm_s, sensor))
+        as_lit = changed(sensor, exposure_s=1 / FRAME_RATE_HZ)
+        return _at(times_s, FRAME_RATE_HZ, _plate(self.speed_mm_s, as_lit))
 
 
 @dataclass(frozen=True)

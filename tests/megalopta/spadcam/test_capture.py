@@ -16,7 +16,15 @@ import serial
 
 from megalopta.errors import UserError
 from megalopta.sensor import changed, expose_rate, preset
-from megalopta.sensor.spadcam import Kind, Parser, Settings, samples_of
+from megalopta.sensor.spadcam import (
+    Kind,
+    Packet,
+    Parser,
+    Settings,
+    samples_of,
+    set_exposure,
+    set_frame_rate,
+)
 from megalopta.spadcam import (
     Arrived,
     CaptureSettings,
@@ -165,6 +173,17 @@ def test_1000_frames_a_second(emulated, tmp_path):
     assert recording.settings.missing_frames == skipped.sum() < 150
     assert recording.settings.damaged_packets == 0
     assert len(raw_frames(tmp_path / "a")) >= 1500
+
+
+def test_what_the_sensor_cannot_do_is_refused_and_changes_nothing():
+    camera = EmulatedCamera(changed(preset("spadcam"), counter={"leak_v_s": 10.0}), Flat((5e6,)))
+    before = camera.settings
+    for kind, payload in (set_frame_rate(1000), set_exposure(900_000)):
+        reply = camera.answer(Packet(kind, 1, 0, payload), 0)
+    assert Settings.of(reply.payload).refused  # by then the leak has emptied the counters
+    assert camera.settings.exposure_us == before.exposure_us
+    with pytest.raises(UserError, match="leakage has taken"):
+        EmulatedCamera(changed(preset("spadcam"), counter={"leak_v_s": 70.0}), Flat())
 
 
 def test_a_seed_makes_the_same_frames():
