@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from megalopta.cli.command import Verbs, add_verb
 from megalopta.errors import UserError
+from megalopta.progress import say
 
 if TYPE_CHECKING:
     from megalopta.spadcam import Stimulus
@@ -85,6 +86,7 @@ def _run(options: Namespace) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     port.run(stop)
+    say(f"emulate: stopped; {port.dropped} packets found no room and were dropped")
 
 
 def _stimulus(options: Namespace) -> "Stimulus":

@@ -23,8 +23,8 @@ from megalopta.spadcam.nominal import sensor_as_set
 if TYPE_CHECKING:
     from megalopta.spadcam.stimuli import Stimulus
 
-_AHEAD_S = 0.05
-_MOST_AHEAD = 64
+_AHEAD_S = 0.01
+_MOST_AHEAD = 16
 
 
 class EmulatedCamera:

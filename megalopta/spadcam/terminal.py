@@ -51,10 +51,11 @@ class Faults:
     unplug_every_s: float = 0.0
     unplug_s: float = 0.5
 
-    def on(self, line: bytes, rng: np.random.Generator) -> bytes:
+    def on(self, line: bytes, seed: int, packet: Packet) -> bytes:
         """What arrives of the bytes of a packet."""
         if not self.noise and not self.lost:
             return line
+        rng = generator(seed, "line", packet.kind, packet.sequence)
         data = np.frombuffer(line, np.uint8)
         flips = np.uint8(1) << rng.integers(0, 8, data.size, np.uint8)
         noisy = np.where(rng.random(data.size) < self.noise, data ^ flips, data)
@@ -89,6 +90,8 @@ class EmulatedPort:
             raise UserError(f"{link}: exists and is no symbolic link; choose another name")
         self._camera, self._faults, self._link = camera, faults or Faults(), link
         self._plugged_in, self._sent = plugged_in, sent
+        self.dropped = 0
+        """Packets that found no room, until it was last unplugged."""
 
     def run(self, stop: threading.Event) -> None:
         """Serve until told to stop, plugged in and out as the faults say."""
@@ -108,7 +111,9 @@ class EmulatedPort:
             if self._link is not None:
                 _point(self._link, path)
             self._plugged_in(path)
-            _Line(self._camera, self._faults, end, self._sent).serve(stop)
+            line = _Line(self._camera, self._faults, end, self._sent)
+            line.serve(stop)
+            self.dropped += line.dropped
         finally:
             if self._link is not None:
                 self._link.unlink(missing_ok=True)
@@ -126,6 +131,7 @@ class _Line:
         self._parser = Parser()
         self._waiting = bytearray()
         self._start_s = time.monotonic()
+        self.dropped = 0
 
     def serve(self, stop: threading.Event) -> None:
         """Send frames when they are due, and answer, until stopped or unplugged."""
@@ -152,9 +158,10 @@ class _Line:
     def _post(self, packet: Packet) -> None:
         """Put a packet among those to be sent, if there is room."""
         line = encode(packet)
-        rng = generator(self._camera.seed, "line", packet.kind, packet.sequence)
         if len(self._waiting) + len(line) <= BUFFER_BYTES:
-            self._waiting += self._faults.on(line, rng)
+            self._waiting += self._faults.on(line, self._camera.seed, packet)
+        else:
+            self.dropped += 1
 
     def _may_send(self) -> bool:
         faults, now_s = self._faults, self._elapsed_s()
