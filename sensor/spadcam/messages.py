@@ -70,7 +70,7 @@ class Settings(NamedTuple):
     def of(cls, payload: bytes) -> Self:
         """From bytes."""
         refused, *values = _SETTINGS.unpack(payload)
-        return cls(*values, bool(refused))
+        return cls._make((*values, bool(refused)))
 
 
 class Identity(NamedTuple):
