@@ -48,7 +48,7 @@ def progress(description: str, total: int, unit: str) -> Iterator[Advance]:
         nonlocal done
         done += steps
 
-    with _speaking(
+    with speaking(
         lambda: f"{description}: {progress_line(done, total, unit, time.monotonic() - start)}"
     ):
         yield count
@@ -60,7 +60,7 @@ def progress(description: str, total: int, unit: str) -> Iterator[Advance]:
 def working(description: str) -> Iterator[None]:
     """Without a terminal, print a line every ten seconds while nothing inside does."""
     start = time.monotonic()
-    with _speaking(lambda: f"{description}: at work for {duration(time.monotonic() - start)}"):
+    with speaking(lambda: f"{description}: at work for {duration(time.monotonic() - start)}"):
         yield
 
 
@@ -87,7 +87,7 @@ def duration(seconds: float) -> str:
 
 
 @contextmanager
-def _speaking(state: Callable[[], str]) -> Iterator[None]:
+def speaking(state: Callable[[], str]) -> Iterator[None]:
     """Print a state at intervals from a thread of its own, unless there is a terminal."""
     if sys.stderr.isatty():
         yield

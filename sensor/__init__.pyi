@@ -43,7 +43,7 @@ from .readout.opened import OpenedCounts, StoredFrames, open_counts, read_counts
 from .readout.store import StoredCounts, write_counts
 from .readout.sub_frames import sub_frames
 from .sampling.streams import generator
-from .spad.exposure import expose, expose_rate
+from .spad.exposure import expose, expose_adc, expose_rate
 from .spad.measured import MapFile, MeasuredMaps
 from .spad.model import Sensor
 from .spad.moments import event_moments, reading_moments
@@ -95,6 +95,7 @@ __all__ = [
     "event_moments",
     "expectation",
     "expose",
+    "expose_adc",
     "expose_binary",
     "expose_ctia",
     "expose_events",

@@ -6,8 +6,9 @@ where it runs.
 """
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, NoReturn, TypeAlias
 
 from megalopta.errors import UserError
@@ -24,6 +25,8 @@ class Command(argparse.ArgumentParser):
 
     settings: "Callable[[], Settings] | None" = None
     """What can be set beside its own options, loaded when it is asked for."""
+    verbs: "Mapping[str, Command]" = MappingProxyType({})
+    """Its own verbs, where it has any."""
 
     @property
     def options(self) -> tuple[str, ...]:
@@ -46,6 +49,16 @@ class Command(argparse.ArgumentParser):
         """Refuse what was typed."""
         verb = self.prog.removeprefix("megalopta").strip()
         raise UserError(f"{verb}: {message}; see {self.prog} --help".removeprefix(": "))
+
+
+def add_group(verbs: Verbs, name: str, purpose: str) -> Verbs:
+    """Add a verb that has verbs of its own, and return where these are added."""
+    command = verbs.add_parser(
+        name, help=purpose, description=purpose[0].upper() + purpose[1:] + ".", allow_abbrev=False
+    )
+    own = command.add_subparsers(dest="sub_verb", required=True, metavar="VERB")
+    command.verbs = own.choices
+    return own
 
 
 def add_verb(verbs: Verbs, name: str, purpose: str, run: Run) -> Command:

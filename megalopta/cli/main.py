@@ -43,8 +43,10 @@ def _refuse(sentence: str) -> NoReturn:
 
 
 def _run(words: Sequence[str]) -> None:
-    parser, verbs = program()
-    command = next((verbs[word] for word in words if word in verbs), parser)
+    parser = program()
+    command = parser
+    for word in words:
+        command = command.verbs.get(word, command)
     own, overrides = split_overrides(words, {*parser.options, *command.options}, command.takes)
     options = parser.parse_args(own, Namespace(overrides=overrides))
     with working(options.verb):

@@ -1,6 +1,5 @@
 """The whole command line: every file of this folder that declares a verb."""
 
-from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
@@ -9,8 +8,8 @@ from megalopta import __version__
 from megalopta.cli.command import Command
 
 
-def program() -> tuple[Command, Mapping[str, Command]]:
-    """The parser, and its verbs by name."""
+def program() -> Command:
+    """The parser, with all verbs."""
     parser = Command(
         prog="megalopta",
         description="Scenes with exactly known motion, photon counts, and how well motion can be "
@@ -18,8 +17,11 @@ def program() -> tuple[Command, Mapping[str, Command]]:
     )
     parser.add_argument("--version", action="version", version=f"megalopta {__version__}")
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
+    parser.verbs = verbs.choices
     for found in iter_modules([str(Path(__file__).parent)]):
+        if "_" in found.name:  # of a verb that has verbs of its own, or no verb
+            continue
         module = import_module(f"megalopta.cli.{found.name}")
         if hasattr(module, "declare"):
             module.declare(verbs)
-    return parser, verbs.choices
+    return parser

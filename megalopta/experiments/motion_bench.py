@@ -142,11 +142,21 @@ def _passing(speed_mm_s: float, instants_per_frame: int) -> NDArray[np.float32]:
 
 def record(speed_mm_s: float, sensor: Sensor) -> Exposure:
     """Expose 16 rows, (recordings·2·FRAMES, 16, 16): recordings one after the other."""
-    radiance = stimulus(speed_mm_s) * _brightness(sensor)
-    frames = np.tile(radiance.reshape(-1, *radiance.shape[2:]), (_REPEATS, 1, 1, 1))
-    rows = np.broadcast_to(frames, (len(frames), _ROWS, *frames.shape[2:]))
+    rows = np.tile(_frames(speed_mm_s, sensor), (_REPEATS, 1, 1, 1))
     name = f"motion bench, {speed_mm_s:g} mm/s, {sensor.name}"
     return expose(rows, _BANDS_NM, sensor, seed=0, sequence=name, expectation=True)
+
+
+def passing_rates(speed_mm_s: float, sensor: Sensor) -> Floats:
+    """Detection rates (recordings·2·FRAMES, 16, 16), Hz, of one recording of each phase."""
+    return detection_rate(_frames(speed_mm_s, sensor), _BANDS_NM, sensor)
+
+
+def _frames(speed_mm_s: float, sensor: Sensor) -> Floats:
+    """Radiance (recordings·2·FRAMES, 16, 16, 1) of one recording of each phase."""
+    radiance = stimulus(speed_mm_s) * _brightness(sensor)
+    frames = radiance.reshape(-1, *radiance.shape[2:])
+    return np.broadcast_to(frames, (len(frames), _ROWS, *frames.shape[2:]))
 
 
 def pooled(counts: NDArray[Any]) -> Floats:

@@ -1,11 +1,14 @@
 from .binary import check_binary, expose_binary, unpack
 from .events import Events, expose_events, histogram
+from .growing import ExtraArray, GrowingCounts
 from .images import ImageSensor, expose_image
 from .store import Origin, counts_writer
 from .sub_frames import sub_frames
 
 __all__ = [
     "Events",
+    "ExtraArray",
+    "GrowingCounts",
     "ImageSensor",
     "Origin",
     "check_binary",

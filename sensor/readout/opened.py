@@ -65,7 +65,8 @@ class OpenedCounts(Origin):
     ----------
     path : Path
     arrays : dict
-        Name to frames: `READINGS` and, where they were stored, `MOMENTS`.
+        Name to frames: `READINGS`, where they were stored `MOMENTS`, and what else there is of
+        every frame.
     """
 
     path: Path
@@ -135,11 +136,16 @@ def _opened(path: Path, group: zarr.Group, attributes: dict[str, Any]) -> Opened
     shapes = [array.shape for array in arrays.values()]
     if len(shapes[0]) != 3 or len(set(shapes)) > 1:
         raise ValueError(f"arrays of shapes {', '.join(map(str, shapes))}")
+    extras = {
+        name: StoredFrames(path, array)
+        for name, array in group.arrays()
+        if name not in arrays and array.shape[0] == shapes[0][0]
+    }
     return OpenedCounts(
         sensor=_IMAGE_SENSOR.validate_python(attributes["sensor"]),
         **{name: attributes[name] for name in ("seed", "sequence", "illuminance_lux", "extra")},
         path=path,
-        arrays=arrays,
+        arrays=arrays | extras,
     )
 
 

@@ -105,12 +105,14 @@ def counts_writer(
     if path.exists():
         raise FileExistsError(f"{path}: exists already; remove it or choose another name")
     with atomic_write(path) as temporary:
-        group = zarr.open_group(temporary, mode="w", zarr_format=3, attributes=_attributes(origin))
+        group = zarr.open_group(
+            temporary, mode="w", zarr_format=3, attributes=store_attributes(origin)
+        )
 
         def write(first: int, exposure: Exposure) -> None:
             for name, values in _arrays(exposure):
                 if name not in group:
-                    _create_array(group, name, frames, values, _unit(name, origin.sensor))
+                    _create_array(group, name, frames, values, unit_of(name, origin.sensor))
                 array = cast("zarr.Array[Any]", group[name])
                 array[first : first + len(values)] = values
 
@@ -124,12 +126,14 @@ def _arrays(exposure: Exposure) -> Iterator[tuple[str, NDArray[Any]]]:
         yield name, getattr(exposure.expectation, name).astype(np.float32)
 
 
-def _unit(name: str, sensor: ImageSensor) -> str:
+def unit_of(name: str, sensor: ImageSensor) -> str:
+    """What the numbers of an array are."""
     event = "electrons" if sensor.unit == "electrons" else "events"
     return _MEANINGS[name].format(unit=sensor.unit, event=event)
 
 
-def _attributes(origin: Origin) -> dict[str, Any]:
+def store_attributes(origin: Origin) -> dict[str, Any]:
+    """What a store of counts says of itself."""
     sequence = origin.sequence
     return {
         "format": FORMAT,

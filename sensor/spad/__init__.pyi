@@ -1,4 +1,4 @@
-from .exposure import expose, expose_rate
+from .exposure import expose, expose_adc, expose_rate
 from .fixed_pattern import draw_fixed_pattern
 from .frames import over_frames
 from .measured import MapFile, MeasuredMaps
@@ -21,6 +21,7 @@ __all__ = [
     "draw_fixed_pattern",
     "event_moments",
     "expose",
+    "expose_adc",
     "expose_rate",
     "load_sensor",
     "over_frames",

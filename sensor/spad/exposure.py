@@ -16,7 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from megalopta.sensor import Exposure
 from megalopta.sensor.avalanches import draw_counts
-from megalopta.sensor.counters import AnalogCounter, empty_counts, read_analog, read_digital
+from megalopta.sensor.counters import (
+    AnalogCounter,
+    empty_counts,
+    read_analog,
+    read_digital,
+    sample_analog,
+)
 from megalopta.sensor.sampling import generator
 from megalopta.sensor.spad.fixed_pattern import FixedPattern
 from megalopta.sensor.spad.frames import over_frames
@@ -91,15 +97,58 @@ def expose_rate(
 
     def expose_frame(frame: int) -> None:
         key = sequence, first_frame + frame
-        arrivals_hz = rate[frame] + device.dark_counts_hz
-        rng = generator(seed, "exposure", *key)
-        effects = sensor.avalanche_effects
-        events = draw_counts(rng, arrivals_hz, sensor.exposure_s, effects, device.avalanches)
+        events = _events(rate[frame], sensor, device, seed, key)
         readout = _read_counters(events, sensor, device, lambda: generator(seed, "readout", *key))
         exposure.counts[frame], exposure.saturated[frame] = readout
 
     over_frames(expose_frame, len(rate), threads)
     return exposure
+
+
+def expose_adc(
+    detections_hz: ArrayLike,
+    sensor: Sensor,
+    *,
+    seed: int,
+    sequence: str | int,
+    first_frame: int = 0,
+    threads: int | None = None,
+) -> NDArray[np.uint16]:
+    """Draw what the ADC behind analog counters reads, codes (T, H, W); as `expose_rate`.
+
+    The same seed, sequence and frame make the same events and noise as there.
+
+    Raises
+    ------
+    ValueError
+        As `expose_rate`, or when the sensor has no analog counter with an ADC of 16 bits or less.
+    """
+    rate, device = checked_rate(detections_hz, sensor)
+    counter, pixels = sensor.counter, device.counters
+    if not isinstance(counter, AnalogCounter) or pixels is None:
+        raise ValueError("counter.kind: 'digital'; only an analog counter is read by an ADC")
+    codes = np.empty(rate.shape, np.uint16)
+
+    def expose_frame(frame: int) -> None:
+        key = sequence, first_frame + frame
+        events = _events(rate[frame], sensor, device, seed, key)
+        codes[frame] = sample_analog(generator(seed, "readout", *key), events, counter, pixels)
+
+    over_frames(expose_frame, len(rate), threads)
+    return codes
+
+
+def _events(
+    detections_hz: NDArray[np.float64],
+    sensor: Sensor,
+    device: FixedPattern,
+    seed: int,
+    key: tuple[str | int, int],
+) -> NDArray[np.int64]:
+    arrivals_hz = detections_hz + device.dark_counts_hz
+    rng = generator(seed, "exposure", *key)
+    effects = sensor.avalanche_effects
+    return draw_counts(rng, arrivals_hz, sensor.exposure_s, effects, device.avalanches)
 
 
 def _read_counters(

@@ -95,7 +95,7 @@ def test_a_mistyped_option_is_told_the_one_that_was_meant(typed):
 
 
 def test_no_setting_is_taken_for_a_mistyped_option():
-    for name, command in program()[1].items():
+    for name, command in program().verbs.items():
         for field in type(command.settings().record).model_fields if command.settings else ():
             words = [name, f"--{field.replace('_', '-')}=1"]
             assert split_overrides(words, command.options, DEMO)[0] == [name]

@@ -1,0 +1,114 @@
+"""`megalopta spadcam emulate`."""
+
+import signal
+import threading
+from argparse import Namespace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from megalopta.cli.command import Verbs, add_verb
+from megalopta.errors import UserError
+from megalopta.progress import say
+
+if TYPE_CHECKING:
+    from megalopta.spadcam import Stimulus
+
+_PROBABILITIES = ("noise", "lost")
+_FAULTS = {
+    "noise": "probability of a byte to have a bit flipped",
+    "lost": "probability of a byte to be lost",
+    "burst_s": "hold bytes back, and send them together this often (s)",
+    "drift_ppm": "how much too fast the camera's clock goes (1e-6)",
+    "stall_every_s": "stop sending this often (s)",
+    "stall_s": "for how long (s)",
+    "unplug_every_s": "unplug the camera after this time (s), and plug it in again",
+    "unplug_s": "for how long it is unplugged (s, default: 0.5)",
+}
+
+
+def declare(verbs: Verbs) -> None:
+    """Add the verb."""
+    purpose = "emulate the camera on a pseudo-terminal, whose path is printed, until interrupted"
+    command = add_verb(verbs, "emulate", purpose, _run)
+    command.add_argument(
+        "--stimulus",
+        default="flat",
+        help="what it looks at: dark, flat, steps, plate, or the folder of a rendered dataset "
+        "(default: flat)",
+    )
+    command.add_argument(
+        "--photons",
+        type=float,
+        nargs="+",
+        metavar="HZ",
+        help="photons per second on a pixel at 700 nm, of flat (default: 5e6) or one after the "
+        "other of steps (default: 0 to 2e7)",
+    )
+    command.add_argument(
+        "--step-s", type=float, default=5.0, help="how long each of steps lasts (s, default: 5)"
+    )
+    command.add_argument(
+        "--speed", type=float, default=5.0, help="of plate: of the plate (mm/s, default: 5)"
+    )
+    command.add_argument("--lux", type=float, help="of a dataset: light level (lux)")
+    command.add_argument(
+        "--sensor", default="spadcam", help="preset or YAML file (default: spadcam)"
+    )
+    command.add_argument("--device-seed", type=int, help="which device of this kind")
+    command.add_argument("--seed", type=int, default=0, help="of photons, noise and faults")
+    command.add_argument("--serial", default="EMULATED", help="the camera's serial number")
+    command.add_argument("--link", type=Path, help="symbolic link to keep to the terminal")
+    for name, text in _FAULTS.items():
+        command.add_argument(f"--{name.replace('_', '-')}", type=float, help=text)
+
+
+def _run(options: Namespace) -> None:
+    from megalopta.sensor import changed
+    from megalopta.spadcam import EmulatedCamera, EmulatedPort, Faults, named_sensor
+
+    given = {name: getattr(options, name) for name in _FAULTS}
+    for name, value in given.items():
+        largest = 1.0 if name in _PROBABILITIES else float("inf")
+        if value is not None and not 0 <= value <= largest and name != "drift_ppm":
+            raise UserError(f"--{name.replace('_', '-')}: {value:g}; give 0 to {largest:g}")
+    faults = Faults(**{name: value for name, value in given.items() if value is not None})
+    sensor = named_sensor(options.sensor)
+    if options.device_seed is not None:
+        sensor = changed(sensor, device_seed=options.device_seed)
+    camera = EmulatedCamera(sensor, _stimulus(options), options.seed, options.serial)
+    port = EmulatedPort(
+        camera,
+        faults,
+        options.link,
+        lambda path: print(options.link or path, flush=True),
+    )
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    port.run(stop)
+    say(f"emulate: stopped; {port.dropped} packets found no room and were dropped")
+
+
+def _stimulus(options: Namespace) -> "Stimulus":
+    from megalopta.spadcam import Flat, Plate, Rendered
+
+    if any(value < 0 for value in options.photons or ()):
+        raise UserError("--photons: cannot be negative; give 0 or more")
+    if options.step_s <= 0:
+        raise UserError(f"--step-s: {options.step_s:g}; give more than 0")
+    match options.stimulus:
+        case "dark":
+            return Flat()
+        case "flat":
+            return Flat(tuple(options.photons or (5e6,))[:1])
+        case "steps":
+            levels = options.photons or (0, 1e6, 2e6, 5e6, 1e7, 2e7)
+            return Flat(tuple(map(float, levels)), options.step_s)
+        case "plate":
+            return Plate(options.speed)
+    folder = Path(options.stimulus)
+    if not folder.is_dir():
+        raise UserError(
+            f"--stimulus: {options.stimulus}; give dark, flat, steps, plate or a dataset's folder"
+        )
+    return Rendered(folder, options.lux)

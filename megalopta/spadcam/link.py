@@ -1,0 +1,240 @@
+"""The link to a camera: a thread that reads and logs, and what its user sees of the bytes.
+
+The thread does nothing but read, note the time, and append to the log, so that a user who is busy
+writing to a disk misses nothing. When the camera is unplugged it looks for it until it is back.
+"""
+
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple, Self
+
+import serial
+
+from megalopta.errors import UserError
+from megalopta.sensor.spadcam import Identity, Kind, Packet, Parser, encode, identify
+from megalopta.spadcam.port import open_port
+
+_RETRY_S = 0.1
+_REPLY_S = 0.7
+_ASKED = 3
+"""Times; all commands may be repeated."""
+_MOST_WAITING = 20_000
+"""Pieces of bytes, about as many frames. Further ones wait in the camera."""
+
+
+class Plugged(NamedTuple):
+    """The camera was plugged in; its bytes begin there in the log."""
+
+    raw_offset: int
+
+
+class Unplugged(NamedTuple):
+    """The camera is gone."""
+
+
+class Arrived(NamedTuple):
+    """A packet, and when its last bytes were read, by the host's monotonic clock, s."""
+
+    host_s: float
+    packet: Packet
+
+
+Event = Plugged | Unplugged | Arrived
+
+
+class LinkLostError(Exception):
+    """The camera was unplugged before it answered."""
+
+
+class Link:
+    """An open link; a context manager that closes it.
+
+    Parameters
+    ----------
+    find : callable
+        Path of the port, at first and after unplugging. Raises UserError where there is none.
+    log : Path
+        New file for all bytes that come.
+
+    Raises
+    ------
+    UserError
+        When the port is not found or does not open.
+    """
+
+    def __init__(self, find: Callable[[], str], log: Path) -> None:
+        self._find = find
+        self.path = find()
+        self._port = open_port(self.path)
+        try:
+            self._log = log.open("xb", buffering=0)
+        except OSError:
+            self._port.close()
+            raise
+        self._pieces: queue.Queue[Plugged | Unplugged | tuple[float, bytes]] = queue.Queue(
+            _MOST_WAITING
+        )
+        self._seen: deque[Event] = deque()
+        self._parser = Parser()
+        self._damaged_before = 0
+        self._commands = 0
+        self._stop = threading.Event()
+        self._failure: OSError | None = None
+        self._reader = threading.Thread(target=self._read, name="spadcam reader", daemon=True)
+        self._reader.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Stop reading; what was read until now can still be had from `next`."""
+        self._stop.set()
+        while self._reader.is_alive():
+            self._reader.join(0.05)
+            self._drain()
+        self._port.close()
+        self._log.close()
+
+    @property
+    def damaged(self) -> int:
+        """Packets refused so far."""
+        return self._damaged_before + self._parser.damaged
+
+    def next(self, timeout_s: float) -> Event | None:
+        """What happened next; None when nothing did.
+
+        Raises
+        ------
+        OSError
+            When the log cannot be written.
+        """
+        if not self._seen:
+            self._wait(timeout_s)
+        return self._seen.popleft() if self._seen else None
+
+    def request(self, kind: Kind, payload: bytes) -> Packet:
+        """Send a command and return the reply; what comes meanwhile is kept for `next`.
+
+        Raises
+        ------
+        UserError
+            When there is no reply: what is there is no SPADCAM.
+        LinkLostError
+            When the camera was unplugged.
+        """
+        kept = list(self._seen)
+        self._seen.clear()
+        try:
+            for _ in range(_ASKED):
+                self._commands += 1
+                self._write(encode(Packet(kind, self._commands, 0, payload)))
+                end_s = time.monotonic() + _REPLY_S
+                while (left_s := end_s - time.monotonic()) > 0:
+                    event = self.next(left_s)
+                    if event is None:
+                        continue
+                    if isinstance(event, Arrived) and self._is_reply(event.packet):
+                        return event.packet
+                    kept.append(event)
+                    if isinstance(event, Unplugged):
+                        raise LinkLostError
+            raise UserError(f"{self.path}: {self._silence(kept)}")
+        finally:
+            self._seen.extendleft(reversed(kept))
+
+    def identity(self) -> Identity:
+        """Ask who the camera is; errors as `request`."""
+        return Identity.of(self.request(*identify()).payload)
+
+    def _is_reply(self, packet: Packet) -> bool:
+        is_reply = packet.kind in (Kind.IDENTITY, Kind.SETTINGS)
+        return is_reply and packet.sequence == self._commands
+
+    def _silence(self, seen: list[Event]) -> str:
+        remedy = "choose another port (see megalopta spadcam list) or flash the camera's firmware"
+        if self._parser.other_version is not None:
+            version = self._parser.other_version
+            return f"speaks version {version} of the protocol, not 1; flash this release's firmware"
+        if any(isinstance(event, Arrived) for event in seen):
+            return "sends frames but does not answer; unplug it and plug it in again"
+        if self._parser.damaged or self._log.tell():
+            return f"speaks something else than SPADCAM's protocol; {remedy}"
+        return f"is silent; {remedy}, and keep ModemManager away from it"
+
+    def _write(self, line: bytes) -> None:
+        try:
+            self._port.write(line)
+        except (serial.SerialException, OSError):
+            # The reader notices, too.
+            time.sleep(_RETRY_S)
+
+    def _wait(self, timeout_s: float) -> None:
+        try:
+            self._decode(self._pieces.get(timeout=timeout_s))
+        except queue.Empty:
+            if self._failure is not None:
+                raise self._failure from None
+        self._drain()
+
+    def _drain(self) -> None:
+        while not self._pieces.empty():
+            self._decode(self._pieces.get())
+
+    def _decode(self, piece: Plugged | Unplugged | tuple[float, bytes]) -> None:
+        if isinstance(piece, Plugged | Unplugged):
+            # Half a packet before does not belong to what comes.
+            self._damaged_before += self._parser.damaged
+            self._parser = Parser()
+            self._seen.append(piece)
+            return
+        host_s, data = piece
+        self._seen.extend(Arrived(host_s, packet) for packet in self._parser.feed(data))
+
+    def _read(self) -> None:
+        while not self._stop.is_set():
+            self._pieces.put(Plugged(self._log.tell()))
+            try:
+                self._read_until_unplugged()
+            except serial.SerialException:
+                self._port.close()
+            except OSError as problem:
+                self._failure = problem
+                return
+            if not self._stop.is_set():
+                self._pieces.put(Unplugged())
+                self._reopen()
+
+    def _read_until_unplugged(self) -> None:
+        while not self._stop.is_set():
+            data = self._received()
+            if data:
+                self._log.write(data)
+                self._pieces.put((time.monotonic(), data))
+
+    def _received(self) -> bytes:
+        try:
+            return bytes(self._port.read(max(1, self._port.in_waiting)))
+        except (OSError, TypeError) as problem:  # of a port that goes away while it is read
+            raise serial.SerialException(str(problem)) from problem
+
+    def _reopen(self) -> None:
+        while not self._stop.wait(_RETRY_S):
+            try:
+                self.path = self._find()
+                self._port = open_port(self.path)
+            except UserError:
+                continue
+            return

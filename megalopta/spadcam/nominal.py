@@ -1,0 +1,43 @@
+"""The sensor that a camera is said to be: by name, with its settings, with its ADC."""
+
+from megalopta.errors import UserError
+from megalopta.sensor import AnalogCounter, Sensor, changed, load_sensor, preset
+from megalopta.sensor.spadcam import NOMINAL_STEP_BIAS, Identity, Settings
+
+
+def named_sensor(name: str) -> Sensor:
+    """Return a preset, or the sensor of a YAML file. Raises UserError."""
+    try:
+        return load_sensor(name) if name.endswith((".yaml", ".yml")) else preset(name)
+    except ValueError as problem:
+        raise UserError(f"--sensor: {problem}") from None
+
+
+def sensor_as_set(sensor: Sensor, settings: Settings) -> Sensor:
+    """A sensor with the camera's exposure, and its step in proportion to the bias (assumed).
+
+    Raises
+    ------
+    UserError
+        When the sensor cannot be so, or its counters are not read by an ADC.
+    """
+    counter = sensor.counter
+    if not isinstance(counter, AnalogCounter) or not 0 < (counter.adc_bits or 0) <= 16:
+        raise UserError(
+            f"sensor {sensor.name}: its counters are not read by an ADC of 1 to 16 bits; "
+            "choose another, such as spadcam"
+        )
+    step_v = counter.step_v * settings.step_bias / NOMINAL_STEP_BIAS
+    try:
+        return changed(sensor, exposure_s=settings.exposure_us / 1e6, counter={"step_v": step_v})
+    except ValueError as problem:
+        raise UserError(f"sensor {sensor.name}: {problem}") from None
+
+
+def sensor_as_identified(sensor: Sensor, identity: Identity) -> Sensor:
+    """A sensor with the ADC and supply that the camera says it has."""
+    adc = {"adc_bits": identity.adc_bits, "supply_v": identity.supply_mv * 1e-3}
+    try:
+        return changed(sensor, counter=adc)
+    except ValueError as problem:
+        raise UserError(f"sensor {sensor.name}: does not fit the camera: {problem}") from None
