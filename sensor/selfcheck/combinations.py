@@ -94,7 +94,7 @@ def check_combinations() -> Iterator[Row]:
 def check_delays() -> Iterator[Row]:
     """Many carriers, of which a dead time as long as their delay takes most."""
     traps = Afterpulsing(mean_carriers=0.9, delay_s=_TAU_S)
-    for name in ("non-paralyzable", "paralyzable"):
+    for name in ("non-paralyzable", "paralyzable", "twilight"):
         effects = AvalancheEffects(DEAD_TIMES[name], traps)
         plain = brute_force_counts(generator(29, name), 2e5, 20e-6, effects, 200_000)
         drawn = draw_counts(generator(30, name), np.full((200_000, 1), 2e5), 20e-6, effects)
@@ -124,6 +124,12 @@ def check_dark_neighbor() -> Iterator[Row]:
         ):
             term = f"{name}, dark neighbor"
             yield exact_row(term, quantity, expected, float(stated), tolerance * expected)
+        strong = AvalancheMaps.alike((1, 2))._replace(crosstalk=np.array([[1.5, 0.0]]))
+        rng = generator(31, name)
+        lit, unlit = sum(draw_counts(rng, rates, 10e-3, effects, strong)[0] for _ in range(20))
+        sent = 1.5 * chance
+        z = (unlit - sent * lit) / (sent * (1 - sent) * lit) ** 0.5
+        yield Row(term, "half as much crosstalk again", sent, unlit / lit, float(z))
 
 
 def check_maps() -> Iterator[Row]:

@@ -52,7 +52,7 @@ def samples(
     return plain, draw_counts(generator(2, "drawn"), rates, exposure_s, effects).ravel()
 
 
-def counting_checks(arrivals: float = 1e6) -> tuple[Check, ...]:
+def counting_checks(arrivals: float = 6e5) -> tuple[Check, ...]:
     """Checks that spend about so many arrivals on each of their twelve points."""
     kinds: tuple[Kind, ...] = ("ideal", "nonparalyzable", "paralyzable")
     starts: tuple[Start, ...] = ("live", "stationary")

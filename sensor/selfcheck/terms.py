@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.integrate import quad
 from scipy.special import pdtr
-from scipy.stats import linregress
+from scipy.stats import linregress, lognorm, truncnorm
 
 from megalopta.sensor import changed
 from megalopta.sensor.avalanches import AvalancheEffects, simulate_counts, simulate_events
@@ -19,6 +19,7 @@ from megalopta.sensor.counters import (
 from megalopta.sensor.effects import (
     Afterpulsing,
     Crosstalk,
+    DarkCounts,
     DeadTime,
     Gate,
     Jitter,
@@ -27,6 +28,7 @@ from megalopta.sensor.effects import (
     bias,
     crosstalk,
     dark_count_factor,
+    dark_count_rate,
     open_fraction,
     stamp,
 )
@@ -118,6 +120,17 @@ def check_operation() -> Iterator[Row]:
     ):
         off = float(np.abs(measured / expected - 1).max())
         yield exact_row("breakdown, 12 K above", f"{name}, largest error", 0.0, off, 1e-9)
+    # SciPy's laws, for pixels of 1 µm²
+    ordinary = DarkCounts(bulk_mean_hz_um2=0.5, bulk_sigma_hz_um2=0.4)
+    hot = DarkCounts(hot_fraction=1.0, hot_mean_hz_um2=2.0, hot_sigma_hz_um2=1.0)
+    width = np.log1p(0.25) ** 0.5
+    for term, model, law in (
+        ("dark counts, ordinary pixels", ordinary, truncnorm(-0.5 / 0.4, np.inf, 0.5, 0.4)),
+        ("dark counts, hot pixels", hot, lognorm(width, scale=2 * np.exp(-(width**2) / 2))),
+    ):
+        densities = dark_count_rate(model, (400, 400), _UM2, 1)
+        yield mean_row(term, "mean (Hz/µm²)", float(law.mean()), densities)
+        yield variance_row(term, "variance (Hz²/µm⁴)", float(law.var()), densities)
     sigma = {"mismatch_sigma": 0.2}
     dead = DeadTime(kind="nonparalyzable", dead_time_s=1e-6)
     sensor = changed(preset("ideal"), dead_time=changed(dead, **sigma))
@@ -217,7 +230,7 @@ def check_gate_and_jitter() -> Iterator[Row]:
     duty = open_fraction(gate, exposure_s)
     yield exact_row("gate", "open part of the exposure", 3.2e-3 / 10.5e-3, duty, 1e-12)
     yield mean_row("gate", "counts", 1e4 * exposure_s * duty, counts)
-    times, _ = simulate_events(generator(6), np.full((500, 1), 1e4), exposure_s, effects)
+    times, _ = simulate_events(generator(6), np.full((5000, 1), 1e4), exposure_s, effects)
     closed = np.mean((times - gate.phase_s) % 1e-3 > 0.3e-3 * (1 + 1e-9))
     yield exact_row("gate", "events while closed", 0, float(closed), 1e-9)
     shift = stamp(generator(7), times, Jitter(sigma_s=93e-12)) - times
