@@ -44,7 +44,8 @@ class Estimate:
     @classmethod
     def normal(cls, value: Floats, error: Floats, shape: tuple[int, int]) -> "Estimate":
         """Of a value with this standard error."""
-        spread = _95 * error
+        error = np.where(error > 0, error, np.nan)
+        value, spread = np.where(np.isfinite(error), value, np.nan), _95 * error
         return cls(*(each.reshape(shape) for each in (value, value - spread, value + spread)))
 
     def scaled(self, factor: Floats | float) -> "Estimate":
@@ -220,7 +221,8 @@ def _saturation(
 
 def _named(fit: SaturationFit, error: Floats, ratio: float) -> str | None:
     """The kind, where dead time is there at all and the curve tells its kind."""
-    seen = np.nanmean(fit.solution[:, 2] / error) * np.sqrt(error.size)
+    known = error > 0
+    seen = np.sum(fit.solution[known, 2] / error[known]) / np.sqrt(max(known.sum(), 1))
     return fit.kind if is_kind_clear(ratio) and seen > 5 else None
 
 
@@ -261,7 +263,7 @@ def _without_comb(
         Estimate.normal(transfer.offset_v, transfer.offset_error_v, shape),
         Estimate(unknown, unknown, unknown),
         Estimate.normal(transfer.step_v, transfer.step_error_v, shape),
-        Estimate.normal(read, np.full(read.shape, np.nan), shape),
+        Estimate(read.reshape(shape), unknown, unknown),
         dark,
         efficiency,
         dead_time,
