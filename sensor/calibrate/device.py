@@ -76,7 +76,6 @@ class Device:
     counts : MeanCounts
         Behind the saturation curve.
     falls : Falls
-    levels : tuple of (exposure s, light)
     """
 
     offset_v: Estimate
@@ -93,6 +92,11 @@ class Device:
     method: str
     counts: MeanCounts
     falls: Falls
+
+    @property
+    def levels(self) -> tuple[tuple[float, float], ...]:
+        """Exposure (s) and light of each."""
+        return tuple(zip(self.counts.exposure_s, self.counts.light_hz, strict=True))
 
     def counts_of(self, level: Level, adc: Adc) -> Floats:
         """Counts, not rounded, from the codes of frames (n, rows, columns)."""

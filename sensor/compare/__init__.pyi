@@ -1,6 +1,6 @@
-from .order import Arrangement, arrangement, matching_rows
 from .counted import CountedFrames
 from .equivalence import Difference, difference
+from .order import Arrangement, arrangement, matching_rows
 from .quantities import BLOCKS, block_quantities
 from .recordings import FALSE_ALARMS, MARGIN, UNITS, Comparison, compare_recordings
 from .spectrum import BANDS, SEGMENT, band_powers, mean_spectrum

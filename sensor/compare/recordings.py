@@ -7,9 +7,9 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.sensor.compare.order import Arrangement, arrangement
 from megalopta.sensor.compare.counted import CountedFrames
 from megalopta.sensor.compare.equivalence import Difference, difference
+from megalopta.sensor.compare.order import Arrangement, arrangement
 from megalopta.sensor.compare.quantities import BLOCKS, block_quantities
 from megalopta.sensor.compare.spectrum import BANDS, band_powers
 from megalopta.sensor.compare.two_sample import (
