@@ -81,10 +81,10 @@ def nominal_efficiency(device: Device, base: Sensor, light: Light) -> float:
 def _fields(
     path: Path, device: Device, base: Sensor, preset: str, maps: dict[str, str]
 ) -> dict[str, Any]:
-    counter: dict[str, Any] = {"step_v": _mean(device.step_v), "step_sigma_v": 0.0}
+    counter: dict[str, Any] = {"step_v": _median(device.step_v), "step_sigma_v": 0.0}
     if "leak" in maps:
-        counter |= {"leak_v_s": max(_mean(device.leak_v_s), 0.0), "leak_sigma_v_s": 0.0}
-    counter["read_noise_v"] = _mean(device.read_noise_v)
+        counter |= {"leak_v_s": max(_median(device.leak_v_s), 0.0), "leak_sigma_v_s": 0.0}
+    counter["read_noise_v"] = _median(device.read_noise_v)
     fields: dict[str, Any] = {
         "preset": preset,
         "name": path.stem,
@@ -103,8 +103,8 @@ def _fields(
     return fields
 
 
-def _mean(estimate: Estimate) -> float:
-    return float(np.nanmean(estimate.value))
+def _median(estimate: Estimate) -> float:
+    return float(np.nanmedian(estimate.value))
 
 
 def _negative(estimate: Estimate) -> Estimate:

@@ -26,8 +26,9 @@ Mask = NDArray[np.bool_]
 _95 = 1.959964
 _WIDEST_SEARCH, _NARROWEST_SEARCH = 0.25, 0.06
 _DEVIATIONS_SEARCHED = 5.0
-_LOUDEST = 3.0
+_LOUDEST = 2.0
 """Times the median residual of the comb; beyond, the fit of a pixel has failed."""
+_SURELY = 5.0
 _MOST_HIDDEN = 0.5
 _SURE_OFFSET = 0.2
 """Standard error of the offset, in steps, above which teeth cannot be told apart."""
@@ -162,8 +163,7 @@ def _with_comb(
     hot_times: float,
 ) -> Device:
     errors = np.sqrt(np.maximum(np.diagonal(fit.covariance, axis1=1, axis2=2), 0))
-    failed = ~(fit.noise_v <= _LOUDEST * np.median(fit.noise_v))
-    failed |= falls.frames.sum(axis=0) == 0
+    failed = _failed(fit, errors, falls)
     errors[failed], falls.frames[:, failed] = np.nan, 0
     offset, leak, step = (
         Estimate.normal(fit.solution[:, at], errors[:, at], shape) for at in range(3)
@@ -196,6 +196,13 @@ def _with_comb(
         falls,
     )
     return _with_kernel(device, levels, adc)
+
+
+def _failed(fit: CombFit, errors: Floats, falls: Falls) -> Mask:
+    """Pixels whose teeth were taken for others: too loud, or with a leak that fills them up."""
+    failed = ~(fit.noise_v <= _LOUDEST * np.median(fit.noise_v))
+    failed |= fit.solution[:, 1] < -_SURELY * errors[:, 1]
+    return np.asarray(failed | (falls.frames.sum(axis=0) == 0))
 
 
 def _dark_counts(counts: MeanCounts, sums: Floats, shape: tuple[int, int]) -> Estimate:

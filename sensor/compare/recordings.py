@@ -118,6 +118,7 @@ def compare_recordings(
     kind: str = "paralyzable",
     margin: float = MARGIN,
     false_alarms: float = FALSE_ALARMS,
+    errors: Sequence[Floats | float] | None = None,
 ) -> Comparison:
     """Compare level by level.
 
@@ -131,6 +132,8 @@ def compare_recordings(
         Relative difference that does not matter.
     false_alarms : float
         Share of comparisons of a device with itself that may raise an alarm.
+    errors : sequence of (rows, columns), optional
+        Standard errors of the expected mean counts of each level, where these are a calibration's.
 
     Raises
     ------
@@ -143,10 +146,11 @@ def compare_recordings(
     usable = [one.usable & other.usable for one, other in pairs]
     rate = false_alarms / _FAMILIES
     mean_p, variance_p, histogram_p, distance = [], [], [], []
-    for (one, other), good in zip(pairs, usable, strict=True):
+    unsure = errors or [0.0] * len(pairs)
+    for (one, other), good, error in zip(pairs, usable, unsure, strict=True):
         a, b = np.asarray(one.counts, np.float64), np.asarray(other.counts, np.float64)
         histogram = histogram_test(a, b)
-        mean_p.append(np.where(good, mean_test(a, b), np.nan))
+        mean_p.append(np.where(good, mean_test(a, b, error), np.nan))
         variance_p.append(np.where(good, variance_test(a, b), np.nan))
         histogram_p.append(histogram.p)
         distance.append(histogram.distance)

@@ -43,18 +43,22 @@ def discoveries(p: Floats, rate: float) -> PixelTest:
     return PixelTest(p, differs)
 
 
-def mean_test(one: Floats, other: Floats) -> Floats:
-    """P-values (rows, columns) that counts (n, rows, columns) have the same means."""
+def mean_test(one: Floats, other: Floats, error: Floats | float = 0.0) -> Floats:
+    """P-values (rows, columns) that counts (n, rows, columns) have the same means.
+
+    `error` is the standard error of what the second sample's mean should have been, where that
+    comes from a calibration.
+    """
     n, k = len(one), len(other)
     parts = [each.var(axis=0, ddof=1) / len(each) for each in (one, other)]
-    total = parts[0] + parts[1]
+    total = parts[0] + parts[1] + np.square(error)
     difference = one.mean(axis=0) - other.mean(axis=0)
     spread = np.where(total > 0, total, 1)
     freedom = spread**2 / np.maximum(parts[0] ** 2 / (n - 1) + parts[1] ** 2 / (k - 1), 1e-300)
     p = 2 * t.sf(np.abs(difference) / np.sqrt(spread), np.maximum(freedom, 1))
     sums = [np.rint(each.sum(axis=0)).clip(0) for each in (one, other)]
     both = sums[0] + sums[1]
-    few = both < _FEW_COUNTS
+    few = (both < _FEW_COUNTS) & (np.asarray(error) == 0)
     p = np.where(few, _conditional(sums[0], both, n / (n + k)), p)
     same = (total == 0) & ~few
     return np.where(same, np.where(difference == 0, 1.0, 0.0), p)
