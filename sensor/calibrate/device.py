@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _95 = 1.959964
-_WIDEST_SEARCH, _NARROWEST_SEARCH = 0.25, 0.06
+_WIDEST_SEARCH, _NARROWEST_SEARCH = 0.25, 0.15
 _DEVIATIONS_SEARCHED = 5.0
 _LOUDEST = 2.0
 """Times the median residual of the comb; beyond, the fit of a pixel has failed."""
