@@ -45,6 +45,8 @@ class CombFit(NamedTuple):
     """(P,) read noise and rounding together."""
     counts: Floats
     """(levels, P) sums of events over all frames; 0 where the level was left out."""
+    readings: Floats
+    """(P,) readings behind the noise."""
 
 
 def fit_comb(falls: Falls, exposure_s: Floats, step_v: Floats, offset_v: Floats) -> CombFit:
@@ -62,7 +64,8 @@ def fit_comb(falls: Falls, exposure_s: Floats, step_v: Floats, offset_v: Floats)
     expected = (weights * numbers).sum(axis=0) * entries.times
     counts = np.zeros_like(falls.mean_v)
     np.add.at(counts, (entries.level, entries.pixel), expected)
-    return CombFit(solution, covariance, noise, counts)
+    used = _sums(entries, (weights * (numbers >= entries.fewest)).sum(axis=0))
+    return CombFit(solution, covariance, noise, counts, used)
 
 
 class _Entries(NamedTuple):

@@ -170,9 +170,8 @@ def _with_comb(
     )
     n = np.maximum(falls.frames, 1)
     counts = MeanCounts(fit.counts / n, falls.frames, exposure, light)
-    total = falls.frames.sum(axis=0)
     read = np.sqrt(np.maximum(fit.noise_v**2 - adc.lsb_v**2 / 12, 0))
-    read_error = fit.noise_v**2 / np.sqrt(2 * np.maximum(total, 1)) / np.maximum(read, 1e-12)
+    read_error = fit.noise_v**2 / np.sqrt(2 * np.maximum(fit.readings, 1)) / np.maximum(read, 1e-12)
     efficiency, dead_time, kind, ratio = _saturation(counts, shape)
     dark = _dark_counts(counts, fit.counts, shape)
     if dead_time is not None and kind is not None:

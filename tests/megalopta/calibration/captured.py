@@ -1,8 +1,8 @@
 """Recordings as a capture leaves them, of a device that is known."""
 
 import numpy as np
-import zarr
 import yaml
+import zarr
 
 from megalopta.sensor import Exposure, StoredCounts, changed, write_counts
 
