@@ -6,11 +6,12 @@ from numpy.typing import NDArray
 
 from megalopta.figures import BLACK, BLUE, VERMILION, line_style
 from megalopta.report import in_style, new_axes, to_svg
-from megalopta.sensor.calibrate import Device, dead_time_moments
+from megalopta.sensor.calibrate import DeadTimeKind, Device, dead_time_moments
 
 Floats = NDArray[np.float64]
 
 _WIDTH_PT, _HEIGHT_PT = 380, 270
+_KINDS: tuple[DeadTimeKind, ...] = ("paralyzable", "nonparalyzable")
 
 
 @in_style
@@ -56,8 +57,8 @@ def saturation_chart(device: Device, name: str) -> Markup:
     grid = np.geomspace(light.min(), 1.5 * light.max(), 100)
     rate = dark + eta * grid
     axes.plot(grid, rate, ":", color=BLACK, linewidth=1, label="without dead time")
-    for place, kind in enumerate(("paralyzable", "nonparalyzable")):
-        law = dead_time_moments(rate, float(exposure.max()), np.full(rate.shape, tau), kind)[0]
+    for place, kind in enumerate(_KINDS):
+        law = dead_time_moments(rate, exposure.max(), np.full(rate.shape, tau), kind)[0]
         axes.plot(grid, law / exposure.max(), **line_style(place), label=kind)
     axes.set(xscale="log", yscale="log", xlabel="light (photons/s on a pixel)", ylabel="counts/s")
     axes.legend(frameon=False)
@@ -84,7 +85,7 @@ def residuals(device: Device) -> Floats:
         for each in (device.efficiency, device.dead_time_s, device.dark_counts_hz)
     )
     rate = dark + eta * device.counts.light_hz[lit][:, None]
-    kind = "nonparalyzable" if device.dead_time_kind == "nonparalyzable" else "paralyzable"
+    kind = _KINDS[device.dead_time_kind == "nonparalyzable"]
     mean, variance = dead_time_moments(rate, device.counts.exposure_s[lit][:, None], tau, kind)
     frames = np.where(device.counts.frames[lit] > 0, device.counts.frames[lit], np.nan)
     return np.asarray((device.counts.mean[lit] - mean) / np.sqrt(variance / frames))

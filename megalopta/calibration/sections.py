@@ -22,5 +22,7 @@ class Section:
 
 def write_sections(path: Path, title: str, summary: str, sections: list[Section]) -> None:
     """Write a page, whole or not at all."""
-    values = {"title": title, "summary": summary, "sections": sections}
-    write_text(path, render_page("megalopta.calibration", "page.html", **values))
+    page = render_page(
+        "megalopta.calibration", "page.html", title=title, summary=summary, sections=sections
+    )
+    write_text(path, page)

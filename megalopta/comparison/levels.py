@@ -68,7 +68,7 @@ def _map_error(file: MapFile | None) -> NDArray[np.float64] | float:
     if not all(end.exists() for end in ends):
         return 0.0
     low, high = (np.load(end, allow_pickle=False).astype(np.float64) for end in ends)
-    return np.nan_to_num((high - low) / (2 * _95), nan=float(np.nanmax(high - low)))
+    return np.asarray(np.nan_to_num((high - low) / (2 * _95), nan=np.nanmax(high - low)))
 
 
 def _nominal(device: Sensor, beam: Beam) -> float:

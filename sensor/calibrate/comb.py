@@ -94,4 +94,5 @@ def _powers(
                 imaginary += here[reading].imag
                 here[reading] *= by[reading]
             power[trial] += (real**2 + imaginary**2) / total
-    return power / times.sum()
+    power /= times.sum()
+    return power

@@ -91,7 +91,13 @@ class _Entries(NamedTuple):
         )
 
     def at(self, chosen: NDArray[np.bool_]) -> "_Entries":
-        return _Entries(*(each[chosen] for each in self[:5]), *self[5:])
+        return self._replace(
+            level=self.level[chosen],
+            pixel=self.pixel[chosen],
+            fall=self.fall[chosen],
+            times=self.times[chosen],
+            exposure=self.exposure[chosen],
+        )
 
 
 def _started(entries: _Entries, solution: Floats, noise: Floats) -> tuple[Floats, Floats]:
@@ -131,7 +137,7 @@ def _means(entries: _Entries, solution: Floats, falls: Falls) -> Floats:
     exposure = np.zeros(len(falls.mean_v))
     exposure[entries.level] = entries.exposure
     a, leak, step = solution.T
-    return np.maximum((falls.mean_v - a - leak * exposure[:, None]) / step, 1e-3)
+    return np.asarray(np.maximum((falls.mean_v - a - leak * exposure[:, None]) / step, 1e-3))
 
 
 def _posterior(
@@ -155,7 +161,7 @@ def _posterior(
 
 
 def _sums(entries: _Entries, values: Floats) -> Floats:
-    return np.bincount(entries.pixel, entries.times * values, entries.pixels)
+    return np.bincount(entries.pixel, entries.times * values, entries.pixels).astype(np.float64)
 
 
 def _regression(

@@ -54,7 +54,7 @@ class MeanCounts(NamedTuple):
 
 
 def dead_time_moments(
-    rate_hz: Floats, exposure_s: Floats, dead_time_s: Floats, kind: DeadTimeKind
+    rate_hz: Floats, exposure_s: Floats | float, dead_time_s: Floats, kind: DeadTimeKind
 ) -> tuple[Floats, Floats]:
     """Mean and variance of counts; exact where the exposure lasts many dead times."""
     x = rate_hz * exposure_s

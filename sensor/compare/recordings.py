@@ -155,11 +155,12 @@ def compare_recordings(
         histogram_p.append(histogram.p)
         distance.append(histogram.distance)
     quantities = [block_quantities(each, usable, kind) for each in (captured, expected)]
-    tests = (discoveries(np.array(p), rate) for p in (mean_p, variance_p, histogram_p))
     return Comparison(
         order,
         _differences(quantities[0], quantities[1], margin),
-        *tests,
+        discoveries(np.array(mean_p), rate),
+        discoveries(np.array(variance_p), rate),
+        discoveries(np.array(histogram_p), rate),
         np.array(distance),
         _spectrum(pairs, margin),
         false_alarms,

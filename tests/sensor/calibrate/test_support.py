@@ -16,8 +16,8 @@ DARK = [level for level in LEVELS if level.is_dark]
 
 
 def drifting(level):
-    """The output falls by 3 codes while the level is recorded."""
-    way = np.linspace(0, 3, len(level.codes))[:, None, None]
+    """The output falls by 12 codes while the level is recorded."""
+    way = np.linspace(0, 12, len(level.codes))[:, None, None]
     return replace(level, codes=(level.codes - way).astype(int))
 
 
