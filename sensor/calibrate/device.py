@@ -29,6 +29,7 @@ _DEVIATIONS_SEARCHED = 5.0
 _LOUDEST = 2.0
 """Times the median residual of the comb; beyond, the fit of a pixel has failed."""
 _SURELY = 5.0
+_CLEAR_OF_END = 2.0
 _SURE_OFFSET = 0.2
 """Standard error of the offset, in steps, above which teeth cannot be told apart."""
 
@@ -132,6 +133,8 @@ def calibrate_device(levels: Sequence[Level], adc: Adc, *, hot_times: float = 10
     # outputs that the ADC cuts off look like a tooth: the variance knows better
     louder = np.maximum(noise, np.sqrt(transfer.read_variance_v2) / transfer.step_v)
     if np.median(louder) > HIDDEN_AT:
+        clear = _CLEAR_OF_END if falls.is_cut else 0.0
+        transfer = photon_transfer(falls, exposure, light, above_noise=clear)
         return _without_comb(falls, transfer, exposure, light, shape, hot_times)
     if np.median(transfer.offset_error_v / step) > _SURE_OFFSET:
         raise ValueError(

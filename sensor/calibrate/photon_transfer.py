@@ -36,7 +36,11 @@ class PhotonTransfer(NamedTuple):
 
 
 def photon_transfer(
-    falls: Falls, exposure_s: Floats, light_hz: Floats, dimmest: float = 3.0
+    falls: Falls,
+    exposure_s: Floats,
+    light_hz: Floats,
+    dimmest: float = 3.0,
+    above_noise: float = 0.0,
 ) -> PhotonTransfer:
     """Fit variance over mean, and mean over exposure in the dark.
 
@@ -46,10 +50,14 @@ def photon_transfer(
     exposure_s, light_hz : (levels,)
     dimmest : float
         Levels with up to so many times the least light are used, and those in the dark.
+    above_noise : float
+        Levels whose fall is below so many standard deviations are left out: the ADC may cut off
+        part of their readings.
     """
     lit = light_hz[light_hz > 0]
     is_dim = light_hz <= dimmest * lit.min(initial=np.inf)
     used = (falls.frames > 0) & is_dim[:, None]
+    used &= falls.mean_v >= above_noise * np.sqrt(falls.variance_v2)
     offset, offset_error = _intercept(falls, exposure_s, used & (light_hz == 0)[:, None])
     columns = np.stack([np.ones_like(falls.mean_v), falls.mean_v - offset], axis=-1)
     scale = np.abs(columns).max(axis=0, keepdims=True) + 1e-30
