@@ -1,6 +1,7 @@
+from .chain import calibrate_device
 from .comb import comb_period
 from .comb_fit import CombFit, fit_comb
-from .device import Device, Estimate, calibrate_device
+from .device import Device, Estimate
 from .garwood import garwood_interval
 from .level import Adc, Falls, Level, falls_of
 from .neighbors import OFFSETS, Kernel, mean_kernel, neighbor_kernel
