@@ -172,12 +172,12 @@ def peaks(speed_mm_s: float, sensor: Sensor) -> dict[str, Peaks]:
     assert exposure.expectation is not None
     noisy, ideal = pooled(exposure.counts), pooled(exposure.expectation.mean_reading)
     return {
-        name: Peaks(_crossing_peaks(detector(name), noisy), _crossing_peaks(detector(name), ideal))
+        name: Peaks(crossing_peaks(detector(name), noisy), crossing_peaks(detector(name), ideal))
         for name in TIME_CONSTANTS_S
     }
 
 
-def _crossing_peaks(method: Detector, frames: Floats) -> Floats:
+def crossing_peaks(method: Detector, frames: Floats) -> Floats:
     """Largest response (crossings, rows, detectors) once the filters forgot how they started."""
     responses = method.respond(frames)[..., 1:-1]
     crossings = responses.reshape(2, FRAMES, -1, _ROWS, responses.shape[-1])

@@ -60,7 +60,9 @@ def _draw(sensor: Sensor, shape: tuple[int, int]) -> FixedPattern:
         getattr(sensor, name).act_on_rates(rates)
     _check(sensor, rates)
     counters = (
-        analog_pixels(sensor.counter, shape, sensor.exposure_s, seed)
+        sensor.measured.of_counters(
+            analog_pixels(sensor.counter, shape, sensor.exposure_s, seed), sensor.exposure_s
+        )
         if isinstance(sensor.counter, AnalogCounter)
         else None
     )

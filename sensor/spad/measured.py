@@ -6,6 +6,7 @@
     measured:
       dark_counts: dark_counts_hz.npy
       breakdown: breakdown_offset_v.npy
+      step: step_v.npy
       fit: center
 
 Paths are relative to the YAML file. The maps are hashed when the file is read, and a map that has
@@ -24,10 +25,13 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field, model_validator
 
 from megalopta.sensor import file_content
+from megalopta.sensor.counters import AnalogPixels
 from megalopta.sensor.effects import AvalancheMaps, Effect, PixelRates, Stage
 
 Floats = NDArray[np.float64]
 Fit = Literal["exact", "top_left", "center"]
+
+_SMALLEST_STEP_V = 1e-5
 
 
 class MapFile(BaseModel, frozen=True, extra="forbid", use_attribute_docstrings=True):
@@ -74,6 +78,12 @@ class MeasuredMaps(Effect, frozen=True):
     """Trapped carriers of every pixel relative to afterpulsing.mean_carriers."""
     crosstalk: MapFile | None = None
     """Neighbors that every pixel fires relative to crosstalk.mean_fired_neighbors."""
+    step: MapFile | None = None
+    """Step of every pixel's analog counter (V)."""
+    leak: MapFile | None = None
+    """Leak of every pixel's analog counter (V/s)."""
+    offset: MapFile | None = None
+    """Output of every pixel's analog counter after reset, above the supply (V)."""
     fit: Fit = "exact"
     """Which pixels of a map larger than the image are used: top_left or center takes a window of
     the image's size there, exact refuses the map."""
@@ -81,8 +91,7 @@ class MeasuredMaps(Effect, frozen=True):
     @property
     def is_on(self) -> bool:
         """Whether there is a map."""
-        named = *self.of_effect.values(), *self.relative
-        return any(getattr(self, name) for name in named)
+        return any(getattr(self, name) for name in type(self).model_fields if name != "fit")
 
     def act_on_rates(self, rates: PixelRates) -> None:
         """Put maps in the place of what was drawn."""
@@ -96,6 +105,27 @@ class MeasuredMaps(Effect, frozen=True):
         for name in self.relative:
             if getattr(self, name):
                 rates.scale(name, self._load(name, rates))
+
+    def of_counters(self, pixels: AnalogPixels, exposure_s: float) -> AnalogPixels:
+        """Put maps in the place of counters that were drawn.
+
+        Raises
+        ------
+        ValueError
+            As `load_map`.
+        """
+        drawn = pixels._asdict()
+        lowest = -np.finfo(float).max
+        for name, field, times, least in (
+            ("step", "step_v", 1.0, _SMALLEST_STEP_V),
+            ("leak", "leaked_v", exposure_s, lowest),
+            ("offset", "offset_v", 1.0, lowest),
+        ):
+            file = getattr(self, name)
+            if file:
+                shape = pixels.step_v.shape[0], pixels.step_v.shape[1]
+                drawn[field] = times * load_map(file, shape, f"measured.{name}", self.fit, least)
+        return AnalogPixels(**drawn)
 
     def _load(self, name: str, rates: PixelRates, lowest: float = 0.0) -> Floats:
         rates.measured.add(name)

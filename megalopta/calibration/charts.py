@@ -1,0 +1,91 @@
+"""Pictures of the calibration report."""
+
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from megalopta.figures import BLACK, BLUE, VERMILION, line_style
+from megalopta.report import in_style, new_axes, to_svg
+from megalopta.sensor.calibrate import DeadTimeKind, Device, dead_time_moments
+
+Floats = NDArray[np.float64]
+
+_WIDTH_PT, _HEIGHT_PT = 380, 270
+_KINDS: tuple[DeadTimeKind, ...] = ("paralyzable", "nonparalyzable")
+
+
+@in_style
+def map_chart(values: Floats, name: str, title: str) -> Markup:
+    """A map of pixels with its scale; gray where nothing is known."""
+    figure, axes = new_axes(_WIDTH_PT, _HEIGHT_PT)
+    low, high = np.nanpercentile(values, (1, 99)) if np.isfinite(values).any() else (0.0, 1.0)
+    picture = axes.imshow(values, cmap="viridis", vmin=low, vmax=high, interpolation="nearest")
+    figure.colorbar(picture, ax=axes, shrink=0.85)
+    axes.set(title=title, xlabel="column", ylabel="row")
+    return to_svg(figure, name, f"Map of the {title}")
+
+
+@in_style
+def photon_transfer_chart(device: Device, name: str) -> Markup:
+    """Variance over mean fall, of all pixels at all levels, with the line of the median step."""
+    figure, axes = new_axes(_WIDTH_PT, _HEIGHT_PT)
+    used = device.falls.frames > 0
+    dark = (device.counts.light_hz == 0)[:, None] & used
+    mean, variance = 1e3 * device.falls.mean_v, 1e6 * device.falls.variance_v2
+    for chosen, color, label in ((dark, BLACK, "dark"), (used & ~dark, BLUE, "light")):
+        axes.plot(mean[chosen], variance[chosen], ".", color=color, markersize=2, label=label)
+    ends = np.array([0.0, float(mean[used].max(initial=1.0))])
+    step = 1e3 * float(np.nanmedian(device.step_v.value))
+    axes.plot(ends, step * ends, color=VERMILION, linewidth=1.5, label=f"{step:.3g} mV per event")
+    axes.set(xlabel="mean fall of the output (mV)", ylabel="variance (mV²)")
+    axes.legend(frameon=False)
+    return to_svg(figure, name, "Photon transfer: variance of readings over their mean")
+
+
+@in_style
+def saturation_chart(device: Device, name: str) -> Markup:
+    """Counted over light at the median pixel, with the fitted law and the line without loss."""
+    figure, axes = new_axes(_WIDTH_PT, _HEIGHT_PT)
+    assert device.efficiency is not None and device.dead_time_s is not None
+    lit = device.counts.light_hz > 0
+    light = device.counts.light_hz[lit]
+    exposure = device.counts.exposure_s[lit]
+    mean = np.where(device.falls.frames[lit] > 0, device.counts.mean[lit], np.nan)
+    axes.plot(light, np.nanmedian(mean, axis=1) / exposure, "o", color=BLACK, label="measured")
+    eta, tau = (np.nanmedian(each.value) for each in (device.efficiency, device.dead_time_s))
+    dark = np.nanmedian(device.dark_counts_hz.value)
+    grid = np.geomspace(light.min(), 1.5 * light.max(), 100)
+    rate = dark + eta * grid
+    axes.plot(grid, rate, ":", color=BLACK, linewidth=1, label="without dead time")
+    for place, kind in enumerate(_KINDS):
+        law = dead_time_moments(rate, exposure.max(), np.full(rate.shape, tau), kind)[0]
+        axes.plot(grid, law / exposure.max(), **line_style(place), label=kind)
+    axes.set(xscale="log", yscale="log", xlabel="light (photons/s on a pixel)", ylabel="counts/s")
+    axes.legend(frameon=False)
+    return to_svg(figure, name, "Saturation curve: counts over light")
+
+
+@in_style
+def residual_chart(device: Device, name: str) -> Markup:
+    """Standardized residuals of mean counts at the levels of light."""
+    figure, axes = new_axes(_WIDTH_PT, _HEIGHT_PT)
+    axes.hist(residuals(device).ravel(), bins=60, range=(-6, 6), density=True, color=BLUE)
+    z = np.linspace(-6, 6, 200)
+    axes.plot(z, np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi), color=BLACK, linewidth=1.5)
+    axes.set(xlabel="residual (standard errors)", ylabel="density")
+    return to_svg(figure, name, "Residuals of the saturation curve, beside a normal law")
+
+
+def residuals(device: Device) -> Floats:
+    """Mean counts less those of the fit, in standard errors; NaN where nothing is fitted."""
+    assert device.efficiency is not None and device.dead_time_s is not None
+    lit = (device.counts.light_hz > 0) & (device.counts.exposure_s > 0)
+    eta, tau, dark = (
+        each.value.ravel()
+        for each in (device.efficiency, device.dead_time_s, device.dark_counts_hz)
+    )
+    rate = dark + eta * device.counts.light_hz[lit][:, None]
+    kind = _KINDS[device.dead_time_kind == "nonparalyzable"]
+    mean, variance = dead_time_moments(rate, device.counts.exposure_s[lit][:, None], tau, kind)
+    frames = np.where(device.counts.frames[lit] > 0, device.counts.frames[lit], np.nan)
+    return np.asarray((device.counts.mean[lit] - mean) / np.sqrt(variance / frames))

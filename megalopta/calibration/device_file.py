@@ -1,0 +1,135 @@
+"""What was estimated of a device as a YAML file and maps, which `sensors: [DEVICE.yaml]` loads."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from scipy.ndimage import convolve
+
+from megalopta.files import atomic_write, write_text
+from megalopta.sensor import Sensor
+from megalopta.sensor.calibrate import Device, Estimate, Kernel
+
+Floats = NDArray[np.float64]
+
+_INTERVALS = ("low", "high")
+
+
+@dataclass(frozen=True)
+class Light:
+    """What is known of the light of flat frames.
+
+    Attributes
+    ----------
+    wavelength_nm : float or None
+        None: it is relative, and so is the efficiency.
+    """
+
+    wavelength_nm: float | None = None
+
+
+def write_device(path: Path, device: Device, base: Sensor, light: Light, preset: str) -> None:
+    """Write a device file, and its maps with their intervals into a folder beside it.
+
+    Parameters
+    ----------
+    path : Path
+        Of the YAML file; maps lie in a folder of its name without the suffix.
+    device : Device
+    base : Sensor
+        What is not measured is its.
+    light : Light
+    preset : str
+        Name of that sensor.
+    """
+    folder = path.with_suffix("")
+    maps = {
+        "dark_counts": _primary(device.dark_counts_hz, device.kernel),
+        "step": device.step_v,
+        "leak": device.leak_v_s,
+        "offset": _negative(device.offset_v),
+    }
+    if device.efficiency is not None:
+        nominal = nominal_efficiency(device, base, light)
+        maps["efficiency"] = _primary(device.efficiency, device.kernel).scaled(1 / nominal)
+    named = {}
+    for name, estimate in maps.items():
+        if not np.isfinite(estimate.value).any():
+            continue
+        lowest = 0.0 if name in ("dark_counts", "efficiency") else -np.inf
+        _save(folder / f"{name}.npy", np.maximum(_filled(estimate.value), lowest))
+        for end in _INTERVALS:
+            _save(folder / f"{name}_{end}.npy", getattr(estimate, end))
+        named[name] = f"{folder.name}/{name}.npy"
+    _save(folder / "hot.npy", device.hot)
+    text = yaml.safe_dump(_fields(path, device, base, preset, named), sort_keys=False)
+    write_text(path, f"# Written by megalopta spadcam calibrate.\n{text}")
+
+
+def nominal_efficiency(device: Device, base: Sensor, light: Light) -> float:
+    """Efficiency that a map is relative to: the curve's, or the mean of the pixels."""
+    if light.wavelength_nm is None:
+        assert device.efficiency is not None
+        return float(np.nanmean(device.efficiency.value))
+    curve = base.efficiency
+    return float(np.interp(light.wavelength_nm, curve.wavelengths_nm, curve.values))
+
+
+def _fields(
+    path: Path, device: Device, base: Sensor, preset: str, maps: dict[str, str]
+) -> dict[str, Any]:
+    counter: dict[str, Any] = {"step_v": _median(device.step_v), "step_sigma_v": 0.0}
+    if "leak" in maps:
+        counter |= {"leak_v_s": max(_median(device.leak_v_s), 0.0), "leak_sigma_v_s": 0.0}
+    counter["read_noise_v"] = _median(device.read_noise_v)
+    fields: dict[str, Any] = {
+        "preset": preset,
+        "name": path.stem,
+        "source": f"calibrated by {device.method} from {len(device.levels)} recordings",
+        "counter": counter,
+    }
+    if device.dead_time_s is not None and device.dead_time_kind is not None:
+        seconds = float(np.nanmedian(device.dead_time_s.value))
+        fields["dead_time"] = {"kind": device.dead_time_kind, "dead_time_s": seconds}
+    if device.kernel is not None and device.kernel.is_seen:
+        orthogonal, diagonal = device.kernel.share[:2].mean(), device.kernel.share[2:4].mean()
+        neighbors = 8 if diagonal > orthogonal / 2 else 4
+        shares = device.kernel.share[: neighbors // 2].sum()
+        fields["crosstalk"] = {"probability": float(2 * shares), "neighbors": neighbors}
+    fields["measured"] = {**maps, "fit": "exact"}
+    return fields
+
+
+def _median(estimate: Estimate) -> float:
+    return float(np.nanmedian(estimate.value))
+
+
+def _negative(estimate: Estimate) -> Estimate:
+    """Fall of the output as its rise."""
+    return Estimate(-estimate.value, -estimate.high, -estimate.low)
+
+
+def _primary(estimate: Estimate, kernel: Kernel | None) -> Estimate:
+    """Less what neighbors fire, which the simulated crosstalk adds again."""
+    if kernel is None or not kernel.is_seen:
+        return estimate
+    weights = np.zeros((3, 3))
+    orthogonal, diagonal = kernel.share[:2].mean(), kernel.share[2:4].mean()
+    weights[1, ::2] = weights[::2, 1] = orthogonal
+    if diagonal > orthogonal / 2:
+        weights[::2, ::2] = diagonal
+    fired = convolve(_filled(estimate.value), weights, mode="constant")
+    return Estimate(*(each - fired for each in (estimate.value, estimate.low, estimate.high)))
+
+
+def _filled(values: Floats) -> Floats:
+    """Maps without holes: the median where nothing is known."""
+    return np.where(np.isfinite(values), values, np.nanmedian(values))
+
+
+def _save(path: Path, values: NDArray[Any]) -> None:
+    with atomic_write(path) as temporary:
+        np.save(temporary, values)

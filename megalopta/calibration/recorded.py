@@ -1,0 +1,113 @@
+"""Recordings as they are named on the command line: RECORDING or RECORDING@LIGHT.
+
+A recording is a folder that `megalopta spadcam capture` wrote, or another camera's file of counts
+(`megalopta.sensor.formats`), whose exposure then follows: FILE@LIGHT:EXPOSURE_S.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zarr
+from numpy.typing import NDArray
+
+from megalopta import strict_yaml
+from megalopta.errors import UserError
+from megalopta.sensor import Sensor, open_counts
+from megalopta.sensor.formats import read_frames
+
+_PLANCK_TIMES_C = 1.98644586e-25
+
+
+@dataclass(frozen=True)
+class Source:
+    """A recording and the light in it."""
+
+    path: Path
+    light: float = 0.0
+    """As given: photons per second on a pixel, or watts of the beam; 0: in the dark."""
+    exposure_s: float | None = None
+
+    @classmethod
+    def parse(cls, text: str) -> "Source":
+        """From RECORDING, RECORDING@LIGHT or RECORDING@LIGHT:EXPOSURE_S.
+
+        Raises
+        ------
+        UserError
+            When light or exposure is no number, or negative.
+        """
+        path, _, numbers = text.partition("@")
+        light, _, exposure = numbers.partition(":")
+        try:
+            values = float(light or 0), float(exposure) if exposure else None
+        except ValueError:
+            raise UserError(f"{text!r}: give RECORDING@LIGHT, a number after the @") from None
+        if not 0 <= values[0] < np.inf or (values[1] is not None and not 0 < values[1] < np.inf):
+            raise UserError(f"{text!r}: light or exposure is impossible; give positive numbers")
+        return cls(Path(path), *values)
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """Frames of a recording.
+
+    Attributes
+    ----------
+    counts : (n, rows, columns)
+    codes : (n, rows, columns) or None
+        Of the ADC, where they are recorded.
+    exposure_s : float
+    sensor : Sensor or None
+        The nominal one.
+    """
+
+    counts: NDArray[Any]
+    codes: NDArray[Any] | None
+    exposure_s: float
+    sensor: Sensor | None
+
+
+def read_recorded(source: Source) -> Recorded:
+    """Read a recording.
+
+    Raises
+    ------
+    UserError
+        When there is none, it is damaged, or its exposure is not known.
+    """
+    try:
+        store = source.path / "counts.zarr"
+        return _captured(source) if store.exists() else _of_others(source)
+    except (ValueError, OSError) as problem:
+        raise UserError(str(problem)) from problem
+
+
+def photons_on_pixel(
+    power_w: float, wavelength_nm: float, beam_mm2: float, pitch_m: float
+) -> float:
+    """Photons per second on a pixel of an even beam, Hz."""
+    return power_w * wavelength_nm * 1e-9 / _PLANCK_TIMES_C * pitch_m**2 / (beam_mm2 * 1e-6)
+
+
+def _captured(source: Source) -> Recorded:
+    opened = open_counts(source.path / "counts.zarr")
+    settings = strict_yaml.load((source.path / "recording.yaml").read_text("utf-8"))
+    exposure = settings.get("exposure_s") if isinstance(settings, dict) else None
+    if not isinstance(exposure, int | float) or not exposure > 0:
+        raise ValueError(f"{source.path}: recording.yaml says no exposure_s; record it again")
+    adc = zarr.open_group(opened.path, mode="r").get("adc")
+    codes = np.asarray(adc[:]) if isinstance(adc, zarr.Array) else None
+    sensor = opened.sensor if isinstance(opened.sensor, Sensor) else None
+    return Recorded(opened["counts"][:], codes, float(exposure), sensor)
+
+
+def _of_others(source: Source) -> Recorded:
+    frames = read_frames(source.path)
+    exposure = source.exposure_s or frames.exposure_s
+    if exposure is None:
+        raise ValueError(f"{source.path}: it says no exposure; give {source.path}@LIGHT:SECONDS")
+    if frames.counts.ndim != 3:
+        raise ValueError(f"{source.path}: {frames.counts.ndim} dimensions; give gray frames")
+    return Recorded(frames.counts, None, exposure, None)

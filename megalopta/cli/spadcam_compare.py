@@ -1,0 +1,48 @@
+"""`megalopta spadcam compare`."""
+
+from argparse import Namespace
+from pathlib import Path
+
+from megalopta.cli.command import Verbs, add_out, add_verb
+from megalopta.cli.spadcam_calibrate import add_recordings
+
+
+def declare(verbs: Verbs) -> None:
+    """Add the verb."""
+    purpose = "recordings beside what the device's model makes of the same stimulus"
+    command = add_verb(verbs, "compare", purpose, _run)
+    add_recordings(command)
+    command.add_argument("--device", type=Path, required=True, help="device file of the model")
+    command.add_argument(
+        "--scene",
+        choices=["levels", "plate"],
+        default="levels",
+        help="darkness and even light (default), or the moving plate; LIGHT is then its speed "
+        "in mm/s",
+    )
+    command.add_argument(
+        "--margin",
+        type=float,
+        default=0.05,
+        help="relative difference that does not matter (default: 0.05)",
+    )
+    command.add_argument("--seed", type=int, default=0, help="of the simulation (default: 0)")
+    add_out(command, "comparison.html", "page")
+
+
+def _run(options: Namespace) -> None:
+    from megalopta.calibration import Beam, Source
+    from megalopta.comparison import compare_captured
+
+    sources = [Source.parse(text) for text in options.recordings]
+    sentence = compare_captured(
+        sources,
+        options.device,
+        options.out,
+        scene=options.scene,
+        beam=Beam(options.wavelength_nm, options.beam_area_mm2),
+        margin=options.margin,
+        seed=options.seed,
+    )
+    print(sentence)
+    print(options.out)

@@ -1,0 +1,133 @@
+"""The comparison report."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from markupsafe import Markup
+
+from megalopta.calibration import Section, map_chart, write_sections
+from megalopta.comparison.charts import (
+    dark_chart,
+    difference_chart,
+    response_chart,
+    spectrum_chart,
+    transfer_chart,
+)
+from megalopta.comparison.motion import SpeedResponse
+from megalopta.report import number
+from megalopta.sensor.compare import Comparison, CountedFrames, Difference
+
+Levels = Sequence[CountedFrames]
+
+_HEAD = ("", "captured", "simulated", "difference", "95 %", "p", "verdict")
+
+
+def write_comparison_report(
+    path: Path, name: str, captured: Levels, simulated: Levels, found: Comparison
+) -> None:
+    """Write how captured levels differ from simulated ones, with pictures."""
+    order = found.arrangement
+    rows = f" Rows, top to bottom: {', '.join(map(str, order.rows))}." if order.rows else ""
+    sections = [
+        Section(
+            "The device",
+            f"Alarms are raised in at most {100 * found.false_alarms:g} % of comparisons of a "
+            f"device with itself; less than {100 * found.margin:g} % does not matter: “equivalent” "
+            "is what is surely less (two one-sided tests at 95 %).",
+            _HEAD,
+            tuple(_row(each, found) for each in found.differences),
+        ),
+        Section(
+            "Order of the pixels",
+            f"The captured image is {order.name}: rank correlation of the two patterns "
+            f"{order.correlation:.3f}.{rows}",
+        ),
+        _tests(found),
+        Section("Alarms", "; ".join(found.alarms) or "None."),
+        Section("Distributions", charts=_distributions(captured, simulated)),
+        Section(
+            "Maps",
+            charts=(
+                *_maps(captured, simulated),
+                *(
+                    difference_chart(one, other, f"apart-{at}")
+                    for at, (one, other) in enumerate(zip(captured, simulated, strict=True))
+                ),
+            ),
+        ),
+    ]
+    write_sections(path, f"{name}: captured and simulated", found.sentence, sections)
+
+
+def write_motion_report(path: Path, name: str, responses: Sequence[SpeedResponse]) -> str:
+    """Write how responses to a moving plate differ; return the sentence on it."""
+    limit = 0.01 / len(responses)
+    real = [each.difference for each in responses if each.difference.p < limit]
+    real.sort(key=lambda each: -each.size)
+    sentence = (
+        f"Captured: {'; '.join(map(str, real[:3]))}." if real else "Nothing differs beyond chance."
+    )
+    rows = tuple(_cells(each.difference, each.difference.p < limit) for each in responses)
+    charts = tuple(response_chart(responses, method) for method in ("NDM", "NDS"))
+    sections = [
+        Section("Transfer functions", "Mean and standard deviation of crossings.", charts=charts),
+        Section("Responses", "Peak responses to the edge.", _HEAD, rows),
+    ]
+    write_sections(path, f"{name}: responses to a moving plate", sentence, sections)
+    return sentence
+
+
+def _row(each: Difference, found: Comparison) -> tuple[str, ...]:
+    limit = found.false_alarms / 5 / max(len(found.differences), 1)
+    return _cells(each, each.p < limit)
+
+
+def _cells(each: Difference, differs: bool) -> tuple[str, ...]:
+    verdict = " and ".join(
+        word for word, holds in (("differs", differs), ("equivalent", each.is_equivalent)) if holds
+    )
+    return (
+        f"{each.name} ({each.unit})",
+        number(each.captured),
+        number(each.expected),
+        f"{100 * each.relative:+.2g} %",
+        f"{100 * each.low:+.2g} to {100 * each.high:+.2g} %",
+        f"{each.p:.2g}",
+        verdict or "not told apart",
+    )
+
+
+def _tests(found: Comparison) -> Section:
+    tests = (("mean", found.means), ("variance", found.variances), ("histogram", found.histograms))
+    rows = tuple(
+        (name, str(int(np.isfinite(test.p).sum())), str(int(test.differs.sum())))
+        for name, test in tests
+    )
+    distance = float(np.nanmedian(found.distances))
+    return Section(
+        "Pixels",
+        "Tests of every pixel at every level; false discovery rate by Benjamini and Hochberg. "
+        f"Histograms are {distance:.3f} apart (total variation, median).",
+        ("of", "tested", "differ"),
+        rows,
+    )
+
+
+def _distributions(captured: Levels, simulated: Levels) -> tuple[Markup, ...]:
+    charts = [transfer_chart(captured, simulated), spectrum_chart(captured[-1], simulated[-1])]
+    dark = [at for at, level in enumerate(captured) if level.is_dark]
+    if dark:
+        at = max(dark, key=lambda place: captured[place].exposure_s)
+        charts.append(dark_chart(captured[at], simulated[at]))
+    return tuple(charts)
+
+
+def _maps(captured: Levels, simulated: Levels) -> tuple[Markup, ...]:
+    charts = []
+    for name, levels in (("captured", captured), ("simulated", simulated)):
+        counts = levels[0].counts
+        charts.append(map_chart(counts.mean(axis=0), f"mean-{name}", f"mean, {name} (counts)"))
+        variance = counts.var(axis=0, dtype=np.float64)
+        charts.append(map_chart(variance, f"variance-{name}", f"variance, {name} (counts²)"))
+    return tuple(charts)

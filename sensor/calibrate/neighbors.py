@@ -1,0 +1,171 @@
+"""Crosstalk and afterpulsing from dark counts: what goes together more often than by chance.
+
+The covariance of two pixels is their coincidences less the expected ones. In a wide array in which
+an avalanche fires a pixel at offset δ with probability k(δ), Poisson primaries make
+
+    C(δ) = Σ_j G(j)·G(j + δ)·D        G = (1 − k)⁻¹, D = m·(1 − Σ k²)
+
+for mean counts m. Pairs of one offset and its opposite give C(δ)/m; solved for k over offsets up to
+two pixels. What pixels far apart share (temperature, light that leaks in) is taken off. A variance
+above that of crosstalk is that of afterpulses: with mean number p, it is m/(1 − p)² where all of
+them fall into the exposure.
+
+Source: coincidences, Restelli et al., Proc. SPIE 6372 (2006); the branching process, as in
+`sensor/effects/crosstalk.py`.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+OFFSETS = ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0))
+_FAR = 4
+_SIZE = 32
+_ROUNDS = 60
+
+
+class Kernel(NamedTuple):
+    """Probabilities that an avalanche fires a pixel at each of `OFFSETS` (and their opposites)."""
+
+    share: Floats
+    error: Floats
+    """Standard errors."""
+    afterpulses: float
+    """Mean number that an avalanche leaves, so far as they fall into the exposure."""
+    afterpulses_error: float
+
+    @property
+    def probability(self) -> float:
+        """Mean number of pixels that one avalanche fires."""
+        return float(2 * self.share.sum())
+
+    @property
+    def probability_error(self) -> float:
+        """Its standard error."""
+        return float(2 * np.sqrt(np.square(self.error).sum()))
+
+    @property
+    def is_seen(self) -> bool:
+        """Whether the nearest neighbors show crosstalk, beyond 3 standard errors."""
+        nearest = self.share[:2].sum()
+        return bool(nearest > 3 * np.sqrt(np.square(self.error[:2]).sum()))
+
+    @property
+    def are_afterpulses_seen(self) -> bool:
+        """Whether there are afterpulses, beyond 3 standard errors."""
+        return self.afterpulses > 3 * self.afterpulses_error
+
+
+def neighbor_kernel(counts: NDArray[Any], good: NDArray[np.bool_]) -> Kernel:
+    """Estimate the kernel from dark counts (n, rows, columns) of the good pixels (rows, columns).
+
+    Raises
+    ------
+    ValueError
+        When too few good pixels have neighbors.
+    """
+    counts = np.asarray(counts, np.float64)
+    mean = counts.mean(axis=0)
+    n = len(counts)
+    apart = np.where(good, counts - mean, 0)
+    variance = np.where(good, counts.var(axis=0, ddof=1), 0)
+    ratios = [_pairs(apart, mean, good, offset) for offset in OFFSETS]
+    if any(ratio is None for ratio in ratios):
+        raise ValueError("crosstalk: too few good pixels side by side; none can be told")
+    common = _common(apart, good) / float(mean[good].mean())
+    seen = np.array([ratio[0] for ratio in ratios if ratio]) - common
+    error = np.array([ratio[1] for ratio in ratios if ratio]) / 2
+    share = _solved(seen)
+    fano = float(variance[good].sum() / mean[good].sum()) - common
+    # of Poisson counts, not as seen: else those of small variance would weigh more
+    m = mean[good]
+    spread = np.sqrt((2 * m**2 + m).sum() / n) / m.sum()
+    ratio = max(fano / _response(share)[0, 0], 1e-9)
+    return Kernel(share, error, float(1 - ratio**-0.5), float(0.5 * spread * ratio**-1.5))
+
+
+def mean_kernel(kernels: Sequence[Kernel]) -> Kernel:
+    """Average kernels of independent recordings by their precision."""
+    share, error = _average([each.share for each in kernels], [each.error for each in kernels])
+    traps = _average(
+        [each.afterpulses for each in kernels], [each.afterpulses_error for each in kernels]
+    )
+    return Kernel(share, error, float(traps[0]), float(traps[1]))
+
+
+def _average(values: Sequence[Any], errors: Sequence[Any]) -> tuple[Floats, Floats]:
+    weights = 1 / np.maximum(np.square(errors), 1e-30)
+    mean = (weights * np.array(values)).sum(axis=0) / weights.sum(axis=0)
+    return np.asarray(mean), np.asarray(1 / np.sqrt(weights.sum(axis=0)))
+
+
+def _pairs(
+    apart: Floats, mean: Floats, good: NDArray[np.bool_], offset: tuple[int, int]
+) -> tuple[float, float] | None:
+    """Covariance over mean of all pairs of an offset, weighted by their light; standard error."""
+    first, second = _shifted(good, offset)
+    both = good[first] & good[second]
+    if both.sum() < 2:
+        return None
+    covariance = (apart[:, *first] * apart[:, *second]).sum(axis=0) / (len(apart) - 1)
+    # a brighter pair says as much per event: weights by inverse variance of the ratio
+    total = (mean[first] + mean[second]) / 2
+    noise = mean[first] * mean[second] / len(apart)
+    weight = np.where(both & (noise > 0), total / np.where(noise > 0, noise, 1), 0)
+    norm = float((weight * total).sum())
+    if not norm > 0:
+        return None
+    error = float(np.sqrt((weight**2 * noise).sum())) / norm
+    return float((weight * covariance).sum()) / norm, error
+
+
+def _shifted(values: NDArray[Any], offset: tuple[int, int]) -> tuple[Any, Any]:
+    down, right = offset
+    rows, columns = values.shape
+    if right >= 0:
+        return (
+            (slice(0, rows - down), slice(0, columns - right)),
+            (slice(down, rows), slice(right, columns)),
+        )
+    return (
+        (slice(0, rows - down), slice(-right, columns)),
+        (slice(down, rows), slice(0, columns + right)),
+    )
+
+
+def _common(apart: Floats, good: NDArray[np.bool_]) -> float:
+    """Mean covariance of pixels at least four rows apart."""
+    sums, pairs = 0.0, 0
+    rows = good.shape[0]
+    totals, numbers = apart.sum(axis=2), good.sum(axis=1)
+    for row in range(rows - _FAR):
+        below = totals[:, row + _FAR :].sum(axis=1)
+        sums += float((totals[:, row] * below).sum()) / (len(apart) - 1)
+        pairs += int(numbers[row] * numbers[row + _FAR :].sum())
+    return sums / pairs if pairs else 0.0
+
+
+def _response(share: Floats) -> Floats:
+    """Covariance over mean, by offset, in an unbounded array."""
+    kernel = np.zeros((_SIZE, _SIZE))
+    for (down, right), each in zip(OFFSETS, share, strict=True):
+        kernel[down % _SIZE, right % _SIZE] += each
+        kernel[-down % _SIZE, -right % _SIZE] += each
+    transform = np.abs(1 / (1 - np.fft.fft2(kernel))) ** 2
+    return np.asarray(np.fft.ifft2(transform).real * (1 - np.square(kernel).sum()))
+
+
+def _solved(seen: Floats) -> Floats:
+    """Shares that make the covariances seen."""
+    share = seen / 2
+    for _ in range(_ROUNDS):
+        response = _response(share)
+        share = share - (np.array([response[offset] for offset in OFFSETS]) - seen) / 2
+        total = 2 * np.abs(share).sum()
+        if total > 0.8:
+            share *= 0.8 / total
+    return share

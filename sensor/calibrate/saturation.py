@@ -1,0 +1,179 @@
+"""Dark counts, efficiency and dead time of each pixel from mean counts over light.
+
+Arrivals of rate r = d + η·φ, d dark counts and φ the light, are counted with mean M and variance V
+by the laws of `sensor/effects` for a live start, here for exposures of many dead times,
+
+    paralyzable         M = (x − a)·q + 1 − q,  V = M − 2·a·x·q² + …    q = exp(−a)
+    non-paralyzable     M = g·x/a + g²/2,       V = g·(1 − g)²·x/a + …  g = a/(1 + a)
+
+with x = r·T and a = r·τ. (d, η, τ) maximize the likelihood of normal means of known variance V/n,
+by Fisher scoring, from the best of a row of dead times. Both kinds are fitted: the likelier one is
+named where the likelihoods, over all pixels, differ by more than a factor e⁶ (400 to 1).
+
+Source: dissertation §2.3.3, Eq. 2.5 and 2.6; Knoll, Radiation Detection and Measurement, ch. 4.
+"""
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+DeadTimeKind = Literal["paralyzable", "nonparalyzable"]
+
+_KINDS: tuple[DeadTimeKind, ...] = ("paralyzable", "nonparalyzable")
+_CLEAR = 6.0
+_ROUNDS = 25
+_STARTS = 30
+_STEP = 1e-5
+_LARGEST_EXPONENT = 50.0
+
+
+class SaturationFit(NamedTuple):
+    """Rates of each pixel, (P, 3): dark counts Hz, efficiency, dead time s."""
+
+    kind: DeadTimeKind
+    solution: Floats
+    covariance: Floats
+    """(P, 3, 3)"""
+    log_likelihood: Floats
+    """(P,)"""
+
+
+class MeanCounts(NamedTuple):
+    """Counts at each level (levels, P); nothing is known where there are no frames."""
+
+    mean: Floats
+    frames: Floats
+    exposure_s: Floats
+    """(levels,)"""
+    light_hz: Floats
+    """(levels,)"""
+    noise: Floats | float = 0.0
+    """Variance of a count beyond that of events, (P,)."""
+
+
+def dead_time_moments(
+    rate_hz: Floats, exposure_s: Floats | float, dead_time_s: Floats, kind: DeadTimeKind
+) -> tuple[Floats, Floats]:
+    """Mean and variance of counts; exact where the exposure lasts many dead times."""
+    x = rate_hz * exposure_s
+    a = np.minimum(rate_hz * dead_time_s, _LARGEST_EXPONENT)
+    none = np.exp(-np.minimum(x, 700))
+    if kind == "paralyzable":
+        q = np.exp(-a)
+        once, twice = np.maximum(x - a, 0), np.maximum(x - 2 * a, 0)
+        later = q * (once - 1 + np.exp(-np.minimum(once, 700)))
+        mean = later + 1 - none
+        two = twice**2 / 2 - (twice - 1 + np.exp(-np.minimum(twice, 700)))
+        return mean, 2 * (later + q**2 * two) + mean - mean**2
+    g = a / (1 + a)
+    mean = x / (1 + a) + g**2 / 2
+    return mean, x / (1 + a) ** 3 + g**2 * (3 / 2 - 8 * g / 3 + 5 * g**2 / 4)
+
+
+def fit_saturation(counts: MeanCounts) -> tuple[SaturationFit, float]:
+    """Return the likelier kind's fit, and by how much: the logarithm of the likelihoods' ratio.
+
+    Raises
+    ------
+    ValueError
+        When there are fewer than two levels of light.
+    """
+    if len(np.unique(counts.light_hz[counts.light_hz > 0])) < 2:
+        raise ValueError("flat frames of fewer than two lights; capture a dim and a bright one")
+    fits = sorted((fit_kind(counts, kind) for kind in _KINDS), key=lambda fit: -_total(fit))
+    return fits[0], _total(fits[0]) - _total(fits[1])
+
+
+def is_kind_clear(ratio: float) -> bool:
+    """Whether the logarithm of the likelihoods' ratio names the kind of dead time."""
+    return ratio > _CLEAR
+
+
+def fit_kind(counts: MeanCounts, kind: DeadTimeKind) -> SaturationFit:
+    """Fit one kind of dead time."""
+    solution = _started(counts, kind)
+    for _ in range(_ROUNDS):
+        gradient, information = _score(counts, solution, kind)
+        step = np.einsum("pij,pj->pi", _inverse(information), gradient)
+        solution = _bounded(solution + np.clip(step, -_reach(solution), _reach(solution)), solution)
+    covariance = _inverse(_score(counts, solution, kind)[1])
+    likelihood = _likelihood(counts, solution, kind)
+    untold = ((counts.frames > 0) & (counts.light_hz > 0)[:, None]).sum(axis=0) < 2
+    solution[untold, 1:], covariance[untold] = np.nan, np.nan
+    return SaturationFit(kind, solution, covariance, likelihood)
+
+
+def _total(fit: SaturationFit) -> float:
+    return float(fit.log_likelihood[np.isfinite(fit.log_likelihood)].sum())
+
+
+def _bounded(found: Floats, before: Floats) -> Floats:
+    lowest = np.array([1e-6, 1e-12, 1e-15])
+    return np.where(np.isfinite(found), np.maximum(found, lowest), before)
+
+
+def _reach(solution: Floats) -> Floats:
+    """How far one round may go."""
+    return np.maximum(0.5 * solution, [1.0, 0, 1e-9])
+
+
+def _started(counts: MeanCounts, kind: DeadTimeKind) -> Floats:
+    rate = counts.mean / counts.exposure_s[:, None]
+    used = counts.frames > 0
+    dark = used & (counts.light_hz == 0)[:, None]
+    live = np.where(dark, counts.frames * counts.exposure_s[:, None], 0)
+    d = (live * rate).sum(0) / np.maximum(live.sum(0), 1e-300)
+    light = np.where(used & (counts.light_hz > 0)[:, None], counts.light_hz[:, None], np.inf)
+    dimmest = np.argmin(light, axis=0)
+    at = dimmest, np.arange(d.size)
+    light_hz = np.maximum(counts.light_hz[dimmest], 1e-12)
+    is_lit = np.isfinite(light[at])
+    best, most = np.zeros((d.size, 3)), np.full(d.size, -np.inf)
+    longest = float(counts.exposure_s[counts.light_hz > 0].min()) / 4
+    for tau in np.geomspace(longest * 1e-5, longest, _STARTS):
+        observed = np.maximum(rate[at] - d, 1e-9)
+        eta = observed / np.maximum(1 - rate[at] * tau, 0.2) / light_hz
+        eta = np.where(is_lit, eta, 1e-12)
+        trial = np.stack([np.maximum(d, 1e-6), eta, np.full(d.size, tau)], axis=-1)
+        value = _likelihood(counts, trial, kind)
+        better = value > most
+        best[better], most[better] = trial[better], value[better]
+    return best
+
+
+def _moments(counts: MeanCounts, solution: Floats, kind: DeadTimeKind) -> tuple[Floats, Floats]:
+    d, eta, tau = solution.T
+    rate = d + eta * counts.light_hz[:, None]
+    mean, variance = dead_time_moments(rate, counts.exposure_s[:, None], tau, kind)
+    return mean, np.maximum(variance, 1e-9) + counts.noise
+
+
+def _likelihood(counts: MeanCounts, solution: Floats, kind: DeadTimeKind) -> Floats:
+    mean, variance = _moments(counts, solution, kind)
+    n = counts.frames
+    each = n * (counts.mean - mean) ** 2 / variance + np.log(variance)
+    return np.asarray(-0.5 * np.where(n > 0, each, 0).sum(axis=0))
+
+
+def _score(counts: MeanCounts, solution: Floats, kind: DeadTimeKind) -> tuple[Floats, Floats]:
+    """Gradient (P, 3) and Fisher information (P, 3, 3) of the means."""
+    mean, variance = _moments(counts, solution, kind)
+    slopes = []
+    for at in range(3):
+        step = np.maximum(solution[:, at] * _STEP, [1e-6, 1e-13, 1e-16][at])
+        moved = solution.copy()
+        moved[:, at] += step
+        slopes.append((_moments(counts, moved, kind)[0] - mean) / step)
+    slope = np.stack(slopes, axis=-1)
+    weight = counts.frames / variance
+    gradient = np.einsum("lp,lpi->pi", weight * (counts.mean - mean), slope)
+    return gradient, np.einsum("lp,lpi,lpj->pij", weight, slope, slope)
+
+
+def _inverse(information: Floats) -> Floats:
+    scale = np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), 1e-300))
+    scaled = information / scale[:, :, None] / scale[:, None, :]
+    inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True)
+    return np.asarray(inverse / scale[:, :, None] / scale[:, None, :])

@@ -1,0 +1,128 @@
+"""What blocks of frames say of a device: quantities that do not mix.
+
+    gain          variance over mean of dark and dim counts: 1 where a count is an event
+    crosstalk     neighbors that an event fires: covariance over mean and gain
+    dark counts   mean rate in the dark, in events, less those that crosstalk makes
+    efficiency    events per light, the same way, of dim frames less dark ones
+    dead time     from how far bright frames stay below the line through dim ones
+
+Dividing by the gain keeps a step that is wrong from passing for light; dividing out crosstalk keeps
+that from passing for efficiency.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.sensor.compare.counted import CountedFrames
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+BLOCKS = 20
+_BRIGHT = 4.0
+"""Times the dimmest light from which on a level tells the dead time."""
+_LOSS_SEEN = 0.02
+
+
+def block_quantities(
+    levels: Sequence[CountedFrames], usable: Sequence[Mask], kind: str = "paralyzable"
+) -> dict[str, Floats]:
+    """Return quantities by name, each (blocks,), as far as the levels tell them.
+
+    Parameters
+    ----------
+    levels : sequence of CountedFrames
+    usable : sequence of (rows, columns) bool
+        Pixels of each level that are used.
+    kind : "paralyzable" or "nonparalyzable"
+        Of the dead time.
+    """
+    blocks = [_of_block(levels, usable, kind, at) for at in range(BLOCKS)]
+    return {name: np.array([each[name] for each in blocks]) for name in blocks[0]}
+
+
+def _of_block(
+    levels: Sequence[CountedFrames], usable: Sequence[Mask], kind: str, block: int
+) -> dict[str, float]:
+    own = [_block(level.counts, block) for level in levels]
+    lit = sorted({level.light_hz for level in levels if not level.is_dark})
+    linear = [at for at, level in enumerate(levels) if level.light_hz <= min(lit, default=0)]
+    means = [each.mean(axis=0) for each in own]
+    good = usable
+    found: dict[str, float] = {}
+    total = sum(float(means[at][good[at]].sum()) for at in linear)
+    if total <= 0:
+        return found
+    spread = sum(float(own[at].var(axis=0, ddof=1)[good[at]].sum()) for at in linear)
+    found["step"] = gain = spread / total
+    found["crosstalk"] = crosstalk = _crosstalk(own, means, good, linear) / gain
+    primary = (1 - crosstalk) / gain
+    dark = [at for at, level in enumerate(levels) if level.is_dark]
+    rate = _rates(levels, means)
+    dark_rate = None
+    if dark:
+        every = np.logical_and.reduce([good[at] for at in dark])
+        weights = [levels[at].exposure_s for at in dark]
+        dark_rate = np.average([rate[at] for at in dark], axis=0, weights=weights)
+        found["dark counts"] = float(dark_rate[every].mean()) * primary
+    if lit:
+        dim = next(at for at, level in enumerate(levels) if level.light_hz == lit[0])
+        base = dark_rate if dark_rate is not None else np.zeros_like(rate[dim])
+        signal = rate[dim] - base
+        found["efficiency"] = float(signal[good[dim]].mean()) * primary / lit[0]
+        bright = [at for at, level in enumerate(levels) if level.light_hz >= _BRIGHT * lit[0]]
+        if bright:
+            losses = [
+                _loss(
+                    rate[at], base, signal, levels[at].light_hz / lit[0], good[at] & good[dim], gain
+                )
+                for at in bright
+            ]
+            kept, offered = max(losses, key=lambda each: each[1])
+            share = max(kept / offered, 1e-9) if offered > 0 else 1.0
+            loss = -np.log(share) if kind == "paralyzable" else 1 / share - 1
+            found["dead time"] = float(loss / offered) if offered > 0 else 0.0
+    return found
+
+
+def _block(counts: NDArray[np.floating], block: int) -> Floats:
+    edges = np.linspace(0, len(counts), BLOCKS + 1).astype(int)
+    return np.asarray(counts[edges[block] : edges[block + 1]], np.float64)
+
+
+def _rates(levels: Sequence[CountedFrames], means: Sequence[Floats]) -> list[Floats]:
+    return [mean / level.exposure_s for mean, level in zip(means, levels, strict=True)]
+
+
+def _loss(
+    rate: Floats, base: Floats, signal: Floats, times: float, good: Mask, gain: float
+) -> tuple[float, float]:
+    """Mean rates in events: what is counted and what would be without loss, Hz."""
+    if not good.any():
+        return 0.0, 0.0
+    return float(rate[good].mean()) / gain, float((base + times * signal)[good].mean()) / gain
+
+
+def _crosstalk(
+    own: Sequence[Floats], means: Sequence[Floats], good: Sequence[Mask], chosen: Sequence[int]
+) -> float:
+    """Mean number of neighbors that an event fires, times the gain."""
+    together = total = 0.0
+    pixels = pairs = 0
+    for at in chosen:
+        apart = np.where(good[at], own[at] - means[at], 0)
+        n = len(apart) - 1
+        for first, second in (
+            ((slice(None), slice(None, -1)), (slice(None), slice(1, None))),
+            ((slice(None, -1), slice(None)), (slice(1, None), slice(None))),
+        ):
+            both = good[at][first] & good[at][second]
+            together += float((apart[:, *first] * apart[:, *second]).sum()) / n
+            total += float((means[at][first] + means[at][second])[both].sum())
+            pairs += int(both.sum())
+        pixels += int(good[at].sum())
+    if not pairs or total <= 0:
+        return 0.0
+    return together / total * (2 * pairs / pixels)

@@ -1,0 +1,215 @@
+"""A captured recording against a simulated one, in all respects, with one false-alarm rate."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.sensor.compare.counted import CountedFrames
+from megalopta.sensor.compare.equivalence import Difference, difference
+from megalopta.sensor.compare.order import Arrangement, arrangement
+from megalopta.sensor.compare.quantities import BLOCKS, block_quantities
+from megalopta.sensor.compare.spectrum import BANDS, band_powers
+from megalopta.sensor.compare.two_sample import (
+    PixelTest,
+    discoveries,
+    histogram_test,
+    mean_test,
+    variance_test,
+)
+
+Floats = NDArray[np.float64]
+
+FALSE_ALARMS = 0.01
+"""Share of comparisons of a device with itself that raise an alarm, at most."""
+MARGIN = 0.05
+"""Relative difference that does not matter."""
+UNITS = MappingProxyType(
+    {
+        "step": "counts per event",
+        "crosstalk": "neighbors per event",
+        "dark counts": "Hz",
+        "efficiency": "events per photon",
+        "dead time": "s",
+    }
+)
+_LEAST = MappingProxyType({"crosstalk": 0.02, "dead time": 1e-9})
+"""What a difference is relative to, where the expected value is smaller."""
+_FAMILIES = 5
+_FEWEST_FRAMES = 3 * BLOCKS
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """How two recordings differ.
+
+    Attributes
+    ----------
+    arrangement : Arrangement
+        In which order the captured pixels are.
+    differences : tuple of Difference
+        Quantities of the device.
+    means, variances, histograms : PixelTest
+        Of all levels, (levels, rows, columns).
+    distances : (levels, rows, columns)
+        Total variation between histograms.
+    spectrum : tuple of Difference
+        Shares of bands of frequency.
+    false_alarms, margin : float
+    """
+
+    arrangement: Arrangement
+    differences: tuple[Difference, ...]
+    means: PixelTest
+    variances: PixelTest
+    histograms: PixelTest
+    distances: Floats
+    spectrum: tuple[Difference, ...]
+    false_alarms: float
+    margin: float
+
+    @property
+    def causes(self) -> tuple[Difference, ...]:
+        """Quantities that differ beyond chance and by more than the margin, largest first."""
+        real = [each for each in self._beyond_chance(self.differences) if not each.is_equivalent]
+        return tuple(sorted(real, key=lambda each: -each.size))
+
+    @property
+    def alarms(self) -> tuple[str, ...]:
+        """Everything that differs beyond chance, in words."""
+        found = []
+        if self.arrangement.is_other:
+            found.append(f"the captured image is {self.arrangement.name}")
+        found += [str(each) for each in self._beyond_chance(self.differences)]
+        tests = {"mean": self.means, "variance": self.variances, "histogram": self.histograms}
+        for name, test in tests.items():
+            if test.differs.any():
+                found.append(f"the {name} of {100 * test.share:.2g} % of the pixels differs")
+        found += [str(each) for each in self._beyond_chance(self.spectrum)]
+        return tuple(found)
+
+    @property
+    def sentence(self) -> str:
+        """What differs and by how much."""
+        if self.arrangement.is_other:
+            return (
+                f"The captured image is {self.arrangement.name}: rank correlation "
+                f"{self.arrangement.correlation:.2f} so, {self.arrangement.as_it_is:.2f} as it is."
+            )
+        if self.causes:
+            return f"Captured: {'; '.join(map(str, self.causes))}."
+        if not self.alarms:
+            return "Nothing differs beyond chance."
+        largest = max(self.differences, key=lambda each: each.size, default=None)
+        limit = f"; of the device, at most: {largest}" if largest else ""
+        return f"Differences are beyond chance but small: {self.alarms[0]}{limit}."
+
+    def _beyond_chance(self, tested: Sequence[Difference]) -> list[Difference]:
+        limit = self.false_alarms / _FAMILIES / max(len(tested), 1)
+        return [each for each in tested if each.p < limit]
+
+
+def compare_recordings(
+    captured: Sequence[CountedFrames],
+    expected: Sequence[CountedFrames],
+    *,
+    kind: str = "paralyzable",
+    margin: float = MARGIN,
+    false_alarms: float = FALSE_ALARMS,
+    errors: Sequence[Floats | float] | None = None,
+) -> Comparison:
+    """Compare level by level.
+
+    Parameters
+    ----------
+    captured, expected : sequences of CountedFrames
+        The same levels in the same order; numbers of frames may differ.
+    kind : "paralyzable" or "nonparalyzable"
+        Dead time of the device.
+    margin : float
+        Relative difference that does not matter.
+    false_alarms : float
+        Share of comparisons of a device with itself that may raise an alarm.
+    errors : sequence of (rows, columns), optional
+        Standard errors of the expected mean counts of each level, where these are a calibration's.
+
+    Raises
+    ------
+    ValueError
+        When levels are not of the same shape, or have too few frames.
+    """
+    _check(captured, expected)
+    pairs = list(zip(captured, expected, strict=True))
+    order = _arrangement(pairs)
+    usable = [one.usable & other.usable for one, other in pairs]
+    rate = false_alarms / _FAMILIES
+    mean_p, variance_p, histogram_p, distance = [], [], [], []
+    unsure = errors or [0.0] * len(pairs)
+    for (one, other), good, error in zip(pairs, usable, unsure, strict=True):
+        a, b = np.asarray(one.counts, np.float64), np.asarray(other.counts, np.float64)
+        histogram = histogram_test(a, b)
+        mean_p.append(np.where(good, mean_test(a, b, error), np.nan))
+        variance_p.append(np.where(good, variance_test(a, b), np.nan))
+        histogram_p.append(histogram.p)
+        distance.append(histogram.distance)
+    quantities = [block_quantities(each, usable, kind) for each in (captured, expected)]
+    return Comparison(
+        order,
+        _differences(quantities[0], quantities[1], margin),
+        discoveries(np.array(mean_p), rate),
+        discoveries(np.array(variance_p), rate),
+        discoveries(np.array(histogram_p), rate),
+        np.array(distance),
+        _spectrum(pairs, margin),
+        false_alarms,
+        margin,
+    )
+
+
+def _check(captured: Sequence[CountedFrames], expected: Sequence[CountedFrames]) -> None:
+    if not captured or len(captured) != len(expected):
+        raise ValueError(
+            f"{len(captured)} captured levels and {len(expected)} expected ones; give the same"
+        )
+    for one, other in zip(captured, expected, strict=True):
+        shapes = one.counts.shape[1:], other.counts.shape[1:]
+        if shapes[0] != shapes[1]:
+            raise ValueError(f"frames of {shapes[0]} and of {shapes[1]} pixels; give the same")
+        fewest = min(len(one.counts), len(other.counts))
+        if fewest < _FEWEST_FRAMES:
+            raise ValueError(f"{fewest} frames; compare {_FEWEST_FRAMES} or more")
+
+
+def _arrangement(pairs: Sequence[tuple[CountedFrames, CountedFrames]]) -> Arrangement:
+    """Of the level that shows the pattern best: the one of the most counts."""
+    one, other = max(pairs, key=lambda each: float(each[1].counts.sum()) * each[1].is_dark)
+    return arrangement(one.counts.mean(axis=0), other.counts.mean(axis=0))
+
+
+def _differences(
+    captured: Mapping[str, Floats], expected: Mapping[str, Floats], margin: float
+) -> tuple[Difference, ...]:
+    return tuple(
+        difference(name, captured[name], expected[name], unit, margin, _LEAST.get(name, 0.0))
+        for name, unit in UNITS.items()
+        if name in captured and name in expected
+    )
+
+
+def _spectrum(
+    pairs: Sequence[tuple[CountedFrames, CountedFrames]], margin: float
+) -> tuple[Difference, ...]:
+    found = []
+    for at, (one, other) in enumerate(pairs):
+        a, b = band_powers(one.counts), band_powers(other.counts)
+        if min(len(a), len(b)) < 4:
+            continue
+        found += [
+            difference(
+                f"power of band {band + 1} at level {at + 1}", a[:, band], b[:, band], "", margin
+            )
+            for band in range(BANDS - 1)
+        ]
+    return tuple(found)

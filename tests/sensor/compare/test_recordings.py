@@ -1,0 +1,94 @@
+"""A device against itself, and against devices that differ in one thing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from megalopta.sensor.compare import compare_recordings
+
+from .cameras import camera, recorded
+
+REFERENCE = recorded(seed=1)
+
+
+def alarms(repeats, first):
+    """Number of comparisons of a device with itself that raise an alarm."""
+    return sum(
+        bool(compare_recordings(recorded(first + 2 * at), recorded(first + 2 * at + 1)).alarms)
+        for at in range(repeats)
+    )
+
+
+def test_a_device_against_itself_raises_no_alarm():
+    # at 1 %, 3 or more of 6 have a chance of 2e-5; the seeds are fixed
+    assert alarms(6, first=50) < 3
+
+
+@pytest.mark.slow
+def test_a_device_against_itself_raises_alarms_at_the_stated_rate():
+    # at 1 %, 12 or more of 200 have a chance below 1e-6
+    assert alarms(200, first=1000) < 12
+
+
+@pytest.mark.parametrize(
+    ("name", "changed"),
+    [
+        ("dark counts", {"dark": 1.2}),
+        ("efficiency", {"efficiency": 1.2}),
+        ("step", {"step": 1.2}),
+        ("dead time", {"sensor": camera(dead_time_s=1.2e-6)}),
+    ],
+)
+def test_a_fifth_more_is_named(name, changed):
+    found = compare_recordings(recorded(seed=2, **changed), REFERENCE)
+    (cause,) = found.causes
+    assert cause.name == name
+    assert cause.relative == pytest.approx(0.2, abs=0.06)
+    assert name in found.sentence
+    assert found.alarms
+
+
+def test_doubled_crosstalk_is_named():
+    more, less = (
+        recorded(seed=seed, sensor=camera(crosstalk=share)) for seed, share in ((5, 0.1), (6, 0.05))
+    )
+    found = compare_recordings(more, less)
+    assert found.causes[0].name == "crosstalk"
+    assert found.causes[0].relative == pytest.approx(1, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("words", "move"),
+    [
+        ("transposed", lambda counts: counts.transpose(0, 2, 1)),
+        ("rows in reverse order", lambda counts: counts[:, ::-1]),
+        ("columns in reverse order", lambda counts: counts[:, :, ::-1]),
+        ("turned by 90° to the left", lambda counts: np.rot90(counts, axes=(1, 2))),
+        ("2 of 16 rows in another order", lambda counts: counts[:, [1, 0, *range(2, 16)]]),
+        ("16 of 16 rows", lambda counts: counts[:, np.arange(16) ^ 1]),
+    ],
+)
+def test_another_order_of_pixels_is_named(words, move):
+    moved = [replace(level, counts=move(level.counts)) for level in recorded(seed=2)]
+    found = compare_recordings(moved, REFERENCE)
+    assert words in found.sentence
+    assert found.alarms
+
+
+def test_small_differences_are_equivalent_though_beyond_chance():
+    levels = ((0.02, 0.0),)
+    many = [
+        recorded(seed, frames=4000, dark=dark, levels=levels)
+        for seed, dark in ((3, 1.02), (4, 1.0))
+    ]
+    found = compare_recordings(*many)
+    (dark,) = (each for each in found.differences if each.name == "dark counts")
+    assert dark.is_equivalent
+    assert not found.causes
+
+
+def test_too_few_frames_are_refused():
+    few = [replace(level, counts=level.counts[:30]) for level in REFERENCE]
+    with pytest.raises(ValueError, match="30 frames"):
+        compare_recordings(few, REFERENCE)
