@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import zarr
 from numpy.typing import NDArray
 
-from megalopta import strict_yaml
 from megalopta.errors import UserError
-from megalopta.sensor import Sensor, open_counts
+from megalopta.sensor import Sensor
 from megalopta.sensor.formats import read_frames
+from megalopta.spadcam import open_recording
 
 _PLANCK_TIMES_C = 1.98644586e-25
 
@@ -92,15 +91,9 @@ def photons_on_pixel(
 
 
 def _captured(source: Source) -> Recorded:
-    opened = open_counts(source.path / "counts.zarr")
-    settings = strict_yaml.load((source.path / "recording.yaml").read_text("utf-8"))
-    exposure = settings.get("exposure_s") if isinstance(settings, dict) else None
-    if not isinstance(exposure, int | float) or not exposure > 0:
-        raise ValueError(f"{source.path}: recording.yaml says no exposure_s; record it again")
-    adc = zarr.open_group(opened.path, mode="r").get("adc")
-    codes = np.asarray(adc[:]) if isinstance(adc, zarr.Array) else None
-    sensor = opened.sensor if isinstance(opened.sensor, Sensor) else None
-    return Recorded(opened["counts"][:], codes, float(exposure), sensor)
+    recording = open_recording(source.path)
+    codes = np.asarray(recording.adc[:])
+    return Recorded(recording.counts[:], codes, recording.exposure_s, recording.sensor)
 
 
 def _of_others(source: Source) -> Recorded:

@@ -117,4 +117,5 @@ def _created(
         chunks=(_CHUNK_FRAMES, *pixels),
         dimension_names=("frame", "row", "column")[: 1 + len(pixels)],
         attributes={"unit": array.unit},
+        config={"write_empty_chunks": True},
     )
