@@ -95,10 +95,14 @@ def _fields(
         seconds = float(np.nanmedian(device.dead_time_s.value))
         fields["dead_time"] = {"kind": device.dead_time_kind, "dead_time_s": seconds}
     if device.kernel is not None and device.kernel.is_seen:
-        orthogonal, diagonal = device.kernel.share[:2].mean(), device.kernel.share[2:4].mean()
-        neighbors = 8 if diagonal > orthogonal / 2 else 4
-        shares = device.kernel.share[: neighbors // 2].sum()
-        fields["crosstalk"] = {"probability": float(2 * shares), "neighbors": neighbors}
+        shares = np.maximum(device.kernel.share, 0.0)
+        orthogonal, diagonal, two = (float(shares[i : i + 2].mean()) for i in (0, 2, 4))
+        if orthogonal > 0:
+            fields["crosstalk"] = {
+                "mean_fired_neighbors": float(2 * shares.sum()),  # each offset to either side
+                "diagonal": min(diagonal / orthogonal, 1.0),
+                "distance_two": min(two / orthogonal, 1.0),
+            }
     fields["measured"] = {**maps, "fit": "exact"}
     return fields
 

@@ -133,8 +133,8 @@ def _emission(emission: Emission) -> dict[str, Any]:
 
 def bitmap(values: NDArray[np.float32]) -> dict[str, Any]:
     """Mitsuba texture of values (H, W) that tile the uv square, row 0 at v = 0."""
-    # Mitsuba's first row is v = 0, as ours.
-    image = np.ascontiguousarray(values[..., None], dtype=np.float32)
+    # Mitsuba's first row is v = 0, as ours; it takes no array that is read-only.
+    image = np.array(values[..., None], dtype=np.float32, order="C")
     return {"type": "bitmap", "bitmap": mi.Bitmap(image), "raw": True, "wrap_mode": "repeat"}
 
 

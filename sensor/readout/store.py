@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import zarr
@@ -109,12 +109,14 @@ def counts_writer(
             temporary, mode="w", zarr_format=3, attributes=store_attributes(origin)
         )
 
+        arrays: dict[str, zarr.Array[Any]] = {}
+
         def write(first: int, exposure: Exposure) -> None:
             for name, values in _arrays(exposure):
-                if name not in group:
-                    _create_array(group, name, frames, values, unit_of(name, origin.sensor))
-                array = cast("zarr.Array[Any]", group[name])
-                array[first : first + len(values)] = values
+                if name not in arrays:
+                    unit = unit_of(name, origin.sensor)
+                    arrays[name] = _created(group, name, frames, values, unit)
+                arrays[name][first : first + len(values)] = values
 
         yield write
 
@@ -146,9 +148,11 @@ def store_attributes(origin: Origin) -> dict[str, Any]:
     }
 
 
-def _create_array(group: zarr.Group, name: str, frames: int, like: NDArray[Any], unit: str) -> None:
+def _created(
+    group: zarr.Group, name: str, frames: int, like: NDArray[Any], unit: str
+) -> "zarr.Array[Any]":
     per_chunk = max(1, min(frames, _CHUNK_FRAMES, CHUNK_BYTES // max(1, like[:1].nbytes)))
-    group.create_array(
+    return group.create_array(
         name,
         shape=(frames, *like.shape[1:]),
         dtype=like.dtype,

@@ -40,7 +40,7 @@ def test_table_prints_the_order_of_effects(console, monkeypatch):
     monkeypatch.setattr(check_physics, "run_checks", lambda checks: [GOOD])
     check_physics.run_check_physics(console=console)
     assert (
-        "lens → efficiency → dark_counts → measured → bias → temperature → gate"
+        "lens → efficiency → dark_counts → measured → temperature → bias → gate"
         in console.file.getvalue()
     )
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import yaml
 
-from megalopta.cli import main
+from megalopta.cli import main as cli
 from megalopta.config import load
 from megalopta.dataset import open_dataset
 from megalopta.errors import UserError
@@ -55,7 +55,7 @@ def content(root):
 
 
 def sense(*arguments):
-    main(["sense", "data", "--sensors", "[device.yaml]", "--light-levels", "1e-9", *arguments])
+    cli.main(["sense", "data", "--sensors", "[device.yaml]", "--light-levels", "1e-9", *arguments])
 
 
 def counts(root):
@@ -77,7 +77,7 @@ def refusal(capsys, *arguments):
 
 def test_the_example_device_is_sensed_with_the_middle_of_its_maps(folder):
     level = ["--light-levels", "1e-9"]  # so dark that only dark counts remain
-    main(["sense", "data", "--sensors", str(EXAMPLE / "device.yaml"), *level])
+    cli.main(["sense", "data", "--sensors", str(EXAMPLE / "device.yaml"), *level])
     dark_hz = np.load(EXAMPLE / "dark_counts_hz.npy")[44:84, 40:88]
     expected = counts(folder / "data").exposure.expectation.mean_events
     # a paralyzable dead time of 1 µs; at its ends an exposure loses less, by 1e-5
@@ -104,16 +104,16 @@ def test_the_dataset_describes_the_device_without_its_yaml_and_curve(folder, mon
     assert sensor.measured.dark_counts.path == str(folder / "dark.npy")
     assert sensor.efficiency.values == (0.1, 0.2)
     monkeypatch.chdir(os.sep)
-    main(["sense", str(folder / "data")])
+    cli.main(["sense", str(folder / "data")])
     assert content(folder / "data") == before
-    main(["sense", str(folder / "data"), "--redo"])
+    cli.main(["sense", str(folder / "data"), "--redo"])
     assert content(folder / "data") == before
 
 
 def test_a_curve_may_be_given_on_the_command_line(folder):
     (folder / "pde.csv").write_text("400,0.1\n700,0.2\n")
     sense()
-    main(["sense", "data", "--sensors.0.efficiency", "{path: pde.csv}", "--redo"])
+    cli.main(["sense", "data", "--sensors.0.efficiency", "{path: pde.csv}", "--redo"])
     assert counts(folder / "data").sensor.efficiency.wavelengths_nm == (400, 700)
 
 
@@ -159,7 +159,7 @@ def test_a_map_that_changed_since_is_refused(folder, capsys):
     before = content(folder / "data")
     np.save(folder / "dark.npy", np.zeros((50, 50)))
     with pytest.raises(SystemExit):
-        main(["sense", "data", "--redo"])
+        cli.main(["sense", "data", "--redo"])
     assert "dark.npy has changed since it was first read" in capsys.readouterr().err
     assert content(folder / "data") == before
 
@@ -168,7 +168,7 @@ def test_a_report_names_a_map_that_is_gone(folder, capsys):
     sense()
     (folder / "dark.npy").unlink()
     with pytest.raises(SystemExit) as end:
-        main(["report", "data"])
+        cli.main(["report", "data"])
     assert end.value.code == 2
     assert "dark.npy cannot be read (no such file" in capsys.readouterr().err
 

@@ -11,7 +11,7 @@ import zarr
 
 from megalopta.checks import run_check_files
 from megalopta.checks.integrity import check_files
-from megalopta.cli import main
+from megalopta.cli import main as cli
 from megalopta.config import load
 from megalopta.dataset import open_dataset
 from megalopta.errors import UserError
@@ -232,7 +232,7 @@ def test_a_truncated_file_is_made_again_by_its_stage_alone(copy, name):
 def test_a_refused_redo_leaves_everything_as_it_was(copy, command, capsys):
     before = content(copy.root)
     with pytest.raises(SystemExit) as end:
-        main([*(word.format(root=copy.root) for word in command), "--redo"])
+        cli.main([*(word.format(root=copy.root) for word in command), "--redo"])
     assert end.value.code == 2
     assert len(capsys.readouterr().err.strip().splitlines()) in (1, 2)  # "building", and why not
     assert content(copy.root) == before

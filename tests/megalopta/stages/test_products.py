@@ -92,7 +92,7 @@ def test_what_a_kill_left_out_is_made_again_alike(sensed, folder):
         (
             "binary_npy",
             {"crosstalk": Crosstalk(mean_fired_neighbors=0.1)},
-            "binary frames have no crosstalk",
+            "binary frames have none",
         ),
         ("binary_spad512", None, "512 × 512"),
     ],

@@ -28,7 +28,7 @@ def test_moments_are_those_of_the_effect(kind):
 def test_crosstalk_kernel(probability):
     rng = np.random.default_rng(3)
     primaries = rng.poisson(20.0, (1500, 16, 16))
-    effect = Crosstalk(probability=probability)
+    effect = Crosstalk(mean_fired_neighbors=probability)
     counts = np.array([crosstalk.spread(rng, frame, effect) for frame in primaries])
     kernel = neighbor_kernel(counts, np.ones((16, 16), bool))
     # orthogonal shares a quarter each; edges see less, which is below the error; 5 standard errors

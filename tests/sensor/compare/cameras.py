@@ -21,7 +21,9 @@ def camera(dead_time_s=1e-6, crosstalk=0.0):
         dead_time=DeadTime(kind="paralyzable", dead_time_s=dead_time_s),
     )
     if crosstalk:
-        return changed(sensor, dead_time=DeadTime(), crosstalk=Crosstalk(probability=crosstalk))
+        return changed(
+            sensor, dead_time=DeadTime(), crosstalk=Crosstalk(mean_fired_neighbors=crosstalk)
+        )
     return sensor
 
 
