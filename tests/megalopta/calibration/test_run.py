@@ -39,9 +39,22 @@ def write_recording(folder, exposure_s, light_hz, frames=100, seed=0):
     nothing = Exposure(np.zeros(codes.shape, np.uint16), np.zeros(codes.shape, bool))
     stored = StoredCounts(sensor=sensor, seed=0, sequence="flat", exposure=nothing)
     write_counts(folder / "counts.zarr", stored)
-    zarr.open_group(folder / "counts.zarr", mode="a").create_array("adc", data=codes)
-    settings = yaml.safe_dump({"kind": "flat", "exposure_s": exposure_s})
-    (folder / "recording.yaml").write_text(settings, "utf-8")
+    group = zarr.open_group(folder / "counts.zarr", mode="a")
+    numbers = np.arange(frames)
+    extra = {"times_s": 0.1 * numbers, "device_us": 100_000 * numbers, "sequence_number": numbers}
+    for name, values in {"adc": codes, **extra}.items():
+        group.create_array(name, data=values)
+    settings = {
+        "kind": "flat",
+        "started": "2026-01-01T00:00:00+00:00",
+        "serial_number": "1",
+        "firmware": "1.0",
+        "exposure_s": exposure_s,
+        "frame_rate_hz": 10.0,
+        "step_bias": 2048,
+        "row_window": [0, SHAPE[0]],
+    }
+    (folder / "recording.yaml").write_text(yaml.safe_dump(settings), "utf-8")
     return Source(folder, light_hz)
 
 

@@ -15,6 +15,7 @@ import time
 import numpy as np
 import pytest
 
+from megalopta.cli import main
 from megalopta.config import to_yaml
 from megalopta.dataset import open_dataset
 from megalopta.stages.ledger import Ledger
@@ -27,9 +28,9 @@ KILLS = 20 if IS_LONG else 1
 PROGRAM = """
 import sys
 import megalopta.render.scene_renderer
-from megalopta.cli import main as cli
+from megalopta.cli.main import main
 print("ready", flush=True)
-cli.main(sys.argv[1:])
+main(sys.argv[1:])
 """
 
 CHANGES = {
