@@ -34,8 +34,8 @@ _EXPOSED_PER_S, _DETECTED_PER_S, _BENCHED_PER_S = 1e6, 3e6, 1e7
 _BAND_BYTES, _TRUTH_BYTES, _TRAINING_BYTES = 3.9, 41, 14
 """Per pixel on disk, compressed; rendering noise does not compress."""
 _COUNTS_BYTES, _CORRECTED_BYTES, _RESPONSE_BYTES, _LIGHT_BYTES = 22, 7, 5, 8
-"""Per pixel on disk: of an exposure, of its corrected readings, of a detector's responses to one, and of the light that the
-benchmark keeps while it runs."""
+"""Per pixel on disk: of an exposure, of its corrected readings, of a detector's responses to one,
+and of the light that the benchmark keeps while it runs."""
 _PROGRAM_BYTES, _RENDERED_BYTES, _POSE_BYTES = 1e9, 1000, 1000
 """In memory: the program, a pixel while it is rendered, a frame's pose."""
 _EXPOSED_BYTES, _SEEN_BYTES, _DRAWN_BYTES = 120, 80, 60
