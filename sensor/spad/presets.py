@@ -228,7 +228,11 @@ def load_sensor(path: str | Path) -> Sensor:
     path = Path(path)
     try:
         values = strict_yaml.load(path.read_text("utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
+    except OSError as error:
+        raise ValueError(
+            f"{path}: {error.strerror}; give the path of a device's YAML file"
+        ) from error
+    except (ValueError, RecursionError) as error:
         problem = " ".join(str(error).split())
         raise ValueError(f"{path}: cannot be read as YAML: {problem}") from error
     if not isinstance(values, dict):

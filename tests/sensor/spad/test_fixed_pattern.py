@@ -223,7 +223,7 @@ def test_impossible_device_is_refused_in_one_sentence(folder, values, message):
 
 
 def test_missing_files_are_refused(folder):
-    with pytest.raises(ValueError, match="cannot be read as YAML"):
+    with pytest.raises(ValueError, match="No such file or directory; give the path"):
         load_sensor(folder / "none.yaml")
     (folder / "efficiency.npy").unlink()
     with pytest.raises(ValueError, match=r"efficiency\.npy cannot be read \(no such file"):
