@@ -10,12 +10,13 @@ too large by half its curvature times σ²; that is taken off, of arrivals and o
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from megalopta.sensor import changed, reading_moments, without
+from megalopta.sensor import MeasuredMaps, changed, reading_moments, without
 from megalopta.sensor.effects import MOST_ARRIVALS
 from megalopta.sensor.spad import Sensor
 
@@ -108,8 +109,13 @@ def response_curve(sensor: Sensor) -> ResponseCurve:
 
 
 def _without_pattern(sensor: Sensor) -> Sensor:
-    scatter = {name: 0.0 for name in type(sensor.counter).model_fields if "sigma" in name}
-    return changed(without(sensor, "dark_counts"), counter=scatter)
+    """The sensor with pixels that do not differ, neither as drawn nor as measured."""
+    alike: dict[str, Any] = {
+        part: {name: 0.0 for name in type(getattr(sensor, part)).model_fields if "sigma" in name}
+        for part in ("counter", "dead_time", "afterpulsing", "crosstalk")
+    }
+    plain = sensor.model_copy(update={"measured": MeasuredMaps()})
+    return changed(without(plain, "dark_counts"), **alike)
 
 
 def _most_arrivals(sensor: Sensor) -> float:

@@ -91,6 +91,18 @@ def test_the_curve_is_that_of_dead_time():
         np.testing.assert_allclose(curve.mean, mean_of(curve.arrivals, tau), rtol=1e-9, atol=atol)
 
 
+def test_the_curve_does_not_depend_on_the_pixels_of_one_device(tmp_path):
+    sensor = changed(
+        preset("ideal"),
+        dead_time=DeadTime(kind="nonparalyzable", dead_time_s=1e-3),
+        counter=DigitalCounter(capacity=90),
+    )
+    np.save(tmp_path / "times.npy", np.full((3, 5), 2.0))
+    files = {"dead_time": {"path": str(tmp_path / "times.npy")}}
+    own = changed(sensor, dead_time={"mismatch_sigma": 0.5}, measured=files)
+    np.testing.assert_array_equal(response_curve(own).mean, response_curve(sensor).mean)
+
+
 def test_dim_and_bright_readings_of_a_paralyzable_pixel_are_ambiguous_near_its_peak(calibrations):
     calibration = calibrations["paralyzable"]
     readings = np.full((1, *SHAPE), 0.95 * calibration.curve.largest)
