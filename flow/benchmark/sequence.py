@@ -139,11 +139,10 @@ class _Stimulus:
 class _Comparison:
     """One detector at one flux: its answers to counts against those to the clean sequence."""
 
-    def __init__(self, method: Detector, shape: tuple[int, int], reference: str) -> None:
+    def __init__(self, method: Detector, shape: tuple[int, int], has_own_ideal: bool) -> None:
         self.method = method
         self.answer_to_counts = method.start(shape)
-        notices = not method.ignores_offset and reference == "self"
-        self.answer_to_means = method.start(shape) if notices else None
+        self.answer_to_means = method.start(shape) if has_own_ideal else None
         self.sums: list[ErrorSums] = []
 
     def add(self, ideal: FloatArray, means: FloatArray, counts: Counts, scale: float) -> None:
@@ -182,7 +181,10 @@ def _one_repeat(
     """Return the sums of each method, (fluxes, T)."""
     answers_to_light = [method.start(stimulus.shape) for method in methods]
     comparisons = [
-        [_Comparison(method, stimulus.shape, settings.reference) for method in methods]
+        [
+            _Comparison(method, stimulus.shape, settings.compares_with_means(method))
+            for method in methods
+        ]
         for _ in settings.fluxes
     ]
     for first_frame, light in stimulus.chunks():

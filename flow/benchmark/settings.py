@@ -51,6 +51,10 @@ class CurveSettings(
     confidence: Annotated[float, Field(gt=0, lt=1)] = 0.95
     """Probability that an interval holds"""
 
+    def compares_with_means(self, detector: Detector) -> bool:
+        """Whether a detector's responses are compared with those to the dark counts' mean too."""
+        return self.reference == "self" and not detector.ignores_offset
+
     @field_validator("metrics", "bits")
     @classmethod
     def _each_once(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:

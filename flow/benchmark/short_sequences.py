@@ -119,8 +119,8 @@ class Comparison:
     def _at_place(self, phase: int, flux: float, dark: float) -> ErrorSums:
         method, repeats = self._method, range(self._sequences.settings.repeats)
         scale = self._scale(flux)
-        notices = not method.ignores_offset and self._sequences.settings.reference == "self"
-        ideal = self._response(phase, flux, dark) if notices else self._ideal[phase]
+        has_own = self._sequences.settings.compares_with_means(method)
+        ideal = self._response(phase, flux, dark) if has_own else self._ideal[phase]
         # where frames are independent of each other, one stands for those of a place
         means = self._clean[phase][:1] * flux + dark
         deviation = method.expected_deviation(means, scale)

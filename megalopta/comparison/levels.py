@@ -10,6 +10,7 @@ from megalopta.calibration import Beam, Recorded
 from megalopta.errors import UserError
 from megalopta.sensor import AnalogCounter, Sensor, changed, expose_rate
 from megalopta.sensor.compare import CountedFrames
+from megalopta.sensor.counters import counts_of_codes
 from megalopta.sensor.spad import MapFile, draw_fixed_pattern
 
 _FULL = 0.98
@@ -24,8 +25,7 @@ def captured_frames(recorded: Recorded, device: Sensor, light_hz: float) -> Coun
         return CountedFrames(recorded.counts, recorded.exposure_s, light_hz)
     known = draw_fixed_pattern(own, (codes.shape[1], codes.shape[2])).counters
     assert known is not None
-    reference = counter.supply_v + known.offset_v - known.leaked_v
-    counts = np.maximum(np.rint((reference - codes * counter.lsb_v) / known.step_v), 0)
+    counts, _ = counts_of_codes(codes, counter, known)
     full = _FULL * (counter.swing_v - known.leaked_v) / known.step_v
     return CountedFrames(counts, recorded.exposure_s, light_hz, counts >= full)
 

@@ -6,6 +6,7 @@ from .frames import (
     read_radiance_frames,
     read_truth_frame,
     read_truth_frames,
+    write_frames,
 )
 from .rendering_noise import ATTRIBUTE, noise_record
 from .store import (
@@ -43,4 +44,5 @@ __all__ = [
     "sintel",
     "whole_of",
     "write_configuration",
+    "write_frames",
 ]

@@ -1,8 +1,10 @@
 """Reading a dataset's frames, a chunk at a time."""
 
 from collections.abc import Iterator
+from typing import Any, cast
 
 import numpy as np
+import zarr
 from numpy.typing import NDArray
 
 from megalopta.dataset.store import Dataset
@@ -25,6 +27,21 @@ def read_radiance_frames(
     for first in range(0, frames, chunk):
         indices = range(first, min(first + chunk, frames))
         yield first, np.stack([read_radiance_frame(dataset, index) for index in indices])
+
+
+def write_frames(
+    group: zarr.Group, name: str, first: int, values: NDArray[Any], frames: int, **described: Any
+) -> None:
+    """Write frames (n, ...) into an array of a group, from a number on.
+
+    The array is created with the first of them: `frames` long, `FRAMES_AT_ONCE` to a chunk, and
+    described by what else `zarr.Group.create_array` takes.
+    """
+    if name not in group:
+        chunks = (min(FRAMES_AT_ONCE, frames), *values.shape[1:])
+        shape = (frames, *values.shape[1:])
+        group.create_array(name, shape=shape, chunks=chunks, dtype=values.dtype, **described)
+    cast("zarr.Array[Any]", group[name])[first : first + len(values)] = values
 
 
 def read_truth_frames(dataset: Dataset) -> Iterator[Truth]:

@@ -14,7 +14,7 @@ import zarr
 
 from megalopta import files
 from megalopta.config import LightLevel
-from megalopta.dataset import FRAMES_AT_ONCE, Dataset, exposure_name
+from megalopta.dataset import FRAMES_AT_ONCE, Dataset, exposure_name, write_frames
 from megalopta.errors import UserError
 from megalopta.progress import progress
 from megalopta.sensor import ImageSensor, OpenedCounts, Sensor, StoredFrames
@@ -88,14 +88,6 @@ def _write(group: zarr.Group, first: int, frames: int, corrected: Corrected) -> 
     for name, unit in _UNITS.items():
         values = getattr(corrected, name)
         values = values if values.dtype == np.bool_ else values.astype(np.float32)
-        if name not in group:
-            shape = (frames, *values.shape[1:])
-            group.create_array(
-                name,
-                shape=shape,
-                chunks=(min(FRAMES_AT_ONCE, frames), *shape[1:]),
-                dtype=values.dtype,
-                dimension_names=("frame", "row", "column"),
-                attributes={"unit": unit},
-            )
-        cast("zarr.Array[Any]", group[name])[first : first + len(values)] = values
+        axes = ("frame", "row", "column")
+        described = {"dimension_names": axes, "attributes": {"unit": unit}}
+        write_frames(group, name, first, values, frames, **described)

@@ -8,15 +8,23 @@ true flow, and those that tell directions give the camera's yaw rate.
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
+from itertools import islice
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import zarr
 
 from megalopta import files
 from megalopta.config import Configuration, LightLevel, Reference
-from megalopta.dataset import FRAMES_AT_ONCE, Dataset, FlowRecord, exposure_name, read_truth_frame
+from megalopta.dataset import (
+    FRAMES_AT_ONCE,
+    Dataset,
+    FlowRecord,
+    exposure_name,
+    read_truth_frames,
+    write_frames,
+)
 from megalopta.errors import UserError
 from megalopta.flow.benchmark import default_warm_up
 from megalopta.flow.detectors import METHODS, BlockDetector, BlockGrid
@@ -88,7 +96,8 @@ def _measure_exposure(
             ideal, noisy = measurement.add(frames)
             missing = name in truths  # velocities are one fewer than frames
             for key, values in ((name, noisy), (f"{name}-ideal", ideal)):
-                _write(group, key, max(first - missing, 0), values, shape[0] - missing)
+                start, length = max(first - missing, 0), shape[0] - missing
+                write_frames(group, key, start, values.astype(np.float32), length)
             advance(len(frames.counts))
     share = saturated / math.prod(shape)
     return [{"saturated_fraction": share, **each.record()} for each in measurements.values()]
@@ -131,8 +140,8 @@ def _block_truths(dataset: Dataset) -> dict[str, BlockTruth]:
     detectors = [METHODS[name] for name in settings.methods]
     grids = {each.name: each.grid(shape) for each in detectors if isinstance(each, BlockDetector)}
     parts: dict[BlockGrid, list[tuple[Floats, Floats]]] = {grid: [] for grid in grids.values()}
-    for index in range(settings.trajectory.frames - 1) if parts else ():
-        truth = read_truth_frame(dataset, index)
+    pairs = settings.trajectory.frames - 1
+    for truth in islice(read_truth_frames(dataset), pairs) if parts else ():
         flow, occluded = truth.flow_forward[np.newaxis], truth.occluded_forward[np.newaxis]
         for grid, found in parts.items():
             found.append((block_flow(flow, grid, occluded), block_share(occluded, grid)))
@@ -141,13 +150,6 @@ def _block_truths(dataset: Dataset) -> dict[str, BlockTruth]:
         for grid, found in parts.items()
     }
     return {name: truths[grid] for name, grid in grids.items()}
-
-
-def _write(group: zarr.Group, name: str, first: int, values: Floats, frames: int) -> None:
-    if name not in group:
-        chunks = (min(frames, FRAMES_AT_ONCE), *values.shape[1:])
-        group.create_array(name, shape=(frames, *chunks[1:]), chunks=chunks, dtype=np.float32)
-    cast("zarr.Array[Any]", group[name])[first : first + len(values)] = values
 
 
 def _checked(record: Record) -> Record:

@@ -44,11 +44,6 @@ class Kernel(NamedTuple):
         return float(2 * self.share.sum())
 
     @property
-    def probability_error(self) -> float:
-        """Its standard error."""
-        return float(2 * np.sqrt(np.square(self.error).sum()))
-
-    @property
     def is_seen(self) -> bool:
         """Whether the nearest neighbors show crosstalk, beyond 3 standard errors."""
         nearest = self.share[:2].sum()

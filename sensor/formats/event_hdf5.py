@@ -19,7 +19,9 @@ from megalopta.files import atomic_write
 from megalopta.sensor.formats.event_stream import (
     EventOrigin,
     StoredEvents,
+    check_frames,
     columns_of,
+    damage_told,
     stored_events,
 )
 from megalopta.sensor.formats.record import file_bytes
@@ -62,8 +64,7 @@ def events_hdf5_writer(path: str | Path, origin: EventOrigin) -> Iterator[Callab
             starts.extend((begin + events.starts[1:]).tolist())
 
         yield write
-        if len(starts) != origin.shape[0] + 1:
-            raise ValueError(f"{path}: {len(starts) - 1} frames were written of {origin.shape[0]}")
+        check_frames(path, len(starts) - 1, origin)
         columns["p"].resize((starts[-1],))
         start = file.create_dataset("frame_start", data=np.array(starts, "<i8"), fletcher32=True)
         start.attrs["unit"] = "number of a frame's first event"
@@ -81,16 +82,12 @@ def read_events_hdf5(path: str | Path) -> StoredEvents:
     """
     path = Path(path)
     size = file_bytes(path).size
-    try:
-        with h5py.File(path, "r") as file:
-            attributes = dict(file.attrs)
-            if attributes.get("format") != _FORMAT:
-                raise ValueError("no events as megalopta writes them")
-            t, x, y = (_read(file, f"events/{name}", _TYPES[name], size) for name in "txy")
-            starts = _read(file, "frame_start", "<i8", size)
-    except Exception as problem:  # of a damaged file, anything
-        reason = " ".join(str(problem).split())[:160]
-        raise ValueError(f"{path}: damaged, cut short or another file ({reason})") from None
+    with damage_told(path), h5py.File(path, "r") as file:
+        attributes = dict(file.attrs)
+        if attributes.get("format") != _FORMAT:
+            raise ValueError("no events as megalopta writes them")
+        t, x, y = (_read(file, f"events/{name}", _TYPES[name], size) for name in "txy")
+        starts = _read(file, "frame_start", "<i8", size)
     return stored_events(path, attributes, t, x, y, starts)
 
 

@@ -19,7 +19,9 @@ from megalopta.files import atomic_write, remove
 from megalopta.sensor.formats.event_stream import (
     EventOrigin,
     StoredEvents,
+    check_frames,
     columns_of,
+    damage_told,
     stored_events,
 )
 from megalopta.sensor.formats.record import file_bytes
@@ -62,8 +64,7 @@ def events_npz_writer(path: str | Path, origin: EventOrigin) -> Iterator[Callabl
             starts.extend((begin + events.starts[1:]).tolist())
 
         yield write
-        if len(starts) != origin.shape[0] + 1:
-            raise ValueError(f"{path}: {len(starts) - 1} frames were written of {origin.shape[0]}")
+        check_frames(path, len(starts) - 1, origin)
         text = json.dumps(origin.attributes()).encode()
         with zipfile.ZipFile(temporary, "w", zipfile.ZIP_STORED) as file:
             for name, column in columns.items():
@@ -88,14 +89,10 @@ def read_events_npz(path: str | Path) -> StoredEvents:
     """
     path = Path(path)
     size = file_bytes(path).size
-    try:
-        with zipfile.ZipFile(path) as file:
-            t, x, y = (_read(file, name, _TYPES[name], size) for name in "txy")
-            starts = _read(file, "starts", "<i8", size)
-            attributes = dict(json.loads(_read(file, "origin", "|u1", size).tobytes()))
-    except Exception as problem:  # of a damaged file, anything
-        reason = " ".join(str(problem).split())[:160]
-        raise ValueError(f"{path}: damaged, cut short or another file ({reason})") from None
+    with damage_told(path), zipfile.ZipFile(path) as file:
+        t, x, y = (_read(file, name, _TYPES[name], size) for name in "txy")
+        starts = _read(file, "starts", "<i8", size)
+        attributes = dict(json.loads(_read(file, "origin", "|u1", size).tobytes()))
     return stored_events(path, attributes, t, x, y, starts)
 
 

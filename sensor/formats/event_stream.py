@@ -7,7 +7,8 @@ may lie outside of it. A time stamp is rounded to a picosecond, far below the ji
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -70,6 +71,22 @@ class StoredEvents:
 
     events: Events
     origin: EventOrigin
+
+
+def check_frames(path: str | Path, written: int, origin: EventOrigin) -> None:
+    """Make sure that all frames of a file were written. Raises ValueError."""
+    if written != origin.shape[0]:
+        raise ValueError(f"{path}: {written} frames were written of {origin.shape[0]}")
+
+
+@contextmanager
+def damage_told(path: Path) -> Iterator[None]:
+    """Whatever reading a damaged file raises is a ValueError of one sentence."""
+    try:
+        yield
+    except Exception as problem:
+        reason = " ".join(str(problem).split())[:160]
+        raise ValueError(f"{path}: damaged, cut short or another file ({reason})") from None
 
 
 def columns_of(

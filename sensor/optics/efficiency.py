@@ -14,7 +14,7 @@ scales it elsewhere, alike at all wavelengths.
 """
 
 from collections.abc import Sequence
-from itertools import pairwise, product
+from itertools import product
 from typing import Annotated, ClassVar, Self, TypeAlias
 
 import numpy as np
@@ -23,7 +23,7 @@ from pydantic import Field, model_validator
 
 from megalopta.sensor.effects import Effect, Stage
 from megalopta.sensor.optics.lens import Lens, check_bands
-from megalopta.sensor.optics.transmission import Transmission
+from megalopta.sensor.optics.transmission import Transmission, check_curve
 
 
 class Efficiency(Effect, frozen=True):
@@ -41,16 +41,7 @@ class Efficiency(Effect, frozen=True):
 
     @model_validator(mode="after")
     def _check_curve(self) -> Self:
-        if len(self.wavelengths_nm) != len(self.values):
-            raise ValueError(
-                f"efficiency: {len(self.wavelengths_nm)} wavelengths_nm for {len(self.values)} "
-                "values; give one value per wavelength"
-            )
-        for before, after in pairwise(self.wavelengths_nm):
-            if after <= before:
-                raise ValueError(
-                    f"efficiency.wavelengths_nm: {after:g} follows {before:g}; sort the curve"
-                )
+        check_curve("efficiency", self.wavelengths_nm, self.values)
         return self
 
     @property

@@ -1,11 +1,32 @@
 """How much of the light passes a lens or a filter, by wavelength; straight between the points."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, model_validator
+
+
+def check_curve(field: str, wavelengths_nm: Sequence[float], values: Sequence[float]) -> None:
+    """Make sure that a curve has one value for each wavelength, and these in order.
+
+    Raises
+    ------
+    ValueError
+        With one sentence that begins with the field.
+    """
+    if len(wavelengths_nm) != len(values):
+        raise ValueError(
+            f"{field}: {len(wavelengths_nm)} wavelengths_nm for {len(values)} values; give one "
+            "value per wavelength"
+        )
+    for before, after in pairwise(wavelengths_nm):
+        if after <= before:
+            raise ValueError(
+                f"{field}.wavelengths_nm: {after:g} follows {before:g}; sort the curve"
+            )
 
 
 class Transmission(
@@ -20,17 +41,7 @@ class Transmission(
 
     @model_validator(mode="after")
     def _check_curve(self) -> Self:
-        if len(self.wavelengths_nm) != len(self.values):
-            raise ValueError(
-                f"lens.transmission_curve: {len(self.wavelengths_nm)} wavelengths_nm for "
-                f"{len(self.values)} values; give one value per wavelength"
-            )
-        for before, after in pairwise(self.wavelengths_nm):
-            if after <= before:
-                raise ValueError(
-                    f"lens.transmission_curve.wavelengths_nm: {after:g} follows {before:g}; sort "
-                    "the curve"
-                )
+        check_curve("lens.transmission_curve", self.wavelengths_nm, self.values)
         return self
 
     def __call__(self, wavelength_nm: NDArray[np.float64]) -> NDArray[np.float64]:
