@@ -10,7 +10,7 @@ from .lighting.levels import Light
 from .moving_objects import MovingObject
 from .shutter import Shutter
 from .stimuli.grating import Grating
-from .stimuli.motion_bench import Bench
+from .stimuli.motion_bench import MotionBench
 from .stimuli.panorama import Panorama
 from .stimuli.plane import Plane
 from .tone_mapping import preview, white_level, white_of
@@ -25,7 +25,6 @@ from .world.scene import Scene
 __all__ = [
     "AnyCamera",
     "AnyScene",
-    "Bench",
     "Camera",
     "CameraPath",
     "CylindricalCamera",
@@ -34,6 +33,7 @@ __all__ = [
     "Grating",
     "Hover",
     "Light",
+    "MotionBench",
     "MovingObject",
     "Orbit",
     "Panorama",

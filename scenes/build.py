@@ -12,11 +12,11 @@ from megalopta.scenes.forest import Forest
 from megalopta.scenes.kinds import any_of, kind_of
 from megalopta.scenes.lighting import Light
 from megalopta.scenes.moving_objects import MovingObject, with_objects
-from megalopta.scenes.stimuli import Bench, Grating, Panorama, Plane
+from megalopta.scenes.stimuli import Grating, MotionBench, Panorama, Plane
 from megalopta.scenes.trajectories import Path
 from megalopta.scenes.world import Scene
 
-OWN_SCENES = (Forest, Grating, Plane, Bench, Panorama)
+OWN_SCENES = (Forest, Grating, Plane, MotionBench, Panorama)
 
 
 class _Offered(NamedTuple):

@@ -19,7 +19,7 @@ from megalopta.flow.metrics.translation_bound import median_endpoint_error
 _REPLICATES = 1000
 
 
-class Needed(NamedTuple):
+class MedianPhotons(NamedTuple):
     """Photons per frame that a method needs, and the interval that holds them in 95 % of cases."""
 
     photons: float
@@ -84,7 +84,7 @@ def is_within(
 
 def photons_for_half(
     is_good: Callable[[float], NDArray[np.bool_]], fluxes: Sequence[float], rng: np.random.Generator
-) -> Needed:
+) -> MedianPhotons:
     """Return the flux at which half of the blocks are good: the median error is at its level.
 
     The crossing is bracketed by bisection, so few of the fluxes are tried. Between them the share
@@ -104,7 +104,7 @@ def photons_for_half(
 
     Returns
     -------
-    Needed
+    MedianPhotons
         Infinite when no more than half are good at the largest flux; 0 when more than half are at
         the smallest.
     """
@@ -131,7 +131,7 @@ def photons_for_half(
         ends = np.quantile(replicates, (0.025, 0.975), method="inverted_cdf")
         lowest = min(tried)
         if ends[0] > 0 or lowest == 0:
-            return Needed(float(_half(at, good.mean(axis=1))), *map(float, ends))
+            return MedianPhotons(float(_half(at, good.mean(axis=1))), *map(float, ends))
         more_than_half(lowest - 1)  # the interval reaches below the fluxes tried
 
 

@@ -8,7 +8,7 @@ from megalopta.cli.stage_command import add_first_stage, configuration
 
 def declare(verbs: Verbs) -> None:
     """Add the verb."""
-    purpose = "do everything: render, sense, flow, bench and a report to open in a browser"
+    purpose = "do everything: render, sense, flow, benchmark and a report to open in a browser"
     add_first_stage(verbs, "demo", purpose, _run)
 
 

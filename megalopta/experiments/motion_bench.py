@@ -25,7 +25,7 @@ from megalopta.flow import Detector, triangular_pool
 from megalopta.flow.detectors import NonDirectionalMultiplication, NonDirectionalSummation
 from megalopta.scenes.cameras import PerspectiveCamera
 from megalopta.scenes.lighting import Light
-from megalopta.scenes.stimuli import Bench, sky_radiance
+from megalopta.scenes.stimuli import MotionBench, sky_radiance
 from megalopta.scenes.trajectories import Trajectory
 from megalopta.sensor import Exposure, Sensor, detection_rate, expose, preset
 
@@ -83,7 +83,7 @@ class Peaks(NamedTuple):
 
 def pixels_per_frame(speed_mm_s: float) -> float:
     """Way of the image in one frame (px)."""
-    return speed_mm_s * 1e3 / (Bench().pixel_pitch_um * FRAME_RATE_HZ)
+    return speed_mm_s * 1e3 / (MotionBench().pixel_pitch_um * FRAME_RATE_HZ)
 
 
 def filter_step(name: str) -> float:
@@ -125,7 +125,7 @@ def _passing(speed_mm_s: float, instants_per_frame: int) -> NDArray[np.float32]:
         velocity_m_s=(0, -1e-3 * speed_mm_s, 0),
     )
     way_mm = speed_mm_s * path.duration_s
-    bench = Bench(edge_mm=way_mm / 2, plate_mm=way_mm + 10)
+    bench = MotionBench(edge_mm=way_mm / 2, plate_mm=way_mm + 10)
     # Compiled backends need milliseconds to start an image, more than 16 pixels take.
     settings = RenderSettings(
         samples_per_pixel=_SAMPLES, max_depth=2, bands_nm=_BANDS_NM, backend="scalar"

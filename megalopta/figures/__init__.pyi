@@ -22,7 +22,7 @@ from .style import (
     write_at,
 )
 from .sweep import sweep_figure
-from .thresholds import Needed, needed, or_nan, sweep_curve, threshold_of
+from .thresholds import MeanThreshold, mean_threshold, or_nan, sweep_curve, threshold_of
 
 __all__ = [
     "BLACK",
@@ -40,7 +40,7 @@ __all__ = [
     "Figure",
     "FigureRecipe",
     "Floats",
-    "Needed",
+    "MeanThreshold",
     "Run",
     "Templates",
     "borne_out",
@@ -48,9 +48,9 @@ __all__ = [
     "draw_table",
     "house_style",
     "line_style",
+    "mean_threshold",
     "method_style",
     "names",
-    "needed",
     "new_canvas",
     "or_nan",
     "reproduce",

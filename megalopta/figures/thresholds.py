@@ -10,7 +10,7 @@ from megalopta.experiments import Results, Sweep, Trial, Value
 from megalopta.flow.metrics import Metric, Threshold, format_flux
 
 
-class Needed(NamedTuple):
+class MeanThreshold(NamedTuple):
     """Photons per frame at one value of a sweep; NaN where not all templates have a threshold.
 
     Of one template the bounds are its confidence interval, of several the least and the most. An
@@ -24,17 +24,17 @@ class Needed(NamedTuple):
     """The bounds in print"""
 
 
-def needed(thresholds: Sequence[Threshold]) -> Needed:
+def mean_threshold(thresholds: Sequence[Threshold]) -> MeanThreshold:
     """Return the mean over templates, and bounds."""
     if any(each.flux is None for each in thresholds):
-        return Needed(math.nan, math.nan, math.nan, "")
+        return MeanThreshold(math.nan, math.nan, math.nan, "")
     fluxes = [float(each.flux or math.nan) for each in thresholds]
     if len(fluxes) > 1:
         low, high = min(fluxes), max(fluxes)
         interval = f"[{format_flux(low)}, {format_flux(high)}]"
-        return Needed(float(np.mean(fluxes)), low, high, interval)
+        return MeanThreshold(float(np.mean(fluxes)), low, high, interval)
     (only,) = thresholds
-    return Needed(fluxes[0], only.low, only.high, only.interval)
+    return MeanThreshold(fluxes[0], only.low, only.high, only.interval)
 
 
 def threshold_of(
@@ -49,14 +49,14 @@ def threshold_of(
 
 def sweep_curve(
     sweep: Sweep, results: Results, size: int, method: str, metric: Metric, bits: int = 2
-) -> list[tuple[Value, Needed]]:
+) -> list[tuple[Value, MeanThreshold]]:
     """Return what one detector needs at each value of a sweep, at one size."""
     at_value: dict[Value, list[Threshold]] = {}
     for point in sweep.points:
         if sweep.vary == "size" or point.size == size:
             found = threshold_of(results, point.trial, method, metric, bits)
             at_value.setdefault(point.value, []).append(found)
-    return [(value, needed(thresholds)) for value, thresholds in at_value.items()]
+    return [(value, mean_threshold(thresholds)) for value, thresholds in at_value.items()]
 
 
 def or_nan(flux: float | None) -> float:

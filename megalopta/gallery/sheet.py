@@ -44,7 +44,7 @@ SCENES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
         "random dots": {"scene": {"kind": "grating", "pattern": "dots"}, **_TURNING},
         "board": {"scene": {"kind": "plane", "pattern": "square"}},
         "motion bench": {
-            "scene": {"kind": "bench", "edge_mm": -5},
+            "scene": {"kind": "motion_bench", "edge_mm": -5},
             "trajectory": {"frames": 2, "velocity_m_s": [0, -0.001, 0]},
         },
     }

@@ -34,7 +34,7 @@ _ERRORS = FuncFormatter(
 
 
 @dataclass(frozen=True)
-class Need:
+class MethodThresholds:
     """Photons per frame that a method needs, in each metric."""
 
     method: str
@@ -117,8 +117,8 @@ def error_chart(curves: Sequence[ErrorCurve], name: str, level: float, descripti
 
 
 @in_style
-def need_chart(
-    needs: Sequence[Need], budgets: Sequence[Budget], name: str, description: str
+def threshold_chart(
+    methods: Sequence[MethodThresholds], budgets: Sequence[Budget], name: str, description: str
 ) -> Markup:
     """Photons each method needs, beside the photons each sensor detects at each light level.
 
@@ -126,15 +126,18 @@ def need_chart(
     """
     supplies = by_sensor(budgets)
     first = 1.5 * len(supplies)
-    places = [*(1.5 * row for row in range(len(supplies))), *(first + n for n in range(len(needs)))]
+    places = [
+        *(1.5 * row for row in range(len(supplies))),
+        *(first + n for n in range(len(methods))),
+    ]
     bottom = places[-1] + 0.7
-    figure, axes = new_axes(_WIDTH_PT, 50 + 42 * len(supplies) + 28 * len(needs))
-    axes.set(xscale="log", xlim=_flux_range(needs, budgets), ylim=(bottom, -0.9))
+    figure, axes = new_axes(_WIDTH_PT, 50 + 42 * len(supplies) + 28 * len(methods))
+    axes.set(xscale="log", xlim=_flux_range(methods, budgets), ylim=(bottom, -0.9))
     for own, place, dash in zip(supplies.values(), places, cycle(DASHES), strict=False):
         _draw_supply(axes, own, place, bottom, dash)
-    for need, place in zip(needs, places[len(supplies) :], strict=True):
-        _draw_need(axes, need, place)
-    axes.set_yticks(places, map(_plain, [*supplies, *(each.method for each in needs)]))
+    for method, place in zip(methods, places[len(supplies) :], strict=True):
+        _draw_thresholds(axes, method, place)
+    axes.set_yticks(places, map(_plain, [*supplies, *(each.method for each in methods)]))
     axes.tick_params(axis="y", length=0)
     logarithmic(axes, "x", _NUMBERS)
     axes.grid(visible=False)
@@ -164,10 +167,10 @@ def _draw_supply(
         write_at(axes, name, (flux, place), (0, offset), ha="center", va=side, fontsize=10)
 
 
-def _draw_need(axes: Axes, need: Need, place: float) -> None:
-    style = method_style(need.method)
-    for index, (metric, threshold) in enumerate(need.thresholds.items()):
-        height = place + 0.24 * (index - (len(need.thresholds) - 1) / 2)
+def _draw_thresholds(axes: Axes, method: MethodThresholds, place: float) -> None:
+    style = method_style(method.method)
+    for index, (metric, threshold) in enumerate(method.thresholds.items()):
+        height = place + 0.24 * (index - (len(method.thresholds) - 1) / 2)
         face = style["color"] if index == 0 else "none"
         if threshold.flux is None:
             _draw_absence(axes, threshold, height, metric)
@@ -185,8 +188,10 @@ def _draw_absence(axes: Axes, threshold: Threshold, height: float, metric: str) 
     axes.text(flux, height, text, ha=side, va="center", fontsize=10)
 
 
-def _flux_range(needs: Sequence[Need], budgets: Sequence[Budget]) -> tuple[float, float]:
-    thresholds = [threshold for need in needs for threshold in need.thresholds.values()]
+def _flux_range(
+    methods: Sequence[MethodThresholds], budgets: Sequence[Budget]
+) -> tuple[float, float]:
+    thresholds = [threshold for method in methods for threshold in method.thresholds.values()]
     fluxes = [each.photons_per_frame for each in budgets if each.photons_per_frame > 0]
     for each in thresholds:
         ends = {"above": [each.range_max], "below": [each.range_min]}.get(each.kind, [])

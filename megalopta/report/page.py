@@ -18,7 +18,6 @@ from megalopta.report.footage import ReportFrames, read_footage
 from megalopta.report.images import data_uri, rgb_picture, stacked
 from megalopta.report.light import LightSection, light_section
 from megalopta.report.motion import MotionSection, motion_section
-from megalopta.report.needs import NeedSection, need_section
 from megalopta.report.records import Record, read_benchmark, read_records, read_scene_record
 from megalopta.report.rendering import render_noise
 from megalopta.report.summary import (
@@ -27,11 +26,12 @@ from megalopta.report.summary import (
     lead,
     light_finding,
     motion_findings,
-    need_finding,
+    threshold_finding,
     title,
 )
 from megalopta.report.svg import themed
 from megalopta.report.text import duration
+from megalopta.report.thresholds import ThresholdSection, threshold_section
 from megalopta.report.verdicts import MEANINGS
 from megalopta.stages import STAGES, Ledger
 
@@ -48,7 +48,7 @@ class Sections:
     light: LightSection | None
     detectors: DetectorSection | None
     costs: tuple[DeviceCost, ...]
-    needs: NeedSection | None
+    thresholds: ThresholdSection | None
     findings: tuple[str, ...]
 
 
@@ -100,7 +100,7 @@ def page(dataset: Dataset) -> str:
 
 
 def _sections(dataset: Dataset, footage: ReportFrames, record: Record) -> Sections:
-    motion, light, detectors, needs = motion_section(footage), None, None, None
+    motion, light, detectors, thresholds = motion_section(footage), None, None, None
     costs: tuple[DeviceCost, ...] = ()
     findings: list[str | None] = []
     budgets = []
@@ -114,13 +114,13 @@ def _sections(dataset: Dataset, footage: ReportFrames, record: Record) -> Sectio
         detectors = detector_section(dataset, footage, motion.wheel, records)
         costs = device_costs(dataset, footage.selection, detectors.frame, records)
         findings += motion_findings(detectors)
-    if Ledger(dataset).is_finished("bench"):
+    if Ledger(dataset).is_finished("benchmark"):
         benchmark = read_benchmark(dataset)
         both = dataset.configuration.benchmark.both_normalizations
         other = read_benchmark(dataset, "benchmark-other.json") if both else None
-        needs = need_section(benchmark, budgets, other)
-        findings.append(need_finding(benchmark.curves, benchmark.settings.metrics[0]))
-    return Sections(motion, light, detectors, costs, needs, tuple(filter(None, findings)))
+        thresholds = threshold_section(benchmark, budgets, other)
+        findings.append(threshold_finding(benchmark.curves, benchmark.settings.metrics[0]))
+    return Sections(motion, light, detectors, costs, thresholds, tuple(filter(None, findings)))
 
 
 def _radiance_film(footage: ReportFrames) -> str:

@@ -14,7 +14,7 @@ from megalopta.report.text import enumerate_words, level_name, level_title, numb
 from megalopta.report.verdicts import LIMIT, VerdictGroup
 from megalopta.scenes.lighting import illuminance_of
 
-Needs = Mapping[str, Threshold]
+Thresholds = Mapping[str, Threshold]
 NO_MOTION = "IM"
 """The yardstick among the methods: it measures brightness."""
 
@@ -144,17 +144,17 @@ def _where(group: VerdictGroup, methods: Sequence[str], kind: str) -> str:
     return ", ".join(f"{each} at {level}" for each, level in zip(words, group.levels, strict=True))
 
 
-def need_finding(curves: Sequence[ErrorCurve], metric: Metric) -> str | None:
+def threshold_finding(curves: Sequence[ErrorCurve], metric: Metric) -> str | None:
     """Which detectors need the fewest photons, and which the most, at the largest size."""
     rows, columns = max(curve.shape for curve in curves)
-    needs = {
-        curve.method: need
+    thresholds = {
+        curve.method: threshold
         for curve in curves
         if (curve.shape, curve.metric) == ((rows, columns), metric)
-        if curve.method != NO_MOTION and (need := curve.thresholds.get(2))
+        if curve.method != NO_MOTION and (threshold := curve.thresholds.get(2))
     }
-    crossing = {name: need for name, need in needs.items() if need.flux}
-    parts = [*_fewest(needs, crossing), *_most(needs, crossing)]
+    crossing = {name: threshold for name, threshold in thresholds.items() if threshold.flux}
+    parts = [*_fewest(thresholds, crossing), *_most(thresholds, crossing)]
     if not parts:
         return None
     return (
@@ -164,31 +164,35 @@ def need_finding(curves: Sequence[ErrorCurve], metric: Metric) -> str | None:
     )
 
 
-def _fewest(needs: Needs, crossing: Needs) -> list[str]:
-    below = [name for name, need in needs.items() if need.kind == "below"]
+def _fewest(thresholds: Thresholds, crossing: Thresholds) -> list[str]:
+    below = [name for name, threshold in thresholds.items() if threshold.kind == "below"]
     if below:
-        limit = format_flux(max(needs[name].range_min for name in below))
+        limit = format_flux(max(thresholds[name].range_min for name in below))
         return [f"{_named(below)} fewer than {limit} photons per frame"]
     if not crossing:
         return []
     least = min(crossing.values(), key=_flux)
     # Where intervals overlap, another draw might reverse the order.
-    close = [name for name, need in crossing.items() if (need.low or 0) <= (least.high or math.inf)]
-    rank = " the fewest photons," if len(needs) > len(close) else ""
+    close = [
+        name
+        for name, threshold in crossing.items()
+        if (threshold.low or 0) <= (least.high or math.inf)
+    ]
+    rank = " the fewest photons," if len(thresholds) > len(close) else ""
     fluxes = enumerate_words([format_flux(_flux(crossing[name])) for name in close])
     return [f"{_named(close)}{rank} {fluxes} per frame"]
 
 
-def _most(needs: Needs, crossing: Needs) -> list[str]:
-    above = [name for name, need in needs.items() if need.kind == "above"]
+def _most(thresholds: Thresholds, crossing: Thresholds) -> list[str]:
+    above = [name for name, threshold in thresholds.items() if threshold.kind == "above"]
     if above:
-        limit = format_flux(min(needs[name].range_max for name in above))
+        limit = format_flux(min(thresholds[name].range_max for name in above))
         return [f"{_named(above)} more than {limit} photons per frame"]
     if len(crossing) < 2:
         return []
     name, most = max(crossing.items(), key=lambda each: _flux(each[1]))
-    others = [need for other, need in crossing.items() if other != name]
-    if any((need.high or math.inf) >= (most.low or 0) for need in others):
+    others = [threshold for other, threshold in crossing.items() if other != name]
+    if any((threshold.high or math.inf) >= (most.low or 0) for threshold in others):
         return []
     return [f"{name} needs the most, {format_flux(_flux(most))}"]
 
@@ -197,8 +201,8 @@ def _named(methods: Sequence[str]) -> str:
     return f"{enumerate_words(methods)} need{'s' if len(methods) == 1 else ''}"
 
 
-def _flux(need: Threshold) -> float:
-    return need.flux or math.nan
+def _flux(threshold: Threshold) -> float:
+    return threshold.flux or math.nan
 
 
 def _light_facts(record: Mapping[str, Any]) -> list[Fact]:

@@ -29,7 +29,7 @@ _DIRECT_SAMPLES_PER_S = 1e6
 _FRAME_S = 0.1
 """Truth and files of a frame."""
 _EXPOSED_PER_S, _DETECTED_PER_S, _BENCHED_PER_S = 1e6, 3e6, 1e7
-"""Pixels of a sensor, and pixels of a detector in the stages flow and bench."""
+"""Pixels of a sensor, and pixels of a detector in the stages flow and benchmark."""
 
 _BAND_BYTES, _TRUTH_BYTES, _TRAINING_BYTES = 3.9, 41, 14
 """Per pixel on disk, compressed; rendering noise does not compress."""
@@ -194,7 +194,7 @@ def _flow(settings: Configuration) -> Estimate:
     )
 
 
-def _bench(settings: Configuration) -> Estimate:
+def _benchmark(settings: Configuration) -> Estimate:
     frames, pixels = _frames_and_pixels(settings)
     shape = frames, settings.camera.height, settings.camera.width
     times = len(settings.methods) * len(settings.benchmark.measurements)
@@ -202,7 +202,7 @@ def _bench(settings: Configuration) -> Estimate:
     states = 2 * len(settings.methods) * len(settings.benchmark.fluxes)
     return _of(
         settings,
-        "bench",
+        "benchmark",
         drawn,
         disk_bytes=float(frames * pixels * _LIGHT_BYTES),
         memory_bytes=float(pixels * (_held(frames) * _DRAWN_BYTES + states * _STATE_BYTES)),
@@ -214,13 +214,13 @@ _ESTIMATES: Mapping[str, Callable[[Configuration], Estimate]] = {
     "render": _render,
     "sense": _sense,
     "flow": _flow,
-    "bench": _bench,
+    "benchmark": _benchmark,
 }
 _REMEDIES = {
     "render": "trajectory.frames, camera.width and height, or render.samples_per_pixel",
     "sense": "trajectory.frames or the camera's size, or give fewer sensors or light_levels",
     "flow": "trajectory.frames or the camera's size, or give fewer methods or exposures",
-    "bench": "trajectory.frames, benchmark.fluxes_per_decade or repeats, or give fewer sizes",
+    "benchmark": "trajectory.frames, benchmark.fluxes_per_decade or repeats, or give fewer sizes",
 }
 
 

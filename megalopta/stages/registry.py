@@ -2,11 +2,11 @@
 
 from collections.abc import Collection, Mapping
 
-from megalopta.stages import bench, flow, render, sense
+from megalopta.stages import benchmark, flow, render, sense
 from megalopta.stages.declaration import Stage
 
 STAGES: Mapping[str, Stage] = {
-    stage.name: stage for stage in (render.STAGE, sense.STAGE, flow.STAGE, bench.STAGE)
+    stage.name: stage for stage in (render.STAGE, sense.STAGE, flow.STAGE, benchmark.STAGE)
 }
 
 

@@ -1,12 +1,12 @@
 from .grating import Grating, sky_radiance
-from .motion_bench import Bench
+from .motion_bench import MotionBench
 from .panorama import LUMINANCE_SHARES, Panorama
 from .plane import Plane
 
 __all__ = [
     "LUMINANCE_SHARES",
-    "Bench",
     "Grating",
+    "MotionBench",
     "Panorama",
     "Plane",
     "sky_radiance",

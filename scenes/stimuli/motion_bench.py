@@ -28,10 +28,10 @@ from megalopta.scenes.trajectories import Path
 from megalopta.scenes.world import Asset, Emission, Material, Placement, Scene
 
 
-class Bench(SceneDescription, frozen=True):
+class MotionBench(SceneDescription, frozen=True):
     """A plate with straight edges that the sensor moves past."""
 
-    kind: Literal["bench"] = "bench"
+    kind: Literal["motion_bench"] = "motion_bench"
     """Which scene this is."""
 
     pixel_pitch_um: Annotated[float, Field(gt=0)] = 60.0

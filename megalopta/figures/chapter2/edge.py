@@ -25,7 +25,7 @@ from megalopta.experiments import (
     record,
 )
 from megalopta.figures import BLUE, GRAY, VERMILION, Figure, FigureRecipe, Floats, Run
-from megalopta.scenes.stimuli import Bench
+from megalopta.scenes.stimuli import MotionBench
 from megalopta.sensor import Sensor
 
 _SPEED_MM_S = 1.0
@@ -45,7 +45,7 @@ def responses(method: str, frames: Floats) -> Floats:
 
 def _figure_2_14(_: Run) -> Figure:
     frames = {name: recording(sensor)[:FRAMES] for name, sensor in SENSORS.items()}
-    bright, hidden = OPEN_PHOTONS, OPEN_PHOTONS * Bench().shade
+    bright, hidden = OPEN_PHOTONS, OPEN_PHOTONS * MotionBench().shade
     full = record(_SPEED_MM_S, SENSORS["SPADCAM"]).saturated.mean()
     contrast = {
         "difference over sum": (bright - hidden) / (bright + hidden),

@@ -22,7 +22,7 @@ from megalopta.figures import (
     Run,
     Templates,
     borne_out,
-    needed,
+    mean_threshold,
     threshold_of,
 )
 from megalopta.figures.chapter4.findings import division_sentence
@@ -74,7 +74,7 @@ def _figure(run: Run) -> Figure:
     trials = _at_five_px(run.is_quick)
     curves = {kind: _errors(of_kind[0], run.templates) for kind, of_kind in trials.items()}
     fluxes = {
-        (kind, metric, method): needed(
+        (kind, metric, method): mean_threshold(
             [threshold_of(run.results, trial, method, metric, 2) for trial in of_kind]
         ).flux
         for kind, of_kind in trials.items()

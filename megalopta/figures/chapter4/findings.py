@@ -33,7 +33,7 @@ def findings(name: str, sweep: Sweep, results: Results) -> tuple[str, ...]:
 def curve(sweep: Sweep, results: Results, method: str, size: int = 0) -> Curve:
     """Return N_2b by Eq. 4.5 over the varied parameter, at one size unless that is varied."""
     found = sweep_curve(sweep, results, size, method, "literal")
-    return {float(value): needed.flux for value, needed in found if needed.flux > 0}
+    return {float(value): threshold.flux for value, threshold in found if threshold.flux > 0}
 
 
 def decades(photons: Curve) -> float:

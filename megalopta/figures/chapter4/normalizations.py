@@ -15,11 +15,11 @@ from megalopta.figures import (
     Figure,
     FigureRecipe,
     Floats,
-    Needed,
+    MeanThreshold,
     Run,
     columns_of,
     draw_table,
-    needed,
+    mean_threshold,
     or_nan,
     threshold_of,
 )
@@ -55,7 +55,7 @@ def _figure(run: Run) -> Figure:
     for method in THESIS_METHODS:
         found = {
             name: [
-                needed([threshold_of(run.results, trial, method, "literal", 2)])
+                mean_threshold([threshold_of(run.results, trial, method, "literal", 2)])
                 for trial in _of_convention(name, run.is_quick)
             ]
             for name in _CONVENTIONS
@@ -97,7 +97,7 @@ def _figure(run: Run) -> Figure:
     )
 
 
-def _percent(found: Sequence[Needed]) -> str:
+def _percent(found: Sequence[MeanThreshold]) -> str:
     """Half a typical interval."""
     widths = [(or_nan(each.high) - or_nan(each.low)) / each.flux / 2 for each in found]
     return f"{100 * np.nanmedian(widths):.0f} %"

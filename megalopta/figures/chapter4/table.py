@@ -11,7 +11,7 @@ from megalopta.figures import (
     Cell,
     Figure,
     FigureRecipe,
-    Needed,
+    MeanThreshold,
     Run,
     borne_out,
     columns_of,
@@ -51,20 +51,22 @@ _SOURCES: Mapping[str, tuple[Sweep, ...]] = {
 class Best(NamedTuple):
     """The least N_2b of some sweeps, and where it was found."""
 
-    needed: Needed
+    threshold: MeanThreshold
     where: str
 
 
 def best(results: Results, kind: str, method: str, metric: Metric, is_quick: bool = False) -> Best:
     """Return the fewest photons that a method needs in any experiment of a kind."""
-    found = [Best(Needed(math.inf, None, None, ""), "")]
+    found = [Best(MeanThreshold(math.inf, None, None, ""), "")]
     for source in _SOURCES[kind]:
         sweep = in_form(source, is_quick)
         parameter = {"template.cycles_per_frame": "f", "velocity_px": "v"}[sweep.vary]
         blur = ", blurred" if sweep.trial.blurred else ""
-        for value, needed in sweep_curve(sweep, results, SIZE, method, metric):
-            found.append(Best(needed, f"{parameter} = {value}{blur}"))
-    return min((each for each in found if each.needed.flux > 0), key=lambda each: each.needed.flux)
+        for value, threshold in sweep_curve(sweep, results, SIZE, method, metric):
+            found.append(Best(threshold, f"{parameter} = {value}{blur}"))
+    return min(
+        (each for each in found if each.threshold.flux > 0), key=lambda each: each.threshold.flux
+    )
 
 
 def _trials(is_quick: bool) -> list[Trial]:
@@ -101,18 +103,18 @@ def _figure(run: Run) -> Figure:
 
 
 def _row(run: Run, kind: str, method: str, metric: Metric) -> dict[str, Cell]:
-    needed, where = best(run.results, kind, method, metric, run.is_quick)
+    threshold, where = best(run.results, kind, method, metric, run.is_quick)
     thesis = PRINTED[method][kind != "synthetic"]
     return {
         "method": method,
         "images": kind,
         "metric": metric,
         "thesis_photons_per_frame": thesis,
-        "photons_per_frame": needed.flux,
-        "low": or_nan(needed.low),
-        "high": or_nan(needed.high),
-        "interval": needed.interval,
-        "ratio": needed.flux / thesis,
+        "photons_per_frame": threshold.flux,
+        "low": or_nan(threshold.low),
+        "high": or_nan(threshold.high),
+        "interval": threshold.interval,
+        "ratio": threshold.flux / thesis,
         "found_at": where,
     }
 

@@ -62,7 +62,7 @@ def test_the_command_is_a_process_whose_exit_code_and_one_sentence_tell_a_mistak
         (["--light-levels", "dusk"], "'dusk' is unknown"),
         (
             ["--camera.height", "40"],
-            "bench: size 60 × 180 px of frames of 40 × 120 px: choose sizes",
+            "benchmark: size 60 × 180 px of frames of 40 × 120 px: choose sizes",
         ),
     ],
 )
@@ -75,7 +75,7 @@ def test_a_mistake_gets_one_sentence_and_exit_code_2(run, tmp_path, arguments, m
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("verb", ["sense", "flow", "bench", "report"])
+@pytest.mark.parametrize("verb", ["sense", "flow", "benchmark", "report"])
 def test_a_folder_without_dataset_is_named(run, tmp_path, verb):
     done = run(verb, tmp_path / "none")
     assert done.returncode == 2
@@ -95,7 +95,7 @@ def test_help_shows_settings_with_units_and_defaults(run):
         ("render", "name seed scene objects light camera trajectory shutter render"),
         ("sense", "light-levels sensors products correct calibration"),
         ("flow", "methods flow"),
-        ("bench", "methods benchmark"),
+        ("benchmark", "methods benchmark"),
     ],
 )
 def test_help_of_a_stage_shows_its_own_settings_in_their_order(run, verb, own):

@@ -50,7 +50,7 @@ def datasets(tmp_path_factory):
     settings = load("grating", {**TINY, **SHORT})
     run_stage(root / "rendered", settings, "render")
     shutil.copytree(root / "rendered", root / "done")
-    for stage in ("sense", "flow", "bench"):
+    for stage in ("sense", "flow", "benchmark"):
         run_stage(root / "done", settings, stage)
     return root
 
@@ -136,7 +136,9 @@ def command_line(rng, done, folder):
     """Words in any order: verbs, options, settings, and values that fit none of them."""
     paths = [path for path, _, _ in settings_of(load("grating"))]
     words = [
-        one_of(rng, ("render", "sense", "flow", "bench", "report", "check", "sweep", "frob", ""))
+        one_of(
+            rng, ("render", "sense", "flow", "benchmark", "report", "check", "sweep", "frob", "")
+        )
     ]
     for _ in range(rng.integers(4)):
         path = one_of(rng, paths)
@@ -161,19 +163,19 @@ def command_line(rng, done, folder):
 
 def setting(rng, done, folder):
     """One setting with a value that may not fit."""
-    stage = one_of(rng, ("render", "sense", "flow", "bench"))
+    stage = one_of(rng, ("render", "sense", "flow", "benchmark"))
     settings = load("grating", {**TINY, **SHORT})
     paths = [
         path for path, _, _ in settings_of(settings) if rng.random() < 0.5 or path[:7] == "sensors"
     ]
     words = [f"--{one_of(rng, paths)}={as_word(odd(rng))}"]
-    dataset = done.with_name("rendered") if stage in ("sense", "bench") else done
+    dataset = done.with_name("rendered") if stage in ("sense", "benchmark") else done
     return [stage, str(dataset), *words, *(["--out", str(done)] if stage == "render" else [])]
 
 
 def scene(rng, done, folder):
     """Extreme numbers that each field takes, in a scene that is built and rendered."""
-    kind = one_of(rng, ("grating", "plane", "bench"))
+    kind = one_of(rng, ("grating", "plane", "motion_bench"))
     two = {**TINY, "trajectory.frames": "2", "scene.kind": kind}
     words = [f"--{path}={value}" for path, value in two.items()]
     settings = load("grating", two)
@@ -255,7 +257,7 @@ def frame(rng, done, folder):
     """A damaged EXR of radiance or truth, then a command that reads all of them."""
     rendered = done.with_name("rendered")
     kind, verb = one_of(
-        rng, (("radiance", "sense"), ("truth", "check truth"), ("radiance", "bench"))
+        rng, (("radiance", "sense"), ("truth", "check truth"), ("radiance", "benchmark"))
     )
     put_damaged(rendered / kind / "grating" / f"frame_{rng.integers(1, 13):04d}.exr", rng)
     return [*verb.split(), str(rendered)]

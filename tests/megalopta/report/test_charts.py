@@ -8,7 +8,13 @@ from megalopta.figures import BLACK, RULE, method_style
 from megalopta.flow.detectors import METHODS
 from megalopta.flow.metrics import ErrorCurve, Threshold
 from megalopta.report.budget import Budget
-from megalopta.report.charts import Need, error_chart, need_chart, signal_chart, speed_chart
+from megalopta.report.charts import (
+    MethodThresholds,
+    error_chart,
+    signal_chart,
+    speed_chart,
+    threshold_chart,
+)
 from megalopta.report.svg import themed
 from megalopta.sensor import PRESETS
 
@@ -103,18 +109,18 @@ def test_undefined_and_zero_errors_leave_gaps():
 
 
 def test_needs_name_every_method_sensor_and_light():
-    needs = [Need("BM", {"literal": crossing(1e6), "ratio": crossing(1e5)})]
-    words = texts(need_chart(needs, BUDGETS, "need", "needs"))
+    methods = [MethodThresholds("BM", {"literal": crossing(1e6), "ratio": crossing(1e5)})]
+    words = texts(threshold_chart(methods, BUDGETS, "need", "needs"))
     assert {"BM", "spadcam", "ideal", "twilight", "starlight", "photons per frame"} <= {*words}
 
 
 def test_a_need_beyond_the_measured_range_is_written_out():
-    needs = [
-        Need("EMD", {"literal": Threshold("above", 0.25, 1e3, 1e9)}),
-        Need("IM", {"literal": Threshold("undefined", 0.25, 1e3, 1e9)}),
-        Need("BM", {"literal": Threshold("below", 0.25, 1e3, 1e9)}),
+    methods = [
+        MethodThresholds("EMD", {"literal": Threshold("above", 0.25, 1e3, 1e9)}),
+        MethodThresholds("IM", {"literal": Threshold("undefined", 0.25, 1e3, 1e9)}),
+        MethodThresholds("BM", {"literal": Threshold("below", 0.25, 1e3, 1e9)}),
     ]
-    words = texts(need_chart(needs, [], "need", "needs"))
+    words = texts(threshold_chart(methods, [], "need", "needs"))
     assert {"literal: > 1e9", "literal: undefined", "literal: < 1000"} <= {*words}
 
 

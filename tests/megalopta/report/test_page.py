@@ -122,7 +122,7 @@ def test_identifiers_are_unique(page):
 
 
 def test_the_path_of_a_dataset_is_escaped(copied):
-    Ledger(copied).forget("bench")
+    Ledger(copied).forget("benchmark")
     path = write_report(copied)
     assert "copy&lt;cam&gt; &amp;" in path.read_text("utf-8")
     page = read(path)
@@ -180,13 +180,13 @@ def test_noise_of_the_rendering_is_told_wherever_noise_free_is(copied, relative,
 
 @pytest.mark.parametrize(
     ("forgotten", "missing"),
-    [("bench", {"bench"}), ("flow", {"flow"}), ("sense", {"sense", "flow"})],
+    [("benchmark", {"benchmark"}), ("flow", {"flow"}), ("sense", {"sense", "flow"})],
 )
 def test_a_missing_stage_leaves_a_sentence_on_what_to_run(copied, forgotten, missing):
     Ledger(copied).forget(forgotten)
     page = read(write_report(copied))
     assert set(SECTIONS) <= set(page.values("id"))
-    for stage in ("sense", "flow", "bench"):
+    for stage in ("sense", "flow", "benchmark"):
         assert (f"run megalopta {stage} {copied.root}" in page.text) == (stage in missing)
 
 
@@ -201,7 +201,7 @@ def test_a_dataset_without_frames_is_refused(copied):
 )
 @pytest.mark.parametrize(
     ("stage", "name"),
-    [("flow", "flow.json"), ("bench", "benchmark.json"), ("render", "scene.json")],
+    [("flow", "flow.json"), ("benchmark", "benchmark.json"), ("render", "scene.json")],
 )
 def test_a_damaged_file_is_told_in_one_sentence(copied, capsys, stage, name, text):
     if (name, text) == ("scene.json", "{}"):

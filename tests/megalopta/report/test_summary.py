@@ -13,7 +13,7 @@ from megalopta.report.summary import (
     lead,
     light_finding,
     motion_findings,
-    need_finding,
+    threshold_finding,
     title,
 )
 from megalopta.report.verdicts import Verdict, VerdictGroup
@@ -177,7 +177,7 @@ def test_needs_are_compared_at_the_largest_size_without_intensity():
 
 
 def finding(*curves):
-    return need_finding(curves, "literal")
+    return threshold_finding(curves, "literal")
 
 
 def test_needs_that_another_draw_might_reverse_are_not_ranked():

@@ -48,7 +48,7 @@ def test_a_rendering_beyond_the_machine_is_refused_before_it_is_begun(tmp_path, 
 
 def test_every_stage_is_weighed_before_the_first_begins(tmp_path):
     settings = load("demo", {"benchmark.repeats": "100000", "benchmark.fluxes_per_decade": "20"})
-    with pytest.raises(UserError, match=r"bench: .* days of work, more than .* 30 days; lower"):
+    with pytest.raises(UserError, match=r"benchmark: .* days of work, more than .* 30 days; lower"):
         run_all(tmp_path / "out", settings)
     assert not list(tmp_path.iterdir())
 
@@ -67,8 +67,8 @@ def test_what_is_there_already_takes_no_more_room(tmp_path, monkeypatch):
     refuse_absurd(load("demo"), "render", tmp_path)
 
 
-@pytest.mark.parametrize("name", ["demo", "airglow", "grating", "bench"])
-@pytest.mark.parametrize("stage", ["render", "sense", "flow", "bench"])
+@pytest.mark.parametrize("name", ["demo", "airglow", "grating", "motion-bench"])
+@pytest.mark.parametrize("stage", ["render", "sense", "flow", "benchmark"])
 def test_the_built_in_configurations_are_no_long_work(tmp_path, capsys, name, stage):
     refuse_absurd(load(name), stage, tmp_path)
     assert estimate.estimate(load(name), stage).seconds < 3600
@@ -91,7 +91,7 @@ def test_short_work_is_not(capsys):
 
 def test_work_grows_with_the_frames_and_memory_does_not():
     few, many = (load("demo", {"trajectory.frames": frames}) for frames in ("40", "80"))
-    for stage in ("render", "sense", "flow", "bench"):
+    for stage in ("render", "sense", "flow", "benchmark"):
         first, second = estimate.estimate(few, stage), estimate.estimate(many, stage)
         assert second.seconds == pytest.approx(2 * first.seconds)
         assert second.disk_bytes == pytest.approx(2 * first.disk_bytes)

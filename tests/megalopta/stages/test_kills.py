@@ -37,7 +37,7 @@ CHANGES = {
     "render": ("--seed", "5"),
     "sense": ("--light-levels", "0.2", "starlight"),
     "flow": ("--methods", "BM", "NDS"),
-    "bench": ("--benchmark.repeats", "3"),
+    "benchmark": ("--benchmark.repeats", "3"),
 }
 
 

@@ -161,7 +161,9 @@ def test_an_interrupted_rendering_goes_on_to_the_same_bytes(copy, monkeypatch, t
 def test_another_configuration_is_refused_with_the_difference(copy):
     before = content(copy.root)
     changed = copy.configuration.model_copy(update={"seed": 7})
-    with pytest.raises(UserError, match=r"holds render and sense and flow and bench .*seed: 0 → 7"):
+    with pytest.raises(
+        UserError, match=r"holds render and sense and flow and benchmark .*seed: 0 → 7"
+    ):
         run_stage(copy.root, changed, "render")
     assert content(copy.root) == before
 
@@ -209,7 +211,7 @@ def test_a_truncated_file_is_made_again_by_its_stage_alone(copy, name):
     path = copy.root / name
     path.write_bytes(path.read_bytes()[:100])
     stage = "sense" if "counts" in name else "render"
-    later = "flow" if stage == "sense" else "bench"
+    later = "flow" if stage == "sense" else "benchmark"
     Ledger(copy).forget(later)
     with pytest.raises(UserError, match=rf"{path} is missing or damaged; run first: .* {stage} "):
         run_stage(copy.root, copy.configuration, later)
@@ -274,23 +276,23 @@ def test_flow_goes_on_after_an_interruption(copy, monkeypatch):
     monkeypatch.setattr(stage_flow, "Measurement", _counting(Measurement, calls := []))
     run_stage(copy.root, copy.configuration, "flow")
     assert len(calls) == methods * 2  # two of four exposures were there
-    run_stage(copy.root, copy.configuration, "bench")
+    run_stage(copy.root, copy.configuration, "benchmark")
     assert content(copy.root) == before
 
 
 def test_bench_goes_on_after_an_interruption(copy, monkeypatch):
     before = content(copy.root)
-    Ledger(copy).forget("bench")
+    Ledger(copy).forget("benchmark")
     repeats = copy.configuration.benchmark.repeats
     monkeypatch.setattr(benchmark, "draw_counts", _counting(draw_counts, drawn := []))
-    run_stage(copy.root, copy.configuration, "bench")
+    run_stage(copy.root, copy.configuration, "benchmark")
     a_repeat = len(drawn) // repeats
-    Ledger(copy).forget("bench")
+    Ledger(copy).forget("benchmark")
     monkeypatch.setattr(benchmark, "draw_counts", _counting(draw_counts, [], a_repeat + 1))
     with pytest.raises(KeyboardInterrupt):
-        run_stage(copy.root, copy.configuration, "bench")
+        run_stage(copy.root, copy.configuration, "benchmark")
     monkeypatch.setattr(benchmark, "draw_counts", _counting(draw_counts, drawn := []))
-    run_stage(copy.root, copy.configuration, "bench")
+    run_stage(copy.root, copy.configuration, "benchmark")
     assert len(drawn) == a_repeat * (repeats - 1)
     assert content(copy.root) == before
 
@@ -345,7 +347,7 @@ def test_damage_is_named_with_its_remedy(copy, capsys):
 def test_damaged_bookkeeping_is_named(copy):
     (copy.root / "manifest.jsonl").write_text("{half")
     with pytest.raises(UserError, match=r"manifest\.jsonl is damaged"):
-        run_stage(copy.root, copy.configuration, "bench")
+        run_stage(copy.root, copy.configuration, "benchmark")
 
 
 def test_sequences_shorter_than_a_filter_are_refused(tiny, tmp_path):

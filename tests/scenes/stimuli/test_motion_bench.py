@@ -5,7 +5,7 @@ from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.scenes.cameras import PerspectiveCamera
 from megalopta.scenes.lighting import Light
 from megalopta.scenes.spectra import flat, luminous
-from megalopta.scenes.stimuli.motion_bench import Bench
+from megalopta.scenes.stimuli.motion_bench import MotionBench
 from megalopta.scenes.trajectories import Trajectory
 
 ROW = PerspectiveCamera(width=16, height=1, fov_deg=20)
@@ -22,7 +22,7 @@ def rendered(bench, trajectory, frame):
 
 
 def test_the_row_sees_the_beam_until_the_edge_arrives_and_then_the_plates_shade():
-    bench = Bench(edge_mm=0.3)
+    bench = MotionBench(edge_mm=0.3)
     _, first = rendered(bench, FAST, 0)
     # the edge stands 0.3 mm = 5 pixels right of the middle of the row
     expected = np.where(np.arange(16) + 0.5 - 8 < 5, 1.0, 27 / 65)
@@ -32,7 +32,7 @@ def test_the_row_sees_the_beam_until_the_edge_arrives_and_then_the_plates_shade(
 
 
 def test_the_speeds_are_the_dissertations_pixels_per_frame():
-    renderer, _ = rendered(Bench(), FAST, 0)
+    renderer, _ = rendered(MotionBench(), FAST, 0)
     flow = renderer.truth(FAST.poses(), 0).flow_forward[0]
     # 10 mm/s · 0.1 s / 60 µm; the renderer's float32 positions are good to 1e-4 px here
     np.testing.assert_allclose(flow[:, 0], -10 * 0.1 / 0.06, atol=2e-4)
@@ -40,13 +40,13 @@ def test_the_speeds_are_the_dissertations_pixels_per_frame():
 
 
 def test_a_pixel_that_the_edge_halves_gets_the_mean_of_both():
-    _, seen = rendered(Bench(edge_mm=0.03), FAST, 0)
+    _, seen = rendered(MotionBench(edge_mm=0.03), FAST, 0)
     # 256 stratified samples place the edge to 1/16 of a pixel or better
     assert seen[8] == pytest.approx((1 + 27 / 65) / 2, abs=0.6 / 16)
 
 
 def test_far_from_its_edges_there_is_only_plate_or_only_beam():
-    under = Bench(edge_mm=-5).build(Light(), ROW, FAST)
+    under = MotionBench(edge_mm=-5).build(Light(), ROW, FAST)
     assert {p.kind for p in under.placements} == {"plate"}
-    before = Bench(edge_mm=50).build(Light(), ROW, FAST)
+    before = MotionBench(edge_mm=50).build(Light(), ROW, FAST)
     assert {p.kind for p in before.placements} == {"beam"}

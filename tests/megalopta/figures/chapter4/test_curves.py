@@ -37,7 +37,7 @@ from megalopta.figures.registry import find, names
 from megalopta.figures.reproduction import reproduce
 from megalopta.figures.style import house_style, new_canvas
 from megalopta.figures.sweep import sweep_figure
-from megalopta.figures.thresholds import needed
+from megalopta.figures.thresholds import mean_threshold
 from megalopta.flow.detectors import METHODS
 from megalopta.flow.metrics import ErrorCurve, Threshold
 
@@ -112,9 +112,9 @@ def test_table_takes_the_least_of_all_experiments_and_the_mean_of_the_forests():
     (recipe,) = find("table-4.1")
     found = results(recipe.trials(False))
     synthetic = best(found, "synthetic", "BM", "literal")
-    assert (synthetic.needed.flux, synthetic.where) == (pytest.approx(1e5), "f = 7")
+    assert (synthetic.threshold.flux, synthetic.where) == (pytest.approx(1e5), "f = 7")
     natural = best(found, "natural", "EMD", "ratio")
-    assert natural.needed[:3] == pytest.approx((0.5 * 2.5e6, 0.5e6, 2e6))
+    assert natural.threshold[:3] == pytest.approx((0.5 * 2.5e6, 0.5e6, 2e6))
     assert natural.where == "v = 8"
 
 
@@ -153,14 +153,14 @@ def test_photograph_of_a_forest_is_its_gray_values(monkeypatch):
 
 
 def test_mean_over_templates_spans_the_least_to_the_most_and_one_keeps_its_interval():
-    assert needed([crossing(1.0), crossing(3.0)]) == (2, 1, 3, "[1.00, 3.00]")
-    assert needed([crossing(2.0)])[:3] == pytest.approx((2, 1.8, 2.2))
+    assert mean_threshold([crossing(1.0), crossing(3.0)]) == (2, 1, 3, "[1.00, 3.00]")
+    assert mean_threshold([crossing(2.0)])[:3] == pytest.approx((2, 1.8, 2.2))
     above = Threshold("above", 0.25, 1e3, 1e12)
-    assert math.isnan(needed([crossing(1.0), above]).flux)
+    assert math.isnan(mean_threshold([crossing(1.0), above]).flux)
 
 
 def test_open_interval_has_no_limit_in_numbers_nor_in_print():
-    found = needed([Threshold("crossing", 0.25, 1e3, 1e12, 9e11, low=8e11)])
+    found = mean_threshold([Threshold("crossing", 0.25, 1e3, 1e12, 9e11, low=8e11)])
     assert (found.low, found.high, found.interval) == (8e11, None, "[800G, > 1e12]")
 
 
@@ -355,7 +355,7 @@ def test_natural_column_of_photographs_is_near_the_printed_one(tmp_path):
         pixels = templates.pixels_of(PHOTOGRAPHED.templates)
         found = run_trials(trials, pixels, tmp_path, threads)
     ratio = {
-        method: best(found, "photo", method, "literal").needed.flux / printed
+        method: best(found, "photo", method, "literal").threshold.flux / printed
         for method, (_, printed) in PRINTED.items()
     }
     assert all(1 / 4 < ratio[method] < 4 for method in ("BM", "NDM", "NDS"))

@@ -1,4 +1,4 @@
-"""The bench stage: how many photons per frame each detector needs, on the rendered sequence.
+"""The benchmark stage: how many photons per frame each detector needs, on the rendered sequence.
 
 The light of the sequence and the sums of every size and repeat are kept in
 results/SEQ/benchmark-parts until all are there: no more than a few frames are in memory.
@@ -37,7 +37,7 @@ _PARTS = "benchmark-parts"
 _RESULTS = ("benchmark.json", "benchmark-other.json")
 
 
-def bench(dataset: Dataset) -> None:
+def benchmark(dataset: Dataset) -> None:
     """Measure the photons that each method needs; writes benchmark.json and benchmark.csv.
 
     By the other normalization, if that is asked for, benchmark-other.json.
@@ -98,7 +98,7 @@ def _say_thresholds(result: BenchmarkResult) -> None:
     for curve in result.curves:
         if curve.metric == "literal" and 2 in curve.thresholds:
             rows, columns = curve.shape
-            say(f"bench: {curve.method:<6} {columns} × {rows}  N_2b {curve.thresholds[2]}")
+            say(f"benchmark: {curve.method:<6} {columns} × {rows}  N_2b {curve.thresholds[2]}")
 
 
 def _kept_light(dataset: Dataset, path: Path) -> Clip:
@@ -148,11 +148,11 @@ def _check(settings: Configuration) -> None:
 
 
 STAGE = Stage(
-    name="bench",
+    name="benchmark",
     fields=("methods", "benchmark"),
     needs=("render",),
     outputs=_outputs,
-    work=bench,
+    work=benchmark,
     model=_model,
     is_derived=True,
     check=_check,

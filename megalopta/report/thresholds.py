@@ -9,7 +9,7 @@ from markupsafe import Markup
 from megalopta.flow.benchmark import BenchmarkResult
 from megalopta.flow.metrics import ErrorCurve, Threshold
 from megalopta.report.budget import Budget
-from megalopta.report.charts import Need, error_chart, need_chart
+from megalopta.report.charts import MethodThresholds, error_chart, threshold_chart
 from megalopta.report.components import Table, crossed
 from megalopta.report.text import UNDEFINED, enumerate_words, short
 from megalopta.report.verdicts import ACCURATE
@@ -20,12 +20,12 @@ _NORMALIZED = {"per_frame": "every frame", "per_sequence": "the mean frame"}
 
 
 @dataclass(frozen=True)
-class NeedSection:
+class ThresholdSection:
     """Charts and thresholds of the photon benchmark, and how they were measured."""
 
     curves: Mapping[str, Markup]
     """By title, one per frame size and metric"""
-    needs: Mapping[str, Markup]
+    charts: Mapping[str, Markup]
     """By title, one per frame size"""
     table: Table
     repeats: int
@@ -39,9 +39,9 @@ class NeedSection:
     """By the other normalization, where that was measured too"""
 
 
-def need_section(
+def threshold_section(
     benchmark: BenchmarkResult, budgets: Sequence[Budget], other: BenchmarkResult | None = None
-) -> NeedSection:
+) -> ThresholdSection:
     """Section of a finished benchmark, beside what the sensors detect.
 
     `other` is the same benchmark by the other normalization.
@@ -50,14 +50,14 @@ def need_section(
     at_shape: dict[Shape, list[ErrorCurve]] = {}
     for curve in benchmark.curves:
         at_shape.setdefault(curve.shape, []).append(curve)
-    return NeedSection(
+    return ThresholdSection(
         curves=dict(
             _curve_chart([curve for curve in curves if curve.metric == metric], shape, metric)
             for shape, curves in at_shape.items()
             for metric in settings.metrics
         ),
-        needs=dict(
-            _need_chart(curves, shape, budgets)
+        charts=dict(
+            _threshold_chart(curves, shape, budgets)
             for shape, curves in at_shape.items()
             if 2 in settings.bits
         ),
@@ -105,17 +105,17 @@ def _curve_chart(curves: Sequence[ErrorCurve], shape: Shape, metric: str) -> tup
     return title, error_chart(curves, name, ACCURATE, text)
 
 
-def _need_chart(
+def _threshold_chart(
     curves: Sequence[ErrorCurve], shape: Shape, budgets: Sequence[Budget]
 ) -> tuple[str, Markup]:
     thresholds: dict[str, dict[str, Threshold]] = {}
     for curve in curves:
         if threshold := curve.thresholds.get(2):
             thresholds.setdefault(curve.method, {})[curve.metric] = threshold
-    needs = [Need(method, each) for method, each in thresholds.items()]
+    methods = [MethodThresholds(method, each) for method, each in thresholds.items()]
     title = f"{_size(shape)} pixels"
     text = f"Photons per frame that each detector needs at {title}, and what the sensors detect"
-    return title, need_chart(needs, budgets, f"need-{shape[0]}", text)
+    return title, threshold_chart(methods, budgets, f"thresholds-{shape[0]}", text)
 
 
 def _thresholds(benchmark: BenchmarkResult) -> dict[tuple[str, str], str]:
