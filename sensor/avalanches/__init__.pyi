@@ -1,7 +1,6 @@
 from .counts import count_moments, draw_counts
 from .coupled import MEAN_ERROR, VARIANCE_ERROR
 from .simulation import (
-    AvalancheEffects,
     PixelState,
     SimulatedFrame,
     simulate_counts,
@@ -12,7 +11,6 @@ from .simulation import (
 __all__ = [
     "MEAN_ERROR",
     "VARIANCE_ERROR",
-    "AvalancheEffects",
     "PixelState",
     "SimulatedFrame",
     "count_moments",

@@ -13,8 +13,14 @@ from numpy.typing import NDArray
 
 from megalopta.sensor.avalanches.coupled import coupled_moments
 from megalopta.sensor.avalanches.moments import open_rate, pixel_moments
-from megalopta.sensor.avalanches.simulation import AvalancheEffects, simulate_counts
-from megalopta.sensor.effects import AvalancheMaps, check_arrivals, crosstalk, dead_time
+from megalopta.sensor.avalanches.simulation import simulate_counts
+from megalopta.sensor.effects import (
+    AvalancheEffects,
+    AvalancheMaps,
+    check_arrivals,
+    crosstalk,
+    dead_time,
+)
 
 Floats = NDArray[np.float64]
 

@@ -34,10 +34,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.sensor.avalanches.moments import pixel_moments
-from megalopta.sensor.avalanches.simulation import AvalancheEffects
 from megalopta.sensor.effects import (
+    AvalancheEffects,
     AvalancheMaps,
-    Crosstalk,
     crosstalk,
     neighborhood,
     open_fraction,
@@ -60,7 +59,7 @@ def coupled_moments(
     maps: AvalancheMaps | None = None,
 ) -> tuple[Floats, Floats]:
     """Mean and variance of the counts of a (rows, columns) frame with crosstalk."""
-    alone = effects._replace(crosstalk=Crosstalk())
+    alone = effects.without_crosstalk
     open_s = exposure_s * open_fraction(effects.gate, exposure_s)
     is_extended = effects.dead_time.kind == "paralyzable"
     dead_s = np.broadcast_to(_mean_dead_s(exposure_s, effects, maps), rate_hz.shape)

@@ -13,8 +13,16 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from megalopta.sensor.avalanches.arrivals import first_blind_until, first_photon, next_photon
 from megalopta.sensor.avalanches.heap import longer, pop, push
-from megalopta.sensor.effects import draw_carriers, draw_delay, is_open, open_time, wall_time
+from megalopta.sensor.effects import (
+    AvalancheEffects,
+    AvalancheMaps,
+    draw_carriers,
+    draw_delay,
+    is_open,
+    neighborhood,
+)
 
 PHOTON, CARRIER, CROSSTALK, TWILIGHT = 0, 1, 2, 3
 KINDS = 4
@@ -36,9 +44,8 @@ class Parameters(NamedTuple):
     twilight_s: float
     recharge_s: float
     delay_s: float
-    period_s: float
-    width_s: float
-    phase_s: float
+    gate: tuple[float, float, float]
+    """Period, width and phase; period 0: not gated"""
 
 
 class Tables(NamedTuple):
@@ -56,6 +63,39 @@ class Tables(NamedTuple):
     cumulative: Floats
     taps: Floats
     """Down, right and probability of every pixel that an avalanche may fire"""
+
+
+def parameters_of(
+    rates: Floats, exposure_s: float, effects: AvalancheEffects, maps: AvalancheMaps
+) -> tuple[Parameters, Tables]:
+    """What the loop needs of the effects, for rates (S, N) in Hz."""
+    dead_time, afterpulsing = effects.dead_time, effects.afterpulsing
+    is_stationary = dead_time.start == "stationary"
+    dead_times = dead_time.dead_time_s * maps.dead_time.ravel()
+    is_settled = effects.on == {"dead_time"} and dead_time.has_law
+    forgotten_s = effects.memory_s + 20 * float(dead_times.max(initial=0)) * (not is_settled)
+    weights = neighborhood(effects.crosstalk)
+    places = np.argwhere(weights)
+    parameters = Parameters(
+        exposure_s=exposure_s,
+        start_s=-forgotten_s if is_stationary else 0.0,
+        is_paralyzable=dead_time.kind == "paralyzable",
+        is_stationary=is_stationary,
+        twilight_s=dead_time.twilight_s,
+        recharge_s=dead_time.recharge_s,
+        delay_s=afterpulsing.delay_s,
+        gate=effects.gate.window,
+    )
+    tables = Tables(
+        rates=np.ascontiguousarray(rates, np.float64),
+        dead_times=dead_times,
+        carriers=afterpulsing.mean_carriers * maps.afterpulsing.ravel(),
+        strengths=maps.crosstalk.ravel(),
+        delays_s=np.array(afterpulsing.table_delays_s, np.float64),
+        cumulative=np.array(afterpulsing.table_cumulative, np.float64),
+        taps=np.column_stack((places - len(weights) // 2, weights[tuple(places.T)])),
+    )
+    return parameters, tables
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
@@ -87,7 +127,7 @@ def run_frame(
     for first in range(0, pixels, block):
         if not is_begun:
             for pixel in range(first, first + block):
-                blind_until[pixel] = _first_blind_until(rng, pixel, parameters, tables)
+                blind_until[pixel] = first_blind_until(rng, pixel, parameters, tables)
         size = 0
         while waiting < pending[1].size and pending[1][waiting] < KINDS * (first + block):
             if size + _ROOM > times.size:
@@ -97,7 +137,7 @@ def run_frame(
         if size + block + _ROOM > times.size:
             times, owners = longer(times, block + _ROOM), longer(owners, block + _ROOM)
         for pixel in range(first, first + block):
-            arrival = _first_photon(rng, pixel, parameters, tables, blind_until[pixel])
+            arrival = first_photon(rng, pixel, parameters, tables, blind_until[pixel])
             size = push(times, owners, size, arrival, KINDS * pixel + PHOTON)
         while size > 0 and times[0] < parameters.exposure_s:
             # arrays are made longer here, as numba counts references where they may change
@@ -130,13 +170,9 @@ def _run(  # type: ignore[no-untyped-def]
     `kept` below 0 keeps no events.
     """
     exposure, is_paralyzable = parameters.exposure_s, parameters.is_paralyzable
-    twilight, recharge, delay_s = (
-        parameters.twilight_s,
-        parameters.recharge_s,
-        parameters.delay_s,
-    )
+    twilight, recharge = parameters.twilight_s, parameters.recharge_s
     rates, dead_times, carriers, _, delays, cumulative, _ = tables
-    gate = parameters.period_s, parameters.width_s, parameters.phase_s
+    gate = parameters.gate
     part_s = exposure / rates.shape[0]
     while size > 0 and times[0] < exposure:
         if size + _ROOM > times.size or kept == stamps.size:
@@ -162,7 +198,7 @@ def _run(  # type: ignore[no-untyped-def]
                     kept += 1
             if carriers[pixel] > 0:
                 for _ in range(min(draw_carriers(rng, carriers[pixel]), _MOST_CARRIERS)):
-                    release = time + draw_delay(rng, delay_s, delays, cumulative)
+                    release = time + draw_delay(rng, parameters.delay_s, delays, cumulative)
                     # one that is lost without effect need not be kept
                     if is_paralyzable or release >= blind_until[pixel] - twilight:
                         size = push(times, owners, size, release, KINDS * pixel + CARRIER)
@@ -171,60 +207,13 @@ def _run(  # type: ignore[no-untyped-def]
         if kind == PHOTON:
             # where the dead time is not extended, arrivals in it need not be drawn
             since = time if is_paralyzable else max(time, blind_until[pixel] - twilight)
-            arrival = _next_photon(rng, rates, pixel, since, part_s, gate)
+            arrival = next_photon(rng, rates, pixel, since, part_s, gate)
             # photons that only extend the dead time need not go through the heap
             while is_paralyzable and arrival < min(blind_until[pixel], exposure):
                 blind_until[pixel] = arrival + tau
-                arrival = _next_photon(rng, rates, pixel, arrival, part_s, gate)
+                arrival = next_photon(rng, rates, pixel, arrival, part_s, gate)
             size = push(times, owners, size, arrival, KINDS * pixel + PHOTON)
     return size, kept
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _first_blind_until(rng, pixel, parameters, tables):  # type: ignore[no-untyped-def]
-    """End of the dead time that a pixel starts in; long ago if it is live and charged."""
-    start, tau, rate = parameters.start_s, tables.dead_times[pixel], tables.rates[0, pixel]
-    if not parameters.is_stationary or tau == 0 or rate == 0:
-        return -np.inf
-    if parameters.is_paralyzable:
-        return start + max(tau - rng.standard_exponential() / rate, 0.0)
-    is_dead = rng.random() * (1 + rate * tau) < rate * tau
-    return start + tau * rng.random() if is_dead else -np.inf
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _first_photon(rng, pixel, parameters, tables, blind_until):  # type: ignore[no-untyped-def]
-    start, twilight = parameters.start_s, parameters.twilight_s
-    gate = parameters.period_s, parameters.width_s, parameters.phase_s
-    since = start if parameters.is_paralyzable else max(start, blind_until - twilight)
-    part_s = parameters.exposure_s / tables.rates.shape[0]
-    return _next_photon(rng, tables.rates, pixel, since, part_s, gate)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _next_photon(rng, rates, pixel, since, part_s, gate):  # type: ignore[no-untyped-def]
-    """Time of the first photon or dark carrier after a time; infinite where none comes."""
-    wait = rng.standard_exponential()
-    last = rates.shape[0] - 1
-    part = min(max(int(since / part_s), 0), last) if last > 0 else 0
-    while part < last:
-        # arrivals that a part of the exposure has room for
-        end = (part + 1) * part_s
-        left = (_opened(end, gate) - _opened(since, gate)) * rates[part, pixel]
-        if wait < left:
-            break
-        wait, since, part = wait - max(left, 0.0), end, part + 1
-    if rates[part, pixel] == 0:
-        return np.inf
-    opened = wait / rates[part, pixel]
-    if gate[0] == 0:
-        return since + opened
-    return wall_time(open_time(since, *gate) + opened, *gate)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _opened(time, gate):  # type: ignore[no-untyped-def]
-    return time if gate[0] == 0 else open_time(time, *gate)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.sensor.avalanches.simulation import AvalancheEffects
 from megalopta.sensor.avalanches.tables import NODES_PER_DECADE, moment_ratios
 from megalopta.sensor.effects import (
+    AvalancheEffects,
     AvalancheMaps,
     afterpulsing,
     check_arrivals,
@@ -90,10 +90,9 @@ def moments_without_carriers(
     Exact, but where a gate meets a non-paralyzable dead time, or that ends other than at once.
     """
     dead, gate = effects.dead_time, effects.gate
-    if gate.period_s and gate.width_s and gate.is_on and dead.kind == "paralyzable":
-        window = gate.period_s, gate.width_s, gate.phase_s
+    if gate.is_on and dead.kind == "paralyzable":
         return gated_paralyzable.moments(
-            rate_hz, exposure_s, dead.dead_time_s, window, dead.start == "stationary"
+            rate_hz, exposure_s, dead.dead_time_s, gate.window, dead.start == "stationary"
         )
     return dead_time.moments(open_rate(rate_hz, exposure_s, effects), exposure_s, dead, scale)
 
@@ -153,9 +152,11 @@ def _over_factors(
     mean, variance = np.zeros_like(maps.dead_time), np.zeros_like(maps.dead_time)
     for dead_factor, of_dead in _nodes(maps.dead_time, count * effects.dead_time.is_on):
         for factor, of_traps in _nodes(maps.afterpulsing, count * effects.afterpulsing.is_on):
-            each = effects._replace(
-                dead_time=_scaled(effects.dead_time, "dead_time_s", dead_factor),
-                afterpulsing=_scaled(effects.afterpulsing, "mean_carriers", factor),
+            each = effects.model_copy(
+                update={
+                    "dead_time": _scaled(effects.dead_time, "dead_time_s", dead_factor),
+                    "afterpulsing": _scaled(effects.afterpulsing, "mean_carriers", factor),
+                }
             )
             for total, part in zip((mean, variance), law(each), strict=True):
                 total += of_dead * of_traps * part

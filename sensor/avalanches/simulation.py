@@ -17,37 +17,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.sensor.avalanches.kernel import KINDS, Parameters, Tables, run_frame
-from megalopta.sensor.effects import (
-    Afterpulsing,
-    AvalancheMaps,
-    Crosstalk,
-    DeadTime,
-    Gate,
-    neighborhood,
-)
+from megalopta.sensor.avalanches.kernel import KINDS, parameters_of, run_frame
+from megalopta.sensor.effects import AvalancheEffects, AvalancheMaps
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-
-class AvalancheEffects(NamedTuple):
-    """What decides which avalanches occur, by the names of the fields of `Sensor`; hashable."""
-
-    dead_time: DeadTime = DeadTime()
-    afterpulsing: Afterpulsing = Afterpulsing()
-    gate: Gate = Gate()
-    crosstalk: Crosstalk = Crosstalk()
-
-    @property
-    def on(self) -> frozenset[str]:
-        """Names of those that are on."""
-        return frozenset(name for name in self._fields if getattr(self, name).is_on)
-
-    @property
-    def memory_s(self) -> float:
-        """Time after which a pixel has forgotten its past, dead times apart, s."""
-        return sum(effect.memory_s for effect in self if effect.is_on)
 
 
 class PixelState(NamedTuple):
@@ -104,7 +78,7 @@ def simulate_frame(
     rates = rate_hz if rate_hz.ndim == 3 else rate_hz[None]
     parts, rows, columns = rates.shape
     maps = maps or AvalancheMaps.alike((rows, columns))
-    parameters, tables = _parameters(rates.reshape(parts, -1), exposure_s, effects, maps)
+    parameters, tables = parameters_of(rates.reshape(parts, -1), exposure_s, effects, maps)
     if state is None:
         blind_until, pending = np.empty(rows * columns), (np.empty(0), np.empty(0, np.int64))
     else:
@@ -148,40 +122,3 @@ def simulate_events(
     """Times, s, and flat pixel indices of the counted avalanches; as `simulate_frame`."""
     frame = simulate_frame(rng, rate_hz, exposure_s, effects, maps=maps)
     return frame.times_s, frame.pixels
-
-
-def _parameters(
-    rates: Floats, exposure_s: float, effects: AvalancheEffects, maps: AvalancheMaps
-) -> tuple[Parameters, Tables]:
-    dead_time, afterpulsing, gate = effects.dead_time, effects.afterpulsing, effects.gate
-    is_stationary = dead_time.start == "stationary"
-    dead_times = dead_time.dead_time_s * maps.dead_time.ravel()
-    parameters = Parameters(
-        exposure_s,
-        -_memory_s(float(dead_times.max(initial=0)), effects) if is_stationary else 0.0,
-        dead_time.kind == "paralyzable",
-        is_stationary,
-        dead_time.twilight_s,
-        dead_time.recharge_s,
-        afterpulsing.delay_s,
-        gate.period_s or 0.0,
-        gate.width_s or 0.0,
-        gate.phase_s,
-    )
-    weights = neighborhood(effects.crosstalk)
-    places = np.argwhere(weights)
-    tables = Tables(
-        np.ascontiguousarray(rates, np.float64),
-        dead_times,
-        afterpulsing.mean_carriers * maps.afterpulsing.ravel(),
-        maps.crosstalk.ravel(),
-        np.array(afterpulsing.table_delays_s, np.float64),
-        np.array(afterpulsing.table_cumulative, np.float64),
-        np.column_stack((places - len(weights) // 2, weights[tuple(places.T)])),
-    )
-    return parameters, tables
-
-
-def _memory_s(dead_time_s: float, effects: AvalancheEffects) -> float:
-    is_settled = effects.on == {"dead_time"} and effects.dead_time.has_law
-    return effects.memory_s + 20 * dead_time_s * (not is_settled)

@@ -25,12 +25,8 @@ from numpy.typing import NDArray
 from megalopta.files import write_json
 from megalopta.folders import cache_folder
 from megalopta.freshness import code_digest, digest
-from megalopta.sensor.avalanches.simulation import (
-    AvalancheEffects,
-    simulate_counts,
-    simulate_events,
-)
-from megalopta.sensor.effects import Crosstalk
+from megalopta.sensor.avalanches.simulation import simulate_counts, simulate_events
+from megalopta.sensor.effects import AvalancheEffects
 from megalopta.sensor.sampling import generator
 
 NODES_PER_DECADE = 8
@@ -70,7 +66,7 @@ def moment_ratios(
     -------
     (N, 2) float64
     """
-    effects = effects._replace(crosstalk=Crosstalk())
+    effects = effects.without_crosstalk
     # one thread fills the table, which the others would only fill with the same numbers
     with _one_at_a_time:
         path, table = _table(effects, exposure_s)
@@ -84,8 +80,7 @@ def moment_ratios(
 
 @lru_cache(maxsize=256)
 def _table(effects: AvalancheEffects, exposure_s: float) -> tuple[Path, Table]:
-    described = json.dumps([each.model_dump(mode="json") for each in effects])
-    name = digest(described, repr(exposure_s), code_digest(*_CODE))
+    name = digest(effects.model_dump_json(), repr(exposure_s), code_digest(*_CODE))
     path = cache_folder() / "moments" / f"{name}.json"
     try:
         stored = json.loads(path.read_text("utf-8"))

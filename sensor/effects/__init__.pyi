@@ -5,6 +5,7 @@ from .bias import Bias, best_excess_bias, breakdown_offset
 from .crosstalk import Crosstalk, neighborhood
 from .dark_counts import DarkCounts, dark_count_rate, mean_density
 from .dead_time import MOST_ARRIVALS, DeadTime, check_arrivals, expected_counts
+from .fields import AvalancheEffects, RateEffects
 from .gating import Gate, is_open, open_fraction, open_time, wall_time
 from .jitter import Jitter, stamp
 from .mismatch import AvalancheMaps
@@ -13,6 +14,7 @@ from .temperature import Temperature, dark_count_factor
 __all__ = [
     "MOST_ARRIVALS",
     "Afterpulsing",
+    "AvalancheEffects",
     "AvalancheMaps",
     "Bias",
     "Crosstalk",
@@ -22,6 +24,7 @@ __all__ = [
     "Gate",
     "Jitter",
     "PixelRates",
+    "RateEffects",
     "Stage",
     "Temperature",
     "afterpulsing",

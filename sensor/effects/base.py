@@ -1,10 +1,11 @@
 """What the parameter models of all effects have in common.
 
-An effect is one field of `Sensor` and acts in the order of its stage; within a stage effects act in
-the order of the fields. Default parameters do nothing.
+An effect is one field of `Sensor`, most of them by `fields`, and acts in the order of its stage;
+within a stage effects act in the order of the fields. Default parameters do nothing.
 
 One on rates overrides `act_on_rates`. One on single avalanches, whose stage is `AVALANCHES`, has a
-part in `avalanches/kernel.py`; wherever no law of the counts is known it is simulated.
+part in `avalanches/kernel.py`; wherever no law of the counts is known it is simulated. No other
+file names an effect unless it states a law of it.
 """
 
 from dataclasses import dataclass, field

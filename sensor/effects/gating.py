@@ -49,13 +49,15 @@ class Gate(Effect, frozen=True):
         """Whether the pixel is ever closed."""
         return self.width_s != self.period_s
 
+    @property
+    def window(self) -> tuple[float, float, float]:
+        """Period, width and phase, s; period 0: not gated."""
+        return self.period_s or 0.0, self.width_s or 0.0, self.phase_s
+
 
 def open_fraction(gate: Gate, exposure_s: float) -> float:
     """Fraction of the exposure for which the window is open."""
-    if gate.period_s is None or gate.width_s is None:
-        return 1.0
-    window = gate.period_s, gate.width_s, gate.phase_s
-    return float(open_time(exposure_s, *window) - open_time(0.0, *window)) / exposure_s
+    return float(open_time(exposure_s, *gate.window) - open_time(0.0, *gate.window)) / exposure_s
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]

@@ -13,8 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from megalopta.sensor.avalanches import AvalancheEffects
-from megalopta.sensor.effects import AvalancheMaps, Crosstalk
+from megalopta.sensor.effects import AvalancheEffects, AvalancheMaps, Crosstalk
 
 _MOST_PENDING = 4096
 _DEAD_TIMES_TO_FORGET = 300
@@ -37,8 +36,8 @@ def brute_force_counts(
     exposures: int,
 ) -> NDArray[np.int64]:
     """Counts of so many exposures of one pixel; no crosstalk."""
-    alone = effects._replace(crosstalk=Crosstalk())
-    return brute_force_frames(rng, np.full((1, 1), rate_hz), exposure_s, alone, exposures).ravel()
+    rates, alone = np.full((1, 1), rate_hz), effects.without_crosstalk
+    return brute_force_frames(rng, rates, exposure_s, alone, exposures).ravel()
 
 
 def brute_force_frames(
@@ -62,7 +61,7 @@ def brute_force_frames(
     frames : int
         How many exposures follow on each other without a new start.
     """
-    dead_time, traps, gate, talk = effects
+    dead_time, traps = effects.dead_time, effects.afterpulsing
     rates = rate_hz if rate_hz.ndim == 3 else rate_hz[None]
     parts, rows, columns = rates.shape
     maps = maps or AvalancheMaps.alike((rows, columns))
@@ -71,7 +70,7 @@ def brute_force_frames(
         rates.reshape(parts, -1),
         tau * maps.dead_time.ravel(),
         traps.mean_carriers * maps.afterpulsing.ravel(),
-        _chances(talk, rows, columns) * maps.crosstalk.ravel()[:, None],
+        _chances(effects.crosstalk, rows, columns) * maps.crosstalk.ravel()[:, None],
     )
     counts: NDArray[np.int64] = _simulate(
         rng,
@@ -80,7 +79,7 @@ def brute_force_frames(
         dead_time.kind == "paralyzable",
         traps.delay_s,
         (np.array(traps.table_delays_s), np.array(traps.table_cumulative)),
-        (gate.period_s or 0.0, gate.width_s or 0.0, gate.phase_s),
+        effects.gate.window,
         (exposures, frames),
     )
     return counts.reshape(exposures, frames, rows, columns)

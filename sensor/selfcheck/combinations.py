@@ -12,13 +12,13 @@ import numpy as np
 from megalopta.sensor.avalanches import (
     MEAN_ERROR,
     VARIANCE_ERROR,
-    AvalancheEffects,
     count_moments,
     draw_counts,
     simulate_frame,
 )
 from megalopta.sensor.effects import (
     Afterpulsing,
+    AvalancheEffects,
     AvalancheMaps,
     Crosstalk,
     DeadTime,
@@ -62,7 +62,7 @@ def check_dead_time_ends() -> Iterator[Row]:
     """Gaps after a dead time: mean rates of twilight pulses and of recharging, closed forms."""
     rate, exposure = 2e6, 200e-6
     for name, dead in list(DEAD_TIMES.items())[3:]:
-        running = AvalancheEffects(dead.model_copy(update={"start": "stationary"}))
+        running = AvalancheEffects(dead_time=dead.model_copy(update={"start": "stationary"}))
         counts = draw_counts(generator(21, name), np.full((20_000, 1), rate), exposure, running)
         alpha, tau_r = dead.twilight_s, dead.recharge_s
         steps = np.linspace(0, 30e-6, 600_001)
@@ -70,7 +70,7 @@ def check_dead_time_ends() -> Iterator[Row]:
         gap = np.exp(-rate * alpha) / rate if alpha else np.trapezoid(waits, steps)
         expected = float(exposure / (_TAU_S + gap))
         yield mean_row(f"dead time, {name}", "counts, running", expected, counts)
-        alone = AvalancheEffects(dead)
+        alone = AvalancheEffects(dead_time=dead)
         plain = brute_force_counts(generator(22, name), rate, exposure, alone, 10_000)
         drawn = draw_counts(generator(23, name), np.full((10_000, 1), rate), exposure, alone)
         for quantity, z in zip(
@@ -87,7 +87,9 @@ def check_combinations() -> Iterator[Row]:
             ("crosstalk, afterpulsing", _TRAPS, Gate(), _TALK),
             ("crosstalk, afterpulsing, gate", _TRAPS, _GATE, _TALK),
         ):
-            effects = AvalancheEffects(dead, traps, gate, talk)
+            effects = AvalancheEffects(
+                dead_time=dead, afterpulsing=traps, gate=gate, crosstalk=talk
+            )
             yield from _against_brute_force(f"{name}, {extra}", effects, None)
 
 
@@ -95,7 +97,7 @@ def check_delays() -> Iterator[Row]:
     """Many carriers, of which a dead time as long as their delay takes most."""
     traps = Afterpulsing(mean_carriers=0.9, delay_s=_TAU_S)
     for name in ("non-paralyzable", "paralyzable", "twilight"):
-        effects = AvalancheEffects(DEAD_TIMES[name], traps)
+        effects = AvalancheEffects(dead_time=DEAD_TIMES[name], afterpulsing=traps)
         plain = brute_force_counts(generator(29, name), 2e5, 20e-6, effects, 200_000)
         drawn = draw_counts(generator(30, name), np.full((200_000, 1), 2e5), 20e-6, effects)
         zs = two_sample_z(plain, drawn.ravel())
@@ -111,9 +113,9 @@ def check_dark_neighbor() -> Iterator[Row]:
     rates, chance = np.array([[2e6, 0.0]]), _TALK.mean_fired_neighbors / 4
     talk = Crosstalk(mean_fired_neighbors=_TALK.mean_fired_neighbors)
     for name in ("non-paralyzable", "paralyzable"):
-        effects = AvalancheEffects(DEAD_TIMES[name], crosstalk=talk)
+        effects = AvalancheEffects(dead_time=DEAD_TIMES[name], crosstalk=talk)
         mean, variance = (part[0] for part in count_moments(rates, 200e-6, effects))
-        alone, spread = count_moments(rates[:, :1], 200e-6, effects._replace(crosstalk=Crosstalk()))
+        alone, spread = count_moments(rates[:, :1], 200e-6, effects.without_crosstalk)
         dark = float(chance * alone[0, 0])
         scattered = float(chance**2 * spread[0, 0] + chance * (1 - chance) * alone[0, 0])
         for quantity, expected, stated, tolerance in (
@@ -135,11 +137,11 @@ def check_dark_neighbor() -> Iterator[Row]:
 def check_maps() -> Iterator[Row]:
     """Pixels that differ in dead time, afterpulsing and crosstalk."""
     for name in ("non-paralyzable", "paralyzable"):
-        dead = AvalancheEffects(DEAD_TIMES[name])
+        dead = AvalancheEffects(dead_time=DEAD_TIMES[name])
         yield from _against_brute_force(f"{name}, map", dead, _MAPS)
-        traps = dead._replace(afterpulsing=_TRAPS)
+        traps = dead.model_copy(update={"afterpulsing": _TRAPS})
         yield from _against_brute_force(f"{name}, afterpulsing, maps", traps, _MAPS)
-        full = traps._replace(crosstalk=_TALK)
+        full = traps.model_copy(update={"crosstalk": _TALK})
         yield from _against_brute_force(f"{name}, afterpulsing, crosstalk, maps", full, _MAPS)
     alone = AvalancheEffects(crosstalk=_TALK)
     yield from _against_brute_force("crosstalk, map", alone, _MAPS)
@@ -149,7 +151,7 @@ def check_running_frames() -> Iterator[Row]:
     """Frames that go on where the one before ended, in light that changes within each."""
     light = np.stack([_RATES, 2 * _RATES[::-1], np.zeros_like(_RATES)])
     for name, dead in DEAD_TIMES.items():
-        effects = AvalancheEffects(dead, _TRAPS, Gate(), _TALK)
+        effects = AvalancheEffects(dead_time=dead, afterpulsing=_TRAPS, crosstalk=_TALK)
         drawn = np.array([_following(light, effects, index) for index in range(_DRAWN)])
         plain = brute_force_frames(generator(25, name), light, 2e-6, effects, _PLAIN, frames=3)
         yield from _two_samples(f"free running, {name}", plain[:, 2], drawn[:, 2])

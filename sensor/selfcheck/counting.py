@@ -11,8 +11,8 @@ from typing import Literal
 
 import numpy as np
 
-from megalopta.sensor.avalanches import AvalancheEffects, draw_counts
-from megalopta.sensor.effects import Afterpulsing, Crosstalk, DeadTime, Gate
+from megalopta.sensor.avalanches import draw_counts
+from megalopta.sensor.effects import Afterpulsing, AvalancheEffects, DeadTime, Gate
 from megalopta.sensor.sampling import generator
 from megalopta.sensor.selfcheck.brute_force import brute_force_counts
 from megalopta.sensor.selfcheck.comparison import Check, Counts, Row, two_sample_z, worst
@@ -25,14 +25,15 @@ GATE = Gate(period_s=7e-6, width_s=3e-6, phase_s=5e-6)
 
 Kind = Literal["ideal", "nonparalyzable", "paralyzable"]
 Start = Literal["live", "stationary"]
+_UNGATED = Gate()
 
 
 def effects_of(
-    kind: Kind, start: Start, afterpulsing: Afterpulsing, gate: Gate | None = None
+    kind: Kind, start: Start, afterpulsing: Afterpulsing, gate: Gate = _UNGATED
 ) -> AvalancheEffects:
     """Dead time of 1 µs and what goes with it."""
     law = DeadTime(kind=kind, dead_time_s=DEAD_TIME_S * (kind != "ideal"), start=start)
-    return AvalancheEffects(law, afterpulsing, gate or Gate(), Crosstalk())
+    return AvalancheEffects(dead_time=law, afterpulsing=afterpulsing, gate=gate)
 
 
 def operating_point(kind: Kind, rate_times_dead_time: float, counts: float) -> tuple[float, float]:

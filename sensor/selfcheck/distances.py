@@ -32,8 +32,8 @@ from itertools import product
 
 import numpy as np
 
-from megalopta.sensor.avalanches import AvalancheEffects, count_moments, draw_counts
-from megalopta.sensor.effects import Afterpulsing
+from megalopta.sensor.avalanches import count_moments, draw_counts
+from megalopta.sensor.effects import Afterpulsing, AvalancheEffects
 from megalopta.sensor.sampling import generator
 from megalopta.sensor.selfcheck.brute_force import brute_force_counts, run_up_s
 from megalopta.sensor.selfcheck.comparison import Counts, two_sample_z

@@ -8,7 +8,7 @@ from scipy.special import pdtr
 from scipy.stats import linregress, lognorm, truncnorm
 
 from megalopta.sensor import changed
-from megalopta.sensor.avalanches import AvalancheEffects, simulate_counts, simulate_events
+from megalopta.sensor.avalanches import simulate_counts, simulate_events
 from megalopta.sensor.counters import (
     AnalogCounter,
     DigitalCounter,
@@ -18,6 +18,7 @@ from megalopta.sensor.counters import (
 )
 from megalopta.sensor.effects import (
     Afterpulsing,
+    AvalancheEffects,
     Crosstalk,
     DarkCounts,
     DeadTime,
@@ -177,7 +178,7 @@ def check_afterpulsing() -> Iterator[Row]:
     running = DeadTime(start="stationary")
     rate_hz, exposure_s = 2e6, 5e-6
     rates = np.full((exposures, 1), rate_hz)
-    effects = AvalancheEffects(running, traps, Gate(), Crosstalk())
+    effects = AvalancheEffects(dead_time=running, afterpulsing=traps)
     counts = simulate_counts(generator(1), rates, exposure_s, effects)
     yield mean_row("afterpulsing", "counts, 1/(1−p) per primary", 10 / (1 - p), counts)
     _, variance = afterpulsing.moments(rate_hz, exposure_s, traps, True)
@@ -185,11 +186,12 @@ def check_afterpulsing() -> Iterator[Row]:
     table = Afterpulsing(
         mean_carriers=p, table_delays_s=(0, 1e-6, 4e-6), table_cumulative=(0, 0.5, 1)
     )
-    counts = simulate_counts(generator(2), rates, exposure_s, effects._replace(afterpulsing=table))
+    tabulated = effects.model_copy(update={"afterpulsing": table})
+    counts = simulate_counts(generator(2), rates, exposure_s, tabulated)
     yield mean_row("afterpulsing", "counts, tabulated delay", 10 / (1 - p), counts)
     # primaries so rare that each cascade runs alone: a carrier survives with e^(−τ/delay)
     dead = DeadTime(kind="nonparalyzable", dead_time_s=delay_s)
-    lone = AvalancheEffects(dead, traps, Gate(), Crosstalk())
+    lone = AvalancheEffects(dead_time=dead, afterpulsing=traps)
     counts = simulate_counts(generator(3), np.full((400_000, 1), 1.0), 1.0, lone)
     yield mean_row(
         "afterpulsing", "counts, less those in the dead time", 1 / (1 - p * np.exp(-1)), counts
@@ -209,7 +211,7 @@ def check_crosstalk() -> Iterator[Row]:
         variance = 0.2 * (1 - 0.2 / neighbors) / (1 - 0.2) ** 3
         yield variance_row(term, "variance per primary", variance, totals / 1000**0.5)
     talk = Crosstalk(mean_fired_neighbors=0.2)
-    effects = AvalancheEffects(DeadTime(), Afterpulsing(), Gate(), talk)
+    effects = AvalancheEffects(crosstalk=talk)
     means = np.full((6, 6), 5.0)
     rng = generator(2, "crosstalk")
     corner = np.array([simulate_counts(rng, means, 1.0, effects)[0, 0] for _ in range(20_000)])
@@ -225,7 +227,7 @@ def check_gate_and_jitter() -> Iterator[Row]:
     """Counts in proportion to the open time; spread of time stamps; no event outside the gate."""
     gate = Gate(period_s=1e-3, width_s=0.3e-3, phase_s=0.9e-3)
     exposure_s = 10.5e-3
-    effects = AvalancheEffects(DeadTime(), Afterpulsing(), gate, Crosstalk())
+    effects = AvalancheEffects(gate=gate)
     counts = simulate_counts(generator(5), np.full((50_000, 1), 1e4), exposure_s, effects)
     duty = open_fraction(gate, exposure_s)
     yield exact_row("gate", "open part of the exposure", 3.2e-3 / 10.5e-3, duty, 1e-12)

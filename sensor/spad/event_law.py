@@ -16,7 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.special import gammainc, lambertw
 
-from megalopta.sensor.avalanches import AvalancheEffects
+from megalopta.sensor.effects import AvalancheEffects
 
 _SIGMAS, _EVENTS, _CLUMPS = 8, 12, 20
 _MUCH_LOST = 0.1

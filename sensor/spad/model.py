@@ -4,19 +4,8 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from megalopta.sensor.avalanches import AvalancheEffects
 from megalopta.sensor.counters import AnalogCounter, DigitalCounter
-from megalopta.sensor.effects import (
-    Afterpulsing,
-    Bias,
-    Crosstalk,
-    DarkCounts,
-    DeadTime,
-    Gate,
-    Jitter,
-    Temperature,
-    open_fraction,
-)
+from megalopta.sensor.effects import AvalancheEffects, Jitter, RateEffects, open_fraction
 from megalopta.sensor.optics import PixelOptics
 from megalopta.sensor.spad.measured import MeasuredMaps
 
@@ -24,7 +13,14 @@ MOST_OFFSPRING = 0.95
 """Avalanches that one may cause, on average, where no dead time ends the cascade."""
 
 
-class Sensor(PixelOptics, frozen=True):
+class Device(RateEffects, PixelOptics, frozen=True):
+    """What makes the rates of the pixels what they are."""
+
+    measured: MeasuredMaps = MeasuredMaps()
+    """Measured maps of the pixels of one device, in place of drawn ones; none by default."""
+
+
+class Sensor(AvalancheEffects, Device, frozen=True):
     """A single-photon image sensor behind a lens; the number of pixels is that of the image."""
 
     unit: ClassVar[str] = "counts"
@@ -32,22 +28,6 @@ class Sensor(PixelOptics, frozen=True):
 
     kind: Literal["spad"] = "spad"
     """Names this kind of image sensor."""
-    temperature: Temperature = Temperature()
-    """Temperature, which moves dark counts and breakdown; by default that at which they hold."""
-    bias: Bias = Bias()
-    """Excess bias and breakdown mismatch, which move efficiency and dark counts; off by default."""
-    dark_counts: DarkCounts = DarkCounts()
-    """Events without light; off by default."""
-    measured: MeasuredMaps = MeasuredMaps()
-    """Measured maps of the pixels of one device, in place of drawn ones; none by default."""
-    gate: Gate = Gate()
-    """Periodic window of sensitivity; always open by default."""
-    dead_time: DeadTime = DeadTime()
-    """Recovery after an event; none by default."""
-    afterpulsing: Afterpulsing = Afterpulsing()
-    """Events fired by carriers of earlier ones; off by default."""
-    crosstalk: Crosstalk = Crosstalk()
-    """Events fired by those of neighboring pixels; off by default."""
     jitter: Jitter = Jitter()
     """Scatter of the time stamps of events; none by default."""
     counter: Annotated[DigitalCounter | AnalogCounter, Field(discriminator="kind")] = (
@@ -106,4 +86,5 @@ class Sensor(PixelOptics, frozen=True):
     @property
     def avalanche_effects(self) -> AvalancheEffects:
         """What decides which avalanches occur."""
-        return AvalancheEffects(*(getattr(self, name) for name in AvalancheEffects._fields))
+        names = AvalancheEffects.model_fields
+        return AvalancheEffects(**{name: getattr(self, name) for name in names})

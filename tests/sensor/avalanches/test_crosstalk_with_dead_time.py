@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from megalopta.sensor.avalanches.counts import count_moments
-from megalopta.sensor.avalanches.simulation import AvalancheEffects, simulate_counts
-from megalopta.sensor.effects import Afterpulsing, Crosstalk, DeadTime, Gate
+from megalopta.sensor.avalanches.simulation import simulate_counts
+from megalopta.sensor.effects import AvalancheEffects, Crosstalk, DeadTime
 from megalopta.sensor.sampling import generator
 from megalopta.sensor.selfcheck.comparison import two_sample_z
 
@@ -15,7 +15,7 @@ TAU_S, EXPOSURE_S, RATE_HZ, EXPOSURES = 1e-6, 2e-5, 8e5, 2000
 def effects(kind, fired, neighbors=4):
     dead_time = DeadTime(kind=kind, dead_time_s=TAU_S)
     talk = Crosstalk(mean_fired_neighbors=fired, diagonal=float(neighbors == 8))
-    return AvalancheEffects(dead_time, Afterpulsing(), Gate(), talk)
+    return AvalancheEffects(dead_time=dead_time, crosstalk=talk)
 
 
 def plainly(rng, rates_hz, exposure_s, dead_time_s, is_extended, chance, neighbors):
@@ -88,6 +88,6 @@ def test_dark_neighbor_of_a_bright_pixel_counts_its_share_of_the_avalanches(kind
     ).T
     expected, variance = chance * bright.sum(), chance * (1 - chance) * bright.sum()
     assert abs(dark.sum() - expected) < 5 * variance**0.5  # false alarm 6e-7
-    alone = parts._replace(crosstalk=Crosstalk())
+    alone = parts.without_crosstalk
     mean, spread = (part[0, 0] for part in count_moments(rates[:, :1], EXPOSURE_S, alone))
     assert abs(bright.mean() - mean) < 5 * (spread / bright.size) ** 0.5

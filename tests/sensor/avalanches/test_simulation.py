@@ -3,12 +3,8 @@
 import numpy as np
 import pytest
 
-from megalopta.sensor.avalanches.simulation import (
-    AvalancheEffects,
-    simulate_counts,
-    simulate_frame,
-)
-from megalopta.sensor.effects import DeadTime
+from megalopta.sensor.avalanches.simulation import simulate_counts, simulate_frame
+from megalopta.sensor.effects import AvalancheEffects, DeadTime
 from megalopta.sensor.sampling import generator
 from megalopta.sensor.selfcheck.combinations import AVALANCHE_CHECKS
 
@@ -24,7 +20,7 @@ def test_twilight_pulses_raise_the_rate_as_straka_found():
     dead = DeadTime(kind="nonparalyzable", dead_time_s=22e-9, twilight_s=3.9e-9, start="stationary")
     rate, exposure = 50e6, 20e-6
     counts = simulate_counts(
-        generator(0), np.full((5000, 1), rate), exposure, AvalancheEffects(dead)
+        generator(0), np.full((5000, 1), rate), exposure, AvalancheEffects(dead_time=dead)
     )
     expected = rate * exposure / (rate * 22e-9 + np.exp(-rate * 3.9e-9))
     assert abs(counts.mean() - expected) < 5 * counts.std() / counts.size**0.5  # 6e-7
@@ -37,7 +33,7 @@ def test_frames_that_follow_are_one_long_exposure_to_the_dead_time():
     rng, state, frames = generator(1), None, []
     for _ in range(40):
         frame = simulate_frame(
-            rng, np.full((20, 20), 5e6), 1e-6, AvalancheEffects(dead), state=state
+            rng, np.full((20, 20), 5e6), 1e-6, AvalancheEffects(dead_time=dead), state=state
         )
         state = frame.state
         frames.append(frame.counts)

@@ -115,7 +115,7 @@ def test_a_dead_time_one_percent_too_long_is_noticed():
     right = effects_of("nonparalyzable", "live", check_counting.AFTERPULSING)
     longer = right.dead_time.model_copy(update={"dead_time_s": 1.01e-6})
     plain, _ = samples(right, 1e6, 60e-6, 100_000)
-    _, wrong = samples(right._replace(dead_time=longer), 1e6, 60e-6, 100_000)
+    _, wrong = samples(right.model_copy(update={"dead_time": longer}), 1e6, 60e-6, 100_000)
     assert abs(two_sample_z(plain, wrong)[0]) > 5
 
 

@@ -1,0 +1,45 @@
+"""Photons and dark carriers of a pixel one after the other, and the dead time that it starts in."""
+
+import numpy as np
+from numba import njit
+
+from megalopta.sensor.effects import open_time, wall_time
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def first_blind_until(rng, pixel, parameters, tables):  # type: ignore[no-untyped-def]
+    """End of the dead time that a pixel starts in; long ago if it is live and charged."""
+    start, tau, rate = parameters.start_s, tables.dead_times[pixel], tables.rates[0, pixel]
+    if not parameters.is_stationary or tau == 0 or rate == 0:
+        return -np.inf
+    if parameters.is_paralyzable:
+        return start + max(tau - rng.standard_exponential() / rate, 0.0)
+    is_dead = rng.random() * (1 + rate * tau) < rate * tau
+    return start + tau * rng.random() if is_dead else -np.inf
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def first_photon(rng, pixel, parameters, tables, blind_until):  # type: ignore[no-untyped-def]
+    """Time of the first photon that may do anything, in a pixel that is blind until then."""
+    start, twilight = parameters.start_s, parameters.twilight_s
+    since = start if parameters.is_paralyzable else max(start, blind_until - twilight)
+    part_s = parameters.exposure_s / tables.rates.shape[0]
+    return next_photon(rng, tables.rates, pixel, since, part_s, parameters.gate)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def next_photon(rng, rates, pixel, since, part_s, gate):  # type: ignore[no-untyped-def]
+    """Time of the first photon or dark carrier after a time; infinite where none comes."""
+    wait = rng.standard_exponential()
+    last = rates.shape[0] - 1
+    part = min(max(int(since / part_s), 0), last) if last > 0 else 0
+    while part < last:
+        # arrivals that a part of the exposure has room for
+        end = (part + 1) * part_s
+        left = (open_time(end, *gate) - open_time(since, *gate)) * rates[part, pixel]
+        if wait < left:
+            break
+        wait, since, part = wait - max(left, 0.0), end, part + 1
+    if rates[part, pixel] == 0:
+        return np.inf
+    return wall_time(open_time(since, *gate) + wait / rates[part, pixel], *gate)
