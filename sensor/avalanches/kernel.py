@@ -46,7 +46,6 @@ class Parameters(NamedTuple):
     delay_s: float
     gate: tuple[float, float, float]
     """Period, width and phase; period 0: not gated"""
-    missed: float
 
 
 class Tables(NamedTuple):
@@ -86,7 +85,6 @@ def parameters_of(
         recharge_s=dead_time.recharge_s,
         delay_s=afterpulsing.delay_s,
         gate=effects.gate.window,
-        missed=effects.discriminator.missed,
     )
     tables = Tables(
         rates=np.ascontiguousarray(rates, np.float64),
@@ -193,7 +191,7 @@ def _run(  # type: ignore[no-untyped-def]
                 size = push(times, owners, size, blind, KINDS * pixel + TWILIGHT)
         if fires:
             blind_until[pixel] = time + tau
-            if time >= 0 and (parameters.missed == 0 or rng.random() >= parameters.missed):
+            if time >= 0:
                 counts[pixel] += 1
                 if kept >= 0:
                     stamps[kept], places[kept] = time, pixel

@@ -10,9 +10,7 @@ from megalopta.sensor.effects.bias import Bias
 from megalopta.sensor.effects.crosstalk import Crosstalk
 from megalopta.sensor.effects.dark_counts import DarkCounts
 from megalopta.sensor.effects.dead_time import DeadTime
-from megalopta.sensor.effects.discriminator import Discriminator
 from megalopta.sensor.effects.gating import Gate
-from megalopta.sensor.effects.neutral_filter import NeutralFilter
 from megalopta.sensor.effects.temperature import Temperature
 
 
@@ -25,8 +23,6 @@ class RateEffects(BaseModel, frozen=True, extra="forbid", use_attribute_docstrin
     """Excess bias and breakdown mismatch, which move efficiency and dark counts; off by default."""
     dark_counts: DarkCounts = DarkCounts()
     """Events without light; off by default."""
-    neutral_filter: NeutralFilter = NeutralFilter()
-    """A gray filter over the pixels; none by default."""
 
 
 class AvalancheEffects(BaseModel, frozen=True, extra="forbid", use_attribute_docstrings=True):
@@ -40,8 +36,6 @@ class AvalancheEffects(BaseModel, frozen=True, extra="forbid", use_attribute_doc
     """Events fired by carriers of earlier ones; off by default."""
     crosstalk: Crosstalk = Crosstalk()
     """Events fired by those of neighboring pixels; off by default."""
-    discriminator: Discriminator = Discriminator()
-    """Share of the avalanches that is not counted; none by default."""
 
     @property
     def on(self) -> frozenset[str]:
