@@ -1,6 +1,7 @@
 """What a photon benchmark measures, how closely, and how much work that is."""
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from itertools import product
 from typing import Annotated, Any, Literal, Self
@@ -126,9 +127,9 @@ class SearchSettings(CurveSettings, frozen=True):
 
 def each_once(values: tuple[Any, ...]) -> tuple[Any, ...]:
     """Return values of which none comes twice, or refuse them."""
-    twice = [value for value in values if values.count(value) > 1]
-    if twice:
-        raise ValueError(f"{twice[0]} is named twice: name each once")
+    for value, times in Counter(values).items():
+        if times > 1:
+            raise ValueError(f"{value} is named twice: name each once")
     return values
 
 

@@ -24,7 +24,6 @@ from megalopta.sensor.calibrate.support import check_levels
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_95 = 1.959964
 _WIDEST_SEARCH, _NARROWEST_SEARCH = 0.25, 0.15
 _DEVIATIONS_SEARCHED = 5.0
 _LOUDEST = 2.0
@@ -95,7 +94,7 @@ def _with_comb(
     shape: tuple[int, int],
     hot_times: float,
 ) -> Device:
-    errors = np.sqrt(np.maximum(np.diagonal(fit.covariance, axis1=1, axis2=2), 0))
+    errors = _standard_errors(fit.covariance)
     failed = _failed(fit, errors, falls)
     errors[failed], falls.frames[:, failed] = np.nan, 0
     offset, leak, step = (
@@ -130,6 +129,10 @@ def _with_comb(
     return _with_kernel(device, levels, adc)
 
 
+def _standard_errors(covariance: Floats) -> Floats:
+    return np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0))
+
+
 def _failed(fit: CombFit, errors: Floats, falls: Falls) -> Mask:
     """Pixels whose teeth were taken for others: too loud, or with a leak that fills them up."""
     failed = ~(fit.noise_v <= _LOUDEST * np.median(fit.noise_v))
@@ -155,7 +158,7 @@ def _saturation(
     if len(np.unique(counts.light_hz)) < 3:
         return None, None, None, 0.0
     fit, ratio = fit_saturation(counts)
-    errors = np.sqrt(np.maximum(np.diagonal(fit.covariance, axis1=1, axis2=2), 0))
+    errors = _standard_errors(fit.covariance)
     efficiency, dead_time = (
         Estimate.normal(fit.solution[:, at], errors[:, at], shape) for at in (1, 2)
     )
@@ -196,9 +199,7 @@ def _without_comb(
     noise = transfer.read_variance_v2 / transfer.step_v**2
     counts = MeanCounts(mean, falls.frames, exposure, light, noise)
     dark = _dark_counts(counts, np.maximum(mean, 0) * falls.frames, shape)
-    relative = (transfer.step_error_v / transfer.step_v).reshape(shape)
-    spread = np.hypot((dark.high - dark.low) / 2, _95 * relative * dark.value)
-    dark = Estimate(dark.value, np.maximum(dark.value - spread, 0), dark.value + spread)
+    dark = dark.with_relative_error((transfer.step_error_v / transfer.step_v).reshape(shape))
     efficiency, dead_time, kind, ratio = _saturation(counts, shape)
     unknown = np.full(shape, np.nan)
     read = np.sqrt(transfer.read_variance_v2)

@@ -30,6 +30,11 @@ class Estimate:
         value, spread = np.where(np.isfinite(error), value, np.nan), _95 * error
         return cls(*(each.reshape(shape) for each in (value, value - spread, value + spread)))
 
+    def with_relative_error(self, error: Floats) -> "Estimate":
+        """The same where a factor of it has this relative standard error too; not below 0."""
+        spread = np.hypot((self.high - self.low) / 2, _95 * error * self.value)
+        return Estimate(self.value, np.maximum(self.value - spread, 0), self.value + spread)
+
     def scaled(self, factor: Floats | float) -> "Estimate":
         """In another unit."""
         return Estimate(self.value * factor, self.low * factor, self.high * factor)

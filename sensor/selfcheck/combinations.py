@@ -36,6 +36,8 @@ from megalopta.sensor.selfcheck.comparison import (
     two_sample_z,
     variance_row,
     worst,
+    worst_of_each,
+    z_rows,
 )
 from megalopta.sensor.spad import preset
 
@@ -73,10 +75,7 @@ def check_dead_time_ends() -> Iterator[Row]:
         alone = AvalancheEffects(dead_time=dead)
         plain = brute_force_counts(generator(22, name), rate, exposure, alone, 10_000)
         drawn = draw_counts(generator(23, name), np.full((10_000, 1), rate), exposure, alone)
-        for quantity, z in zip(
-            ("mean", "variance", "law"), two_sample_z(plain, drawn.ravel()), strict=True
-        ):
-            yield Row(f"dead time, {name}", f"{quantity}, as z", 0.0, z, z)
+        yield from z_rows(f"dead time, {name}", plain, drawn.ravel())
 
 
 def check_combinations() -> Iterator[Row]:
@@ -100,9 +99,7 @@ def check_delays() -> Iterator[Row]:
         effects = AvalancheEffects(dead_time=DEAD_TIMES[name], afterpulsing=traps)
         plain = brute_force_counts(generator(29, name), 2e5, 20e-6, effects, 200_000)
         drawn = draw_counts(generator(30, name), np.full((200_000, 1), 2e5), 20e-6, effects)
-        zs = two_sample_z(plain, drawn.ravel())
-        for quantity, z in zip(("mean", "variance", "law"), zs, strict=True):
-            yield Row(f"{name}, many carriers", f"{quantity}, as z", 0.0, z, z)
+        yield from z_rows(f"{name}, many carriers", plain, drawn.ravel())
 
 
 def check_dark_neighbor() -> Iterator[Row]:
@@ -247,11 +244,8 @@ def _two_samples(term: str, plain: Counts, drawn: Counts) -> Iterator[Row]:
                 Row(term, "variance", first.var(), second.var(), variance_z),
             )
         )
-    for kind in zip(*rows, strict=True):
-        yield worst(kind)
-    totals = plain.sum((1, 2)), drawn.sum((1, 2))
-    for quantity, z in zip(("mean", "variance", "law"), two_sample_z(*totals), strict=True):
-        yield Row(term, f"{quantity} of all pixels, as z", 0.0, z, z)
+    yield from worst_of_each(rows)
+    yield from z_rows(term, plain.sum((1, 2)), drawn.sum((1, 2)), " of all pixels")
 
 
 AVALANCHE_CHECKS = (

@@ -5,7 +5,7 @@ numbers. Each comparison then fails with probability 6e-7 (|z| >= 5). A row may 
 several comparisons; `false_alarm` counts them all.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -69,6 +69,11 @@ def worst(rows: Sequence[Row]) -> Row:
     return replace(largest, comparisons=sum(row.comparisons for row in rows))
 
 
+def worst_of_each(rows: Iterable[Sequence[Row]]) -> Iterator[Row]:
+    """Of the same quantities compared at several places, the worst row of each quantity."""
+    return (worst(kind) for kind in zip(*rows, strict=True))
+
+
 def mean_row(term: str, quantity: str, expected: float, sample: Floats | Counts) -> Row:
     """Compare the mean of independent draws with a number."""
     error = float(sample.std()) / sample.size**0.5
@@ -101,6 +106,12 @@ def two_sample_z(first: Counts, second: Counts) -> tuple[float, float, float]:
         _z(deviations[1].mean() - deviations[0].mean(), variance_error),
         law_z(first, second),
     )
+
+
+def z_rows(term: str, first: Counts, second: Counts, of: str = "") -> Iterator[Row]:
+    """Compare mean, variance and law of two samples of counts, by nothing but their z."""
+    for quantity, z in zip(("mean", "variance", "law"), two_sample_z(first, second), strict=True):
+        yield Row(term, f"{quantity}{of}, as z", 0.0, z, z)
 
 
 def law_z(first: Counts, second: Counts) -> float:

@@ -15,7 +15,7 @@ from megalopta.sensor.avalanches import draw_counts
 from megalopta.sensor.effects import Afterpulsing, AvalancheEffects, DeadTime, Gate
 from megalopta.sensor.sampling import generator
 from megalopta.sensor.selfcheck.brute_force import brute_force_counts
-from megalopta.sensor.selfcheck.comparison import Check, Counts, Row, two_sample_z, worst
+from megalopta.sensor.selfcheck.comparison import Check, Counts, Row, two_sample_z, worst_of_each
 
 RATE_TIMES_DEAD_TIME = (0.01, 0.1, 1.0, 5.0)
 MEAN_COUNTS = (1.0, 30.0, 300.0)
@@ -93,5 +93,4 @@ def _worst_rows(term: str, effects: AvalancheEffects, kind: Kind, arrivals: floa
                 Row(term, f"law, as z {where}", 0.0, law_z, law_z),
             )
         )
-    for kind_of_row in zip(*rows, strict=True):
-        yield worst(kind_of_row)
+    yield from worst_of_each(rows)
