@@ -1,11 +1,10 @@
-"""The effects one by one against closed forms: light, device, crosstalk, counters, frames."""
+"""The effects one by one against closed forms: light, crosstalk, counters, frames."""
 
 from collections.abc import Iterator
 
 import numpy as np
 from scipy.integrate import quad
-from scipy.special import pdtr
-from scipy.stats import linregress, lognorm, truncnorm
+from scipy.stats import linregress
 
 from megalopta.sensor import changed
 from megalopta.sensor.avalanches import simulate_counts, simulate_events
@@ -20,16 +19,11 @@ from megalopta.sensor.effects import (
     Afterpulsing,
     AvalancheEffects,
     Crosstalk,
-    DarkCounts,
     DeadTime,
     Gate,
     Jitter,
-    Temperature,
     afterpulsing,
-    bias,
     crosstalk,
-    dark_count_factor,
-    dark_count_rate,
     open_fraction,
     stamp,
 )
@@ -38,14 +32,14 @@ from megalopta.sensor.readout import expose_binary, expose_events, histogram, un
 from megalopta.sensor.sampling import generator
 from megalopta.sensor.selfcheck.comparison import (
     Check,
-    Floats,
     Row,
     exact_row,
     law_z,
     mean_row,
     variance_row,
 )
-from megalopta.sensor.spad import draw_fixed_pattern, expose_rate, preset, without
+from megalopta.sensor.selfcheck.device import check_device, check_operation
+from megalopta.sensor.spad import expose_rate, preset, without
 
 _UM2 = 1e-12
 
@@ -64,111 +58,6 @@ def check_light() -> Iterator[Row]:
         float(band_efficiency(curve, [(400.0, 700.0)])[0]),
         1e-9,
     )
-
-
-def check_device() -> Iterator[Row]:
-    """Patterns of many SPADCAM devices, and what moves them."""
-    sensor = preset("spadcam")
-    devices = [
-        draw_fixed_pattern(changed(sensor, device_seed=seed), (16, 16)) for seed in range(400)
-    ]
-    density = np.concatenate([each.dark_counts_hz.ravel() for each in devices]) / 360
-    yield exact_row("dark counts", "mean over devices (Hz/µm²)", 1.77, density.mean(), 0.04)
-    yield exact_row("dark counts", "median (Hz/µm²)", 0.93, float(np.median(density)), 0.02)
-    yield exact_row("dark counts", "σ (Hz/µm²)", 1.77, density.std(), 0.04)
-    quiet = 16 * float(np.mean(density < 1.5))
-    yield exact_row("dark counts", "pixels of 16 below 1.5 Hz/µm²", 11, quiet, 0.3)
-    offsets = [bias.breakdown_offset(sensor.bias, (16, 16), seed).ravel() for seed in range(400)]
-    yield variance_row("breakdown", "variance (V²)", 0.042**2, np.concatenate(offsets))
-    yield from _check_bias()
-    cooled = Temperature(celsius=-10, dcr_doubling_k=9)
-    yield exact_row(
-        "temperature",
-        "decades for 30 K of cooling",
-        -30 / 9 * np.log10(2),
-        float(np.log10(dark_count_factor(cooled))),
-        1e-9,
-    )
-
-
-def check_operation() -> Iterator[Row]:
-    """Warm chip: what breakdown takes from the excess bias; drawn mismatch of avalanche effects."""
-    cold = changed(
-        preset("spadcam"),
-        bias={"afterpulsing_slope": 1.0, "crosstalk_slope": 2.0, "onset_v": 0.0},
-        afterpulsing=Afterpulsing(mean_carriers=0.1),
-        crosstalk=Crosstalk(mean_fired_neighbors=0.1),
-        temperature={"breakdown_v_per_k": 0.01},
-    )
-    shape, shift = (16, 16), 0.01 * 12
-    warm = draw_fixed_pattern(changed(cold, temperature={"celsius": 32.0}), shape)
-    before = draw_fixed_pattern(cold, shape)
-    assert warm.avalanches is not None
-    excess = 1.18 - bias.breakdown_offset(cold.bias, shape, cold.device_seed)
-    for name, expected, measured in (
-        (
-            "dark counts",
-            2 ** (12 / 9) * np.exp(-shift / 0.12) + 0 * excess,
-            warm.dark_counts_hz / before.dark_counts_hz,
-        ),
-        (
-            "efficiency",
-            (1 - np.exp(-(excess - shift) / 0.2)) / (1 - np.exp(-excess / 0.2)),
-            warm.efficiency_factor / before.efficiency_factor,
-        ),
-        ("afterpulsing, as the charge", (excess - shift) / 1.18, warm.avalanches.afterpulsing),
-        ("crosstalk, twice the charge", 2 * (excess - shift) / 1.18 - 1, warm.avalanches.crosstalk),
-    ):
-        off = float(np.abs(measured / expected - 1).max())
-        yield exact_row("breakdown, 12 K above", f"{name}, largest error", 0.0, off, 1e-9)
-    # SciPy's laws, for pixels of 1 µm²
-    ordinary = DarkCounts(bulk_mean_hz_um2=0.5, bulk_sigma_hz_um2=0.4)
-    hot = DarkCounts(hot_fraction=1.0, hot_mean_hz_um2=2.0, hot_sigma_hz_um2=1.0)
-    width = np.log1p(0.25) ** 0.5
-    for term, model, law in (
-        ("dark counts, ordinary pixels", ordinary, truncnorm(-0.5 / 0.4, np.inf, 0.5, 0.4)),
-        ("dark counts, hot pixels", hot, lognorm(width, scale=2 * np.exp(-(width**2) / 2))),
-    ):
-        densities = dark_count_rate(model, (400, 400), _UM2, 1)
-        yield mean_row(term, "mean (Hz/µm²)", float(law.mean()), densities)
-        yield variance_row(term, "variance (Hz²/µm⁴)", float(law.var()), densities)
-    sigma = {"mismatch_sigma": 0.2}
-    dead = DeadTime(kind="nonparalyzable", dead_time_s=1e-6)
-    sensor = changed(preset("ideal"), dead_time=changed(dead, **sigma))
-    sensor = changed(sensor, afterpulsing=changed(cold.afterpulsing, **sigma))
-    sensor = changed(sensor, crosstalk=changed(cold.crosstalk, **sigma))
-    maps = draw_fixed_pattern(sensor, (200, 200)).avalanches
-    assert maps is not None
-    for field, factors in zip(maps._fields, maps, strict=True):
-        yield mean_row(f"{field} mismatch", "mean factor", 1.0, factors)
-        yield variance_row(f"{field} mismatch", "variance of factors", 0.04, factors)
-
-
-def _check_bias() -> Iterator[Row]:
-    model = preset("spadcam").bias
-    volts = np.linspace(model.onset_v + 5e-4, 1.4, 8000)
-    at = [changed(model, excess_v=float(excess)) for excess in volts]
-    light = np.array([bias.efficiency_factor(each, 0.0) for each in at])
-    dark = np.array([bias.dark_count_factor(each, 0.0) for each in at])
-    best = float(volts[np.argmax(light / dark)])
-    yield exact_row("bias", "bias of best SNR (V)", bias.best_excess_bias(model), best, 2e-4)
-    # as measured, through a counter that fills up with dark counts: the mean of Poisson counts cut
-    capacity, exposure_s = 320, 0.1
-    dark_counts = 637 * dark * exposure_s
-    bright = dark_counts + 1e5 * max(preset("spadcam").efficiency.values) * light * exposure_s
-    seen = _mean_of_cut_poisson(bright, capacity) - _mean_of_cut_poisson(dark_counts, capacity)
-    margin = volts[np.argmax(seen)] - bias.best_excess_bias(model)
-    yield Row(
-        "bias",
-        "efficiency peak as measured lies above (V)",
-        0.0,
-        float(margin),
-        0.0 if margin > 0.005 else np.inf,
-    )
-
-
-def _mean_of_cut_poisson(mean: Floats, capacity: int) -> Floats:
-    return np.asarray(mean * pdtr(capacity - 2, mean) + capacity * (1 - pdtr(capacity - 1, mean)))
 
 
 def check_afterpulsing() -> Iterator[Row]:
