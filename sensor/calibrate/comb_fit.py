@@ -28,7 +28,7 @@ from megalopta.sensor.calibrate.level import Falls
 
 Floats = NDArray[np.float64]
 
-_NEIGHBORS = np.arange(-1, 2)
+_NEIGHBORS = np.arange(-1.0, 2.0)
 _ROUNDS_OF_START = 2
 _MOST_ROUNDS = 30
 _CONVERGED = 1e-8
