@@ -1,121 +1,65 @@
-from .change import changed, merged
-from .counters.analog import AnalogCounter
-from .counters.digital import DigitalCounter
+from .change import changed as changed, merged as merged
+from .counters.analog import AnalogCounter as AnalogCounter
+from .counters.digital import DigitalCounter as DigitalCounter
 from .ctia.array import (
-    CtiaExposure,
-    expose_ctia,
-    expose_photocurrent,
-    photocurrent,
-    reading_current,
-    reading_electrons,
-    volt_moments,
+    CtiaExposure as CtiaExposure,
+    expose_ctia as expose_ctia,
+    expose_photocurrent as expose_photocurrent,
+    photocurrent as photocurrent,
+    reading_current as reading_current,
+    reading_electrons as reading_electrons,
+    volt_moments as volt_moments,
 )
-from .ctia.bias import DacBias, FixedBias, FloatingGateBias
-from .ctia.model import CtiaSensor
-from .ctia.noise import CtiaNoise
-from .ctia.photodiode import Photodiode
-from .ctia.presets import CTIA_PRESETS, PHOTODIODES, ctia_preset
-from .effects.afterpulsing import Afterpulsing
-from .effects.base import Effect
-from .effects.bias import Bias
-from .effects.crosstalk import Crosstalk
-from .effects.dark_counts import DarkCounts
-from .effects.dead_time import DeadTime
-from .effects.gating import Gate
-from .effects.jitter import Jitter
-from .effects.temperature import Temperature
-from .input_files import file_content
-from .optics.efficiency import Efficiency
-from .optics.lens import Lens
-from .optics.pixels import photon_rate
-from .quantities import Expectation, Exposure
-from .readout.binary import expose_binary
-from .readout.events import Events, expose_events
+from .ctia.bias import (
+    DacBias as DacBias,
+    FixedBias as FixedBias,
+    FloatingGateBias as FloatingGateBias,
+)
+from .ctia.model import CtiaSensor as CtiaSensor
+from .ctia.noise import CtiaNoise as CtiaNoise
+from .ctia.photodiode import Photodiode as Photodiode
+from .ctia.presets import (
+    CTIA_PRESETS as CTIA_PRESETS,
+    PHOTODIODES as PHOTODIODES,
+    ctia_preset as ctia_preset,
+)
+from .effects.afterpulsing import Afterpulsing as Afterpulsing
+from .effects.base import Effect as Effect
+from .effects.bias import Bias as Bias
+from .effects.crosstalk import Crosstalk as Crosstalk
+from .effects.dark_counts import DarkCounts as DarkCounts
+from .effects.dead_time import DeadTime as DeadTime
+from .effects.gating import Gate as Gate
+from .effects.jitter import Jitter as Jitter
+from .effects.temperature import Temperature as Temperature
+from .input_files import file_content as file_content
+from .optics.efficiency import Efficiency as Efficiency
+from .optics.lens import Lens as Lens
+from .optics.pixels import photon_rate as photon_rate
+from .quantities import Expectation as Expectation, Exposure as Exposure
+from .readout.binary import expose_binary as expose_binary
+from .readout.events import Events as Events, expose_events as expose_events
 from .readout.images import (
-    IMAGE_SENSORS,
-    ImageSensor,
-    check_sensor,
-    detected_photons,
-    expectation,
-    expose_image,
+    IMAGE_SENSORS as IMAGE_SENSORS,
+    ImageSensor as ImageSensor,
+    check_sensor as check_sensor,
+    detected_photons as detected_photons,
+    expectation as expectation,
+    expose_image as expose_image,
 )
-from .readout.opened import OpenedCounts, StoredFrames, open_counts, read_counts
-from .readout.store import StoredCounts, write_counts
-from .readout.sub_frames import sub_frames
-from .sampling.streams import generator
-from .spad.exposure import expose, expose_adc, expose_rate
-from .spad.measured import MapFile, MeasuredMaps
-from .spad.model import Sensor
-from .spad.moments import event_moments, reading_moments
-from .spad.order import ORDER_OF_EFFECTS, without
-from .spad.presets import PRESETS, load_sensor, preset
-from .spad.rates import detection_rate
-
-__all__ = [
-    "CTIA_PRESETS",
-    "IMAGE_SENSORS",
-    "ORDER_OF_EFFECTS",
-    "PHOTODIODES",
-    "PRESETS",
-    "Afterpulsing",
-    "AnalogCounter",
-    "Bias",
-    "Crosstalk",
-    "CtiaExposure",
-    "CtiaNoise",
-    "CtiaSensor",
-    "DacBias",
-    "DarkCounts",
-    "DeadTime",
-    "DigitalCounter",
-    "Effect",
-    "Efficiency",
-    "Events",
-    "Expectation",
-    "Exposure",
-    "FixedBias",
-    "FloatingGateBias",
-    "Gate",
-    "ImageSensor",
-    "Jitter",
-    "Lens",
-    "MapFile",
-    "MeasuredMaps",
-    "OpenedCounts",
-    "Photodiode",
-    "Sensor",
-    "StoredCounts",
-    "StoredFrames",
-    "Temperature",
-    "changed",
-    "check_sensor",
-    "ctia_preset",
-    "detected_photons",
-    "detection_rate",
-    "event_moments",
-    "expectation",
-    "expose",
-    "expose_adc",
-    "expose_binary",
-    "expose_ctia",
-    "expose_events",
-    "expose_image",
-    "expose_photocurrent",
-    "expose_rate",
-    "file_content",
-    "generator",
-    "load_sensor",
-    "merged",
-    "open_counts",
-    "photocurrent",
-    "photon_rate",
-    "preset",
-    "read_counts",
-    "reading_current",
-    "reading_electrons",
-    "reading_moments",
-    "sub_frames",
-    "volt_moments",
-    "without",
-    "write_counts",
-]
+from .readout.opened import (
+    OpenedCounts as OpenedCounts,
+    StoredFrames as StoredFrames,
+    open_counts as open_counts,
+    read_counts as read_counts,
+)
+from .readout.store import StoredCounts as StoredCounts, write_counts as write_counts
+from .readout.sub_frames import sub_frames as sub_frames
+from .sampling.streams import generator as generator
+from .spad.exposure import expose as expose, expose_adc as expose_adc, expose_rate as expose_rate
+from .spad.measured import MapFile as MapFile, MeasuredMaps as MeasuredMaps
+from .spad.model import Sensor as Sensor
+from .spad.moments import event_moments as event_moments, reading_moments as reading_moments
+from .spad.order import ORDER_OF_EFFECTS as ORDER_OF_EFFECTS, without as without
+from .spad.presets import PRESETS as PRESETS, load_sensor as load_sensor, preset as preset
+from .spad.rates import detection_rate as detection_rate

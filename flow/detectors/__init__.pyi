@@ -1,33 +1,18 @@
-from .base import Detector, FloatArray, Frames
-from .block_detector import BlockDetector
-from .blocks import BlockGrid, block_grid, block_sums
-from .correlation import NonDirectionalMultiplication, NonDirectionalSummation
-from .dense_detector import DenseDetector
-from .from_function import DenseFlow, detector_from
-from .gray_detector import GrayDetector
-from .intensity import IntensityMeasurement
-from .registry import METHODS, THESIS_METHODS, Method, method
-from .sinusoid_response import ndm_mean, nds_mean
-
-__all__ = [
-    "METHODS",
-    "THESIS_METHODS",
-    "BlockDetector",
-    "BlockGrid",
-    "DenseDetector",
-    "DenseFlow",
-    "Detector",
-    "FloatArray",
-    "Frames",
-    "GrayDetector",
-    "IntensityMeasurement",
-    "Method",
-    "NonDirectionalMultiplication",
-    "NonDirectionalSummation",
-    "block_grid",
-    "block_sums",
-    "detector_from",
-    "method",
-    "ndm_mean",
-    "nds_mean",
-]
+from .base import Detector as Detector, FloatArray as FloatArray, Frames as Frames
+from .block_detector import BlockDetector as BlockDetector
+from .blocks import BlockGrid as BlockGrid, block_grid as block_grid, block_sums as block_sums
+from .correlation import (
+    NonDirectionalMultiplication as NonDirectionalMultiplication,
+    NonDirectionalSummation as NonDirectionalSummation,
+)
+from .dense_detector import DenseDetector as DenseDetector
+from .from_function import DenseFlow as DenseFlow, detector_from as detector_from
+from .gray_detector import GrayDetector as GrayDetector
+from .intensity import IntensityMeasurement as IntensityMeasurement
+from .registry import (
+    METHODS as METHODS,
+    THESIS_METHODS as THESIS_METHODS,
+    Method as Method,
+    method as method,
+)
+from .sinusoid_response import ndm_mean as ndm_mean, nds_mean as nds_mean

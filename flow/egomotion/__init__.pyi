@@ -1,9 +1,2 @@
-from .wide_field import WideField, fit_wide_field
-from .yaw_rate import YawRateTest, yaw_rates_deg_s
-
-__all__ = [
-    "WideField",
-    "YawRateTest",
-    "fit_wide_field",
-    "yaw_rates_deg_s",
-]
+from .wide_field import WideField as WideField, fit_wide_field as fit_wide_field
+from .yaw_rate import YawRateTest as YawRateTest, yaw_rates_deg_s as yaw_rates_deg_s

@@ -1,8 +1,2 @@
-from .color_wheel import flow_to_rgb, wheel_legend
-from .flo import write_flo
-
-__all__ = [
-    "flow_to_rgb",
-    "wheel_legend",
-    "write_flo",
-]
+from .color_wheel import flow_to_rgb as flow_to_rgb, wheel_legend as wheel_legend
+from .flo import write_flo as write_flo

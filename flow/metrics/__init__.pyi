@@ -1,52 +1,41 @@
-from .curve import ErrorCurve, error_curve
-from .detection import Roc, d_prime, false_alarm_rate, motion_evidence, rightward_evidence, roc
+from .curve import ErrorCurve as ErrorCurve, error_curve as error_curve
+from .detection import (
+    Roc as Roc,
+    d_prime as d_prime,
+    false_alarm_rate as false_alarm_rate,
+    motion_evidence as motion_evidence,
+    rightward_evidence as rightward_evidence,
+    roc as roc,
+)
 from .efficiency import (
-    bound_photons,
-    confined_velocities,
-    is_within,
-    photons_for_half,
-    variance_efficiency,
+    bound_photons as bound_photons,
+    confined_velocities as confined_velocities,
+    is_within as is_within,
+    photons_for_half as photons_for_half,
+    variance_efficiency as variance_efficiency,
 )
-from .endpoint_error import TruthError, block_flow, block_share, truth_error
-from .photon_threshold import Threshold, format_flux
-from .response_error import METRICS, ErrorSums, Metric, combine, error_sums
-from .splits import FAST_PX, OCCLUDED_SHARE, SLOW_PX, truth_splits
+from .endpoint_error import (
+    TruthError as TruthError,
+    block_flow as block_flow,
+    block_share as block_share,
+    truth_error as truth_error,
+)
+from .photon_threshold import Threshold as Threshold, format_flux as format_flux
+from .response_error import (
+    METRICS as METRICS,
+    ErrorSums as ErrorSums,
+    Metric as Metric,
+    combine as combine,
+    error_sums as error_sums,
+)
+from .splits import (
+    FAST_PX as FAST_PX,
+    OCCLUDED_SHARE as OCCLUDED_SHARE,
+    SLOW_PX as SLOW_PX,
+    truth_splits as truth_splits,
+)
 from .translation_bound import (
-    cramer_rao_covariance,
-    cramer_rao_covariance_along_x,
-    fisher_information,
+    cramer_rao_covariance as cramer_rao_covariance,
+    cramer_rao_covariance_along_x as cramer_rao_covariance_along_x,
+    fisher_information as fisher_information,
 )
-
-__all__ = [
-    "FAST_PX",
-    "METRICS",
-    "OCCLUDED_SHARE",
-    "SLOW_PX",
-    "ErrorCurve",
-    "ErrorSums",
-    "Metric",
-    "Roc",
-    "Threshold",
-    "TruthError",
-    "block_flow",
-    "block_share",
-    "bound_photons",
-    "combine",
-    "confined_velocities",
-    "cramer_rao_covariance",
-    "cramer_rao_covariance_along_x",
-    "d_prime",
-    "error_curve",
-    "error_sums",
-    "false_alarm_rate",
-    "fisher_information",
-    "format_flux",
-    "is_within",
-    "motion_evidence",
-    "photons_for_half",
-    "rightward_evidence",
-    "roc",
-    "truth_error",
-    "truth_splits",
-    "variance_efficiency",
-]

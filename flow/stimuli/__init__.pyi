@@ -1,31 +1,16 @@
-from .moving_template import MovingTemplate, blurred, summed
+from .moving_template import MovingTemplate as MovingTemplate, blurred as blurred, summed as summed
 from .photons import (
-    BlackFrameError,
-    Counts,
-    Normalization,
-    divisors,
-    draw_counts,
-    frame_light,
-    narrowest,
+    BlackFrameError as BlackFrameError,
+    Counts as Counts,
+    Normalization as Normalization,
+    divisors as divisors,
+    draw_counts as draw_counts,
+    frame_light as frame_light,
+    narrowest as narrowest,
 )
-from .resizing import ResizeKind, resize, resized_shape
-from .statistics import ImageStatistics, image_statistics, power_spectrum
-
-__all__ = [
-    "BlackFrameError",
-    "Counts",
-    "ImageStatistics",
-    "MovingTemplate",
-    "Normalization",
-    "ResizeKind",
-    "blurred",
-    "divisors",
-    "draw_counts",
-    "frame_light",
-    "image_statistics",
-    "narrowest",
-    "power_spectrum",
-    "resize",
-    "resized_shape",
-    "summed",
-]
+from .resizing import ResizeKind as ResizeKind, resize as resize, resized_shape as resized_shape
+from .statistics import (
+    ImageStatistics as ImageStatistics,
+    image_statistics as image_statistics,
+    power_spectrum as power_spectrum,
+)

@@ -1,5 +1,1 @@
-from . import main
-
-__all__ = [
-    "main",
-]
+from . import main as main

@@ -1,36 +1,24 @@
-from .built_in import built_in_names
-from .measuring import CalibrationFrames, FlowSettings, Reference, SequenceBenchmark
-from .model import (
-    Configuration,
-    LightLevel,
-    differences,
-    level_text,
-    load,
-    parse,
+from .built_in import built_in_names as built_in_names
+from .measuring import (
+    CalibrationFrames as CalibrationFrames,
+    FlowSettings as FlowSettings,
+    Reference as Reference,
+    SequenceBenchmark as SequenceBenchmark,
 )
-from .settings import Settings, Words, settings_of
-from .validation import one_sentence
-from .yaml_model import mapping, put, read_text, to_yaml, validated
-
-__all__ = [
-    "CalibrationFrames",
-    "Configuration",
-    "FlowSettings",
-    "LightLevel",
-    "Reference",
-    "SequenceBenchmark",
-    "Settings",
-    "Words",
-    "built_in_names",
-    "differences",
-    "level_text",
-    "load",
-    "mapping",
-    "one_sentence",
-    "parse",
-    "put",
-    "read_text",
-    "settings_of",
-    "to_yaml",
-    "validated",
-]
+from .model import (
+    Configuration as Configuration,
+    LightLevel as LightLevel,
+    differences as differences,
+    level_text as level_text,
+    load as load,
+    parse as parse,
+)
+from .settings import Settings as Settings, Words as Words, settings_of as settings_of
+from .validation import one_sentence as one_sentence
+from .yaml_model import (
+    mapping as mapping,
+    put as put,
+    read_text as read_text,
+    to_yaml as to_yaml,
+    validated as validated,
+)

@@ -1,62 +1,37 @@
-from .picture import Cell, Figure, Floats, borne_out, columns_of
-from .recipe import FigureRecipe, Run, Templates
-from .registry import names
-from .reproduction import reproduce, reproduce_sweep
-from .style import (
-    BLACK,
-    BLUE,
-    DASHES,
-    GLYPHS,
-    GRAY,
-    GREEN,
-    MARKERS,
-    ORANGE,
-    PALETTE,
-    RULE,
-    VERMILION,
-    draw_table,
-    house_style,
-    line_style,
-    method_style,
-    new_canvas,
-    write_at,
+from .picture import (
+    Cell as Cell,
+    Figure as Figure,
+    Floats as Floats,
+    borne_out as borne_out,
+    columns_of as columns_of,
 )
-from .sweep import sweep_figure
-from .thresholds import MeanThreshold, mean_threshold, or_nan, sweep_curve, threshold_of
-
-__all__ = [
-    "BLACK",
-    "BLUE",
-    "DASHES",
-    "GLYPHS",
-    "GRAY",
-    "GREEN",
-    "MARKERS",
-    "ORANGE",
-    "PALETTE",
-    "RULE",
-    "VERMILION",
-    "Cell",
-    "Figure",
-    "FigureRecipe",
-    "Floats",
-    "MeanThreshold",
-    "Run",
-    "Templates",
-    "borne_out",
-    "columns_of",
-    "draw_table",
-    "house_style",
-    "line_style",
-    "mean_threshold",
-    "method_style",
-    "names",
-    "new_canvas",
-    "or_nan",
-    "reproduce",
-    "reproduce_sweep",
-    "sweep_curve",
-    "sweep_figure",
-    "threshold_of",
-    "write_at",
-]
+from .recipe import FigureRecipe as FigureRecipe, Run as Run, Templates as Templates
+from .registry import names as names
+from .reproduction import reproduce as reproduce, reproduce_sweep as reproduce_sweep
+from .style import (
+    BLACK as BLACK,
+    BLUE as BLUE,
+    DASHES as DASHES,
+    GLYPHS as GLYPHS,
+    GRAY as GRAY,
+    GREEN as GREEN,
+    MARKERS as MARKERS,
+    ORANGE as ORANGE,
+    PALETTE as PALETTE,
+    RULE as RULE,
+    VERMILION as VERMILION,
+    draw_table as draw_table,
+    house_style as house_style,
+    line_style as line_style,
+    method_style as method_style,
+    new_canvas as new_canvas,
+    write_at as write_at,
+)
+from .sweep import sweep_figure as sweep_figure
+from .thresholds import (
+    MeanThreshold as MeanThreshold,
+    mean_threshold as mean_threshold,
+    or_nan as or_nan,
+    sweep_curve as sweep_curve,
+    threshold_of as threshold_of,
+)

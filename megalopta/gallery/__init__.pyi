@@ -1,5 +1,1 @@
-from .sheet import write_gallery
-
-__all__ = [
-    "write_gallery",
-]
+from .sheet import write_gallery as write_gallery

@@ -1,16 +1,4 @@
-from .images import data_uri, gray_scale
-from .page import write_report
-from .svg import in_style, new_axes, to_svg
-from .text import level_name, lux, number
-
-__all__ = [
-    "data_uri",
-    "gray_scale",
-    "in_style",
-    "level_name",
-    "lux",
-    "new_axes",
-    "number",
-    "to_svg",
-    "write_report",
-]
+from .images import data_uri as data_uri, gray_scale as gray_scale
+from .page import write_report as write_report
+from .svg import in_style as in_style, new_axes as new_axes, to_svg as to_svg
+from .text import level_name as level_name, lux as lux, number as number

@@ -1,21 +1,9 @@
-from .counts import count_moments, draw_counts
-from .coupled import MEAN_ERROR, VARIANCE_ERROR
+from .counts import count_moments as count_moments, draw_counts as draw_counts
+from .coupled import MEAN_ERROR as MEAN_ERROR, VARIANCE_ERROR as VARIANCE_ERROR
 from .simulation import (
-    PixelState,
-    SimulatedFrame,
-    simulate_counts,
-    simulate_events,
-    simulate_frame,
+    PixelState as PixelState,
+    SimulatedFrame as SimulatedFrame,
+    simulate_counts as simulate_counts,
+    simulate_events as simulate_events,
+    simulate_frame as simulate_frame,
 )
-
-__all__ = [
-    "MEAN_ERROR",
-    "VARIANCE_ERROR",
-    "PixelState",
-    "SimulatedFrame",
-    "count_moments",
-    "draw_counts",
-    "simulate_counts",
-    "simulate_events",
-    "simulate_frame",
-]

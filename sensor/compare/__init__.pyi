@@ -1,40 +1,29 @@
-from .counted import CountedFrames
-from .equivalence import Difference, difference
-from .order import Arrangement, arrangement, matching_rows
-from .quantities import BLOCKS, block_quantities
-from .recordings import FALSE_ALARMS, MARGIN, UNITS, Comparison, compare_recordings
-from .spectrum import BANDS, SEGMENT, band_powers, mean_spectrum
-from .two_sample import (
-    HistogramTest,
-    PixelTest,
-    discoveries,
-    histogram_test,
-    mean_test,
-    variance_test,
+from .counted import CountedFrames as CountedFrames
+from .equivalence import Difference as Difference, difference as difference
+from .order import (
+    Arrangement as Arrangement,
+    arrangement as arrangement,
+    matching_rows as matching_rows,
 )
-
-__all__ = [
-    "BANDS",
-    "BLOCKS",
-    "FALSE_ALARMS",
-    "MARGIN",
-    "SEGMENT",
-    "UNITS",
-    "Arrangement",
-    "Comparison",
-    "CountedFrames",
-    "Difference",
-    "HistogramTest",
-    "PixelTest",
-    "arrangement",
-    "band_powers",
-    "block_quantities",
-    "compare_recordings",
-    "difference",
-    "discoveries",
-    "histogram_test",
-    "matching_rows",
-    "mean_spectrum",
-    "mean_test",
-    "variance_test",
-]
+from .quantities import BLOCKS as BLOCKS, block_quantities as block_quantities
+from .recordings import (
+    FALSE_ALARMS as FALSE_ALARMS,
+    MARGIN as MARGIN,
+    UNITS as UNITS,
+    Comparison as Comparison,
+    compare_recordings as compare_recordings,
+)
+from .spectrum import (
+    BANDS as BANDS,
+    SEGMENT as SEGMENT,
+    band_powers as band_powers,
+    mean_spectrum as mean_spectrum,
+)
+from .two_sample import (
+    HistogramTest as HistogramTest,
+    PixelTest as PixelTest,
+    discoveries as discoveries,
+    histogram_test as histogram_test,
+    mean_test as mean_test,
+    variance_test as variance_test,
+)

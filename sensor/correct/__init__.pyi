@@ -1,16 +1,8 @@
-from .calibration import Calibration, calibrate, simulated_calibration
-from .chain import Corrected, correct
-from .defects import filled_in, hot_pixels
-from .response_curve import ResponseCurve, response_curve
-
-__all__ = [
-    "Calibration",
-    "Corrected",
-    "ResponseCurve",
-    "calibrate",
-    "correct",
-    "filled_in",
-    "hot_pixels",
-    "response_curve",
-    "simulated_calibration",
-]
+from .calibration import (
+    Calibration as Calibration,
+    calibrate as calibrate,
+    simulated_calibration as simulated_calibration,
+)
+from .chain import Corrected as Corrected, correct as correct
+from .defects import filled_in as filled_in, hot_pixels as hot_pixels
+from .response_curve import ResponseCurve as ResponseCurve, response_curve as response_curve

@@ -1,46 +1,39 @@
 from .array import (
-    electron_moments,
-    expose_ctia,
-    expose_photocurrent,
-    photocurrent,
-    reading_electrons,
-    volt_moments,
+    electron_moments as electron_moments,
+    expose_ctia as expose_ctia,
+    expose_photocurrent as expose_photocurrent,
+    photocurrent as photocurrent,
+    reading_electrons as reading_electrons,
+    volt_moments as volt_moments,
 )
-from .bias import DacBias, FixedBias, FloatingGateBias, trimmed_bias
-from .calibration import Measurement, calibrate, leak_floor
-from .integration import Pixel, discharge, discharge_time, estimate_current, gain_from_db
-from .model import CtiaSensor, pixels
-from .noise import CtiaNoise
-from .photodiode import Floats, Photodiode, reverse_current
-from .presets import CTIA_PRESETS, PHOTODIODES, TYPICAL_OFFSET_V, ctia_preset
-
-__all__ = [
-    "CTIA_PRESETS",
-    "PHOTODIODES",
-    "TYPICAL_OFFSET_V",
-    "CtiaNoise",
-    "CtiaSensor",
-    "DacBias",
-    "FixedBias",
-    "FloatingGateBias",
-    "Floats",
-    "Measurement",
-    "Photodiode",
-    "Pixel",
-    "calibrate",
-    "ctia_preset",
-    "discharge",
-    "discharge_time",
-    "electron_moments",
-    "estimate_current",
-    "expose_ctia",
-    "expose_photocurrent",
-    "gain_from_db",
-    "leak_floor",
-    "photocurrent",
-    "pixels",
-    "reading_electrons",
-    "reverse_current",
-    "trimmed_bias",
-    "volt_moments",
-]
+from .bias import (
+    DacBias as DacBias,
+    FixedBias as FixedBias,
+    FloatingGateBias as FloatingGateBias,
+    trimmed_bias as trimmed_bias,
+)
+from .calibration import (
+    Measurement as Measurement,
+    calibrate as calibrate,
+    leak_floor as leak_floor,
+)
+from .integration import (
+    Pixel as Pixel,
+    discharge as discharge,
+    discharge_time as discharge_time,
+    estimate_current as estimate_current,
+    gain_from_db as gain_from_db,
+)
+from .model import CtiaSensor as CtiaSensor, pixels as pixels
+from .noise import CtiaNoise as CtiaNoise
+from .photodiode import (
+    Floats as Floats,
+    Photodiode as Photodiode,
+    reverse_current as reverse_current,
+)
+from .presets import (
+    CTIA_PRESETS as CTIA_PRESETS,
+    PHOTODIODES as PHOTODIODES,
+    TYPICAL_OFFSET_V as TYPICAL_OFFSET_V,
+    ctia_preset as ctia_preset,
+)

@@ -1,49 +1,40 @@
-from . import afterpulsing, crosstalk, dead_time, gated_paralyzable
-from .afterpulsing import Afterpulsing, draw_carriers, draw_delay
-from .base import Effect, PixelRates, Stage
-from .bias import Bias, best_excess_bias, breakdown_offset
-from .crosstalk import Crosstalk, neighborhood
-from .dark_counts import DarkCounts, dark_count_rate, mean_density
-from .dead_time import MOST_ARRIVALS, DeadTime, check_arrivals, expected_counts
-from .fields import AvalancheEffects, RateEffects
-from .gating import Gate, is_open, open_fraction, open_time, wall_time
-from .jitter import Jitter, stamp
-from .mismatch import AvalancheMaps
-from .temperature import Temperature, dark_count_factor
-
-__all__ = [
-    "MOST_ARRIVALS",
-    "Afterpulsing",
-    "AvalancheEffects",
-    "AvalancheMaps",
-    "Bias",
-    "Crosstalk",
-    "DarkCounts",
-    "DeadTime",
-    "Effect",
-    "Gate",
-    "Jitter",
-    "PixelRates",
-    "RateEffects",
-    "Stage",
-    "Temperature",
-    "afterpulsing",
-    "best_excess_bias",
-    "breakdown_offset",
-    "check_arrivals",
-    "crosstalk",
-    "dark_count_factor",
-    "dark_count_rate",
-    "dead_time",
-    "draw_carriers",
-    "draw_delay",
-    "expected_counts",
-    "gated_paralyzable",
-    "is_open",
-    "mean_density",
-    "neighborhood",
-    "open_fraction",
-    "open_time",
-    "stamp",
-    "wall_time",
-]
+from . import (
+    afterpulsing as afterpulsing,
+    crosstalk as crosstalk,
+    dead_time as dead_time,
+    gated_paralyzable as gated_paralyzable,
+)
+from .afterpulsing import (
+    Afterpulsing as Afterpulsing,
+    draw_carriers as draw_carriers,
+    draw_delay as draw_delay,
+)
+from .base import Effect as Effect, PixelRates as PixelRates, Stage as Stage
+from .bias import (
+    Bias as Bias,
+    best_excess_bias as best_excess_bias,
+    breakdown_offset as breakdown_offset,
+)
+from .crosstalk import Crosstalk as Crosstalk, neighborhood as neighborhood
+from .dark_counts import (
+    DarkCounts as DarkCounts,
+    dark_count_rate as dark_count_rate,
+    mean_density as mean_density,
+)
+from .dead_time import (
+    MOST_ARRIVALS as MOST_ARRIVALS,
+    DeadTime as DeadTime,
+    check_arrivals as check_arrivals,
+    expected_counts as expected_counts,
+)
+from .fields import AvalancheEffects as AvalancheEffects, RateEffects as RateEffects
+from .gating import (
+    Gate as Gate,
+    is_open as is_open,
+    open_fraction as open_fraction,
+    open_time as open_time,
+    wall_time as wall_time,
+)
+from .jitter import Jitter as Jitter, stamp as stamp
+from .mismatch import AvalancheMaps as AvalancheMaps
+from .temperature import Temperature as Temperature, dark_count_factor as dark_count_factor

@@ -1,23 +1,20 @@
-from .efficiency import Efficiency, band_efficiency, band_transmission
-from .efficiency_file import with_curve, with_transmission
-from .lens import Lens, check_bands, falloff, image_irradiance, photon_flux
-from .pixels import PixelOptics, check_brightness, detected_rate, photon_rate
-from .transmission import Transmission
-
-__all__ = [
-    "Efficiency",
-    "Lens",
-    "PixelOptics",
-    "Transmission",
-    "band_efficiency",
-    "band_transmission",
-    "check_bands",
-    "check_brightness",
-    "detected_rate",
-    "falloff",
-    "image_irradiance",
-    "photon_flux",
-    "photon_rate",
-    "with_curve",
-    "with_transmission",
-]
+from .efficiency import (
+    Efficiency as Efficiency,
+    band_efficiency as band_efficiency,
+    band_transmission as band_transmission,
+)
+from .efficiency_file import with_curve as with_curve, with_transmission as with_transmission
+from .lens import (
+    Lens as Lens,
+    check_bands as check_bands,
+    falloff as falloff,
+    image_irradiance as image_irradiance,
+    photon_flux as photon_flux,
+)
+from .pixels import (
+    PixelOptics as PixelOptics,
+    check_brightness as check_brightness,
+    detected_rate as detected_rate,
+    photon_rate as photon_rate,
+)
+from .transmission import Transmission as Transmission

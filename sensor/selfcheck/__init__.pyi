@@ -1,17 +1,15 @@
-from .all import EFFECT_CHECKS
-from .comparison import LARGEST_Z, Row, false_alarm, run_checks
-from .counting import AFTERPULSING, Kind, counting_checks, effects_of, operating_point, samples
-
-__all__ = [
-    "AFTERPULSING",
-    "EFFECT_CHECKS",
-    "LARGEST_Z",
-    "Kind",
-    "Row",
-    "counting_checks",
-    "effects_of",
-    "false_alarm",
-    "operating_point",
-    "run_checks",
-    "samples",
-]
+from .all import EFFECT_CHECKS as EFFECT_CHECKS
+from .comparison import (
+    LARGEST_Z as LARGEST_Z,
+    Row as Row,
+    false_alarm as false_alarm,
+    run_checks as run_checks,
+)
+from .counting import (
+    AFTERPULSING as AFTERPULSING,
+    Kind as Kind,
+    counting_checks as counting_checks,
+    effects_of as effects_of,
+    operating_point as operating_point,
+    samples as samples,
+)

@@ -7,8 +7,7 @@ import pytest
 from rich.console import Console
 
 from megalopta import checks
-from megalopta.checks import panoramas as check_panoramas
-from megalopta.checks import run_check_panoramas
+from megalopta.checks import panoramas as check_panoramas, run_check_panoramas
 from megalopta.checks.panoramas import LIMIT, compare
 from megalopta.cli import main as cli
 from megalopta.experiments import panoramas

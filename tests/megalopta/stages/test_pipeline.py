@@ -21,9 +21,7 @@ from megalopta.flow.stimuli import draw_counts
 from megalopta.render import read_radiance, read_truth
 from megalopta.scenes.spectra import Spectrum, luminous, planckian
 from megalopta.sensor import expectation, read_counts
-from megalopta.stages import STAGES as ORDER
-from megalopta.stages import Ledger, registry
-from megalopta.stages import flow as stage_flow
+from megalopta.stages import STAGES as ORDER, Ledger, flow as stage_flow, registry
 from megalopta.stages.measurement import Measurement
 from megalopta.stages.pipeline import run_all, run_stage
 from megalopta.stages.render import FrameWriter

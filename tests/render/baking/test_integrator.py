@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.render.baking import integrator as baked
-from megalopta.render.baking import light as bake
+from megalopta.render.baking import integrator as baked, light as bake
 from megalopta.render.baking.integrator import path_tracing_reason
 from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings, bake_seed, frame_seed

@@ -9,16 +9,17 @@ from functools import partial
 import numpy as np
 import pytest
 
-from megalopta.sensor.ctia import calibration as ctia_calibration
-from megalopta.sensor.ctia import integration as ctia_integration
-from megalopta.sensor.ctia import model as ctia_model
-from megalopta.sensor.ctia import noise as ctia_noise
+from megalopta.sensor.ctia import (
+    calibration as ctia_calibration,
+    integration as ctia_integration,
+    model as ctia_model,
+    noise as ctia_noise,
+)
 from megalopta.sensor.effects import bias
 from megalopta.sensor.optics import falloff, pixels
 from megalopta.sensor.readout import binary
 from megalopta.sensor.sampling import generator
-from megalopta.sensor.selfcheck import counting as check_counting
-from megalopta.sensor.selfcheck import ctia_bias as check_ctia_bias
+from megalopta.sensor.selfcheck import counting as check_counting, ctia_bias as check_ctia_bias
 from megalopta.sensor.selfcheck.all import EFFECT_CHECKS
 from megalopta.sensor.selfcheck.binary import check_gated_bits
 from megalopta.sensor.selfcheck.comparison import (

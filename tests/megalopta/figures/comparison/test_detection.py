@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from megalopta.experiments import RESPONSES, detections
-from megalopta.experiments import detection as detection_sweep
+from megalopta.experiments import RESPONSES, detection as detection_sweep, detections
 from megalopta.experiments.detection import SCORED_FRAMES, VIEWS
 from megalopta.figures.comparison.detection import detection_figure
 from megalopta.figures.reproduction import write_figure
