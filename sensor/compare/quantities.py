@@ -23,7 +23,6 @@ Mask = NDArray[np.bool_]
 BLOCKS = 20
 _BRIGHT = 4.0
 """Times the dimmest light from which on a level tells the dead time."""
-_LOSS_SEEN = 0.02
 
 
 def block_quantities(

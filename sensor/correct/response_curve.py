@@ -104,7 +104,7 @@ def response_curve(sensor: Sensor) -> ResponseCurve:
         arrivals[rising],
         mean[rising],
         variance[rising],
-        _ambiguous_from(arrivals, mean, variance, end, plain),
+        _ambiguous_from(arrivals, mean, variance, plain),
     )
 
 
@@ -126,9 +126,7 @@ def _most_arrivals(sensor: Sensor) -> float:
     return min(most, MOST_ARRIVALS / 2)
 
 
-def _ambiguous_from(
-    arrivals: Floats, mean: Floats, variance: Floats, end: int, sensor: Sensor
-) -> float:
+def _ambiguous_from(arrivals: Floats, mean: Floats, variance: Floats, sensor: Sensor) -> float:
     wraps = getattr(sensor.counter, "overflow", "saturate") == "wrap"
     if sensor.dead_time.kind != "paralyzable" and not wraps:
         return np.inf

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 REACH = 3
 """Largest distance along a row or column that crosstalk goes at once, pixels."""
 _NEGLIGIBLE = 1e-9
-_MOST_STEPS = 60
 _LARGEST_HALF_WIDTH = 14
 
 Floats = NDArray[np.float64]
