@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from megalopta.arrays import Floats
+
 Reals = NDArray[np.float32] | Floats
 
 

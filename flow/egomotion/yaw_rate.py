@@ -7,14 +7,13 @@ is known, and tried on the second half. Detectors that are blind to direction ta
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from megalopta.arrays import Floats
 from megalopta.flow.detectors import Detector
 from megalopta.flow.egomotion.wide_field import SlopeSums, WideField, field_of_halves
 from megalopta.scenes.trajectories import Path
 
-Floats = NDArray[np.float64]
 _STILL_DEG_S = 1e-6
 
 

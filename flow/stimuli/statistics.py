@@ -9,16 +9,15 @@ Olshausen, Annu. Rev. Neurosci. 24, 1193, 2001).
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import kurtosis
+
+from megalopta.arrays import Floats
 
 FLAT_GRADIENT = 0.01
 """Neighbors along a row that differ by less than this share of the mean count as flat."""
 
 _FIT_CYCLES_PER_PX = (0.02, 0.3)
 _RINGS = 24
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -58,7 +58,6 @@ from .templates import pixels_of as pixels_of
 from .thesis_sweeps import PHOTOGRAPHED as PHOTOGRAPHED, SWEEPS as SWEEPS, in_form as in_form
 from .trial import (
     ROWS as ROWS,
-    Floats as Floats,
     GratingTemplate as GratingTemplate,
     PanoramaTemplate as PanoramaTemplate,
     Template as Template,

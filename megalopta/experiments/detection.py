@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.arrays import Floats
 from megalopta.assets_gen.patterns import tileable_noise
-from megalopta.experiments.trial import Floats
 from megalopta.flow.detectors import Detector, Method, method
 from megalopta.flow.metrics import (
     Roc,

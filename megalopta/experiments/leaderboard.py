@@ -13,9 +13,9 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from megalopta.arrays import Floats
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.stimuli import dead_leaves
-from megalopta.experiments.trial import Floats
 from megalopta.flow.benchmark import milliseconds_per_frame
 from megalopta.flow.detectors import BlockDetector, BlockGrid, Detector, Method, block_grid, method
 from megalopta.flow.metrics import (

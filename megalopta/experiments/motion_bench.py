@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.experiments.trial import Floats
+from megalopta.arrays import Floats
 from megalopta.flow import Detector, triangular_pool
 from megalopta.flow.detectors import NonDirectionalMultiplication, NonDirectionalSummation
 from megalopta.scenes.cameras import PerspectiveCamera

@@ -15,9 +15,10 @@ from functools import cache
 from pathlib import Path
 
 from megalopta import files
+from megalopta.arrays import Floats
 from megalopta.errors import UserError
 from megalopta.experiments import trial
-from megalopta.experiments.trial import Floats, Template, Trial, measure, template_names
+from megalopta.experiments.trial import Template, Trial, measure, template_names
 from megalopta.flow.detectors import Detector
 from megalopta.flow.metrics import ErrorCurve
 from megalopta.flow.stimuli import BlackFrameError

@@ -5,10 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
+from megalopta.arrays import Floats
 from megalopta.errors import UserError
 from megalopta.experiments.panorama_recipes import NATURAL_PANORAMAS
 from megalopta.experiments.panoramas import natural_templates, template_from_file
-from megalopta.experiments.trial import Floats, GratingTemplate, Template
+from megalopta.experiments.trial import GratingTemplate, Template
 from megalopta.scenes.spectra import encode_srgb
 
 

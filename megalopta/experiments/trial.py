@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import (
     Field,
     InstanceOf,
@@ -19,6 +18,7 @@ from pydantic import (
     model_validator,
 )
 
+from megalopta.arrays import Floats
 from megalopta.assets_gen.stimuli import GratingVariant, moving_cycles, sine_grating
 from megalopta.flow.benchmark import SearchSettings, each_once, photon_search
 from megalopta.flow.detectors import METHODS, THESIS_METHODS, Detector, IntensityMeasurement, method
@@ -28,8 +28,6 @@ from megalopta.record import Record
 
 ROWS = 251
 """Rows of every template, and columns of a frame before resizing (thesis, §4.2); a prime."""
-
-Floats = NDArray[np.float64]
 
 
 class GratingTemplate(Record, frozen=True):

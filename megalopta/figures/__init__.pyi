@@ -1,7 +1,6 @@
 from .picture import (
     Cell as Cell,
     Figure as Figure,
-    Floats as Floats,
     borne_out as borne_out,
     columns_of as columns_of,
 )

@@ -9,7 +9,6 @@ from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 
 Cell: TypeAlias = float | str
-Floats: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeAlias
 
-from megalopta.experiments import Floats, Results, Template, Trial
+from megalopta.arrays import Floats
+from megalopta.experiments import Results, Template, Trial
 from megalopta.figures.picture import Figure
 
 Templates: TypeAlias = Mapping[Template, Floats]

@@ -9,6 +9,7 @@ import numpy as np
 import zarr
 from PIL import Image
 
+from megalopta.arrays import Floats
 from megalopta.config import Configuration, LightLevel
 from megalopta.dataset import Dataset, FlowRecord, ResponseErrors
 from megalopta.errors import UserError
@@ -17,7 +18,7 @@ from megalopta.flow.files import flow_to_rgb
 from megalopta.flow.metrics import block_flow
 from megalopta.report.components import Picture, Table, crossed, still
 from megalopta.report.footage import ReportFrames, Selection
-from megalopta.report.images import ColorScale, Floats, Legend, map_scale
+from megalopta.report.images import ColorScale, Legend, map_scale
 from megalopta.report.motion import Wheel
 from megalopta.report.text import UNDEFINED, level_name, number, relative_error
 from megalopta.report.truth import against_truth, rotation_table, split_table

@@ -31,8 +31,8 @@ the tables of a pixel alone are off comes on top.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from megalopta.arrays import Floats
 from megalopta.sensor.avalanches.moments import pixel_moments
 from megalopta.sensor.effects import (
     AvalancheEffects,
@@ -48,8 +48,6 @@ VARIANCE_ERROR = 0.25
 _ROUNDS = 80
 _SETTLED = 1e-7
 _STEP = 1e-3
-
-Floats = NDArray[np.float64]
 
 
 def coupled_moments(

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from megalopta.arrays import Floats, Ints
 from megalopta.sensor.avalanches.arrivals import first_blind_until, first_photon, next_photon
 from megalopta.sensor.avalanches.heap import longer, pop, push
 from megalopta.sensor.effects import (
@@ -29,9 +29,6 @@ KINDS = 4
 # Entries that one avalanche may add. More carriers than 32 come once in 10³⁶ avalanches.
 _MOST_CARRIERS = 32
 _ROOM = _MOST_CARRIERS + 18
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 class Parameters(NamedTuple):

@@ -18,8 +18,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from megalopta.arrays import Floats
 from megalopta.sensor.avalanches.tables import NODES_PER_DECADE, moment_ratios
 from megalopta.sensor.effects import (
     AvalancheEffects,
@@ -33,8 +33,6 @@ from megalopta.sensor.effects import (
 
 _FEWEST_ARRIVALS = 0.03
 _FACTORS_OF_A_LAW, _FACTORS_OF_A_TABLE = 9, 3
-
-Floats = NDArray[np.float64]
 
 
 Moments = tuple[Floats, Floats]

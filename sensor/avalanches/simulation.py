@@ -15,13 +15,10 @@ that an array runs freely. At r·τ = a a non-paralyzable pixel forgets as e^(�
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from megalopta.arrays import Floats, Ints
 from megalopta.sensor.avalanches.kernel import KINDS, parameters_of, run_frame
 from megalopta.sensor.effects import AvalancheEffects, AvalancheMaps
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 class PixelState(NamedTuple):

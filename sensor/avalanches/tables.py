@@ -22,6 +22,7 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.arrays import Floats
 from megalopta.files import write_json
 from megalopta.folders import cache_folder
 from megalopta.freshness import code_digest, digest
@@ -43,7 +44,6 @@ _PART_OF_MEMORY = 0.25
 _CODE = tuple(f"megalopta.sensor.{room}" for room in ("avalanches", "effects", "sampling"))
 _one_at_a_time = Lock()
 
-Floats = NDArray[np.float64]
 Law = Callable[[Floats], tuple[Floats, Floats]]
 Table = dict[int, tuple[float, float]]
 

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from megalopta.arrays import Floats, Mask
 from megalopta.sensor.calibrate.comb import HIDDEN_AT, comb_period
 from megalopta.sensor.calibrate.comb_fit import CombFit, fit_comb
 from megalopta.sensor.calibrate.device import Device, Estimate
@@ -20,9 +20,6 @@ from megalopta.sensor.calibrate.saturation import (
     is_kind_clear,
 )
 from megalopta.sensor.calibrate.support import check_levels
-
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _WIDEST_SEARCH, _NARROWEST_SEARCH = 0.25, 0.15
 _DEVIATIONS_SEARCHED = 5.0

@@ -12,9 +12,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from megalopta.arrays import Floats
 from megalopta.sensor.calibrate.level import Falls
-
-Floats = NDArray[np.float64]
 
 HIDDEN_AT = 0.36
 """Read noise over step above which the comb is too faint to fit."""

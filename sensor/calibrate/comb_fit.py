@@ -20,13 +20,11 @@ no leak.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gammaln
 
+from megalopta.arrays import Floats
 from megalopta.sensor.calibrate.comb_line import Readings, covariance_of, regression
 from megalopta.sensor.calibrate.level import Falls
-
-Floats = NDArray[np.float64]
 
 _NEIGHBORS = np.arange(-1.0, 2.0)
 _ROUNDS_OF_START = 2

@@ -8,9 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.arrays import Floats
 from megalopta.sensor.calibrate.level import Falls
-
-Floats = NDArray[np.float64]
 
 
 class Readings(NamedTuple):

@@ -3,14 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from megalopta.arrays import Floats, Mask
 from megalopta.sensor.calibrate.level import Adc, Falls, Level
 from megalopta.sensor.calibrate.neighbors import Kernel
 from megalopta.sensor.calibrate.saturation import MeanCounts
-
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _95 = 1.959964
 

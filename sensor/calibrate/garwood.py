@@ -4,10 +4,10 @@ Source: F. Garwood, Biometrika 28, 437 (1936).
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import chi2
 
-Floats = NDArray[np.float64]
+from megalopta.arrays import Floats
 
 
 def garwood_interval(counts: ArrayLike, confidence: float = 0.95) -> tuple[Floats, Floats]:

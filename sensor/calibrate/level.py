@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from megalopta.arrays import Floats, Ints
 
 _DEVIATIONS_ABOVE_BOTTOM = 6.0
 _DEEPEST = 0.95

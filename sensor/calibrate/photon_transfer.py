@@ -17,9 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.arrays import Floats
 from megalopta.sensor.calibrate.level import Falls
-
-Floats = NDArray[np.float64]
 
 _ROUNDS = 6
 

@@ -16,9 +16,9 @@ Source: dissertation §2.3.3, Eq. 2.5 and 2.6; Knoll, Radiation Detection and Me
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from megalopta.arrays import Floats
+
 DeadTimeKind = Literal["paralyzable", "nonparalyzable"]
 
 _KINDS: tuple[DeadTimeKind, ...] = ("paralyzable", "nonparalyzable")

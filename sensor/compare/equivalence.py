@@ -8,10 +8,9 @@ whether they surely differ by less than a margin, which is so where the 90 % int
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import t
 
-Floats = NDArray[np.float64]
+from megalopta.arrays import Floats
 
 
 class Difference(NamedTuple):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.stats import rankdata
 
-Floats = NDArray[np.float64]
+from megalopta.arrays import Floats
 
 _CLEARLY = 6.0
 _SYMMETRIES = {

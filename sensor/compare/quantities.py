@@ -15,10 +15,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.arrays import Floats, Mask
 from megalopta.sensor.compare.counted import CountedFrames
-
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 BLOCKS = 20
 _BRIGHT = 4.0

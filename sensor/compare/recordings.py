@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from megalopta.arrays import Floats
 from megalopta.sensor.compare.counted import CountedFrames
 from megalopta.sensor.compare.equivalence import Difference, difference
 from megalopta.sensor.compare.order import Arrangement, arrangement
@@ -19,8 +19,6 @@ from megalopta.sensor.compare.two_sample import (
     mean_test,
     variance_test,
 )
-
-Floats = NDArray[np.float64]
 
 FALSE_ALARMS = 0.01
 """Share of comparisons of a device with itself that raise an alarm, at most."""

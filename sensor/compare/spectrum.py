@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from megalopta.arrays import Floats
 
 SEGMENT = 32
 BANDS = 4

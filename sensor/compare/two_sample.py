@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binom, chi2, false_discovery_control, norm, t
 
-Floats = NDArray[np.float64]
+from megalopta.arrays import Floats
 
 _FEW_COUNTS = 200.0
 _FEWEST = 12.0

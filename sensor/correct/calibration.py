@@ -12,12 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.arrays import Floats
 from megalopta.sensor import expose_rate
 from megalopta.sensor.correct.defects import hot_pixels
 from megalopta.sensor.correct.response_curve import ResponseCurve, response_curve
 from megalopta.sensor.spad import Sensor, draw_fixed_pattern
-
-Floats = NDArray[np.float64]
 
 _FRAMES_AT_ONCE = 16
 _NEARLY_FULL = 0.95

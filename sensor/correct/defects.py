@@ -1,11 +1,9 @@
 """Pixels that cannot be used, and what stands in their place."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import convolve
 
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from megalopta.arrays import Floats, Mask
 
 _WEIGHTS = np.array([[0.5, 1.0, 0.5], [1.0, 0.0, 1.0], [0.5, 1.0, 0.5]])
 

@@ -13,14 +13,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from megalopta.arrays import Floats
 from megalopta.sensor import MeasuredMaps, changed, reading_moments, without
 from megalopta.sensor.effects import MOST_ARRIVALS
 from megalopta.sensor.spad import Sensor
-
-Floats = NDArray[np.float64]
 
 _NODES = 400
 _DIMMEST = 1e-3

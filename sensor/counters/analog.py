@@ -30,9 +30,9 @@ Source: dissertation §2.4.2; that the step changes linearly with the output is 
 from typing import Annotated, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from megalopta.arrays import Floats
 from megalopta.sensor.counters.digital import DigitalCounter
 from megalopta.sensor.effects import Effect, Stage
 from megalopta.sensor.sampling import pixel_normals
@@ -40,8 +40,6 @@ from megalopta.sensor.sampling import pixel_normals
 _LARGEST_CAPACITY = 65535
 # More than any `pixel_normals`.
 _LARGEST_Z = 9
-
-Floats = NDArray[np.float64]
 
 
 class AnalogCounter(Effect, frozen=True):

@@ -22,6 +22,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from megalopta.arrays import Floats
 from megalopta.sensor.counters.analog import AnalogCounter, AnalogPixels, assumed_pixels
 from megalopta.sensor.counters.conversion import fall, largest_count, spread, voltages
 from megalopta.sensor.counters.digital import DigitalCounter
@@ -30,7 +31,6 @@ _FEW_MISREAD = 1e-5
 _FAR = 7.0
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 
-Floats = NDArray[np.float64]
 Counter: TypeAlias = DigitalCounter | AnalogCounter
 
 

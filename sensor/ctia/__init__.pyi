@@ -27,7 +27,6 @@ from .integration import (
 from .model import CtiaSensor as CtiaSensor, pixels as pixels
 from .noise import CtiaNoise as CtiaNoise
 from .photodiode import (
-    Floats as Floats,
     Photodiode as Photodiode,
     reverse_current as reverse_current,
 )

@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtr
 
+from megalopta.arrays import Floats
 from megalopta.sensor.ctia.integration import Pixel, discharge
 from megalopta.sensor.ctia.model import CtiaSensor, pixels
 from megalopta.sensor.ctia.noise import draw_noise, noise_variance
-from megalopta.sensor.ctia.photodiode import ELEMENTARY_CHARGE_C, Floats, Reals
+from megalopta.sensor.ctia.photodiode import ELEMENTARY_CHARGE_C, Reals
 from megalopta.sensor.optics import check_brightness, detected_rate
 from megalopta.sensor.sampling import generator
 

@@ -24,7 +24,8 @@ from typing import Annotated, Literal, TypeAlias
 import numpy as np
 from pydantic import BaseModel, Field
 
-from megalopta.sensor.ctia.photodiode import Floats, Reals
+from megalopta.arrays import Floats
+from megalopta.sensor.ctia.photodiode import Reals
 
 
 class FixedBias(

@@ -29,8 +29,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.arrays import Floats
 from megalopta.sensor.ctia.photodiode import (
-    Floats,
     Photodiode,
     Reals,
     open_circuit_voltage,

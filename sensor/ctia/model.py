@@ -13,10 +13,11 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from megalopta.arrays import Floats
 from megalopta.sensor.ctia.bias import Bias, FixedBias, drift_rate, trimmed_bias
 from megalopta.sensor.ctia.integration import Pixel, gain_from_db
 from megalopta.sensor.ctia.noise import CtiaNoise
-from megalopta.sensor.ctia.photodiode import Floats, Photodiode
+from megalopta.sensor.ctia.photodiode import Photodiode
 from megalopta.sensor.optics import Efficiency, PixelOptics
 from megalopta.sensor.sampling import pixel_normals
 

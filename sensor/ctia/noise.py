@@ -19,11 +19,11 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, Field
 
+from megalopta.arrays import Floats
 from megalopta.sensor.ctia.integration import Pixel, discharge, reverse_bias, start
 from megalopta.sensor.ctia.photodiode import (
     BOLTZMANN_J_K,
     ELEMENTARY_CHARGE_C,
-    Floats,
     junction_currents,
     noise_current,
 )

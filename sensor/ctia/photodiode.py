@@ -28,10 +28,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
+from megalopta.arrays import Floats
+
 BOLTZMANN_J_K = 1.380649e-23
 ELEMENTARY_CHARGE_C = 1.602176634e-19
 
-Floats: TypeAlias = NDArray[np.float64]
 Reals: TypeAlias = float | NDArray[np.float64]
 
 # from the smaller of the two bounds below, eight reach double precision at any ratio of currents

@@ -27,14 +27,13 @@ from typing import Annotated, ClassVar, Self
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 from scipy.linalg import expm
 
+from megalopta.arrays import Floats
 from megalopta.sensor.effects.base import Effect, PixelRates, Stage
 from megalopta.sensor.effects.mismatch import draw_mismatch
-
-Floats = NDArray[np.float64]
 
 
 class Afterpulsing(Effect, frozen=True):

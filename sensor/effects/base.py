@@ -13,10 +13,9 @@ from enum import IntEnum
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel
 
-Floats = NDArray[np.float64]
+from megalopta.arrays import Floats
 
 Stage = IntEnum("Stage", ["LIGHT", "DEVICE", "OPERATION", "AVALANCHES", "READOUT"])
 """Light on the pixels, a device as it was made, what its operation makes of it, then events."""

@@ -30,13 +30,12 @@ from collections.abc import Callable
 from typing import Annotated, ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
+from megalopta.arrays import Floats
 from megalopta.sensor.effects.base import Effect, PixelRates, Stage
 from megalopta.sensor.sampling import pixel_normals
-
-Floats = NDArray[np.float64]
 
 
 class Bias(Effect, frozen=True):

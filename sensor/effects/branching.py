@@ -17,14 +17,13 @@ from functools import lru_cache
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+
+from megalopta.arrays import Floats
 
 REACH = 3
 """Largest distance along a row or column that crosstalk goes at once, pixels."""
 _NEGLIGIBLE = 1e-9
 _LARGEST_HALF_WIDTH = 14
-
-Floats = NDArray[np.float64]
 
 
 def summed_squares(

@@ -23,13 +23,13 @@ from numpy.typing import NDArray
 from pydantic import Field
 from scipy.ndimage import convolve
 
+from megalopta.arrays import Floats
 from megalopta.sensor.effects.base import Effect, PixelRates, Stage
 from megalopta.sensor.effects.branching import REACH, summed_squares
 from megalopta.sensor.effects.mismatch import draw_mismatch
 
 _NEGLIGIBLE = 1e-15
 
-Floats = NDArray[np.float64]
 Share = Annotated[float, Field(ge=0, le=1)]
 
 

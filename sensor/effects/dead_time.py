@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
+from megalopta.arrays import Floats
 from megalopta.sensor.effects import nonparalyzable, paralyzable
 from megalopta.sensor.effects.base import Effect, PixelRates, Stage
 from megalopta.sensor.effects.mismatch import draw_mismatch
@@ -34,8 +35,6 @@ from megalopta.sensor.sampling import draw_poisson
 MOST_ARRIVALS = 1e15
 # Far below any detector's; denormal times have no finite inverse.
 _SHORTEST_S = 1e-15
-
-Floats = NDArray[np.float64]
 
 
 class DeadTime(Effect, frozen=True):

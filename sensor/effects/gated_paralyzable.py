@@ -17,9 +17,8 @@ of a long exposure one period is integrated and the others are added.
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from megalopta.arrays import Floats
 
 
 def moments(

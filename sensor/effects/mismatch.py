@@ -3,12 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from megalopta.arrays import Floats
 from megalopta.sensor.effects.base import PixelRates
 from megalopta.sensor.sampling import pixel_normals
-
-Floats = NDArray[np.float64]
 
 
 class AvalancheMaps(NamedTuple):

@@ -34,11 +34,11 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.special import gammainc
 
+from megalopta.arrays import Floats
+
 _SETTLED = 45.0
 _TAIL = 40
 _SHORTEST_LEAP = 16
-
-Floats = NDArray[np.float64]
 
 
 def moments(

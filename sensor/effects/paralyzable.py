@@ -40,12 +40,12 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.special import lambertw
 
+from megalopta.arrays import Floats
+
 _HARDLY_ANY_LOST = 0.5
 
 EXACT_UP_TO = 100.0
 """Expected counts above which draws are normal with a skewness term."""
-
-Floats = NDArray[np.float64]
 
 
 def moments(

@@ -6,11 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, Field
 
+from megalopta.arrays import Floats
 from megalopta.sensor.effects import MOST_ARRIVALS
 from megalopta.sensor.optics.efficiency import Efficiency, band_efficiency, band_transmission
 from megalopta.sensor.optics.lens import Lens, check_bands, falloff, image_irradiance, photon_flux
-
-Floats = NDArray[np.float64]
 
 
 class PixelOptics(

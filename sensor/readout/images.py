@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
+from megalopta.arrays import Floats
 from megalopta.plug_ins import plug_ins
 from megalopta.sensor import Expectation, Exposure
 from megalopta.sensor.ctia import (
     CTIA_PRESETS,
     CtiaSensor,
-    Floats,
     electron_moments,
     expose_ctia,
     photocurrent,

@@ -13,12 +13,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from megalopta.arrays import Floats
 from megalopta.sensor.effects import AvalancheEffects, AvalancheMaps, Crosstalk
 
 _MOST_PENDING = 4096
 _DEAD_TIMES_TO_FORGET = 300
-
-Floats = NDArray[np.float64]
 
 
 class _Pixels(NamedTuple):

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from megalopta.arrays import Floats
 from megalopta.sensor.avalanches import (
     MEAN_ERROR,
     VARIANCE_ERROR,
@@ -29,7 +30,6 @@ from megalopta.sensor.sampling import generator
 from megalopta.sensor.selfcheck.brute_force import brute_force_counts, brute_force_frames
 from megalopta.sensor.selfcheck.comparison import (
     Counts,
-    Floats,
     Row,
     exact_row,
     mean_row,

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
+from megalopta.arrays import Floats
+
 LARGEST_Z = 5.0
 
-Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.constants import e, k
 from scipy.integrate import solve_ivp
 
+from megalopta.arrays import Floats
 from megalopta.sensor import changed
 from megalopta.sensor.ctia import (
     CtiaNoise,
@@ -25,7 +26,7 @@ from megalopta.sensor.ctia import (
     reading_electrons,
 )
 from megalopta.sensor.optics import Efficiency
-from megalopta.sensor.selfcheck.comparison import Floats, Row, exact_row, mean_row, variance_row
+from megalopta.sensor.selfcheck.comparison import Row, exact_row, mean_row, variance_row
 
 _SWING_V = 3.3
 _KELVIN = 300.0

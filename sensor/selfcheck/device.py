@@ -6,6 +6,7 @@ import numpy as np
 from scipy.special import pdtr
 from scipy.stats import lognorm, truncnorm
 
+from megalopta.arrays import Floats
 from megalopta.sensor import changed
 from megalopta.sensor.effects import (
     Afterpulsing,
@@ -17,7 +18,7 @@ from megalopta.sensor.effects import (
     dark_count_factor,
     dark_count_rate,
 )
-from megalopta.sensor.selfcheck.comparison import Floats, Row, exact_row, mean_row, variance_row
+from megalopta.sensor.selfcheck.comparison import Row, exact_row, mean_row, variance_row
 from megalopta.sensor.spad import draw_fixed_pattern, preset
 
 _UM2 = 1e-12

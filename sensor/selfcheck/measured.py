@@ -12,10 +12,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from scipy.stats import chi2, norm
 
+from megalopta.arrays import Floats
 from megalopta.sensor import changed
 from megalopta.sensor.effects import Bias
 from megalopta.sensor.sampling import generator
-from megalopta.sensor.selfcheck.comparison import Floats, Row
+from megalopta.sensor.selfcheck.comparison import Row
 from megalopta.sensor.spad import (
     MapFile,
     MeasuredMaps,

@@ -5,11 +5,12 @@ from functools import partial
 
 import numpy as np
 
+from megalopta.arrays import Floats
 from megalopta.sensor import changed
 from megalopta.sensor.counters import AnalogCounter, DigitalCounter
 from megalopta.sensor.ctia import CTIA_PRESETS, CtiaSensor, expose_photocurrent, volt_moments
 from megalopta.sensor.effects import DeadTime
-from megalopta.sensor.selfcheck.comparison import Check, Floats, Row
+from megalopta.sensor.selfcheck.comparison import Check, Row
 from megalopta.sensor.spad import PRESETS, Sensor, expose_rate, reading_moments
 
 _CAPACITY = 15

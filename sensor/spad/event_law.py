@@ -13,17 +13,15 @@ A third cumulant of κ more is added by the factor 1 + κ·(z − 1)³/6 to the 
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy.special import gammainc, lambertw
 
+from megalopta.arrays import Floats
 from megalopta.sensor.effects import AvalancheEffects
 
 _SIGMAS, _EVENTS, _CLUMPS = 8, 12, 20
 _MUCH_LOST = 0.1
 # Branches fall as (r·τ·e^(−rτ)/(2πk))^(T/τ).
 _BRANCHES, _FEW_BRANCHES, _LONG = 8, 1, 20
-
-Floats = NDArray[np.float64]
 
 
 def reach_of_events(mean: Floats, variance: Floats) -> Floats:

@@ -8,14 +8,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from megalopta.arrays import Floats
 from megalopta.sensor.counters import AnalogCounter, AnalogPixels, analog_pixels
 from megalopta.sensor.effects import MOST_ARRIVALS, AvalancheMaps, PixelRates
 from megalopta.sensor.spad.model import MOST_OFFSPRING, Sensor
 from megalopta.sensor.spad.order import effects_of
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,11 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, model_validator
 
+from megalopta.arrays import Floats
 from megalopta.sensor import file_content
 from megalopta.sensor.counters import AnalogPixels
 from megalopta.sensor.effects import AvalancheMaps, Effect, PixelRates, Stage
 
-Floats = NDArray[np.float64]
 Fit = Literal["exact", "top_left", "center"]
 
 _SMALLEST_STEP_V = 1e-5

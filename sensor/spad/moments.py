@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from megalopta.arrays import Floats
 from megalopta.sensor import Expectation
 from megalopta.sensor.avalanches import count_moments
 from megalopta.sensor.counters import (
@@ -22,7 +23,6 @@ from megalopta.sensor.spad.rates import checked_rate, detection_rate
 
 _LARGEST_LAW = 1_000_000
 
-Floats = NDArray[np.float64]
 Places = NDArray[np.intp]
 
 

@@ -1,14 +1,13 @@
 """What a device would detect if its pixels were always live, checked."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from megalopta.arrays import Floats
 from megalopta.sensor.effects import MOST_ARRIVALS
 from megalopta.sensor.optics import check_brightness, detected_rate
 from megalopta.sensor.spad.fixed_pattern import FixedPattern, draw_fixed_pattern
 from megalopta.sensor.spad.model import Sensor
-
-Floats = NDArray[np.float64]
 
 
 def detection_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> Floats:

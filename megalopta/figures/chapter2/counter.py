@@ -11,7 +11,8 @@ from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 from scipy.stats import linregress
 
-from megalopta.figures import Figure, FigureRecipe, Floats
+from megalopta.arrays import Floats
+from megalopta.figures import Figure, FigureRecipe
 from megalopta.sensor import Sensor, changed, expose_events, preset
 from megalopta.sensor.counters import AnalogCounter, analog_pixels
 

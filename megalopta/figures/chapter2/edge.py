@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 
+from megalopta.arrays import Floats
 from megalopta.experiments import (
     FRAME_RATE_HZ,
     FRAMES,
@@ -24,7 +25,7 @@ from megalopta.experiments import (
     pooled,
     record,
 )
-from megalopta.figures import BLUE, GRAY, VERMILION, Figure, FigureRecipe, Floats, Run
+from megalopta.figures import BLUE, GRAY, VERMILION, Figure, FigureRecipe, Run
 from megalopta.scenes.stimuli import MotionBench
 from megalopta.sensor import Sensor
 

@@ -15,16 +15,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 
-from megalopta.figures import (
-    BLUE,
-    GRAY,
-    Figure,
-    FigureRecipe,
-    Floats,
-    Run,
-    line_style,
-    write_at,
-)
+from megalopta.arrays import Floats
+from megalopta.figures import BLUE, GRAY, Figure, FigureRecipe, Run, line_style, write_at
 from megalopta.sensor import changed, expose_rate, preset
 from megalopta.sensor.effects import best_excess_bias, breakdown_offset
 from megalopta.sensor.spad import draw_fixed_pattern

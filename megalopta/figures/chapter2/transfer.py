@@ -8,6 +8,7 @@ over all speeds but standstill.
 import numpy as np
 from matplotlib.figure import Figure as Canvas
 
+from megalopta.arrays import Floats
 from megalopta.experiments import (
     PIXELS,
     SENSORS,
@@ -19,7 +20,7 @@ from megalopta.experiments import (
     peaks,
     pixels_per_frame,
 )
-from megalopta.figures import BLACK, BLUE, GREEN, ORANGE, Figure, FigureRecipe, Floats
+from megalopta.figures import BLACK, BLUE, GREEN, ORANGE, Figure, FigureRecipe
 from megalopta.figures.chapter2.edge import csv_name
 from megalopta.flow.detectors import ndm_mean, nds_mean
 

@@ -12,16 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import EngFormatter
 
-from megalopta.figures import (
-    MARKERS,
-    PALETTE,
-    Figure,
-    FigureRecipe,
-    Floats,
-    Run,
-    line_style,
-    write_at,
-)
+from megalopta.arrays import Floats
+from megalopta.figures import MARKERS, PALETTE, Figure, FigureRecipe, Run, line_style, write_at
 from megalopta.sensor.ctia import (
     PHOTODIODES,
     DacBias,

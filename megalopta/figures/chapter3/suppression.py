@@ -23,6 +23,7 @@ from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from megalopta.arrays import Floats
 from megalopta.figures import (
     BLACK,
     BLUE,
@@ -32,7 +33,6 @@ from megalopta.figures import (
     Cell,
     Figure,
     FigureRecipe,
-    Floats,
     Run,
     draw_table,
 )

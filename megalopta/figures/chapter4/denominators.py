@@ -12,13 +12,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import EngFormatter, NullFormatter
 
+from megalopta.arrays import Floats
 from megalopta.experiments import SWEEPS, Trial
 from megalopta.figures import (
     BLUE,
     ORANGE,
     Figure,
     FigureRecipe,
-    Floats,
     Run,
     Templates,
     borne_out,

@@ -15,6 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import EngFormatter, NullFormatter
 
+from megalopta.arrays import Floats
 from megalopta.experiments import (
     PHOTOGRAPHED,
     ROWS,
@@ -28,7 +29,6 @@ from megalopta.experiments import (
 from megalopta.figures import (
     Figure,
     FigureRecipe,
-    Floats,
     Run,
     Templates,
     borne_out,

@@ -9,12 +9,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure as Canvas
 
+from megalopta.arrays import Floats
 from megalopta.experiments import SWEEPS, Trial
 from megalopta.figures import (
     Cell,
     Figure,
     FigureRecipe,
-    Floats,
     MeanThreshold,
     Run,
     columns_of,

@@ -8,10 +8,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import PercentFormatter
 
+from megalopta.arrays import Floats
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.stimuli import GratingVariant, dead_leaves, moving_cycles, sine_grating
 from megalopta.experiments import NATURAL_PANORAMAS, ROWS, natural_templates
-from megalopta.figures import BLACK, DASHES, PALETTE, Figure, FigureRecipe, Floats, Run, columns_of
+from megalopta.figures import BLACK, DASHES, PALETTE, Figure, FigureRecipe, Run, columns_of
 from megalopta.flow.stimuli import ImageStatistics, image_statistics, power_spectrum, resize
 from megalopta.scenes import white_level
 from megalopta.scenes.spectra import encode_srgb
