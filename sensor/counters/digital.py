@@ -10,6 +10,7 @@ For the analog counter see `analog`.
 from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from pydantic import Field
 
@@ -49,11 +50,24 @@ class DigitalCounter(Effect, frozen=True):
 
 def read_digital(
     events: NDArray[np.int64], counter: DigitalCounter
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+) -> tuple[Counts, NDArray[np.bool_]]:
     """Counts, and where they are not to be trusted, of counters that have seen so many events."""
     if counter.overflow == "wrap":
-        return events % (counter.capacity + 1), events > counter.capacity
-    return np.minimum(events, counter.capacity), events >= counter.capacity
+        dtype = empty_counts((), counter.capacity).dtype
+        return (events % (counter.capacity + 1)).astype(dtype), events > counter.capacity
+    counts = empty_counts(events.shape, counter.capacity)
+    is_full = np.empty(events.shape, np.bool_)
+    _hold(events.ravel(), counter.capacity, counts.reshape(-1), is_full.reshape(-1))
+    return counts, is_full
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _hold(
+    events: NDArray[np.int64], capacity: int, counts: Counts, is_full: NDArray[np.bool_]
+) -> None:
+    for pixel in range(events.size):
+        counts[pixel] = min(events[pixel], capacity)
+        is_full[pixel] = events[pixel] >= capacity
 
 
 def empty_counts(shape: tuple[int, ...], capacity: int) -> Counts:

@@ -18,6 +18,7 @@ from megalopta.sensor import Exposure
 from megalopta.sensor.avalanches import draw_counts
 from megalopta.sensor.counters import (
     AnalogCounter,
+    Counts,
     empty_counts,
     read_analog,
     read_digital,
@@ -156,7 +157,7 @@ def _read_counters(
     sensor: Sensor,
     device: FixedPattern,
     noise: Callable[[], np.random.Generator],
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+) -> tuple[Counts | NDArray[np.int64], NDArray[np.bool_]]:
     if isinstance(sensor.counter, AnalogCounter):
         assert device.counters is not None
         return read_analog(noise(), events, sensor.counter, device.counters, sensor.exposure_s)
