@@ -32,10 +32,10 @@ _FINE_PER_COARSE = 7
 _LARGEST_MEAN = 2048.0
 """Of the tables"""
 _COARSE_TABLES = int(_LARGEST_MEAN / _COARSE)
-_TAIL = 9.0
+_TAIL = 8.0
 """Standard deviations of a table on each side, and counts beyond them; what is farther out is less
 likely than the rounding of a random word."""
-_TAIL_COUNTS = 45
+_TAIL_COUNTS = 20
 
 _CHANCE = np.uint64(2**48 - 1)
 _ALIAS_BITS, _ALIAS = np.uint64(16), np.uint64(2**16 - 1)
