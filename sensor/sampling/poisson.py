@@ -153,7 +153,7 @@ def _multiple(word: np.uint64, table: int, tables: _Tables) -> int:
     # no branch, which a processor would guess wrong half of the time
     is_own = np.uint64((word & _CHANCE) < (cell >> _ALIAS_BITS))
     alias = cell & _ALIAS
-    return tables.first[table] + np.int64(alias + is_own * (column - alias))
+    return int(tables.first[table] + np.int64(alias + is_own * (column - alias)))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]

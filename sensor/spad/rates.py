@@ -49,7 +49,7 @@ def checked_rate(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, Fixe
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _are_within(values: Floats, most: float) -> bool:
     """Whether all are numbers from 0 to the most, in one pass."""
-    within = 0
+    within = np.int64(0)
     for pixel in range(values.size):  # summed, which vector instructions do
         within += np.int64(values[pixel] >= 0) & np.int64(values[pixel] <= most)
     return within == values.size
