@@ -11,7 +11,9 @@ Medians of alternating repeats in processor time of one thread; "two threads" is
 clock with two threads over that with one and means something on an idle machine with two cores
 only.
 
-Least wanted: ideal 0.9, SPADCAM 0.2, SPADCAM at 300 counts by event 20, binary 10,
+"moments, in draws" is what mean and variance of the readings of a frame cost.
+
+Least wanted: ideal 1.5, at 1e5 counts 1, SPADCAM 0.2, SPADCAM at 300 counts by event 20, binary 10,
 comparison 1.
 """
 
@@ -30,6 +32,7 @@ from megalopta.sensor import (
     expose_binary,
     expose_rate,
     preset,
+    reading_moments,
 )
 from megalopta.sensor.readout.binary import draw_binary
 from megalopta.sensor.sampling.streams import generator
@@ -38,6 +41,7 @@ from megalopta.sensor.selfcheck.brute_force import brute_force_counts
 SHAPE = (4, 240, 240)
 REPEATS = 7
 MEAN_COUNTS = (1, 10, 30, 90, 300)
+IDEAL_COUNTS = (0.01, 0.1, 1, 10, 90, 300, 1000, 1e5)
 
 
 def ratio(
@@ -74,6 +78,15 @@ def frames_over_poisson(name: str, mean_counts: float) -> float:
     draw = lambda: expose_rate(rate, sensor, seed=0, sequence="bench", threads=1)  # noqa: E731
     means, _ = event_moments(rate, sensor)
     return ratio(draw, lambda: rng.poisson(means))
+
+
+def moments_in_draws(name: str, mean_counts: float) -> float:
+    sensor = bench_sensor(name)
+    rate = light(mean_counts, sensor)[:1]
+    return 1 / ratio(
+        lambda: reading_moments(rate, sensor, threads=1),
+        lambda: expose_rate(rate, sensor, seed=0, sequence="bench", threads=1),
+    )
 
 
 def frames_over_floor(name: str, mean_counts: float) -> float:
@@ -157,11 +170,14 @@ def scene_over_poisson(name: str) -> float:
 
 
 def line(name: str, values: list[float]) -> None:
-    print(f"{name:>34}" + "".join(f"{value:8.2f}" for value in values), flush=True)
+    print(f"{name:>34}" + "".join(f"{value:8.3g}" for value in values), flush=True)
 
 
 if __name__ == "__main__":
+    line("mean counts", list(IDEAL_COUNTS))
+    line("ideal, poisson", [frames_over_poisson("ideal", mean) for mean in IDEAL_COUNTS])
     line("mean counts", list(MEAN_COUNTS))
+    line("spadcam, moments, in draws", [moments_in_draws("spadcam", m) for m in MEAN_COUNTS])
     for name in ("ideal", "spadcam"):
         line(f"{name}, poisson", [frames_over_poisson(name, mean) for mean in MEAN_COUNTS])
         line(f"{name}, floor", [frames_over_floor(name, mean) for mean in MEAN_COUNTS])

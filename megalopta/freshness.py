@@ -13,7 +13,7 @@ from pathlib import Path
 
 RENDER_MODEL = 1
 """Of radiance and truth: plants, ground, light, cameras, sampling; not of where code stands."""
-SENSOR_MODEL = 3
+SENSOR_MODEL = 4
 """Of readings: effects, their order, random streams."""
 
 _LIBRARIES = ("numba", "numpy", "opencv-python-headless", "scikit-image", "scipy")

@@ -93,7 +93,17 @@ class Configuration(Record, frozen=True):
 
     products: tuple[ProductName, ...] = ("counts",)
     """What `sense` writes of every sensor at every level: `counts`, which must be among them, and
-    `events_hdf5`, `events_npz`, `binary_npy`, `binary_spad512`, `tiff` (docs/file-formats.md)."""
+    `events_hdf5`, `events_npz`, `binary_npy`, `binary_spad512`, `burst_npy`, `tiff`
+    (docs/file-formats.md)."""
+
+    sub_frames: Annotated[int, Field(ge=1, le=1000)] = 1
+    """Equal parts of an exposure in each of which the light stands still. From 2 on, what `sense`
+    writes carries motion within a frame: light moves along the true flow from one rendered frame to
+    the next, and in the last one on as it came. With 1 it is that of the frame all through."""
+
+    burst_hz: Annotated[float, Field(gt=0, le=1e9)] = 100_000.0
+    """Binary frames per second of the product `burst_npy`, a whole multiple of the frame rate: they
+    fill the time from each rendered frame to the next, which has `sub_frames` steps of light."""
 
     correct: bool = False
     """Whether `sense` corrects the readings of SPAD arrays too: dark counts, dead time and counter,

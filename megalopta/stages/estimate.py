@@ -16,6 +16,7 @@ from megalopta.errors import UserError
 from megalopta.experiments import Sweep
 from megalopta.flow.benchmark import work_units
 from megalopta.progress import duration, say
+from megalopta.stages.sub_frames import burst_frames
 
 LONGEST_S = 30 * 86400.0
 """Longer work is refused: it is a mistake, or too much for one machine."""
@@ -30,6 +31,8 @@ _FRAME_S = 0.1
 """Truth and files of a frame."""
 _EXPOSED_PER_S, _DETECTED_PER_S, _BENCHED_PER_S = 1e6, 3e6, 1e7
 """Pixels of a sensor, and pixels of a detector in the stages flow and benchmark."""
+_MOVED_PER_S, _BITS_PER_S = 2e6, 5e7
+"""Pixels of one step of moving light, and of binary frames."""
 
 _BAND_BYTES, _TRUTH_BYTES, _TRAINING_BYTES = 3.9, 41, 14
 """Per pixel on disk, compressed; rendering noise does not compress."""
@@ -170,13 +173,15 @@ def _render(settings: Configuration) -> Estimate:
 def _sense(settings: Configuration) -> Estimate:
     frames, pixels = _frames_and_pixels(settings)
     exposed = float(frames * pixels * len(settings.sensors) * len(settings.light_levels))
+    bits = exposed * burst_frames(settings) if "burst_npy" in settings.products else 0.0
+    moved = exposed * settings.sub_frames * (2 if bits else 1) if settings.sub_frames > 1 else 0.0
     return _of(
         settings,
         "sense",
         exposed,
-        disk_bytes=exposed * (_COUNTS_BYTES + _CORRECTED_BYTES * settings.correct),
-        memory_bytes=float(_held(frames) * pixels * _EXPOSED_BYTES),
-        seconds=exposed / _EXPOSED_PER_S,
+        disk_bytes=exposed * (_COUNTS_BYTES + _CORRECTED_BYTES * settings.correct) + bits / 8,
+        memory_bytes=float(_held(frames) * pixels * (_EXPOSED_BYTES + 8 * settings.sub_frames)),
+        seconds=exposed / _EXPOSED_PER_S + moved / _MOVED_PER_S + bits / _BITS_PER_S,
     )
 
 
@@ -218,7 +223,8 @@ _ESTIMATES: Mapping[str, Callable[[Configuration], Estimate]] = {
 }
 _REMEDIES = {
     "render": "trajectory.frames, camera.width and height, or render.samples_per_pixel",
-    "sense": "trajectory.frames or the camera's size, or give fewer sensors or light_levels",
+    "sense": "trajectory.frames, the camera's size, sub_frames or burst_hz, or give fewer sensors "
+    "or light_levels",
     "flow": "trajectory.frames or the camera's size, or give fewer methods or exposures",
     "benchmark": "trajectory.frames, benchmark.fluxes_per_decade or repeats, or give fewer sizes",
 }

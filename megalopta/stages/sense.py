@@ -1,7 +1,7 @@
 """The sense stage: radiance to the readings of every sensor at every light level, on disk.
 
 A SPAD array reads counts, an array of CTIA pixels electrons. Events, binary frames and TIFF stacks
-are written beside them where `products` asks for it.
+are written beside them where `products` asks for it. With `sub_frames` light moves within a frame.
 
 Light is additive, so a scene under the same light made k times as bright has k times the radiance,
 in every band for itself: one rendering serves all levels. What stays is where the light comes from:
@@ -10,6 +10,7 @@ a full moon sensed from a rendering under an overcast sky casts no shadows.
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,10 +30,11 @@ from megalopta.sensor.formats import (
     product_path,
     product_writer,
 )
-from megalopta.sensor.readout import Origin
+from megalopta.sensor.readout import NextFrames, Origin
 from megalopta.stages.correction import write_corrected
 from megalopta.stages.declaration import Stage
 from megalopta.stages.noise_warning import noise_share, noise_warning
+from megalopta.stages.sub_frames import burst_frames, check_sub_frames, next_frames
 
 
 def sense(dataset: Dataset) -> None:
@@ -48,8 +50,9 @@ def sense(dataset: Dataset) -> None:
     ):
         films = [_Film(dataset, *each, stores) for each in missing]
         for first, radiance in read_radiance_frames(dataset) if films else ():
+            following = next_frames(dataset, first, radiance)
             for film in films:
-                film.expose(first, radiance)
+                film.expose(first, radiance, following)
                 advance(len(radiance))
     for sensor in dataset.configuration.sensors if dataset.configuration.correct else ():
         levels = dataset.configuration.light_levels
@@ -89,11 +92,17 @@ class _Film:
         self._writers = []
         for product in products:
             path = product_path(dataset.counts(sensor, level), product)
-            writer = product_writer(product, path, origin, shape, self._period_s)
+            writer = product_writer(
+                product, path, origin, shape, self._period_s, burst_frames(self._settings)
+            )
             self._writers.append(stores.enter_context(writer))
 
-    def expose(self, first: int, radiance: NDArray[np.float32]) -> None:
+    def expose(
+        self, first: int, radiance: NDArray[np.float32], following: NextFrames | None
+    ) -> None:
         """Expose frames (n, H, W, B) from a number on."""
+        if following is not None:
+            following = replace(following, radiance=following.radiance * self._scale)
         shot = Shot(
             radiance=radiance * self._scale,
             bands_nm=self._settings.render.bands_nm,
@@ -102,6 +111,9 @@ class _Film:
             sequence=self._sequence,
             first_frame=first,
             frame_period_s=self._period_s,
+            following=following,
+            sub_frames=self._settings.sub_frames,
+            burst_frames=burst_frames(self._settings),
         )
         with _refusals_told(self._sensor, self._level):
             for write in self._writers:
@@ -196,6 +208,7 @@ def _check(settings: Configuration) -> None:
     ValueError
         With one sentence that names the sensor.
     """
+    check_sub_frames(settings)
     period_s = 1 / settings.trajectory.frame_rate_hz
     for sensor in settings.sensors:
         if sensor.exposure_s > period_s * (1 + 1e-9):
@@ -215,7 +228,15 @@ def _check(settings: Configuration) -> None:
 
 STAGE = Stage(
     name="sense",
-    fields=("light_levels", "sensors", "products", "correct", "calibration"),
+    fields=(
+        "light_levels",
+        "sensors",
+        "products",
+        "sub_frames",
+        "burst_hz",
+        "correct",
+        "calibration",
+    ),
     needs=("render",),
     outputs=lambda dataset: [
         dataset.root / "counts" / dataset.sequence,

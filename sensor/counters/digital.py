@@ -10,6 +10,7 @@ For the analog counter see `analog`.
 from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from pydantic import Field
 
@@ -48,12 +49,38 @@ class DigitalCounter(Effect, frozen=True):
 
 
 def read_digital(
-    events: NDArray[np.int64], counter: DigitalCounter
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Counts, and where they are not to be trusted, of counters that have seen so many events."""
-    if counter.overflow == "wrap":
-        return events % (counter.capacity + 1), events > counter.capacity
-    return np.minimum(events, counter.capacity), events >= counter.capacity
+    events: NDArray[np.int64],
+    counter: DigitalCounter,
+    out: tuple[Counts, NDArray[np.bool_]] | None = None,
+) -> tuple[Counts, NDArray[np.bool_]]:
+    """Counts, and where they are not to be trusted, of counters that have seen so many events.
+
+    They are written into `out`, contiguous arrays, if that is given.
+    """
+    counts, saturated = out or (
+        empty_counts(events.shape, counter.capacity),
+        np.empty(events.shape, np.bool_),
+    )
+    flat = events.ravel(), counts.reshape(-1), saturated.reshape(-1)
+    _read(*flat, counter.capacity, counter.overflow == "wrap")
+    return counts, saturated
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _read(
+    events: NDArray[np.int64],
+    counts: Counts,
+    saturated: NDArray[np.bool_],
+    capacity: int,
+    is_wrapping: bool,
+) -> None:
+    for pixel in range(events.size):
+        if is_wrapping:
+            counts[pixel] = events[pixel] % (capacity + 1)
+            saturated[pixel] = events[pixel] > capacity
+        else:
+            counts[pixel] = min(events[pixel], capacity)
+            saturated[pixel] = events[pixel] >= capacity
 
 
 def empty_counts(shape: tuple[int, ...], capacity: int) -> Counts:

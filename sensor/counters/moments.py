@@ -110,7 +110,8 @@ def counter_moments(
     assert pixels is not None
     known = assumed_pixels(counter, pixels, exposure_s)
     mean, variance = np.empty(first.size), np.empty(first.size)
-    _integrate(first, probability, pixels, known, voltages(counter), mean, variance)
+    is_exact = not _misreads(counter, pixels)
+    _integrate(first, probability, pixels, known, voltages(counter), is_exact, mean, variance)
     return mean, variance
 
 
@@ -126,18 +127,29 @@ def _misreads(counter: AnalogCounter, pixels: AnalogPixels) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _integrate(first, probability, pixels, known, volts, mean, variance):  # type: ignore[no-untyped-def]
+def _integrate(first, probability, pixels, known, volts, is_exact, mean, variance):  # type: ignore[no-untyped-def]
     supply, swing, slope, step_noise, read_noise, lsb = volts
     for at in range(first.size):
         step, offset = known.step_v[at], known.offset_v[at]
         reference = supply + offset - known.leaked_v[at]
         capacity = largest_count(step, known.leaked_v[at], swing)
         center = np.rint(first[at] + probability.shape[1] / 2)
+        exact_below = 0.0
+        if is_exact:
+            room = swing - pixels.leaked_v[at] - _FAR * read_noise
+            exact_below = min(capacity, room / pixels.step_v[at])
         once = twice = 0.0
+        is_full, full_mean, full_square = False, 0.0, 0.0
         for column in range(probability.shape[1]):
-            if probability[at, column] == 0:
+            weight, events = probability[at, column], first[at] + column
+            if events < exact_below:
+                once += weight * (events - center)
+                twice += weight * (events - center) ** 2
                 continue
-            events = first[at] + column
+            if is_full:  # as with one event less
+                once += weight * (full_mean - center)
+                twice += weight * full_square
+                continue
             fallen = fall(events, pixels.step_v[at], slope, swing) + pixels.leaked_v[at]
             scatter = spread(events, step_noise, pixels.step_v[at], swing)
             noise = np.hypot(scatter, read_noise)
@@ -160,8 +172,10 @@ def _integrate(first, probability, pixels, known, volts, mean, variance):  # typ
                 count += 1
                 conditional += chance
                 square += chance * (2 * (count - center) - 1)
-            once += probability[at, column] * (conditional - center)
-            twice += probability[at, column] * square
+            once += weight * (conditional - center)
+            twice += weight * square
+            is_full = fallen >= swing and scatter == 0
+            full_mean, full_square = conditional, square
         mean[at] = center + once
         variance[at] = max(twice - once**2, 0.0)
 

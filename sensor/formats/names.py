@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
 ProductName: TypeAlias = Literal[
-    "counts", "events_hdf5", "events_npz", "binary_npy", "binary_spad512", "tiff"
+    "counts", "events_hdf5", "events_npz", "binary_npy", "binary_spad512", "burst_npy", "tiff"
 ]
 PRODUCTS: tuple[ProductName, ...] = get_args(ProductName)
 
@@ -18,6 +18,7 @@ _SUFFIXES: Mapping[ProductName, str] = {
     "events_npz": ".events.npz",
     "binary_npy": ".binary.npy",
     "binary_spad512": ".spad512",
+    "burst_npy": ".burst.npy",
     "tiff": ".tiff",
 }
 

@@ -37,7 +37,7 @@ def check_product(product: ProductName, sensor: ImageSensor, shape: tuple[int, i
             "sensor out"
         )
     try:
-        if product.startswith("binary"):
+        if product.startswith(("binary", "burst")):
             check_binary(sensor)
         if product == "binary_spad512":
             check_spad512_size(*shape)
@@ -53,6 +53,7 @@ def product_writer(
     origin: Origin,
     shape: tuple[int, int, int],
     frame_period_s: float,
+    burst_frames: int = 1,
 ) -> AbstractContextManager[Write]:
     """Yield what appends shots of consecutive frames; the product appears when all are there.
 
@@ -66,7 +67,11 @@ def product_writer(
     shape : (frames, rows, columns)
     frame_period_s : float
         From the beginning of a frame to that of the next, s.
+    burst_frames : int
+        Binary frames of a burst in that time.
     """
+    if product == "burst_npy":
+        shape = shape[0] * burst_frames, *shape[1:]
     return _WRITERS[product](path, origin, shape, frame_period_s)
 
 
@@ -121,6 +126,18 @@ def _npy(path: Path, _: Origin, shape: tuple[int, int, int], __: float) -> Itera
 
 
 @contextmanager
+def _burst(path: Path, _: Origin, shape: tuple[int, int, int], __: float) -> Iterator[Write]:
+    frames, rows, columns = shape
+    with binary_npy_writer(path, (frames, rows, -(-columns // 8))) as write:
+
+        def write_shot(shot: Shot) -> None:
+            for bits in shot.burst():
+                write(bits)
+
+        yield write_shot
+
+
+@contextmanager
 def _spad512(path: Path, _: Origin, __: tuple[int, int, int], ___: float) -> Iterator[Write]:
     with spad512_writer(path) as write:
         yield lambda shot: write(shot.bits)
@@ -132,5 +149,6 @@ _WRITERS: Mapping[ProductName, Callable[..., AbstractContextManager[Write]]] = {
     "events_npz": partial(_events, events_npz_writer),
     "binary_npy": _npy,
     "binary_spad512": _spad512,
+    "burst_npy": _burst,
     "tiff": _tiff,
 }

@@ -1,28 +1,40 @@
 """Frames of light on a sensor, and all that can be drawn of them.
 
+The light of a frame stands still during its exposure, unless the frames that follow are given: then
+it moves on with them, in steps. Readings, events and bits see every step; what readings are on
+average is stated for the mean light, which with dead time, afterpulses and a gate is not quite the
+same: by less than the square of what the light changes, relative, times the share of lost counts.
+
 Events and bits are drawn from the same light as the readings, from random streams of their own:
 they agree with them in distribution, not count by count.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from megalopta.sensor import Exposure
+from megalopta.sensor import Exposure, changed
 from megalopta.sensor.readout import (
     Events,
     ImageSensor,
+    NextFrames,
     expose_binary,
     expose_events,
     expose_image,
+    light_between,
 )
-from megalopta.sensor.spad import Sensor, detection_rate
+from megalopta.sensor.spad import Sensor, detection_rate, expose_rate, spad_expectation
 
 MOST_EVENTS = 5e7
 """Of a frame; they take about 3 GB of memory while they are drawn and sorted."""
+_BITS_AT_ONCE = 16
+"""Binary frames of a burst that are drawn together."""
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -39,6 +51,12 @@ class Shot:
     first_frame : int
     frame_period_s : float
         All as for `expose_image`.
+    following : NextFrames, optional
+        What the light moves on to; by default it stands still.
+    sub_frames : int
+        Equal parts of an exposure, and of a burst, in each of which it stands still.
+    burst_frames : int
+        Binary frames of a burst, which fill the time to the next frame.
     """
 
     radiance: ArrayLike
@@ -48,12 +66,25 @@ class Shot:
     sequence: str | int
     first_frame: int
     frame_period_s: float
+    following: NextFrames | None = None
+    sub_frames: int = 1
+    burst_frames: int = 1
 
     @cached_property
     def exposure(self) -> Exposure:
         """Readings, with what they are on average."""
+        if self.following is not None and isinstance(self.sensor, Sensor):
+            reading = expose_rate(
+                self._detections_hz,
+                self.sensor,
+                seed=self.seed,
+                sequence=self.sequence,
+                first_frame=self.first_frame,
+            )
+            stated = spad_expectation(self._moving[0], self.bands_nm, self.sensor)
+            return replace(reading, expectation=stated)
         return expose_image(
-            self.radiance,
+            self.radiance if self.following is None else self._moving[0],
             self.bands_nm,
             self.sensor,
             seed=self.seed,
@@ -64,8 +95,34 @@ class Shot:
         )
 
     @cached_property
-    def _detections_hz(self) -> NDArray[np.float64]:
-        return detection_rate(self.radiance, self.bands_nm, self._spad)
+    def _detections_hz(self) -> Floats:
+        """(T, H, W), or in the parts of an exposure (T, S, H, W)."""
+        if self.following is None:
+            return detection_rate(self.radiance, self.bands_nm, self._spad)
+        return self._moving[1]
+
+    @cached_property
+    def _moving(self) -> tuple[Floats, Floats]:
+        """Mean radiance (T, H, W, B), and of single photons the rate in every part."""
+        means, rates = [], []
+        share = self.sensor.exposure_s / self.frame_period_s
+        for frame in range(len(self._frames)):
+            parts = self._parts(frame, share)
+            means.append(parts.mean(axis=0))
+            if isinstance(self.sensor, Sensor):
+                rates.append(detection_rate(parts, self.bands_nm, self.sensor))
+        return np.stack(means), np.array(rates)
+
+    @property
+    def _frames(self) -> NDArray[Any]:
+        return np.asarray(self.radiance)
+
+    def _parts(self, frame: int, share: float) -> Floats:
+        """Radiance (S, H, W, B) in the first share of the time to the next frame."""
+        if self.following is None:
+            raise ValueError("following: none; give the next frames, so that light can move")
+        middles = (np.arange(self.sub_frames) + 0.5) / self.sub_frames
+        return light_between(self._frames, self.following, frame, middles * share)
 
     def events(self) -> Iterator[Events]:
         """Events, frame by frame.
@@ -76,7 +133,8 @@ class Shot:
             When there would be more of a frame than fit into memory.
         """
         for index, rate in enumerate(self._detections_hz):
-            arrivals = float(rate.sum()) * self.sensor.exposure_s
+            parts = rate.shape[0] if rate.ndim == 3 else 1
+            arrivals = float(rate.sum()) / parts * self.sensor.exposure_s
             if arrivals > MOST_EVENTS:
                 raise ValueError(
                     f"about {arrivals:.2g} events in a frame, more than {MOST_EVENTS:.0e}; give a "
@@ -94,13 +152,34 @@ class Shot:
     @cached_property
     def bits(self) -> NDArray[np.uint8]:
         """Packed binary frames, (T, H, ceil(W/8))."""
+        rate = self._detections_hz
         return expose_binary(
-            self._detections_hz,
+            rate if rate.ndim == 3 else rate.mean(axis=1),
             self._spad,
             seed=self.seed,
             sequence=self.sequence,
             first_frame=self.first_frame,
         )
+
+    def burst(self) -> Iterator[NDArray[np.uint8]]:
+        """Packed binary frames (n, H, ceil(W/8)) that fill the time between frames, some at a time.
+
+        Each is as long as a share of that time, from a live start.
+        """
+        exposure_s = self.frame_period_s / self.burst_frames
+        sensor = changed(self._spad, exposure_s=exposure_s)
+        part_of = np.arange(self.burst_frames) * self.sub_frames // self.burst_frames
+        for frame in range(len(self._frames)):
+            rate = detection_rate(self._parts(frame, 1.0), self.bands_nm, sensor)
+            first = (self.first_frame + frame) * self.burst_frames
+            for start in range(0, self.burst_frames, _BITS_AT_ONCE):
+                yield expose_binary(
+                    rate[part_of[start : start + _BITS_AT_ONCE]],
+                    sensor,
+                    seed=self.seed,
+                    sequence=f"{self.sequence}/burst",
+                    first_frame=first + start,
+                )
 
     @property
     def _spad(self) -> Sensor:

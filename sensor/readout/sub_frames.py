@@ -7,6 +7,7 @@ into view in between is that of frame t + 1. Light is interpolated bilinearly, s
 than two pixels is softened, and the flow is taken as straight and even between two frames.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,38 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class NextFrames:
+    """What comes after each of some frames, and how it moves there.
+
+    Attributes
+    ----------
+    radiance : (T, H, W, B) array
+        Of the next frame of each.
+    flow : (T, H, W, 2) array
+        Forward flow, px, +x right and +y down; where it is undefined the light stays.
+    hidden : (T, H, W) bool
+        Pixels that are hidden in the next frame.
+    """
+
+    radiance: NDArray[Any]
+    flow: NDArray[Any]
+    hidden: NDArray[np.bool_]
+
+
+def light_between(
+    frames: NDArray[Any], following: NextFrames, frame: int, shares: NDArray[np.float64]
+) -> Floats:
+    """Return the radiance (S, H, W, B) at shares of the way from one of the frames to its next."""
+    motion, gone = _known(following.flow[frame]), following.hidden[frame].astype(np.float64)
+    between = np.empty((len(shares), *frames.shape[1:]))
+    for band in range(frames.shape[-1]):
+        pair = frames[frame, ..., band], following.radiance[frame, ..., band]
+        for part, share in enumerate(shares):
+            between[part, ..., band] = _at(*pair, motion, gone, share)
+    return between
 
 
 def sub_frames(
@@ -51,12 +84,18 @@ def sub_frames(
         )
     between = np.empty((len(frames) - 1, parts, *frames.shape[1:]))
     for index, motion in enumerate(flow):
-        known = np.where(np.isfinite(motion).all(axis=-1, keepdims=True), motion, 0.0)
         gone = np.zeros(frames.shape[1:]) if hidden is None else hidden[index].astype(np.float64)
         for part in range(parts):
             share = (part + 0.5) / parts
-            between[index, part] = _at(frames[index], frames[index + 1], known, gone, share)
+            between[index, part] = _at(
+                frames[index], frames[index + 1], _known(motion), gone, share
+            )
     return between
+
+
+def _known(flow: NDArray[Any]) -> Floats:
+    """Flow, 0 where it is undefined."""
+    return np.where(np.isfinite(flow).all(axis=-1, keepdims=True), flow, 0.0)
 
 
 def _at(before: Floats, after: Floats, flow: Floats, gone: Floats, share: float) -> Floats:

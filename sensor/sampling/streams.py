@@ -34,8 +34,8 @@ def generator(seed: int, *key: str | int) -> np.random.Generator:
         When a part of the key is neither a string nor an integer.
     """
     digest = hashlib.blake2b(b"".join(map(_encode, (seed, *key))), digest_size=32).digest()
-    entropy = np.random.SeedSequence(int.from_bytes(digest, "little"))
-    return np.random.Generator(np.random.SFC64(entropy))
+    entropy = np.frombuffer(digest, "<u4")  # four times as fast as one large number
+    return np.random.Generator(np.random.SFC64(np.random.SeedSequence(entropy)))
 
 
 def pixel_uniforms(shape: tuple[int, int], seed: int, *key: str | int) -> NDArray[np.float64]:

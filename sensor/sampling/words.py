@@ -17,7 +17,7 @@ _ROUNDS = 12
 def word_streams(rng: np.random.Generator) -> NDArray[np.uint64]:
     """Draw the state of a source of random words, (4, LANES), for `fill_words`."""
     state = np.ones((4, LANES), np.uint64)
-    state[:3] = rng.integers(0, 2**64, (3, LANES), np.uint64, endpoint=False)
+    state[:3] = rng.bit_generator.random_raw((3, LANES))
     fill_words(state, np.empty((_ROUNDS, LANES), np.uint64))
     return state
 

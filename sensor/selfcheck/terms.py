@@ -133,12 +133,12 @@ def check_gate_and_jitter() -> Iterator[Row]:
 def check_counters() -> Iterator[Row]:
     """Digital and analog counters: wrap, linearity, flags."""
     events = np.arange(1000)[None, :]
-    counts, flags = read_digital(events, DigitalCounter.of_bits(8, "wrap"))
+    wrapped, flags = read_digital(events, DigitalCounter.of_bits(8, "wrap"))
     yield exact_row(
         "digital counter",
         "wraps to the low bits",
         0,
-        float(np.abs(counts - events % 256).max()),
+        float(np.abs(wrapped - events % 256).max()),
         1e-9,
     )
     yield exact_row("digital counter", "first flag", 256, float(np.argmax(flags)), 1e-9)

@@ -119,10 +119,16 @@ def _paralyzable(
     return np.asarray(np.fft.irfft((total * z**-least).conj(), points)[:size])
 
 
-def _add_third_cumulant(law: Floats, more: Floats) -> None:
-    step = more[:, None] / 6 * law
-    for shift, factor in ((0, -1), (1, 3), (2, -3), (3, 1)):
-        law[:, shift:] += factor * step[:, : law.shape[1] - shift]
+@njit(cache=True, nogil=True)
+def _add_third_cumulant(law, more):  # type: ignore[no-untyped-def]
+    for at in range(more.size):
+        row, factor = law[at], more[at] / 6
+        for place in range(row.size - 1, 2, -1):  # what is still read lies below
+            change = row[place - 3] - 3 * row[place - 2] + 3 * row[place - 1] - row[place]
+            row[place] += factor * change
+        row[2] += factor * (3 * row[1] - 3 * row[0] - row[2])
+        row[1] += factor * (3 * row[0] - row[1])
+        row[0] -= factor * row[0]
 
 
 @njit(cache=True, nogil=True)
@@ -169,8 +175,10 @@ def _add_panjer(m, v, share, least, row, spare):  # type: ignore[no-untyped-def]
     mode = min(int(np.floor(m) - least), row.size - 1)
     spare[mode] = total = 1.0
     for place in range(mode, 0, -1):
-        ratio = alpha + beta / (least + place)
-        spare[place - 1] = spare[place] / ratio if ratio > 0 else 0.0
+        events = least + place
+        ratio = alpha * events + beta
+        # the quotient does not wait for the probability before
+        spare[place - 1] = spare[place] * (events / ratio) if ratio > 0 else 0.0
         total += spare[place - 1]
     for place in range(mode + 1, row.size):
         # rounding leaves a little after the last trial

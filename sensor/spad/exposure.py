@@ -8,7 +8,6 @@ frame do not depend on which others are drawn with it, nor on the number of thre
 be independent, such as those of two light levels, need different names for `sequence`.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -98,8 +97,15 @@ def expose_rate(
     def expose_frame(frame: int) -> None:
         key = sequence, first_frame + frame
         events = _events(rate[frame], sensor, device, seed, key)
-        readout = _read_counters(events, sensor, device, lambda: generator(seed, "readout", *key))
-        exposure.counts[frame], exposure.saturated[frame] = readout
+        out = exposure.counts[frame], exposure.saturated[frame]
+        if isinstance(sensor.counter, AnalogCounter):
+            assert device.counters is not None
+            noise = generator(seed, "readout", *key)
+            out[0][:], out[1][:] = read_analog(
+                noise, events, sensor.counter, device.counters, sensor.exposure_s
+            )
+        else:
+            read_digital(events, sensor.counter, out)
 
     over_frames(expose_frame, len(rate), threads)
     return exposure
@@ -149,15 +155,3 @@ def _events(
     rng = generator(seed, "exposure", *key)
     effects = sensor.avalanche_effects
     return draw_counts(rng, arrivals_hz, sensor.exposure_s, effects, device.avalanches)
-
-
-def _read_counters(
-    events: NDArray[np.int64],
-    sensor: Sensor,
-    device: FixedPattern,
-    noise: Callable[[], np.random.Generator],
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    if isinstance(sensor.counter, AnalogCounter):
-        assert device.counters is not None
-        return read_analog(noise(), events, sensor.counter, device.counters, sensor.exposure_s)
-    return read_digital(events, sensor.counter)

@@ -21,7 +21,8 @@ from megalopta.sensor.spad.frames import over_frames
 from megalopta.sensor.spad.model import Sensor
 from megalopta.sensor.spad.rates import checked_rate, detection_rate
 
-_LARGEST_LAW = 1_000_000
+_LARGEST_LAW = 100_000
+"""Probabilities of pixels that are treated together: they stay in a processor's second cache."""
 
 Places = NDArray[np.intp]
 

@@ -1,0 +1,58 @@
+"""Light that moves within an exposure, and bursts between rendered frames: what `sense` needs."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.config import Configuration
+from megalopta.dataset import Dataset, read_radiance_frame, read_truth_frame
+from megalopta.sensor.readout import NextFrames
+
+
+def next_frames(dataset: Dataset, first: int, radiance: NDArray[np.float32]) -> NextFrames | None:
+    """Return what follows frames (n, H, W, B) from a number on; None where light stands still.
+
+    After the last frame of the sequence the light moves on as it came.
+    """
+    settings, end = dataset.configuration, first + len(radiance)
+    if settings.sub_frames == 1:
+        return None
+    truths = [read_truth_frame(dataset, index) for index in range(first, end)]
+    flow = np.stack([truth.flow_forward for truth in truths])
+    hidden = np.stack([truth.occluded_forward for truth in truths])
+    if end == settings.trajectory.frames:
+        flow[-1], hidden[-1] = -truths[-1].flow_backward, True
+        after = radiance[-1]
+    else:
+        after = read_radiance_frame(dataset, end)
+    following = np.concatenate((radiance[1:], after[np.newaxis]))
+    return NextFrames(radiance=following, flow=flow, hidden=hidden)
+
+
+def burst_frames(settings: Configuration) -> int:
+    """Binary frames of a burst from one rendered frame to the next."""
+    return max(round(settings.burst_hz / settings.trajectory.frame_rate_hz), 1)
+
+
+def check_sub_frames(settings: Configuration) -> None:
+    """Refuse light that would be blurred twice, and bursts that do not fill the time.
+
+    Raises
+    ------
+    ValueError
+        With one sentence that names the setting.
+    """
+    parts, rate_hz = settings.sub_frames, settings.trajectory.frame_rate_hz
+    if parts > 1 and not settings.shutter.is_instant:
+        raise ValueError(
+            f"sub_frames {parts}: motion within an exposure is in the frames of shutter already; "
+            "use 1, or shutter.exposure_s 0 and shutter.readout_s 0"
+        )
+    if "burst_npy" not in settings.products:
+        return
+    if parts == 1:
+        raise ValueError("burst_npy: needs light between frames; give sub_frames of 2 or more")
+    if abs(burst_frames(settings) * rate_hz / settings.burst_hz - 1) > 1e-9:
+        raise ValueError(
+            f"burst_hz {settings.burst_hz:g}: no whole multiple of trajectory.frame_rate_hz "
+            f"{rate_hz:g}; use {burst_frames(settings) * rate_hz:.12g}"
+        )

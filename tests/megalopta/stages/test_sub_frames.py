@@ -1,0 +1,160 @@
+"""Light that moves within an exposure, through the command line."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+from megalopta.cli import main
+from megalopta.config import load
+from megalopta.dataset import open_dataset
+from megalopta.errors import UserError
+from megalopta.sensor.formats import read_events, read_frames
+from megalopta.stages.estimate import estimate
+from megalopta.stages.pipeline import run_stage
+from megalopta.stages.sense import open_exposure, sense
+
+FRAMES, BITS, LEVEL = 4, 200, 1e-4
+SMALL = {
+    "camera.width": "48",
+    "camera.height": "40",
+    "scene.cycles_per_frame": "2",
+    "render.samples_per_pixel": "16",
+    "render.bands_nm": "[[450, 550], [550, 650]]",
+    "sensors": "[ideal]",
+    "light_levels": f"[{LEVEL}]",
+}
+OPTIONS = (
+    "--sub-frames", "2", "--burst-hz", str(10 * BITS), "--redo",
+    "--products", "counts", "events_npz", "burst_npy",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def still(tmp_path_factory):
+    """Four frames at 10 Hz, whose light stands still."""
+    root = tmp_path_factory.mktemp("sub_frames") / "data"
+    settings = load("grating", SMALL | {"trajectory.frames": str(FRAMES)})
+    for stage in ("render", "sense"):
+        run_stage(root, settings, stage)
+    return root
+
+
+@pytest.fixture(scope="module")
+def moving(still, tmp_path_factory):
+    root = tmp_path_factory.mktemp("moving") / "data"
+    shutil.copytree(still, root)
+    main.main(["sense", str(root), *OPTIONS])
+    return root
+
+
+@pytest.fixture(scope="module")
+def fast(tmp_path_factory):
+    """The same way, rendered forty times a second."""
+    root = tmp_path_factory.mktemp("fast") / "data"
+    changes = {"trajectory.frames": str(4 * FRAMES), "trajectory.frame_rate_hz": "40"}
+    changes["sensors"] = "[{preset: ideal, exposure_s: 0.025}]"
+    for stage in ("render", "sense"):
+        run_stage(root, load("grating", SMALL | changes), stage)
+    return root
+
+
+def mean_events(root):
+    dataset = open_dataset(root)
+    opened = open_exposure(dataset, dataset.configuration.sensors[0], LEVEL)
+    return opened.exposure().expectation.mean_events.astype(float)
+
+
+def beside(root, suffix):
+    (path,) = (root / "counts").glob(f"*/*{suffix}")
+    return path
+
+
+def test_light_in_an_exposure_is_that_of_more_frames(still, moving, fast):
+    # the parts of an exposure have their middles where every second of those frames is
+    true = 4 * mean_events(fast).reshape(FRAMES, 4, 40, 48)[:, 1::2].mean(axis=1)
+    contrast = true.std()
+    errors = {
+        root: np.sqrt(((mean_events(root) - true)[:, :, 3:-3] ** 2).mean()) / contrast
+        for root in (still, moving)
+    }
+    # bilinear interpolation of a sine of 24 px: (π/24)²/2 = 0.9 %; half a pixel of lag: 13 %
+    assert errors[moving] < 0.02
+    assert errors[still] > 0.08
+
+
+def test_a_burst_sees_the_light_between_frames(moving, fast):
+    bits = read_frames(beside(moving, ".burst.npy"), shape=(40, 48)).counts
+    assert bits.shape == (FRAMES * BITS, 40, 48)
+    halves = bits.reshape(FRAMES, 2, BITS // 2, 40, 48).sum(axis=2, dtype=int)[..., 3:-3]
+    light = 4 * mean_events(fast).reshape(FRAMES, 4, 40, 48)[:, 1::2, :, 3:-3]
+    p = -np.expm1(-light / BITS)
+    z = (halves - BITS / 2 * p) / np.sqrt(BITS / 2 * p * (1 - p))
+    # |z| < 5 of the sum, and of the sum of squares about binomial laws: false alarm 1e-6
+    assert abs(z.mean()) * np.sqrt(z.size) < 5
+    assert abs((z**2).mean() - 1) < 5 * np.sqrt(2.5 / z.size) + 0.01
+    # the halves of a period differ as the light does, not by chance alone
+    change = light[:, 1] - light[:, 0]
+    seen = ((halves[:, 1] - halves[:, 0]) * change).sum()
+    expected = (BITS / 2 * (p[:, 1] - p[:, 0]) * change).sum()
+    scatter = np.sqrt((BITS / 2 * (p * (1 - p)).sum(axis=1) * change**2).sum())
+    assert abs(seen - expected) < 5 * scatter < expected
+
+
+def test_events_carry_the_motion(moving, fast):
+    stream = read_events(beside(moving, ".events.npz")).events
+    light = 4 * mean_events(fast).reshape(FRAMES, 4, 40, 48)[:, 1::2]
+    late = stream.time_s >= 0.05
+    for half, chosen in enumerate((~late, late)):
+        counts = np.bincount(
+            stream.frame[chosen] * 1920 + stream.pixel[chosen], minlength=FRAMES * 1920
+        ).reshape(FRAMES, 40, 48)
+        expected = light[:, half] / 2
+        z = ((counts - expected) / np.sqrt(expected))[..., 3:-3]
+        assert abs((z**2).mean() - 1) < 5 * np.sqrt(2.5 / z.size) + 0.01
+
+
+def test_what_a_kill_left_out_is_made_again_alike(moving):
+    dataset = open_dataset(moving)
+    products = [beside(moving, end) for end in (".burst.npy", ".events.npz")]
+    before = [path.read_bytes() for path in products]
+    for path in products:
+        path.unlink()
+    sense(dataset)
+    assert [path.read_bytes() for path in products] == before
+
+
+def test_old_output_is_refused_until_it_is_to_be_made_again(still, capsys):
+    with pytest.raises(SystemExit):
+        main.main(["sense", str(still), "--sub-frames", "3"])
+    assert "sub_frames: 1 → 3" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"sub_frames": "2", "shutter.exposure_s": "0.05"}, "sub_frames 2: motion within"),
+        ({"products": "[counts, burst_npy]"}, "burst_npy: needs light between frames"),
+        (
+            {"products": "[counts, burst_npy]", "sub_frames": "2", "burst_hz": "105"},
+            "burst_hz 105: no whole multiple of .* use 100",
+        ),
+        (
+            {"products": "[counts, burst_npy]", "sub_frames": "2", "sensors": "[ctia_si]"}
+            | {"render.bands_nm": "[[700, 800], [800, 900]]"},
+            "no single events",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused_before_the_work(tmp_path, changes, message):
+    settings = load("grating", SMALL | changes)
+    with pytest.raises(UserError, match=message):
+        run_stage(tmp_path / "data", settings, "sense")
+
+
+def test_the_estimate_counts_the_steps_and_the_bits():
+    burst = {"products": "[counts, burst_npy]", "sub_frames": "8", "burst_hz": "1e5"}
+    plain, large = (estimate(load("grating", SMALL | each), "sense") for each in ({}, burst))
+    bits = 40 * 48 * 40 * 10_000
+    assert large.disk_bytes - plain.disk_bytes == pytest.approx(bits / 8)
+    assert large.seconds > plain.seconds + bits / 1e8
