@@ -43,6 +43,7 @@ from .motion_bench import (
 )
 from .panorama_recipes import NATURAL_PANORAMAS, render_panorama
 from .panoramas import RECIPE, SHIPPED, natural_templates, read_template, write_template
+from .passages import cut_passages, cut_rest
 from .runner import Results, run
 from .sweep import Point, Sweep, Value, load_sweep
 from .templates import pixels_of
@@ -90,6 +91,8 @@ __all__ = [
     "bound",
     "bound_along_x",
     "crossing_peaks",
+    "cut_passages",
+    "cut_rest",
     "detections",
     "detector",
     "efficiencies",

@@ -1,7 +1,7 @@
 from .picture import Cell, Figure, Floats, borne_out, columns_of
 from .recipe import FigureRecipe, Run, Templates
 from .registry import names
-from .reproduction import reproduce, reproduce_sweep
+from .reproduction import reproduce, reproduce_sweep, write_figure
 from .style import (
     BLACK,
     BLUE,
@@ -59,4 +59,5 @@ __all__ = [
     "sweep_figure",
     "threshold_of",
     "write_at",
+    "write_figure",
 ]
