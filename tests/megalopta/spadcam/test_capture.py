@@ -151,6 +151,19 @@ def test_unplugging_ten_times_loses_no_logged_byte(emulated, tmp_path):
     assert [event.packet for event in events if isinstance(event, Arrived)] == decoded
 
 
+def test_a_command_to_a_port_that_is_being_closed_is_sent_again(emulated, tmp_path, monkeypatch):
+    write, closing = serial.Serial.write, [TypeError("'NoneType' object")]
+
+    def failing_once(port, data):
+        if closing:
+            raise closing.pop()
+        return write(port, data)
+
+    monkeypatch.setattr(serial.Serial, "write", failing_once)
+    with emulated() as camera, Link(camera.find, tmp_path / "raw.bin") as link:
+        assert link.identity().serial_number == "EMULATED"
+
+
 @pytest.mark.parametrize(
     ("seconds", "unpluggings"), [(5, 1), pytest.param(45, 10, marks=pytest.mark.slow)]
 )
