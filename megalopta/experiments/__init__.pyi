@@ -52,10 +52,26 @@ from .panoramas import (
     read_template as read_template,
     write_template as write_template,
 )
-from .runner import Results as Results, run as run
-from .sweep import Point as Point, Sweep as Sweep, Value as Value, load_sweep as load_sweep
+from .passages import (
+    cut_passages as cut_passages,
+    cut_rest as cut_rest,
+)
+from .runner import (
+    Results as Results,
+    run as run,
+)
+from .sweep import (
+    Point as Point,
+    Sweep as Sweep,
+    Value as Value,
+    load_sweep as load_sweep,
+)
 from .templates import pixels_of as pixels_of
-from .thesis_sweeps import PHOTOGRAPHED as PHOTOGRAPHED, SWEEPS as SWEEPS, in_form as in_form
+from .thesis_sweeps import (
+    PHOTOGRAPHED as PHOTOGRAPHED,
+    SWEEPS as SWEEPS,
+    in_form as in_form,
+)
 from .trial import (
     ROWS as ROWS,
     GratingTemplate as GratingTemplate,

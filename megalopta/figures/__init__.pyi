@@ -4,9 +4,17 @@ from .picture import (
     borne_out as borne_out,
     columns_of as columns_of,
 )
-from .recipe import FigureRecipe as FigureRecipe, Run as Run, Templates as Templates
+from .recipe import (
+    FigureRecipe as FigureRecipe,
+    Run as Run,
+    Templates as Templates,
+)
 from .registry import names as names
-from .reproduction import reproduce as reproduce, reproduce_sweep as reproduce_sweep
+from .reproduction import (
+    reproduce as reproduce,
+    reproduce_sweep as reproduce_sweep,
+    write_figure as write_figure,
+)
 from .style import (
     BLACK as BLACK,
     BLUE as BLUE,

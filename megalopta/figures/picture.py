@@ -31,6 +31,8 @@ class Figure:
     printed : mapping
         Our number and that which the dissertation prints, with units, by what they are: a small
         table under the drawing.
+    printed_by : (str, str)
+        Heads of that table's columns, where they are others.
     findings : tuple of str
         Sentences that the numbers of this run bear out.
     details : mapping
@@ -45,6 +47,7 @@ class Figure:
     numbers: Mapping[str, Sequence[Cell] | NDArray[np.floating | np.integer]]
     height_in: float = 4.0
     printed: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    printed_by: tuple[str, str] = ("Ours", "Dissertation")
     findings: tuple[str, ...] = ()
     details: Mapping[str, Any] = field(default_factory=dict)
     name: str = ""

@@ -89,7 +89,7 @@ def write_figure(figure: Figure, out: Path) -> list[Path]:
     ]
     table = [(what, *values) for what, values in figure.printed.items()]
     with house_style():
-        head = [("", "Ours", "Dissertation")] if table else []
+        head = [("", *figure.printed_by)] if table else []
         canvas = new_canvas(figure.title, figure.caption, figure.height_in, head + table)
         figure.draw(canvas)
         canvas.draw_without_rendering()
@@ -105,13 +105,14 @@ def write_figure(figure: Figure, out: Path) -> list[Path]:
 
 
 def _record(figure: Figure) -> dict[str, Any]:
+    heads = [head.lower() for head in figure.printed_by]
     return {
         "name": figure.name,
         "title": figure.title,
         "caption": figure.caption,
         "printed": [
-            {"quantity": what, "ours": ours, "dissertation": theirs}
-            for what, (ours, theirs) in figure.printed.items()
+            {"quantity": what, **dict(zip(heads, values, strict=True))}
+            for what, values in figure.printed.items()
         ],
         "findings": figure.findings,
         "columns": figure.columns,

@@ -177,8 +177,7 @@ class Link:
     def _write(self, line: bytes) -> None:
         try:
             self._port.write(line)
-        except (serial.SerialException, OSError):
-            # The reader notices, too.
+        except (OSError, TypeError):  # of a port that the reader closes, which noticed first
             time.sleep(_RETRY_S)
 
     def _wait(self, timeout_s: float) -> None:

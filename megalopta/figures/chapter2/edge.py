@@ -31,7 +31,7 @@ from megalopta.sensor import Sensor
 
 _SPEED_MM_S = 1.0
 _SPEED = f"{_SPEED_MM_S:g} mm/s, {pixels_per_frame(_SPEED_MM_S):.2f} px per frame"
-_SHOWN_DETECTOR = 4
+SHOWN_DETECTOR = 4
 
 
 def recording(sensor: Sensor) -> Floats:
@@ -74,7 +74,7 @@ def _figure_2_14(_: Run) -> Figure:
                 for name, shown in frames.items()
             },
         },
-        **_maps(frames, "Pixel", "Counts"),
+        **frame_maps(frames, "Pixel", "Counts"),
     )
 
 
@@ -98,17 +98,36 @@ def _response_figure(name: str, method: str) -> Figure:
             )
             for label, shown in maps.items()
         },
-        **_maps(maps, "Detector", f"Response ({UNITS[method]})"),
+        **frame_maps(maps, "Detector", f"Response ({UNITS[method]})"),
     )
 
 
 def _figure_2_17(_: Run) -> Figure:
-    curves = {name: _curves(recording(sensor)) for name, sensor in SENSORS.items()}
+    curves = {name: transients(recording(sensor)) for name, sensor in SENSORS.items()}
+    return Figure(
+        title="Figure 2.17: one pooled pixel and its detectors as an edge passes and returns",
+        caption=(
+            f"The edge moves by {_SPEED}, as in the dissertation, and every curve is divided by "
+            "its largest value. Dark counts lift SPADCAM's pixel; the high-pass of the detectors "
+            "leaves only the noise of them."
+        ),
+        **transient_panels(curves),
+    )
+
+
+def transients(frames: Floats) -> dict[str, Floats]:
+    """One pooled pixel and its detectors, of the frames (2·FRAMES, 12) of a row."""
+    answers = {name: responses(name, frames)[:, SHOWN_DETECTOR] for name in ("NDM", "NDS")}
+    return {"pooled pixel": frames[:, SHOWN_DETECTOR + 1], **answers}
+
+
+def transient_panels(curves: Mapping[str, Mapping[str, Floats]]) -> dict[str, Any]:
+    """Drawing, numbers and height of a figure of `transients`, one above the other."""
     time_s = np.arange(2 * FRAMES) / FRAME_RATE_HZ
     styles = {"pooled pixel": ("-", GRAY), "NDM": ("-", BLUE), "NDS": ("--", VERMILION)}
 
     def draw(canvas: Canvas) -> None:
-        panels = canvas.subplots(2, 1, sharex=True)
+        panels = canvas.subplots(len(curves), 1, sharex=True)
         for axes, (name, lines) in zip(panels, curves.items(), strict=True):
             for label, line in lines.items():
                 dash, color = styles[label]
@@ -117,34 +136,17 @@ def _figure_2_17(_: Run) -> Figure:
             axes.set(ylim=(0, 1.05), ylabel="Share of largest")
         panels[0].set_xlim(0, time_s[-1])
         panels[0].legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3)
-        panels[1].set_xlabel("Time (s)")
+        panels[-1].set_xlabel("Time (s)")
 
-    return Figure(
-        title="Figure 2.17: one pooled pixel and its detectors as an edge passes and returns",
-        caption=(
-            f"The edge moves by {_SPEED}, as in the dissertation, and every curve is divided by "
-            "its largest value. Dark counts lift SPADCAM's pixel; the high-pass of the detectors "
-            "leaves only the noise of them."
-        ),
-        draw=draw,
-        numbers={
-            "time_s": time_s,
-            **{
-                f"{csv_name(name)}_{csv_name(label)}": line
-                for name, lines in curves.items()
-                for label, line in lines.items()
-            },
-        },
-        height_in=4.6,
-    )
+    numbers = {
+        f"{csv_name(name)}_{csv_name(label)}": line
+        for name, lines in curves.items()
+        for label, line in lines.items()
+    }
+    return {"draw": draw, "numbers": {"time_s": time_s, **numbers}, "height_in": 4.6}
 
 
-def _curves(frames: Floats) -> dict[str, Floats]:
-    answers = {name: responses(name, frames)[:, _SHOWN_DETECTOR] for name in ("NDM", "NDS")}
-    return {"pooled pixel": frames[:, _SHOWN_DETECTOR + 1], **answers}
-
-
-def _maps(maps: Mapping[str, Floats], across: str, unit: str) -> dict[str, Any]:
+def frame_maps(maps: Mapping[str, Floats], across: str, unit: str) -> dict[str, Any]:
     """Drawing, numbers and height of a figure of frames (T, n) side by side."""
 
     def draw(canvas: Canvas) -> None:

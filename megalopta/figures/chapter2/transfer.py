@@ -5,7 +5,10 @@ of the mean peak response of one detector over its standard deviation between cr
 over all speeds but standstill.
 """
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from megalopta.arrays import Floats
@@ -55,31 +58,13 @@ def theory(method: str, velocity: Floats) -> Floats:
 def _figure(name: str, method: str) -> Figure:
     velocity = np.array([pixels_per_frame(speed) for speed in SPEEDS_MM_S])
     found = measured(method)
-    statistics = {label: _statistics(over_speeds) for label, over_speeds in found.items()}
     ideal = np.array([each.ideal.mean() for each in found["Poisson noise only"]])
-    scale = ideal.max() / theory(method, velocity).max()
 
     def draw(canvas: Canvas) -> None:
         axes = canvas.subplots()
-        fine = np.linspace(0, velocity[-1], 201)
-        curve = scale * theory(method, fine)
-        axes.plot(fine, curve, "--", color=BLACK, lw=1.6, label="theoretical, sinusoid")
-        axes.plot(velocity, ideal, "-", color=GREEN, lw=1.6, label="edge without noise")
-        styles = (("o", BLUE, -0.1), ("s", ORANGE, 0.1))
-        for (label, each), (marker, color, shift) in zip(statistics.items(), styles, strict=True):
-            axes.errorbar(
-                velocity + shift,
-                each["mean"],
-                each["sigma"],
-                fmt=marker,
-                color=color,
-                capsize=3,
-                lw=1.4,
-                label=f"{label}, mean SNR {mean_snr_db(found[label]):.1f} dB",
-            )
-        axes.set(xlabel="Image velocity (pixels/frame)", ylim=(0, None))
-        axes.set_ylabel(f"Peak response ({UNITS[method]})")
-        axes.legend(loc="lower right")
+        snr_db = {label: mean_snr_db(over_speeds) for label, over_speeds in found.items()}
+        draw_peaks(axes, method, velocity, ideal, found, snr_db)
+        axes.set(xlabel="Image velocity (pixels/frame)")
 
     number = name.removeprefix("fig-")
     return Figure(
@@ -90,18 +75,59 @@ def _figure(name: str, method: str) -> Figure:
         numbers={
             "speed_mm_s": np.array(SPEEDS_MM_S, float),
             "velocity_px_per_frame": velocity,
-            "theoretical": scale * theory(method, velocity),
+            "theoretical": theory_scale(method, velocity, ideal) * theory(method, velocity),
             "without_noise": ideal,
-            **{
-                f"{csv_name(label)}_{what}": values
-                for label, each in statistics.items()
-                for what, values in each.items()
-            },
+            **statistics_columns(found),
         },
     )
 
 
-def _statistics(over_speeds: list[Peaks]) -> dict[str, Floats]:
+def theory_scale(method: str, velocity: Floats, ideal: Floats) -> float:
+    """Factor that makes the theoretical curve as high as the peaks without noise."""
+    return float(ideal.max() / theory(method, velocity).max())
+
+
+def draw_peaks(
+    axes: Axes,
+    method: str,
+    velocity: Floats,
+    ideal: Floats,
+    found: Mapping[str, Sequence[Peaks]],
+    snr_db: Mapping[str, float],
+) -> None:
+    """Draw peak responses with their standard deviations over velocity, and what they should be."""
+    fine = np.linspace(0, velocity[-1], 201)
+    curve = theory_scale(method, velocity, ideal) * theory(method, fine)
+    axes.plot(fine, curve, "--", color=BLACK, lw=1.6, label="theoretical, sinusoid")
+    axes.plot(velocity, ideal, "-", color=GREEN, lw=1.6, label="edge without noise")
+    styles = (("o", BLUE, -0.1), ("s", ORANGE, 0.1))
+    for (label, over_speeds), (marker, color, shift) in zip(found.items(), styles, strict=True):
+        each = _statistics(over_speeds)
+        axes.errorbar(
+            velocity + shift,
+            each["mean"],
+            each["sigma"],
+            fmt=marker,
+            color=color,
+            capsize=3,
+            lw=1.4,
+            label=f"{label}, mean SNR {snr_db[label]:.1f} dB",
+        )
+    axes.set_ylim(0, None)
+    axes.set_ylabel(f"Peak response ({UNITS[method]})")
+    axes.legend(loc="lower right")
+
+
+def statistics_columns(found: Mapping[str, Sequence[Peaks]]) -> dict[str, Floats]:
+    """Mean, σ and SNR of peaks at every speed, by the names of their columns."""
+    return {
+        f"{csv_name(label)}_{what}": values
+        for label, over_speeds in found.items()
+        for what, values in _statistics(over_speeds).items()
+    }
+
+
+def _statistics(over_speeds: Sequence[Peaks]) -> dict[str, Floats]:
     return {
         "mean": np.array([each.mean for each in over_speeds]),
         "sigma": np.array([each.deviation for each in over_speeds]),

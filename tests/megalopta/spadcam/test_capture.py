@@ -151,20 +151,47 @@ def test_unplugging_ten_times_loses_no_logged_byte(emulated, tmp_path):
     assert [event.packet for event in events if isinstance(event, Arrived)] == decoded
 
 
-def test_a_capture_goes_on_when_the_camera_is_back(emulated, tmp_path):
-    with emulated(Faults(unplug_every_s=2, unplug_s=0.2)) as camera:
-        recording = recorded(camera, tmp_path / "a", wanted(500))
-    connections = recording.settings.connections
-    assert len(connections) >= 2 and recording.settings.gaps >= len(connections) - 1
-    ends = [each.first_frame for each in connections[1:]] + [500]
-    for connection, end in zip(connections, ends, strict=True):
-        numbers = recording.sequence_number[connection.first_frame : end].astype(int)
-        assert (np.diff(numbers) > 0).all()
+def test_a_command_to_a_port_that_is_being_closed_is_sent_again(emulated, tmp_path, monkeypatch):
+    write, closing = serial.Serial.write, [TypeError("'NoneType' object")]
+
+    def failing_once(port, data):
+        if closing:
+            raise closing.pop()
+        return write(port, data)
+
+    monkeypatch.setattr(serial.Serial, "write", failing_once)
+    with emulated() as camera, Link(camera.find, tmp_path / "raw.bin") as link:
+        assert link.identity().serial_number == "EMULATED"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "unpluggings"), [(5, 1), pytest.param(45, 10, marks=pytest.mark.slow)]
+)
+def test_a_capture_goes_on_when_the_camera_is_back(emulated, tmp_path, seconds, unpluggings):
+    with emulated(Faults(unplug_every_s=2.5, unplug_s=0.2)) as camera:
+        recording = recorded(camera, tmp_path / "a", wanted(seconds=seconds))
+    settings, adc = recording.settings, recording.adc[:]
+    connections = settings.connections
+    assert len(connections) > unpluggings and settings.gaps >= len(connections) - 1
     assert (np.diff(recording.times_s) > 0).all()
-    logged = {(each.sequence, each.payload) for each in raw_frames(tmp_path / "a")}
-    adc = recording.adc[:]
-    for number, samples in zip(recording.sequence_number, adc, strict=True):
-        assert (number, samples.tobytes()) in logged
+    raw = (tmp_path / "a" / "raw.bin").read_bytes()
+    firsts = [each.first_frame for each in connections] + [len(recording)]
+    offsets = [each.raw_offset for each in connections] + [len(raw)]
+    for place in range(len(connections)):
+        frames = slice(*firsts[place : place + 2])
+        taken = list(map(int, recording.sequence_number[frames]))
+        if not taken:  # unplugged before it was set, or stopped
+            continue
+        # All that was logged is there, from the first frame with these settings on.
+        logged = {
+            packet.sequence: samples_of(packet)
+            for packet in frames_in(raw[slice(*offsets[place : place + 2])])
+            if taken[0] <= packet.sequence <= taken[-1]
+        }
+        is_last = place == len(connections) - 1
+        assert taken == sorted(logged)
+        assert is_last or taken[-1] == frames_in(raw[: offsets[place + 1]])[-1].sequence
+        np.testing.assert_array_equal(adc[frames], [logged[number] for number in taken])
 
 
 def test_1000_frames_a_second(emulated, tmp_path):
@@ -216,13 +243,19 @@ def command(*words):
             process.kill()
 
 
-def test_a_killed_capture_leaves_a_recording_that_opens(emulated, until, tmp_path):
+TIMES_S = [0.0, *(pytest.param(tenth / 10, marks=pytest.mark.slow) for tenth in range(1, 10))]
+
+
+@pytest.mark.parametrize("later_s", TIMES_S)
+def test_a_killed_capture_leaves_a_recording_that_opens(emulated, until, tmp_path, later_s):
     out = tmp_path / "a"
     with emulated() as camera:
         words = ["--port", camera.find(), "--out", out, "--kind", "dark", "--rate", 100]
         with command("capture", *words, "--exposure", 0.01) as running:
             until(lambda: (out / "recording.yaml").exists() and len(open_recording(out)) > 50)
+            time.sleep(later_s)  # it writes once a second
             running.kill()
+            assert running.wait(60) == -signal.SIGKILL
     recording = open_recording(out)
     assert len(recording) > 50 and recording.kind == "dark" and not recording.settings.finished
     logged = {packet.sequence: packet for packet in raw_frames(out)}

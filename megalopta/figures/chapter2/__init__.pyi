@@ -1,0 +1,3 @@
+from .recorded import reproduce_captured
+
+__all__ = ["reproduce_captured"]

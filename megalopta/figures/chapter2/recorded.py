@@ -1,0 +1,103 @@
+"""`megalopta spadcam figures`: recordings of the plate into figures 2.14 to 2.19."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.calibration import Source, read_recorded
+from megalopta.comparison import captured_frames
+from megalopta.errors import UserError
+from megalopta.experiments import FRAME_RATE_HZ, cut_passages, cut_rest
+from megalopta.figures import write_figure
+from megalopta.figures.chapter2.captured import captured_figures
+from megalopta.folders import ensure_directory
+from megalopta.progress import working
+from megalopta.sensor import Sensor, changed, load_sensor
+from megalopta.spadcam import Recording, open_recording
+
+
+def reproduce_captured(
+    sources: Sequence[Source], out: Path, device: Path | None = None
+) -> Iterator[Path]:
+    """Draw figures 2.14 to 2.19 from recordings beside those simulated; yield their files' paths.
+
+    Parameters
+    ----------
+    sources : sequence of Source
+        Recordings of the plate, with its speed (mm/s) in place of the light; several of one speed
+        are taken together.
+    out : Path
+        Made if it does not exist; files of the same name are replaced, each as a whole.
+    device : Path, optional
+        Device file that simulates, and whose steps turn codes into counts; by default the nominal
+        sensor of the recordings, through the nominal step.
+
+    Raises
+    ------
+    UserError
+        When device or recordings cannot be read, or show no passages; nothing is written then.
+    """
+    if not any(source.light > 0 for source in sources):
+        raise UserError(
+            "figures: only a plate at rest; give recordings with its speed, such as a@5"
+        )
+    opened = [_opened(source.path) for source in sources]
+    sensor = _sensor(opened, device)
+    cut: dict[float, list[NDArray[Any]]] = {}
+    for source, recording in zip(sources, opened, strict=True):
+        counts = _counts(source, recording, sensor if device else None)
+        cut.setdefault(source.light, []).append(_cut(source, counts))
+    captured = {speed: np.concatenate(parts) for speed, parts in cut.items()}
+    ensure_directory(out)
+    with working("figures"):
+        for figure in captured_figures(captured, sensor):
+            yield from write_figure(figure, out)
+
+
+def _opened(path: Path) -> Recording:
+    try:
+        recording = open_recording(path)
+    except (OSError, ValueError) as problem:
+        raise UserError(str(problem)) from problem
+    settings = recording.settings
+    timing = settings.frame_rate_hz * np.array([1, settings.exposure_s])
+    if not np.allclose(timing, (FRAME_RATE_HZ, 1), rtol=0.01):
+        raise UserError(
+            f"{path}: {settings.frame_rate_hz:g} frames/s of {settings.exposure_s:g} s; capture "
+            f"with --rate {FRAME_RATE_HZ:g} --exposure {1 / FRAME_RATE_HZ:g}"
+        )
+    if (np.diff(recording.sequence_number.astype(np.int64)) != 1).any():
+        raise UserError(f"{path}: frames are missing in between; record it again")
+    return recording
+
+
+def _sensor(opened: Sequence[Recording], device: Path | None) -> Sensor:
+    first, *others = opened
+    for other in others:
+        if other.sensor != first.sensor:
+            raise UserError(
+                f"{other.path}: another sensor or step than in {first.path}; give recordings with "
+                "the same settings"
+            )
+    if device is None:
+        return changed(first.sensor, counter={"calibrated": False})
+    try:
+        return changed(load_sensor(device), exposure_s=first.exposure_s)
+    except (OSError, ValueError) as problem:
+        raise UserError(f"--device: {problem}") from problem
+
+
+def _counts(source: Source, recording: Recording, device: Sensor | None) -> NDArray[Any]:
+    if device is None:
+        return np.asarray(recording.counts[:])
+    return captured_frames(read_recorded(source), device, 0.0).counts
+
+
+def _cut(source: Source, counts: NDArray[Any]) -> NDArray[Any]:
+    try:
+        return cut_passages(counts) if source.light else cut_rest(counts)
+    except ValueError as problem:
+        raise UserError(f"{source.path}: {problem}") from problem
