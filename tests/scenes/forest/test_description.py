@@ -22,7 +22,7 @@ FOREST = Forest(seed=11)
 PATH = np.stack([np.linspace(-1, 4, 11), np.linspace(0, 1, 11)], axis=-1)
 EYE_M = 1.5
 TINY = Forest(
-    trees=6, density_per_ha=300, mix={"birch": 1, "spruce": 1}, undergrowth=0.02, detail=0.05
+    trees=8, density_per_ha=80, mix={"birch": 1, "spruce": 1}, undergrowth=0.02, detail=0.05
 )
 SMALL = Forest(
     seed=0,
