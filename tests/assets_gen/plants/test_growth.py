@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from megalopta.assets_gen.plants.growth import grow_plant, simplified
 from megalopta.assets_gen.plants.skeleton import axes
@@ -55,7 +56,7 @@ def test_every_leaf_is_attached_to_a_bearing_twig(plant):
     share = np.linspace(0, 1, 60)[:, None]
     along = (axes[:, :-1, None] + share * np.diff(axes, axis=1)[:, :, None]).reshape(-1, 3)
     base = plant.leaves.vertices[::4][::7]
-    gap = np.array([np.linalg.norm(along - b, axis=1).min() for b in base])
+    gap, _ = cKDTree(along).query(base)
     # internodes are at most 0.7 m: samples are 12 mm apart
     assert gap.max() < 0.007
 
@@ -66,10 +67,9 @@ def test_the_plant_has_its_height_and_stands_in_the_ground(kind, plant):
     assert plant.wood.vertices[:, 2].min() < -0.3
 
 
-@pytest.mark.parametrize("tree", TREES)
-def test_leaf_area_makes_a_light_closed_stand(tree):
+def test_leaf_area_makes_a_light_closed_stand(kind, plant):
     # leaf area index 1 to 3 at the default 550 trees per hectare
-    assert 1 < grow(WOODY[tree]).leaves.to_mesh().area * 550 / 1e4 < 3
+    assert kind not in TREES or 1 < plant.leaves.to_mesh().area * 550 / 1e4 < 3
 
 
 def test_thin_tubes_of_three_sides_are_as_wide_on_average_as_the_branch_they_stand_for(plant):

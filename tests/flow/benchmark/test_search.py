@@ -50,7 +50,7 @@ def test_intensity_of_a_flat_image_meets_the_closed_form(size, bits, expected):
 def test_search_finds_the_crossing_of_the_full_lattice(name):
     # Other frames, other draws, warmed up with noise instead of clean frames: the standard errors
     # of 251 frames and of 40 are below 4 % (BM) and 1 % (others); phases differ by 5 to 12 %.
-    # Of the lattice, what lies within a factor of three: a crossing elsewhere is none here.
+    # Of the lattice, what lies within a factor of 1.6: a crossing elsewhere is none here.
     stimulus = grating(cycles=5, velocity=5)
     (searched,) = fluxes(found(stimulus, name))
     settings = BenchmarkSettings(
@@ -58,8 +58,8 @@ def test_search_finds_the_crossing_of_the_full_lattice(name):
         metrics=("literal",),
         bits=(2,),
         repeats=2,
-        flux_min=searched / 3,
-        flux_max=searched * 3,
+        flux_min=searched / 1.6,
+        flux_max=searched * 1.6,
         fluxes_per_decade=8,
     )
     frames = np.stack([np.roll(stimulus.template, 5 * t, axis=1) for t in range(281)])
@@ -68,7 +68,9 @@ def test_search_finds_the_crossing_of_the_full_lattice(name):
 
 
 @pytest.mark.parametrize("velocity", [5, pytest.param(9, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", ["BM", "IIA", "NDS"])
+@pytest.mark.parametrize(
+    "name", ["IIA", *(pytest.param(n, marks=pytest.mark.slow) for n in ("BM", "NDS"))]
+)
 def test_bends_between_coarse_fluxes_do_not_move_thresholds(name, velocity):
     # All of 16 fluxes per decade on the same draws, averaged over eight seeds. Those of BM spread
     # by 3 %: their mean to 1 %, a quarter of the tolerance; half decades would miss 7 and 12 %.
@@ -156,15 +158,15 @@ def test_results_do_not_depend_on_the_company_of_methods():
 
 
 def test_interval_holds_the_truth_as_often_as_promised():
-    # 60 seeds at 95 %: fewer than 45 have a probability of 3e-8.
+    # 40 seeds at 95 %: fewer than 29 have a probability of 4e-7.
     # The truth is the median of all; its own error is a sixth of that of one.
     stimulus = grating(cycles=6)
     thresholds = [
         found(stimulus, "NDS", seed=seed, flux_min=1e4, flux_max=1e7)[0].thresholds[2]
-        for seed in range(60)
+        for seed in range(40)
     ]
     truth = np.median([each.flux for each in thresholds])
-    assert sum(each.low <= truth <= each.high for each in thresholds) >= 45
+    assert sum(each.low <= truth <= each.high for each in thresholds) >= 29
 
 
 @pytest.mark.parametrize("name", ["BM", "EMD", "NDS"])

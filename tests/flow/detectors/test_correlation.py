@@ -145,12 +145,12 @@ def test_filters_that_take_each_frame_alone_remember_one():
 
 @pytest.mark.parametrize("detector", DETECTORS)
 def test_noise_reaches_its_strength_within_the_memory_of_its_power(detector):
-    # mean |response| to noise on a still scene, after clean frames: the mean of 4e5 pixels, whose
-    # neighbors share noise, is known to 0.3 %; four of that and the 1 % that may be missing
+    # mean |response| to noise on a still scene, after clean frames: the mean of 1.6e5 pixels, whose
+    # neighbors share noise, is known to 0.5 %; four of that and the 1 % that may be missing
     rng = np.random.default_rng(4)
-    respond = detector.start((640, 640))
-    respond(np.full((2, 640, 640), 100.0), 1.0)
-    frames = rng.poisson(100.0, (3 * detector.memory_frames, 640, 640))
+    respond = detector.start((400, 400))
+    respond(np.full((2, 400, 400), 100.0), 1.0)
+    frames = rng.poisson(100.0, (3 * detector.memory_frames, 400, 400))
     strength = np.nanmean(np.abs(respond(frames, 1.0)), axis=(1, 2))
     early, late = strength[detector.noise_memory_frames], strength[-4:].mean()
-    assert early == pytest.approx(late, rel=0.022)
+    assert early == pytest.approx(late, rel=0.03)

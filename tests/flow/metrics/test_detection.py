@@ -89,7 +89,17 @@ def settled(detector, velocity):
     return detector.respond(frames)[detector.memory_frames :]
 
 
-@pytest.mark.parametrize("name", [name for name in METHODS if name != "IM"])
+def methods_but(*names):
+    """Names of the others; the dear ones, whose velocities have a test of their own, are slow."""
+    dear = ("TV-L1", "PC")
+    return [
+        pytest.param(name, marks=[pytest.mark.slow] if name in dear else [])
+        for name in METHODS
+        if name not in names
+    ]
+
+
+@pytest.mark.parametrize("name", methods_but("IM"))
 def test_noise_free_motion_exceeds_standstill_in_nearly_all_blocks(name):
     detector = METHODS[name]
     moving, still = (
@@ -100,7 +110,7 @@ def test_noise_free_motion_exceeds_standstill_in_nearly_all_blocks(name):
     assert roc_auc(still, moving) > 0.95
 
 
-@pytest.mark.parametrize("name", [name for name in METHODS if name not in ("NDM", "NDS", "IM")])
+@pytest.mark.parametrize("name", methods_but("NDM", "NDS", "IM"))
 def test_direction_is_told_by_the_sign(name):
     detector = METHODS[name]
     right, left = (

@@ -63,10 +63,10 @@ def test_many_curves_at_once_cross_as_each_alone():
 
 @pytest.mark.parametrize("repeats", [2, 4, 10])
 def test_interval_covers_the_truth_as_often_as_it_promises(repeats):
-    # 95 % of 600 trials have a standard deviation of 0.9 %; below 90.5 % is 5 of them off. Few
-    # repeats may cover more often, never less.
+    # 95 % of 300 trials have a standard deviation of 1.3 %; below 88.5 % is 5 of them off. Few
+    # repeats may cover more often, never less; all of 300 have a probability of 2e-7 at 95 %.
     rng = np.random.default_rng(0)
-    true_flux, covered, trials = 3.7e5, 0, 600
+    true_flux, covered, trials = 3.7e5, 0, 300
     truth = 0.25 * (FLUXES / true_flux) ** -0.5
     for trial in range(trials):
         draws = truth * (1 + 0.05 * rng.normal(size=(repeats, FLUXES.size)))
@@ -74,9 +74,9 @@ def test_interval_covers_the_truth_as_often_as_it_promises(repeats):
         found = crossing(draws.mean(axis=0), 0.25, standard_errors, repeats - 1, seed=trial)
         low, high = found.low or 0, found.high or np.inf
         covered += low <= true_flux <= high
-    assert covered / trials > 0.905
+    assert covered / trials > 0.885
     if repeats == 10:
-        assert covered / trials < 0.995
+        assert covered / trials < 1
 
 
 def test_interval_that_leaves_the_curve_is_open():

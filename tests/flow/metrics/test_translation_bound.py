@@ -46,7 +46,7 @@ def test_maximum_likelihood_with_known_texture_reaches_the_bound():
     )
     bound = cramer_rao_covariance(fisher_information(full, GRID)[1, 1])
     rng = np.random.default_rng(5)
-    draws = 2000
+    draws = 800
     places = np.zeros((draws, 2, 2))
     for place in places.reshape(-1, 2):
         counts = rng.poisson(texture()[0])
@@ -56,12 +56,12 @@ def test_maximum_likelihood_with_known_texture_reaches_the_bound():
             place += np.linalg.solve(np.einsum("iyx,jyx->ij", slope, slope / value), score)
     velocities = places[:, 1] - places[:, 0]
     measured = np.cov(velocities.T)
-    # A variance from 2000 draws is off by √(2/2000) = 3 %: 5.5 of those. A bound of one noisy
+    # A variance from 800 draws is off by √(2/800) = 5 %: 5.5 of those. A bound of one noisy
     # frame would be off by a factor of 2.
-    np.testing.assert_allclose(np.diag(measured), np.diag(bound), rtol=0.17)
+    np.testing.assert_allclose(np.diag(measured), np.diag(bound), rtol=0.275)
     correlation = bound[0, 1] / np.sqrt(bound[0, 0] * bound[1, 1])
     assert measured[0, 1] / np.sqrt(measured[0, 0] * measured[1, 1]) == pytest.approx(
-        correlation, abs=0.13
+        correlation, abs=0.2
     )
 
 

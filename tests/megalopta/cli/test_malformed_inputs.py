@@ -372,16 +372,22 @@ FAMILIES = {
     device: 25,
     recording: 15,
 }
-CASES = [(make, seed) for make, number in FAMILIES.items() for seed in range(number)]
+FAST = 8
+"""Cases of each family that the gate runs"""
+CASES = [
+    pytest.param(
+        make, seed, id=f"{make.__name__}-{seed}", marks=[pytest.mark.slow] if seed >= FAST else []
+    )
+    for make, number in FAMILIES.items()
+    for seed in range(number)
+]
 
 
 def test_there_are_three_hundred_cases():
     assert len(CASES) >= 300
 
 
-@pytest.mark.parametrize(
-    ("make", "seed"), CASES, ids=[f"{make.__name__}-{seed}" for make, seed in CASES]
-)
+@pytest.mark.parametrize(("make", "seed"), CASES)
 def test_malformed_input_gets_one_sentence_and_loses_nothing(
     datasets, tmp_path, monkeypatch, capsys, make, seed
 ):

@@ -21,6 +21,9 @@ from megalopta.scenes.forest.undergrowth import LAYERS
 FOREST = Forest(seed=11)
 PATH = np.stack([np.linspace(-1, 4, 11), np.linspace(0, 1, 11)], axis=-1)
 EYE_M = 1.5
+TINY = Forest(
+    trees=8, density_per_ha=80, mix={"birch": 1, "spruce": 1}, undergrowth=0.02, detail=0.05
+)
 SMALL = Forest(
     seed=0,
     trees=40,
@@ -34,11 +37,6 @@ SMALL = Forest(
 @pytest.fixture(scope="module")
 def scene():
     return build_forest(FOREST, PATH)
-
-
-@pytest.fixture(scope="module")
-def small_digest():
-    return digest(build_forest(SMALL, PATH))
 
 
 @pytest.fixture(scope="module")
@@ -72,16 +70,17 @@ def digest(scene):
     return content.hexdigest()
 
 
-def test_same_seed_gives_the_same_bytes_in_another_process(small_digest):
+@pytest.mark.parametrize("name", ["TINY", pytest.param("SMALL", marks=pytest.mark.slow)])
+def test_same_seed_gives_the_same_bytes_in_another_process(name):
     code = (
         "import sys; sys.path.insert(0, 'tests/scenes/forest'); import test_description as t;"
-        "print(t.digest(t.build_forest(t.SMALL, t.PATH)))"
+        f"print(t.digest(t.build_forest(t.{name}, t.PATH)))"
     )
     environment = os.environ | {"PYTHONHASHSEED": "4711", "OMP_NUM_THREADS": "1"}
     other = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment
     )
-    assert other.stdout.strip() == small_digest
+    assert other.stdout.strip() == digest(build_forest(globals()[name], PATH))
 
 
 def test_another_seed_gives_other_places_trees_and_bark():
@@ -256,7 +255,8 @@ def test_presets_set_what_is_not_given(name):
     ["open", *(pytest.param(name, marks=pytest.mark.slow) for name in PRESETS if name != "open")],
 )
 def test_presets_grow_what_they_name(name):
-    forest = Forest(preset=name, undergrowth=0.1, detail=0.1)
+    # as many trees as will have every kind of the mix among them
+    forest = Forest(preset=name, trees=40, undergrowth=0.02, detail=0.05)
     scene = build_forest(forest, PATH)
     kinds = Counter(placement.kind for placement in scene.placements)
     assert {kind for kind in kinds if kind in TREES} == forest.mix.keys()
@@ -282,7 +282,7 @@ def test_the_size_of_a_forest_is_foreseen(scene, forest):
 
 
 def test_without_undergrowth_around_one_place_only_one_species_and_the_belt_are_left():
-    forest = SMALL.model_copy(update={"mix": {"birch": 2.0}, "undergrowth": 0.0})
+    forest = TINY.model_copy(update={"mix": {"birch": 2.0}, "undergrowth": 0.0})
     bare = build_forest(forest, [[3.0, -2.0]])
     assert {placement.kind for placement in bare.placements} == {"ground", "birch", *THICKET}
 

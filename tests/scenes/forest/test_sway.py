@@ -6,7 +6,7 @@ from megalopta.scenes.forest.flora import BUSHES, TREES
 from megalopta.scenes.forest.sway import FREQUENCY_SPREAD, FREQUENCY_TIMES_HEIGHT, Sway, Wind
 
 STAND = Forest(
-    trees=12, density_per_ha=300, mix={"birch": 1, "spruce": 1}, undergrowth=0.02, detail=0.1
+    trees=8, density_per_ha=80, mix={"birch": 1, "spruce": 1}, undergrowth=0.02, detail=0.05
 )
 PATH = [[0.0, 0.0], [2.0, 0.0]]
 TREE = Sway((3.0, 4.0, 1.0), 20.0, (0.0, 1.0), 0.3, 0.31, (0.4, 1.1))

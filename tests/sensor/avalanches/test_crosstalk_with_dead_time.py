@@ -9,7 +9,7 @@ from megalopta.sensor.effects import AvalancheEffects, Crosstalk, DeadTime
 from megalopta.sensor.sampling import generator
 from megalopta.sensor.selfcheck.comparison import two_sample_z
 
-TAU_S, EXPOSURE_S, RATE_HZ, EXPOSURES = 1e-6, 2e-5, 8e5, 2000
+TAU_S, EXPOSURE_S, RATE_HZ, EXPOSURES = 1e-6, 2e-5, 8e5, 1000
 
 
 def effects(kind, fired, neighbors=4):
@@ -84,7 +84,7 @@ def test_dark_neighbor_of_a_bright_pixel_counts_its_share_of_the_avalanches(kind
     chance, rates = 0.15, np.array([[2 * RATE_HZ, 0.0]])
     rng, parts = generator(2, kind), effects(kind, 4 * chance)
     bright, dark = np.array(
-        [simulate_counts(rng, rates, EXPOSURE_S, parts)[0] for _ in range(20_000)]
+        [simulate_counts(rng, rates, EXPOSURE_S, parts)[0] for _ in range(8000)]
     ).T
     expected, variance = chance * bright.sum(), chance * (1 - chance) * bright.sum()
     assert abs(dark.sum() - expected) < 5 * variance**0.5  # false alarm 6e-7

@@ -11,8 +11,15 @@ from .devices import adc_of, device, levels_of
 
 SENSOR = device(seed=2)
 ADC = adc_of(SENSOR)
-LEVELS = levels_of(SENSOR, frames=60, shape=(6, 6))
-DARK = [level for level in LEVELS if level.is_dark]
+
+
+@pytest.fixture(scope="module")
+def recordings():
+    return levels_of(SENSOR, frames=60, shape=(6, 6))
+
+
+def dark(levels):
+    return [level for level in levels if level.is_dark]
 
 
 def drifting(level):
@@ -22,17 +29,29 @@ def drifting(level):
 
 
 @pytest.mark.parametrize(
-    ("levels", "words"),
+    ("change", "words"),
     [
-        ([replace(level, codes=level.codes[:20]) for level in LEVELS], "20 frames"),
-        ([level for level in LEVELS if not level.is_dark], "dark frames of 0 exposures"),
-        ([replace(level, codes=0 * level.codes + 80) for level in LEVELS], "saturated"),
-        ([*DARK, replace(DARK[0], light_hz=1e7)], "no brighter than the dark"),
-        ([drifting(LEVELS[0]), *LEVELS[1:]], "drifts"),
-        ([*DARK, replace(DARK[0], codes=DARK[0].codes[:, :3])], "pixels"),
+        (lambda levels: [replace(level, codes=level.codes[:20]) for level in levels], "20 frames"),
+        (
+            lambda levels: [level for level in levels if not level.is_dark],
+            "dark frames of 0 exposures",
+        ),
+        (
+            lambda levels: [replace(level, codes=0 * level.codes + 80) for level in levels],
+            "saturated",
+        ),
+        (
+            lambda levels: [*dark(levels), replace(levels[0], light_hz=1e7)],
+            "no brighter than the dark",
+        ),
+        (lambda levels: [drifting(levels[0]), *levels[1:]], "drifts"),
+        (
+            lambda levels: [*dark(levels), replace(levels[0], codes=levels[0].codes[:, :3])],
+            "pixels",
+        ),
     ],
     ids=["few frames", "no dark", "saturated", "no light", "drifting", "shapes"],
 )
-def test_refusals(levels, words):
+def test_refusals(recordings, change, words):
     with pytest.raises(ValueError, match=words):
-        calibrate_device(levels, ADC)
+        calibrate_device(change(recordings), ADC)

@@ -19,9 +19,18 @@ from megalopta.sensor.effects import bias
 from megalopta.sensor.optics import falloff, pixels
 from megalopta.sensor.readout import binary
 from megalopta.sensor.sampling import generator
-from megalopta.sensor.selfcheck import counting as check_counting, ctia_bias as check_ctia_bias
+from megalopta.sensor.selfcheck import (
+    combinations,
+    counting as check_counting,
+    ctia_bias as check_ctia_bias,
+)
 from megalopta.sensor.selfcheck.all import EFFECT_CHECKS
 from megalopta.sensor.selfcheck.binary import check_gated_bits
+from megalopta.sensor.selfcheck.combinations import (
+    check_combinations,
+    check_maps,
+    check_running_frames,
+)
 from megalopta.sensor.selfcheck.comparison import (
     Row,
     exact_row,
@@ -44,8 +53,25 @@ def name_of(check):
     return check.args[0] if isinstance(check, partial) else check.__name__
 
 
-@pytest.mark.parametrize("check", EFFECT_CHECKS, ids=name_of)
+FRAME_BY_FRAME = (check_combinations, check_maps, check_running_frames)
+"""Frames are drawn one by one, so that their number is what these cost."""
+
+
+@pytest.mark.parametrize(
+    "check",
+    [
+        pytest.param(check, marks=[pytest.mark.slow] if check in FRAME_BY_FRAME else [])
+        for check in EFFECT_CHECKS
+    ],
+    ids=name_of,
+)
 def test_effects_agree_with_theory(check):
+    assert [row for row in check() if not row.passed] == []
+
+
+@pytest.mark.parametrize("check", FRAME_BY_FRAME, ids=name_of)
+def test_combinations_agree_with_brute_force_on_fewer_frames(monkeypatch, check):
+    monkeypatch.setattr(combinations, "FRAMES", 800)
     assert [row for row in check() if not row.passed] == []
 
 
