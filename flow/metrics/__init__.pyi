@@ -1,4 +1,5 @@
 from .curve import ErrorCurve, error_curve
+from .dense_error import GROUPS, DenseError, DenseErrors
 from .detection import Roc, d_prime, false_alarm_rate, motion_evidence, rightward_evidence, roc
 from .efficiency import (
     bound_photons,
@@ -19,9 +20,12 @@ from .translation_bound import (
 
 __all__ = [
     "FAST_PX",
+    "GROUPS",
     "METRICS",
     "OCCLUDED_SHARE",
     "SLOW_PX",
+    "DenseError",
+    "DenseErrors",
     "ErrorCurve",
     "ErrorSums",
     "Metric",
