@@ -121,20 +121,34 @@ def _refined(t: FloatArray, d: FloatArray, e: FloatArray) -> tuple[FloatArray, F
         # two directions across t, in which it may move
         sideways = np.linalg.svd(t[np.newaxis])[2][1:]
 
-        def unpacked(
-            parameters: FloatArray, t: FloatArray = t, sideways: FloatArray = sideways
-        ) -> tuple[FloatArray, FloatArray]:
-            moved = t + parameters[:2] @ sideways
-            return moved / np.linalg.norm(moved), parameters[2:]
-
         found = least_squares(
-            lambda parameters, noise=noise: _across(*unpacked(parameters), d, e) / noise,
+            _scaled_residuals,
             np.concatenate(([0.0, 0.0], turn)),
             loss="cauchy",
             f_scale=_CAUCHY,
+            args=(t, sideways, d, e, noise),
         )
-        t, turn = unpacked(found.x)
+        t, turn = _near(t, sideways, found.x)
     return t, turn, float(np.median(np.abs(_across(t, turn, d, e))))
+
+
+def _near(
+    t: FloatArray, sideways: FloatArray, parameters: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Heading moved sideways from t, and rotation vector."""
+    moved = t + parameters[:2] @ sideways
+    return moved / np.linalg.norm(moved), parameters[2:]
+
+
+def _scaled_residuals(
+    parameters: FloatArray,
+    t: FloatArray,
+    sideways: FloatArray,
+    d: FloatArray,
+    e: FloatArray,
+    noise: float,
+) -> FloatArray:
+    return _across(*_near(t, sideways, parameters), d, e) / noise
 
 
 def _sign(t: FloatArray, turn: FloatArray, d: FloatArray, e: FloatArray) -> int:

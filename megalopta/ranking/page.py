@@ -39,8 +39,8 @@ def write_ranking(folder: Path, ranking: Ranking, datasets: Sequence[Dataset], k
         Section(
             "What was measured",
             f"{len(datasets)} sequence{'s'[: len(datasets) > 1]}, {frames} frames, perfect pixels. "
-            "Errors are those of blocks against the true motion, in px of the full image per frame; a block without "
-            "an answer counts as one that answered 0. Bands hold the mean in 95 % of cases, over "
+            "Errors are those of blocks against the true motion, in px of the full image per frame; "
+            "a block without an answer counts as one that answered 0. Bands hold the mean in 95 % of cases, over "
             f"pairs of frames. Speed is low below {SPEEDS_PX[0]:g} px and high above "
             f"{SPEEDS_PX[1]:g} px; parallax, what is left of the motion without the camera's "
             f"rotation, below {PARALLAX_PX[0]:g} and above {PARALLAX_PX[1]:g} px; distance below "
