@@ -1,2 +1,12 @@
-from .wide_field import WideField as WideField, fit_wide_field as fit_wide_field
-from .yaw_rate import YawRateTest as YawRateTest, yaw_rates_deg_s as yaw_rates_deg_s
+from .heading import (
+    CameraMotion as CameraMotion,
+    camera_motion as camera_motion,
+)
+from .wide_field import (
+    WideField as WideField,
+    fit_wide_field as fit_wide_field,
+)
+from .yaw_rate import (
+    YawRateTest as YawRateTest,
+    yaw_rates_deg_s as yaw_rates_deg_s,
+)

@@ -1,4 +1,12 @@
-from .curve import ErrorCurve as ErrorCurve, error_curve as error_curve
+from .curve import (
+    ErrorCurve as ErrorCurve,
+    error_curve as error_curve,
+)
+from .dense_error import (
+    GROUPS as GROUPS,
+    DenseError as DenseError,
+    DenseErrors as DenseErrors,
+)
 from .detection import (
     Roc as Roc,
     d_prime as d_prime,
@@ -20,7 +28,10 @@ from .endpoint_error import (
     block_share as block_share,
     truth_error as truth_error,
 )
-from .photon_threshold import Threshold as Threshold, format_flux as format_flux
+from .photon_threshold import (
+    Threshold as Threshold,
+    format_flux as format_flux,
+)
 from .response_error import (
     METRICS as METRICS,
     ErrorSums as ErrorSums,

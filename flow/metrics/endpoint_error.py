@@ -166,7 +166,7 @@ def truth_error(
         missing_fraction=_mean(~given),
         endpoint_error_px=_mean(endpoint),
         endpoint_error_median_px=_median(endpoint),
-        angular_error_deg=_mean(_angles_deg(answer[given], truth[given])),
+        angular_error_deg=_mean(angles_deg(answer[given], truth[given])),
         bias_px=(_mean(difference[:, 0]), _mean(difference[:, 1])),
         spread_px=(_spread(difference[:, 0]), _spread(difference[:, 1])),
         relative_error_median=_median(relative),
@@ -196,7 +196,8 @@ def _relative_errors(answer: FloatArray, truth: FloatArray) -> FloatArray:
     return np.where(np.isnan(relative), 1.0, relative)
 
 
-def _angles_deg(first: FloatArray, second: FloatArray) -> FloatArray:
+def angles_deg(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Return the angles between (v_x, v_y, 1) of two lists of velocities (n, 2)."""
     a, b = (np.column_stack((each, np.ones(len(each)))) for each in (first, second))
     cross = np.linalg.norm(np.cross(a, b), axis=1)
     return np.asarray(np.degrees(np.arctan2(cross, np.sum(a * b, axis=1))))

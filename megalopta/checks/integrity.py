@@ -100,7 +100,8 @@ def _shape_of_counts(store: Path) -> tuple[int, ...] | None:
 
 def _again(dataset: Dataset, stage: str, whole: Path) -> str:
     root = dataset.root
-    command = f"{stage} {root} --out {root}" if stage == "render" else f"{stage} {root}"
+    out = f" --out {root}" if stage == "render" else ""
+    command = f"{STAGES[stage].command} {root}{out}"
     remove = f"remove {whole} and " if whole.exists() else ""
     return f"{remove}run: megalopta {command}"
 

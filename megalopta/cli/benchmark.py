@@ -1,10 +1,8 @@
-"""`megalopta benchmark`."""
+"""`megalopta benchmark`: a verb of verbs, one in each file `benchmark_*.py` beside this one."""
 
-from megalopta.cli.command import Verbs
-from megalopta.cli.stage_command import add_later_stage
+from megalopta.cli.command import Verbs, add_group
 
 
 def declare(verbs: Verbs) -> None:
-    """Add the verb."""
-    purpose = "find the photons per frame that each detector needs (N_2b)"
-    add_later_stage(verbs, "benchmark", purpose)
+    """Add the verb, and its own."""
+    add_group(verbs, "benchmark", "find the photons that detectors need, and score flow")

@@ -7,7 +7,9 @@ where it runs.
 
 import argparse
 from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NoReturn, TypeAlias
 
@@ -51,14 +53,16 @@ class Command(argparse.ArgumentParser):
         raise UserError(f"{verb}: {message}; see {self.prog} --help".removeprefix(": "))
 
 
-def add_group(verbs: Verbs, name: str, purpose: str) -> Verbs:
-    """Add a verb that has verbs of its own, and return where these are added."""
+def add_group(verbs: Verbs, name: str, purpose: str) -> None:
+    """Add a verb that has verbs of its own, one in each file `NAME_*.py` of this folder."""
     command = verbs.add_parser(
         name, help=purpose, description=purpose[0].upper() + purpose[1:] + ".", allow_abbrev=False
     )
     own = command.add_subparsers(dest="sub_verb", required=True, metavar="VERB")
     command.verbs = own.choices
-    return own
+    for found in iter_modules([str(Path(__file__).parent)]):
+        if found.name.startswith(f"{name}_"):
+            import_module(f"megalopta.cli.{found.name}").declare(own)
 
 
 def add_verb(verbs: Verbs, name: str, purpose: str, run: Run) -> Command:

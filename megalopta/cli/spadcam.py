@@ -1,15 +1,8 @@
 """`megalopta spadcam`: a verb of verbs, one in each file `spadcam_*.py` beside this one."""
 
-from importlib import import_module
-from pathlib import Path
-from pkgutil import iter_modules
-
 from megalopta.cli.command import Verbs, add_group
 
 
 def declare(verbs: Verbs) -> None:
     """Add the verb, and its own."""
-    group = add_group(verbs, "spadcam", "record, calibrate and emulate the camera SPADCAM")
-    for found in iter_modules([str(Path(__file__).parent)]):
-        if found.name.startswith("spadcam_"):
-            import_module(f"megalopta.cli.{found.name}").declare(group)
+    add_group(verbs, "spadcam", "record, calibrate and emulate the camera SPADCAM")

@@ -22,9 +22,11 @@ def add_first_stage(verbs: Verbs, name: str, purpose: str, run: Run) -> None:
     add_out(command, "out/demo", "dataset folder")
 
 
-def add_later_stage(verbs: Verbs, name: str, purpose: str) -> None:
-    """Add a verb that runs the stage of its name on a dataset."""
-    add_dataset(_add_stage(verbs, name, purpose, _run))
+def add_later_stage(verbs: Verbs, name: str, purpose: str, stage: str | None = None) -> None:
+    """Add a verb that runs a stage on a dataset, that of its name or another."""
+    command = _add_stage(verbs, name, purpose, _run, stage)
+    command.set_defaults(stage=stage or name)
+    add_dataset(command)
 
 
 def configuration(options: Namespace) -> "Configuration":
@@ -43,21 +45,23 @@ def configuration(options: Namespace) -> "Configuration":
     return load(options.configuration or "demo", options.overrides)
 
 
-def _add_stage(verbs: Verbs, name: str, purpose: str, run: Run) -> Command:
+def _add_stage(
+    verbs: Verbs, name: str, purpose: str, run: Run, stage: str | None = None
+) -> Command:
     command = add_verb(verbs, name, purpose, run)
-    command.settings = partial(_settings, name)
+    command.settings = partial(_settings, stage or name)
     command.add_argument(
         "--redo", action="store_true", help="replace output of another configuration"
     )
     return command
 
 
-def _settings(verb: str) -> "Settings":
-    """Those that the stage of a verb depends on; all for a verb that is no stage."""
+def _settings(stage: str) -> "Settings":
+    """Those that a stage depends on; all for what is no stage."""
     from megalopta.config import Settings, load
     from megalopta.stages import STAGES
 
-    return Settings(load("demo"), STAGES[verb].fields if verb in STAGES else None)
+    return Settings(load("demo"), STAGES[stage].fields if stage in STAGES else None)
 
 
 def _run(options: Namespace) -> None:
@@ -66,4 +70,4 @@ def _run(options: Namespace) -> None:
 
     stored = to_yaml(open_dataset_whole(options.dataset).configuration)
     changed = parse(stored, str(options.dataset), options.overrides)
-    run_stage(options.dataset, changed, options.verb, options.redo)
+    run_stage(options.dataset, changed, options.stage, options.redo)

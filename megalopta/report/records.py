@@ -82,7 +82,7 @@ def read_records(dataset: Dataset) -> list[FlowRecord]:
 
 def read_benchmark(dataset: Dataset, name: str = "benchmark.json") -> BenchmarkResult:
     """The photon benchmark. Raises UserError when its file is damaged or lacks something."""
-    path, remedy = dataset.result(name), f"run: megalopta benchmark {dataset.root} --redo"
+    path, remedy = dataset.result(name), f"run: megalopta benchmark photons {dataset.root} --redo"
     benchmark = _read(path, BenchmarkResult.from_dict, remedy)
     found = {(curve.method, curve.shape, curve.metric) for curve in benchmark.curves}
     shapes: set[tuple[int, ...]] = {curve.shape for curve in benchmark.curves} or {()}

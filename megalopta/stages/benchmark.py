@@ -156,4 +156,5 @@ STAGE = Stage(
     model=_model,
     is_derived=True,
     check=_check,
+    verb="benchmark photons",
 )

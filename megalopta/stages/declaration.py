@@ -15,7 +15,7 @@ class Stage:
     Attributes
     ----------
     name : str
-        Its verb on the command line.
+        As the manifest has it.
     fields : tuple of str
         Parts of the configuration that its output depends on, beside those of the stages it needs.
     needs : tuple of str
@@ -30,6 +30,8 @@ class Stage:
         Whether output of another model is made again without being asked.
     check : callable
         Refuses, with ValueError, a configuration that the stage cannot serve.
+    verb : str
+        Its words on the command line, where these are not its name.
     """
 
     name: str
@@ -40,3 +42,9 @@ class Stage:
     model: Callable[[], str]
     is_derived: bool = False
     check: Callable[[Configuration], None] = lambda _: None
+    verb: str = ""
+
+    @property
+    def command(self) -> str:
+        """What runs it, after `megalopta`."""
+        return self.verb or self.name

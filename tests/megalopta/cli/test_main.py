@@ -75,9 +75,9 @@ def test_a_mistake_gets_one_sentence_and_exit_code_2(run, tmp_path, arguments, m
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("verb", ["sense", "flow", "benchmark", "report"])
+@pytest.mark.parametrize("verb", ["sense", "flow", "benchmark photons", "report"])
 def test_a_folder_without_dataset_is_named(run, tmp_path, verb):
-    done = run(verb, tmp_path / "none")
+    done = run(*verb.split(), tmp_path / "none")
     assert done.returncode == 2
     assert "none: no dataset here" in done.stderr
 
@@ -95,11 +95,11 @@ def test_help_shows_settings_with_units_and_defaults(run):
         ("render", "name seed scene objects light camera trajectory shutter render"),
         ("sense", "light-levels sensors products correct calibration"),
         ("flow", "methods flow"),
-        ("benchmark", "methods benchmark"),
+        ("benchmark photons", "methods benchmark"),
     ],
 )
 def test_help_of_a_stage_shows_its_own_settings_in_their_order(run, verb, own):
-    lines = run(verb, "--help").stdout.partition("\nsettings (")[2].splitlines()
+    lines = run(*verb.split(), "--help").stdout.partition("\nsettings (")[2].splitlines()
     paths = [line.split()[0].removeprefix("--") for line in lines if line.startswith("  --")]
     assert list(dict.fromkeys(path.partition(".")[0] for path in paths)) == own.split()
 

@@ -17,7 +17,7 @@ import yaml
 from megalopta.cli import main as cli
 from megalopta.config import load, settings_of, to_yaml
 from megalopta.sensor import PRESETS
-from megalopta.stages import run_stage
+from megalopta.stages import STAGES, run_stage
 
 CPU_S, WALL_S = 10, 120
 """Longest a case may compute; and wait, which depends on what else the machine does."""
@@ -170,7 +170,8 @@ def setting(rng, done, folder):
     ]
     words = [f"--{one_of(rng, paths)}={as_word(odd(rng))}"]
     dataset = done.with_name("rendered") if stage in ("sense", "benchmark") else done
-    return [stage, str(dataset), *words, *(["--out", str(done)] if stage == "render" else [])]
+    verb = STAGES[stage].command.split()
+    return [*verb, str(dataset), *words, *(["--out", str(done)] if stage == "render" else [])]
 
 
 def scene(rng, done, folder):
@@ -257,7 +258,7 @@ def frame(rng, done, folder):
     """A damaged EXR of radiance or truth, then a command that reads all of them."""
     rendered = done.with_name("rendered")
     kind, verb = one_of(
-        rng, (("radiance", "sense"), ("truth", "check truth"), ("radiance", "benchmark"))
+        rng, (("radiance", "sense"), ("truth", "check truth"), ("radiance", "benchmark photons"))
     )
     put_damaged(rendered / kind / "grating" / f"frame_{rng.integers(1, 13):04d}.exr", rng)
     return [*verb.split(), str(rendered)]

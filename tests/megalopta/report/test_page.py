@@ -180,14 +180,14 @@ def test_noise_of_the_rendering_is_told_wherever_noise_free_is(copied, relative,
 
 @pytest.mark.parametrize(
     ("forgotten", "missing"),
-    [("benchmark", {"benchmark"}), ("flow", {"flow"}), ("sense", {"sense", "flow"})],
+    [("benchmark", {"benchmark photons"}), ("flow", {"flow"}), ("sense", {"sense", "flow"})],
 )
 def test_a_missing_stage_leaves_a_sentence_on_what_to_run(copied, forgotten, missing):
     Ledger(copied).forget(forgotten)
     page = read(write_report(copied))
     assert set(SECTIONS) <= set(page.values("id"))
-    for stage in ("sense", "flow", "benchmark"):
-        assert (f"run megalopta {stage} {copied.root}" in page.text) == (stage in missing)
+    for verb in ("sense", "flow", "benchmark photons"):
+        assert (f"run megalopta {verb} {copied.root}" in page.text) == (verb in missing)
 
 
 def test_a_dataset_without_frames_is_refused(copied):

@@ -1,0 +1,108 @@
+"""Reading flow in the formats that programs write: `.flo`, `.flo5`, KITTI's PNG, `.pfm`, `.npy`.
+
+All give (H, W, 2) float32 in px, +x right, +y down, NaN where undefined. Every length is checked
+before memory is asked for, and nothing is unpickled.
+"""
+
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import cv2
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.flow.files.flo import LARGEST_KNOWN, read_flo
+
+Flow = NDArray[np.float32]
+
+_KITTI_ZERO, _KITTI_STEPS = 2**15, 64
+_PFM_HEADER = re.compile(rb"PF\s+(\d{1,6})\s+(\d{1,6})\s+(-?[0-9.eE+-]{1,20})\s")
+_LARGEST_BYTES = 2**32
+
+
+def read_flow(path: str | Path) -> Flow:
+    """Read a flow (H, W, 2), px, NaN where undefined; the format is told by the suffix.
+
+    Raises
+    ------
+    ValueError
+        When the suffix is of none of the formats, or the file is damaged.
+    """
+    path = Path(path)
+    read = _READERS.get(path.suffix.lower())
+    if read is None:
+        raise ValueError(f"{path}: flow is read from {', '.join(_READERS)}")
+    flow = read(path)
+    if flow.ndim != 3 or flow.shape[-1] != 2 or 0 in flow.shape:
+        raise ValueError(f"{path} holds an array of shape {flow.shape}: a flow is (H, W, 2)")
+    known = (np.abs(flow) <= LARGEST_KNOWN).all(axis=-1, keepdims=True)  # of NaN, False
+    return np.where(known, flow, np.float32(np.nan)).astype(np.float32)
+
+
+def _read_flo5(path: Path) -> Flow:
+    """HDF5 with one dataset "flow", as Spring (Mehl et al. 2023) and HD1K write it."""
+    try:
+        with h5py.File(path, "r") as file:
+            stored = file["flow"]
+            if stored.size * stored.dtype.itemsize > _LARGEST_BYTES:
+                raise ValueError("more than 4 GiB")
+            return np.asarray(stored[...], np.float32)
+    except Exception as problem:  # of a damaged file, anything
+        reason = " ".join(str(problem).split())[:160]
+        raise ValueError(f"{path} is no whole .flo5 file ({reason})") from None
+
+
+def _read_kitti(path: Path) -> Flow:
+    """16-bit PNG of red (u), green (v), blue (valid), where 2¹⁵ is 0 and a pixel has 64 steps."""
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if image is None or image.dtype != np.uint16 or image.ndim != 3 or image.shape[2] != 3:
+        raise ValueError(f"{path} is no 16-bit PNG of three channels, as KITTI's flow is")
+    flow = (image[..., :0:-1].astype(np.float32) - _KITTI_ZERO) / _KITTI_STEPS
+    return np.where(image[..., :1] > 0, flow, np.float32(np.nan))
+
+
+def _read_pfm(path: Path) -> Flow:
+    """Portable float map of three channels, of which the third is not read; rows from the bottom.
+
+    Of the three-channel convention of FlyingThings3D and Monkaa (Mayer et al. 2016).
+    """
+    content = path.read_bytes()
+    header = _PFM_HEADER.match(content)
+    if header is None:
+        raise ValueError(f"{path} is no .pfm file of three channels")
+    width, height, scale = int(header[1]), int(header[2]), float(header[3])
+    expected = 12 * width * height
+    if len(content) - header.end() != expected:
+        raise ValueError(
+            f"{path} has {len(content) - header.end()} bytes of values, {width} × {height} px need"
+            f" {expected}: the file is damaged"
+        )
+    values = np.frombuffer(content, "<f4" if scale < 0 else ">f4", offset=header.end())
+    return values.reshape(height, width, 3)[::-1, :, :2].astype(np.float32)
+
+
+def _read_npy(path: Path) -> Flow:
+    """NumPy array (H, W, 2), or (2, H, W) as PyTorch orders it."""
+    try:
+        values = np.load(path, allow_pickle=False)
+    except (ValueError, OSError, EOFError) as problem:
+        raise ValueError(f"{path} is no whole .npy file ({problem})") from None
+    if not isinstance(values, np.ndarray) or not np.issubdtype(values.dtype, np.number):
+        raise ValueError(f"{path} holds no numbers")
+    if np.iscomplexobj(values):
+        raise ValueError(f"{path} holds complex numbers: a flow is (H, W, 2), x before y")
+    if values.ndim == 3 and values.shape[0] == 2 and values.shape[-1] != 2:
+        values = np.moveaxis(values, 0, -1)
+    return values.astype(np.float32)
+
+
+_READERS: Mapping[str, Callable[[Path], Flow]] = {
+    ".flo": read_flo,
+    ".flo5": _read_flo5,
+    ".png": _read_kitti,
+    ".pfm": _read_pfm,
+    ".npy": _read_npy,
+}
+FLOW_SUFFIXES = tuple(_READERS)

@@ -1,0 +1,31 @@
+"""`megalopta benchmark sequence`."""
+
+from argparse import Namespace
+from typing import TYPE_CHECKING
+
+from megalopta.cli.command import Verbs, add_dataset, add_out, add_verb
+
+if TYPE_CHECKING:
+    from megalopta.config import Settings
+
+
+def declare(verbs: Verbs) -> None:
+    """Add the verb."""
+    purpose = "rank flow methods against the true motion of rendered sequences, over photons"
+    command = add_verb(verbs, "sequence", purpose, _run)
+    command.settings = _settings
+    add_dataset(command)
+    add_out(command, "out/ranking")
+
+
+def _settings() -> "Settings":
+    from megalopta.config import Settings
+    from megalopta.ranking import RankingSettings
+
+    return Settings(RankingSettings())
+
+
+def _run(options: Namespace) -> None:
+    from megalopta.ranking import run_ranking
+
+    print(run_ranking(options.dataset, options.out, options.overrides))

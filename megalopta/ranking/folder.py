@@ -1,0 +1,53 @@
+"""Ranking of the sequences in a folder, from its frames to its page."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from megalopta.config import validated
+from megalopta.dataset import Dataset
+from megalopta.errors import UserError
+from megalopta.folders import locked
+from megalopta.ranking.page import write_ranking
+from megalopta.ranking.run import rank_methods
+from megalopta.ranking.settings import RankingSettings
+from megalopta.stages import Ledger, open_dataset_whole
+
+
+def run_ranking(
+    root: str | Path, out: str | Path, settings: Mapping[str, str] | None = None
+) -> Path:
+    """Rank flow methods on a rendered dataset; return the page.
+
+    Velocities are kept in OUT/velocities as they are found, so that a broken run, or one with
+    another method more, goes on from there.
+
+    Parameters
+    ----------
+    root
+        Folder of a dataset with one sequence or many.
+    out
+        Folder for ranking.html, .csv and .json.
+    settings
+        Values of `RankingSettings` by name, as YAML.
+
+    Raises
+    ------
+    UserError
+        When frames are missing, too few or too small, or a setting is wrong.
+    """
+    out, chosen = Path(out), validated(RankingSettings, {}, "settings", dict(settings or {}))
+    datasets = sequences_of(Path(root))
+    kept = out / "velocities"
+    with locked(out):
+        try:
+            ranking = rank_methods(datasets, chosen, kept)
+        except ValueError as problem:
+            raise UserError(str(problem)) from None
+        return write_ranking(out, ranking, datasets, kept)
+
+
+def sequences_of(root: Path) -> list[Dataset]:
+    """Open the rendered sequences of a folder. Raises UserError."""
+    dataset = open_dataset_whole(root)
+    Ledger(dataset).require("render")
+    return [dataset]

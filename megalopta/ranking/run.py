@@ -1,0 +1,211 @@
+"""The benchmark of flow methods on rendered sequences with true motion."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from megalopta.dataset import Dataset
+from megalopta.flow.detectors import METHODS, BlockGrid
+from megalopta.flow.metrics import (
+    combine,
+    error_sums,
+)
+from megalopta.progress import progress
+from megalopta.ranking.camera_motion import CameraErrors, camera_errors
+from megalopta.ranking.errors import (
+    STILL,
+    Best,
+    Interval,
+    PairSums,
+    Replicates,
+    endpoint_errors,
+    joined,
+    pair_sums,
+)
+from megalopta.ranking.pooling import Floats, Pooling
+from megalopta.ranking.settings import RankingSettings
+from megalopta.ranking.truth import BlockTruths, SequenceTruth
+from megalopta.ranking.velocities import Drawn, Velocities, draws
+
+BOUND = "Poisson bound"
+
+Case = tuple[Pooling, float]
+"""A pooling, and photons per frame"""
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """What was measured, over all sequences."""
+
+    settings: RankingSettings
+    sequences: tuple[str, ...]
+    blocks: Mapping[str, int]
+    """Blocks of each group at the finest pooling, over all pairs of frames"""
+
+    errors: Mapping[tuple[Pooling, float, str, str], Interval]
+    """By pooling, photons per frame, group and method; `STILL` and `BOUND` among these"""
+
+    best: Mapping[tuple[Pooling, float, str], Best]
+    """By pooling, photons per frame and group; `STILL` where no method beats it"""
+
+    consistency: Mapping[tuple[Pooling, float, str], float]
+    """Eq. 4.5 against the same method's answer to the light, by pooling, photons and method"""
+
+    camera: Mapping[tuple[float, str], CameraErrors]
+    """Medians over pairs of frames without pooling, by photons per frame and method"""
+
+
+def rank_methods(datasets: Sequence[Dataset], settings: RankingSettings, folder: Path) -> Ranking:
+    """Measure every method on every sequence; velocities are kept in a folder as they are found.
+
+    Raises
+    ------
+    ValueError
+        When the frames are too small, or too few, for a pooling.
+    """
+    for dataset in datasets:
+        _check(dataset, settings)
+    total = len(datasets) * len(settings.methods) * sum(1 for _ in draws(settings))
+    with progress("Ranking methods", total, "clip") as advance:
+        parts = [_measured(each, settings, folder, advance) for each in datasets]
+    return _ranking(datasets, settings, parts)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Of one sequence."""
+
+    sums: Mapping[tuple[Pooling, float, str, str], PairSums]
+    consistency: Mapping[tuple[Pooling, float, str], float]
+    camera: Mapping[tuple[float, str], list[CameraErrors]]
+
+
+def _check(dataset: Dataset, settings: RankingSettings) -> None:
+    frames, fewest = dataset.configuration.trajectory.frames, max(settings.frames_pooled)
+    if frames < 3 * fewest:
+        raise ValueError(
+            f"{dataset.sequence} has {frames} frames: frames_pooled {fewest} needs {3 * fewest}"
+        )
+    velocities = Velocities(dataset, settings, Path())
+    for name in settings.methods:
+        for pixels in settings.pixels_pooled:
+            try:
+                velocities.grid(name, Pooling(pixels, 1))
+            except ValueError as problem:
+                raise ValueError(f"pixels_pooled {pixels} for {name}: {problem}") from None
+
+
+def _measured(
+    dataset: Dataset, settings: RankingSettings, folder: Path, advance: Callable[[int], object]
+) -> _Part:
+    velocities = Velocities(dataset, settings, folder / dataset.sequence, advance)
+    sums: dict[tuple[Pooling, float, str, str], PairSums] = {}
+    consistency: dict[tuple[Pooling, float, str], float] = {}
+    camera: dict[tuple[float, str], list[CameraErrors]] = {}
+    for pixels in settings.pixels_pooled:
+        grids = {name: velocities.grid(name, Pooling(pixels, 1)) for name in settings.methods}
+        traced = {grid: SequenceTruth(dataset, grid) for grid in set(grids.values())}
+        for frames in settings.frames_pooled:
+            pooling = Pooling(pixels, frames)
+            truths = {grid: each.at(pooling) for grid, each in traced.items()}
+            for flux in settings.fluxes:
+                for name, grid in grids.items():
+                    truth = truths[grid]
+                    ideal = velocities.of(name, Drawn(pooling, flux, None))
+                    noisy = [
+                        velocities.of(name, Drawn(pooling, flux, repeat))
+                        for repeat in range(settings.repeats)
+                    ]
+                    errors = [endpoint_errors(each, truth) for each in noisy]
+                    for group, among in truth.groups.items():
+                        sums[pooling, flux, group, name] = pair_sums(errors, among)
+                    consistency[pooling, flux, name] = _consistency(name, ideal, noisy)
+                    if pooling == Pooling(1, 1):
+                        camera[flux, name] = _camera(dataset, grid, noisy[0], settings.camera_pairs)
+                _add_references(sums, truths, velocities, pooling, flux)
+    return _Part(sums, consistency, camera)
+
+
+def _add_references(
+    sums: dict[tuple[Pooling, float, str, str], PairSums],
+    truths: Mapping[BlockGrid, BlockTruths],
+    velocities: Velocities,
+    pooling: Pooling,
+    flux: float,
+) -> None:
+    """Errors of the answer 0, and the least that the photons allow, on the first grid."""
+    grid, truth = next(iter(truths.items()))
+    speed = np.linalg.norm(truth.velocities, axis=-1)
+    bound = np.minimum(velocities.bound(grid, pooling, flux), speed)
+    for group, among in truth.groups.items():
+        sums[pooling, flux, group, STILL] = pair_sums([speed], among)
+        sums[pooling, flux, group, BOUND] = pair_sums([bound], among)
+
+
+def _consistency(name: str, ideal: Floats, noisy: Sequence[Floats]) -> float:
+    detector = METHODS[name]
+    found = [
+        combine([error_sums(detector, ideal, each)], np.concatenate).of_sequence("literal")
+        for each in noisy
+    ]
+    return float(np.mean(found))
+
+
+def _camera(
+    dataset: Dataset, grid: BlockGrid, velocities: Floats, count: int
+) -> list[CameraErrors]:
+    pairs = np.unique(np.linspace(0, len(velocities) - 1, count).astype(int)) if count else ()
+    return [camera_errors(dataset, grid, velocities[pair], int(pair)) for pair in pairs]
+
+
+def _ranking(
+    datasets: Sequence[Dataset], settings: RankingSettings, parts: Sequence[_Part]
+) -> Ranking:
+    keys = parts[0].sums.keys()
+    sums = {key: joined([part.sums[key] for part in parts]) for key in keys}
+    replicates = {
+        frames: Replicates(len(each.blocks), settings.seed)
+        for (pooling, _, _, _), each in sums.items()
+        for frames in [pooling.frames]
+    }
+    errors, best = {}, {}
+    for key, each in sums.items():
+        if (interval := replicates[key[0].frames].interval(each)) is not None:
+            errors[key] = interval
+    for pooling, flux, group in dict.fromkeys(key[:3] for key in keys):
+        names = (*settings.methods, STILL)
+        own = {name: sums[pooling, flux, group, name] for name in names}
+        if (found := replicates[pooling.frames].best(own)) is not None:
+            best[pooling, flux, group] = found
+    finest = Pooling(min(settings.pixels_pooled), min(settings.frames_pooled))
+    blocks = {
+        group: int(each.blocks.sum())
+        for (pooling, flux, group, name), each in sums.items()
+        if (pooling, flux, name) == (finest, settings.fluxes[0], STILL)
+    }
+    return Ranking(
+        settings,
+        tuple(each.sequence for each in datasets),
+        blocks,
+        errors,
+        best,
+        {
+            key: float(np.nanmean([part.consistency[key] for part in parts]))
+            for key in parts[0].consistency
+        },
+        {
+            key: CameraErrors(*_medians([found for part in parts for found in part.camera[key]]))
+            for key in parts[0].camera
+        },
+    )
+
+
+def _medians(found: Sequence[CameraErrors]) -> Floats:
+    columns = np.array(found, np.float64).reshape(-1, 2).T
+    return np.array([_median(each[~np.isnan(each)]) for each in columns])
+
+
+def _median(values: Floats) -> float:
+    return float(np.median(values)) if values.size else np.nan

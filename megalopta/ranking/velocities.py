@@ -1,0 +1,150 @@
+"""Velocities that methods read from the photons of a sequence, each kept as soon as it is known.
+
+Photons are drawn on perfect pixels from the rendered light, every frame scaled alike; all methods
+see the same draws. The light itself, at the same number of photons but without their noise, gives
+the velocities that a method is compared with itself by.
+"""
+
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+from zipfile import BadZipFile
+
+import numpy as np
+
+from megalopta import files
+from megalopta.dataset import Dataset, read_radiance_frames
+from megalopta.flow.detectors import METHODS, BlockDetector, BlockGrid
+from megalopta.flow.metrics import cramer_rao_covariance, fisher_information
+from megalopta.flow.stimuli import draw_counts
+from megalopta.freshness import code_digest, digest
+from megalopta.ranking.pooling import Floats, Pooling
+from megalopta.ranking.settings import RankingSettings
+from megalopta.ranking.truth import SequenceTruth
+from megalopta.sensor import PRESETS, photon_rate
+
+
+class Drawn(NamedTuple):
+    """A draw of the photons of a sequence, or the light itself."""
+
+    pooling: Pooling
+    flux: float
+    """Photons per frame, before frames are pooled"""
+    repeat: int | None
+    """None for light without noise"""
+
+
+class Velocities:
+    """Velocities of one sequence, computed once and kept in a folder.
+
+    Parameters
+    ----------
+    dataset
+        One sequence.
+    settings
+    folder
+        Where they are kept.
+    advance
+        Called after each method and draw.
+    """
+
+    def __init__(
+        self,
+        dataset: Dataset,
+        settings: RankingSettings,
+        folder: Path,
+        advance: Callable[[int], object] = lambda _: None,
+    ) -> None:
+        self._dataset, self._settings, self._advance = dataset, settings, advance
+        self._folder = folder / _model()
+        self._light: dict[Pooling, Floats] = {}
+
+    def grid(self, method: str, pooling: Pooling) -> BlockGrid:
+        """Blocks of a method on pooled frames. Raises ValueError where these are too small."""
+        camera = self._dataset.configuration.camera
+        return _detector(method).grid(pooling.shape((camera.height, camera.width)))
+
+    def truth(self, method: str, pooling: Pooling) -> SequenceTruth:
+        """Return the truth of a method's blocks."""
+        return SequenceTruth(self._dataset, self.grid(method, pooling))
+
+    @staticmethod
+    def photons_per_s(dataset: Dataset) -> float:
+        """Photons that all perfect pixels together get from a mean frame in a second."""
+        return float(_light(dataset).sum(axis=(1, 2)).mean())
+
+    def of(self, method: str, drawn: Drawn) -> Floats:
+        """Velocities (pairs, rows, columns, 2) of all blocks, px of the full image per frame."""
+        kept = self._folder / f"{digest(method, repr(drawn))}.npy"
+        found = _read(kept)
+        if found is None:
+            found = self._measured(method, drawn)
+            with files.atomic_write(kept) as temporary:
+                np.save(temporary, found, allow_pickle=False)
+        self._advance(1)
+        return found.astype(np.float64)
+
+    def bound(self, grid: BlockGrid, pooling: Pooling, flux: float) -> Floats:
+        """Least mean endpoint error that the photons of a pair allow in each block inside.
+
+        (pairs, rows, columns), px of the full image per frame: √(π/4 · trace) of the covariance of
+        Cramér and Rao for two frames, exact where that has no direction.
+        """
+        means = self._light_at(pooling) * (flux * pooling.frames)
+        least = [cramer_rao_covariance(fisher_information(each, grid)) for each in means[:-1]]
+        trace = np.trace(np.array(least), axis1=-2, axis2=-1)[:, 1:-1, 1:-1]
+        return np.asarray(np.sqrt(np.pi / 4 * trace) * pooling.pixels / pooling.frames)
+
+    def _measured(self, method: str, drawn: Drawn) -> Floats:
+        light, pooling = self._light_at(drawn.pooling), drawn.pooling
+        means = light * (drawn.flux * pooling.frames)
+        frames = (
+            means
+            if drawn.repeat is None
+            else draw_counts(means, self._settings.seed, self._dataset.sequence, *map(str, drawn))
+        )
+        found = _detector(method).respond(frames, 1 / means.mean())
+        return (found * (pooling.pixels / pooling.frames)).astype(np.float32)
+
+    def _light_at(self, pooling: Pooling) -> Floats:
+        """Share of the photons of a mean frame on each pixel of pooled frames."""
+        if pooling not in self._light:
+            light = pooling.light(_light(self._dataset))
+            self._light = {pooling: light / light.sum(axis=(1, 2)).mean()}
+        return self._light[pooling]
+
+
+def draws(settings: RankingSettings) -> Iterator[Drawn]:
+    """Yield every draw, those of a pooling together."""
+    for pixels in settings.pixels_pooled:
+        for frames in settings.frames_pooled:
+            for flux in settings.fluxes:
+                for repeat in (None, *range(settings.repeats)):
+                    yield Drawn(Pooling(pixels, frames), flux, repeat)
+
+
+def _light(dataset: Dataset) -> Floats:
+    bands = dataset.configuration.render.bands_nm
+    parts = [
+        photon_rate(each, bands, PRESETS["ideal"]) for _, each in read_radiance_frames(dataset)
+    ]
+    return np.concatenate(parts).astype(np.float64)
+
+
+def _detector(name: str) -> BlockDetector:
+    found = METHODS[name]
+    assert isinstance(found, BlockDetector)  # settings hold no others
+    return found
+
+
+def _read(path: Path) -> Floats | None:
+    try:
+        return np.asarray(np.load(path, allow_pickle=False))
+    except (OSError, ValueError, EOFError, BadZipFile):
+        return None
+
+
+@cache
+def _model() -> str:
+    return code_digest("megalopta.flow", "megalopta.sensor.sampling", __name__)[:12]

@@ -1,0 +1,85 @@
+"""Formats are written here by hand, or by the libraries that their authors use."""
+
+import cv2
+import h5py
+import numpy as np
+import pytest
+
+from megalopta.flow.files import read_flow, write_flo
+
+FLOW = np.random.default_rng(0).uniform(-50, 50, (6, 9, 2)).astype(np.float32)
+# what KITTI's steps of 1/64 px hold exactly
+FLOW = np.round(FLOW * 64).astype(np.float32) / 64
+HOLE = (2, 3)
+
+
+def write(path, flow):
+    """Write a flow in the format of its suffix."""
+    if path.suffix == ".flo":
+        write_flo(path, flow)
+    elif path.suffix == ".flo5":
+        with h5py.File(path, "w") as file:
+            file.create_dataset("flow", data=flow, compression="gzip")
+    elif path.suffix == ".npy":
+        np.save(path, flow)
+    elif path.suffix == ".png":
+        known = np.isfinite(flow).all(axis=-1)
+        values = np.where(known[..., None], flow * 64 + 2**15, 0)
+        image = np.dstack([known, values[..., 1], values[..., 0]]).astype(np.uint16)
+        assert cv2.imwrite(str(path), image)
+    else:
+        three = np.dstack([flow, np.zeros(flow.shape[:2])]).astype("<f4")
+        header = f"PF\n{flow.shape[1]} {flow.shape[0]}\n-1.0\n".encode()
+        path.write_bytes(header + three[::-1].tobytes())
+
+
+@pytest.mark.parametrize("suffix", ["flo", "flo5", "png", "pfm", "npy"])
+def test_every_format_gives_the_same_flow_and_its_holes(tmp_path, suffix):
+    holed = FLOW.copy()
+    holed[HOLE] = np.nan
+    write(tmp_path / f"a.{suffix}", holed)
+    found = read_flow(tmp_path / f"a.{suffix}")
+    assert found.dtype == np.float32
+    np.testing.assert_array_equal(found, holed)
+
+
+def test_opencv_reads_the_same_flo(tmp_path):
+    write(tmp_path / "a.flo", FLOW)
+    np.testing.assert_array_equal(cv2.readOpticalFlow(str(tmp_path / "a.flo")), FLOW)
+
+
+def test_arrays_as_pytorch_orders_them(tmp_path):
+    np.save(tmp_path / "a.npy", np.moveaxis(FLOW, -1, 0))
+    np.testing.assert_array_equal(read_flow(tmp_path / "a.npy"), FLOW)
+
+
+@pytest.mark.parametrize("suffix", ["flo", "flo5", "png", "pfm", "npy"])
+def test_damaged_files_are_refused_by_name(tmp_path, suffix):
+    path = tmp_path / f"a.{suffix}"
+    write(path, FLOW)
+    whole = path.read_bytes()
+    for damaged in (b"", whole[:5], whole[: len(whole) // 2], b"x" * 100):
+        path.write_bytes(damaged)
+        with pytest.raises(ValueError, match=f"a.{suffix}"):
+            read_flow(path)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [np.zeros((3, 4)), np.zeros((3, 4, 3)), np.zeros((3, 4, 2), complex), np.array(["a"])],
+)
+def test_arrays_that_are_no_flow_are_refused(tmp_path, values):
+    np.save(tmp_path / "a.npy", values)
+    with pytest.raises(ValueError, match="a.npy"):
+        read_flow(tmp_path / "a.npy")
+
+
+def test_pickles_are_not_opened(tmp_path):
+    np.save(tmp_path / "a.npy", np.array([{}], dtype=object))
+    with pytest.raises(ValueError, match="a.npy"):
+        read_flow(tmp_path / "a.npy")
+
+
+def test_other_suffixes_are_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"a.mat: flow is read from .flo"):
+        read_flow(tmp_path / "a.mat")
