@@ -1,6 +1,7 @@
 from .chain import calibrate_device
 from .comb import comb_period
 from .comb_fit import CombFit, fit_comb
+from .curve import Curve
 from .device import Device, Estimate
 from .garwood import garwood_interval
 from .level import Adc, Falls, Level, falls_of
@@ -21,6 +22,7 @@ __all__ = [
     "OFFSETS",
     "Adc",
     "CombFit",
+    "Curve",
     "DeadTimeKind",
     "Device",
     "Estimate",

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
 from scipy.stats import rankdata
 
 Floats = NDArray[np.float64]
@@ -67,7 +68,7 @@ def arrangement(captured: Floats, expected: Floats) -> Arrangement:
 def matching_rows(captured: Floats, expected: Floats) -> NDArray[np.intp]:
     """Return the captured row that is most like each expected one, each used once."""
     ranks = [rankdata(each).reshape(each.shape) for each in (captured, expected)]
-    apart = np.square(ranks[1][:, None] - ranks[0][None]).sum(axis=-1)
+    apart = cdist(ranks[1], ranks[0], "sqeuclidean")
     return np.asarray(linear_sum_assignment(apart)[1])
 
 

@@ -21,9 +21,10 @@ from megalopta.sensor.spad import draw_fixed_pattern
 
 SHAPE = (8, 8)
 DARK_EXPOSURES_S = (1e-3, 3e-3, 0.01, 0.03, 0.1)
-LIGHTS_HZ = (2e7, 1e8, 4e8)
+LIGHTS_HZ = (2e8, 1e9, 4e9)
 SENSOR = changed(preset("spadcam"), device_seed=9)
-EFFICIENCY = 1.1e-3
+EFFICIENCY = 1.1e-4
+"""Of the photons on a pixel at 700 nm: 0.11 % on a tenth of its area."""
 
 
 def write_recording(folder, exposure_s, light_hz, frames=100, seed=0):
@@ -86,7 +87,7 @@ def test_a_captured_device_is_like_its_model(calibrated):
     folder, *_ = calibrated
     new = [
         write_recording(folder / f"new {at}", *each, frames=200, seed=5)
-        for at, each in enumerate(((0.03, 0.0), (2e-4, 2e7), (2e-4, 4e8)))
+        for at, each in enumerate(((0.03, 0.0), (2e-4, 2e8), (2e-4, 4e9)))
     ]
     page = folder / "comparison.html"
     sentence = compare_captured(new, folder / "device.yaml", page, beam=Beam(700.0))
