@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from megalopta.errors import UserError
 from megalopta.sensor import Sensor
-from megalopta.sensor.formats import FrameKind, read_frames
+from megalopta.sensor.formats import FrameKind, RecordedFrames, read_frames
 from megalopta.spadcam import open_recording
 
 Floats = NDArray[np.float64]
@@ -33,7 +33,8 @@ class Source:
     frames: tuple[int, int] | None = None
     """First frame, and the one after the last; none: all."""
     kind: FrameKind | None = None
-    """Format of another camera's file; none: as its content says."""
+    """Format of another camera's file; none: as its content says, counts or bits of .npy by their
+    type."""
 
     @classmethod
     def parse(cls, text: str, kind: FrameKind | None = None) -> "Source":
@@ -131,8 +132,19 @@ def _captured(source: Source) -> Recorded:
     return Recorded(recording.counts[:], codes, recording.exposure_s, recording.sensor, times_s)
 
 
+def _counts(path: Path) -> RecordedFrames | None:
+    """Plain counts (n, rows, columns) in a NumPy file, of more than 8 bits; packed bits have 8."""
+    if path.suffix != ".npy" or not path.is_file():
+        return None
+    counts = np.load(path, allow_pickle=False)
+    if counts.dtype.kind not in "iu" or counts.dtype.itemsize == 1:
+        return None
+    bits = 8 * counts.dtype.itemsize
+    return RecordedFrames(counts=counts, bit_depth=bits, exposure_s=None, source="npy")
+
+
 def _of_others(source: Source) -> Recorded:
-    frames = read_frames(source.path, source.kind)
+    frames = _counts(source.path) or read_frames(source.path, source.kind)
     exposure = source.exposure_s or frames.exposure_s
     if exposure is None:
         raise ValueError(f"{source.path}: it says no exposure; give {source.path}@LIGHT:SECONDS")

@@ -87,10 +87,11 @@ def _p(seen: Floats, totals: Floats) -> Floats:
     expected = both * totals.min() / totals.sum()
     most = np.maximum(expected.sum(axis=1, keepdims=True) // _FEWEST - 1, 0)
     group = np.minimum(np.cumsum(expected, axis=1) // _FEWEST, most).astype(np.int64)
-    key = (group + size * np.arange(pixels)[:, None]).ravel()
+    groups = int(group.max()) + 1
+    key = (group + groups * np.arange(pixels)[:, None]).ravel()
 
     def merged(values: Floats) -> Floats:
-        return np.bincount(key, values.ravel(), pixels * size).reshape(pixels, size)
+        return np.bincount(key, values.ravel(), pixels * groups).reshape(pixels, groups)
 
     first, all_ = merged(seen[0]), merged(both)
     place = merged(both * np.arange(size)) / np.maximum(all_, 1)
