@@ -79,7 +79,12 @@ def _of_pixels(captured: Levels, simulated: Levels, found: Comparison) -> tuple[
         _histograms(found),
         Section("Alarms", "; ".join(found.alarms) or "None."),
         Section("Distributions", charts=_distributions(captured, simulated)),
-        Section("Maps", charts=(*_maps(captured, simulated), *apart)),
+        Section(
+            "Maps",
+            "Differences in standard errors of counting, without those of the calibration, which "
+            "the tests above take into account.",
+            charts=(*_maps(captured, simulated), *apart),
+        ),
     )
 
 
@@ -144,7 +149,7 @@ def _histograms(found: Comparison) -> Section:
     """Distances, beside those that samples of one law have."""
     rows = tuple(
         (
-            f"{name.replace('_', ' ')} ({unit})",
+            f"{name.replace('_', ' ').capitalize()} ({unit})",
             number(float(np.median(distances))),
             number(float(np.median(getattr(found.by_chance, name)))),
         )
