@@ -59,7 +59,13 @@ def arrangement(captured: Floats, expected: Floats) -> Arrangement:
     rows = matching_rows(captured, expected)
     swapped = _correlation(captured[rows], expected)
     moved = int((rows != np.arange(len(rows))).sum())
-    if moved and _is_clearly_higher(swapped, best.correlation, captured.size):
+    # among so many orders, one fits by chance: the best of n normal correlations of two rows
+    by_chance = float(np.sqrt(2 * np.log(len(rows)) / max(captured.shape[1] - 1, 1)))
+    if (
+        moved
+        and swapped > by_chance
+        and _is_clearly_higher(swapped, best.correlation, captured.size)
+    ):
         name = f"{moved} of {len(rows)} rows in another order"
         return Arrangement(name, swapped, plain, tuple(int(row) for row in rows))
     return best
