@@ -32,7 +32,7 @@ from megalopta.sensor.calibrate.level import Falls
 
 Floats = NDArray[np.float64]
 
-_NEIGHBORS = np.arange(-1, 2)
+_NEIGHBORS = np.arange(-1.0, 2.0)
 _STAGES = 20
 _FEW_EVENTS = 6.0
 _ROUNDS_OF_START = 2

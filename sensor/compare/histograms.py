@@ -91,7 +91,8 @@ def _p(seen: Floats, totals: Floats) -> Floats:
     key = (group + groups * np.arange(pixels)[:, None]).ravel()
 
     def merged(values: Floats) -> Floats:
-        return np.bincount(key, values.ravel(), pixels * groups).reshape(pixels, groups)
+        sums = np.bincount(key, values.ravel(), pixels * groups).astype(np.float64)
+        return sums.reshape(pixels, groups)
 
     first, all_ = merged(seen[0]), merged(both)
     place = merged(both * np.arange(size)) / np.maximum(all_, 1)
