@@ -186,7 +186,8 @@ def _with_kernel(device: Device, levels: Sequence[Level], adc: Adc, is_clear: bo
     usable = {at: rows[at] > 0 for at, level in enumerate(levels) if level.is_dark}
     kernels = []
     for at, good in usable.items():
-        counts = np.rint(device.counts_of(levels[at], adc))
+        # pixels whose fit has failed have no counts
+        counts = np.nan_to_num(np.rint(device.counts_of(levels[at], adc)))
         try:
             kernels.append(neighbor_kernel(counts, good & (counts.mean(axis=0) > 0)))
         except ValueError:

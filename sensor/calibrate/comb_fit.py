@@ -75,6 +75,7 @@ class _State(NamedTuple):
     noise: Floats
     curve: Curve
     slope_error: float = np.inf
+    may_slope: bool = True
 
 
 def fit_comb(
@@ -83,8 +84,12 @@ def fit_comb(
     """Fit the comb of each pixel from steps and offsets that are nearly right, each (P,) in V."""
     entries = _Entries.of(falls, exposure_s)
     solution = np.stack([offset_v, np.zeros_like(step_v), step_v], axis=-1)
-    state = _started(entries, _State(solution, 0.1 * step_v, Curve(swing_v)))
+    start = _State(solution, 0.1 * step_v, Curve(swing_v))
+    state = _started(entries, start)
     is_clear = bool(np.median(state.noise / state.solution[:, 2]) < _CLEAR)
+    if not is_clear:
+        # readings between two teeth would bend the curve
+        state = _started(entries, start._replace(may_slope=False))
     if is_clear:
         numbers = _nearest(entries, state)[None]
         weights = np.ones_like(numbers)
@@ -222,7 +227,7 @@ def _regression(entries: _Entries, weights: Floats, numbers: Floats, state: _Sta
         solution=np.where(regular[:, None], found, state.solution),
         noise=np.sqrt(np.maximum(squares / frames, 1e-18)),
     )
-    return _sloped(entries, weights, numbers, state, regular)
+    return _sloped(entries, weights, numbers, state, regular) if state.may_slope else state
 
 
 def _sloped(
