@@ -1,15 +1,11 @@
-from .seeding import generator
-from .surface import FloatArray, Surface, cross, grid_corners, grid_faces, join, unit
-from .surface_textures import TEXTURES
-
-__all__ = [
-    "TEXTURES",
-    "FloatArray",
-    "Surface",
-    "cross",
-    "generator",
-    "grid_corners",
-    "grid_faces",
-    "join",
-    "unit",
-]
+from .seeding import generator as generator
+from .surface import (
+    FloatArray as FloatArray,
+    Surface as Surface,
+    cross as cross,
+    grid_corners as grid_corners,
+    grid_faces as grid_faces,
+    join as join,
+    unit as unit,
+)
+from .surface_textures import TEXTURES as TEXTURES

@@ -15,9 +15,18 @@ from .detectors.registry import (
     Method as Method,
     method as method,
 )
-from .egomotion.wide_field import WideField as WideField, fit_wide_field as fit_wide_field
-from .files.color_wheel import flow_to_rgb as flow_to_rgb, wheel_legend as wheel_legend
-from .files.flo import read_flo as read_flo, write_flo as write_flo
+from .egomotion.wide_field import (
+    WideField as WideField,
+    fit_wide_field as fit_wide_field,
+)
+from .files.color_wheel import (
+    flow_to_rgb as flow_to_rgb,
+    wheel_legend as wheel_legend,
+)
+from .files.flo import (
+    read_flo as read_flo,
+    write_flo as write_flo,
+)
 from .metrics.curve import ErrorCurve as ErrorCurve
 from .metrics.detection import (
     d_prime as d_prime,
@@ -31,8 +40,14 @@ from .metrics.endpoint_error import (
     block_share as block_share,
     truth_error as truth_error,
 )
-from .metrics.photon_threshold import Threshold as Threshold, threshold as threshold
-from .metrics.response_error import ErrorSums as ErrorSums, error_sums as error_sums
+from .metrics.photon_threshold import (
+    Threshold as Threshold,
+    threshold as threshold,
+)
+from .metrics.response_error import (
+    ErrorSums as ErrorSums,
+    error_sums as error_sums,
+)
 from .metrics.splits import truth_splits as truth_splits
 from .metrics.translation_bound import (
     cramer_rao_covariance as cramer_rao_covariance,

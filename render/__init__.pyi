@@ -1,46 +1,39 @@
-from .bands import Bands
-from .environment import read_picture
+from .bands import Bands as Bands
+from .environment import read_picture as read_picture
 from .exr import (
-    read_attributes,
-    read_radiance,
-    read_size,
-    read_truth,
-    write_radiance,
-    write_truth,
+    read_attributes as read_attributes,
+    read_radiance as read_radiance,
+    read_size as read_size,
+    read_truth as read_truth,
+    write_radiance as write_radiance,
+    write_truth as write_truth,
 )
-from .mitsuba_loader import activate, dr, mi
-from .noise import MEASURED_EVERY, RenderNoise, RunningMean, render_once, render_until
-from .scene_renderer import SceneRenderer
-from .settings import RenderSettings, frame_seed
-from .truth.tracer import Flow, Truth, out_of_view
-from .variant import CUDA_NOTE, Variant, choose_variant, has_cuda_device, llvm_in_use
-
-__all__ = [
-    "CUDA_NOTE",
-    "MEASURED_EVERY",
-    "Bands",
-    "Flow",
-    "RenderNoise",
-    "RenderSettings",
-    "RunningMean",
-    "SceneRenderer",
-    "Truth",
-    "Variant",
-    "activate",
-    "choose_variant",
-    "dr",
-    "frame_seed",
-    "has_cuda_device",
-    "llvm_in_use",
-    "mi",
-    "out_of_view",
-    "read_attributes",
-    "read_picture",
-    "read_radiance",
-    "read_size",
-    "read_truth",
-    "render_once",
-    "render_until",
-    "write_radiance",
-    "write_truth",
-]
+from .mitsuba_loader import (
+    activate as activate,
+    dr as dr,
+    mi as mi,
+)
+from .noise import (
+    MEASURED_EVERY as MEASURED_EVERY,
+    RenderNoise as RenderNoise,
+    RunningMean as RunningMean,
+    render_once as render_once,
+    render_until as render_until,
+)
+from .scene_renderer import SceneRenderer as SceneRenderer
+from .settings import (
+    RenderSettings as RenderSettings,
+    frame_seed as frame_seed,
+)
+from .truth.tracer import (
+    Flow as Flow,
+    Truth as Truth,
+    out_of_view as out_of_view,
+)
+from .variant import (
+    CUDA_NOTE as CUDA_NOTE,
+    Variant as Variant,
+    choose_variant as choose_variant,
+    has_cuda_device as has_cuda_device,
+    llvm_in_use as llvm_in_use,
+)

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from megalopta.arrays import Floats
+
 Image = NDArray[np.float32]
-Floats = NDArray[np.float64]
 RenderPass = Callable[[int], Image]
 """Renders the pass of a given number: radiance (H, W, B), independent of the other passes."""
 

@@ -1,53 +1,33 @@
-from .base import SceneDescription
-from .build import AnyScene, build_scene
-from .cameras.base import Camera
-from .cameras.choice import AnyCamera
-from .cameras.panoramic import CylindricalCamera, EquirectangularCamera
-from .cameras.perspective import PerspectiveCamera
-from .forest.description import Forest
-from .forest.sway import Wind
-from .lighting.levels import Light
-from .moving_objects import MovingObject
-from .shutter import Shutter
-from .stimuli.grating import Grating
-from .stimuli.motion_bench import MotionBench
-from .stimuli.panorama import Panorama
-from .stimuli.plane import Plane
-from .tone_mapping import preview, white_level, white_of
-from .trajectories.choice import CameraPath
-from .trajectories.hover import Hover
-from .trajectories.orbit import Orbit
-from .trajectories.recorded import Recorded
-from .trajectories.spline import Spline
-from .trajectories.steady import Trajectory
-from .world.scene import Scene
-
-__all__ = [
-    "AnyCamera",
-    "AnyScene",
-    "Camera",
-    "CameraPath",
-    "CylindricalCamera",
-    "EquirectangularCamera",
-    "Forest",
-    "Grating",
-    "Hover",
-    "Light",
-    "MotionBench",
-    "MovingObject",
-    "Orbit",
-    "Panorama",
-    "PerspectiveCamera",
-    "Plane",
-    "Recorded",
-    "Scene",
-    "SceneDescription",
-    "Shutter",
-    "Spline",
-    "Trajectory",
-    "Wind",
-    "build_scene",
-    "preview",
-    "white_level",
-    "white_of",
-]
+from .base import SceneDescription as SceneDescription
+from .build import (
+    AnyScene as AnyScene,
+    build_scene as build_scene,
+)
+from .cameras.base import Camera as Camera
+from .cameras.choice import AnyCamera as AnyCamera
+from .cameras.panoramic import (
+    CylindricalCamera as CylindricalCamera,
+    EquirectangularCamera as EquirectangularCamera,
+)
+from .cameras.perspective import PerspectiveCamera as PerspectiveCamera
+from .forest.description import Forest as Forest
+from .forest.sway import Wind as Wind
+from .lighting.levels import Light as Light
+from .moving_objects import MovingObject as MovingObject
+from .shutter import Shutter as Shutter
+from .stimuli.grating import Grating as Grating
+from .stimuli.motion_bench import MotionBench as MotionBench
+from .stimuli.panorama import Panorama as Panorama
+from .stimuli.plane import Plane as Plane
+from .tone_mapping import (
+    preview as preview,
+    white_level as white_level,
+    white_of as white_of,
+)
+from .trajectories.choice import CameraPath as CameraPath
+from .trajectories.hover import Hover as Hover
+from .trajectories.orbit import Orbit as Orbit
+from .trajectories.recorded import Recorded as Recorded
+from .trajectories.spline import Spline as Spline
+from .trajectories.steady import Trajectory as Trajectory
+from .world.scene import Scene as Scene

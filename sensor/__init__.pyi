@@ -1,4 +1,7 @@
-from .change import changed as changed, merged as merged
+from .change import (
+    changed as changed,
+    merged as merged,
+)
 from .counters.analog import AnalogCounter as AnalogCounter
 from .counters.digital import DigitalCounter as DigitalCounter
 from .ctia.array import (
@@ -36,9 +39,15 @@ from .input_files import file_content as file_content
 from .optics.efficiency import Efficiency as Efficiency
 from .optics.lens import Lens as Lens
 from .optics.pixels import photon_rate as photon_rate
-from .quantities import Expectation as Expectation, Exposure as Exposure
+from .quantities import (
+    Expectation as Expectation,
+    Exposure as Exposure,
+)
 from .readout.binary import expose_binary as expose_binary
-from .readout.events import Events as Events, expose_events as expose_events
+from .readout.events import (
+    Events as Events,
+    expose_events as expose_events,
+)
 from .readout.images import (
     IMAGE_SENSORS as IMAGE_SENSORS,
     ImageSensor as ImageSensor,
@@ -53,13 +62,33 @@ from .readout.opened import (
     open_counts as open_counts,
     read_counts as read_counts,
 )
-from .readout.store import StoredCounts as StoredCounts, write_counts as write_counts
+from .readout.store import (
+    StoredCounts as StoredCounts,
+    write_counts as write_counts,
+)
 from .readout.sub_frames import sub_frames as sub_frames
 from .sampling.streams import generator as generator
-from .spad.exposure import expose as expose, expose_adc as expose_adc, expose_rate as expose_rate
-from .spad.measured import MapFile as MapFile, MeasuredMaps as MeasuredMaps
+from .spad.exposure import (
+    expose as expose,
+    expose_adc as expose_adc,
+    expose_rate as expose_rate,
+)
+from .spad.measured import (
+    MapFile as MapFile,
+    MeasuredMaps as MeasuredMaps,
+)
 from .spad.model import Sensor as Sensor
-from .spad.moments import event_moments as event_moments, reading_moments as reading_moments
-from .spad.order import ORDER_OF_EFFECTS as ORDER_OF_EFFECTS, without as without
-from .spad.presets import PRESETS as PRESETS, load_sensor as load_sensor, preset as preset
+from .spad.moments import (
+    event_moments as event_moments,
+    reading_moments as reading_moments,
+)
+from .spad.order import (
+    ORDER_OF_EFFECTS as ORDER_OF_EFFECTS,
+    without as without,
+)
+from .spad.presets import (
+    PRESETS as PRESETS,
+    load_sensor as load_sensor,
+    preset as preset,
+)
 from .spad.rates import detection_rate as detection_rate

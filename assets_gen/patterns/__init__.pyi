@@ -1,10 +1,7 @@
-from .noise import PlaneWaves, plane_waves, tileable_noise, to_weight
-from .splats import strew
-
-__all__ = [
-    "PlaneWaves",
-    "plane_waves",
-    "strew",
-    "tileable_noise",
-    "to_weight",
-]
+from .noise import (
+    PlaneWaves as PlaneWaves,
+    plane_waves as plane_waves,
+    tileable_noise as tileable_noise,
+    to_weight as to_weight,
+)
+from .splats import strew as strew

@@ -1,7 +1,10 @@
 from .frame_time import milliseconds_per_frame as milliseconds_per_frame
 from .result import BenchmarkResult as BenchmarkResult
 from .search import photon_search as photon_search
-from .sequence import Clip as Clip, photon_benchmark as photon_benchmark
+from .sequence import (
+    Clip as Clip,
+    photon_benchmark as photon_benchmark,
+)
 from .settings import (
     BenchmarkSettings as BenchmarkSettings,
     SearchSettings as SearchSettings,

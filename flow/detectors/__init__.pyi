@@ -1,12 +1,23 @@
-from .base import Detector as Detector, FloatArray as FloatArray, Frames as Frames
+from .base import (
+    Detector as Detector,
+    FloatArray as FloatArray,
+    Frames as Frames,
+)
 from .block_detector import BlockDetector as BlockDetector
-from .blocks import BlockGrid as BlockGrid, block_grid as block_grid, block_sums as block_sums
+from .blocks import (
+    BlockGrid as BlockGrid,
+    block_grid as block_grid,
+    block_sums as block_sums,
+)
 from .correlation import (
     NonDirectionalMultiplication as NonDirectionalMultiplication,
     NonDirectionalSummation as NonDirectionalSummation,
 )
 from .dense_detector import DenseDetector as DenseDetector
-from .from_function import DenseFlow as DenseFlow, detector_from as detector_from
+from .from_function import (
+    DenseFlow as DenseFlow,
+    detector_from as detector_from,
+)
 from .gray_detector import GrayDetector as GrayDetector
 from .intensity import IntensityMeasurement as IntensityMeasurement
 from .registry import (
@@ -15,4 +26,7 @@ from .registry import (
     Method as Method,
     method as method,
 )
-from .sinusoid_response import ndm_mean as ndm_mean, nds_mean as nds_mean
+from .sinusoid_response import (
+    ndm_mean as ndm_mean,
+    nds_mean as nds_mean,
+)

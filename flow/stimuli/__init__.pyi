@@ -1,4 +1,8 @@
-from .moving_template import MovingTemplate as MovingTemplate, blurred as blurred, summed as summed
+from .moving_template import (
+    MovingTemplate as MovingTemplate,
+    blurred as blurred,
+    summed as summed,
+)
 from .photons import (
     BlackFrameError as BlackFrameError,
     Counts as Counts,
@@ -8,7 +12,11 @@ from .photons import (
     frame_light as frame_light,
     narrowest as narrowest,
 )
-from .resizing import ResizeKind as ResizeKind, resize as resize, resized_shape as resized_shape
+from .resizing import (
+    ResizeKind as ResizeKind,
+    resize as resize,
+    resized_shape as resized_shape,
+)
 from .statistics import (
     ImageStatistics as ImageStatistics,
     image_statistics as image_statistics,

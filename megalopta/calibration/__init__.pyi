@@ -1,24 +1,25 @@
-from .charts import map_chart
-from .device_file import Light, nominal_efficiency, write_device
-from .page import summary, write_calibration_report
-from .recorded import Recorded, Source, photons_on_pixel, read_recorded
-from .run import Beam, adc_of, calibrate_recordings
-from .sections import Section, write_sections
-
-__all__ = [
-    "Beam",
-    "Light",
-    "Recorded",
-    "Section",
-    "Source",
-    "adc_of",
-    "calibrate_recordings",
-    "map_chart",
-    "nominal_efficiency",
-    "photons_on_pixel",
-    "read_recorded",
-    "summary",
-    "write_calibration_report",
-    "write_device",
-    "write_sections",
-]
+from .charts import map_chart as map_chart
+from .device_file import (
+    Light as Light,
+    nominal_efficiency as nominal_efficiency,
+    write_device as write_device,
+)
+from .page import (
+    summary as summary,
+    write_calibration_report as write_calibration_report,
+)
+from .recorded import (
+    Recorded as Recorded,
+    Source as Source,
+    photons_on_pixel as photons_on_pixel,
+    read_recorded as read_recorded,
+)
+from .run import (
+    Beam as Beam,
+    adc_of as adc_of,
+    calibrate_recordings as calibrate_recordings,
+)
+from .sections import (
+    Section as Section,
+    write_sections as write_sections,
+)

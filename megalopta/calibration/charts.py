@@ -2,13 +2,11 @@
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
+from megalopta.arrays import Floats
 from megalopta.figures import BLACK, BLUE, VERMILION, line_style
 from megalopta.report import in_style, new_axes, to_svg
 from megalopta.sensor.calibrate import DeadTimeKind, Device, dead_time_moments
-
-Floats = NDArray[np.float64]
 
 _WIDTH_PT, _HEIGHT_PT = 380, 270
 _KINDS: tuple[DeadTimeKind, ...] = ("paralyzable", "nonparalyzable")

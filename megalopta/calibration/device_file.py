@@ -7,15 +7,16 @@ from typing import Any
 import numpy as np
 import yaml
 from numpy.typing import NDArray
-from scipy.ndimage import convolve
 
+from megalopta.arrays import Floats
 from megalopta.files import atomic_write, write_text
 from megalopta.sensor import Sensor
 from megalopta.sensor.calibrate import Device, Estimate, Kernel
-
-Floats = NDArray[np.float64]
+from megalopta.sensor.effects import Crosstalk, crosstalk
 
 _INTERVALS = ("low", "high")
+_SLOWEST_DEAD_TIMES = 5.0
+"""Delay of afterpulses in dead times, which frames do not tell; a shorter one would hide them."""
 
 
 @dataclass(frozen=True)
@@ -70,12 +71,11 @@ def write_device(path: Path, device: Device, base: Sensor, light: Light, preset:
 
 
 def nominal_efficiency(device: Device, base: Sensor, light: Light) -> float:
-    """Efficiency that a map is relative to: the curve's, or the mean of the pixels."""
+    """Efficiency that a map is relative to: the base's on a pixel, or the mean of the pixels."""
     if light.wavelength_nm is None:
         assert device.efficiency is not None
         return float(np.nanmean(device.efficiency.value))
-    curve = base.efficiency
-    return float(np.interp(light.wavelength_nm, curve.wavelengths_nm, curve.values))
+    return float(base.photon_detection_efficiency(np.array(light.wavelength_nm)))
 
 
 def _fields(
@@ -85,6 +85,8 @@ def _fields(
     if "leak" in maps:
         counter |= {"leak_v_s": max(_median(device.leak_v_s), 0.0), "leak_sigma_v_s": 0.0}
     counter["read_noise_v"] = _median(device.read_noise_v)
+    if device.is_slope_seen:
+        counter["step_slope"] = device.curve.slope
     fields: dict[str, Any] = {
         "preset": preset,
         "name": path.stem,
@@ -94,15 +96,11 @@ def _fields(
     if device.dead_time_s is not None and device.dead_time_kind is not None:
         seconds = float(np.nanmedian(device.dead_time_s.value))
         fields["dead_time"] = {"kind": device.dead_time_kind, "dead_time_s": seconds}
-    if device.kernel is not None and device.kernel.is_seen:
-        shares = np.maximum(device.kernel.share, 0.0)
-        orthogonal, diagonal, two = (float(shares[i : i + 2].mean()) for i in (0, 2, 4))
-        if orthogonal > 0:
-            fields["crosstalk"] = {
-                "mean_fired_neighbors": float(2 * shares.sum()),  # each offset to either side
-                "diagonal": min(diagonal / orthogonal, 1.0),
-                "distance_two": min(two / orthogonal, 1.0),
-            }
+    if (light := _crosstalk(device.kernel)) is not None:
+        fields["crosstalk"] = light.model_dump(exclude_defaults=True)
+    if device.kernel is not None and device.kernel.are_afterpulses_seen:
+        dead_s = fields.get("dead_time", {}).get("dead_time_s", base.dead_time.dead_time_s)
+        fields["afterpulsing"] = _afterpulsing(device.kernel, dead_s, base)
     fields["measured"] = {**maps, "fit": "exact"}
     return fields
 
@@ -116,16 +114,33 @@ def _negative(estimate: Estimate) -> Estimate:
     return Estimate(-estimate.value, -estimate.high, -estimate.low)
 
 
-def _primary(estimate: Estimate, kernel: Kernel | None) -> Estimate:
-    """Less what neighbors fire, which the simulated crosstalk adds again."""
+def _crosstalk(kernel: Kernel | None) -> Crosstalk | None:
+    """As the sensor stage takes it, where it is seen."""
     if kernel is None or not kernel.is_seen:
-        return estimate
-    weights = np.zeros((3, 3))
-    orthogonal, diagonal = kernel.share[:2].mean(), kernel.share[2:4].mean()
-    weights[1, ::2] = weights[::2, 1] = orthogonal
-    if diagonal > orthogonal / 2:
-        weights[::2, ::2] = diagonal
-    fired = convolve(_filled(estimate.value), weights, mode="constant")
+        return None
+    shares = np.maximum(kernel.share, 0.0)
+    orthogonal, diagonal, two = (float(shares[at : at + 2].mean()) for at in (0, 2, 4))
+    return Crosstalk(
+        mean_fired_neighbors=min(float(2 * shares.sum()), 0.8),  # each offset to either side
+        diagonal=min(diagonal / orthogonal, 1.0),
+        distance_two=min(two / orthogonal, 1.0),
+    )
+
+
+def _afterpulsing(kernel: Kernel, dead_time_s: float, base: Sensor) -> dict[str, float]:
+    """Carriers of which as many find the pixel live as were seen."""
+    delay_s = max(base.afterpulsing.delay_s, _SLOWEST_DEAD_TIMES * dead_time_s)
+    carriers = kernel.afterpulses * float(np.exp(dead_time_s / delay_s))
+    return {"mean_carriers": min(carriers, 0.95), "delay_s": delay_s}
+
+
+def _primary(estimate: Estimate, kernel: Kernel | None) -> Estimate:
+    """Less what neighbors and traps fire, which the simulation adds again."""
+    fired = np.zeros_like(estimate.value)
+    if kernel is not None and kernel.are_afterpulses_seen:
+        fired += kernel.afterpulses * estimate.value
+    if (light := _crosstalk(kernel)) is not None:
+        fired += crosstalk.fired_mean(_filled(estimate.value), light)
     return Estimate(*(each - fired for each in (estimate.value, estimate.low, estimate.high)))
 
 

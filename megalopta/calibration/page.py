@@ -28,7 +28,7 @@ def write_calibration_report(path: Path, device: Device, name: str, is_relative:
         ),
         Section(
             "Photon transfer",
-            f"Steps are from the {device.method}.",
+            f"Steps are from the {device.method}. {_slope(device)}",
             charts=(photon_transfer_chart(device, "transfer"),),
         ),
     ]
@@ -106,6 +106,15 @@ def _saturation(device: Device) -> Section:
     )
 
 
+def _slope(device: Device) -> str:
+    if not np.isfinite(device.slope_error):
+        return "Whether the step changes over the swing is not told."
+    value, error = 100 * device.curve.slope, 196 * device.slope_error
+    way = f"{value:+.3g} ± {error:.2g} % (95 %)"
+    seen = "changes" if device.is_slope_seen else "does not change, as far as can be seen,"
+    return f"The step {seen} over the swing: {way} smaller at its bottom than at its top."
+
+
 def _neighbors(kernel: Kernel) -> Section:
     names = (
         "right and left",
@@ -122,11 +131,15 @@ def _neighbors(kernel: Kernel) -> Section:
         )
     ]
     pulses = f"{100 * kernel.afterpulses:.2f} %", f"± {196 * kernel.afterpulses_error:.2f} %"
+    if np.isnan(kernel.afterpulses):
+        pulses = "not told", "read noise hides them"
     seen = "Crosstalk is seen." if kernel.is_seen else "No crosstalk is seen."
     traps = "Afterpulses are seen." if kernel.are_afterpulses_seen else "No afterpulses are seen."
     return Section(
         "Crosstalk and afterpulses",
-        f"{seen} {traps} Probability that an event fires a pixel, from coincidences in the dark.",
+        f"{seen} {traps} Probability that an event fires a pixel, from coincidences in the dark; "
+        "afterpulses within the exposure, from the variance of dark counts. What is seen is in the "
+        "device file. How long after, frames do not tell: five dead times are assumed.",
         ("neighbor", "probability", "95 %"),
         (*rows, ("afterpulses", *pulses)),
     )

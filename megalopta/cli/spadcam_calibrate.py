@@ -24,8 +24,9 @@ def add_recordings(command: Command) -> None:
     command.add_argument(
         "recordings",
         nargs="+",
-        metavar="RECORDING[@LIGHT]",
-        help="folders of recordings; LIGHT in photons per second on a pixel, none: in the dark",
+        metavar="RECORDING[#FIRST-END][@LIGHT]",
+        help="folders of recordings, or of each some frames, such as steps#0-100@1e7; LIGHT in "
+        "photons per second on a pixel, none: in the dark",
     )
     command.add_argument(
         "--wavelength-nm", type=float, help="wavelength of the light; without, it is relative"

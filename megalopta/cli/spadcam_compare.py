@@ -15,10 +15,16 @@ def declare(verbs: Verbs) -> None:
     command.add_argument("--device", type=Path, required=True, help="device file of the model")
     command.add_argument(
         "--scene",
-        choices=["levels", "plate"],
         default="levels",
-        help="darkness and even light (default), or the moving plate; LIGHT is then its speed "
-        "in mm/s",
+        help="levels: darkness and even light (default); plate: the moving plate, LIGHT is then "
+        "its speed in mm/s; or a dataset's folder, or a configuration, which is rendered beside "
+        "the page: LIGHT is then the light level in lux, none: that of the rendering",
+    )
+    command.add_argument(
+        "--format",
+        choices=["npy", "spad512", "swissspad2", "swissspad2_whole", "spc3", "tiff"],
+        help="of recordings of other cameras (default: as their content says, .bin: spad512); "
+        "their exposure follows: FILE@LIGHT:SECONDS",
     )
     command.add_argument(
         "--margin",
@@ -34,7 +40,7 @@ def _run(options: Namespace) -> None:
     from megalopta.calibration import Beam, Source
     from megalopta.comparison import compare_captured
 
-    sources = [Source.parse(text) for text in options.recordings]
+    sources = [Source.parse(text, options.format) for text in options.recordings]
     sentence = compare_captured(
         sources,
         options.device,

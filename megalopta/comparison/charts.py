@@ -4,17 +4,16 @@ from collections.abc import Sequence
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
 from megalopta.comparison.motion import SpeedResponse
 from megalopta.figures import BLACK, BLUE, VERMILION
 from megalopta.report import in_style, new_axes, to_svg
-from megalopta.sensor.compare import SEGMENT, CountedFrames, mean_spectrum
+from megalopta.sensor.compare import SEGMENT, Comparison, CountedFrames, mean_spectrum
 
-Floats = NDArray[np.float64]
 Levels = Sequence[CountedFrames]
 
 _WIDTH_PT, _HEIGHT_PT = 380, 270
+_FRAMES_SHOWN = 200
 _SOURCES = (("captured", BLUE, "o"), ("simulated", VERMILION, "x"))
 
 
@@ -70,6 +69,32 @@ def difference_chart(captured: CountedFrames, simulated: CountedFrames, name: st
     kind = "dark" if captured.is_dark else f"light {captured.light_hz:g}"
     axes.set(title=f"{kind}, {captured.exposure_s:g} s (standard errors)")
     return to_svg(figure, name, "Map of captured less simulated means, in standard errors")
+
+
+@in_style
+def distance_chart(found: Comparison) -> Markup:
+    """Energy distances of pixels in order, and those by chance."""
+    figure, axes = new_axes(_WIDTH_PT, _HEIGHT_PT)
+    for values, label, color in (
+        (found.distances.energy, "captured and simulated", BLUE),
+        (found.by_chance.energy, "by chance", VERMILION),
+    ):
+        share = (np.arange(values.size) + 0.5) / values.size
+        axes.plot(np.sort(values.ravel()), share, color=color, label=label)
+    axes.set(xlabel="energy distance (counts^½)", ylabel="share of pixels below", xlim=(0, None))
+    axes.legend(frameon=False)
+    return to_svg(figure, "distance", "Energy distances of histograms, and those by chance")
+
+
+@in_style
+def time_chart(captured: CountedFrames, simulated: CountedFrames) -> Markup:
+    """Mean counts of frames, one after the other."""
+    figure, axes = new_axes(_WIDTH_PT, _HEIGHT_PT)
+    for frames, (label, color, _) in zip((captured, simulated), _SOURCES, strict=True):
+        axes.plot(frames.counts[:_FRAMES_SHOWN].mean(axis=(1, 2)), color=color, label=label)
+    axes.set(xlabel="frame", ylabel="mean counts")
+    axes.legend(frameon=False)
+    return to_svg(figure, "time", "Mean counts of frames, captured and simulated")
 
 
 @in_style

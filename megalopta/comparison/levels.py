@@ -22,12 +22,16 @@ def captured_frames(recorded: Recorded, device: Sensor, light_hz: float) -> Coun
     counter, codes = device.counter, recorded.codes
     own = changed(device, exposure_s=recorded.exposure_s)
     if codes is None or not isinstance(counter, AnalogCounter):
-        return CountedFrames(recorded.counts, recorded.exposure_s, light_hz)
+        return CountedFrames(
+            recorded.counts, recorded.exposure_s, light_hz, times_s=recorded.times_s
+        )
     known = draw_fixed_pattern(own, (codes.shape[1], codes.shape[2])).counters
     assert known is not None
     counts, _ = counts_of_codes(codes, counter, known)
     full = _FULL * (counter.swing_v - known.leaked_v) / known.step_v
-    return CountedFrames(counts, recorded.exposure_s, light_hz, counts >= full)
+    return CountedFrames(
+        counts, recorded.exposure_s, light_hz, counts >= full, times_s=recorded.times_s
+    )
 
 
 def simulated_frames(
@@ -50,8 +54,8 @@ def calibration_errors(
 
     The intervals of a map lie beside it; a map without makes no error.
     """
-    dark = _map_error(device.measured.dark_counts)
-    efficiency = _map_error(device.measured.efficiency)
+    dark = map_error(device.measured.dark_counts)
+    efficiency = map_error(device.measured.efficiency)
     nominal = _nominal(device, beam)
     return [
         np.hypot(dark, level.light_hz * nominal * efficiency)
@@ -60,7 +64,8 @@ def calibration_errors(
     ]
 
 
-def _map_error(file: MapFile | None) -> NDArray[np.float64] | float:
+def map_error(file: MapFile | None) -> NDArray[np.float64] | float:
+    """Standard errors of a map, from the intervals that lie beside it; 0 where none do."""
     if file is None:
         return 0.0
     path = Path(file.path)
@@ -72,11 +77,10 @@ def _map_error(file: MapFile | None) -> NDArray[np.float64] | float:
 
 
 def _nominal(device: Sensor, beam: Beam) -> float:
-    """Efficiency of the device's curve; 0 where there is no light of known wavelength."""
-    curve = device.efficiency
+    """Of the photons on a pixel, those detected; 0 where the light's wavelength is not known."""
     if beam.wavelength_nm is None:
         return 0.0
-    return float(np.interp(beam.wavelength_nm, curve.wavelengths_nm, curve.values))
+    return float(device.photon_detection_efficiency(np.array(beam.wavelength_nm)))
 
 
 def _simulated(level: CountedFrames, device: Sensor, beam: Beam, seed: int) -> CountedFrames:
@@ -92,4 +96,6 @@ def _simulated(level: CountedFrames, device: Sensor, beam: Beam, seed: int) -> C
     name = f"comparison, {level.exposure_s:g} s, light {level.light_hz:g}"
     rates = np.broadcast_to(rate, level.counts.shape)
     exposure = expose_rate(rates, own, seed=seed, sequence=name)
-    return CountedFrames(exposure.counts, level.exposure_s, level.light_hz, exposure.saturated)
+    # where a capture does not tell what is full, full counts are compared as such
+    saturated = None if level.saturated is None else exposure.saturated
+    return CountedFrames(exposure.counts, level.exposure_s, level.light_hz, saturated)

@@ -10,11 +10,14 @@ from megalopta.calibration import Section, map_chart, write_sections
 from megalopta.comparison.charts import (
     dark_chart,
     difference_chart,
+    distance_chart,
     response_chart,
     spectrum_chart,
+    time_chart,
     transfer_chart,
 )
 from megalopta.comparison.motion import SpeedResponse
+from megalopta.comparison.moving import SceneComparison
 from megalopta.report import number
 from megalopta.sensor.compare import Comparison, CountedFrames, Difference
 
@@ -43,21 +46,46 @@ def write_comparison_report(
             f"The captured image is {order.name}: rank correlation of the two patterns "
             f"{order.correlation:.3f}.{rows}",
         ),
+        *_of_pixels(captured, simulated, found),
+    ]
+    write_sections(path, f"{name}: captured and simulated", found.sentence, sections)
+
+
+def write_scene_report(path: Path, name: str, compared: SceneComparison) -> None:
+    """Write how a captured scene differs from a simulated one, with pictures."""
+    found = compared.found
+    sections = [
+        Section(
+            "The scene",
+            f"Frames are aligned in time by their correlation, {compared.aligned.correlation:.2f}, "
+            "and each is simulated as it was seen. Quantities are compared in blocks of frames; "
+            f"less than {100 * found.margin:g} % does not matter.",
+            _HEAD,
+            tuple(_row(each, found) for each in found.differences),
+        ),
+        Section("In time", charts=(time_chart(compared.captured, compared.simulated),)),
+        *_of_pixels([compared.captured], [compared.simulated], found),
+    ]
+    write_sections(path, f"{name}: captured and simulated", found.sentence, sections)
+
+
+def _of_pixels(captured: Levels, simulated: Levels, found: Comparison) -> tuple[Section, ...]:
+    apart = (
+        difference_chart(one, other, f"apart-{at}")
+        for at, (one, other) in enumerate(zip(captured, simulated, strict=True))
+    )
+    return (
         _tests(found),
+        _histograms(found),
         Section("Alarms", "; ".join(found.alarms) or "None."),
         Section("Distributions", charts=_distributions(captured, simulated)),
         Section(
             "Maps",
-            charts=(
-                *_maps(captured, simulated),
-                *(
-                    difference_chart(one, other, f"apart-{at}")
-                    for at, (one, other) in enumerate(zip(captured, simulated, strict=True))
-                ),
-            ),
+            "Differences in standard errors of counting, without those of the calibration, which "
+            "the tests above take into account.",
+            charts=(*_maps(captured, simulated), *apart),
         ),
-    ]
-    write_sections(path, f"{name}: captured and simulated", found.sentence, sections)
+    )
 
 
 def write_motion_report(path: Path, name: str, responses: Sequence[SpeedResponse]) -> str:
@@ -71,7 +99,12 @@ def write_motion_report(path: Path, name: str, responses: Sequence[SpeedResponse
     rows = tuple(_cells(each.difference, each.difference.p < limit) for each in responses)
     charts = tuple(response_chart(responses, method) for method in ("NDM", "NDS"))
     sections = [
-        Section("Transfer functions", "Mean and standard deviation of crossings.", charts=charts),
+        Section(
+            "Transfer functions",
+            "Mean and standard deviation of crossings. Captured frames are aligned with the plate "
+            "by their correlation, and cut into whole passages of 64 frames.",
+            charts=charts,
+        ),
         Section("Responses", "Peak responses to the edge.", _HEAD, rows),
     ]
     write_sections(path, f"{name}: responses to a moving plate", sentence, sections)
@@ -104,13 +137,33 @@ def _tests(found: Comparison) -> Section:
         (name, str(int(np.isfinite(test.p).sum())), str(int(test.differs.sum())))
         for name, test in tests
     )
-    distance = float(np.nanmedian(found.distances))
     return Section(
         "Pixels",
-        "Tests of every pixel at every level; false discovery rate by Benjamini and Hochberg. "
-        f"Histograms are {distance:.3f} apart (total variation, median).",
+        "Tests of every pixel at every level; false discovery rate by Benjamini and Hochberg.",
         ("of", "tested", "differ"),
         rows,
+    )
+
+
+def _histograms(found: Comparison) -> Section:
+    """Distances, beside those that samples of one law have."""
+    rows = tuple(
+        (
+            f"{name.replace('_', ' ').capitalize()} ({unit})",
+            number(float(np.median(distances))),
+            number(float(np.median(getattr(found.by_chance, name)))),
+        )
+        for (name, distances), unit in zip(
+            found.distances._asdict().items(), ("share", "counts", "counts^½"), strict=True
+        )
+    )
+    return Section(
+        "Histograms",
+        "How far apart the histograms of a pixel are, median over pixels and levels, and how far "
+        "by chance, with the frames of both dealt out anew.",
+        ("distance", "captured and simulated", "by chance"),
+        rows,
+        (distance_chart(found),),
     )
 
 

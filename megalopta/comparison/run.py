@@ -2,17 +2,20 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
 
 from megalopta.calibration import Beam, Source, read_recorded
+from megalopta.comparison.cycle import dataset_cycle, rendered_dataset
 from megalopta.comparison.levels import calibration_errors, captured_frames, simulated_frames
 from megalopta.comparison.motion import plate_responses
-from megalopta.comparison.page import write_comparison_report, write_motion_report
+from megalopta.comparison.moving import compare_scene
+from megalopta.comparison.page import (
+    write_comparison_report,
+    write_motion_report,
+    write_scene_report,
+)
 from megalopta.errors import UserError
 from megalopta.sensor import Sensor, load_sensor
 from megalopta.sensor.compare import MARGIN, CountedFrames, compare_recordings
-
-Scene = Literal["levels", "plate"]
 
 
 def compare_captured(
@@ -20,7 +23,7 @@ def compare_captured(
     device: Path,
     out: Path,
     *,
-    scene: Scene = "levels",
+    scene: str = "levels",
     beam: Beam = Beam(),  # noqa: B008
     margin: float = MARGIN,
     seed: int = 0,
@@ -30,13 +33,15 @@ def compare_captured(
     Parameters
     ----------
     sources : sequence of Source
-        Of the scene "levels" with their light, of "plate" with its speed (mm/s) in place of it.
+        Of the scene "levels" with their light; of "plate" with its speed (mm/s) in place of it, of
+        a dataset with the light level (lux), 0: that of the rendering.
     device : Path
         Device file, as `megalopta spadcam calibrate` writes it.
     out : Path
         HTML page.
-    scene : "levels" or "plate"
-        Darkness and even light, or the moving plate of the motion bench.
+    scene : str
+        "levels": darkness and even light; "plate": the moving plate of the motion bench; else the
+        folder of a dataset, or a configuration, which is rendered into a folder beside the page.
     beam : Beam
     margin : float
         Relative difference that does not matter.
@@ -55,7 +60,11 @@ def compare_captured(
                 source.light: captured_frames(read_recorded(source), sensor, source.light)
                 for source in sources
             }
-            return write_motion_report(out, device.stem, plate_responses(plates, sensor, margin))
+            responses = plate_responses(plates, sensor, margin, seed)
+            return write_motion_report(out, device.stem, responses)
+        if scene != "levels":
+            dataset = rendered_dataset(scene, out.with_suffix(""))
+            return _of_dataset(sources, sensor, dataset, out, margin, seed)
         captured = [_level(source, sensor, beam) for source in sources]
         simulated = simulated_frames(captured, sensor, beam, seed)
         kind = sensor.dead_time.kind
@@ -65,6 +74,19 @@ def compare_captured(
         raise UserError(f"compare: {problem}") from problem
     write_comparison_report(out, device.stem, captured, simulated, found)
     return found.sentence
+
+
+def _of_dataset(
+    sources: Sequence[Source], sensor: Sensor, dataset: Path, out: Path, margin: float, seed: int
+) -> str:
+    if len(sources) != 1:
+        raise UserError(f"compare: {len(sources)} recordings of {dataset}; give one at a time")
+    (source,) = sources
+    captured = captured_frames(read_recorded(source), sensor, source.light or 1.0)
+    cycle = dataset_cycle(dataset, source.light or None, sensor)
+    compared = compare_scene(captured, cycle, sensor, margin, seed)
+    write_scene_report(out, dataset.name, compared)
+    return compared.found.sentence
 
 
 def _level(source: Source, sensor: Sensor, beam: Beam) -> CountedFrames:

@@ -13,7 +13,11 @@ from .model import (
     load as load,
     parse as parse,
 )
-from .settings import Settings as Settings, Words as Words, settings_of as settings_of
+from .settings import (
+    Settings as Settings,
+    Words as Words,
+    settings_of as settings_of,
+)
 from .validation import one_sentence as one_sentence
 from .yaml_model import (
     mapping as mapping,

@@ -1,48 +1,31 @@
-from . import sintel
-from .flow_record import BlockErrors, FlowRecord, ResponseErrors, RotationErrors, TruthErrors
+from . import sintel as sintel
+from .flow_record import (
+    BlockErrors as BlockErrors,
+    FlowRecord as FlowRecord,
+    ResponseErrors as ResponseErrors,
+    RotationErrors as RotationErrors,
+    TruthErrors as TruthErrors,
+)
 from .frames import (
-    FRAMES_AT_ONCE,
-    read_radiance_frame,
-    read_radiance_frames,
-    read_truth_frame,
-    read_truth_frames,
-    write_frames,
+    FRAMES_AT_ONCE as FRAMES_AT_ONCE,
+    read_radiance_frame as read_radiance_frame,
+    read_radiance_frames as read_radiance_frames,
+    read_truth_frame as read_truth_frame,
+    read_truth_frames as read_truth_frames,
+    write_frames as write_frames,
 )
-from .rendering_noise import ATTRIBUTE, noise_record
+from .rendering_noise import (
+    ATTRIBUTE as ATTRIBUTE,
+    noise_record as noise_record,
+)
 from .store import (
-    REDO_FOLDER,
-    Dataset,
-    existing,
-    exposure_name,
-    file_hash,
-    files_in,
-    open_dataset,
-    whole_of,
-    write_configuration,
+    REDO_FOLDER as REDO_FOLDER,
+    Dataset as Dataset,
+    existing as existing,
+    exposure_name as exposure_name,
+    file_hash as file_hash,
+    files_in as files_in,
+    open_dataset as open_dataset,
+    whole_of as whole_of,
+    write_configuration as write_configuration,
 )
-
-__all__ = [
-    "ATTRIBUTE",
-    "FRAMES_AT_ONCE",
-    "REDO_FOLDER",
-    "BlockErrors",
-    "Dataset",
-    "FlowRecord",
-    "ResponseErrors",
-    "RotationErrors",
-    "TruthErrors",
-    "existing",
-    "exposure_name",
-    "file_hash",
-    "files_in",
-    "noise_record",
-    "open_dataset",
-    "read_radiance_frame",
-    "read_radiance_frames",
-    "read_truth_frame",
-    "read_truth_frames",
-    "sintel",
-    "whole_of",
-    "write_configuration",
-    "write_frames",
-]

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.arrays import Floats
 from megalopta.experiments.motion_bench import FRAMES
-from megalopta.experiments.trial import Floats
 
 LEAST = 2
 """Passages to and fro; one tells nothing of chance."""

@@ -1,19 +1,14 @@
-from .errors import STILL, Best, Interval
-from .folder import run_ranking
-from .page import write_ranking
-from .pooling import Pooling
-from .run import BOUND, Ranking, rank_methods
-from .settings import RankingSettings
-
-__all__ = [
-    "BOUND",
-    "STILL",
-    "Best",
-    "Interval",
-    "Pooling",
-    "Ranking",
-    "RankingSettings",
-    "rank_methods",
-    "run_ranking",
-    "write_ranking",
-]
+from .errors import (
+    STILL as STILL,
+    Best as Best,
+    Interval as Interval,
+)
+from .folder import run_ranking as run_ranking
+from .page import write_ranking as write_ranking
+from .pooling import Pooling as Pooling
+from .run import (
+    BOUND as BOUND,
+    Ranking as Ranking,
+    rank_methods as rank_methods,
+)
+from .settings import RankingSettings as RankingSettings

@@ -6,10 +6,10 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
 
+from megalopta.arrays import Floats
 from megalopta.dataset import Dataset
 from megalopta.flow.detectors import BlockGrid
 from megalopta.flow.egomotion import camera_motion
-from megalopta.ranking.pooling import Floats
 from megalopta.scenes.cameras import Camera
 
 _STILL_M = 1e-9

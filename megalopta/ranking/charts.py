@@ -9,10 +9,11 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from megalopta.arrays import Floats
 from megalopta.figures import BLACK, GRAY, method_style
 from megalopta.flow.files import flow_to_rgb
 from megalopta.ranking.errors import STILL
-from megalopta.ranking.pooling import Floats, Pooling
+from megalopta.ranking.pooling import Pooling
 from megalopta.ranking.run import BOUND, Ranking
 from megalopta.ranking.truth import PARALLAX_PX, RANGES, SPEEDS_PX, cell_name
 from megalopta.report import in_style, number, to_svg

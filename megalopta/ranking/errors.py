@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.ranking.pooling import Floats
+from megalopta.arrays import Floats
 from megalopta.ranking.truth import BlockTruths
 
 STILL = "answer 0"

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from megalopta import files
+from megalopta.arrays import Floats
 from megalopta.calibration import Section, write_sections
 from megalopta.dataset import Dataset
 from megalopta.ranking.charts import atlas, error_curves, flow_fields, pooling_grid
 from megalopta.ranking.errors import STILL
-from megalopta.ranking.pooling import Floats, Pooling
+from megalopta.ranking.pooling import Pooling
 from megalopta.ranking.run import Ranking
 from megalopta.ranking.truth import DISTANCES_M, PARALLAX_PX, SPEEDS_PX
 from megalopta.ranking.velocities import Drawn, Velocities
@@ -39,10 +40,10 @@ def write_ranking(folder: Path, ranking: Ranking, datasets: Sequence[Dataset], k
         Section(
             "What was measured",
             f"{len(datasets)} sequence{'s'[: len(datasets) > 1]}, {frames} frames, perfect pixels. "
-            "Errors are those of blocks against the true motion, in px of the full image per frame; "
-            "a block without an answer counts as one that answered 0. Bands hold the mean in 95 % of cases, over "
-            f"pairs of frames. Speed is low below {SPEEDS_PX[0]:g} px and high above "
-            f"{SPEEDS_PX[1]:g} px; parallax, what is left of the motion without the camera's "
+            "Errors are those of blocks against the true motion, in px of the full image per "
+            "frame; a block without an answer counts as one that answered 0. Bands hold the mean "
+            f"in 95 % of cases, over pairs of frames. Speed is low below {SPEEDS_PX[0]:g} px, high "
+            f"above {SPEEDS_PX[1]:g} px; parallax, what is left of the motion without the camera's "
             f"rotation, below {PARALLAX_PX[0]:g} and above {PARALLAX_PX[1]:g} px; distance below "
             f"{DISTANCES_M[0]:g} and above {DISTANCES_M[1]:g} m.",
             ("group", "blocks"),

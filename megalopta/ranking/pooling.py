@@ -3,12 +3,8 @@
 from collections.abc import Iterator
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from megalopta.arrays import Floats
 from megalopta.flow.stimuli import resize
-
-Floats = NDArray[np.float64]
 
 
 class Pooling(NamedTuple):

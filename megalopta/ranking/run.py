@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from megalopta.arrays import Floats
 from megalopta.dataset import Dataset
 from megalopta.flow.detectors import METHODS, BlockGrid
 from megalopta.flow.metrics import (
@@ -24,7 +25,7 @@ from megalopta.ranking.errors import (
     joined,
     pair_sums,
 )
-from megalopta.ranking.pooling import Floats, Pooling
+from megalopta.ranking.pooling import Pooling
 from megalopta.ranking.settings import RankingSettings
 from megalopta.ranking.truth import BlockTruths, SequenceTruth
 from megalopta.ranking.velocities import Drawn, Velocities, draws

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.arrays import Floats
 from megalopta.dataset import Dataset, read_truth_frames
 from megalopta.flow.detectors import BlockGrid
 from megalopta.flow.metrics import OCCLUDED_SHARE, block_flow, block_share
-from megalopta.ranking.pooling import Floats, Pooling
+from megalopta.ranking.pooling import Pooling
 from megalopta.render.truth import Truth
 
 SPEEDS_PX = (1.0, 3.0)

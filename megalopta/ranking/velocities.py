@@ -14,12 +14,13 @@ from zipfile import BadZipFile
 import numpy as np
 
 from megalopta import files
+from megalopta.arrays import Floats
 from megalopta.dataset import Dataset, read_radiance_frames
 from megalopta.flow.detectors import METHODS, BlockDetector, BlockGrid
 from megalopta.flow.metrics import cramer_rao_covariance, fisher_information
 from megalopta.flow.stimuli import draw_counts
 from megalopta.freshness import code_digest, digest
-from megalopta.ranking.pooling import Floats, Pooling
+from megalopta.ranking.pooling import Pooling
 from megalopta.ranking.settings import RankingSettings
 from megalopta.ranking.truth import SequenceTruth
 from megalopta.sensor import PRESETS, photon_rate

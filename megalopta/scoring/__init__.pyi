@@ -1,13 +1,13 @@
-from .board import add_entries, read_board
-from .scores import Entry, Scores, score_submission
-from .tables import board_table, score_table
-
-__all__ = [
-    "Entry",
-    "Scores",
-    "add_entries",
-    "board_table",
-    "read_board",
-    "score_submission",
-    "score_table",
-]
+from .board import (
+    add_entries as add_entries,
+    read_board as read_board,
+)
+from .scores import (
+    Entry as Entry,
+    Scores as Scores,
+    score_submission as score_submission,
+)
+from .tables import (
+    board_table as board_table,
+    score_table as score_table,
+)

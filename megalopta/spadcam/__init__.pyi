@@ -1,44 +1,49 @@
-from .capturing import CaptureSettings, State, capture
-from .clock import Clock, ClockFit
-from .emulated import EmulatedCamera
-from .link import Arrived, Link, LinkLostError, Plugged, Unplugged
-from .nominal import named_sensor, sensor_as_set
-from .port import UDEV_RULE, UsbPort, find_port, open_port, port_lines, usb_ports
-from .recording import Connection, Recording, RecordingSettings, open_recording
-from .stimuli import Flat, Plate, Rendered, Stimulus
-from .terminal import EmulatedPort, Faults
-from .view import status_line, viewing
-
-__all__ = [
-    "UDEV_RULE",
-    "Arrived",
-    "CaptureSettings",
-    "Clock",
-    "ClockFit",
-    "Connection",
-    "EmulatedCamera",
-    "EmulatedPort",
-    "Faults",
-    "Flat",
-    "Link",
-    "LinkLostError",
-    "Plate",
-    "Plugged",
-    "Recording",
-    "RecordingSettings",
-    "Rendered",
-    "State",
-    "Stimulus",
-    "Unplugged",
-    "UsbPort",
-    "capture",
-    "find_port",
-    "named_sensor",
-    "open_port",
-    "open_recording",
-    "port_lines",
-    "sensor_as_set",
-    "status_line",
-    "usb_ports",
-    "viewing",
-]
+from .capturing import (
+    CaptureSettings as CaptureSettings,
+    State as State,
+    capture as capture,
+)
+from .clock import (
+    Clock as Clock,
+    ClockFit as ClockFit,
+)
+from .emulated import EmulatedCamera as EmulatedCamera
+from .link import (
+    Arrived as Arrived,
+    Link as Link,
+    LinkLostError as LinkLostError,
+    Plugged as Plugged,
+    Unplugged as Unplugged,
+)
+from .nominal import (
+    named_sensor as named_sensor,
+    sensor_as_set as sensor_as_set,
+)
+from .port import (
+    UDEV_RULE as UDEV_RULE,
+    UsbPort as UsbPort,
+    find_port as find_port,
+    open_port as open_port,
+    port_lines as port_lines,
+    usb_ports as usb_ports,
+)
+from .recording import (
+    Connection as Connection,
+    Recording as Recording,
+    RecordingSettings as RecordingSettings,
+    open_recording as open_recording,
+)
+from .stimuli import (
+    Flat as Flat,
+    Plate as Plate,
+    Rendered as Rendered,
+    Stimulus as Stimulus,
+)
+from .terminal import (
+    EmulatedPort as EmulatedPort,
+    Faults as Faults,
+)
+from .view import (
+    status_line as status_line,
+    viewing as viewing,
+)

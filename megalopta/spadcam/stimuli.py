@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.arrays import Floats
 from megalopta.dataset import open_dataset, read_radiance_frame
 from megalopta.errors import UserError
 from megalopta.experiments import FRAME_RATE_HZ, passing_rates
@@ -18,8 +19,6 @@ from megalopta.stages import light_scale
 
 BAND_NM = (690.0, 710.0)
 """Of the flat light."""
-
-Floats = NDArray[np.float64]
 
 
 class Stimulus(Protocol):

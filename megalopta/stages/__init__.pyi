@@ -1,26 +1,17 @@
-from .correction import open_corrected
-from .estimate import announce_sweep
-from .flow import responses_path
-from .ledger import Ledger
-from .noise_warning import variances
-from .pipeline import run_all, run_stage
-from .redo import open_dataset_whole
-from .registry import STAGES
-from .render import build
-from .sense import exposures, light_scale, open_exposure
-
-__all__ = [
-    "STAGES",
-    "Ledger",
-    "announce_sweep",
-    "build",
-    "exposures",
-    "light_scale",
-    "open_corrected",
-    "open_dataset_whole",
-    "open_exposure",
-    "responses_path",
-    "run_all",
-    "run_stage",
-    "variances",
-]
+from .correction import open_corrected as open_corrected
+from .estimate import announce_sweep as announce_sweep
+from .flow import responses_path as responses_path
+from .ledger import Ledger as Ledger
+from .noise_warning import variances as variances
+from .pipeline import (
+    run_all as run_all,
+    run_stage as run_stage,
+)
+from .redo import open_dataset_whole as open_dataset_whole
+from .registry import STAGES as STAGES
+from .render import build as build
+from .sense import (
+    exposures as exposures,
+    light_scale as light_scale,
+    open_exposure as open_exposure,
+)

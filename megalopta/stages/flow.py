@@ -16,6 +16,7 @@ import numpy as np
 import zarr
 
 from megalopta import files
+from megalopta.arrays import Floats
 from megalopta.config import Configuration, LightLevel, Reference
 from megalopta.dataset import (
     FRAMES_AT_ONCE,
@@ -35,7 +36,7 @@ from megalopta.progress import progress
 from megalopta.sensor import ImageSensor, OpenedCounts, StoredFrames
 from megalopta.stages.correction import open_corrected
 from megalopta.stages.declaration import Stage
-from megalopta.stages.measurement import BlockTruth, Floats, Measurement, Record, SeenFrames
+from megalopta.stages.measurement import BlockTruth, Measurement, Record, SeenFrames
 from megalopta.stages.sense import exposures, open_exposure
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.arrays import Floats
 from megalopta.flow.detectors import BlockDetector, Detector
 from megalopta.flow.egomotion import YawRateTest
 from megalopta.flow.metrics import (
@@ -26,7 +27,6 @@ from megalopta.flow.metrics import (
 )
 
 Record = dict[str, Any]
-Floats = NDArray[np.float64]
 
 SATURATED_SHARE = 0.1
 """A block of which more is saturated, in either frame of a pair, is left out where that is asked"""

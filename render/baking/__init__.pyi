@@ -1,6 +1,4 @@
-from .integrator import BakedLightIntegrator, path_tracing_reason
-
-__all__ = [
-    "BakedLightIntegrator",
-    "path_tracing_reason",
-]
+from .integrator import (
+    BakedLightIntegrator as BakedLightIntegrator,
+    path_tracing_reason as path_tracing_reason,
+)

@@ -1,21 +1,13 @@
-from .meshes import MergedMesh, MovingMesh, merge
-from .scene import (
-    DISC_POINTS,
-    bare_mesh,
-    bitmap,
-    gather,
-    load_scene,
-    move_meshes,
+from .meshes import (
+    MergedMesh as MergedMesh,
+    MovingMesh as MovingMesh,
+    merge as merge,
 )
-
-__all__ = [
-    "DISC_POINTS",
-    "MergedMesh",
-    "MovingMesh",
-    "bare_mesh",
-    "bitmap",
-    "gather",
-    "load_scene",
-    "merge",
-    "move_meshes",
-]
+from .scene import (
+    DISC_POINTS as DISC_POINTS,
+    bare_mesh as bare_mesh,
+    bitmap as bitmap,
+    gather as gather,
+    load_scene as load_scene,
+    move_meshes as move_meshes,
+)

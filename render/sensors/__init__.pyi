@@ -1,5 +1,1 @@
-from .film import Film
-
-__all__ = [
-    "Film",
-]
+from .film import Film as Film

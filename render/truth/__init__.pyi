@@ -1,15 +1,12 @@
-from . import rays
-from .geometry import Geometry
-from .tracer import Flow, Truth, TruthTracer, out_of_view
-from .views import Instant, Rolling
-
-__all__ = [
-    "Flow",
-    "Geometry",
-    "Instant",
-    "Rolling",
-    "Truth",
-    "TruthTracer",
-    "out_of_view",
-    "rays",
-]
+from . import rays as rays
+from .geometry import Geometry as Geometry
+from .tracer import (
+    Flow as Flow,
+    Truth as Truth,
+    TruthTracer as TruthTracer,
+    out_of_view as out_of_view,
+)
+from .views import (
+    Instant as Instant,
+    Rolling as Rolling,
+)

@@ -1,13 +1,8 @@
-from .base import Camera
-from .choice import AnyCamera
-from .panoramic import CylindricalCamera, EquirectangularCamera, PanoramicCamera
-from .perspective import PerspectiveCamera
-
-__all__ = [
-    "AnyCamera",
-    "Camera",
-    "CylindricalCamera",
-    "EquirectangularCamera",
-    "PanoramicCamera",
-    "PerspectiveCamera",
-]
+from .base import Camera as Camera
+from .choice import AnyCamera as AnyCamera
+from .panoramic import (
+    CylindricalCamera as CylindricalCamera,
+    EquirectangularCamera as EquirectangularCamera,
+    PanoramicCamera as PanoramicCamera,
+)
+from .perspective import PerspectiveCamera as PerspectiveCamera

@@ -1,10 +1,6 @@
-from .description import Forest, build_forest
-from .stand import PRESETS
-from .sway import Sway
-
-__all__ = [
-    "PRESETS",
-    "Forest",
-    "Sway",
-    "build_forest",
-]
+from .description import (
+    Forest as Forest,
+    build_forest as build_forest,
+)
+from .stand import PRESETS as PRESETS
+from .sway import Sway as Sway

@@ -1,10 +1,7 @@
-from .cloudy_sky import under_clouds
-from .levels import LEVELS, Level, Light, illuminance_of
-
-__all__ = [
-    "LEVELS",
-    "Level",
-    "Light",
-    "illuminance_of",
-    "under_clouds",
-]
+from .cloudy_sky import under_clouds as under_clouds
+from .levels import (
+    LEVELS as LEVELS,
+    Level as Level,
+    Light as Light,
+    illuminance_of as illuminance_of,
+)

@@ -38,8 +38,6 @@ _TEXELS = (288, 1080)
 _FACETS = (48, 180)
 _DISC_FACETS = 48
 
-Floats = NDArray[np.float64]
-
 
 def under_clouds(scene: Scene, lighting: Lighting, wavelength_nm: float, seed: int) -> Scene:
     """Return the scene lit by clouds and sun alone, in place of its own lighting.

@@ -1,13 +1,10 @@
-from .grating import Grating, sky_radiance
-from .motion_bench import MotionBench
-from .panorama import LUMINANCE_SHARES, Panorama
-from .plane import Plane
-
-__all__ = [
-    "LUMINANCE_SHARES",
-    "Grating",
-    "MotionBench",
-    "Panorama",
-    "Plane",
-    "sky_radiance",
-]
+from .grating import (
+    Grating as Grating,
+    sky_radiance as sky_radiance,
+)
+from .motion_bench import MotionBench as MotionBench
+from .panorama import (
+    LUMINANCE_SHARES as LUMINANCE_SHARES,
+    Panorama as Panorama,
+)
+from .plane import Plane as Plane

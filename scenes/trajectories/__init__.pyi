@@ -1,9 +1,3 @@
-from .base import Path
-from .choice import CameraPath
-from .steady import Trajectory
-
-__all__ = [
-    "CameraPath",
-    "Path",
-    "Trajectory",
-]
+from .base import Path as Path
+from .choice import CameraPath as CameraPath
+from .steady import Trajectory as Trajectory

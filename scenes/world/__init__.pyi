@@ -1,20 +1,18 @@
-from .hashed_file import HashedFile
-from .motion import Drift, Motion, ObjectMotion, RigidMotion
-from .scene import Asset, Emission, Environment, Lighting, Material, Placement, Scene, Sun, Texture
-
-__all__ = [
-    "Asset",
-    "Drift",
-    "Emission",
-    "Environment",
-    "HashedFile",
-    "Lighting",
-    "Material",
-    "Motion",
-    "ObjectMotion",
-    "Placement",
-    "RigidMotion",
-    "Scene",
-    "Sun",
-    "Texture",
-]
+from .hashed_file import HashedFile as HashedFile
+from .motion import (
+    Drift as Drift,
+    Motion as Motion,
+    ObjectMotion as ObjectMotion,
+    RigidMotion as RigidMotion,
+)
+from .scene import (
+    Asset as Asset,
+    Emission as Emission,
+    Environment as Environment,
+    Lighting as Lighting,
+    Material as Material,
+    Placement as Placement,
+    Scene as Scene,
+    Sun as Sun,
+    Texture as Texture,
+)

@@ -1,5 +1,11 @@
-from .counts import count_moments as count_moments, draw_counts as draw_counts
-from .coupled import MEAN_ERROR as MEAN_ERROR, VARIANCE_ERROR as VARIANCE_ERROR
+from .counts import (
+    count_moments as count_moments,
+    draw_counts as draw_counts,
+)
+from .coupled import (
+    MEAN_ERROR as MEAN_ERROR,
+    VARIANCE_ERROR as VARIANCE_ERROR,
+)
 from .simulation import (
     PixelState as PixelState,
     SimulatedFrame as SimulatedFrame,

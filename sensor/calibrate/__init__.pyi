@@ -1,16 +1,31 @@
 from .chain import calibrate_device as calibrate_device
 from .comb import comb_period as comb_period
-from .comb_fit import CombFit as CombFit, fit_comb as fit_comb
-from .device import Device as Device, Estimate as Estimate
+from .comb_fit import (
+    CombFit as CombFit,
+    fit_comb as fit_comb,
+)
+from .curve import Curve as Curve
+from .device import (
+    Device as Device,
+    Estimate as Estimate,
+)
 from .garwood import garwood_interval as garwood_interval
-from .level import Adc as Adc, Falls as Falls, Level as Level, falls_of as falls_of
+from .level import (
+    Adc as Adc,
+    Falls as Falls,
+    Level as Level,
+    falls_of as falls_of,
+)
 from .neighbors import (
     OFFSETS as OFFSETS,
     Kernel as Kernel,
     mean_kernel as mean_kernel,
     neighbor_kernel as neighbor_kernel,
 )
-from .photon_transfer import PhotonTransfer as PhotonTransfer, photon_transfer as photon_transfer
+from .photon_transfer import (
+    PhotonTransfer as PhotonTransfer,
+    photon_transfer as photon_transfer,
+)
 from .saturation import (
     DeadTimeKind as DeadTimeKind,
     MeanCounts as MeanCounts,

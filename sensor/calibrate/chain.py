@@ -8,6 +8,7 @@ import numpy as np
 from megalopta.arrays import Floats, Mask
 from megalopta.sensor.calibrate.comb import HIDDEN_AT, comb_period
 from megalopta.sensor.calibrate.comb_fit import CombFit, fit_comb
+from megalopta.sensor.calibrate.curve import Curve
 from megalopta.sensor.calibrate.device import Device, Estimate
 from megalopta.sensor.calibrate.garwood import garwood_interval
 from megalopta.sensor.calibrate.level import Adc, Falls, Level, falls_of
@@ -23,6 +24,8 @@ from megalopta.sensor.calibrate.support import check_levels
 
 _WIDEST_SEARCH, _NARROWEST_SEARCH = 0.25, 0.15
 _DEVIATIONS_SEARCHED = 5.0
+_SHALLOW = 0.12
+"""Of the swing: over more of it, a step that changes blurs the comb."""
 _LOUDEST = 2.0
 """Times the median residual of the comb; beyond, the fit of a pixel has failed."""
 _SURELY = 5.0
@@ -54,23 +57,28 @@ def calibrate_device(levels: Sequence[Level], adc: Adc, *, hot_times: float = 10
     light = np.array([level.light_hz for level in levels])
     falls = falls_of(levels, adc)
     transfer = photon_transfer(falls, exposure, light)
-    step, noise = _comb(falls, transfer)
+    step, noise = _comb(falls, transfer, adc)
     # outputs that the ADC cuts off look like a tooth: the variance knows better
     louder = np.maximum(noise, np.sqrt(transfer.read_variance_v2) / transfer.step_v)
     if np.median(louder) > HIDDEN_AT:
         clear = _CLEAR_OF_END if falls.is_cut else 0.0
         transfer = photon_transfer(falls, exposure, light, above_noise=clear)
-        return _without_comb(falls, transfer, exposure, light, shape, hot_times)
+        return _without_comb(adc, falls, transfer, exposure, light, shape, hot_times)
     if np.median(transfer.offset_error_v / step) > _SURE_OFFSET:
         raise ValueError(
             "dark frames: the shortest exposure is too long to tell where no count lies; add "
             "shorter ones, with a few counts or none in a frame"
         )
-    fit = fit_comb(falls, exposure, step, transfer.offset_v)
+    fit = fit_comb(falls, exposure, step, transfer.offset_v, adc.swing_v)
+    if np.median(fit.noise_v / fit.solution[:, 2]) > _LOUDEST * np.median(louder):
+        raise ValueError(
+            "the teeth of the comb cannot be followed through the swing, as where the step changes "
+            "by more than a tenth over it; leave out the levels of most counts"
+        )
     return _with_comb(levels, adc, falls, fit, exposure, light, shape, hot_times)
 
 
-def _comb(falls: Falls, transfer: PhotonTransfer) -> tuple[Floats, Floats]:
+def _comb(falls: Falls, transfer: PhotonTransfer, adc: Adc) -> tuple[Floats, Floats]:
     steps = transfer.step_v
     typical = float(np.median(steps))
     low, high = np.percentile(steps, (16, 84)) / typical
@@ -78,7 +86,8 @@ def _comb(falls: Falls, transfer: PhotonTransfer) -> tuple[Floats, Floats]:
     scatter = np.sqrt(max(((high - low) / 2) ** 2 - error**2, 0.0))
     within = _DEVIATIONS_SEARCHED * max(scatter, error / np.sqrt(steps.size))
     within = float(np.clip(within, _NARROWEST_SEARCH, _WIDEST_SEARCH))
-    return comb_period(falls, np.full(steps.size, typical), within)
+    is_shallow = falls.mean_v[falls.level, falls.pixel] < _SHALLOW * adc.swing_v
+    return comb_period(falls.at(is_shallow), np.full(steps.size, typical), within)
 
 
 def _with_comb(
@@ -122,8 +131,10 @@ def _with_comb(
         "comb",
         counts,
         falls,
+        fit.curve,
+        fit.slope_error,
     )
-    return _with_kernel(device, levels, adc)
+    return _with_kernel(device, levels, adc, fit.is_clear)
 
 
 def _standard_errors(covariance: Floats) -> Floats:
@@ -169,21 +180,27 @@ def _named(fit: SaturationFit, error: Floats, ratio: float) -> str | None:
     return fit.kind if is_kind_clear(ratio) and seen > 5 else None
 
 
-def _with_kernel(device: Device, levels: Sequence[Level], adc: Adc) -> Device:
+def _with_kernel(device: Device, levels: Sequence[Level], adc: Adc, is_clear: bool) -> Device:
     """Add crosstalk and afterpulses, the mean over all dark levels."""
     rows = device.counts.frames.reshape(-1, *device.hot.shape)
     usable = {at: rows[at] > 0 for at, level in enumerate(levels) if level.is_dark}
     kernels = []
     for at, good in usable.items():
-        counts = np.rint(device.counts_of(levels[at], adc))
+        # pixels whose fit has failed have no counts
+        counts = np.nan_to_num(np.rint(device.counts_of(levels[at], adc)))
         try:
             kernels.append(neighbor_kernel(counts, good & (counts.mean(axis=0) > 0)))
         except ValueError:
             continue  # too few pixels are left at this exposure
-    return replace(device, kernel=mean_kernel(kernels) if kernels else None)
+    if not kernels:
+        return device
+    kernel = mean_kernel(kernels)
+    # readings that noise puts to the next tooth vary as afterpulses do
+    return replace(device, kernel=kernel if is_clear else kernel.without_afterpulses)
 
 
 def _without_comb(
+    adc: Adc,
     falls: Falls,
     transfer: PhotonTransfer,
     exposure: Floats,
@@ -215,4 +232,6 @@ def _without_comb(
         "photon transfer",
         counts,
         falls,
+        Curve(adc.swing_v),
+        np.inf,
     )

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from megalopta.arrays import Floats, Mask
+from megalopta.sensor.calibrate.curve import Curve
 from megalopta.sensor.calibrate.level import Adc, Falls, Level
 from megalopta.sensor.calibrate.neighbors import Kernel
 from megalopta.sensor.calibrate.saturation import MeanCounts
@@ -60,6 +61,10 @@ class Device:
     counts : MeanCounts
         Behind the saturation curve.
     falls : Falls
+    curve : Curve
+        How the step changes over the swing.
+    slope_error : float
+        Standard error of its slope; infinite where it is not told.
     """
 
     offset_v: Estimate
@@ -76,6 +81,13 @@ class Device:
     method: str
     counts: MeanCounts
     falls: Falls
+    curve: Curve
+    slope_error: float
+
+    @property
+    def is_slope_seen(self) -> bool:
+        """Whether the step changes over the swing, beyond 3 standard errors."""
+        return abs(self.curve.slope) > 3 * self.slope_error
 
     @property
     def levels(self) -> tuple[tuple[float, float], ...]:
@@ -86,4 +98,5 @@ class Device:
         """Counts, not rounded, from the codes of frames (n, rows, columns)."""
         leak = np.nan_to_num(self.leak_v_s.value) * level.exposure_s
         fall = (adc.top - level.codes) * adc.lsb_v
-        return np.asarray((fall - self.offset_v.value - leak) / self.step_v.value)
+        steps = (fall - self.offset_v.value - leak) / self.step_v.value
+        return self.curve.numbers(steps, self.step_v.value)

@@ -52,6 +52,11 @@ class Adc(NamedTuple):
     bottom: float
     """Code at the nominal bottom of the swing."""
 
+    @property
+    def swing_v(self) -> float:
+        """How far the output can fall (V)."""
+        return (self.top - self.bottom) * self.lsb_v
+
 
 class Falls(NamedTuple):
     """How often (entry) a pixel at a level showed a fall of its output, and sums of that.
@@ -70,6 +75,15 @@ class Falls(NamedTuple):
     is_cut: bool
     """Whether any output was above what the ADC can read: the noise of readings of no count is cut
     off."""
+
+    def at(self, chosen: NDArray[np.bool_]) -> "Falls":
+        """Keep the entries that are chosen, (E,)."""
+        return self._replace(
+            level=self.level[chosen],
+            pixel=self.pixel[chosen],
+            fall_v=self.fall_v[chosen],
+            times=self.times[chosen],
+        )
 
 
 def falls_of(levels: Sequence[Level], adc: Adc) -> Falls:

@@ -7,8 +7,8 @@ an avalanche fires a pixel at offset δ with probability k(δ), Poisson primarie
 
 for mean counts m. Pairs of one offset and its opposite give C(δ)/m; solved for k over offsets up to
 two pixels. What pixels far apart share (temperature, light that leaks in) is taken off. A variance
-above that of crosstalk is that of afterpulses: with mean number p, it is m/(1 − p)² where all of
-them fall into the exposure.
+above that of crosstalk is that of afterpulses. With a mean number p of them, all within the
+exposure, G is (1 − k − p)⁻¹: covariances and variance are those of k/(1 − p) over (1 − p)².
 
 Source: coincidences, Restelli et al., Proc. SPIE 6372 (2006); the branching process, as in
 `sensor/effects/crosstalk.py`.
@@ -26,6 +26,7 @@ OFFSETS = ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0))
 _FAR = 4
 _SIZE = 32
 _ROUNDS = 60
+_ROUNDS_OF_BOTH = 4
 
 
 class Kernel(NamedTuple):
@@ -35,7 +36,8 @@ class Kernel(NamedTuple):
     error: Floats
     """Standard errors."""
     afterpulses: float
-    """Mean number that an avalanche leaves, so far as they fall into the exposure."""
+    """Mean number that an avalanche leaves, so far as they fall into the exposure; NaN: not
+    told."""
     afterpulses_error: float
 
     @property
@@ -48,6 +50,11 @@ class Kernel(NamedTuple):
         """Whether the nearest neighbors show crosstalk, beyond 3 standard errors."""
         nearest = self.share[:2].sum()
         return bool(nearest > 3 * np.sqrt(np.square(self.error[:2]).sum()))
+
+    @property
+    def without_afterpulses(self) -> "Kernel":
+        """Of recordings that do not tell them."""
+        return self._replace(afterpulses=np.nan, afterpulses_error=np.nan)
 
     @property
     def are_afterpulses_seen(self) -> bool:
@@ -74,13 +81,15 @@ def neighbor_kernel(counts: NDArray[Any], good: NDArray[np.bool_]) -> Kernel:
     common = _common(apart, good) / float(mean[good].mean())
     seen = np.array([ratio[0] for ratio in ratios if ratio]) - common
     error = np.array([ratio[1] for ratio in ratios if ratio]) / 2
-    share = _solved(seen)
     fano = float(variance[good].sum() / mean[good].sum()) - common
     # of Poisson counts, not as seen: else those of small variance would weigh more
     m = mean[good]
     spread = np.sqrt((2 * m**2 + m).sum() / n) / m.sum()
-    ratio = max(fano / _response(share)[0, 0], 1e-9)
-    return Kernel(share, error, float(1 - ratio**-0.5), float(0.5 * spread * ratio**-1.5))
+    left = 1.0  # 1 − p
+    for _ in range(_ROUNDS_OF_BOTH):
+        relative = _solved(seen * left**2)
+        left = max(fano / _response(relative)[0, 0], 1e-9) ** -0.5
+    return Kernel(relative * left, error * left**3, float(1 - left), float(0.5 * spread * left**3))
 
 
 def mean_kernel(kernels: Sequence[Kernel]) -> Kernel:

@@ -1,11 +1,23 @@
 from .counted import CountedFrames as CountedFrames
-from .equivalence import Difference as Difference, difference as difference
+from .equivalence import (
+    Difference as Difference,
+    difference as difference,
+)
+from .histograms import (
+    Distances as Distances,
+    HistogramTest as HistogramTest,
+    distances_by_chance as distances_by_chance,
+    histogram_test as histogram_test,
+)
 from .order import (
     Arrangement as Arrangement,
     arrangement as arrangement,
     matching_rows as matching_rows,
 )
-from .quantities import BLOCKS as BLOCKS, block_quantities as block_quantities
+from .quantities import (
+    BLOCKS as BLOCKS,
+    block_quantities as block_quantities,
+)
 from .recordings import (
     FALSE_ALARMS as FALSE_ALARMS,
     MARGIN as MARGIN,
@@ -13,6 +25,7 @@ from .recordings import (
     Comparison as Comparison,
     compare_recordings as compare_recordings,
 )
+from .scene import scene_differences as scene_differences
 from .spectrum import (
     BANDS as BANDS,
     SEGMENT as SEGMENT,
@@ -20,10 +33,8 @@ from .spectrum import (
     mean_spectrum as mean_spectrum,
 )
 from .two_sample import (
-    HistogramTest as HistogramTest,
     PixelTest as PixelTest,
     discoveries as discoveries,
-    histogram_test as histogram_test,
     mean_test as mean_test,
     variance_test as variance_test,
 )

@@ -19,12 +19,15 @@ class CountedFrames:
         In the unit of the other levels; 0: in the dark.
     saturated : (n, rows, columns) bool, optional
         Counts that are lower bounds.
+    times_s : (n,), optional
+        When each exposure began; one after the other where it is not known.
     """
 
     counts: NDArray[Any]
     exposure_s: float
     light_hz: float = 0.0
     saturated: NDArray[np.bool_] | None = None
+    times_s: NDArray[np.float64] | None = None
 
     @property
     def is_dark(self) -> bool:

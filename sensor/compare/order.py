@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
 from scipy.stats import rankdata
 
 from megalopta.arrays import Floats
@@ -58,7 +59,13 @@ def arrangement(captured: Floats, expected: Floats) -> Arrangement:
     rows = matching_rows(captured, expected)
     swapped = _correlation(captured[rows], expected)
     moved = int((rows != np.arange(len(rows))).sum())
-    if moved and _is_clearly_higher(swapped, best.correlation, captured.size):
+    # among so many orders, one fits by chance: the best of n normal correlations of two rows
+    by_chance = float(np.sqrt(2 * np.log(len(rows)) / max(captured.shape[1] - 1, 1)))
+    if (
+        moved
+        and swapped > by_chance
+        and _is_clearly_higher(swapped, best.correlation, captured.size)
+    ):
         name = f"{moved} of {len(rows)} rows in another order"
         return Arrangement(name, swapped, plain, tuple(int(row) for row in rows))
     return best
@@ -67,7 +74,7 @@ def arrangement(captured: Floats, expected: Floats) -> Arrangement:
 def matching_rows(captured: Floats, expected: Floats) -> NDArray[np.intp]:
     """Return the captured row that is most like each expected one, each used once."""
     ranks = [rankdata(each).reshape(each.shape) for each in (captured, expected)]
-    apart = np.square(ranks[1][:, None] - ranks[0][None]).sum(axis=-1)
+    apart = cdist(ranks[1], ranks[0], "sqeuclidean")
     return np.asarray(linear_sum_assignment(apart)[1])
 
 

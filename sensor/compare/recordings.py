@@ -9,13 +9,13 @@ import numpy as np
 from megalopta.arrays import Floats
 from megalopta.sensor.compare.counted import CountedFrames
 from megalopta.sensor.compare.equivalence import Difference, difference
+from megalopta.sensor.compare.histograms import Distances, distances_by_chance, histogram_test
 from megalopta.sensor.compare.order import Arrangement, arrangement
 from megalopta.sensor.compare.quantities import BLOCKS, block_quantities
 from megalopta.sensor.compare.spectrum import BANDS, band_powers
 from megalopta.sensor.compare.two_sample import (
     PixelTest,
     discoveries,
-    histogram_test,
     mean_test,
     variance_test,
 )
@@ -51,8 +51,8 @@ class Comparison:
         Quantities of the device.
     means, variances, histograms : PixelTest
         Of all levels, (levels, rows, columns).
-    distances : (levels, rows, columns)
-        Total variation between histograms.
+    distances, by_chance : Distances
+        Between histograms, (levels, rows, columns), and those of samples of one law.
     spectrum : tuple of Difference
         Shares of bands of frequency.
     false_alarms, margin : float
@@ -63,7 +63,8 @@ class Comparison:
     means: PixelTest
     variances: PixelTest
     histograms: PixelTest
-    distances: Floats
+    distances: Distances
+    by_chance: Distances
     spectrum: tuple[Difference, ...]
     false_alarms: float
     margin: float
@@ -143,15 +144,16 @@ def compare_recordings(
     order = _arrangement(pairs)
     usable = [one.usable & other.usable for one, other in pairs]
     rate = false_alarms / _FAMILIES
-    mean_p, variance_p, histogram_p, distance = [], [], [], []
+    mean_p, variance_p, histogram_p, distances, chance = [], [], [], [], []
     unsure = errors or [0.0] * len(pairs)
     for (one, other), good, error in zip(pairs, usable, unsure, strict=True):
         a, b = np.asarray(one.counts, np.float64), np.asarray(other.counts, np.float64)
         histogram = histogram_test(a, b)
         mean_p.append(np.where(good, mean_test(a, b, error), np.nan))
         variance_p.append(np.where(good, variance_test(a, b), np.nan))
-        histogram_p.append(histogram.p)
-        distance.append(histogram.distance)
+        histogram_p.append(np.where(good, histogram.p, np.nan))
+        distances.append(histogram.distances)
+        chance.append(distances_by_chance(a, b))
     quantities = [block_quantities(each, usable, kind) for each in (captured, expected)]
     return Comparison(
         order,
@@ -159,11 +161,16 @@ def compare_recordings(
         discoveries(np.array(mean_p), rate),
         discoveries(np.array(variance_p), rate),
         discoveries(np.array(histogram_p), rate),
-        np.array(distance),
+        _stacked(distances),
+        _stacked(chance),
         _spectrum(pairs, margin),
         false_alarms,
         margin,
     )
+
+
+def _stacked(levels: Sequence[Distances]) -> Distances:
+    return Distances(*(np.array(each) for each in zip(*levels, strict=True)))
 
 
 def _check(captured: Sequence[CountedFrames], expected: Sequence[CountedFrames]) -> None:

@@ -2,21 +2,20 @@
 
 Means: Welch's test on the counts of frames; with few counts in all the conditional binomial test
 of two Poisson means, which is exact. Variances: the logarithm of their ratio, whose variance is
-that of two Poisson-like samples, 2/(n − 1) + 1/(n·m) each. Distributions: χ² on bins merged until
-each expects `_FEWEST` readings. False discovery rates: Benjamini and Hochberg; what differs in no
-pixel makes an alarm in a share of cases that is at most the rate.
+that of two Poisson-like samples, 2/(n − 1) + 1/(n·m) each. Distributions: `histograms`. False
+discovery rates: Benjamini and Hochberg; what differs in no pixel makes an alarm in a share of cases
+that is at most the rate.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binom, chi2, false_discovery_control, norm, t
+from scipy.stats import binom, false_discovery_control, norm, t
 
 from megalopta.arrays import Floats
 
 _FEW_COUNTS = 200.0
-_FEWEST = 12.0
 _LEAST_MEAN = 2.0
 
 
@@ -80,40 +79,3 @@ def variance_test(one: Floats, other: Floats) -> Floats:
         error += 2 / (len(each) - 1) + 1 / (len(each) * np.maximum(mean, _LEAST_MEAN))
         logs.append(np.log(np.where(variance > 0, variance, 1)))
     return np.where(known, 2 * norm.sf(np.abs(logs[0] - logs[1]) / np.sqrt(error)), np.nan)
-
-
-class HistogramTest(NamedTuple):
-    """P-values and total variation distances of the histograms of pixels, (rows, columns)."""
-
-    p: Floats
-    distance: Floats
-
-
-def histogram_test(one: Floats, other: Floats) -> HistogramTest:
-    """Test whether counts of pixels have the same distribution."""
-    shape = one.shape[1:]
-    samples = [np.rint(each).astype(np.int64).reshape(len(each), -1) for each in (one, other)]
-    results = np.array(
-        [_of_pixel(samples[0][:, at], samples[1][:, at]) for at in range(samples[0].shape[1])]
-    )
-    return HistogramTest(results[:, 0].reshape(shape), results[:, 1].reshape(shape))
-
-
-def _of_pixel(one: NDArray[np.int64], other: NDArray[np.int64]) -> tuple[float, float]:
-    least = min(one.min(), other.min())
-    size = int(max(one.max(), other.max()) - least) + 1
-    seen = np.array([np.bincount(each - least, minlength=size) for each in (one, other)], float)
-    totals = seen.sum(axis=1)
-    both = seen.sum(axis=0)
-    expected = both * totals.min() / totals.sum()
-    group = np.minimum(np.cumsum(expected) // _FEWEST, max(expected.sum() // _FEWEST - 1, 0))
-    _, group = np.unique(group, return_inverse=True)
-    merged = np.array([np.bincount(group, each) for each in seen])
-    shares = merged / totals[:, None]
-    if merged.shape[1] < 2:
-        return np.nan, 0.0
-    hope = merged.sum(axis=0) * totals[:, None] / totals.sum()
-    statistic = float(((merged - hope) ** 2 / hope).sum())
-    return float(chi2.sf(statistic, merged.shape[1] - 1)), float(
-        np.abs(np.diff(shares, axis=0)).sum() / 2
-    )

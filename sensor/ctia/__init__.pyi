@@ -24,7 +24,10 @@ from .integration import (
     estimate_current as estimate_current,
     gain_from_db as gain_from_db,
 )
-from .model import CtiaSensor as CtiaSensor, pixels as pixels
+from .model import (
+    CtiaSensor as CtiaSensor,
+    pixels as pixels,
+)
 from .noise import CtiaNoise as CtiaNoise
 from .photodiode import (
     Photodiode as Photodiode,

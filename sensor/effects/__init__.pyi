@@ -9,13 +9,20 @@ from .afterpulsing import (
     draw_carriers as draw_carriers,
     draw_delay as draw_delay,
 )
-from .base import Effect as Effect, PixelRates as PixelRates, Stage as Stage
+from .base import (
+    Effect as Effect,
+    PixelRates as PixelRates,
+    Stage as Stage,
+)
 from .bias import (
     Bias as Bias,
     best_excess_bias as best_excess_bias,
     breakdown_offset as breakdown_offset,
 )
-from .crosstalk import Crosstalk as Crosstalk, neighborhood as neighborhood
+from .crosstalk import (
+    Crosstalk as Crosstalk,
+    neighborhood as neighborhood,
+)
 from .dark_counts import (
     DarkCounts as DarkCounts,
     dark_count_rate as dark_count_rate,
@@ -27,7 +34,10 @@ from .dead_time import (
     check_arrivals as check_arrivals,
     expected_counts as expected_counts,
 )
-from .fields import AvalancheEffects as AvalancheEffects, RateEffects as RateEffects
+from .fields import (
+    AvalancheEffects as AvalancheEffects,
+    RateEffects as RateEffects,
+)
 from .gating import (
     Gate as Gate,
     is_open as is_open,
@@ -35,6 +45,12 @@ from .gating import (
     open_time as open_time,
     wall_time as wall_time,
 )
-from .jitter import Jitter as Jitter, stamp as stamp
+from .jitter import (
+    Jitter as Jitter,
+    stamp as stamp,
+)
 from .mismatch import AvalancheMaps as AvalancheMaps
-from .temperature import Temperature as Temperature, dark_count_factor as dark_count_factor
+from .temperature import (
+    Temperature as Temperature,
+    dark_count_factor as dark_count_factor,
+)

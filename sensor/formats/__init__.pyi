@@ -8,16 +8,33 @@ from .event_npz import (
     read_events_npz as read_events_npz,
     write_events_npz as write_events_npz,
 )
-from .event_stream import EventOrigin as EventOrigin, StoredEvents as StoredEvents
-from .layout import PackedLayout as PackedLayout, pack as pack
-from .names import PRODUCTS as PRODUCTS, ProductName as ProductName, product_path as product_path
+from .event_stream import (
+    EventOrigin as EventOrigin,
+    StoredEvents as StoredEvents,
+)
+from .layout import (
+    PackedLayout as PackedLayout,
+    pack as pack,
+)
+from .names import (
+    PRODUCTS as PRODUCTS,
+    ProductName as ProductName,
+    product_path as product_path,
+)
 from .packed_npy import (
     binary_npy_writer as binary_npy_writer,
     read_binary_npy as read_binary_npy,
     write_binary_npy as write_binary_npy,
 )
-from .products import check_product as check_product, product_writer as product_writer
-from .reading import FrameKind as FrameKind, read_events as read_events, read_frames as read_frames
+from .products import (
+    check_product as check_product,
+    product_writer as product_writer,
+)
+from .reading import (
+    FrameKind as FrameKind,
+    read_events as read_events,
+    read_frames as read_frames,
+)
 from .record import RecordedFrames as RecordedFrames
 from .shot import Shot as Shot
 from .spad512 import (
@@ -27,4 +44,8 @@ from .spad512 import (
 )
 from .spc3 import read_spc3 as read_spc3
 from .swissspad2 import read_swissspad2 as read_swissspad2
-from .tiff import read_tiff as read_tiff, tiff_writer as tiff_writer, write_tiff as write_tiff
+from .tiff import (
+    read_tiff as read_tiff,
+    tiff_writer as tiff_writer,
+    write_tiff as write_tiff,
+)

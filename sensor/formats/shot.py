@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from megalopta.arrays import Floats
 from megalopta.sensor import Exposure, changed
 from megalopta.sensor.readout import (
     Events,
@@ -33,8 +34,6 @@ MOST_EVENTS = 5e7
 """Of a frame; they take about 3 GB of memory while they are drawn and sorted."""
 _BITS_AT_ONCE = 16
 """Binary frames of a burst that are drawn together."""
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -3,7 +3,10 @@ from .efficiency import (
     band_efficiency as band_efficiency,
     band_transmission as band_transmission,
 )
-from .efficiency_file import with_curve as with_curve, with_transmission as with_transmission
+from .efficiency_file import (
+    with_curve as with_curve,
+    with_transmission as with_transmission,
+)
 from .lens import (
     Lens as Lens,
     check_bands as check_bands,

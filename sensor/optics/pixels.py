@@ -39,6 +39,10 @@ class PixelOptics(
         """Area of a whole pixel, m²."""
         return self.pitch_m**2
 
+    def photon_detection_efficiency(self, wavelength_nm: Floats) -> Floats:
+        """PDE, of the photons on a whole pixel, at wavelengths (nm): PDP times fill factor."""
+        return self.fill_factor * self.efficiency(wavelength_nm)
+
     @property
     def active_area_m2(self) -> float:
         """Light-sensitive area of a pixel, m²."""

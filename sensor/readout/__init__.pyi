@@ -1,24 +1,27 @@
-from .binary import check_binary, expose_binary, unpack
-from .events import Events, expose_events, histogram
-from .growing import ExtraArray, GrowingCounts
-from .images import ImageSensor, expose_image
-from .store import Origin, counts_writer
-from .sub_frames import NextFrames, light_between, sub_frames
-
-__all__ = [
-    "Events",
-    "ExtraArray",
-    "GrowingCounts",
-    "ImageSensor",
-    "NextFrames",
-    "Origin",
-    "check_binary",
-    "counts_writer",
-    "expose_binary",
-    "expose_events",
-    "expose_image",
-    "histogram",
-    "light_between",
-    "sub_frames",
-    "unpack",
-]
+from .binary import (
+    check_binary as check_binary,
+    expose_binary as expose_binary,
+    unpack as unpack,
+)
+from .events import (
+    Events as Events,
+    expose_events as expose_events,
+    histogram as histogram,
+)
+from .growing import (
+    ExtraArray as ExtraArray,
+    GrowingCounts as GrowingCounts,
+)
+from .images import (
+    ImageSensor as ImageSensor,
+    expose_image as expose_image,
+)
+from .store import (
+    Origin as Origin,
+    counts_writer as counts_writer,
+)
+from .sub_frames import (
+    NextFrames as NextFrames,
+    light_between as light_between,
+    sub_frames as sub_frames,
+)

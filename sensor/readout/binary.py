@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from megalopta.arrays import Floats
 from megalopta.sensor.effects import open_fraction
 from megalopta.sensor.readout.chance import CHANCE_ERROR, chance
 from megalopta.sensor.sampling import LANES, fill_words, generator, word_streams
@@ -32,8 +33,6 @@ _CERTAIN = np.float32(1) + _MARGIN
 
 _LANES_AT_ONCE = 128
 """Random words are made 16 kB at a time, which stay in the processor's first cache."""
-
-Floats = NDArray[np.float64]
 
 
 def expose_binary(

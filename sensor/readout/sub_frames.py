@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-Floats = NDArray[np.float64]
+from megalopta.arrays import Floats
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

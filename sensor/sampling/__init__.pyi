@@ -1,16 +1,15 @@
-from . import poisson, streams
-from .poisson import draw_poisson
-from .streams import generator, pixel_normals, pixel_uniforms
-from .words import LANES, fill_words, word_streams
-
-__all__ = [
-    "LANES",
-    "draw_poisson",
-    "fill_words",
-    "generator",
-    "pixel_normals",
-    "pixel_uniforms",
-    "poisson",
-    "streams",
-    "word_streams",
-]
+from . import (
+    poisson as poisson,
+    streams as streams,
+)
+from .poisson import draw_poisson as draw_poisson
+from .streams import (
+    generator as generator,
+    pixel_normals as pixel_normals,
+    pixel_uniforms as pixel_uniforms,
+)
+from .words import (
+    LANES as LANES,
+    fill_words as fill_words,
+    word_streams as word_streams,
+)

@@ -1,7 +1,14 @@
-from .exposure import expose as expose, expose_adc as expose_adc, expose_rate as expose_rate
+from .exposure import (
+    expose as expose,
+    expose_adc as expose_adc,
+    expose_rate as expose_rate,
+)
 from .fixed_pattern import draw_fixed_pattern as draw_fixed_pattern
 from .frames import over_frames as over_frames
-from .measured import MapFile as MapFile, MeasuredMaps as MeasuredMaps
+from .measured import (
+    MapFile as MapFile,
+    MeasuredMaps as MeasuredMaps,
+)
 from .model import Sensor as Sensor
 from .moments import (
     event_moments as event_moments,
@@ -20,4 +27,7 @@ from .presets import (
     preset as preset,
     with_files as with_files,
 )
-from .rates import checked_rate as checked_rate, detection_rate as detection_rate
+from .rates import (
+    checked_rate as checked_rate,
+    detection_rate as detection_rate,
+)

@@ -51,7 +51,7 @@ def _are_within(values: Floats, most: float) -> bool:
     within = np.int64(0)
     for pixel in range(values.size):  # summed, which vector instructions do
         within += np.int64(values[pixel] >= 0) & np.int64(values[pixel] <= most)
-    return within == values.size
+    return bool(within == values.size)
 
 
 def _check_sensor(sensor: Sensor) -> None:

@@ -1,3 +1,1 @@
-from .recorded import reproduce_captured
-
-__all__ = ["reproduce_captured"]
+from .recorded import reproduce_captured as reproduce_captured

@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 
+from megalopta.arrays import Floats
 from megalopta.experiments import (
     FRAMES,
     TIME_CONSTANTS_S,
@@ -24,7 +25,7 @@ from megalopta.experiments import (
     pooled,
     record,
 )
-from megalopta.figures import BLACK, GRAY, Figure, Floats
+from megalopta.figures import BLACK, GRAY, Figure
 from megalopta.figures.chapter2.edge import (
     SHOWN_DETECTOR,
     frame_maps,
@@ -134,7 +135,8 @@ def _responses(bench: _Bench, name: str, method: str) -> Figure:
     memory = detector(method).memory_frames
 
     def edge(counts: NDArray[Any]) -> Floats:
-        return crossing_peaks(detector(method), pooled(counts)).mean(axis=(1, 2))
+        peaks = crossing_peaks(detector(method), pooled(counts))
+        return np.asarray(peaks.mean(axis=(1, 2)))
 
     def baseline(counts: NDArray[Any]) -> Floats:
         answers = detector(method).respond(pooled(counts))[memory:_AT_EACH_END, :, 1:-1]

@@ -5,7 +5,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from megalopta.figures import Floats
+from megalopta.arrays import Floats
 
 
 class Estimate(NamedTuple):

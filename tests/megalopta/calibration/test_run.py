@@ -1,11 +1,22 @@
 """Recordings to a device file that a sensor is loaded from, and a report."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import yaml
 import zarr
 
-from megalopta.calibration import Beam, Source, calibrate_recordings, photons_on_pixel
+from megalopta.calibration import (
+    Beam,
+    Light,
+    Source,
+    adc_of,
+    calibrate_recordings,
+    photons_on_pixel,
+    read_recorded,
+    write_device,
+)
 from megalopta.comparison import compare_captured
 from megalopta.errors import UserError
 from megalopta.sensor import (
@@ -17,13 +28,15 @@ from megalopta.sensor import (
     preset,
     write_counts,
 )
+from megalopta.sensor.calibrate import Kernel, Level, calibrate_device
 from megalopta.sensor.spad import draw_fixed_pattern
 
 SHAPE = (8, 8)
 DARK_EXPOSURES_S = (1e-3, 3e-3, 0.01, 0.03, 0.1)
-LIGHTS_HZ = (2e7, 1e8, 4e8)
+LIGHTS_HZ = (2e8, 1e9, 4e9)
 SENSOR = changed(preset("spadcam"), device_seed=9)
-EFFICIENCY = 1.1e-3
+EFFICIENCY = 1.1e-4
+"""Of the photons on a pixel at 700 nm: 0.11 % on a tenth of its area."""
 
 
 def write_recording(folder, exposure_s, light_hz, frames=100, seed=0):
@@ -86,12 +99,30 @@ def test_a_captured_device_is_like_its_model(calibrated):
     folder, *_ = calibrated
     new = [
         write_recording(folder / f"new {at}", *each, frames=200, seed=5)
-        for at, each in enumerate(((0.03, 0.0), (2e-4, 2e7), (2e-4, 4e8)))
+        for at, each in enumerate(((0.03, 0.0), (2e-4, 2e8), (2e-4, 4e9)))
     ]
     page = folder / "comparison.html"
     sentence = compare_captured(new, folder / "device.yaml", page, beam=Beam(700.0))
     assert sentence == "Nothing differs beyond chance."
     assert "rank correlation" in page.read_text("utf-8")
+
+
+def test_crosstalk_and_afterpulses_of_the_device_file_make_what_was_counted(calibrated, tmp_path):
+    _, sources, _ = calibrated
+    levels = [Level(read_recorded(s).codes, read_recorded(s).exposure_s, s.light) for s in sources]
+    device = calibrate_device(levels, adc_of(SENSOR))
+    share = np.array([0.01, 0.01, 2e-3, 2e-3, 0, 0])
+    kernel = Kernel(share, np.full(6, 1e-4), afterpulses=0.05, afterpulses_error=1e-3)
+    path = tmp_path / "fired.yaml"
+    write_device(path, replace(device, kernel=kernel), preset("spadcam"), Light(700.0), "spadcam")
+    found = changed(load_sensor(path), exposure_s=0.05)
+    assert found.crosstalk.mean_fired_neighbors == pytest.approx(2 * share.sum())
+    assert found.crosstalk.diagonal == pytest.approx(0.2)
+    counts = expose_rate(np.zeros((150, *SHAPE)), found, seed=1, sequence="dark").counts
+    # 150 000 events, of a variance a quarter above Poisson's: 5 standard errors are 1.5 %; dead
+    # time hides 0.03 %, and of afterpulses, a second time, below 0.1 %
+    expected = device.dark_counts_hz.value.mean()
+    assert counts.mean() / 0.05 == pytest.approx(expected, rel=0.016)
 
 
 def test_light_of_a_beam():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from megalopta.comparison import plate_responses, write_motion_report
+from megalopta.comparison import align, plate_cycle, plate_responses, write_motion_report
 from megalopta.errors import UserError
 from megalopta.experiments import record
 from megalopta.sensor import preset
@@ -23,6 +23,27 @@ def test_a_camera_of_half_the_signal_responds_half_as_much(tmp_path):
     assert "NDM response at 5 mm/s" in sentence
 
 
+def test_a_recording_that_begins_anywhere_is_aligned():
+    counts = record(5.0, SENSOR).counts
+    begun = CountedFrames(counts[150:500], 0.1, times_s=3.7 + 0.1 * np.arange(350))
+    index = align(begun, plate_cycle(5.0, SENSOR)).frame
+    # the cycle has 256 frames
+    np.testing.assert_array_equal(index, (150 + np.arange(350)) % 256)
+    responses = plate_responses({5.0: begun}, SENSOR, margin=0.05)
+    # passages of 64 frames begin at 192, 256, 320 and 384
+    assert [each.captured.size for each in responses] == [8, 8]
+    # Welch's test at 1e-6, of the same device
+    assert min(each.difference.p for each in responses) > 1e-6
+
+
+def test_passages_with_gaps_are_left_out():
+    counts = record(5.0, SENSOR).counts[:256]
+    kept = np.delete(np.arange(256), 70)
+    frames = CountedFrames(counts[kept], 0.1, times_s=0.1 * kept)
+    (first, _) = plate_responses({5.0: frames}, SENSOR, margin=0.05)
+    assert first.captured.size == 6  # crossings of three passages of four
+
+
 def test_short_recordings_are_refused():
-    with pytest.raises(UserError, match="128 frames"):
+    with pytest.raises(UserError, match="192 frames"):
         plate_responses({5.0: CountedFrames(np.zeros((64, 16, 16)), 0.1)}, SENSOR, margin=0.05)

@@ -35,8 +35,8 @@ def test_a_device_against_itself_raises_no_alarm():
 
 @pytest.mark.slow
 def test_a_device_against_itself_raises_alarms_at_the_stated_rate():
-    # at 1 %, 12 or more of 200 have a chance below 1e-6
-    assert alarms(200, first=1000) < 12
+    # at 1 %, 13 or more of 200 have a chance of 2e-7
+    assert alarms(200, first=1000) < 13
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,14 @@
 
 import numpy as np
 import pytest
-from scipy.stats import binomtest, kstest
+from scipy.stats import binomtest, energy_distance, kstest, wasserstein_distance
 
-from megalopta.sensor.compare import histogram_test, mean_test, variance_test
+from megalopta.sensor.compare import (
+    distances_by_chance,
+    histogram_test,
+    mean_test,
+    variance_test,
+)
 
 
 def test_few_counts_are_tested_exactly():
@@ -22,3 +27,22 @@ def test_p_values_are_even_where_nothing_differs(test):
     p = test(*rng.poisson(30.0, (2, 300, 40, 40)).astype(float))
     # 1600 p-values: a Kolmogorov distance of 0.07 has a chance below 1e-6
     assert kstest(p.ravel(), "uniform").statistic < 0.07
+
+
+def test_distances_are_those_of_scipy():
+    rng = np.random.default_rng(2)
+    one, other = rng.poisson(9.0, (80, 2, 3)), rng.poisson(11.0, (50, 2, 3))
+    found = histogram_test(one, other).distances
+    a, b = one[:, 1, 2], other[:, 1, 2]
+    assert found.wasserstein[1, 2] == pytest.approx(wasserstein_distance(a, b))
+    assert found.energy[1, 2] == pytest.approx(energy_distance(a, b))
+    assert np.median(distances_by_chance(one, other).energy) < np.median(found.energy)
+
+
+def test_histograms_tell_shapes_and_leave_means_to_their_test():
+    rng = np.random.default_rng(4)
+    same = rng.poisson(30.0, (400, 8, 8)).astype(float)
+    moved = rng.poisson(30.0, (400, 8, 8)) + 1.0
+    paired = 2.0 * rng.poisson(15.0, (400, 8, 8))
+    assert np.median(histogram_test(same, moved).p) > 0.2
+    assert np.median(histogram_test(same, paired).p) < 1e-6
