@@ -19,7 +19,3 @@ from .run import (
     adc_of as adc_of,
     calibrate_recordings as calibrate_recordings,
 )
-from .sections import (
-    Section as Section,
-    write_sections as write_sections,
-)

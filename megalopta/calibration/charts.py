@@ -4,8 +4,7 @@ import numpy as np
 from markupsafe import Markup
 
 from megalopta.arrays import Floats
-from megalopta.figures import BLACK, BLUE, VERMILION, line_style
-from megalopta.report import in_style, new_axes, to_svg
+from megalopta.figures import BLACK, BLUE, VERMILION, in_style, line_style, new_axes, to_svg
 from megalopta.sensor.calibrate import DeadTimeKind, Device, dead_time_moments
 
 _WIDTH_PT, _HEIGHT_PT = 380, 270

@@ -11,8 +11,7 @@ from megalopta.calibration.charts import (
     residuals,
     saturation_chart,
 )
-from megalopta.calibration.sections import Section, write_sections
-from megalopta.report import number
+from megalopta.pages import Section, number, write_sections
 from megalopta.sensor.calibrate import OFFSETS, Device, Estimate, Kernel
 
 

@@ -6,8 +6,7 @@ import numpy as np
 from markupsafe import Markup
 
 from megalopta.comparison.motion import SpeedResponse
-from megalopta.figures import BLACK, BLUE, VERMILION
-from megalopta.report import in_style, new_axes, to_svg
+from megalopta.figures import BLACK, BLUE, VERMILION, in_style, new_axes, to_svg
 from megalopta.sensor.compare import SEGMENT, Comparison, CountedFrames, mean_spectrum
 
 Levels = Sequence[CountedFrames]

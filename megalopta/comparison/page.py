@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from markupsafe import Markup
 
-from megalopta.calibration import Section, map_chart, write_sections
+from megalopta.calibration import map_chart
 from megalopta.comparison.charts import (
     dark_chart,
     difference_chart,
@@ -18,7 +18,7 @@ from megalopta.comparison.charts import (
 )
 from megalopta.comparison.motion import SpeedResponse
 from megalopta.comparison.moving import SceneComparison
-from megalopta.report import number
+from megalopta.pages import Section, number, write_sections
 from megalopta.sensor.compare import Comparison, CountedFrames, Difference
 
 Levels = Sequence[CountedFrames]

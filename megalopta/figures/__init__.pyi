@@ -34,6 +34,13 @@ from .style import (
     new_canvas as new_canvas,
     write_at as write_at,
 )
+from .svg import (
+    in_style as in_style,
+    logarithmic as logarithmic,
+    new_axes as new_axes,
+    themed as themed,
+    to_svg as to_svg,
+)
 from .sweep import sweep_figure as sweep_figure
 from .thresholds import (
     MeanThreshold as MeanThreshold,

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from megalopta.files import atomic_write, write_text
-from megalopta.pages import render_page
-from megalopta.report import data_uri, gray_scale, level_name, lux, number
+from megalopta.pages import level_name, lux, number, render_page
+from megalopta.report import data_uri, gray_scale
 
 _WIDTH, _GAP, _LINE = 188, 6, 18
 _PAPER, _INK, _FAINT = (255, 255, 255), (26, 26, 26), (110, 110, 110)

@@ -10,13 +10,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from megalopta.arrays import Floats
-from megalopta.figures import BLACK, GRAY, method_style
+from megalopta.figures import BLACK, GRAY, in_style, method_style, to_svg
 from megalopta.flow.files import flow_to_rgb
+from megalopta.pages import number
 from megalopta.ranking.errors import STILL
 from megalopta.ranking.pooling import Pooling
 from megalopta.ranking.run import BOUND, Ranking
 from megalopta.ranking.truth import PARALLAX_PX, RANGES, SPEEDS_PX, cell_name
-from megalopta.report import in_style, number, to_svg
 
 _LUX = np.logspace(-4, 5, 91)
 _EXPOSURES_S = np.logspace(-4, 0, 41)

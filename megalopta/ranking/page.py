@@ -11,15 +11,14 @@ import numpy as np
 
 from megalopta import files
 from megalopta.arrays import Floats
-from megalopta.calibration import Section, write_sections
 from megalopta.dataset import Dataset
+from megalopta.pages import Section, number, write_sections
 from megalopta.ranking.charts import atlas, error_curves, flow_fields, pooling_grid
 from megalopta.ranking.errors import STILL
 from megalopta.ranking.pooling import Pooling
 from megalopta.ranking.run import Ranking
 from megalopta.ranking.truth import DISTANCES_M, PARALLAX_PX, SPEEDS_PX
 from megalopta.ranking.velocities import Drawn, Velocities
-from megalopta.report import number
 
 _GROUPS = ("all", "visible", "occluded", "smooth", "depth edge", "parallax low", "parallax high")
 _OPPOSED = (

@@ -13,11 +13,22 @@ from matplotlib.ticker import FuncFormatter
 from matplotlib.typing import LineStyleType
 from numpy.typing import NDArray
 
-from megalopta.figures import BLACK, BLUE, DASHES, MARKERS, RULE, method_style, write_at
+from megalopta.figures import (
+    BLACK,
+    BLUE,
+    DASHES,
+    MARKERS,
+    RULE,
+    in_style,
+    logarithmic,
+    method_style,
+    new_axes,
+    to_svg,
+    write_at,
+)
 from megalopta.flow.metrics import ErrorCurve, Threshold
+from megalopta.pages import level_name, percent, short
 from megalopta.report.budget import Budget, by_sensor
-from megalopta.report.svg import in_style, logarithmic, new_axes, to_svg
-from megalopta.report.text import level_name, percent, short
 
 # On a telephone the page is as wide as this, so that text keeps its size there.
 _WIDTH_PT = 380

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from PIL import Image
 
+from megalopta.pages import UNDEFINED
 from megalopta.report.images import Legend, data_uri, stacked
-from megalopta.report.text import UNDEFINED
 
 RADIANCE_FILM = "var(--radiance)"
 """The tone-mapped radiance, which is on the page once and shown in several places."""

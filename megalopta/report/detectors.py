@@ -16,11 +16,11 @@ from megalopta.errors import UserError
 from megalopta.flow.detectors import METHODS, BlockDetector, Detector
 from megalopta.flow.files import flow_to_rgb
 from megalopta.flow.metrics import block_flow
+from megalopta.pages import UNDEFINED, level_name, number, relative_error
 from megalopta.report.components import Picture, Table, crossed, still
 from megalopta.report.footage import ReportFrames, Selection
 from megalopta.report.images import ColorScale, Legend, map_scale
 from megalopta.report.motion import Wheel
-from megalopta.report.text import UNDEFINED, level_name, number, relative_error
 from megalopta.report.truth import against_truth, rotation_table, split_table
 from megalopta.report.verdicts import VerdictGroup, verdict_group
 from megalopta.sensor import ImageSensor

@@ -8,10 +8,10 @@ import numpy as np
 from megalopta.arrays import Floats
 from megalopta.config import LightLevel
 from megalopta.dataset import Dataset, FlowRecord, ResponseErrors
+from megalopta.pages import UNDEFINED, level_name, relative_error
 from megalopta.report.components import Picture, Table, crossed, still
 from megalopta.report.footage import Selection
 from megalopta.report.images import gray_scale
-from megalopta.report.text import UNDEFINED, level_name, relative_error
 from megalopta.sensor import ImageSensor
 from megalopta.stages import open_corrected, open_exposure
 

@@ -7,12 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from megalopta.report.budget import Budget, ExposureSummary
-from megalopta.report.charts import signal_chart
-from megalopta.report.components import RADIANCE_FILM, Picture, Table, film
-from megalopta.report.footage import ReportFrames
-from megalopta.report.images import gray_scale
-from megalopta.report.text import (
+from megalopta.pages import (
     UNDEFINED,
     enumerate_words,
     level_name,
@@ -21,6 +16,11 @@ from megalopta.report.text import (
     percent,
     short,
 )
+from megalopta.report.budget import Budget, ExposureSummary
+from megalopta.report.charts import signal_chart
+from megalopta.report.components import RADIANCE_FILM, Picture, Table, film
+from megalopta.report.footage import ReportFrames
+from megalopta.report.images import gray_scale
 from megalopta.sensor import CtiaSensor, ImageSensor
 from megalopta.sensor.counters import LARGEST_CAPACITY
 from megalopta.sensor.spad import active_effects

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from megalopta.flow.files import flow_to_rgb, wheel_legend
+from megalopta.pages import percent
 from megalopta.report.charts import speed_chart
 from megalopta.report.components import Picture, film
 from megalopta.report.footage import ReportFrames
 from megalopta.report.images import ORANGE, data_uri, id_picture, map_scale, rgb_picture
-from megalopta.report.text import percent
 
 _WHEEL_PX = 96
 _FASTEST_PERCENT = 99.0

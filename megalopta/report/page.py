@@ -7,10 +7,10 @@ from pathlib import Path
 from megalopta import info
 from megalopta.config import Configuration, to_yaml
 from megalopta.dataset import Dataset
-from megalopta.figures import GLYPHS, method_style
+from megalopta.figures import GLYPHS, method_style, themed
 from megalopta.files import write_text
 from megalopta.flow.detectors import METHODS
-from megalopta.pages import render_page
+from megalopta.pages import duration, render_page
 from megalopta.report.budget import exposed
 from megalopta.report.detectors import DetectorSection, detector_section, first_sentence
 from megalopta.report.device_cost import DeviceCost, device_costs
@@ -29,8 +29,6 @@ from megalopta.report.summary import (
     threshold_finding,
     title,
 )
-from megalopta.report.svg import themed
-from megalopta.report.text import duration
 from megalopta.report.thresholds import ThresholdSection, threshold_section
 from megalopta.report.verdicts import MEANINGS
 from megalopta.stages import STAGES, Ledger

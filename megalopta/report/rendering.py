@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from megalopta.report.text import number, percent
+from megalopta.pages import number, percent
 
 _CAUTION = 0.1
 

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 from megalopta.config import Configuration, LightLevel
 from megalopta.flow.detectors import METHODS
 from megalopta.flow.metrics import ErrorCurve, Metric, Threshold, format_flux
+from megalopta.pages import enumerate_words, level_name, level_title, number, plural
 from megalopta.report.budget import Budget, by_sensor
 from megalopta.report.detectors import DetectorSection
 from megalopta.report.motion import MotionSection
-from megalopta.report.text import enumerate_words, level_name, level_title, number, plural
 from megalopta.report.verdicts import LIMIT, VerdictGroup
 from megalopta.scenes.lighting import illuminance_of
 

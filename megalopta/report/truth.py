@@ -6,8 +6,8 @@ from typing import TypeVar
 
 from megalopta.dataset import BlockErrors, FlowRecord, RotationErrors, TruthErrors
 from megalopta.flow.metrics import FAST_PX, OCCLUDED_SHARE, SLOW_PX
+from megalopta.pages import FAILS, SENSELESS, UNDEFINED, level_name, number, percent
 from megalopta.report.components import Table, crossed
-from megalopta.report.text import FAILS, SENSELESS, UNDEFINED, level_name, number, percent
 
 Value = TypeVar("Value")
 

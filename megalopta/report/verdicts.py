@@ -11,7 +11,7 @@ from typing import Literal
 
 from megalopta.config import LightLevel
 from megalopta.dataset import FlowRecord, TruthErrors
-from megalopta.report.text import level_name, percent, relative_error
+from megalopta.pages import level_name, percent, relative_error
 
 ACCURATE = 0.25
 """The thesis's 2-bit accuracy: an error below 2⁻²."""

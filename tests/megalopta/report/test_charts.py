@@ -4,7 +4,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from megalopta.figures import BLACK, RULE, method_style
+from megalopta.figures import BLACK, RULE, method_style, themed
 from megalopta.flow.detectors import METHODS
 from megalopta.flow.metrics import ErrorCurve, Threshold
 from megalopta.report.budget import Budget
@@ -15,7 +15,6 @@ from megalopta.report.charts import (
     speed_chart,
     threshold_chart,
 )
-from megalopta.report.svg import themed
 from megalopta.sensor import PRESETS
 
 FLUXES = np.geomspace(1e3, 1e9, 7)

@@ -1,4 +1,4 @@
-"""HTML pages from templates. Every room may import this module."""
+"""HTML pages from templates."""
 
 from collections.abc import Callable
 from typing import Any

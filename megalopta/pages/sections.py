@@ -6,7 +6,7 @@ from pathlib import Path
 from markupsafe import Markup
 
 from megalopta.files import write_text
-from megalopta.pages import render_page
+from megalopta.pages.templates import render_page
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,6 @@ class Section:
 def write_sections(path: Path, title: str, summary: str, sections: list[Section]) -> None:
     """Write a page, whole or not at all."""
     page = render_page(
-        "megalopta.calibration", "page.html", title=title, summary=summary, sections=sections
+        "megalopta.pages", "page.html", title=title, summary=summary, sections=sections
     )
     write_text(path, page)

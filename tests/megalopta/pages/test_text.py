@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from megalopta.report.text import (
+from megalopta.pages import (
     duration,
     enumerate_words,
     level_title,
