@@ -9,6 +9,7 @@ from rich.console import Console
 
 from megalopta.dataset import Dataset, file_hash, files_in, whole_of
 from megalopta.progress import progress
+from megalopta.ranking import FOLDER
 from megalopta.render import read_size
 from megalopta.stages import STAGES, Ledger
 
@@ -108,5 +109,6 @@ def _again(dataset: Dataset, stage: str, whole: Path) -> str:
 
 def _unknown(dataset: Dataset, known: set[Path]) -> Iterator[Fault]:
     own = {dataset.root / name for name in _OWN}
+    own |= set(files_in([dataset.root / FOLDER]))
     for path in sorted(set(files_in([dataset.root])) - known - own):
         yield Fault(path, "belongs to no stage of this dataset", "move it elsewhere")

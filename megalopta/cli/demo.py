@@ -5,6 +5,16 @@ from argparse import Namespace
 from megalopta.cli.command import Verbs
 from megalopta.cli.stage_command import add_first_stage, configuration
 
+_RANKED = {
+    "methods": "[BM, LK, DIS, PM]",
+    "fluxes": "[1e4, 1e5, 1e6, 1e7]",
+    "repeats": "1",
+    "pixels_pooled": "[1]",
+    "frames_pooled": "[1]",
+    "camera_pairs": "1",
+}
+"""Of the ranking: little, for the time that a demo has"""
+
 
 def declare(verbs: Verbs) -> None:
     """Add the verb."""
@@ -13,7 +23,12 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
+    from megalopta.flow.detectors import METHODS
+    from megalopta.ranking import FOLDER, run_ranking
     from megalopta.report import write_report
     from megalopta.stages import run_all
 
-    print(write_report(run_all(options.out, configuration(options), options.redo)))
+    dataset = run_all(options.out, configuration(options), options.redo)
+    if any(METHODS[name].gives == "velocity" for name in dataset.configuration.methods):
+        run_ranking(dataset.root, dataset.root / FOLDER, _RANKED)
+    print(write_report(dataset))

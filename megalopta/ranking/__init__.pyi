@@ -1,14 +1,9 @@
-from .errors import (
-    STILL as STILL,
-    Best as Best,
-    Interval as Interval,
-)
-from .folder import run_ranking as run_ranking
+from .charts import atlas as atlas
+from .errors import STILL as STILL, Best as Best, Interval as Interval
+from .findings import findings as findings, summary as summary
+from .folder import FOLDER as FOLDER, read_ranking as read_ranking, run_ranking as run_ranking
 from .page import write_ranking as write_ranking
 from .pooling import Pooling as Pooling
-from .run import (
-    BOUND as BOUND,
-    Ranking as Ranking,
-    rank_methods as rank_methods,
-)
+from .record import BOUND as BOUND, Ranking as Ranking
+from .run import rank_methods as rank_methods
 from .settings import RankingSettings as RankingSettings

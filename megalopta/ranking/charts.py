@@ -1,5 +1,6 @@
 """Pictures of a ranking: curves, the grid of poolings, the atlas, flow fields."""
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -15,7 +16,7 @@ from megalopta.flow.files import flow_to_rgb
 from megalopta.pages import number
 from megalopta.ranking.errors import STILL
 from megalopta.ranking.pooling import Pooling
-from megalopta.ranking.run import BOUND, Ranking
+from megalopta.ranking.record import BOUND, Ranking
 from megalopta.ranking.truth import PARALLAX_PX, RANGES, SPEEDS_PX, cell_name
 
 _LUX = np.logspace(-4, 5, 91)
@@ -31,9 +32,9 @@ def error_curves(ranking: Ranking, pooling: Pooling, group: str) -> Markup:
     fluxes = sorted(ranking.settings.fluxes)
     for name in (*ranking.settings.methods, STILL, BOUND):
         keys = [(pooling, flux, group, name) for flux in fluxes]
-        found = [ranking.errors.get(key) for key in keys]
+        found = [ranking.error_of(*key) for key in keys]
         at = [flux for flux, each in zip(fluxes, found, strict=True) if each]
-        mean, low, high = np.array([each for each in found if each]).reshape(-1, 3).T
+        mean, low, high = np.array([(each.mean, each.low, each.high) for each in found if each]).T
         if name in (STILL, BOUND):
             dash = ":" if name == STILL else "--"
             axes.plot(at, mean, color=BLACK, linestyle=dash, linewidth=1.2, label=name)
@@ -67,12 +68,12 @@ def pooling_grid(ranking: Ranking) -> Markup:
     colors = np.ones((len(fluxes), len(poolings), 3))
     for row, flux in enumerate(fluxes):
         for column, pooling in enumerate(poolings):
-            best = ranking.best.get((pooling, flux, "all"))
+            best = ranking.best_of(pooling, flux, "all")
             if best is None:
                 continue
-            error = ranking.errors[pooling, flux, "all", best.method].mean
+            error = ranking.error_of(pooling, flux, "all", best.method)
             colors[row, column] = _shade(best.method, best.is_sure)
-            text = f"{best.method}\n{error:.2g} px"
+            text = f"{best.method}\n{error.mean if error else math.nan:.2g} px"
             axes.text(column, row, text, ha="center", va="center", fontsize=9.5, color=BLACK)
     axes.imshow(colors, aspect="auto", origin="lower")
     axes.set_xticks(range(len(poolings)), [str(each).replace(", ", "\n") for each in poolings])
@@ -83,18 +84,15 @@ def pooling_grid(ranking: Ranking) -> Markup:
 
 
 @in_style
-def atlas(ranking: Ranking, photons_per_lux_s: float) -> Markup:
-    """The best method over illuminance and exposure, a panel for each speed and parallax.
-
-    `photons_per_lux_s` are those of a frame on perfect pixels, for each lux and second.
-    """
+def atlas(ranking: Ranking) -> Markup:
+    """The best method over illuminance and exposure, a panel for each speed and parallax."""
     figure = Figure(figsize=(8.6, 8.8), layout="constrained")
     panels = figure.subplots(3, 3, sharex=True, sharey=True)
     shown: dict[str, None] = {}
     for row, speed in enumerate(reversed(RANGES)):
         for column, parallax in enumerate(RANGES):
             axes = panels[row, column]
-            shown |= _panel(axes, ranking, cell_name(speed, parallax), photons_per_lux_s)
+            shown |= _panel(axes, ranking, cell_name(speed, parallax))
             if row == 0:
                 axes.set_title(f"parallax {_range(PARALLAX_PX, column)}")
             if row == 2:
@@ -131,17 +129,16 @@ def flow_fields(
     return to_svg(figure, "fields", "Flow of one pair of frames: truth, and methods over photons")
 
 
-def _panel(axes: Axes, ranking: Ranking, group: str, photons_per_lux_s: float) -> dict[str, None]:
+def _panel(axes: Axes, ranking: Ranking, group: str) -> dict[str, None]:
     fluxes = np.array(sorted(ranking.settings.fluxes))
-    finest = Pooling(min(ranking.settings.pixels_pooled), min(ranking.settings.frames_pooled))
     shown: dict[str, None] = {}
     colors = np.full((len(_LUX), len(_EXPOSURES_S), 3), _WHITE)
-    flux = photons_per_lux_s * np.outer(_LUX, _EXPOSURES_S)
+    flux = ranking.photons_per_lux_s * np.outer(_LUX, _EXPOSURES_S)
     nearest = np.argmin(np.abs(np.log(flux[..., np.newaxis] / fluxes)), axis=-1)
     half = np.sqrt(fluxes[1] / fluxes[0]) if len(fluxes) > 1 else 3.0
     measured = (flux > fluxes[0] / half) & (flux < fluxes[-1] * half)
     for place, each in enumerate(fluxes):
-        best = ranking.best.get((finest, float(each), group))
+        best = ranking.best_of(ranking.settings.finest, float(each), group)
         if best is not None:
             shown[best.method] = None
             colors[measured & (nearest == place)] = _shade(best.method, best.is_sure)

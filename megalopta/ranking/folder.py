@@ -7,10 +7,23 @@ from megalopta.config import validated
 from megalopta.dataset import Dataset
 from megalopta.errors import UserError
 from megalopta.folders import locked
-from megalopta.ranking.page import write_ranking
+from megalopta.ranking.page import NAME, write_ranking
+from megalopta.ranking.record import Ranking
 from megalopta.ranking.run import rank_methods
 from megalopta.ranking.settings import RankingSettings
 from megalopta.stages import Ledger, open_dataset_whole
+
+FOLDER = "ranking"
+"""Where the demo puts it, in the folder of its dataset"""
+
+
+def read_ranking(folder: Path) -> Ranking | None:
+    """Read what `run_ranking` has written to a folder; None where nothing is. Raises UserError."""
+    path = folder / NAME
+    try:
+        return Ranking.model_validate_json(path.read_text("utf-8")) if path.exists() else None
+    except (OSError, ValueError):
+        raise UserError(f"{path} is damaged; remove it, or rank the methods again") from None
 
 
 def run_ranking(

@@ -2,8 +2,7 @@
 
 import csv
 import io
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,28 +11,22 @@ import numpy as np
 from megalopta import files
 from megalopta.arrays import Floats
 from megalopta.dataset import Dataset
-from megalopta.pages import Section, number, write_sections
+from megalopta.pages import UNDEFINED, Section, number, percent, write_sections
 from megalopta.ranking.charts import atlas, error_curves, flow_fields, pooling_grid
-from megalopta.ranking.errors import STILL
-from megalopta.ranking.pooling import Pooling
-from megalopta.ranking.run import Ranking
+from megalopta.ranking.findings import findings, summary
+from megalopta.ranking.record import Ranking
 from megalopta.ranking.truth import DISTANCES_M, PARALLAX_PX, SPEEDS_PX
 from megalopta.ranking.velocities import Drawn, Velocities
 
+NAME = "ranking.json"
 _GROUPS = ("all", "visible", "occluded", "smooth", "depth edge", "parallax low", "parallax high")
-_OPPOSED = (
-    ("parallax low", "parallax high", "parallax"),
-    ("visible", "occluded", "occlusion"),
-    ("smooth", "depth edge", "edges of depth"),
-    ("speed low", "speed high", "speed"),
-)
 
 
 def write_ranking(folder: Path, ranking: Ranking, datasets: Sequence[Dataset], kept: Path) -> Path:
     """Write ranking.html, ranking.csv and ranking.json to a folder; return the page."""
-    finest = finest_pooling(ranking)
+    finest = ranking.settings.finest
     files.write_text(folder / "ranking.csv", _csv(ranking))
-    files.write_json(folder / "ranking.json", _json(ranking))
+    files.write_text(folder / NAME, ranking.model_dump_json(indent=1) + "\n")
     frames = sum(each.configuration.trajectory.frames for each in datasets)
     sections = [
         Section(
@@ -68,14 +61,14 @@ def write_ranking(folder: Path, ranking: Ranking, datasets: Sequence[Dataset], k
             "Atlas",
             "The best method without pooling. Gray: none beats the answer 0. Pale: not sure. "
             "White: not measured.",
-            charts=(atlas(ranking, photons_per_lux_s(datasets)),),
+            charts=(atlas(ranking),),
         ),
         Section("Flow fields", _FIELDS, charts=(_fields(ranking, datasets[0], kept),)),
         _camera(ranking),
         _consistency(ranking),
     ]
     page = folder / "ranking.html"
-    write_sections(page, "Flow methods on rendered sequences", _summary(ranking), sections)
+    write_sections(page, "Flow methods on rendered sequences", summary(ranking), sections)
     return page
 
 
@@ -85,54 +78,8 @@ _FIELDS = (
 )
 
 
-def finest_pooling(ranking: Ranking) -> Pooling:
-    """Return the least pooling that was measured."""
-    return Pooling(min(ranking.settings.pixels_pooled), min(ranking.settings.frames_pooled))
-
-
-def findings(ranking: Ranking) -> list[str]:
-    """Say where the best method is another one for two groups, if the data can tell both."""
-    finest, found = finest_pooling(ranking), []
-    for one, other, what in _OPPOSED:
-        changes = []
-        for flux in sorted(ranking.settings.fluxes):
-            a, b = (ranking.best.get((finest, flux, group)) for group in (one, other))
-            if a and b and a.is_sure and b.is_sure and a.method != b.method:
-                changes.append(
-                    f"at {number(flux)} photons {a.method} where it is {one}, {b.method} where it "
-                    f"is {other}".replace(f"it is {what} ", f"{what} is ")
-                )
-        changed = "; ".join(changes)
-        found.append(
-            f"The best method changes with {what}: {changed}."
-            if changes
-            else f"No change of the best method with {what} is beyond the noise."
-        )
-    return found
-
-
-def photons_per_lux_s(datasets: Sequence[Dataset]) -> float:
-    """Photons of a frame on perfect pixels for each lux and second, the mean of all sequences."""
-    found = [
-        Velocities.photons_per_s(each) / each.configuration.light.resolved().illuminance_lux
-        for each in datasets
-    ]
-    return float(np.mean(found))
-
-
-def _summary(ranking: Ranking) -> str:
-    finest, words = finest_pooling(ranking), []
-    for flux in sorted(ranking.settings.fluxes):
-        best = ranking.best.get((finest, flux, "all"))
-        if best is not None:
-            sure = "" if best.is_sure else " (not sure)"
-            what = "no method beats the answer 0" if best.method == STILL else best.method
-            words.append(f"{number(flux)}: {what}{sure}")
-    return f"Lowest mean error by photons per frame: {', '.join(words)}."
-
-
 def _fields(ranking: Ranking, dataset: Dataset, kept: Path) -> Any:
-    settings, finest = ranking.settings, finest_pooling(ranking)
+    settings, finest = ranking.settings, ranking.settings.finest
     velocities = Velocities(dataset, settings, kept / dataset.sequence)
     truth = velocities.truth(settings.methods[0], finest).at(finest)
     fluxes = sorted(settings.fluxes)
@@ -149,45 +96,49 @@ def _fields(ranking: Ranking, dataset: Dataset, kept: Path) -> Any:
 
 
 def _camera(ranking: Ranking) -> Section:
-    fluxes = sorted(ranking.settings.fluxes)
-    rows = []
-    for name in ranking.settings.methods:
-        cells = [ranking.camera.get((flux, name)) for flux in fluxes]
-        texts = [
-            "–" if each is None else f"{_degrees(each.rotation_deg)}, {_degrees(each.heading_deg)}"
-            for each in cells
-        ]
-        rows.append((name, *texts))
+    found = {(each.photons_per_frame, each.method): each for each in ranking.camera}
+
+    def cell(flux: float, name: str) -> str:
+        each = found.get((flux, name))
+        return f"{_degrees(each.rotation_deg)}, {_degrees(each.heading_deg)}" if each else UNDEFINED
+
     return Section(
         "The camera's motion",
         "From the velocities of all blocks of a pair of frames: angle between the estimated and "
         "the true rotation, and between the estimated and the true direction of translation "
         f"(medians of {ranking.settings.camera_pairs} pairs of each sequence).",
-        ("method", *(f"{number(flux)} photons" for flux in fluxes)),
-        tuple(rows),
+        *_by_photons(ranking, cell),
     )
 
 
-def _degrees(value: float) -> str:
-    return "–" if math.isnan(value) else f"{value:.2g}°"
-
-
 def _consistency(ranking: Ranking) -> Section:
-    fluxes, finest = sorted(ranking.settings.fluxes), finest_pooling(ranking)
+    finest = ranking.settings.finest
+    found = {
+        (each.photons_per_frame, each.method): each.error
+        for each in ranking.consistency
+        if each.pooling == finest
+    }
     return Section(
         "Agreement with itself",
         "Error against the same method's answer to the light without noise (Eq. 4.5): it says "
         "how well an answer repeats, not whether it is true.",
-        ("method", *(f"{number(flux)} photons" for flux in fluxes)),
-        tuple(
-            (name, *(_percent(ranking.consistency[finest, flux, name]) for flux in fluxes))
-            for name in ranking.settings.methods
-        ),
+        *_by_photons(ranking, lambda flux, name: percent(found.get((flux, name)))),
     )
 
 
-def _percent(value: float) -> str:
-    return "–" if math.isnan(value) else f"{100 * value:.3g} %"
+def _by_photons(
+    ranking: Ranking, cell: Callable[[float, str], str]
+) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
+    """Head and rows of a table of methods by photons per frame."""
+    fluxes = sorted(ranking.settings.fluxes)
+    rows = tuple(
+        (name, *(cell(flux, name) for flux in fluxes)) for name in ranking.settings.methods
+    )
+    return ("method", *(f"{number(flux)} photons" for flux in fluxes)), rows
+
+
+def _degrees(value: float | None) -> str:
+    return UNDEFINED if value is None else f"{value:.2g}°"
 
 
 def _csv(ranking: Ranking) -> str:
@@ -195,38 +146,7 @@ def _csv(ranking: Ranking) -> str:
     writer = csv.writer(text, lineterminator="\n")
     names = "pixels_pooled frames_pooled photons_per_frame group method epe_px low_px high_px"
     writer.writerow(names.split())
-    for (pooling, flux, group, name), each in ranking.errors.items():
-        writer.writerow([*pooling, f"{flux:g}", group, name, *(f"{value:.6g}" for value in each)])
+    for each in ranking.errors:
+        case = each.pixels, each.frames, f"{each.photons_per_frame:g}", each.group, each.method
+        writer.writerow([*case, *(f"{value:.6g}" for value in (each.mean, each.low, each.high))])
     return text.getvalue()
-
-
-def _json(ranking: Ranking) -> dict[str, Any]:
-    return {
-        "settings": ranking.settings.model_dump(mode="json"),
-        "sequences": list(ranking.sequences),
-        "blocks": dict(ranking.blocks),
-        "errors": [
-            {**_case(key), "group": key[2], "method": key[3], **each._asdict()}
-            for key, each in ranking.errors.items()
-        ],
-        "best": [
-            {**_case(key), "group": key[2], **each._asdict()} for key, each in ranking.best.items()
-        ],
-        "consistency": [
-            {**_case(key), "method": key[2], "error": _number(each)}
-            for key, each in ranking.consistency.items()
-        ],
-        "camera": [
-            {"photons_per_frame": key[0], "method": key[1]}
-            | {name: _number(value) for name, value in each._asdict().items()}
-            for key, each in ranking.camera.items()
-        ],
-    }
-
-
-def _case(key: Sequence[Any]) -> dict[str, Any]:
-    return {**key[0]._asdict(), "photons_per_frame": key[1]}
-
-
-def _number(value: float) -> float | None:
-    return None if math.isnan(value) else float(value)

@@ -1,7 +1,7 @@
 """Pooling of photons over pixels and frames, and the true motion that belongs to it."""
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from megalopta.arrays import Floats
 from megalopta.flow.stimuli import resize
@@ -16,6 +16,10 @@ class Pooling(NamedTuple):
     def __str__(self) -> str:
         """Say it in words."""
         return f"{self.pixels} × {self.pixels} px, {self.frames} frame{'s'[: self.frames > 1]}"
+
+    def record(self, flux: float) -> dict[str, Any]:
+        """Return it and a number of photons by name."""
+        return {**self._asdict(), "photons_per_frame": flux}
 
     def light(self, light: Floats) -> Floats:
         """Add the light (T, H, W) of neighbors; frames and pixels that are left over are cut."""

@@ -17,8 +17,6 @@ from megalopta.progress import progress
 from megalopta.ranking.camera_motion import CameraErrors, camera_errors
 from megalopta.ranking.errors import (
     STILL,
-    Best,
-    Interval,
     PairSums,
     Replicates,
     endpoint_errors,
@@ -26,36 +24,17 @@ from megalopta.ranking.errors import (
     pair_sums,
 )
 from megalopta.ranking.pooling import Pooling
+from megalopta.ranking.record import (
+    BOUND,
+    BestMethod,
+    CameraMotionError,
+    Consistency,
+    MeanError,
+    Ranking,
+)
 from megalopta.ranking.settings import RankingSettings
 from megalopta.ranking.truth import BlockTruths, SequenceTruth
-from megalopta.ranking.velocities import Drawn, Velocities, draws
-
-BOUND = "Poisson bound"
-
-Case = tuple[Pooling, float]
-"""A pooling, and photons per frame"""
-
-
-@dataclass(frozen=True)
-class Ranking:
-    """What was measured, over all sequences."""
-
-    settings: RankingSettings
-    sequences: tuple[str, ...]
-    blocks: Mapping[str, int]
-    """Blocks of each group at the finest pooling, over all pairs of frames"""
-
-    errors: Mapping[tuple[Pooling, float, str, str], Interval]
-    """By pooling, photons per frame, group and method; `STILL` and `BOUND` among these"""
-
-    best: Mapping[tuple[Pooling, float, str], Best]
-    """By pooling, photons per frame and group; `STILL` where no method beats it"""
-
-    consistency: Mapping[tuple[Pooling, float, str], float]
-    """Eq. 4.5 against the same method's answer to the light, by pooling, photons and method"""
-
-    camera: Mapping[tuple[float, str], CameraErrors]
-    """Medians over pairs of frames without pooling, by photons per frame and method"""
+from megalopta.ranking.velocities import Drawn, Velocities, draws, photons_per_lux_s
 
 
 def rank_methods(datasets: Sequence[Dataset], settings: RankingSettings, folder: Path) -> Ranking:
@@ -166,47 +145,56 @@ def _ranking(
 ) -> Ranking:
     keys = parts[0].sums.keys()
     sums = {key: joined([part.sums[key] for part in parts]) for key in keys}
-    replicates = {
-        frames: Replicates(len(each.blocks), settings.seed)
-        for (pooling, _, _, _), each in sums.items()
-        for frames in [pooling.frames]
-    }
-    errors, best = {}, {}
-    for key, each in sums.items():
-        if (interval := replicates[key[0].frames].interval(each)) is not None:
-            errors[key] = interval
+    pairs = {key[0].frames: len(each.blocks) for key, each in sums.items()}
+    replicates = {frames: Replicates(count, settings.seed) for frames, count in pairs.items()}
+    errors, best = [], []
+    for (pooling, flux, group, method), each in sums.items():
+        if (interval := replicates[pooling.frames].interval(each)) is not None:
+            case = pooling.record(flux)
+            errors.append(MeanError(**case, group=group, method=method, **interval._asdict()))
     for pooling, flux, group in dict.fromkeys(key[:3] for key in keys):
         names = (*settings.methods, STILL)
         own = {name: sums[pooling, flux, group, name] for name in names}
         if (found := replicates[pooling.frames].best(own)) is not None:
-            best[pooling, flux, group] = found
-    finest = Pooling(min(settings.pixels_pooled), min(settings.frames_pooled))
-    blocks = {
-        group: int(each.blocks.sum())
-        for (pooling, flux, group, name), each in sums.items()
-        if (pooling, flux, name) == (finest, settings.fluxes[0], STILL)
-    }
+            best.append(BestMethod(**pooling.record(flux), group=group, **found._asdict()))
+    finest, first = settings.finest, settings.fluxes[0]
     return Ranking(
-        settings,
-        tuple(each.sequence for each in datasets),
-        blocks,
-        errors,
-        best,
-        {
-            key: float(np.nanmean([part.consistency[key] for part in parts]))
-            for key in parts[0].consistency
+        settings=settings,
+        sequences=tuple(each.sequence for each in datasets),
+        photons_per_lux_s=float(np.mean([photons_per_lux_s(each) for each in datasets])),
+        blocks={
+            group: int(each.blocks.sum())
+            for (pooling, flux, group, name), each in sums.items()
+            if (pooling, flux, name) == (finest, first, STILL)
         },
-        {
-            key: CameraErrors(*_medians([found for part in parts for found in part.camera[key]]))
-            for key in parts[0].camera
-        },
+        errors=tuple(errors),
+        best=tuple(best),
+        consistency=tuple(
+            Consistency(
+                **pooling.record(flux),
+                method=method,
+                error=_number([part.consistency[pooling, flux, method] for part in parts]),
+            )
+            for pooling, flux, method in parts[0].consistency
+        ),
+        camera=tuple(
+            _camera_motion(flux, name, [each for part in parts for each in part.camera[flux, name]])
+            for flux, name in parts[0].camera
+        ),
     )
 
 
-def _medians(found: Sequence[CameraErrors]) -> Floats:
-    columns = np.array(found, np.float64).reshape(-1, 2).T
-    return np.array([_median(each[~np.isnan(each)]) for each in columns])
+def _camera_motion(flux: float, method: str, found: Sequence[CameraErrors]) -> CameraMotionError:
+    rotation, heading = np.array(found, np.float64).reshape(-1, 2).T
+    return CameraMotionError(
+        photons_per_frame=flux,
+        method=method,
+        rotation_deg=_number(rotation),
+        heading_deg=_number(heading),
+    )
 
 
-def _median(values: Floats) -> float:
-    return float(np.median(values)) if values.size else np.nan
+def _number(values: Sequence[float] | Floats) -> float | None:
+    """Median of what is defined, None where nothing is."""
+    known = np.array(values)[~np.isnan(values)]
+    return float(np.median(known)) if known.size else None

@@ -6,6 +6,7 @@ from pydantic import Field, field_validator
 
 from megalopta.flow.benchmark import each_once
 from megalopta.flow.detectors import METHODS, BlockDetector
+from megalopta.ranking.pooling import Pooling
 from megalopta.record import Record
 
 Flux = Annotated[float, Field(gt=0)]
@@ -37,6 +38,11 @@ class RankingSettings(Record, frozen=True):
 
     seed: int = 0
     """Of the photons."""
+
+    @property
+    def finest(self) -> Pooling:
+        """The least pooling."""
+        return Pooling(min(self.pixels_pooled), min(self.frames_pooled))
 
     @field_validator("methods", "fluxes", "pixels_pooled", "frames_pooled")
     @classmethod

@@ -70,11 +70,6 @@ class Velocities:
         """Return the truth of a method's blocks."""
         return SequenceTruth(self._dataset, self.grid(method, pooling))
 
-    @staticmethod
-    def photons_per_s(dataset: Dataset) -> float:
-        """Photons that all perfect pixels together get from a mean frame in a second."""
-        return float(_light(dataset).sum(axis=(1, 2)).mean())
-
     def of(self, method: str, drawn: Drawn) -> Floats:
         """Velocities (pairs, rows, columns, 2) of all blocks, px of the full image per frame."""
         kept = self._folder / f"{digest(method, repr(drawn))}.npy"
@@ -123,6 +118,12 @@ def draws(settings: RankingSettings) -> Iterator[Drawn]:
             for flux in settings.fluxes:
                 for repeat in (None, *range(settings.repeats)):
                     yield Drawn(Pooling(pixels, frames), flux, repeat)
+
+
+def photons_per_lux_s(dataset: Dataset) -> float:
+    """Photons of a mean frame on perfect pixels for each lux and second."""
+    photons_hz = float(_light(dataset).sum(axis=(1, 2)).mean())
+    return photons_hz / dataset.configuration.light.resolved().illuminance_lux
 
 
 def _light(dataset: Dataset) -> Floats:

@@ -18,6 +18,7 @@ from megalopta.report.footage import ReportFrames, read_footage
 from megalopta.report.images import data_uri, rgb_picture, stacked
 from megalopta.report.light import LightSection, light_section
 from megalopta.report.motion import MotionSection, motion_section
+from megalopta.report.ranking import RankingSection, ranking_section
 from megalopta.report.records import Record, read_benchmark, read_records, read_scene_record
 from megalopta.report.rendering import render_noise
 from megalopta.report.summary import (
@@ -47,6 +48,7 @@ class Sections:
     detectors: DetectorSection | None
     costs: tuple[DeviceCost, ...]
     thresholds: ThresholdSection | None
+    ranking: RankingSection | None
     findings: tuple[str, ...]
 
 
@@ -118,7 +120,9 @@ def _sections(dataset: Dataset, footage: ReportFrames, record: Record) -> Sectio
         other = read_benchmark(dataset, "benchmark-other.json") if both else None
         thresholds = threshold_section(benchmark, budgets, other)
         findings.append(threshold_finding(benchmark.curves, benchmark.settings.metrics[0]))
-    return Sections(motion, light, detectors, costs, thresholds, tuple(filter(None, findings)))
+    ranking = ranking_section(dataset)
+    told = tuple(filter(None, findings))
+    return Sections(motion, light, detectors, costs, thresholds, ranking, told)
 
 
 def _radiance_film(footage: ReportFrames) -> str:

@@ -1,0 +1,98 @@
+"""What ranking.json holds, read back by the class that wrote it."""
+
+from collections.abc import Mapping
+from functools import cached_property
+
+from pydantic import FiniteFloat, NonNegativeInt, PositiveFloat
+
+from megalopta.ranking.pooling import Pooling
+from megalopta.ranking.settings import RankingSettings
+from megalopta.record import Record
+
+BOUND = "Poisson bound"
+
+Number = FiniteFloat | None
+"""None where it is undefined"""
+
+
+class _Case(Record, frozen=True):
+    pixels: int
+    """Side of the squares of pixels that are pooled."""
+    frames: int
+    """Frames that are pooled."""
+    photons_per_frame: PositiveFloat
+
+    @property
+    def pooling(self) -> Pooling:
+        """What is pooled."""
+        return Pooling(self.pixels, self.frames)
+
+
+class MeanError(_Case, frozen=True):
+    """Mean endpoint error (px of the full image per frame), and what holds it in 95 % of cases."""
+
+    group: str
+    method: str
+    """A method, "answer 0", or the Poisson bound."""
+    mean: FiniteFloat
+    low: FiniteFloat
+    high: FiniteFloat
+
+
+class BestMethod(_Case, frozen=True):
+    """The method with the lowest mean error."""
+
+    group: str
+    method: str
+    is_sure: bool
+    """Whether it is the lowest in 95 % of the replicates."""
+
+
+class Consistency(_Case, frozen=True):
+    """Error against the same method's answer to the light (Eq. 4.5), median of the sequences."""
+
+    method: str
+    error: Number
+
+
+class CameraMotionError(Record, frozen=True):
+    """Of the camera's motion from velocities without pooling, medians over pairs of frames."""
+
+    photons_per_frame: PositiveFloat
+    method: str
+    rotation_deg: Number
+    heading_deg: Number
+
+
+class Ranking(Record, frozen=True):
+    """What was measured, over all sequences."""
+
+    settings: RankingSettings
+    sequences: tuple[str, ...]
+    photons_per_lux_s: FiniteFloat
+    """Photons of a frame on perfect pixels for each lux and second."""
+    blocks: Mapping[str, NonNegativeInt]
+    """Blocks of each group without pooling, over all pairs of frames."""
+    errors: tuple[MeanError, ...]
+    best: tuple[BestMethod, ...]
+    consistency: tuple[Consistency, ...]
+    camera: tuple[CameraMotionError, ...]
+
+    def error_of(self, pooling: Pooling, flux: float, group: str, method: str) -> MeanError | None:
+        """Return the mean error of a method; None where the group has no blocks."""
+        return self._errors.get((pooling, flux, group, method))
+
+    def best_of(self, pooling: Pooling, flux: float, group: str) -> BestMethod | None:
+        """Return the best method; None where the group has no blocks."""
+        return self._best.get((pooling, flux, group))
+
+    @cached_property
+    def _errors(self) -> Mapping[tuple[Pooling, float, str, str], MeanError]:
+        return {
+            (each.pooling, each.photons_per_frame, each.group, each.method): each
+            for each in self.errors
+        }
+
+    @cached_property
+    def _best(self) -> Mapping[tuple[Pooling, float, str], BestMethod]:
+        return {(each.pooling, each.photons_per_frame, each.group): each for each in self.best}

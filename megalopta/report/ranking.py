@@ -1,0 +1,29 @@
+"""Section "Which method is best": the ranking against the true motion, where it was made."""
+
+from dataclasses import dataclass
+
+from markupsafe import Markup
+
+from megalopta.dataset import Dataset
+from megalopta.ranking import FOLDER, atlas, findings, read_ranking, summary
+
+
+@dataclass(frozen=True)
+class RankingSection:
+    """Sentences and the atlas."""
+
+    summary: str
+    findings: tuple[str, ...]
+    atlas: Markup
+    page: str
+    """Path of the whole ranking, from the report's folder"""
+
+
+def ranking_section(dataset: Dataset) -> RankingSection | None:
+    """Return the section; None where nothing was ranked. Raises UserError."""
+    ranking = read_ranking(dataset.root / FOLDER)
+    if ranking is None:
+        return None
+    return RankingSection(
+        summary(ranking), tuple(findings(ranking)), atlas(ranking), f"{FOLDER}/ranking.html"
+    )
