@@ -7,10 +7,12 @@ from .scene import (
     load_scene,
     move_meshes,
 )
+from .shapes import MeshIndex
 
 __all__ = [
     "DISC_POINTS",
     "MergedMesh",
+    "MeshIndex",
     "MovingMesh",
     "bare_mesh",
     "bitmap",

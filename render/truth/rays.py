@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.render import mi
+from megalopta.render import dr, mi
+from megalopta.render.loading import MeshIndex
 
 Float64 = NDArray[np.float64]
 
@@ -34,7 +35,14 @@ class Hits:
 
 def nearest_hits(scene: Any, origin: Float64, directions: Float64) -> Hits:
     """Nearest hit of rays from one origin (3,) or N of them, along unit directions (N, 3)."""
-    distance, mesh, triangle = intersect(scene, origin, directions)
+    if _is_scalar():
+        return _single_hits(scene, origin, directions)
+    rays = _rays(origin, directions)
+    hits = scene.ray_intersect_preliminary(rays, coherent=True)
+    distance = dr.select(hits.is_valid(), hits.t, dr.inf)
+    mesh, triangle = MeshIndex(scene).of(hits), hits.prim_index
+    # All at once: what is left for later would trace the rays again.
+    dr.eval(distance, mesh, triangle)
     return Hits(
         np.array(distance, dtype=np.float64),
         np.array(mesh, dtype=np.int64),
@@ -50,20 +58,6 @@ def is_hidden(
     return np.array(blocked(scene, origin, directions, limits), dtype=bool)
 
 
-def intersect(scene: Any, origin: Float64, directions: Float64) -> tuple[Any, Any, Any]:
-    """Mitsuba's own answer: distances, mesh indices and triangle indices, in its types."""
-    if not _is_scalar():
-        hits = scene.ray_intersect_preliminary(_rays(origin, directions), coherent=True)
-        return hits.t, hits.shape_index, hits.prim_index
-    hits = [scene.ray_intersect_preliminary(ray) for ray in _single_rays(origin, directions)]
-    return (
-        [hit.t for hit in hits],
-        # Where nothing was hit these are arbitrary 32-bit numbers.
-        [hit.shape_index for hit in hits],
-        [hit.prim_index for hit in hits],
-    )
-
-
 def blocked(scene: Any, origin: Float64, directions: Float64, limits: Float64) -> Any:
     """Mitsuba's own answer: whether anything is hit before the limits, in its types."""
     if not _is_scalar():
@@ -72,6 +66,16 @@ def blocked(scene: Any, origin: Float64, directions: Float64, limits: Float64) -
         return scene.ray_test(rays, coherent=True)
     pairs = zip(_single_rays(origin, directions), limits.tolist(), strict=True)
     return [scene.ray_test(mi.Ray3f(ray, maxt=limit)) for ray, limit in pairs]
+
+
+def _single_hits(scene: Any, origin: Float64, directions: Float64) -> Hits:
+    hits = [scene.ray_intersect_preliminary(ray) for ray in _single_rays(origin, directions)]
+    found = [
+        (hit.t, hit.shape_index, hit.prim_index) if hit.is_valid() else (np.inf, 0, 0)
+        for hit in hits
+    ]
+    distance, mesh, triangle = np.array(found, dtype=np.float64).reshape(-1, 3).T
+    return Hits(distance, mesh.astype(np.int64), triangle.astype(np.int64))
 
 
 def _is_scalar() -> bool:
