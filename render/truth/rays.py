@@ -31,6 +31,10 @@ class Hits:
     """(N,): index of the mesh hit, as loaded."""
     triangle: NDArray[np.int64]
     """(N,): index of the triangle in that mesh."""
+    barycentric: Float64
+    """(N, 2): weights of the triangle's second and third vertex."""
+    normal: Float64
+    """(N, 3): geometric unit normal, on either side."""
 
 
 def nearest_hits(scene: Any, origin: Float64, directions: Float64) -> Hits:
@@ -41,12 +45,15 @@ def nearest_hits(scene: Any, origin: Float64, directions: Float64) -> Hits:
     hits = scene.ray_intersect_preliminary(rays, coherent=True)
     distance = dr.select(hits.is_valid(), hits.t, dr.inf)
     mesh, triangle = MeshIndex(scene).of(hits), hits.prim_index
+    normal = hits.compute_surface_interaction(rays, mi.RayFlags.Minimal).n
     # All at once: what is left for later would trace the rays again.
-    dr.eval(distance, mesh, triangle)
+    dr.eval(distance, mesh, triangle, hits.prim_uv, normal)
     return Hits(
         np.array(distance, dtype=np.float64),
         np.array(mesh, dtype=np.int64),
         np.array(triangle, dtype=np.int64),
+        np.array(hits.prim_uv, dtype=np.float64).T,
+        np.array(normal, dtype=np.float64).T,
     )
 
 
@@ -69,13 +76,15 @@ def blocked(scene: Any, origin: Float64, directions: Float64, limits: Float64) -
 
 
 def _single_hits(scene: Any, origin: Float64, directions: Float64) -> Hits:
-    hits = [scene.ray_intersect_preliminary(ray) for ray in _single_rays(origin, directions)]
-    found = [
-        (hit.t, hit.shape_index, hit.prim_index) if hit.is_valid() else (np.inf, 0, 0)
-        for hit in hits
-    ]
-    distance, mesh, triangle = np.array(found, dtype=np.float64).reshape(-1, 3).T
-    return Hits(distance, mesh.astype(np.int64), triangle.astype(np.int64))
+    found = np.zeros((len(directions), 8))
+    found[:, 0] = np.inf
+    for row, ray in zip(found, _single_rays(origin, directions), strict=True):
+        hit = scene.ray_intersect_preliminary(ray)
+        if hit.is_valid():
+            normal = hit.compute_surface_interaction(ray, mi.RayFlags.Minimal).n
+            row[:] = hit.t, hit.shape_index, hit.prim_index, *hit.prim_uv, *normal
+    mesh, triangle = found[:, 1:3].T.astype(np.int64)
+    return Hits(found[:, 0], mesh, triangle, found[:, 3:5], found[:, 5:])
 
 
 def _is_scalar() -> bool:
