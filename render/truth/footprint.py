@@ -85,7 +85,11 @@ class Footprints:
         )  # (K, 2), in px from the pixel's upper left corner
 
     def footprint(
-        self, view: View, following: View | None, previous: View | None, object_id: NDArray[np.uint32]
+        self,
+        view: View,
+        following: View | None,
+        previous: View | None,
+        object_id: NDArray[np.uint32],
     ) -> Footprint:
         """Footprint of a frame whose pixel centers see objects (H, W)."""
         parts = [
@@ -159,7 +163,10 @@ def _joined(parts: list[Footprint]) -> Footprint:
     def flow(name: str) -> FlowSpread:
         each = [getattr(part, name) for part in parts]
         return FlowSpread(
-            *(np.concatenate([getattr(a, field.name) for a in each]) for field in fields(FlowSpread))
+            *(
+                np.concatenate([getattr(a, field.name) for a in each])
+                for field in fields(FlowSpread)
+            )
         )
 
     return Footprint(

@@ -68,7 +68,7 @@ class Truth:
 
 
 class TruthTracer:
-    """Traces the truth of a scene's frames, with so many rays for what the whole of a pixel sees."""
+    """Traces the truth of a scene's frames, that of whole pixels with some rays for each."""
 
     def __init__(self, scene: Scene, geometry: Geometry, camera: Camera, rays: int) -> None:
         self._geometry = geometry
@@ -89,7 +89,9 @@ class TruthTracer:
         position = np.where(surface.is_sky[:, None], np.nan, surface.points + self._origin)
         forward, backward = self._flow(surface, following), self._flow(surface, previous)
         return Truth(
-            depth=self._camera.depth(self._distance(surface, view).reshape(shape)).astype(np.float32),
+            depth=self._camera.depth(self._distance(surface, view).reshape(shape)).astype(
+                np.float32
+            ),
             position=position.reshape(*shape, 3),
             normal=surface.normal.reshape(*shape, 3).astype(np.float32),
             object_id=object_id,
