@@ -47,10 +47,14 @@ class FlowSettings(Record, frozen=True):
     least_purity: Annotated[float, Field(gt=0, le=1)] = 0.75
     """Share of a pixel that its center's object has to fill for the pixel not to be mixed."""
 
+    def is_pure(self, purity: NDArray[np.floating]) -> NDArray[np.float64]:
+        """1 where pixels of a purity are not mixed, else 0."""
+        return np.asarray(purity >= self.least_purity, np.float64)
+
     def weights(self, purity: NDArray[np.floating]) -> NDArray[np.floating] | None:
-        """How much pixels of a purity (0 to 1) count; None: all alike."""
+        """How much pixels of a purity, 0 to 1, count; None: all alike."""
         if self.mixed == "leave_out":
-            return np.asarray(purity >= self.least_purity, np.float64)
+            return self.is_pure(purity)
         return purity if self.mixed == "weigh" else None
 
 

@@ -1,5 +1,12 @@
 from . import sintel
-from .flow_record import BlockErrors, FlowRecord, ResponseErrors, RotationErrors, TruthErrors
+from .flow_record import (
+    BlockErrors,
+    FlowRecord,
+    MixtureErrors,
+    ResponseErrors,
+    RotationErrors,
+    TruthErrors,
+)
 from .frames import (
     FRAMES_AT_ONCE,
     read_radiance_frame,
@@ -28,6 +35,7 @@ __all__ = [
     "BlockErrors",
     "Dataset",
     "FlowRecord",
+    "MixtureErrors",
     "ResponseErrors",
     "RotationErrors",
     "TruthErrors",
