@@ -3,7 +3,9 @@
 All alike, but where a pixel holds two things and the outline of the nearer one is known: then its
 triangles that rays hit are clipped to the pixel, which gives its share exactly however few rays
 there are, and the rays on each side divide their side among them. The outline is taken for known if
-every ray of the pixel hits the nearer thing just where one of these triangles is, and only one.
+every ray of the pixel hits the nearer thing just where one of these triangles is, and only one; but
+for rays on an edge. What a straight outline cuts off a pixel, however little, holds a corner: so
+rays in the corners, which stand for nothing themselves, find it.
 
 A triangle covers the directions between the three planes through the camera and its edges, also
 where it reaches behind the camera. In a pinhole's image these planes are straight lines; in a
@@ -23,6 +25,8 @@ Integers = NDArray[np.int64]
 
 # The square clipped by three lines.
 _MOST_CORNERS = 8
+# So near to an edge, in px, a ray may be on either side.
+_ON_EDGE_PX = 1e-4
 
 
 def ray_weights(
@@ -32,6 +36,7 @@ def ray_weights(
     surface: Surface,
     places: Float64,
     offsets: Float64,
+    alike: Float64,
 ) -> Float64:
     """Share of the pixel (P, K) of each of K rays in P pixels, which sum to 1.
 
@@ -45,10 +50,12 @@ def ray_weights(
         Image coordinates of the pixels' corners, upper left.
     offsets : (K, 2)
         Where in a pixel the rays are, 0 to 1.
+    alike : (K,)
+        What they stand for where the outline is not known; 0 of rays that only look for it.
     """
     rays = len(offsets)
     things = geometry.object_id[surface.triangle].reshape(-1, rays).astype(np.int64)
-    weights = np.full(things.shape, 1 / rays)
+    weights = np.tile(alike, (len(things), 1))
     two = np.flatnonzero(_is_two(things))
     triangle, distance = (
         each.reshape(-1, rays)[two] for each in (surface.triangle, surface.distance)
@@ -66,10 +73,17 @@ def ray_weights(
     turned = eyes.of(two[np.repeat(pixel, 3)]).to_camera(corners.reshape(-1, 3)).reshape(shape)
     area = _covered(turned, rows, axes, offsets, is_near)
     known = np.isfinite(area)
-    near, share = is_near[known], area[known, None]
-    count_near = near.sum(axis=1, keepdims=True)
-    weights[two[known]] = np.where(near, share / count_near, (1 - share) / (rays - count_near))
+    near, share = is_near[known], np.minimum(area[known, None], 1)
+    weights[two[known]] = share * _divided(near, alike) + (1 - share) * _divided(~near, alike)
     return weights
+
+
+def _divided(members: NDArray[np.bool_], alike: Float64) -> Float64:
+    """1, divided (P, K) among members (P, K), those in corners only where there are no others."""
+    parts = members * alike
+    alone = ~parts.any(axis=1, keepdims=True)
+    parts = np.where(alone, members, parts)
+    return np.asarray(parts / parts.sum(axis=1, keepdims=True))
 
 
 def _is_two(things: Integers) -> NDArray[np.bool_]:
@@ -109,27 +123,28 @@ def _covered(  # type: ignore[no-untyped-def]
     area = np.zeros(pixels)
     lines = np.empty((3, 3))
     polygon, clipped = np.empty((_MOST_CORNERS, 2)), np.empty((_MOST_CORNERS, 2))
-    hits = np.empty(rays, np.int64)
+    hits, is_sure = np.empty(rays, np.int64), np.empty(rays, np.bool_)
     for pixel in range(pixels):
-        hits[:] = 0
+        hits[:], is_sure[:] = 0, True
         for row in range(first[pixel], first[pixel + 1]):
             _edge_lines(corners[row], axes[pixel], lines)
             for ray in range(rays):
                 x, y = offsets[ray]
-                inside = True
+                inner = np.inf
                 for line in lines:
-                    inside &= line[0] + line[1] * x + line[2] * y > 0
-                hits[ray] += inside
+                    inner = min(inner, line[0] + line[1] * x + line[2] * y)
+                hits[ray] += inner > 0
+                is_sure[ray] &= abs(inner) > _ON_EDGE_PX
             area[pixel] += _clipped_area(lines, polygon, clipped)
         for ray in range(rays):
-            if hits[ray] != is_near[pixel, ray]:
+            if is_sure[ray] and hits[ray] != is_near[pixel, ray]:
                 area[pixel] = np.nan
     return area
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _edge_lines(triangle, axes, lines):  # type: ignore[no-untyped-def]
-    """Set lines (3, 3): a + b·x + c·y is positive on the triangle's side of each edge."""
+    """Set lines (3, 3): a + b·x + c·y is how far inside of each edge a place is, px."""
     for edge in range(3):
         u, v, rest = triangle[edge], triangle[(edge + 1) % 3], triangle[(edge + 2) % 3]
         x = u[1] * v[2] - u[2] * v[1]
@@ -141,6 +156,7 @@ def _edge_lines(triangle, axes, lines):  # type: ignore[no-untyped-def]
             lines[edge, corner] = side * (x * a[0] + y * a[1] + z * a[2])
         lines[edge, 1] -= lines[edge, 0]
         lines[edge, 2] -= lines[edge, 0]
+        lines[edge] /= max(np.hypot(lines[edge, 1], lines[edge, 2]), 1e-300)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -3,7 +3,7 @@
 The truth of a frame is that of the pixel centers; light comes from the whole pixel. K = k² rays lie
 where multi-jittered sampling has its cells, in their middle (Chiu, Shirley and Wang, Graphics Gems
 IV, 1994): one in each of k × k squares, of K columns and of K rows. All pixels and all frames have
-the same ones.
+the same ones. Four more in the corners find outlines that only just cross a pixel (`coverage`).
 """
 
 import math
@@ -80,9 +80,11 @@ class Footprints:
         self._geometry, self._camera = geometry, camera
         grid = math.isqrt(rays - 1) + 1
         i, j = (each.ravel() for each in np.meshgrid(np.arange(grid), np.arange(grid)))
-        self._offsets = (
-            np.stack([i + (j + 0.5) / grid, j + (i + 0.5) / grid], axis=-1) / grid
-        )  # (K, 2), in px from the pixel's upper left corner
+        inside = np.stack([i + (j + 0.5) / grid, j + (i + 0.5) / grid], axis=-1) / grid
+        corners = [(0, 0), (1, 0), (0, 1), (1, 1)]
+        # (K, 2), in px from the pixel's upper left corner, and what each ray stands for (K,).
+        self._offsets = np.concatenate([inside, np.array(corners, dtype=float)])
+        self._alike = np.concatenate([np.full(len(inside), 1 / len(inside)), np.zeros(4)])
 
     def footprint(
         self,
@@ -117,7 +119,9 @@ class Footprints:
         pixels = slice(rows.start * camera.width, rows.stop * camera.width)
         eyes = view.pixels(camera).of(pixels)
         surface = self._look(eyes, image, view.time_s)
-        weights = ray_weights(self._geometry, camera, eyes, surface, places, self._offsets)
+        weights = ray_weights(
+            self._geometry, camera, eyes, surface, places, self._offsets, self._alike
+        )
         things = self._geometry.object_id[surface.triangle].reshape(weights.shape)
 
         def share(where: NDArray[np.bool_]) -> Float32:
