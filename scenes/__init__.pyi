@@ -13,7 +13,7 @@ from .stimuli.grating import Grating
 from .stimuli.motion_bench import MotionBench
 from .stimuli.panorama import Panorama
 from .stimuli.plane import Plane
-from .tone_mapping import preview, white_level, white_of
+from .tone_mapping import ToneCurve, preview, white_of
 from .trajectories.choice import CameraPath
 from .trajectories.hover import Hover
 from .trajectories.orbit import Orbit
@@ -44,10 +44,10 @@ __all__ = [
     "SceneDescription",
     "Shutter",
     "Spline",
+    "ToneCurve",
     "Trajectory",
     "Wind",
     "build_scene",
     "preview",
-    "white_level",
     "white_of",
 ]
