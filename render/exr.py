@@ -174,7 +174,7 @@ def read_truth(path: Path) -> Truth:
     ways = {
         way: FlowSpread(**_under(f"footprint.{way}", values)) for way in ("forward", "backward")
     }
-    footprint = Footprint(**_under("footprint", values), **ways)
+    footprint = Footprint(**_under("footprint", values) | ways)
     return Truth(**_under("", values), footprint=footprint)
 
 

@@ -23,4 +23,5 @@ class MeshIndex:
 
     def of(self, hit: Any) -> Any:
         """Index of the mesh, as loaded, of each preliminary intersection (N,); 0 of a miss."""
-        return dr.gather(mi.UInt, self._table, dr.reinterpret_array(mi.UInt, hit.shape))
+        shape: Any = dr.reinterpret_array(mi.UInt, hit.shape)
+        return dr.gather(mi.UInt, self._table, shape)

@@ -57,10 +57,8 @@ def ray_weights(
     things = geometry.object_id[surface.triangle].reshape(-1, rays).astype(np.int64)
     weights = np.tile(alike, (len(things), 1))
     two = np.flatnonzero(_is_two(things))
-    triangle, distance = (
-        each.reshape(-1, rays)[two] for each in (surface.triangle, surface.distance)
-    )
-    is_near = _nearer(things[two], distance)
+    triangle = surface.triangle.reshape(-1, rays)[two]
+    is_near = _nearer(things[two], surface.distance.reshape(-1, rays)[two])
     # Some triangles fill many rays: each counts once a pixel.
     row, ray = np.nonzero(is_near)
     count = len(geometry.object_id)

@@ -41,7 +41,7 @@ class FlowSpread:
     @property
     def is_partly_hidden(self) -> NDArray[np.bool_]:
         """Pixels (H, W) of which some is hidden and some is not."""
-        return (self.hidden > 0) & (self.hidden < 1)
+        return np.asarray((self.hidden > 0) & (self.hidden < 1))
 
     @classmethod
     def of_none(cls, shape: tuple[int, ...]) -> "FlowSpread":
@@ -65,12 +65,12 @@ class Footprint:
     @property
     def is_mixed(self) -> NDArray[np.bool_]:
         """Pixels (H, W) that hold more than the object which their center sees."""
-        return self.purity < 1
+        return np.asarray(self.purity < 1)
 
     @property
     def is_sky(self) -> NDArray[np.bool_]:
         """Pixels (H, W) that hold nothing but sky."""
-        return self.sky == 1
+        return np.asarray(self.sky == 1)
 
 
 class Footprints:
@@ -125,7 +125,8 @@ class Footprints:
         things = self._geometry.object_id[surface.triangle].reshape(weights.shape)
 
         def share(where: NDArray[np.bool_]) -> Float32:
-            return (weights * where).sum(axis=1).reshape(centers.shape).astype(np.float32)
+            sums = (weights * where).sum(axis=1)
+            return np.asarray(sums.reshape(centers.shape), np.float32)
 
         def flow(other: View | None) -> FlowSpread:
             if other is None:
@@ -153,7 +154,7 @@ class Footprints:
 
 def _moments(flow: Float64, weights: Float64) -> tuple[Float64, Float64]:
     """Mean (P, 2) and root mean square distance from it (P,) of flows (P, K, 2) where defined."""
-    defined = np.isfinite(flow).all(axis=-1)
+    defined = np.asarray(np.isfinite(flow).all(axis=-1))
     weights = weights * defined
     total = weights.sum(axis=1)
     part = weights / np.where(total > 0, total, np.nan)[:, None]
