@@ -37,9 +37,9 @@ class MotionSection:
     chart: Markup
     median_speed: float
     occluded: str
+    objects_seen: int
     mixed: str
     """Share of pixels that are mixed, as the flow stage has it."""
-    objects_seen: int
 
 
 def motion_section(footage: ReportFrames, least_purity: float) -> MotionSection:
