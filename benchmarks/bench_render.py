@@ -150,7 +150,7 @@ def main() -> None:
     compare_truth(4)
     compare_cameras(5)
     film.trace_paths = timed(film.trace_paths)
-    for name in ("intersect", "blocked"):
+    for name in ("nearest_hits", "blocked"):
         setattr(rays, name, timed(getattr(rays, name)))
     run(24, {})
     # A camera that stands still: every frame is the same work.

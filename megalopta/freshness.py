@@ -12,7 +12,9 @@ from importlib.util import find_spec
 from pathlib import Path
 
 RENDER_MODEL = 1
-"""Of radiance and truth: plants, ground, light, cameras, sampling; not of where code stands."""
+"""Of radiance: plants, ground, light, cameras, sampling; not of where code stands."""
+TRUTH_MODEL = 2
+"""Of ground truth and of pictures, which panoramas have not: what else the render stage writes."""
 SENSOR_MODEL = 4
 """Of readings: effects, their order, random streams."""
 

@@ -10,7 +10,9 @@ A file appears whole or not at all.
 import errno
 import os
 from collections.abc import Mapping, Sequence
+from operator import attrgetter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenEXR
@@ -18,7 +20,7 @@ from numpy.typing import NDArray
 
 from megalopta.files import atomic_write
 from megalopta.render.bands import Bands, channel_names
-from megalopta.render.truth import Truth
+from megalopta.render.truth import FlowSpread, Footprint, Truth
 
 RADIANCE_UNIT = "W.m^-2.sr^-1.nm^-1"
 
@@ -34,6 +36,14 @@ _TRUTH_CHANNELS: Mapping[str, tuple[str, ...]] = {
     "occluded_backward": ("backward.occluded",),
     "out_of_view_forward": ("forward.outOfView",),
     "out_of_view_backward": ("backward.outOfView",),
+    "footprint.purity": ("purity",),
+    "footprint.sky": ("sky",),
+    "footprint.forward.mean": ("forward.mean.u", "forward.mean.v"),
+    "footprint.forward.spread": ("forward.spread",),
+    "footprint.forward.hidden": ("forward.hidden",),
+    "footprint.backward.mean": ("backward.mean.u", "backward.mean.v"),
+    "footprint.backward.spread": ("backward.spread",),
+    "footprint.backward.hidden": ("backward.hidden",),
 }
 
 _TRUTH_ATTRIBUTES = {
@@ -42,6 +52,11 @@ _TRUTH_ATTRIBUTES = {
     "normalAxes": "world, toward the camera, NaN for the sky",
     "objectIdMeaning": "1-based index of the placement, 0 for the sky",
     "kindIdMeaning": "1-based index into kindNames, 0 for the sky",
+    "purityMeaning": "share of the pixel, 0 to 1, that the object fills which its center sees",
+    "skyMeaning": "share of the pixel, 0 to 1, that is sky",
+    "meanFlowUnit": "px, mean of the flow over the pixel, NaN where no part of it has one",
+    "spreadUnit": "px, root mean square distance of the flow over the pixel from its mean",
+    "hiddenMeaning": "share of the pixel, 0 to 1, that is hidden from the other frame's camera",
     "positionUnit": "m, world axes, relative to positionOrigin, NaN for the sky",
 }
 
@@ -129,7 +144,7 @@ def write_truth(
     origin = np.asarray(origin_m, dtype=np.float64)
     channels: dict[str, NDArray[np.float32] | NDArray[np.uint32]] = {}
     for field, names in _TRUTH_CHANNELS.items():
-        values = getattr(truth, field)
+        values = attrgetter(field)(truth)
         values = values.astype(np.uint32) if values.dtype == bool else values
         values = (values - origin).astype(np.float32) if field == "position" else values
         planes = values.reshape(*values.shape[:2], len(names))
@@ -142,20 +157,31 @@ def read_truth(path: Path) -> Truth:
     """Read the ground truth of one frame. Raises ValueError for a file that holds none."""
     header, channels = _read(path)
     try:
-        fields = {
+        planes = {
             field: np.stack([channels[name] for name in names], axis=-1)
             for field, names in _TRUTH_CHANNELS.items()
         }
         origin = np.array([float(number) for number in str(header["positionOrigin"]).split()])
     except KeyError as missing:
         raise ValueError(f"{path} is not a truth EXR: {missing} is missing") from None
-    for field in ("depth", "object_id", "kind_id"):
-        fields[field] = fields[field][..., 0]
-    for flag in ("occluded", "out_of_view"):
-        for field in (f"{flag}_forward", f"{flag}_backward"):
-            fields[field] = fields[field][..., 0].astype(bool)
-    fields["position"] = fields["position"].astype(np.float64) + origin
-    return Truth(**fields)
+    values: dict[str, Any] = {
+        field: plane[..., 0] if plane.shape[-1] == 1 else plane for field, plane in planes.items()
+    }
+    for field in values:
+        if field.startswith(("occluded", "out_of_view")):
+            values[field] = values[field].astype(bool)
+    values["position"] = values["position"].astype(np.float64) + origin
+    ways = {
+        way: FlowSpread(**_under(f"footprint.{way}", values)) for way in ("forward", "backward")
+    }
+    footprint = Footprint(**_under("footprint", values) | ways)
+    return Truth(**_under("", values), footprint=footprint)
+
+
+def _under(group: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Those that stand right in a group, by the rest of their name."""
+    split = {field: field.rpartition(".") for field in values}
+    return {name: values[field] for field, (owner, _, name) in split.items() if owner == group}
 
 
 def _write(

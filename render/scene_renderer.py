@@ -83,7 +83,8 @@ class SceneRenderer:
         meshes = merge(scene)
         loaded = load_scene(scene, meshes)
         self._scene = scene
-        self._tracer = TruthTracer(scene, Geometry(meshes, loaded), camera)
+        geometry = Geometry(meshes, loaded)
+        self._tracer = TruthTracer(scene, geometry, camera, settings.truth_rays)
         reason = path_tracing_reason(scene, self.variant.name, poses, settings)
         self.integrator = f"path ({reason})" if reason else "baked"
         self._view: View

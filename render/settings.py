@@ -55,9 +55,13 @@ class RenderSettings(Record, frozen=True):
     """Light paths per baked cell, a piece of one side of a triangle that is up to 4 pixels long;
     cells that fill little of the sequence take a quarter or a sixteenth."""
 
+    truth_rays: Annotated[int, Field(ge=1, le=1024)] = 16
+    """Rays per pixel, rounded up to a square, from which the truth tells what the whole pixel sees:
+    purity, sky, mean flow, its spread, what is hidden. All else is told of the pixel's center."""
+
     backend: Backend = "auto"
-    """Mitsuba variant family; auto takes llvm, else scalar. Ground truth cannot be right on cuda
-    yet."""
+    """Mitsuba variant family; auto takes llvm, else scalar. What cuda gives has not been compared
+    with llvm on a real device yet."""
 
     samples_per_pass: Annotated[int, Field(ge=1, le=2**28)] | None = None
     """Most light paths of a frame traced at once: Ctrl-C waits for them. By default one or two

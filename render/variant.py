@@ -6,8 +6,9 @@ with Dr.Jit 1.5, and its path is handed to Dr.Jit before that is imported, as it
 but then. The user's own `DRJIT_LIBLLVM_PATH` comes first, then the library of the package
 `karellen-llvm-core`, which is installed with this one on Linux x86-64, then those of the system.
 
-A CUDA variant runs only where it is asked for by name: its OptiX leaves a hit's shape index zero,
-by which ground truth and baked light tell meshes apart. The driver is asked for a device before.
+A CUDA variant runs only where it is asked for by name, until its radiance and truth have been
+compared with LLVM's on a real device: `pytest -m cuda` does that. The driver is asked for a device
+before.
 """
 
 import ctypes
@@ -33,8 +34,8 @@ _REMEDY = (
 )
 
 CUDA_NOTE = (
-    "a device answers; auto leaves it alone, as ground truth and baked light cannot be right on it "
-    "yet; --render.backend cuda takes it all the same"
+    "a device answers; auto leaves it alone, as what it gives has not been compared with LLVM's on "
+    "a real one yet (pytest -m cuda); --render.backend cuda takes it all the same"
 )
 
 _LIBRARY_FOLDERS = {
@@ -72,7 +73,7 @@ def choose_variant(backend: Backend = "auto") -> Variant:
     """
     if backend == "cuda":
         if has_cuda_device():
-            return Variant("cuda_ad_spectral", "as asked; its ground truth cannot be right yet")
+            return Variant("cuda_ad_spectral", "as asked; untried on a real device yet")
         raise ValueError(
             "render.backend 'cuda': no CUDA driver with a device and OptiX answers here; "
             "use 'auto', 'llvm' or 'scalar'"

@@ -20,8 +20,8 @@ from .stimuli.motion_bench import MotionBench as MotionBench
 from .stimuli.panorama import Panorama as Panorama
 from .stimuli.plane import Plane as Plane
 from .tone_mapping import (
+    ToneCurve as ToneCurve,
     preview as preview,
-    white_level as white_level,
     white_of as white_of,
 )
 from .trajectories.choice import CameraPath as CameraPath

@@ -69,6 +69,7 @@ def block_flow(
     grid: BlockGrid,
     occluded: NDArray[np.bool_] | None = None,
     valid_fraction: float = 0.5,
+    weights: NDArray[np.floating] | None = None,
 ) -> FloatArray:
     """Return the true velocity of each block, px of the resized image per frame.
 
@@ -81,7 +82,9 @@ def block_flow(
     occluded : (T − 1, H, W), optional
         Pixels that are hidden in the next frame.
     valid_fraction : float
-        A block with a smaller fraction of usable pixels has no true velocity.
+        A block with a smaller fraction of usable pixels, or less weight, has no true velocity.
+    weights : (T − 1, H, W), optional
+        How much each pixel counts, 0 to 1, such as the share that its flow is true of.
 
     Returns
     -------
@@ -98,14 +101,19 @@ def block_flow(
         raise ValueError(
             f"occluded of shape {occluded.shape}: give {true_flow.shape[:3]}, as the flow"
         )
-    usable = np.isfinite(true_flow).all(axis=-1)
+    if weights is not None and weights.shape != true_flow.shape[:3]:
+        raise ValueError(
+            f"weights of shape {weights.shape}: give {true_flow.shape[:3]}, as the flow"
+        )
+    is_known = np.isfinite(true_flow).all(axis=-1)
+    usable = is_known.astype(np.float64) if weights is None else is_known * weights
     if occluded is not None:
-        usable &= ~occluded
+        usable = usable * ~occluded
     height, width = true_flow.shape[1:3]
     y, x = _memberships((height, width), grid)
-    known = np.where(usable[..., np.newaxis], true_flow, 0).astype(np.float64)
+    known = np.where(is_known[..., np.newaxis], true_flow, 0) * usable[..., np.newaxis]
     sums = np.stack([y @ known[..., axis] @ x.T for axis in range(2)], axis=-1)
-    pixels = y @ usable.astype(np.float64) @ x.T
+    pixels = y @ usable @ x.T
     enough = (pixels > 0) & (pixels >= valid_fraction * np.outer(y.sum(axis=1), x.sum(axis=1)))
     scale = np.array([grid.shape[1] / width, grid.shape[0] / height])
     return np.asarray(sums * scale / np.where(enough, pixels, np.nan)[..., np.newaxis])

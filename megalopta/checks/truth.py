@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.table import Table
 from scipy.ndimage import gaussian_filter, map_coordinates
 
+from megalopta.checks.footprint import footprint_residuals
 from megalopta.checks.reprojection import View, motion_from, rederived_flow
 from megalopta.dataset import Dataset
 from megalopta.errors import UserError
@@ -28,6 +29,8 @@ from megalopta.stages import Ledger
 
 LARGEST_MEDIAN_PX = 1e-3
 LARGEST_SHIFT_PX = 0.3
+LARGEST_STANDARD_ERRORS = 5.0
+LARGEST_PART_MISSED = 0.1
 
 _SMOOTHING_PX = 1.0
 
@@ -41,9 +44,9 @@ class Residual:
     """How many values went in."""
     median: float
     percentile_99: float
-    """Of the residual's length, px."""
+    """Of the residual's length, px; of shares, in standard errors."""
     limit: float
-    """Of the median, px."""
+    """Of the median."""
 
     @property
     def passed(self) -> bool:
@@ -56,13 +59,14 @@ def run_check_truth(dataset: Dataset, console: Console | None = None) -> bool:
     console = console or Console()
     rows = check_truth(dataset)
     console.print(
-        "at rest and sky: from depth and poses; moving: from position and motion; image: the next "
-        "one, warped back along the flow",
+        "at rest and sky: from depth and poses; moving: from position and motion; pixel mean: of "
+        "whole pixels, against their centers; shares: likewise, in standard errors; outlines: the "
+        "part that no mixed pixel is on; image: the next one, warped back along the flow",
         highlight=False,
     )
     table = Table(caption="pass: median below its limit")
-    for name in ("residual", "values", "median px", "99 % px", "limit px", "pass"):
-        table.add_column(name, justify="left" if name == "residual" else "right")
+    for name in ("residual (px)", "values", "median", "99 %", "limit", "pass"):
+        table.add_column(name, justify="left" if name.startswith("residual") else "right")
     for row in rows:
         numbers = (f"{number:.2g}" for number in (row.median, row.percentile_99, row.limit))
         verdict = "[green]yes[/]" if row.passed else "[bold red]NO[/]"
@@ -88,6 +92,8 @@ def check_truth(dataset: Dataset) -> list[Residual]:
                 for name, where in _groups(seen, list(motions)).items():
                     residual = _distance(stored[where], again[where])
                     kept.setdefault(f"{name}, {way}", []).append(residual)
+            for name, values in footprint_residuals(truth):
+                kept.setdefault(name, []).append(values)
             shift = remaining_shift(*images, truth)
             if np.isfinite(shift):
                 kept.setdefault("image, warped", []).append(np.array([shift]))
@@ -178,8 +184,16 @@ def _distance(stored: NDArray[np.float32], again: NDArray[np.float64]) -> NDArra
 
 
 def _residual(name: str, values: NDArray[np.float64]) -> Residual:
-    limit = LARGEST_SHIFT_PX if name.startswith("image") else LARGEST_MEDIAN_PX
+    limit = _limit(name)
     if not values.size:
         return Residual(name, 0, 0.0, 0.0, limit)
     median, high = np.percentile(values, [50, 99], method="nearest").tolist()
     return Residual(name, values.size, median, high, limit)
+
+
+def _limit(name: str) -> float:
+    if name.startswith("outlines"):
+        return LARGEST_PART_MISSED
+    if "share" in name:
+        return LARGEST_STANDARD_ERRORS
+    return LARGEST_SHIFT_PX if name.startswith("image") else LARGEST_MEDIAN_PX

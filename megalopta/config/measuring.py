@@ -2,6 +2,8 @@
 
 from typing import Annotated, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from megalopta.flow.benchmark import BenchmarkSettings
@@ -34,6 +36,26 @@ class FlowSettings(Record, frozen=True):
     saturated: Literal["score", "leave_out"] = "score"
     """Pixels that are full, and blocks with a tenth of them or more: scored like others, or left
     out; how many readings are full is in the record and in the report."""
+
+    mixed: Literal["score", "leave_out", "weigh"] = "score"
+    """Pixels that hold several things, in the true velocity of a block: score counts all pixels
+    alike, each with the flow of its center; leave_out only those that are least_purity pure or
+    more; weigh each by its purity, the share that its flow is true of. Blocks of which less than
+    half is left have no true velocity. The record and the report give all pixels, and without the
+    mixed ones, in any case."""
+
+    least_purity: Annotated[float, Field(gt=0, le=1)] = 0.75
+    """Share of a pixel that its center's object has to fill for the pixel not to be mixed."""
+
+    def is_pure(self, purity: NDArray[np.floating]) -> NDArray[np.float64]:
+        """1 where pixels of a purity are not mixed, else 0."""
+        return np.asarray(purity >= self.least_purity, np.float64)
+
+    def weights(self, purity: NDArray[np.floating]) -> NDArray[np.floating] | None:
+        """How much pixels of a purity, 0 to 1, count; None: all alike."""
+        if self.mixed == "leave_out":
+            return self.is_pure(purity)
+        return purity if self.mixed == "weigh" else None
 
 
 class SequenceBenchmark(BenchmarkSettings, frozen=True):

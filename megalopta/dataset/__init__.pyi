@@ -2,6 +2,7 @@ from . import sintel as sintel
 from .flow_record import (
     BlockErrors as BlockErrors,
     FlowRecord as FlowRecord,
+    MixtureErrors as MixtureErrors,
     ResponseErrors as ResponseErrors,
     RotationErrors as RotationErrors,
     TruthErrors as TruthErrors,

@@ -50,6 +50,13 @@ class SplitErrors(_Record, frozen=True):
     occlusion: TruthErrors
 
 
+class MixtureErrors(_Record, frozen=True):
+    """With the pixels that hold several things, and without."""
+
+    all: TruthErrors
+    without_mixed: TruthErrors
+
+
 class RotationErrors(_Record, frozen=True):
     """Of the camera's yaw rate."""
 
@@ -79,6 +86,9 @@ class FlowRecord(_Record, frozen=True):
 
     truth: TruthErrors | None = None
     """Of methods that give velocities"""
+
+    truth_by_mixture: MixtureErrors | None = None
+    """However the configuration has mixed pixels counted"""
 
     truth_splits: SplitErrors | None = None
     rotation: RotationErrors | None = None

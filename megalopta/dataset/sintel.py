@@ -15,6 +15,8 @@ from megalopta.flow.files import write_flo
 from megalopta.render.truth import Truth, out_of_view
 
 TAG = np.float32(202021.25)
+SKY_DEPTH_M = 1e10
+"""As in the depth of Blender, which rendered Sintel: readers take means, 1/depth or a limit."""
 
 
 def write_png(path: Path, image: NDArray[np.uint8]) -> None:
@@ -24,12 +26,13 @@ def write_png(path: Path, image: NDArray[np.uint8]) -> None:
 
 
 def write_depth(path: Path, depth: NDArray[np.float32]) -> None:
-    """Write a .dpt file of depth (H, W) in m; the sky is infinite."""
+    """Write a .dpt file of depth (H, W) in m; that of the sky, infinite here, becomes finite."""
     height, width = depth.shape
+    stored = np.where(np.isinf(depth), SKY_DEPTH_M, depth)
     with atomic_write(path) as temporary, temporary.open("wb") as file:
         file.write(TAG.tobytes())
         file.write(np.array([width, height], "<i4").tobytes())
-        file.write(np.ascontiguousarray(depth, "<f4").tobytes())
+        file.write(np.ascontiguousarray(stored, "<f4").tobytes())
 
 
 def write_camera(path: Path, intrinsics: NDArray[np.float64], pose: NDArray[np.float64]) -> None:

@@ -90,7 +90,7 @@ def detector_section(
         frame=frame,
         truth=_true_blocks(settings.methods, footage, frame, wheel),
         sensors=tuple(_sensor_responses(source, each, records) for each in settings.sensors),
-        against_truth=against_truth(records),
+        against_truth=against_truth(records, settings.flow),
         splits=split_table(records),
         rotation=rotation_table(records),
         verdicts=tuple(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from megalopta.config import Configuration
 from megalopta.dataset import Dataset, read_radiance_frame, read_truth_frame
 from megalopta.render.truth import Truth
-from megalopta.scenes import preview, white_level, white_of
+from megalopta.scenes import ToneCurve, preview, white_of
 from megalopta.scenes.spectra import linear_srgb
 
 _LONGEST_SIDE_PX = 160
@@ -70,11 +70,10 @@ def read_footage(dataset: Dataset) -> ReportFrames:
     selection, bands = select(settings), settings.render.bands_nm
     radiance = [read_radiance_frame(dataset, index) for index in selection.frames]
     white = white_of(settings.scene, settings.light)
-    # all are exposed alike, after the first
-    level = white_level(linear_srgb(radiance[0], bands, white))
+    curve = ToneCurve.of(linear_srgb(each, bands, white) for each in radiance)
     return ReportFrames(
         selection,
         np.stack(radiance),
-        tuple(preview(each, bands, white, level) for each in radiance),
+        tuple(preview(each, bands, white, curve) for each in radiance),
         tuple(read_truth_frame(dataset, index) for index in selection.frames),
     )

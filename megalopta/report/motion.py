@@ -38,27 +38,32 @@ class MotionSection:
     median_speed: float
     occluded: str
     objects_seen: int
+    mixed: str
+    """Share of pixels that are mixed, as the flow stage has it."""
 
 
-def motion_section(footage: ReportFrames) -> MotionSection:
-    """Section of the frames shown."""
+def motion_section(footage: ReportFrames, least_purity: float) -> MotionSection:
+    """Section of the frames shown; pixels of less purity are mixed."""
     flow = np.stack([truth.flow_forward for truth in footage.truths])
     speed = np.linalg.norm(flow, axis=-1)
     speed = speed[np.isfinite(speed)]
     wheel = _wheel(speed)
     median = float(np.median(speed)) if speed.size else 0.0
     occluded = np.mean([truth.occluded_forward.mean() for truth in footage.truths])
+    mixed = np.mean([(truth.footprint.purity < least_purity).mean() for truth in footage.truths])
     return MotionSection(
         wheel=wheel,
         pictures=(
             _flow_film(footage, wheel),
             _depth_film(footage),
             _occlusion_film(footage),
+            _purity_film(footage),
             _object_film(footage),
         ),
         chart=speed_chart(speed, median),
         median_speed=median,
         occluded=percent(float(occluded)),
+        mixed=percent(float(mixed)),
         objects_seen=len(set(np.unique([truth.object_id for truth in footage.truths])) - {0}),
     )
 
@@ -99,6 +104,15 @@ def _occlusion_film(footage: ReportFrames) -> Picture:
         picture[truth.occluded_forward[::step, ::step]] = ORANGE
         images.append(rgb_picture(picture))
     return film(images, "hidden in the next frame", "Pixels hidden in the next frame, in orange")
+
+
+def _purity_film(footage: ReportFrames) -> Picture:
+    purity = footage.selection.pixels(
+        np.stack([truth.footprint.purity for truth in footage.truths])
+    )
+    scale = map_scale("viridis", 0.0, 1.0)
+    caption = "Share of each pixel that the object fills which its center sees"
+    return film([scale.picture(each) for each in purity], "purity", caption, scale.legend("0", "1"))
 
 
 def _object_film(footage: ReportFrames) -> Picture:

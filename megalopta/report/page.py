@@ -100,7 +100,8 @@ def page(dataset: Dataset) -> str:
 
 
 def _sections(dataset: Dataset, footage: ReportFrames, record: Record) -> Sections:
-    motion, light, detectors, thresholds = motion_section(footage), None, None, None
+    motion = motion_section(footage, dataset.configuration.flow.least_purity)
+    light, detectors, thresholds = None, None, None
     costs: tuple[DeviceCost, ...] = ()
     findings: list[str | None] = []
     budgets = []

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import TypeVar
 
+from megalopta.config import FlowSettings
 from megalopta.dataset import BlockErrors, FlowRecord, RotationErrors, TruthErrors
 from megalopta.flow.metrics import FAST_PX, OCCLUDED_SHARE, SLOW_PX
 from megalopta.pages import FAILS, SENSELESS, UNDEFINED, level_name, number, percent
@@ -20,14 +21,25 @@ _GROUPS = {
 }
 
 
-def against_truth(records: Sequence[FlowRecord]) -> tuple[Table, ...]:
-    """Mean error and share of outliers, a row per exposure and a column per method."""
+def against_truth(records: Sequence[FlowRecord], settings: FlowSettings) -> tuple[Table, ...]:
+    """Mean error and share of outliers, a row per exposure and a column per method.
+
+    The error with mixed pixels, without them, and as the configuration has them counted.
+    """
     truths = {_key(each): each.truth for each in records if each.truth}
-    return tuple(
-        crossed(label, label, {key: text(each) for key, each in truths.items()})
-        for label, text in (("Mean error (px)", _error), ("Outliers", _outliers))
-        if truths
-    )
+    mixtures = {_key(each): each.truth_by_mixture for each in records if each.truth_by_mixture}
+    rows = {
+        "Mean error (px), all pixels": {key: _error(each.all) for key, each in mixtures.items()},
+        f"Mean error (px), without mixed pixels (purity below {settings.least_purity:.0%})": {
+            key: _error(each.without_mixed) for key, each in mixtures.items()
+        },
+    }
+    if settings.mixed == "weigh" or not mixtures:
+        weighed = "Mean error (px)" + (", pixels by their purity" if mixtures else "")
+        rows = {weighed: {key: _error(each) for key, each in truths.items()}} | rows
+    outliers = "Outliers" + (", without mixed pixels" if settings.mixed == "leave_out" else "")
+    rows[outliers] = {key: _outliers(each) for key, each in truths.items()}
+    return tuple(crossed(label, label, cells) for label, cells in rows.items() if cells)
 
 
 def split_table(records: Sequence[FlowRecord]) -> Table | None:

@@ -34,7 +34,7 @@ _EXPOSED_PER_S, _DETECTED_PER_S, _BENCHED_PER_S = 1e6, 3e6, 1e7
 _MOVED_PER_S, _BITS_PER_S = 2e6, 5e7
 """Pixels of one step of moving light, and of binary frames."""
 
-_BAND_BYTES, _TRUTH_BYTES, _TRAINING_BYTES = 3.9, 41, 14
+_BAND_BYTES, _TRUTH_BYTES, _TRAINING_BYTES = 3.9, 72, 14
 """Per pixel on disk, compressed; rendering noise does not compress."""
 _COUNTS_BYTES, _CORRECTED_BYTES, _RESPONSE_BYTES, _LIGHT_BYTES = 22, 7, 5, 8
 """Per pixel on disk: of an exposure, of its corrected readings, of a detector's responses to one,

@@ -7,6 +7,7 @@ true flow, and those that tell directions give the camera's yaw rate.
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import fields
 from functools import cache
 from itertools import islice
 from pathlib import Path
@@ -16,8 +17,7 @@ import numpy as np
 import zarr
 
 from megalopta import files
-from megalopta.arrays import Floats
-from megalopta.config import Configuration, LightLevel, Reference
+from megalopta.config import Configuration, FlowSettings, LightLevel, Reference
 from megalopta.dataset import (
     FRAMES_AT_ONCE,
     Dataset,
@@ -33,6 +33,7 @@ from megalopta.flow.egomotion import yaw_rates_deg_s
 from megalopta.flow.metrics import block_flow, block_share
 from megalopta.freshness import code_digest
 from megalopta.progress import progress
+from megalopta.render import Truth
 from megalopta.sensor import ImageSensor, OpenedCounts, StoredFrames
 from megalopta.stages.correction import open_corrected
 from megalopta.stages.declaration import Stage
@@ -140,17 +141,33 @@ def _block_truths(dataset: Dataset) -> dict[str, BlockTruth]:
     shape = settings.camera.height, settings.camera.width
     detectors = [METHODS[name] for name in settings.methods]
     grids = {each.name: each.grid(shape) for each in detectors if isinstance(each, BlockDetector)}
-    parts: dict[BlockGrid, list[tuple[Floats, Floats]]] = {grid: [] for grid in grids.values()}
+    parts: dict[BlockGrid, list[BlockTruth]] = {grid: [] for grid in grids.values()}
     pairs = settings.trajectory.frames - 1
     for truth in islice(read_truth_frames(dataset), pairs) if parts else ():
-        flow, occluded = truth.flow_forward[np.newaxis], truth.occluded_forward[np.newaxis]
         for grid, found in parts.items():
-            found.append((block_flow(flow, grid, occluded), block_share(occluded, grid)))
-    truths = {
-        grid: BlockTruth(*map(np.concatenate, zip(*found, strict=True)))
-        for grid, found in parts.items()
-    }
+            found.append(_block_truth(truth, grid, settings.flow))
+    truths = {grid: _joined(found) for grid, found in parts.items()}
     return {name: truths[grid] for name, grid in grids.items()}
+
+
+def _block_truth(truth: Truth, grid: BlockGrid, settings: FlowSettings) -> BlockTruth:
+    """True velocities of one pair of frames, of all pixels and by their purity."""
+    flow, occluded = truth.flow_forward[np.newaxis], truth.occluded_forward[np.newaxis]
+    purity = truth.footprint.purity[np.newaxis]
+    every, pure, chosen = (
+        block_flow(flow, grid, occluded, weights=weights)
+        for weights in (None, settings.is_pure(purity), settings.weights(purity))
+    )
+    return BlockTruth(chosen, every, pure, block_share(occluded, grid))
+
+
+def _joined(pairs: Sequence[BlockTruth]) -> BlockTruth:
+    return BlockTruth(
+        *(
+            np.concatenate([getattr(each, field.name) for each in pairs])
+            for field in fields(BlockTruth)
+        )
+    )
 
 
 def _checked(record: Record) -> Record:

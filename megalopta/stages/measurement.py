@@ -51,7 +51,11 @@ class BlockTruth:
     """True velocities (T − 1, rows, columns, 2) of a detector's blocks, and how much is hidden."""
 
     velocities: Floats
+    """As the configuration has mixed pixels counted."""
+    of_all_pixels: Floats
+    without_mixed: Floats
     hidden: Floats
+    """(T − 1, rows, columns): share of each block."""
 
 
 class Measurement:
@@ -147,13 +151,22 @@ class Measurement:
         return {metric: _number(sums.of_sequence(metric)) for metric in METRICS}
 
     def _against_truth(self, truth: BlockTruth) -> Record:
-        known = np.where(np.concatenate(self._left_out)[..., None], np.nan, truth.velocities)
+        left_out = np.concatenate(self._left_out)[..., None]
+        known, every, pure = (
+            np.where(left_out, np.nan, each)
+            for each in (truth.velocities, truth.of_all_pixels, truth.without_mixed)
+        )
         found = {name: np.concatenate(each) for name, each in self._velocities.items()}
         ideal, counts = (
             truth_splits(found[name], known, truth.hidden) for name in ("ideal", "counts")
         )
+
+        def errors(truth: Floats) -> Record:
+            return {name: truth_error(each, truth).to_dict() for name, each in found.items()}
+
         return {
-            "truth": {name: truth_error(each, known).to_dict() for name, each in found.items()},
+            "truth": errors(known),
+            "truth_by_mixture": {"all": errors(every), "without_mixed": errors(pure)},
             "truth_splits": {
                 name: {"ideal": ideal[name].to_dict(), "counts": counts[name].to_dict()}
                 for name in ideal

@@ -13,7 +13,7 @@ from megalopta import files
 from megalopta.config import Configuration
 from megalopta.dataset import ATTRIBUTE, Dataset, noise_record, sintel
 from megalopta.errors import UserError
-from megalopta.freshness import RENDER_MODEL
+from megalopta.freshness import RENDER_MODEL, TRUTH_MODEL
 from megalopta.progress import progress, say
 from megalopta.render import (
     MEASURED_EVERY,
@@ -27,7 +27,7 @@ from megalopta.render import (
     write_radiance,
     write_truth,
 )
-from megalopta.scenes import build_scene, preview, white_level, white_of
+from megalopta.scenes import ToneCurve, build_scene, preview, white_of
 from megalopta.scenes.spectra import linear_srgb
 from megalopta.scenes.world import Scene
 from megalopta.stages.declaration import Stage
@@ -232,14 +232,14 @@ def _say_noise(settings: Configuration, noise: Mapping[str, Any] | None) -> None
 
 
 def _write_previews(dataset: Dataset) -> None:
-    """Tone-mapped radiance, all frames exposed alike, after the first."""
+    """Tone-mapped radiance, all frames by the same curve."""
     configuration = dataset.configuration
     white = white_of(configuration.scene, configuration.light)
-    level = None
-    for index in range(configuration.trajectory.frames):
-        radiance, bands = read_radiance(dataset.radiance(index))
-        level = level or white_level(linear_srgb(radiance, bands, white))
-        image = preview(radiance, bands, white, level)
+    frames = range(configuration.trajectory.frames)
+    read = (read_radiance(dataset.radiance(index)) for index in frames)
+    curve = ToneCurve.of(linear_srgb(*each, white) for each in read)
+    for index in frames:
+        image = preview(*read_radiance(dataset.radiance(index)), white, curve)
         sintel.write_png(dataset.frame("training/clean", index, "png"), image)
 
 
@@ -263,6 +263,6 @@ STAGE = Stage(
     needs=(),
     outputs=_outputs,
     work=render,
-    model=lambda: str(RENDER_MODEL),
+    model=lambda: f"{RENDER_MODEL}.{TRUTH_MODEL}",
     check=_check,
 )

@@ -20,8 +20,9 @@ from megalopta.dataset import Dataset, exposure_name, read_radiance_frames, sint
 from megalopta.errors import UserError
 from megalopta.freshness import SENSOR_MODEL
 from megalopta.progress import progress, say
+from megalopta.scenes import ToneCurve
 from megalopta.scenes.lighting import LEVELS, illuminance_of
-from megalopta.scenes.spectra import Spectrum
+from megalopta.scenes.spectra import Spectrum, encode_srgb
 from megalopta.sensor import ImageSensor, OpenedCounts, check_sensor, open_counts
 from megalopta.sensor.formats import (
     ProductName,
@@ -187,17 +188,11 @@ def _write_final_images(dataset: Dataset) -> None:
     configuration = dataset.configuration
     opened = open_exposure(dataset, configuration.sensors[0], configuration.light_levels[0])
     counts = opened["counts"]
-    brightest = [np.percentile(counts[index], 99) for index in range(len(counts))]
-    white = max(float(np.mean(brightest)), 1.0)
+    curve = ToneCurve.of(counts[index] for index in range(len(counts)))
     for index in range(len(counts)):
-        sintel.write_png(
-            dataset.frame("training/final", index, "png"), _gray(counts[index] / white)
-        )
-
-
-def _gray(values: NDArray[np.float64]) -> NDArray[np.uint8]:
-    level = (255 * np.clip(values, 0, 1) ** (1 / 2.2) + 0.5).astype(np.uint8)
-    return np.repeat(level[..., None], 3, axis=-1)
+        gray = encode_srgb(curve(np.maximum(counts[index], 0)))
+        image = np.repeat(gray[..., None], 3, axis=-1)
+        sintel.write_png(dataset.frame("training/final", index, "png"), image)
 
 
 def _check(settings: Configuration) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from megalopta.render import dr, mi
-from megalopta.render.loading import MergedMesh
+from megalopta.render.loading import MergedMesh, MeshIndex
 from megalopta.scenes.cameras import Camera
 
 UInt32 = NDArray[np.uint32]
@@ -153,7 +153,8 @@ class Sight:
 class CellFinder:
     """Which cells rays hit, inside Mitsuba."""
 
-    def __init__(self, cells: Cells) -> None:
+    def __init__(self, cells: Cells, loaded: Any) -> None:
+        self._meshes = MeshIndex(loaded)
         self._first_face = mi.UInt(cells.first_face)
         self._first_cell = mi.UInt(cells.first_cell)
         self._origin = mi.UInt(cells.origin)
@@ -165,12 +166,13 @@ class CellFinder:
         point = hit.compute_surface_interaction(rays, mi.RayFlags.All)
         front = point.wi.z > 0
         shaded = point.is_valid() & ~point.shape.is_emitter()
-        cell = self.find(hit, front, shaded)
-        return Sight(point, front, shaded, hit.shape_index, cell)
+        mesh = self._meshes.of(hit)
+        cell = self.find(hit, mesh, front, shaded)
+        return Sight(point, front, shaded, mesh, cell)
 
-    def find(self, hit: Any, front: Any, active: Any) -> Any:
-        """Cell of preliminary intersections (N,) on their front or back sides."""
-        face = dr.gather(mi.UInt, self._first_face, hit.shape_index, active) + hit.prim_index
+    def find(self, hit: Any, mesh: Any, front: Any, active: Any) -> Any:
+        """Cell of preliminary intersections (N,) with meshes on their front or back sides."""
+        face = dr.gather(mi.UInt, self._first_face, mesh, active) + hit.prim_index
         first, origin, *pieces = (
             dr.gather(mi.UInt, table, face, active)
             for table in (self._first_cell, self._origin, *self._pieces)

@@ -71,7 +71,7 @@ class BakedLightIntegrator:
     ) -> None:
         self._bands = settings.bands_nm
         cells = Cells.of(meshes, camera, poses[:, :3, 3])
-        self._finder = CellFinder(cells)
+        self._finder = CellFinder(cells, loaded)
         seen = survey(loaded, self._finder, cells.count, camera, poses, seed)
         self._light = BakedLight(loaded, scene, meshes, cells, seen, settings, seed)
         self._textures = _Textures(scene, meshes)

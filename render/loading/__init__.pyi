@@ -11,3 +11,4 @@ from .scene import (
     load_scene as load_scene,
     move_meshes as move_meshes,
 )
+from .shapes import MeshIndex as MeshIndex

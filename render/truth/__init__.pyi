@@ -1,4 +1,8 @@
 from . import rays as rays
+from .footprint import (
+    FlowSpread as FlowSpread,
+    Footprint as Footprint,
+)
 from .geometry import Geometry as Geometry
 from .tracer import (
     Flow as Flow,

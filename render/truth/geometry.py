@@ -10,7 +10,7 @@ and its two neighbors need the same ones. All coordinates are relative to the sc
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -41,6 +41,10 @@ class Surface:
     """(N, 3): geometric unit normal, toward the ray's origin; NaN for the sky."""
     barycentric: Float64
     """(N, 2): weights of the triangle's second and third vertex."""
+    distance: Float64
+    """(N,): along the ray, m; infinite for the sky."""
+    time_s: float
+    """When it is seen."""
 
     @property
     def is_sky(self) -> NDArray[np.bool_]:
@@ -86,15 +90,46 @@ class Geometry:
 
     def seen(self, origin: Float64, directions: Float64, time_s: float) -> Surface:
         """What rays from an origin (3,) or (N, 3) along unit directions (N, 3) see at a time."""
+        return self._refined(self.glimpsed(origin, directions, time_s), origin, directions)
+
+    def glimpsed(self, origin: Float64, directions: Float64, time_s: float) -> Surface:
+        """What rays see, as `seen`, to the renderer's own float32 precision."""
         hits = rays.nearest_hits(self._still, origin, directions)
         triangle = self._rows(hits, 0)
-        distance = hits.distance
         if self._moving:
             moving = rays.nearest_hits(self._at(time_s).scene, origin, directions)
-            nearer = moving.distance < distance
+            nearer = moving.distance < hits.distance
             triangle = np.where(nearer, self._rows(moving, self._meshes_at_rest), triangle)
-            distance = np.where(nearer, moving.distance, distance)
-        return self._refined(triangle, distance, origin, directions, time_s)
+            hits = rays.Hits(
+                *(
+                    np.where(nearer if a.ndim == 1 else nearer[:, None], a, b)
+                    for a, b in zip(vars(moving).values(), vars(hits).values(), strict=True)
+                )
+            )
+        is_sky = (triangle < 0)[:, None]
+        reach = np.where(np.isinf(hits.distance), 1.0, hits.distance)[:, None] * directions
+        points = reach + np.where(is_sky, 0.0, origin)
+        side = -np.sign(_dot(hits.normal, directions))
+        normal = np.where(is_sky, np.nan, side[:, None] * hits.normal)
+        return Surface(triangle, points, normal, hits.barycentric, hits.distance, time_s)
+
+    def faces(self, surface: Surface, way: Float64, time_s: float) -> NDArray[np.bool_]:
+        """Whether the side that was seen still faces someone at a time (N,).
+
+        The way (N, 3) leads from there to the surface's points. A leaf has two sides and no
+        thickness: who looks at the other one does not see these points. The sky faces everyone.
+        """
+        normal = surface.normal
+        moving = surface.triangle >= self._triangles_at_rest
+        if self._moving and moving.any():
+            triangle = surface.triangle[moving]
+            before, after = (
+                self._perpendicular(triangle, time) for time in (surface.time_s, time_s)
+            )
+            side = np.sign(_dot(before, normal[moving]))
+            normal = normal.copy()
+            normal[moving] = side[:, None] * after
+        return np.asarray(surface.is_sky | (_dot(normal, way) < 0))
 
     def is_hidden(
         self, origin: Float64, directions: Float64, distances: Float64, time_s: float
@@ -111,7 +146,7 @@ class Geometry:
             return surface.points
         points = surface.points.copy()
         moving = surface.triangle >= self._triangles_at_rest
-        corners = self._corners(surface.triangle[moving], time_s)
+        corners = self.corners(surface.triangle[moving], time_s)
         u, v = surface.barycentric[moving].T[..., None]
         points[moving] = (1 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2]
         return points
@@ -122,8 +157,8 @@ class Geometry:
         rows[hit] = self._first[first_mesh + hits.mesh[hit]] + hits.triangle[hit]
         return rows
 
-    def _corners(self, triangle: Integers, time_s: float) -> Float64:
-        """Vertices (n, 3, 3) of triangles at a time."""
+    def corners(self, triangle: Integers, time_s: float) -> Float64:
+        """Vertices (n, 3, 3) of triangles (n,) at a time."""
         vertex = self._faces[triangle].astype(np.int64)
         if not self._moving:
             return self._vertices[vertex].astype(np.float64)
@@ -134,22 +169,20 @@ class Geometry:
         corners[~still] = self._at(time_s).vertices[vertex[~still] - count]
         return corners
 
-    def _refined(
-        self,
-        triangle: Integers,
-        distance: Float64,
-        origin: Float64,
-        directions: Float64,
-        time_s: float,
-    ) -> Surface:
-        hit = triangle >= 0
-        points, normal = directions.copy(), np.full(directions.shape, np.nan)
-        barycentric = np.zeros((len(hit), 2))
-        corners = self._corners(triangle[hit], time_s)
+    def _perpendicular(self, triangle: Integers, time_s: float) -> Float64:
+        corners = self.corners(triangle, time_s)
+        return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+    def _refined(self, surface: Surface, origin: Float64, directions: Float64) -> Surface:
+        """The same surface with points on its triangles in float64."""
+        hit = ~surface.is_sky
+        points, normal = surface.points.copy(), surface.normal.copy()
+        barycentric = surface.barycentric.copy()
+        corners = self.corners(surface.triangle[hit], surface.time_s)
         start, along, coarse = (
             np.broadcast_to(origin, points.shape)[hit],
             directions[hit],
-            distance[hit],
+            surface.distance[hit],
         )
         edges = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
         perpendicular = np.cross(*edges)
@@ -163,7 +196,7 @@ class Geometry:
         barycentric[hit, 1] = _dot(np.cross(edges[0], inside), perpendicular) / area
         side = -np.sign(_dot(perpendicular, along))
         normal[hit] = perpendicular * (side / np.sqrt(area))[:, None]
-        return Surface(triangle, points, normal, barycentric)
+        return replace(surface, points=points, normal=normal, barycentric=barycentric)
 
     def _at(self, time_s: float) -> _Moment:
         """What moves, at a time."""

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.render import mi
+from megalopta.render import dr, mi
+from megalopta.render.loading import MeshIndex
 
 Float64 = NDArray[np.float64]
 
@@ -30,15 +31,29 @@ class Hits:
     """(N,): index of the mesh hit, as loaded."""
     triangle: NDArray[np.int64]
     """(N,): index of the triangle in that mesh."""
+    barycentric: Float64
+    """(N, 2): weights of the triangle's second and third vertex."""
+    normal: Float64
+    """(N, 3): geometric unit normal, on either side."""
 
 
 def nearest_hits(scene: Any, origin: Float64, directions: Float64) -> Hits:
     """Nearest hit of rays from one origin (3,) or N of them, along unit directions (N, 3)."""
-    distance, mesh, triangle = intersect(scene, origin, directions)
+    if _is_scalar():
+        return _single_hits(scene, origin, directions)
+    rays = _rays(origin, directions)
+    hits = scene.ray_intersect_preliminary(rays, coherent=True)
+    distance = dr.select(hits.is_valid(), hits.t, dr.inf)
+    mesh, triangle = MeshIndex(scene).of(hits), hits.prim_index
+    normal = hits.compute_surface_interaction(rays, mi.RayFlags.Minimal).n
+    # All at once: what is left for later would trace the rays again.
+    dr.eval(distance, mesh, triangle, hits.prim_uv, normal)
     return Hits(
         np.array(distance, dtype=np.float64),
         np.array(mesh, dtype=np.int64),
         np.array(triangle, dtype=np.int64),
+        np.array(hits.prim_uv, dtype=np.float64).T,
+        np.array(normal, dtype=np.float64).T,
     )
 
 
@@ -50,20 +65,6 @@ def is_hidden(
     return np.array(blocked(scene, origin, directions, limits), dtype=bool)
 
 
-def intersect(scene: Any, origin: Float64, directions: Float64) -> tuple[Any, Any, Any]:
-    """Mitsuba's own answer: distances, mesh indices and triangle indices, in its types."""
-    if not _is_scalar():
-        hits = scene.ray_intersect_preliminary(_rays(origin, directions), coherent=True)
-        return hits.t, hits.shape_index, hits.prim_index
-    hits = [scene.ray_intersect_preliminary(ray) for ray in _single_rays(origin, directions)]
-    return (
-        [hit.t for hit in hits],
-        # Where nothing was hit these are arbitrary 32-bit numbers.
-        [hit.shape_index for hit in hits],
-        [hit.prim_index for hit in hits],
-    )
-
-
 def blocked(scene: Any, origin: Float64, directions: Float64, limits: Float64) -> Any:
     """Mitsuba's own answer: whether anything is hit before the limits, in its types."""
     if not _is_scalar():
@@ -72,6 +73,18 @@ def blocked(scene: Any, origin: Float64, directions: Float64, limits: Float64) -
         return scene.ray_test(rays, coherent=True)
     pairs = zip(_single_rays(origin, directions), limits.tolist(), strict=True)
     return [scene.ray_test(mi.Ray3f(ray, maxt=limit)) for ray, limit in pairs]
+
+
+def _single_hits(scene: Any, origin: Float64, directions: Float64) -> Hits:
+    found = np.zeros((len(directions), 8))
+    found[:, 0] = np.inf
+    for row, ray in zip(found, _single_rays(origin, directions), strict=True):
+        hit = scene.ray_intersect_preliminary(ray)
+        if hit.is_valid():
+            normal = hit.compute_surface_interaction(ray, mi.RayFlags.Minimal).n
+            row[:] = hit.t, hit.shape_index, hit.prim_index, *hit.prim_uv, *normal
+    mesh, triangle = found[:, 1:3].T.astype(np.int64)
+    return Hits(found[:, 0], mesh, triangle, found[:, 3:5], found[:, 5:])
 
 
 def _is_scalar() -> bool:

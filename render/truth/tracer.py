@@ -1,10 +1,10 @@
-"""Ground truth of one frame from rays through the pixel centers.
+"""Ground truth of one frame from rays through the pixel centers, and of the pixels around them.
 
 A surface point P is found by the renderer's own geometry, in float64 (`geometry`); its flow is
 where the other camera sees P as it is at the other frame's time, minus the pixel center. Points at
 infinity (the sky) move by rotation alone. Whether the other camera sees P is decided by a
 visibility ray against the geometry of that time, not by comparing depths, which misjudges more
-pixels than are truly hidden.
+pixels than are truly hidden. Nor does a camera see a point of a leaf that it has the other side of.
 
 Flow is in px of the stored image, +x right, +y down; NaN where the other camera has no image of the
 point, as behind a pinhole. The other frame may be any of the sequence.
@@ -15,6 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.render.truth.correspondence import correspondence
+from megalopta.render.truth.footprint import Footprint, Footprints
 from megalopta.render.truth.geometry import Geometry, Surface
 from megalopta.render.truth.views import View
 from megalopta.scenes.cameras import Camera
@@ -30,14 +32,14 @@ class Flow:
     displacement: NDArray[np.float32]
     """(H, W, 2): way (x, y) in px; NaN where undefined."""
     occluded: NDArray[np.bool_]
-    """(H, W): whether something stands between the point and the other frame's camera."""
+    """(H, W): whether something, or the leaf that it is on, is between point and other camera."""
     out_of_view: NDArray[np.bool_]
     """(H, W): whether the point leaves the image, or has no flow."""
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What is known exactly about one frame (H, W)."""
+    """What is known about one frame (H, W): exactly, of the pixel centers, but for `footprint`."""
 
     depth: NDArray[np.float32]
     """(H, W): distance along the optical axis, in panoramas along the ray, m; infinite for the
@@ -56,17 +58,19 @@ class Truth:
     undefined, everywhere when there is no such frame."""
     occluded_forward: NDArray[np.bool_]
     occluded_backward: NDArray[np.bool_]
-    """(H, W): whether something stands between the point and the camera of the next or previous
-    frame."""
+    """(H, W): whether something, or the leaf that it is on, is between the point and the camera of
+    the next or previous frame."""
     out_of_view_forward: NDArray[np.bool_]
     out_of_view_backward: NDArray[np.bool_]
     """(H, W): whether the point leaves the image, or has no flow."""
+    footprint: Footprint
+    """What the whole pixels see, from rays spread over them."""
 
 
 class TruthTracer:
-    """Traces the truth of a scene's frames."""
+    """Traces the truth of a scene's frames, that of whole pixels with some rays for each."""
 
-    def __init__(self, scene: Scene, geometry: Geometry, camera: Camera) -> None:
+    def __init__(self, scene: Scene, geometry: Geometry, camera: Camera, rays: int) -> None:
         self._geometry = geometry
         self._camera = camera
         self._origin = np.asarray(scene.origin_m)
@@ -74,16 +78,20 @@ class TruthTracer:
         kinds = [0, *(kind_ids[placement.kind] for placement in scene.placements)]
         self._kind_of_object = np.array(kinds, np.uint32)
         self._axes = camera.directions().reshape(-1, 3)
+        self._image = camera.pixel_centers().reshape(-1, 2)
+        self._footprints = Footprints(geometry, camera, rays)
 
     def truth(self, view: View, following: View | None, previous: View | None) -> Truth:
         """Ground truth of a frame, with flow toward the next and the previous one, if any."""
         shape = self._camera.height, self._camera.width
-        surface, distance = self._see(view)
+        surface = self._see(view)
         object_id = self._geometry.object_id[surface.triangle].reshape(shape)
         position = np.where(surface.is_sky[:, None], np.nan, surface.points + self._origin)
         forward, backward = self._flow(surface, following), self._flow(surface, previous)
         return Truth(
-            depth=self._camera.depth(distance.reshape(shape)).astype(np.float32),
+            depth=self._camera.depth(self._distance(surface, view).reshape(shape)).astype(
+                np.float32
+            ),
             position=position.reshape(*shape, 3),
             normal=surface.normal.reshape(*shape, 3).astype(np.float32),
             object_id=object_id,
@@ -94,34 +102,30 @@ class TruthTracer:
             occluded_backward=backward.occluded,
             out_of_view_forward=forward.out_of_view,
             out_of_view_backward=backward.out_of_view,
+            footprint=self._footprints.footprint(view, following, previous, object_id),
         )
 
     def flow(self, view: View, other: View) -> Flow:
         """Where the points that one frame sees are in another frame."""
-        return self._flow(self._see(view)[0], other)
+        return self._flow(self._see(view), other)
 
-    def _see(self, view: View) -> tuple[Surface, Float64]:
+    def _see(self, view: View) -> Surface:
         eyes = view.pixels(self._camera)
-        surface = self._geometry.seen(eyes.origin, eyes.to_world(self._axes), view.time_s)
-        distance = np.linalg.norm(surface.points - eyes.origin, axis=-1)
-        return surface, np.where(surface.is_sky, np.inf, distance)
+        return self._geometry.seen(eyes.origin, eyes.to_world(self._axes), view.time_s)
+
+    def _distance(self, surface: Surface, view: View) -> Float64:
+        way = surface.points - view.pixels(self._camera).origin
+        return np.where(surface.is_sky, np.inf, np.linalg.norm(way, axis=-1))
 
     def _flow(self, surface: Surface, other: View | None) -> Flow:
         shape = self._camera.height, self._camera.width
         if other is None:
             nowhere = np.full((*shape, 2), np.nan, np.float32)
             return Flow(nowhere, np.zeros(shape, bool), np.ones(shape, bool))
-        points = self._geometry.carried(surface, other.time_s)
-        eyes = other.seeing(self._camera, points, surface.is_sky)
-        way = np.where(surface.is_sky[:, None], points, points - eyes.origin)
-        displacement = self._camera.displacement(eyes.to_camera(way).reshape(*shape, 3))
-        length = np.linalg.norm(way, axis=-1)
-        distance = np.where(surface.is_sky, np.inf, length)
-        hidden = self._geometry.is_hidden(
-            eyes.origin, way / length[:, None], distance, other.time_s
-        )
-        flow = displacement.astype(np.float32)
-        return Flow(flow, hidden.reshape(shape), out_of_view(flow, self._camera.wraps))
+        found = correspondence(self._geometry, self._camera, surface, self._image, other)
+        flow = found.displacement.reshape(*shape, 2).astype(np.float32)
+        wraps = self._camera.wraps
+        return Flow(flow, found.is_hidden.reshape(shape), out_of_view(flow, wraps))
 
 
 def out_of_view(flow: NDArray[np.float32], wraps: bool = False) -> NDArray[np.bool_]:

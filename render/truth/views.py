@@ -31,11 +31,23 @@ class Eyes:
 
     def to_world(self, vectors: Float64) -> Float64:
         """Vectors (N, 3) in world axes of those in camera axes."""
-        return np.asarray(np.matmul(self.rotation, vectors[..., None])[..., 0])
+        return _times(self.rotation, vectors)
 
     def to_camera(self, vectors: Float64) -> Float64:
         """Vectors (N, 3) in camera axes of those in world axes."""
-        return np.asarray(np.matmul(self.rotation.swapaxes(-1, -2), vectors[..., None])[..., 0])
+        return _times(self.rotation.swapaxes(-1, -2), vectors)
+
+    def of(self, ray: slice | NDArray[np.int64], times: int = 1) -> "Eyes":
+        """Eyes of some of the rays, each for so many of a new set."""
+        if self.origin.ndim == 1:
+            return self
+        return Eyes(self.origin[ray].repeat(times, 0), self.rotation[ray].repeat(times, 0))
+
+
+def _times(rotation: Float64, vectors: Float64) -> Float64:
+    # Not matmul, which wakes all of BLAS's threads for products of three numbers.
+    each = "ij,nj->ni" if rotation.ndim == 2 else "nij,nj->ni"
+    return np.asarray(np.einsum(each, rotation, vectors))
 
 
 class View(Protocol):

@@ -64,8 +64,12 @@ class Camera(Record, frozen=True):
         """Largest |tan(elevation)| that the camera sees when it is level."""
 
     @abstractmethod
+    def toward(self, image: Float64) -> Float64:
+        """Unit vectors (..., 3), in camera axes, through image coordinates (..., 2) in px."""
+
     def directions(self) -> Float64:
         """Unit vectors (H, W, 3) through the pixel centers, in camera axes."""
+        return self.toward(self.pixel_centers())
 
     @abstractmethod
     def project(self, points: Float64) -> Float64:
@@ -80,12 +84,13 @@ class Camera(Record, frozen=True):
         x, y = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
         return np.stack([x, y], axis=-1)
 
-    def displacement(self, points: Float64) -> Float64:
-        """Way in px (H, W, 2) from each pixel center to where its point (H, W, 3) is seen.
+    def displacement(self, points: Float64, image: Float64 | None = None) -> Float64:
+        """Way in px (..., 2) from image coordinates to where points (..., 3) are seen.
 
-        Around a full circle it goes the shorter way, across the seam if need be.
+        Image coordinates (..., 2) are by default the pixel centers, for points (H, W, 3). Around a
+        full circle it goes the shorter way, across the seam if need be.
         """
-        way = self.project(points) - self.pixel_centers()
+        way = self.project(points) - (self.pixel_centers() if image is None else image)
         if self.wraps:
             half = self.width / 2
             way[..., 0] = (way[..., 0] + half) % self.width - half

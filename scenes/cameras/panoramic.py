@@ -65,9 +65,9 @@ class PanoramicCamera(Camera, frozen=True):
     def heights(self) -> tuple[float, float]:
         """Height on the film, in focal lengths, of the image's lower and upper edge."""
 
-    def directions(self) -> Float64:
-        """Unit vectors (H, W, 3) through the pixel centers, in camera axes."""
-        x, y = np.moveaxis(self.pixel_centers(), -1, 0)
+    def toward(self, image: Float64) -> Float64:
+        """Unit vectors (..., 3), in camera axes, through image coordinates (..., 2) in px."""
+        x, y = np.moveaxis(image, -1, 0)
         azimuth = (x / self.width - 0.5) * math.radians(self.fov_deg)
         lower, upper = self.heights
         radius, rise = self._meridian(upper - y / self.height * (upper - lower))

@@ -46,10 +46,11 @@ class PerspectiveCamera(Camera, frozen=True):
         f = self.focal_length_px
         return np.array([[f, 0, self.width / 2], [0, f, self.height / 2], [0, 0, 1]])
 
-    def directions(self) -> Float64:
-        """Unit vectors (H, W, 3) through the pixel centers, in camera axes."""
-        offset = self.pixel_centers() - [self.width / 2, self.height / 2]
-        rays = np.dstack([offset, np.full(offset.shape[:2], self.focal_length_px)])
+    def toward(self, image: Float64) -> Float64:
+        """Unit vectors (..., 3), in camera axes, through image coordinates (..., 2) in px."""
+        offset = image - [self.width / 2, self.height / 2]
+        ahead = np.full((*offset.shape[:-1], 1), self.focal_length_px)
+        rays = np.concatenate([offset, ahead], axis=-1)
         return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
 
     def project(self, points: Float64) -> Float64:

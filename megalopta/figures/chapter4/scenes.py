@@ -14,7 +14,7 @@ from megalopta.assets_gen.stimuli import GratingVariant, dead_leaves, moving_cyc
 from megalopta.experiments import NATURAL_PANORAMAS, ROWS, natural_templates
 from megalopta.figures import BLACK, DASHES, PALETTE, Figure, FigureRecipe, Run, columns_of
 from megalopta.flow.stimuli import ImageStatistics, image_statistics, power_spectrum, resize
-from megalopta.scenes import white_level
+from megalopta.scenes import ToneCurve
 from megalopta.scenes.spectra import encode_srgb
 
 POOLED, CYCLES = 60, 4.0
@@ -68,7 +68,7 @@ def _figure_4_3(run: Run) -> Figure:
         for letter, axes, (name, template) in zip(
             "abcd", pictures.subplots(4, 1), forests.items(), strict=True
         ):
-            axes.imshow(encode_srgb(template / white_level(template)), "gray")
+            axes.imshow(encode_srgb(ToneCurve.of([template])(template)), "gray")
             fov = NATURAL_PANORAMAS[name].frame_fov_deg
             axes.set_title(f"({letter}) {name}, 251 columns cover {fov:g}°", loc="left")
             axes.set_anchor("W")

@@ -43,6 +43,23 @@ def test_image_interpolation_shows_its_bias_sin_kd_over_sin_k():
     assert error.relative_error_median == pytest.approx(-bias / d, rel=1e-5)
 
 
+def test_blocks_of_weighed_pixels_have_the_weighted_mean_and_lightweight_ones_none():
+    rng = np.random.default_rng(6)
+    flow, weights = rng.normal(size=(1, 40, 40, 2)), rng.random((1, 40, 40))
+    weights[0, :10, :10] = 0.4
+    grid = block_grid((40, 40), 10)
+    averaged = block_flow(flow, grid, weights=weights)
+    assert np.isnan(averaged[0, 0, 0]).all()  # a weight of 0.4 where half is asked
+    weights[0, :10, :10] = 0.6
+    averaged = block_flow(flow, grid, weights=weights)
+    cut = flow.reshape(4, 10, 4, 10, 2), weights.reshape(4, 10, 4, 10, 1)
+    expected = (cut[0] * cut[1]).sum(axis=(1, 3)) / cut[1].sum(axis=(1, 3))
+    heavy = weights.reshape(4, 10, 4, 10).mean(axis=(1, 3)) >= 0.5
+    assert heavy.sum() >= 4
+    np.testing.assert_allclose(averaged[0][heavy], expected[heavy], rtol=1e-12)
+    assert np.isnan(averaged[0][~heavy]).all()
+
+
 def test_components_scale_with_their_own_axis():
     truth = block_flow(uniform((4, 4), (90, 120)), block_grid((30, 60)))
     np.testing.assert_allclose(truth[..., 0], 4 * 60 / 120, rtol=1e-6)

@@ -31,7 +31,7 @@ BUDGET = Budget(
     saturated_fraction=0.0,
     photons_per_frame=2e5,
 )
-MOTION = MotionSection(Wheel("", 6.0), (), "", 1.9, "12 %", 1030)
+MOTION = MotionSection(Wheel("", 6.0), (), "", 1.9, "12 %", 1030, "58 %")
 
 
 def configured(**values):

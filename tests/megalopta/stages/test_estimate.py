@@ -80,7 +80,7 @@ def test_long_work_is_announced(capsys):
     )
     announce(settings, "render")
     told = capsys.readouterr().err
-    assert told.startswith("render: 3000 frames of 640 × 480, about 65.")
+    assert told.startswith("render: 3000 frames of 640 × 480, about 93.")
     assert told.endswith(" GB, about 5 days\n")
 
 

@@ -69,6 +69,15 @@ def test_splits_hold_all_blocks(records):
         assert blocks["clear"] + blocks["occlusion"] == whole
 
 
+def test_errors_are_told_with_mixed_pixels_and_without(records):
+    for record in records.values():
+        if "truth" not in record:
+            continue
+        with_mixed, without = (record["truth_by_mixture"][n] for n in ("all", "without_mixed"))
+        assert with_mixed == record["truth"]  # by default all pixels count
+        assert 0 < without["ideal"]["blocks"] <= with_mixed["ideal"]["blocks"]
+
+
 def test_yaw_rate_is_found_by_all_that_tell_directions(records):
     blind = {"NDM", "NDS", "IM"}
     assert {name for name, record in records.items() if "rotation" in record} == set(

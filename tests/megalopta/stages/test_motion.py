@@ -2,10 +2,12 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from megalopta.checks.footprint import footprint_residuals
 from megalopta.checks.truth import check_truth
 from megalopta.cli import main as cli
 from megalopta.config import load
@@ -55,19 +57,22 @@ def rolling(tmp_path_factory):
 def test_flow_is_derived_again_for_what_rests_and_what_moves(moving):
     rows = {row.name: row for row in check_truth(moving)}
     assert list(rows) == [
-        *("at rest, backward", "at rest, forward", "image, warped"),
-        *("moving, backward", "moving, forward"),
+        *("at rest, backward", "at rest, forward"),
+        *("hidden share backward, of error", "hidden share forward, of error", "image, warped"),
+        *("moving, backward", "moving, forward", "outlines missed, part"),
+        *("pixel mean, backward", "pixel mean, forward", "sky share, of error"),
     ]
     assert all(row.passed for row in rows.values())
     assert min(row.pixels for name, row in rows.items() if "moving" in name) > 150
     # The objects are rigid: float32 of the stored numbers is all that is left.
-    assert max(row.percentile_99 for name, row in rows.items() if "image" not in name) < 1e-4
+    exact = [row for name, row in rows.items() if name.startswith(("at rest", "moving"))]
+    assert max(row.percentile_99 for row in exact) < 1e-4
 
 
 def test_flow_of_a_panorama_is_derived_again(rolling):
     rows = check_truth(rolling)
     assert all(row.passed for row in rows)
-    assert rows[0].pixels == 2 * 160 * 48
+    assert next(row.pixels for row in rows if row.name == "at rest, forward") == 2 * 160 * 48
 
 
 @pytest.mark.parametrize(
@@ -95,6 +100,35 @@ def test_wrong_flow_fails_the_check(moving, tmp_path, wrong, failing, capsys):
         cli.main(["check", "truth", str(root)])
     assert stopped.value.code == 1
     assert "NO" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("wrong", "failing", "limit"),
+    [
+        (lambda print_: replace(print_, sky=1 - print_.sky), "sky share", 5),
+        (lambda print_: replace(print_, purity=1 + 0 * print_.purity), "outlines missed", 0.1),
+        (
+            lambda print_: replace(
+                print_, forward=replace(print_.forward, mean=print_.forward.mean + 0.5)
+            ),
+            "pixel mean, forward",
+            1e-3,
+        ),
+        (
+            lambda print_: replace(
+                print_, forward=replace(print_.forward, hidden=print_.forward.hidden + 0.5)
+            ),
+            "hidden share forward",
+            5,
+        ),
+    ],
+    ids=["sky", "purity", "mean", "hidden"],
+)
+def test_wrong_truth_of_whole_pixels_fails_the_check(moving, wrong, failing, limit):
+    right = read_truth(moving.truth(0))
+    found = dict(footprint_residuals(replace(right, footprint=wrong(right.footprint))))
+    name = next(name for name in found if name.startswith(failing))
+    assert np.median(found[name]) > limit
 
 
 def test_a_right_dataset_passes_on_the_command_line(moving, capsys):

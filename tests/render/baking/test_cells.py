@@ -16,6 +16,7 @@ vectorized = pytest.mark.skipif(
     choose_variant().name.startswith("scalar"), reason="cells are found by vectorized rays"
 )
 CAMERA = PerspectiveCamera(width=64, height=64, fov_deg=60)
+THING = Scene({"thing": Material(flat(0.5))}, {}, ())
 PATH = np.array([[0.0, 0.0, 1.0], [3.0, 0.0, 1.0]])
 
 
@@ -85,8 +86,9 @@ def test_points_drawn_in_a_cell_lie_in_it_and_cover_its_face_evenly():
     a, b = (mi.Float(values) for values in rng.random((2, len(wanted))))
     hit = dr.zeros(mi.PreliminaryIntersection3f, len(wanted))
     hit.prim_uv = patches.barycentric(mi.UInt, a, b)
-    hit.prim_index, hit.shape_index = mi.UInt(patches.triangle), mi.UInt(patches.mesh)
-    found = np.array(CellFinder(cells).find(hit, mi.UInt(patches.side) == 0, True))
+    hit.prim_index, mesh = mi.UInt(patches.triangle), mi.UInt(patches.mesh)
+    finder = CellFinder(cells, load_scene(THING, meshes))
+    found = np.array(finder.find(hit, mesh, mi.UInt(patches.side) == 0, True))
     # Points on a cell's rim may fall to its neighbor, and grid cells that lie outside the triangle
     # (just under half of them) hold no points.
     pieces, (i, j) = patches.pieces, patches.indices
@@ -103,16 +105,16 @@ def test_rays_find_the_cell_that_holds_the_point_they_hit():
     activate(choose_variant())
     import mitsuba as mi
 
-    scene = Scene({"thing": Material(flat(0.5))}, {}, ())
     meshes = [triangle_mesh(random_triangles())]
     cells = Cells.of(meshes, CAMERA, PATH)
-    loaded = load_scene(scene, meshes)
+    loaded = load_scene(THING, meshes)
     target = random_triangles().mean(axis=1)
     origin = np.array([0.0, 0.0, 10.0])
     rays = mi.Ray3f(mi.Point3f(origin.tolist()), mi.Vector3f((target - origin).T))
     hit = loaded.ray_intersect_preliminary(rays)
     point = hit.compute_surface_interaction(rays, mi.RayFlags.All)
-    found = np.array(CellFinder(cells).find(hit, point.wi.z > 0, True))
+    finder = CellFinder(cells, loaded)
+    found = np.array(finder.find(hit, mi.UInt(0), point.wi.z > 0, True))
     patches = cells.patches(found)
     triangle, where = np.array(hit.prim_index), np.array(point.p).T
     np.testing.assert_array_equal(patches.triangle, triangle)
@@ -136,9 +138,9 @@ def test_rays_find_the_cell_that_holds_the_point_they_hit():
 def test_a_survey_counts_256_rays_per_pixel_however_long_the_sequence(frames):
     activate(choose_variant())
     floor = triangle_mesh([[[-900, -900, 0], [900, -900, 0], [0, 900, 0]]])
-    loaded = load_scene(Scene({"thing": Material(flat(0.5))}, {}, ()), [floor])
+    loaded = load_scene(THING, [floor])
     down = Trajectory(frames=frames, position_m=(0, 0, 2), look_at_m=(0, 0, 0), up=(1, 0, 0))
     cells = Cells.of([floor], CAMERA, down.poses()[:, :3, 3])
-    seen = survey(loaded, CellFinder(cells), cells.count, CAMERA, down.poses(), 0)
+    seen = survey(loaded, CellFinder(cells, loaded), cells.count, CAMERA, down.poses(), 0)
     assert seen.sum() == 256 * CAMERA.width * CAMERA.height
     assert not seen[cells.count // 2 :].any()  # the back

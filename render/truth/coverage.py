@@ -1,0 +1,185 @@
+"""How much of a pixel each of its rays stands for.
+
+All alike, but where a pixel holds two things and the outline of the nearer one is known: then its
+triangles that rays hit are clipped to the pixel, which gives its share exactly however few rays
+there are, and the rays on each side divide their side among them. The outline is taken for known if
+every ray of the pixel hits the nearer thing just where one of these triangles is, and only one; but
+for rays on an edge. What a straight outline cuts off a pixel, however little, holds a corner: so
+rays in the corners, which stand for nothing themselves, find it.
+
+A triangle covers the directions between the three planes through the camera and its edges, also
+where it reaches behind the camera. In a pinhole's image these planes are straight lines; in a
+panorama they are taken for straight within a pixel.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from megalopta.render.truth.geometry import Geometry, Surface
+from megalopta.render.truth.views import Eyes
+from megalopta.scenes.cameras import Camera
+
+Float64 = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+# The square clipped by three lines.
+_MOST_CORNERS = 8
+# So near to an edge, in px, a ray may be on either side.
+_ON_EDGE_PX = 1e-4
+
+
+def ray_weights(
+    geometry: Geometry,
+    camera: Camera,
+    eyes: Eyes,
+    surface: Surface,
+    places: Float64,
+    offsets: Float64,
+    alike: Float64,
+) -> Float64:
+    """Share of the pixel (P, K) of each of K rays in P pixels, which sum to 1.
+
+    Parameters
+    ----------
+    eyes
+        Of the P pixels.
+    surface
+        What the P·K rays see.
+    places : (P, 2)
+        Image coordinates of the pixels' corners, upper left.
+    offsets : (K, 2)
+        Where in a pixel the rays are, 0 to 1.
+    alike : (K,)
+        What they stand for where the outline is not known; 0 of rays that only look for it.
+    """
+    rays = len(offsets)
+    things = geometry.object_id[surface.triangle].reshape(-1, rays).astype(np.int64)
+    weights = np.tile(alike, (len(things), 1))
+    two = np.flatnonzero(_is_two(things))
+    triangle = surface.triangle.reshape(-1, rays)[two]
+    is_near = _nearer(things[two], surface.distance.reshape(-1, rays)[two])
+    # Some triangles fill many rays: each counts once a pixel.
+    row, ray = np.nonzero(is_near)
+    count = len(geometry.object_id)
+    pixel, of_pixel = np.divmod(np.unique(row * count + triangle[row, ray]), count)
+    own_eyes = eyes.of(two[pixel])
+    corners = geometry.corners(of_pixel, surface.time_s) - own_eyes.origin.reshape(-1, 1, 3)
+    shape = corners.shape
+    rows = np.searchsorted(pixel, np.arange(len(two) + 1))
+    axes = _corner_directions(camera, places[two])
+    turned = eyes.of(two[np.repeat(pixel, 3)]).to_camera(corners.reshape(-1, 3)).reshape(shape)
+    area = _covered(turned, rows, axes, offsets, is_near)
+    known = np.isfinite(area)
+    near, share = is_near[known], np.minimum(area[known, None], 1)
+    weights[two[known]] = share * _divided(near, alike) + (1 - share) * _divided(~near, alike)
+    return weights
+
+
+def _divided(members: NDArray[np.bool_], alike: Float64) -> Float64:
+    """1, divided (P, K) among members (P, K), those in corners only where there are no others."""
+    parts = members * alike
+    alone = ~parts.any(axis=1, keepdims=True)
+    parts = np.where(alone, members, parts)
+    return np.asarray(parts / parts.sum(axis=1, keepdims=True))
+
+
+def _is_two(things: Integers) -> NDArray[np.bool_]:
+    """Whether pixels (P, K) hold just two things."""
+    first = things[:, :1]
+    differs = things != first
+    second = np.take_along_axis(things, differs.argmax(axis=1)[:, None], axis=1)
+    return np.asarray(differs.any(axis=1) & ((things == second) | ~differs).all(axis=1))
+
+
+def _nearer(things: Integers, distance: Float64) -> NDArray[np.bool_]:
+    """Which rays (P, K) see the nearer of two things; that of the nearest ray."""
+    nearest = np.take_along_axis(things, distance.argmin(axis=1)[:, None], axis=1)
+    return np.asarray(things == nearest)
+
+
+def _corner_directions(camera: Camera, places: Float64) -> Float64:
+    """Directions (P, 3, 3) of the upper left, right and lower left corners of pixels, scaled.
+
+    They reach a plane, so that directions between them may be added up from their differences.
+    """
+    corners = places[:, None] + np.array([[0, 0], [1, 0], [0, 1], [0.5, 0.5]])
+    toward = camera.toward(corners)
+    axis = np.array([0.0, 0.0, 1.0]) if camera.intrinsics is not None else toward[:, 3:]
+    return np.asarray((toward / (toward * axis).sum(axis=-1, keepdims=True))[:, :3])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _covered(  # type: ignore[no-untyped-def]
+    corners, first, axes, offsets, is_near
+):
+    """Area (P,) of pixels that triangles cover; NaN where the rays tell otherwise.
+
+    `corners` (M, 3, 3) are in camera axes, those of pixel p from row first[p] to first[p + 1].
+    """
+    pixels, rays = is_near.shape
+    area = np.zeros(pixels)
+    lines = np.empty((3, 3))
+    polygon, clipped = np.empty((_MOST_CORNERS, 2)), np.empty((_MOST_CORNERS, 2))
+    hits, is_sure = np.empty(rays, np.int64), np.empty(rays, np.bool_)
+    for pixel in range(pixels):
+        hits[:], is_sure[:] = 0, True
+        for row in range(first[pixel], first[pixel + 1]):
+            _edge_lines(corners[row], axes[pixel], lines)
+            for ray in range(rays):
+                x, y = offsets[ray]
+                inner = np.inf
+                for line in lines:
+                    inner = min(inner, line[0] + line[1] * x + line[2] * y)
+                hits[ray] += inner > 0
+                is_sure[ray] &= abs(inner) > _ON_EDGE_PX
+            area[pixel] += _clipped_area(lines, polygon, clipped)
+        for ray in range(rays):
+            if is_sure[ray] and hits[ray] != is_near[pixel, ray]:
+                area[pixel] = np.nan
+    return area
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _edge_lines(triangle, axes, lines):  # type: ignore[no-untyped-def]
+    """Set lines (3, 3): a + b·x + c·y is how far inside of each edge a place is, px."""
+    for edge in range(3):
+        u, v, rest = triangle[edge], triangle[(edge + 1) % 3], triangle[(edge + 2) % 3]
+        x = u[1] * v[2] - u[2] * v[1]
+        y = u[2] * v[0] - u[0] * v[2]
+        z = u[0] * v[1] - u[1] * v[0]
+        side = np.sign(x * rest[0] + y * rest[1] + z * rest[2])
+        for corner in range(3):
+            a = axes[corner]
+            lines[edge, corner] = side * (x * a[0] + y * a[1] + z * a[2])
+        lines[edge, 1] -= lines[edge, 0]
+        lines[edge, 2] -= lines[edge, 0]
+        lines[edge] /= max(np.hypot(lines[edge, 1], lines[edge, 2]), 1e-300)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _clipped_area(lines, polygon, clipped):  # type: ignore[no-untyped-def]
+    """Area of the unit square on the positive side of three lines (Sutherland and Hodgman)."""
+    count = 4
+    polygon[0], polygon[1], polygon[2], polygon[3] = (0, 0), (1, 0), (1, 1), (0, 1)
+    for line in lines:
+        kept = 0
+        for index in range(count):
+            p, q = polygon[index], polygon[(index + 1) % count]
+            at_p = line[0] + line[1] * p[0] + line[2] * p[1]
+            at_q = line[0] + line[1] * q[0] + line[2] * q[1]
+            if at_p > 0:
+                clipped[kept] = p
+                kept += 1
+            if (at_p > 0) != (at_q > 0):
+                part = at_p / (at_p - at_q)
+                clipped[kept, 0] = p[0] + part * (q[0] - p[0])
+                clipped[kept, 1] = p[1] + part * (q[1] - p[1])
+                kept += 1
+        count = kept
+        polygon[:count] = clipped[:count]
+    area = 0.0
+    for index in range(count):
+        p, q = polygon[index], polygon[(index + 1) % count]
+        area += (p[0] * q[1] - q[0] * p[1]) / 2
+    return area

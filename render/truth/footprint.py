@@ -1,0 +1,182 @@
+"""What the whole of each pixel sees, from rays spread evenly over it.
+
+The truth of a frame is that of the pixel centers; light comes from the whole pixel. K = k² rays lie
+where multi-jittered sampling has its cells, in their middle (Chiu, Shirley and Wang, Graphics Gems
+IV, 1994): one in each of k × k squares, of K columns and of K rows. All pixels and all frames have
+the same ones. Four more in the corners find outlines that only just cross a pixel (`coverage`).
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.render import mi
+from megalopta.render.truth.correspondence import correspondence
+from megalopta.render.truth.coverage import ray_weights
+from megalopta.render.truth.geometry import Geometry, Surface
+from megalopta.render.truth.views import Eyes, View
+from megalopta.scenes.cameras import Camera
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+
+# What they see is held in memory, a few hundred bytes a ray. A graphics card wants many at once.
+_RAYS_AT_ONCE = {"cuda": 2**21, "llvm": 2**18, "scalar": 2**16}
+
+
+@dataclass(frozen=True)
+class FlowSpread:
+    """Of the flow over each pixel (H, W) toward another frame."""
+
+    mean: Float32
+    """(H, W, 2): mean displacement (x, y) in px; NaN where no part of the pixel has one."""
+    spread: Float32
+    """(H, W): root mean square distance from the mean, px; NaN as the mean."""
+    hidden: Float32
+    """(H, W): share of the pixel that is hidden from the other frame's camera."""
+
+    @property
+    def is_partly_hidden(self) -> NDArray[np.bool_]:
+        """Pixels (H, W) of which some is hidden and some is not."""
+        return np.asarray((self.hidden > 0) & (self.hidden < 1))
+
+    @classmethod
+    def of_none(cls, shape: tuple[int, ...]) -> "FlowSpread":
+        """Toward a frame that is not there."""
+        undefined = np.full((*shape, 2), np.nan, np.float32)
+        return cls(undefined, undefined[..., 0], np.zeros(shape, np.float32))
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """Of each pixel (H, W)."""
+
+    purity: Float32
+    """(H, W): share of the pixel that the object fills which its center sees."""
+    sky: Float32
+    """(H, W): share of the pixel that is sky."""
+    forward: FlowSpread
+    backward: FlowSpread
+    """Toward the next frame and the previous one."""
+
+    @property
+    def is_mixed(self) -> NDArray[np.bool_]:
+        """Pixels (H, W) that hold more than the object which their center sees."""
+        return np.asarray(self.purity < 1)
+
+    @property
+    def is_sky(self) -> NDArray[np.bool_]:
+        """Pixels (H, W) that hold nothing but sky."""
+        return np.asarray(self.sky == 1)
+
+
+class Footprints:
+    """Looks at whole pixels of a scene, with some rays each, rounded up to a square."""
+
+    def __init__(self, geometry: Geometry, camera: Camera, rays: int) -> None:
+        self._geometry, self._camera = geometry, camera
+        grid = math.isqrt(rays - 1) + 1
+        i, j = (each.ravel() for each in np.meshgrid(np.arange(grid), np.arange(grid)))
+        inside = np.stack([i + (j + 0.5) / grid, j + (i + 0.5) / grid], axis=-1) / grid
+        corners = [(0, 0), (1, 0), (0, 1), (1, 1)]
+        # (K, 2), in px from the pixel's upper left corner, and what each ray stands for (K,).
+        self._offsets = np.concatenate([inside, np.array(corners, dtype=float)])
+        self._alike = np.concatenate([np.full(len(inside), 1 / len(inside)), np.zeros(4)])
+
+    def footprint(
+        self,
+        view: View,
+        following: View | None,
+        previous: View | None,
+        object_id: NDArray[np.uint32],
+    ) -> Footprint:
+        """Footprint of a frame whose pixel centers see objects (H, W)."""
+        parts = [
+            self._of_rows(view, following, previous, object_id, rows) for rows in self._strips()
+        ]
+        return _joined(parts)
+
+    def _strips(self) -> Iterator[slice]:
+        family = str(mi.variant()).partition("_")[0]
+        height, per_row = self._camera.height, self._camera.width * len(self._offsets)
+        step = max(1, _RAYS_AT_ONCE[family] // per_row)
+        yield from (slice(first, min(first + step, height)) for first in range(0, height, step))
+
+    def _of_rows(
+        self,
+        view: View,
+        following: View | None,
+        previous: View | None,
+        object_id: NDArray[np.uint32],
+        rows: slice,
+    ) -> Footprint:
+        camera, centers = self._camera, object_id[rows]
+        places = (camera.pixel_centers()[rows] - 0.5).reshape(-1, 2)
+        image = (places[:, None] + self._offsets).reshape(-1, 2)
+        pixels = slice(rows.start * camera.width, rows.stop * camera.width)
+        eyes = view.pixels(camera).of(pixels)
+        surface = self._look(eyes, image, view.time_s)
+        weights = ray_weights(
+            self._geometry, camera, eyes, surface, places, self._offsets, self._alike
+        )
+        things = self._geometry.object_id[surface.triangle].reshape(weights.shape)
+
+        def share(where: NDArray[np.bool_]) -> Float32:
+            sums = (weights * where).sum(axis=1)
+            return np.asarray(sums.reshape(centers.shape), np.float32)
+
+        def flow(other: View | None) -> FlowSpread:
+            if other is None:
+                return FlowSpread.of_none(centers.shape)
+            found = correspondence(self._geometry, camera, surface, image, other)
+            mean, spread = _moments(found.displacement.reshape(*weights.shape, 2), weights)
+            return FlowSpread(
+                mean.reshape(*centers.shape, 2).astype(np.float32),
+                spread.reshape(centers.shape).astype(np.float32),
+                share(found.is_hidden.reshape(weights.shape)),
+            )
+
+        return Footprint(
+            share(things == centers.reshape(-1, 1)),
+            share(things == 0),
+            flow(following),
+            flow(previous),
+        )
+
+    def _look(self, eyes: Eyes, image: Float64, time_s: float) -> Surface:
+        of_rays = eyes.of(slice(None), len(self._offsets))
+        directions = of_rays.to_world(self._camera.toward(image))
+        return self._geometry.glimpsed(of_rays.origin, directions, time_s)
+
+
+def _moments(flow: Float64, weights: Float64) -> tuple[Float64, Float64]:
+    """Mean (P, 2) and root mean square distance from it (P,) of flows (P, K, 2) where defined."""
+    defined = np.asarray(np.isfinite(flow).all(axis=-1))
+    weights = weights * defined
+    total = weights.sum(axis=1)
+    part = weights / np.where(total > 0, total, np.nan)[:, None]
+    known = np.where(defined[..., None], flow, 0)
+    mean = np.einsum("pk,pkc->pc", part, known)
+    away = known - mean[:, None]
+    return mean, np.sqrt(np.einsum("pk,pkc,pkc->p", part, away, away))
+
+
+def _joined(parts: list[Footprint]) -> Footprint:
+    def flow(name: str) -> FlowSpread:
+        each = [getattr(part, name) for part in parts]
+        return FlowSpread(
+            *(
+                np.concatenate([getattr(a, field.name) for a in each])
+                for field in fields(FlowSpread)
+            )
+        )
+
+    return Footprint(
+        np.concatenate([part.purity for part in parts]),
+        np.concatenate([part.sky for part in parts]),
+        flow("forward"),
+        flow("backward"),
+    )

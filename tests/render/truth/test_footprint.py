@@ -1,0 +1,208 @@
+"""What whole pixels see: exact at straight outlines, within the rays' error in a forest."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from megalopta.render import RenderSettings, SceneRenderer
+from megalopta.scenes import Light, build_scene
+from megalopta.scenes.cameras import CylindricalCamera, PerspectiveCamera
+from megalopta.scenes.forest import Forest
+from megalopta.scenes.spectra import flat
+from megalopta.scenes.trajectories import Trajectory
+from megalopta.scenes.world import Asset, Drift, Lighting, Material, Placement, RigidMotion, Scene
+
+from ..conftest import quad
+
+CAMERA = PerspectiveCamera(width=40, height=30, fov_deg=60)
+SLIDE = Trajectory(
+    frames=3,
+    frame_rate_hz=1,
+    position_m=(0, 0, 0),
+    look_at_m=(1, 0, 0),
+    velocity_m_s=(0.0, 0.31, 0.12),
+)
+WALL = quad(np.array([[10, -99, -99], [10, 99, -99], [10, 99, 99], [10, -99, 99.0]]))
+
+
+def renderer_of(*things, camera=CAMERA, rays=16):
+    """Things are (mesh, motion)."""
+    names = [f"thing{index}" for index in range(len(things))]
+    scene = Scene(
+        {name: Material(flat(0.5)) for name in names},
+        {name: Asset({name: mesh}) for name, (mesh, _) in zip(names, things, strict=True)},
+        tuple(
+            Placement(name, name, np.eye(4), motion)
+            for name, (_, motion) in zip(names, things, strict=True)
+        ),
+        Lighting(flat(1e-9)),
+    )
+    settings = RenderSettings(samples_per_pixel=1, bands_nm=((500, 600),), truth_rays=rays)
+    return SceneRenderer(scene, camera, settings)
+
+
+def below_line(height, slope):
+    """Area (H, W) of each pixel below the line y = height + slope · x, y downward, in px."""
+
+    def integral(t):
+        inside = np.clip(t, 0, 1)
+        return inside**2 / 2 + np.maximum(t - 1, 0)
+
+    x, y = np.meshgrid(np.arange(CAMERA.width), np.arange(CAMERA.height))
+    # Above the line, as the part of a column of the pixel between its top and the line.
+    start = height + slope * x - y
+    return np.clip(1 - (integral(start + slope) - integral(start)) / slope, 0, 1)
+
+
+def edge_of(height, slope):
+    """A sheet at x = 5 that fills the image below that line, as the camera at the origin sees it."""
+    focal = CAMERA.focal_length_px
+
+    def at(column, row):
+        return [5, -(column - CAMERA.width / 2) * 5 / focal, -(row - CAMERA.height / 2) * 5 / focal]
+
+    left, right = -50.0, CAMERA.width + 50.0
+    lower = 4000.0
+    return quad(
+        np.array(
+            [
+                at(left, height + slope * left),
+                at(right, height + slope * right),
+                at(right, lower),
+                at(left, lower),
+            ]
+        )
+    )
+
+
+@pytest.mark.parametrize("rays", [16, 64])
+@pytest.mark.parametrize(("height", "slope"), [(14.3, 0.07), (3.21, 0.61), (29.0, -0.83)])
+def test_purity_mean_flow_and_spread_are_exact_at_an_edge(rays, height, slope):
+    renderer = renderer_of((WALL, None), (edge_of(height, slope), None), rays=rays)
+    truth = renderer.truth(SLIDE.poses(), 0)
+    found, share = truth.footprint, below_line(height, slope)
+    assert ((share > 0) & (share < 0.05)).any()
+    own = np.where(truth.object_id == 2, share, 1 - share)
+    # Corners of the sheet, thousands of pixels away, are stored in float32.
+    np.testing.assert_allclose(found.purity, own, atol=1e-5)
+    assert found.is_mixed[(share > 1e-5) & (share < 1 - 1e-5)].all()
+    assert not found.is_mixed[(share == 0) | (share == 1)].any()
+    # To the image's left and down, by 5 m and by 10 m.
+    near, far = (CAMERA.focal_length_px * np.array([0.31, 0.12]) / depth for depth in (5.0, 10.0))
+    mean = share[..., None] * near + (1 - share[..., None]) * far
+    np.testing.assert_allclose(found.forward.mean, mean, atol=2e-5)
+    spread = np.sqrt(share * (1 - share)) * np.linalg.norm(near - far)
+    np.testing.assert_allclose(found.forward.spread, spread, atol=2e-5)
+    assert not found.sky.any()
+
+
+def test_a_thin_branch_within_a_pixel_has_its_exact_share():
+    # A strip 0.3 px wide that leans: no ray has to lie in it for more than its share.
+    focal = CAMERA.focal_length_px
+    strip = np.array([[5, -0.15, -9], [5, 0.15, -9], [5, 0.15, 9], [5, -0.15, 9]])
+    strip[:, 1] = strip[:, 1] * 2 * 5 / focal + strip[:, 2] * 0.11
+    truth = renderer_of((WALL, None), (quad(strip), None)).truth(SLIDE.poses(), 0)
+    found = truth.footprint
+    branch = np.where(truth.object_id == 2, found.purity, 1 - found.purity)
+    np.testing.assert_allclose(branch.sum(axis=1), 0.6, atol=0.08)
+    assert branch.sum() == pytest.approx(0.6 * CAMERA.height, rel=0.02)
+
+
+def test_sky_and_edges_to_the_sky(ground):
+    level = Trajectory(frames=2, position_m=(0, 0, 2.0), look_at_m=(1, 0, 2.037))
+    truth = renderer_of((ground, None)).truth(level.poses(), 0)
+    found = truth.footprint
+    horizon = CAMERA.height / 2 + 0.037 * CAMERA.focal_length_px  # less 2 m in a kilometer
+    row = int(horizon)
+    assert found.is_sky[:row].all()
+    assert (found.sky[row + 1 :] == 0).all()
+    np.testing.assert_allclose(found.sky[row], horizon - row, atol=0.07)
+    assert (found.is_mixed == ((found.sky > 0) & (found.sky < 1))).all()
+    # The sky does not move: its flow is that of a camera that stands still.
+    np.testing.assert_allclose(found.forward.mean[found.is_sky], 0, atol=1e-5)
+
+
+def test_part_of_a_pixel_is_hidden_behind_an_edge():
+    # A sheet from y = -0.4 on, upright: what it hides next is a strip of the wall.
+    sheet = quad(np.array([[5, -9, -99], [5, -0.4, -99], [5, -0.4, 99], [5, -9, 99.0]]))
+    aside = SLIDE.model_copy(update={"velocity_m_s": (0.0, -0.31, 0.0)})
+    truth = renderer_of((WALL, None), (sheet, None)).truth(aside.poses(), 0)
+    hidden = truth.footprint.forward.hidden
+    focal, center = CAMERA.focal_length_px, CAMERA.width / 2
+    # Seen from 0.31 m farther right the edge stands before y = -0.49 of the wall, now -0.8.
+    left, right = (center - focal * y / 10 for y in (2 * -0.4 + 0.31, -0.8))
+    columns = np.arange(CAMERA.width)
+    share = np.clip(np.minimum(columns + 1, right) - np.maximum(columns, left), 0, 1)
+    np.testing.assert_allclose(hidden, np.broadcast_to(share, hidden.shape), atol=1 / 16)
+    partly = truth.footprint.forward.is_partly_hidden
+    assert partly.any(axis=0).sum() <= 2
+    assert partly.any()
+
+
+def test_in_a_forest_16_rays_agree_with_64_within_their_error():
+    forest, path = Forest(trees=20, seed=3), Trajectory(frames=2, velocity_m_s=(1.0, 0.5, 0))
+    camera = PerspectiveCamera(width=64, height=48, fov_deg=70)
+    scene = build_scene(forest, Light(), camera, path)
+    settings = RenderSettings(samples_per_pixel=1, bands_nm=((500, 600),), integrator="path")
+    few, many = (
+        SceneRenderer(scene, camera, settings.model_copy(update={"truth_rays": rays}))
+        .truth(path.poses(), 0)
+        .footprint
+        for rays in (16, 64)
+    )
+    mixed = many.is_mixed
+    assert mixed.mean() > 0.3
+    # Of rays at random; evenly spread ones do better.
+    per_ray = 1 / 16 + 1 / 64
+    for name in ("purity", "sky"):
+        share = getattr(many, name).astype(np.float64)
+        away = (getattr(few, name) - share)[mixed]
+        chance = share * (1 - share) * per_ray
+        assert np.mean(away**2) < chance[mixed].mean()
+        # At most 7 standard errors: by chance once in 4e11 times.
+        assert abs(away.sum()) < 7 * np.sqrt(chance.sum())
+    away = np.linalg.norm(few.forward.mean - many.forward.mean, axis=-1)[mixed]
+    assert np.mean(away**2) < np.mean(many.forward.spread[mixed] ** 2) * per_ray
+    ratio = np.sqrt(np.mean(few.forward.spread**2) / np.mean(many.forward.spread**2))
+    assert ratio == pytest.approx(1, abs=0.05)
+
+
+def test_a_vertical_edge_in_a_panorama_is_exact_but_for_its_pixels_bend():
+    # A sheet from 10.37 px left of the middle on; azimuth is even in the image's columns.
+    # Of pixels of 4 degrees, a tangent differs from its angle by half a percent at most.
+    camera = CylindricalCamera(width=90, height=20, lower_deg=-20, upper_deg=20)
+    angle = 10.37 * np.radians(4)
+    sheet = quad(
+        np.array([[1, np.tan(angle), -5], [1, np.tan(angle), 5], [1, 40, 5], [1, 40, -5.0]])
+    )
+    found = renderer_of((sheet, None), camera=camera).truth(SLIDE.poses(), 0).footprint
+    column = int(45 - 10.37)
+    np.testing.assert_allclose(found.sky[:, column], 0.37, atol=5e-3)
+
+
+@pytest.mark.parametrize("is_moving", [False, True], ids=["camera", "leaf"])
+def test_no_point_is_visible_through_its_own_leaf(is_moving):
+    leaf = trimesh.Trimesh(
+        [[5, -2, -1], [5, 2, -1], [5, 0.5, 2], [5.3, -0.5, 2]],
+        [[0, 1, 2], [0, 2, 3]],
+        process=False,
+    )
+    poses = np.stack([SLIDE.poses()[0]] * 3)
+    if is_moving:
+        # Half a turn in the frame that follows, and back.
+        motion = RigidMotion((5.0, 0.0, 0.0), Drift(spin_deg_s=180, spin_axis=(0, 0, 1)))
+        renderer = renderer_of((leaf, motion))
+    else:
+        poses[1, :2, :3] *= -1  # half a turn about the vertical
+        poses[1, :3, 3] = 10, 0, 0
+        renderer = renderer_of((leaf, None))
+    truth = renderer.truth(poses, 0, [0.0, 1.0, 2.0])
+    on_leaf = truth.object_id == 1
+    assert on_leaf.sum() > 50
+    assert truth.occluded_forward[on_leaf].all()
+    if not is_moving:
+        assert not truth.occluded_forward[~on_leaf].any()
+    whole = on_leaf & ~truth.footprint.is_mixed
+    assert (truth.footprint.forward.hidden[whole] == 1).all()
+    there_and_back = renderer.flow(poses, 0, 2, [0.0, 1.0, 2.0])
+    assert not there_and_back.occluded.any()
