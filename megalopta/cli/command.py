@@ -95,6 +95,14 @@ def add_workers(command: Command) -> None:
     )
 
 
+def add_cluster(command: Command) -> None:
+    """Add the workers of a Dask cluster."""
+    text = "processes that work side by side on this machine (default: all in this one)"
+    command.add_argument("--workers", type=_positive, metavar="N", help=text)
+    text = "Dask cluster to work on, such as tcp://host:8786; its workers must see the same files"
+    command.add_argument("--scheduler", metavar="ADDRESS", help=text)
+
+
 def _positive(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r}; give a whole number, 1 or more")

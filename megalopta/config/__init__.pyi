@@ -1,4 +1,4 @@
-from .built_in import built_in_names
+from .built_in import built_in_names, built_in_text
 from .measuring import CalibrationFrames, FlowSettings, Reference, SequenceBenchmark
 from .model import (
     Configuration,
@@ -22,6 +22,7 @@ __all__ = [
     "Settings",
     "Words",
     "built_in_names",
+    "built_in_text",
     "differences",
     "level_text",
     "load",

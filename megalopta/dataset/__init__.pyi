@@ -10,6 +10,7 @@ from .frames import (
 )
 from .rendering_noise import ATTRIBUTE, noise_record
 from .store import (
+    LICENSE,
     REDO_FOLDER,
     Dataset,
     existing,
@@ -24,6 +25,7 @@ from .store import (
 __all__ = [
     "ATTRIBUTE",
     "FRAMES_AT_ONCE",
+    "LICENSE",
     "REDO_FOLDER",
     "BlockErrors",
     "Dataset",

@@ -1,9 +1,9 @@
 from .correction import open_corrected
-from .estimate import announce_sweep
+from .estimate import announce_sweep, size
 from .flow import responses_path
 from .ledger import Ledger
 from .noise_warning import variances
-from .pipeline import run_all, run_stage
+from .pipeline import check_stage, run_all, run_stage
 from .redo import open_dataset_whole
 from .registry import STAGES
 from .render import build
@@ -14,6 +14,7 @@ __all__ = [
     "Ledger",
     "announce_sweep",
     "build",
+    "check_stage",
     "exposures",
     "light_scale",
     "open_corrected",
@@ -22,5 +23,6 @@ __all__ = [
     "responses_path",
     "run_all",
     "run_stage",
+    "size",
     "variances",
 ]

@@ -1,0 +1,12 @@
+from .drawing import check_plan, configuration_of, sequence_name, split_of
+from .model import FlowFile, Plan, load_plan
+
+__all__ = [
+    "FlowFile",
+    "Plan",
+    "check_plan",
+    "configuration_of",
+    "load_plan",
+    "sequence_name",
+    "split_of",
+]
