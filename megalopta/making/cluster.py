@@ -14,9 +14,10 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from megalopta.errors import UserError, machine_problem
+from megalopta.making.workers import Crew, kept_alive
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, Future, LocalCluster
 
 Job = Callable[[int], object]
 
@@ -24,6 +25,7 @@ _DEATHS = 30
 """A job during which so many workers died is given up."""
 _AHEAD = 2
 """Jobs handed out for each worker, so that none waits."""
+_PATIENCE_S = 1.0
 
 _one_at_a_time = threading.Lock()
 
@@ -57,8 +59,8 @@ def run_jobs(
         yield from (attempt(job, index) for index in indices)
         return
     threads = max(1, (os.cpu_count() or 1) // workers) if workers else None
-    with connected(workers, scheduler) as client:
-        yield from _by_workers(client, job, indices, threads)
+    with connected(workers, scheduler) as (client, crew):
+        yield from _by_workers(client, crew, job, indices, threads)
 
 
 def attempt(job: Job, index: int, threads: int | None = None) -> Outcome:
@@ -79,7 +81,9 @@ def attempt(job: Job, index: int, threads: int | None = None) -> Outcome:
 
 
 @contextmanager
-def connected(workers: int | None, scheduler: str | None) -> Iterator["Client"]:
+def connected(
+    workers: int | None, scheduler: str | None
+) -> Iterator[tuple["Client", "Crew | None"]]:
     """A client of a cluster: of a local one with so many workers, or of one that runs already.
 
     Raises
@@ -87,65 +91,85 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator["Client"]:
     UserError
         When no cluster is to be found there.
     """
-    import dask  # slow to load
-    from distributed import Client, LocalCluster
+    from distributed import Client  # slow to load
 
-    if scheduler is not None:
-        try:
-            client = Client(scheduler, timeout=10)
-        except (OSError, ValueError, TimeoutError) as problem:
-            raise UserError(
-                f"--scheduler {scheduler}: no Dask scheduler answers there ({problem}); start one "
-                "with: dask scheduler"
-            ) from None
-        with client:
-            yield client
+    if scheduler is None:
+        with (
+            _local_scheduler() as cluster,
+            Client(cluster) as client,
+            kept_alive(cluster.scheduler_address, workers or 1) as crew,
+        ):
+            yield client, crew
         return
+    try:
+        client = Client(scheduler, timeout=10)
+    except (OSError, ValueError, TimeoutError) as problem:
+        raise UserError(
+            f"--scheduler {scheduler}: no Dask scheduler answers there ({problem}); start one "
+            "with: dask scheduler"
+        ) from None
+    with client:
+        yield client, None
+
+
+@contextmanager
+def _local_scheduler() -> Iterator["LocalCluster"]:
+    import dask
+    from distributed import LocalCluster
+
     settings = {
         "distributed.scheduler.allowed-failures": _DEATHS,
         "distributed.scheduler.worker-ttl": None,  # a worker that renders is silent for long
-        "distributed.comm.timeouts.connect": 60,
     }
     with (
         dask.config.set(settings),
-        LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            processes=True,
-            memory_limit=0,
-            dashboard_address=None,
-            silence_logs="CRITICAL",
-        ) as cluster,
-        Client(cluster) as client,
+        LocalCluster(n_workers=0, dashboard_address=":0", silence_logs="CRITICAL") as cluster,
     ):
-        yield client
+        yield cluster
 
 
 def _by_workers(
-    client: "Client", job: Job, indices: Iterable[int], threads: int | None
+    client: "Client",
+    crew: Crew | None,
+    job: Job,
+    indices: Iterable[int],
+    threads: int | None,
 ) -> Iterator[Outcome]:
-    from distributed import as_completed
-
     left = iter(indices)
-    running = as_completed()
-    index_of: dict[Any, int] = {}
+    running: dict[Any, int] = {}
+    while True:
+        wanted = _AHEAD * max(1, sum(client.nthreads().values()), crew.count if crew else 1)
+        for index in islice(left, wanted - len(running)):
+            running[client.submit(attempt, job, index, threads, pure=False)] = index
+        if not running:
+            return
+        for future in _ended(list(running), crew):
+            yield _outcome(future, running.pop(future))
+            future.release()
 
-    def hand_out(count: int) -> None:
-        for index in islice(left, count):
-            future = client.submit(attempt, job, index, threads, pure=False)
-            index_of[future.key] = index
-            running.add(future)
 
-    hand_out(_AHEAD * max(1, sum(client.nthreads().values())))
-    for future in running:
-        index = index_of.pop(future.key)
+def _ended(futures: "list[Future]", crew: Crew | None) -> "list[Future]":
+    """Wait until some are done. Raises UserError where no worker will ever do them."""
+    from distributed import wait
+
+    while True:
         try:
-            outcome = future.result()
-        except Exception as problem:  # of the cluster, not of the job
-            outcome = Outcome(index, f"its workers died or cannot do it ({_brief(problem)})")
-        future.release()
-        yield outcome
-        hand_out(max(1, _AHEAD * sum(client.nthreads().values()) - len(index_of)))
+            done = wait(futures, timeout=_PATIENCE_S, return_when="FIRST_COMPLETED").done
+            return sorted(done, key=futures.index)
+        except TimeoutError:
+            if crew and crew.is_hopeless:
+                raise UserError(
+                    "--workers: worker processes end as soon as they start; see what "
+                    "`python -m distributed.cli.dask_worker` says, or leave --workers out"
+                ) from None
+
+
+def _outcome(future: "Future", index: int) -> Outcome:
+    try:
+        outcome: Outcome = future.result()
+    except Exception as problem:  # of the cluster, not of the job
+        return Outcome(index, f"its workers died or cannot do it ({_brief(problem)})")
+    return outcome
 
 
 def _use_threads(threads: int) -> None:

@@ -6,7 +6,6 @@ from contextlib import closing
 from functools import partial
 from pathlib import Path
 
-from megalopta import files
 from megalopta.config import differences
 from megalopta.errors import UserError
 from megalopta.folders import LOCK_NAME, locked
@@ -58,7 +57,6 @@ def make(
     refuse_other(tree, plan)
     with locked(tree.root):
         tree.write_plan(plan)
-        files.sweep(tree.root / ".making") if tree.staging.exists() else None
         failures = tree.read_failures()
         wanted = sorted(failures) if retry else list(only) if only is not None else None
         todo = _missing(tree, range(plan.sequences) if wanted is None else wanted)

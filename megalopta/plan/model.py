@@ -54,7 +54,7 @@ class Plan(Record, frozen=True):
     trajectories: tuple[dict[str, Any], ...] = ()
     """Camera paths, one for each at random: fields of `trajectory`; none leaves the preset's"""
 
-    every: dict[str, Any] = {}
+    every: dict[str, Any] = Field(default={})
     """Fields of a configuration that are put into every sequence last"""
 
     sensors: Annotated[tuple[Entry, ...], Field(min_length=1)] = ("spadcam",)
@@ -74,11 +74,9 @@ class Plan(Record, frozen=True):
     """Flow in further files beside .flo: kitti_png in training/flow_kitti, 16-bit PNG; flo5 in
     training/flow_flo5, HDF5"""
 
-    splits: dict[str, Annotated[float, Field(ge=0)]] = {
-        "train": 0.8,
-        "validation": 0.1,
-        "test": 0.1,
-    }
+    splits: dict[str, Annotated[float, Field(ge=0)]] = Field(
+        default={"train": 0.8, "validation": 0.1, "test": 0.1}
+    )
     """Shares of the sequences by the name of their split; each is assigned by seed and index"""
 
     sample: Annotated[int, Field(ge=0)] = 2

@@ -71,10 +71,8 @@ def _drawn(kind: str, limits: Any, at: Stream, path: str) -> Any:
     place = at(path)
     if kind == "integer":
         return min(low + int(place * (high - low + 1)), high)
-    if kind == "log_uniform":
-        value = low * (high / low) ** place
-    else:
-        value = low + place * (high - low)
+    is_log = kind == "log_uniform"
+    value = low * (high / low) ** place if is_log else low + place * (high - low)
     # so many digits as a person reads in a file's name
     return min(max(float(f"{value:.{_DIGITS}g}"), float(low)), float(high))
 

@@ -13,7 +13,7 @@ from megalopta.tree.tables import TableWriter
 
 
 def write_index(tree: Tree, plan: Plan) -> None:
-    """Write manifest, tables, splits and Croissant description; one record is in memory at a time."""
+    """Write manifest, tables, splits and Croissant file; one record is in memory at a time."""
     names: dict[str, list[str]] = {split: [] for split in plan.splits}
     names |= {SAMPLE: []} if plan.sample else {}
     with ExitStack() as open_files:

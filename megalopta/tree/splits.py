@@ -24,7 +24,7 @@ def link_into_split(root: Path, split: str, record: SequenceRecord) -> None:
             continue
         link.parent.mkdir(parents=True, exist_ok=True)
         try:
-            link.symlink_to(Path("../../../../../..") / "training" / kind / record.sequence)
+            link.symlink_to(Path("../../../../..") / "training" / kind / record.sequence)
         except OSError as problem:
             if problem.errno not in _NO_LINKS:
                 raise
