@@ -1,4 +1,11 @@
-from .drawing import check_plan, configuration_of, sequence_name, split_of
+from .drawing import (
+    check_plan,
+    configuration_of,
+    repeated,
+    repeated_name,
+    sequence_name,
+    split_of,
+)
 from .model import FlowFile, Plan, load_plan
 
 __all__ = [
@@ -7,6 +14,8 @@ __all__ = [
     "check_plan",
     "configuration_of",
     "load_plan",
+    "repeated",
+    "repeated_name",
     "sequence_name",
     "split_of",
 ]

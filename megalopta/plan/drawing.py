@@ -7,7 +7,7 @@ from typing import Any
 from megalopta.config import Configuration, built_in_text, mapping, validated
 from megalopta.plan.model import Plan
 from megalopta.plan.ranges import Stream, choose, draw, stream
-from megalopta.sensor import generator, merged
+from megalopta.sensor import ImageSensor, generator, merged
 
 _LARGEST_SEED = 2**31
 _PLACES = (0.0, 0.5, 1 - 2**-53)
@@ -63,13 +63,18 @@ def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
 
 
 def repeated(configuration: Configuration, repeats: int) -> Configuration:
-    """Every sensor so many times: the same device, whose noise goes by its name."""
+    """Every sensor so many times: the same device, with independent noise."""
     sensors = [
-        sensor if not again else sensor.model_copy(update={"name": f"{sensor.name}-r{again + 1}"})
+        repeated_name(sensor, number)
         for sensor in configuration.sensors
-        for again in range(repeats)
+        for number in range(repeats)
     ]
     return configuration.model_copy(update={"sensors": tuple(sensors)})
+
+
+def repeated_name(sensor: ImageSensor, number: int) -> ImageSensor:
+    """A device under the name of its repeat, by which its noise goes; 0 is the device itself."""
+    return sensor.model_copy(update={"name": f"{sensor.name}-r{number + 1}"}) if number else sensor
 
 
 def split_of(plan: Plan, index: int) -> str:
