@@ -14,12 +14,37 @@ from megalopta import __version__
 from megalopta.plan import Plan
 from megalopta.tree.tables import TABLES
 
-_TERMS = """
-arrayShape citeAs column containedIn equivalentProperty extract field fileObject
-fileProperty fileSet format includes isArray isLiveDataset jsonPath key md5 parentField
-path recordSet references regex repeated replace samplingRate separator source subField
-transform
-""".split()
+_TERMS = [
+    "arrayShape",
+    "citeAs",
+    "column",
+    "containedIn",
+    "equivalentProperty",
+    "extract",
+    "field",
+    "fileObject",
+    "fileProperty",
+    "fileSet",
+    "format",
+    "includes",
+    "isArray",
+    "isLiveDataset",
+    "jsonPath",
+    "key",
+    "md5",
+    "parentField",
+    "path",
+    "recordSet",
+    "references",
+    "regex",
+    "repeated",
+    "replace",
+    "samplingRate",
+    "separator",
+    "source",
+    "subField",
+    "transform",
+]
 """Of Croissant's vocabulary."""
 _CONTEXT: dict[str, Any] = {
     "@language": "en",

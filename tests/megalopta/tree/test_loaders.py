@@ -7,7 +7,7 @@ RAFT_CORE names.
 
 import os
 import sys
-from glob import glob
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -46,12 +46,10 @@ def test_other_flow_files_hold_the_same_flow(small_dataset, truth):
 
 def raft_lists(root, split="training", dstype="clean"):
     """Pairs of images and flow files, found as RAFT finds them."""
-    flow_root, image_root = root / split / "flow", root / split / dstype
     images, flows = [], []
-    for scene in sorted(os.listdir(image_root)):
-        found = sorted(glob(str(image_root / scene / "*.png")))
-        images += [list(pair) for pair in zip(found[:-1], found[1:], strict=True)]
-        flows += sorted(glob(str(flow_root / scene / "*.flo")))
+    for scene in sorted(path.name for path in (root / split / dstype).iterdir()):
+        images += pairwise(sorted((root / split / dstype / scene).glob("*.png")))
+        flows += sorted((root / split / "flow" / scene).glob("*.flo"))
     return images, flows
 
 
@@ -60,9 +58,9 @@ def test_listing_as_raft_does_pairs_images_with_flow(small_dataset, dstype):
     images, flows = raft_lists(small_dataset, dstype=dstype)
     assert len(images) == len(flows) == 3 * PAIRS
     for (first, second), flow in zip(images, flows, strict=True):
-        shape = cv2.imread(first).shape
-        assert shape == cv2.imread(second).shape == (*read_flo(flow).shape[:2], 3)
-        assert first.split("/")[-2:] == [flow.split("/")[-2], flow.split("/")[-1][:-3] + "png"]
+        shape = cv2.imread(str(first)).shape
+        assert shape == cv2.imread(str(second)).shape == (*read_flo(flow).shape[:2], 3)
+        assert (first.parent.name, first.stem) == (flow.parent.name, flow.stem)
 
 
 def test_every_split_is_a_tree_of_its_own(small_dataset):
@@ -74,6 +72,9 @@ def test_every_split_is_a_tree_of_its_own(small_dataset):
 
 
 @pytest.mark.skipif("RAFT_CORE" not in os.environ, reason="no checkout of RAFT")
+@pytest.mark.skipif(
+    np.lib.NumpyVersion(np.__version__) >= "2.4.0", reason="RAFT's reader of .flo needs older NumPy"
+)
 def test_raft_reads_it(small_dataset, truth, monkeypatch):
     monkeypatch.syspath_prepend(os.environ["RAFT_CORE"])
     for name in ("datasets", "utils"):
