@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from PIL import Image, ImageDraw, ImageFont
 
 from megalopta.access import open_dataset
@@ -12,7 +13,7 @@ from megalopta.figures import BLUE, house_style
 from megalopta.files import atomic_write
 from megalopta.showing.clips import clips_of
 
-_BINS = 24
+_BINS, _DECADE = 24, 10
 _STRIP, _WIDTH, _GAP, _LINE = 6, 160, 6, 18
 Rows = list[dict[str, Any]]
 
@@ -34,11 +35,14 @@ def draw_statistics(path: Path, sequences: Rows, exposures: Rows) -> None:
             known = known[known > 0] if is_logarithmic else known
             if known.size:
                 low, high = known.min(), known.max()
-                edges = np.linspace(0, max(high, 1e-3), _BINS)
-                if is_logarithmic:
+                edges = np.linspace(0, max(1.02 * high, 1e-3), _BINS)
+                if is_logarithmic and high > _DECADE * low:
                     edges = np.geomspace(low / 1.1, high * 1.1, _BINS)
                     axes.set_xscale("log")
                 axes.hist(known, edges, color=BLUE)
+            if axes.get_xscale() == "linear":
+                axes.xaxis.set_major_locator(MaxNLocator(3))
+            axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
             axes.set_xlabel(title)
         canvas.axes[0].set_ylabel("how many")
         canvas.savefig(temporary, dpi=150)
