@@ -79,12 +79,13 @@ def repeated_name(sensor: ImageSensor, number: int) -> ImageSensor:
 
 def split_of(plan: Plan, index: int) -> str:
     """Split of a sequence."""
-    place = stream(plan.seed, index)("split") * sum(plan.splits.values())
-    for name, share in plan.splits.items():
+    shares = sorted((name, share) for name, share in plan.splits.items() if share)
+    place = stream(plan.seed, index)("split") * sum(share for _, share in shares)
+    for name, share in shares:
         if place < share:
             return name
         place -= share
-    return next(name for name, share in reversed(plan.splits.items()) if share)
+    return shares[-1][0]
 
 
 def _drawn(plan: Plan, name: str, at: Stream) -> tuple[int, Any]:

@@ -84,18 +84,18 @@ def test_a_folder_of_something_else_is_refused(small_plan, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]
 
 
-def test_a_sequence_that_fails_is_listed_and_retried_alone(copy, small_plan, monkeypatch, capsys):
-    # the program of a sequence cannot be made to fail by a plan that was checked: something is put
-    # into the way of its last step instead
-    blocked = copy / "sequences" / "000003.json"
-    blocked.mkdir()
+def test_a_sequence_that_fails_is_listed_and_retried_alone(copy, small_plan):
+    # a plan that was checked hardly fails: something is put into the way of one sequence
+    blocked = copy / ".making" / "000003"
+    blocked.parent.mkdir()
+    blocked.touch()
     more = small_plan.model_copy(update={"sequences": 5})
     with pytest.raises(UserError, match="1 sequences failed, such as 000003: .*--retry"):
         make(copy, more)
     (line,) = (copy / "failed.jsonl").read_text().splitlines()
     assert json.loads(line)["index"] == 3
     assert any("could not be made" in fault.what for fault in check_tree(Tree(copy)))
-    blocked.rmdir()
+    blocked.unlink()
     make(copy, more, retry=True)
     assert not (copy / "failed.jsonl").exists()
     assert not check_tree(Tree(copy))
