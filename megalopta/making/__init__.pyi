@@ -1,16 +1,12 @@
-from .cluster import Outcome, connected, run_jobs
 from .exposing import Exposing, expose, load_exposing
 from .probe import dry_run
 from .run import make, parse_indices
 
 __all__ = [
     "Exposing",
-    "Outcome",
-    "connected",
     "dry_run",
     "expose",
     "load_exposing",
     "make",
     "parse_indices",
-    "run_jobs",
 ]

@@ -17,9 +17,9 @@ from pydantic import Field
 from megalopta import files
 from megalopta.config import Configuration, validated
 from megalopta.dataset import Dataset
+from megalopta.engine import run_jobs
 from megalopta.errors import UserError
 from megalopta.folders import locked
-from megalopta.making.cluster import run_jobs
 from megalopta.making.sequence import file_hashes
 from megalopta.making.statistics import exposure_statistics
 from megalopta.plan import repeated, sequence_name

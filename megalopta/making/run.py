@@ -7,9 +7,9 @@ from functools import partial
 from pathlib import Path
 
 from megalopta.config import differences
+from megalopta.engine import run_jobs
 from megalopta.errors import UserError
 from megalopta.folders import LOCK_NAME, locked
-from megalopta.making.cluster import run_jobs
 from megalopta.making.sequence import MADE, make_sequence
 from megalopta.plan import Plan, check_plan, configuration_of, sequence_name
 from megalopta.progress import progress, say

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
+from megalopta.engine.workers import Crew, kept_alive
 from megalopta.errors import UserError, machine_problem
-from megalopta.making.workers import Crew, kept_alive
 
 if TYPE_CHECKING:
     from distributed import Client, Future, LocalCluster
