@@ -4,7 +4,6 @@ The stores are made beside the tree, as sequences are; a sequence's record names
 all there.
 """
 
-import shutil
 from collections.abc import Mapping
 from contextlib import closing
 from functools import partial
@@ -76,8 +75,7 @@ def expose(
                     raise UserError(f"sequence {name}: {outcome.problem}")
                 advance()
         write_index(tree, plan)
-        if tree.staging.is_dir() and not any(tree.staging.iterdir()):
-            tree.staging.rmdir()
+        tree.clear_staging()
     return tree
 
 
@@ -90,11 +88,11 @@ def expose_sequence(root: Path, wanted: Exposing, index: int) -> None:
         dataset = Dataset(staged / "data", _configuration(record, wanted))
         if _new(tree, record, dataset.configuration):
             _expose(tree, record, dataset)
-    shutil.rmtree(staged, ignore_errors=True)
+        files.remove(dataset.root)
 
 
 def _expose(tree: Tree, record: SequenceRecord, dataset: Dataset) -> None:
-    check_stage("sense", dataset.configuration, tree.root)
+    check_stage("sense", dataset.configuration, dataset.root)
     name = record.sequence
     for kind in ("radiance", "radiance_shutter"):
         link = dataset.root / kind / name

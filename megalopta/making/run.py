@@ -50,13 +50,13 @@ def make(
         When the folder holds something else or sequences of another plan, when the machine refuses,
         such as a full disk, and after all others are made where sequences failed.
     """
+    tree = Tree(root.absolute())
     for configuration in check_plan(plan):
         for stage in MADE:
-            check_stage(stage, configuration, root)
-    tree = Tree(root.absolute())
-    refuse_other(tree, plan)
+            check_stage(stage, configuration, tree.staging)
+    whole = whole_plan(tree, plan)
     with locked(tree.root):
-        tree.write_plan(plan)
+        tree.write_plan(whole)
         failures = tree.read_failures()
         wanted = sorted(failures) if retry else list(only) if only is not None else None
         todo = _missing(tree, range(plan.sequences) if wanted is None else wanted)
@@ -64,8 +64,8 @@ def make(
             _make_all(tree, plan, todo, failures, workers, scheduler)
         finally:
             tree.write_failures(failures)
-        write_index(tree, plan)
-        _remove_if_empty(tree.staging)
+        write_index(tree, whole)
+        tree.clear_staging()
     if failures:
         index = min(failures)
         raise UserError(
@@ -120,14 +120,21 @@ def _missing(tree: Tree, indices: Iterable[int]) -> list[int]:
     return [index for index in indices if sequence_name(index) not in there]
 
 
-def refuse_other(tree: Tree, plan: Plan) -> None:
-    """Refuse a folder of something else, and one whose sequences another plan made."""
+def whole_plan(tree: Tree, plan: Plan) -> Plan:
+    """The plan of a folder: this one, with as many sequences as were ever asked for.
+
+    Raises
+    ------
+    UserError
+        For a folder of something else, and one whose sequences another plan made.
+    """
     root = tree.root
     if not (root / "dataset.yaml").exists():
         if root.exists() and (not root.is_dir() or {p.name for p in root.iterdir()} - {LOCK_NAME}):
             raise UserError(f"{root} exists and is no dataset; choose a new folder")
-        return
-    old, new = (each.model_dump(mode="json") for each in (tree.plan(), plan))
+        return plan
+    former = tree.plan()
+    old, new = (each.model_dump(mode="json") for each in (former, plan))
     if changes := differences({**old, "sequences": 0}, {**new, "sequences": 0}):
         raise UserError(
             f"{root} was made from another plan ({'; '.join(changes[:3])}); choose another folder "
@@ -142,8 +149,4 @@ def refuse_other(tree: Tree, plan: Plan) -> None:
                 f"{root}: the plan, or another version of the program, would make sequence {name} "
                 f"otherwise now ({'; '.join(changes[:3])}); choose another folder"
             )
-
-
-def _remove_if_empty(folder: Path) -> None:
-    if folder.is_dir() and not any(folder.iterdir()):
-        folder.rmdir()
+    return plan.model_copy(update={"sequences": max(former.sequences, plan.sequences)})

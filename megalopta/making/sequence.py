@@ -5,7 +5,6 @@ inside the sequence. `record.json` there says that all of it is finished; what i
 it, and the record goes last.
 """
 
-import shutil
 from pathlib import Path
 
 from megalopta import __version__, files
@@ -25,13 +24,13 @@ MADE = ("render", "sense")
 def make_sequence(root: Path, plan: Plan, index: int) -> None:
     """Make a sequence, or what is missing of it. Raises UserError and OSError."""
     tree, name = Tree(root), sequence_name(index)
-    with locked(tree.staging / name), silent():
-        staged = tree.staging / name
+    staged = tree.staging / name
+    with locked(staged), silent():
         if not tree.record_path(name).exists():
             if not (staged / "record.json").exists():
                 _make(staged, plan, index)
             _publish(tree, staged, name)
-    _remove_staged(tree, name)
+        files.remove(staged / "data")
 
 
 def _make(staged: Path, plan: Plan, index: int) -> None:
@@ -87,9 +86,3 @@ def folders_of(record: SequenceRecord) -> list[str]:
 def _folder(path: str, sequence: str) -> str:
     parts = Path(path).parts
     return str(Path(*parts[: parts.index(sequence) + 1]))
-
-
-def _remove_staged(tree: Tree, name: str) -> None:
-    """Remove what is left of a finished sequence, unless somebody has begun it again."""
-    if tree.record_path(name).exists():
-        shutil.rmtree(tree.staging / name, ignore_errors=True)

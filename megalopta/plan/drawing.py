@@ -10,6 +10,7 @@ from megalopta.plan.ranges import Stream, choose, draw, stream
 from megalopta.sensor import ImageSensor, generator, merged
 
 _LARGEST_SEED = 2**31
+_DRAWN = ("scenes", "lights", "cameras", "trajectories")
 _PLACES = (0.0, 0.5, 1 - 2**-53)
 
 
@@ -28,17 +29,21 @@ def check_plan(plan: Plan) -> list[Configuration]:
 
     Every entry is drawn at least once. Raises UserError where one does not fit.
     """
-    counts = {name: len(getattr(plan, name)) for name in ("lights", "cameras", "trajectories")}
+    counts = {name: len(getattr(plan, name)) for name in _DRAWN}
+    # what may not fit is a path to a scene: all pairs of these, and the rest in turn
+    pairs = list(product(range(counts["scenes"]), range(max(1, counts["trajectories"]))))
     made = []
-    for scene, number, place in product(
-        range(len(plan.scenes)), range(max(1, *counts.values())), _PLACES
-    ):
-        chosen = {name: (number % count + 0.5) / count for name, count in counts.items() if count}
-        chosen["scenes"] = (scene + 0.5) / len(plan.scenes)
-        made.append(
-            configuration_at(plan, 0, lambda path, at=(chosen, place): at[0].get(path, at[1]))
-        )
+    for step in range(max(len(pairs), *counts.values())):
+        scene, trajectory = pairs[step % len(pairs)]
+        number = dict.fromkeys(counts, step) | {"scenes": scene, "trajectories": trajectory}
+        chosen = {name: (number[name] % n + 0.5) / n for name, n in counts.items() if n}
+        for place in _PLACES:
+            made.append(configuration_at(plan, 0, _fixed(chosen, place)))
     return made
+
+
+def _fixed(chosen: Mapping[str, float], place: float) -> Stream:
+    return lambda path: chosen.get(path, place)
 
 
 def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:

@@ -93,6 +93,12 @@ class Tree:
         text = yaml.safe_dump({**header, **body}, sort_keys=False, allow_unicode=True, width=100)
         files.write_text(self.root / "dataset.yaml", text)
 
+    def clear_staging(self) -> None:
+        """Remove the folder of what is being made, when nothing is."""
+        for folder in (*self.staging.glob("*"), self.staging):
+            if folder.is_dir() and not any(folder.iterdir()):
+                folder.rmdir()
+
     def read_failures(self) -> dict[int, str]:
         """Sequences that could not be made, by index, with the reason."""
         try:
