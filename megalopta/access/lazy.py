@@ -61,7 +61,7 @@ class LazyFrames:
             raise IndexError(f"frame {number} of {len(self)}")
         return np.asarray(self._frames([number % len(self)])[(0, *rest)])
 
-    def __array__(self, dtype: DTypeLike = None, copy: bool | None = None) -> NDArray[Any]:
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
         """Read all of it."""
         return np.asarray(self[:], dtype=dtype)
 

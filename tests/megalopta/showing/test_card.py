@@ -29,7 +29,8 @@ def test_the_card_tells_sizes_splits_and_statistics(root):
         assert words in text
     assert not re.search(r"[{}]", text)
     for picture in re.findall(r"\]\((\S+)\)", text):
-        assert Image.open(root / picture).width > 300
+        with Image.open(root / picture) as image:
+            assert image.width > 300
 
 
 def test_the_contact_sheet_has_four_clips_of_every_sequence(root):
