@@ -46,7 +46,7 @@ class FlowPairs:
     def _pair(self, sequence: Sequence, first: int) -> Pair:
         frames = self._frames(sequence)
         flow = self._flow(sequence, first)
-        valid = ~np.isnan(flow).any(axis=-1)
+        valid = np.asarray(~np.isnan(flow).any(axis=-1))
         return {
             "first": _planes(frames[first]),
             "second": _planes(frames[first + self._step]),

@@ -7,7 +7,7 @@ done. A worker that dies is replaced, and its job begun again by another.
 import os
 import threading
 import traceback
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
@@ -43,7 +43,7 @@ class Outcome:
 
 def run_jobs(
     job: Job, indices: Iterable[int], workers: int | None = None, scheduler: str | None = None
-) -> Iterator[Outcome]:
+) -> Generator[Outcome, None, None]:
     """Do a job for every index, in any order, and yield how each ended.
 
     Parameters
