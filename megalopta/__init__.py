@@ -1,3 +1,17 @@
 """Scenes with exactly known motion, photon counts, and how well motion can be read from them."""
 
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from megalopta.access import open_dataset as open_dataset
+
 __version__ = "0.1.0"
+
+
+def __getattr__(name: str) -> Any:
+    """Load what is published when it is first used."""
+    if name == "open_dataset":
+        from megalopta.access import open_dataset
+
+        return open_dataset
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

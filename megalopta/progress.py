@@ -16,6 +16,8 @@ INTERVAL_S = 10.0
 
 _speakers: list[object] = []
 """Work under way, the outermost first; only the innermost speaks."""
+_silences: list[object] = []
+"""Work that says nothing."""
 
 
 class Advance(Protocol):
@@ -27,7 +29,19 @@ class Advance(Protocol):
 
 def say(text: str) -> None:
     """Print one line on standard error."""
-    print(text, file=sys.stderr, flush=True)
+    if not _silences:
+        print(text, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def silent() -> Iterator[None]:
+    """Say nothing of the work inside, and show no progress: it is a step of something larger."""
+    silence = object()
+    _silences.append(silence)
+    try:
+        yield
+    finally:
+        _silences.remove(silence)
 
 
 @contextmanager
@@ -36,6 +50,9 @@ def progress(description: str, total: int, unit: str) -> Iterator[Advance]:
 
     Without a terminal a line is printed every ten seconds, and one at the end.
     """
+    if _silences:
+        yield lambda steps=1: None
+        return
     if sys.stderr.isatty():
         from megalopta.progress_bar import bar  # what it is drawn with is slow to import
 
@@ -89,7 +106,7 @@ def duration(seconds: float) -> str:
 @contextmanager
 def speaking(state: Callable[[], str]) -> Iterator[None]:
     """Print a state at intervals from a thread of its own, unless there is a terminal."""
-    if sys.stderr.isatty():
+    if sys.stderr.isatty() or _silences:
         yield
         return
     over = threading.Event()

@@ -8,18 +8,16 @@ import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-import cv2
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.flow.files.flo import LARGEST_KNOWN, read_flo
+from megalopta.flow.files.flo5 import read_flo5
+from megalopta.flow.files.kitti_png import read_kitti_png
 
 Flow = NDArray[np.float32]
 
-_KITTI_ZERO, _KITTI_STEPS = 2**15, 64
 _PFM_HEADER = re.compile(rb"PF\s+(\d{1,6})\s+(\d{1,6})\s+(-?[0-9.eE+-]{1,20})\s")
-_LARGEST_BYTES = 2**32
 
 
 def read_flow(path: str | Path) -> Flow:
@@ -39,28 +37,6 @@ def read_flow(path: str | Path) -> Flow:
         raise ValueError(f"{path} holds an array of shape {flow.shape}: a flow is (H, W, 2)")
     known = (np.abs(flow) <= LARGEST_KNOWN).all(axis=-1, keepdims=True)  # of NaN, False
     return np.where(known, flow, np.float32(np.nan)).astype(np.float32)
-
-
-def _read_flo5(path: Path) -> Flow:
-    """HDF5 with one dataset "flow", as Spring (Mehl et al. 2023) and HD1K write it."""
-    try:
-        with h5py.File(path, "r") as file:
-            stored = file["flow"]
-            if stored.size * stored.dtype.itemsize > _LARGEST_BYTES:
-                raise ValueError("more than 4 GiB")
-            return np.asarray(stored[...], np.float32)
-    except Exception as problem:  # of a damaged file, anything
-        reason = " ".join(str(problem).split())[:160]
-        raise ValueError(f"{path} is no whole .flo5 file ({reason})") from None
-
-
-def _read_kitti(path: Path) -> Flow:
-    """16-bit PNG of red (u), green (v), blue (valid), where 2¹⁵ is 0 and a pixel has 64 steps."""
-    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    if image is None or image.dtype != np.uint16 or image.ndim != 3 or image.shape[2] != 3:
-        raise ValueError(f"{path} is no 16-bit PNG of three channels, as KITTI's flow is")
-    flow = (image[..., :0:-1].astype(np.float32) - _KITTI_ZERO) / _KITTI_STEPS
-    return np.where(image[..., :1] > 0, flow, np.float32(np.nan))
 
 
 def _read_pfm(path: Path) -> Flow:
@@ -100,8 +76,8 @@ def _read_npy(path: Path) -> Flow:
 
 _READERS: Mapping[str, Callable[[Path], Flow]] = {
     ".flo": read_flo,
-    ".flo5": _read_flo5,
-    ".png": _read_kitti,
+    ".flo5": read_flo5,
+    ".png": read_kitti_png,
     ".pfm": _read_pfm,
     ".npy": _read_npy,
 }

@@ -74,10 +74,11 @@ def _damage(dataset: Dataset, path: Path, digest: str) -> str | None:
         return "is missing"
     if file_hash(path) != digest:
         return "is not as it was written"
-    return _wrong_shape(dataset, path)
+    return wrong_shape(dataset, path)
 
 
-def _wrong_shape(dataset: Dataset, path: Path) -> str | None:
+def wrong_shape(dataset: Dataset, path: Path) -> str | None:
+    """What is wrong with the size of a file of a dataset; None where nothing is, or it has none."""
     camera = dataset.configuration.camera
     size = (camera.height, camera.width)
     try:

@@ -90,6 +90,13 @@ class View:
             x = np.arctan2(right, ahead) * self._per_radian + width / 2
         return np.stack([x, part * height], axis=-1)
 
+    def depth_of(self, points: Float64) -> Float64:
+        """Depth (...) of points (..., 3) as the truth stores it, m."""
+        offset = points - self.pose[:3, 3]
+        if self.camera["kind"] == "perspective":
+            return np.asarray(offset @ self.pose[:3, 2])
+        return np.asarray(np.linalg.norm(offset, axis=-1))
+
     def way_to(self, image: Float64) -> Float64:
         """Way (H, W, 2) from pixels to image coordinates, the shorter one around a full circle."""
         way = image - self.pixels()
@@ -101,14 +108,22 @@ class View:
 
 def rederived_flow(truth: Truth, view: View, other: View, motions: Mapping[int, Motion]) -> Float64:
     """Flow (H, W, 2) from one frame to another; `motions` are those of the moving objects by id."""
+    points = carried_points(truth, view, other.time_s, motions)
+    return view.way_to(other.image_of(points, np.isinf(truth.depth)))
+
+
+def carried_points(
+    truth: Truth, view: View, time_s: float, motions: Mapping[int, Motion]
+) -> Float64:
+    """Where the points that a frame sees are at a time (H, W, 3), m; of the sky, directions."""
     is_sky = np.isinf(truth.depth)
     reach = np.where(is_sky, 1.0, truth.depth)[..., None] * view.directions()
     points = reach + np.where(is_sky[..., None], 0.0, view.pose[:3, 3])
     for object_id in np.intersect1d(truth.object_id, list(motions)).tolist():
         mine = truth.object_id == object_id
         placed = motions[object_id].undo(truth.position[mine], view.time_s)
-        points[mine] = motions[object_id].carry(placed, other.time_s)
-    return view.way_to(other.image_of(points, is_sky))
+        points[mine] = motions[object_id].carry(placed, time_s)
+    return np.asarray(points)
 
 
 def motion_from(record: Mapping[str, Any]) -> Motion:

@@ -56,6 +56,7 @@ class Residual:
 
 def run_check_truth(dataset: Dataset, console: Console | None = None) -> bool:
     """Check all frames of a dataset and print the table; return whether all passed."""
+    Ledger(dataset).require("render")
     console = console or Console()
     rows = check_truth(dataset)
     console.print(
@@ -77,8 +78,7 @@ def run_check_truth(dataset: Dataset, console: Console | None = None) -> bool:
 
 def check_truth(dataset: Dataset) -> list[Residual]:
     """Compare all frames of a dataset; needs a finished render stage."""
-    Ledger(dataset).require("render")
-    motions = _motions(dataset)
+    motions = motions_of(dataset)
     kept: dict[str, list[NDArray[np.float64]]] = {}
     frames = dataset.configuration.trajectory.frames
     with progress("Deriving flow again", frames - 1, "pair") as advance:
@@ -101,8 +101,8 @@ def check_truth(dataset: Dataset) -> list[Residual]:
     return [_residual(name, np.concatenate(kept[name])) for name in sorted(kept)]
 
 
-def _motions(dataset: Dataset) -> dict[int, Motion]:
-    """Motion of each object that moves, by its number."""
+def motions_of(dataset: Dataset) -> dict[int, Motion]:
+    """Motion of each object that moves, by its number. Raises UserError."""
     path = dataset.scene_record
     try:
         motions = json.loads(path.read_text("utf-8"))["motions"]

@@ -90,13 +90,26 @@ def add_out(command: Command, default: str, what: str = "folder") -> None:
 
 
 def add_workers(command: Command) -> None:
-    """Add how many threads work, and where they find rendered panoramas."""
+    """Add how many threads work, or which cluster, and where they find rendered panoramas."""
     command.add_argument(
         "--workers", type=_positive, metavar="N", help="threads (default: one for each core)"
     )
+    _add_scheduler(command)
     command.add_argument(
         "--cache", type=Path, help="folder of rendered panoramas (default: the user's)"
     )
+
+
+def add_cluster(command: Command) -> None:
+    """Add the workers of a Dask cluster."""
+    text = "processes that work side by side on this machine (default: all in this one)"
+    command.add_argument("--workers", type=_positive, metavar="N", help=text)
+    _add_scheduler(command)
+
+
+def _add_scheduler(command: Command) -> None:
+    text = "Dask cluster to work on, such as tcp://host:8786; its workers must see the same files"
+    command.add_argument("--scheduler", metavar="ADDRESS", help=text)
 
 
 def _positive(text: str) -> int:

@@ -24,6 +24,11 @@ def _run(options: Namespace) -> None:
     from megalopta.figures import reproduce
 
     for path in reproduce(
-        options.figures, options.out, options.quick, options.workers, options.cache
+        options.figures,
+        options.out,
+        options.quick,
+        options.workers,
+        options.cache,
+        options.scheduler,
     ):
         print(path)

@@ -36,5 +36,7 @@ def _run(options: Namespace) -> None:
     sweep = load_sweep(options.sweep, options.overrides)
     announce_sweep(sweep)
     name = options.sweep.stem
-    for path in reproduce_sweep(name, sweep, options.out, options.workers, options.cache):
+    for path in reproduce_sweep(
+        name, sweep, options.out, options.workers, options.cache, options.scheduler
+    ):
         print(path)

@@ -1,4 +1,7 @@
-from .built_in import built_in_names as built_in_names
+from .built_in import (
+    built_in_names as built_in_names,
+    built_in_text as built_in_text,
+)
 from .measuring import (
     CalibrationFrames as CalibrationFrames,
     FlowSettings as FlowSettings,

@@ -20,6 +20,7 @@ from .rendering_noise import (
     noise_record as noise_record,
 )
 from .store import (
+    LICENSE as LICENSE,
     REDO_FOLDER as REDO_FOLDER,
     Dataset as Dataset,
     existing as existing,

@@ -105,7 +105,12 @@ def open_dataset(root: Path) -> Dataset:
     """Open an existing dataset with the configuration it was made from. Raises UserError."""
     path = root / "dataset.yaml"
     try:
-        values = dict(strict_yaml.load(path.read_text("utf-8"))["configuration"])
+        record = strict_yaml.load(path.read_text("utf-8"))
+        if "plan" in record:
+            raise UserError(
+                f"{root}: a dataset of many sequences, this needs one; see megalopta dataset --help"
+            )
+        values = dict(record["configuration"])
         return Dataset(root, Configuration.model_validate(values))
     except OSError:
         raise UserError(f"{root}: no dataset here; make one with: megalopta render") from None

@@ -9,13 +9,15 @@ release Python's lock), processes, or that of a Dask cluster, `Client.get_execut
 import inspect
 import json
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
 from megalopta import files
 from megalopta.arrays import Floats
+from megalopta.engine import connected
 from megalopta.errors import UserError
 from megalopta.experiments import trial
 from megalopta.experiments.trial import Template, Trial, measure, template_names
@@ -78,25 +80,29 @@ def run(
     templates: Mapping[Template, Floats],
     store: Path,
     workers: int | None = None,
+    scheduler: str | None = None,
 ) -> dict[Trial, Curves]:
-    """`run_trials` by threads, one for each core by default, under a progress bar."""
+    """`run_trials` by threads, one for each core by default, or a Dask cluster; shows a bar."""
     if not trials:
         return {}
     with locked(store):
         files.sweep(store)
-        return _run_by_threads(trials, templates, store, workers)
+        with (
+            _executor(workers, scheduler) as executor,
+            progress("Searching photon thresholds", work_units(trials), "kpixel") as advance,
+        ):
+            return run_trials(trials, templates, store, executor, advance)
 
 
-def _run_by_threads(
-    trials: Sequence[Trial],
-    templates: Mapping[Template, Floats],
-    store: Path,
-    workers: int | None,
-) -> dict[Trial, Curves]:
+@contextmanager
+def _executor(workers: int | None, scheduler: str | None) -> Iterator[Executor]:
+    if scheduler is not None:
+        with connected(None, scheduler) as (client, _):
+            yield client.get_executor()
+        return
     threads = ThreadPoolExecutor(workers or os.cpu_count())
     try:
-        with progress("Searching photon thresholds", work_units(trials), "kpixel") as advance:
-            return run_trials(trials, templates, store, threads, advance)
+        yield threads
     finally:
         # who interrupts does not wait for trials that are half done
         threads.shutdown(wait=False, cancel_futures=True)

@@ -28,6 +28,7 @@ def reproduce(
     is_quick: bool = False,
     workers: int | None = None,
     cache: Path | None = None,
+    scheduler: str | None = None,
 ) -> list[Path]:
     """Write NAME.png, NAME.svg, NAME.csv and NAME.json of every figure named; return their paths.
 
@@ -46,6 +47,8 @@ def reproduce(
         Threads that measure; by default one for each core. Changes no number.
     cache : Path, optional
         Folder of rendered panoramas; by default the user's.
+    scheduler : str, optional
+        Address of a Dask cluster that measures instead of threads.
 
     Raises
     ------
@@ -57,7 +60,7 @@ def reproduce(
     recipes = {recipe.name: recipe for name in figures for recipe in find(name)}.values()
     drawn = ensure_directory(out / "quick" if is_quick else out)
     trials = [trial for recipe in recipes for trial in recipe.trials(is_quick)]
-    measured = _measure(trials, out, is_quick, workers, cache)
+    measured = _measure(trials, out, is_quick, workers, cache, scheduler)
     made: list[Figure] = []
     paths: list[Path] = []
     for recipe in recipes:
@@ -67,19 +70,30 @@ def reproduce(
 
 
 def reproduce_sweep(
-    name: str, sweep: Sweep, out: Path, workers: int | None = None, cache: Path | None = None
+    name: str,
+    sweep: Sweep,
+    out: Path,
+    workers: int | None = None,
+    cache: Path | None = None,
+    scheduler: str | None = None,
 ) -> list[Path]:
     """Measure a sweep and write its figure under this name; else as `reproduce`."""
     ensure_directory(out)
-    measured = _measure(sweep.trials, out, False, workers, cache)
+    measured = _measure(sweep.trials, out, False, workers, cache, scheduler)
     return write_figure(sweep_figure(name, sweep, measured.results), out)
 
 
 def _measure(
-    trials: Sequence[Trial], out: Path, is_quick: bool, workers: int | None, cache: Path | None
+    trials: Sequence[Trial],
+    out: Path,
+    is_quick: bool,
+    workers: int | None,
+    cache: Path | None,
+    scheduler: str | None,
 ) -> Run:
     templates = pixels_of((trial.template for trial in trials), cache)
-    return Run(is_quick, run(trials, templates, out / "trials", workers), templates, cache)
+    results = run(trials, templates, out / "trials", workers, scheduler)
+    return Run(is_quick, results, templates, cache)
 
 
 def write_figure(figure: Figure, out: Path) -> list[Path]:

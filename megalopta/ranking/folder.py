@@ -12,6 +12,7 @@ from megalopta.ranking.record import Ranking
 from megalopta.ranking.run import rank_methods
 from megalopta.ranking.settings import RankingSettings
 from megalopta.stages import Ledger, open_dataset_whole
+from megalopta.tree import Tree
 
 FOLDER = "ranking"
 """Where the demo puts it, in the folder of its dataset"""
@@ -61,6 +62,9 @@ def run_ranking(
 
 def sequences_of(root: Path) -> list[Dataset]:
     """Open the rendered sequences of a folder. Raises UserError."""
+    tree = Tree(root)
+    if tree.records.is_dir():
+        return [tree.dataset(tree.record(name)) for name in tree.names()]
     dataset = open_dataset_whole(root)
     Ledger(dataset).require("render")
     return [dataset]

@@ -1,9 +1,13 @@
 from .correction import open_corrected as open_corrected
-from .estimate import announce_sweep as announce_sweep
+from .estimate import (
+    announce_sweep as announce_sweep,
+    size as size,
+)
 from .flow import responses_path as responses_path
 from .ledger import Ledger as Ledger
 from .noise_warning import variances as variances
 from .pipeline import (
+    check_stage as check_stage,
     run_all as run_all,
     run_stage as run_stage,
 )

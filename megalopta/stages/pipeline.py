@@ -32,7 +32,7 @@ def run_all(root: str | Path, configuration: Configuration, redo: bool = False) 
 
 def _run(root: Path, configuration: Configuration, names: Sequence[str], redo: bool) -> Dataset:
     for name in names:
-        _check(name, configuration, root)
+        check_stage(name, configuration, root)
     is_new = existing(root) is None  # and a folder of something else is refused
     try:
         with _opened(root, configuration, names, redo) as dataset:
@@ -111,7 +111,8 @@ def _remove_damaged(ledger: Ledger, name: str) -> None:
         files.remove(path)
 
 
-def _check(name: str, configuration: Configuration, root: Path) -> None:
+def check_stage(name: str, configuration: Configuration, root: Path) -> None:
+    """Refuse, with UserError, a configuration that a stage or this machine cannot serve."""
     try:
         refuse_absurd(configuration, name, root)
         STAGES[name].check(configuration)

@@ -3,6 +3,8 @@ import re
 import pytest
 
 from megalopta.config import load
+from megalopta.making import make
+from megalopta.plan import Plan
 
 TINY = {
     "camera.width": "48",
@@ -37,3 +39,42 @@ def check_words():
         assert 1 <= len(sentences) <= 3
 
     return check
+
+
+SMALL = {
+    "camera": {"width": 32, "height": 24},
+    "render": {
+        "samples_per_pixel": 1,
+        "max_depth": 2,
+        "bands_nm": [[700, 800], [800, 900]],
+        "integrator": "path",
+    },
+}
+
+
+@pytest.fixture(scope="session")
+def small_plan():
+    """Boards and gratings that take a second each."""
+    return Plan(
+        sequences=3,
+        seed=3,
+        scenes=(
+            {"preset": "grating", "trajectory": {"rotation_deg_s": {"uniform": [5, 20]}}},
+            {
+                "preset": "grating",
+                "scene": {"kind": "plane"},
+                "trajectory": {"kind": "hover", "look_at_m": [1, 0, 1.5]},
+            },
+        ),
+        lights=("daylight", "twilight"),
+        every={**SMALL, "trajectory": {"frames": 3}},
+        sensors=("spadcam", "ctia_si"),
+        light_levels=({"log_uniform": [0.1, 10]},),
+        flow_files=("kitti_png", "flo5"),
+    )
+
+
+@pytest.fixture(scope="session")
+def small_dataset(small_plan, tmp_path_factory):
+    """Folder of the small plan's dataset; not to be changed."""
+    return make(tmp_path_factory.mktemp("dataset") / "data", small_plan).root

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 RENDERER = {"mitsuba"}
-FILES = {"zarr", "cv2", "matplotlib", "skimage", "trimesh", "rich"}
+FILES = {"zarr", "cv2", "matplotlib", "skimage", "trimesh", "rich", "pyarrow", "dask", "torch"}
 MODELS = {"pydantic", "numpy", "scipy", "numba", "yaml", "drjit"}
 
 
@@ -25,6 +25,7 @@ def loaded(code):
         "--version",
         "frob",
         "render --ouut x",
+        "dataset make --ouut x",
         "check --plot x",
         "report x --scene.trees 5",
     ],

@@ -16,7 +16,7 @@ from megalopta.config import load
 from megalopta.dataset import open_dataset
 from megalopta.errors import UserError
 from megalopta.flow.benchmark import sequence as benchmark
-from megalopta.flow.files.flo import read_flo
+from megalopta.flow.files import read_flo
 from megalopta.flow.stimuli import draw_counts
 from megalopta.render import read_radiance, read_truth
 from megalopta.scenes.spectra import Spectrum, luminous, planckian

@@ -272,7 +272,7 @@ def test_page_of_the_quick_form_says_so(tmp_path):
 def test_chapter_4_is_written_and_measured_once(tmp_path, monkeypatch):
     asked = []
 
-    def counted(trials, templates, store, workers):
+    def counted(trials, templates, store, workers, scheduler):
         asked.append(set(trials))
         return results(trials)
 

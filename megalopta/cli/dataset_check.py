@@ -1,0 +1,22 @@
+"""`megalopta dataset check`."""
+
+import sys
+from argparse import Namespace
+
+from megalopta.cli.command import Verbs, add_dataset, add_verb
+
+
+def declare(verbs: Verbs) -> None:
+    """Add the verb."""
+    purpose = "verify a dataset: hashes, shapes, wholeness, and the truth derived another way"
+    command = add_verb(verbs, "check", purpose, _run)
+    add_dataset(command)
+    text = "sequences of which flow is derived again from depth and poses (default: 3)"
+    command.add_argument("--truth", type=int, default=3, metavar="N", help=text)
+
+
+def _run(options: Namespace) -> None:
+    from megalopta.checks import run_check_tree
+
+    if not run_check_tree(options.dataset, max(options.truth, 0)):
+        sys.exit(1)

@@ -1,0 +1,20 @@
+"""`megalopta dataset view`."""
+
+from argparse import Namespace
+
+from megalopta.cli.command import Verbs, add_dataset, add_verb
+
+
+def declare(verbs: Verbs) -> None:
+    """Add the verb."""
+    purpose = "write index.html, a contact sheet with clips of light, counts, flow and depth"
+    command = add_verb(verbs, "view", purpose, _run)
+    add_dataset(command)
+    text = "sequences to show, spread evenly (default: 24)"
+    command.add_argument("--sequences", type=int, default=24, metavar="N", help=text)
+
+
+def _run(options: Namespace) -> None:
+    from megalopta.showing import write_view
+
+    print(write_view(options.dataset, max(options.sequences, 1)))

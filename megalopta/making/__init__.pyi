@@ -1,0 +1,10 @@
+from .exposing import (
+    Exposing as Exposing,
+    expose as expose,
+    load_exposing as load_exposing,
+)
+from .probe import dry_run as dry_run
+from .run import (
+    make as make,
+    parse_indices as parse_indices,
+)

@@ -1,0 +1,116 @@
+"""`megalopta dataset card`: README.md of a dataset, with statistics and pictures."""
+
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+
+from megalopta import __version__, files
+from megalopta.dataset import LICENSE
+from megalopta.pages import number
+from megalopta.plan import Plan
+from megalopta.showing.pictures import draw_statistics, draw_strip
+from megalopta.stages import size
+from megalopta.tree import Tree
+
+Rows = list[dict[str, Any]]
+
+_TEMPLATE = Path(__file__).with_name("template.md")
+"""What the card of every dataset says; braces are filled in."""
+
+
+def write_card(root: Path) -> Path:
+    """Write README.md and its pictures into a dataset; return its path. Raises UserError."""
+    plan = Tree(root).plan()
+    sequences, exposures = (_rows(root, name) for name in ("sequences", "exposures"))
+    draw_statistics(root / "card" / "statistics.png", sequences, exposures)
+    draw_strip(root, root / "card" / "sequences.png")
+    path = root / "README.md"
+    files.write_text(path, _text(plan, sequences, exposures))
+    return path
+
+
+def _rows(root: Path, table: str) -> Rows:
+    columns = [name for name in _COLUMNS if name in pq.read_schema(_path(root, table)).names]
+    return list(pq.read_table(_path(root, table), columns=columns).to_pylist())
+
+
+def _path(root: Path, table: str) -> Path:
+    return root / "index" / f"{table}.parquet"
+
+
+_QUANTITIES = {
+    "mean_speed_px": "mean flow, px a frame",
+    "percentile_99_speed_px": "99 % of flow below, px a frame",
+    "unmatched_fraction": "pixels hidden or out of view in the next frame",
+    "sky_fraction": "pixels of sky",
+    "median_depth_m": "median depth, m",
+    "texture": "texture (difference of neighbors, relative)",
+}
+_COLUMNS = (
+    *("sequence", "split", "frames", "width", "height", "bytes", "scene", "light", "trajectory"),
+    *("sensor", "level", "exposure_s", "unit", "photons_per_pixel", "saturated_fraction"),
+    *_QUANTITIES,
+)
+
+
+def _text(plan: Plan, sequences: Rows, exposures: Rows) -> str:
+    splits = Counter(row["split"] for row in sequences)
+    return _TEMPLATE.read_text("utf-8").format(
+        name=plan.name,
+        description=plan.description,
+        version=__version__,
+        license=LICENSE,
+        sequences=len(sequences),
+        frames=sum(row["frames"] for row in sequences),
+        bytes=size(sum(row["bytes"] for row in sequences)),
+        sizes=", ".join(sorted({f"{row['width']} × {row['height']}" for row in sequences})),
+        splits=", ".join(f"`{name}` {splits[name]}" for name in plan.splits),
+        sample=plan.sample,
+        kinds=_table(
+            ("", "sequences"),
+            [
+                (f"{what}: {value}", str(count))
+                for what in ("scene", "light", "trajectory")
+                for value, count in sorted(Counter(row[what] for row in sequences).items())
+            ],
+        ),
+        statistics=_table(
+            ("of a sequence", "5 %", "median", "95 %"),
+            [
+                (meaning, *_percentiles(row[name] for row in sequences))
+                for name, meaning in _QUANTITIES.items()
+            ],
+        ),
+        exposures=_table(
+            ("sensor", "exposure, s", "photons per pixel: 5 %", "median", "95 %", "saturated"),
+            list(_of_sensors(exposures)),
+        ),
+    )
+
+
+def _of_sensors(exposures: Rows) -> Iterable[tuple[str, ...]]:
+    for sensor in sorted({row["sensor"] for row in exposures}):
+        own = [row for row in exposures if row["sensor"] == sensor]
+        times = sorted({row["exposure_s"] for row in own})
+        told = " to ".join(f"{each:g}" for each in dict.fromkeys((times[0], times[-1])))
+        photons = _percentiles(row["photons_per_pixel"] for row in own)
+        full = float(np.mean([row["saturated_fraction"] for row in own]))
+        yield sensor, told, *photons, f"{full:.2g}"
+
+
+def _percentiles(values: Iterable[float | None]) -> tuple[str, str, str]:
+    known = [value for value in values if value is not None]
+    if not known:
+        return "–", "–", "–"
+    low, median, high = (number(float(each)) for each in np.percentile(known, (5, 50, 95)))
+    return low, median, high
+
+
+def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    lines = [list(head), *([*row] for row in rows)]
+    texts = [f"| {' | '.join(line)} |" for line in lines]
+    return "\n".join([texts[0], "|---" * len(lines[0]) + "|", *texts[1:]])

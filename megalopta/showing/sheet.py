@@ -1,0 +1,35 @@
+"""`megalopta dataset view`: a contact sheet, one page without outside links."""
+
+from pathlib import Path
+
+from megalopta import files
+from megalopta.access import Sequence, open_dataset
+from megalopta.pages import level_name, render_page
+from megalopta.progress import progress
+from megalopta.showing.clips import clips_of
+
+
+def write_view(root: Path, most: int) -> Path:
+    """Write index.html into a dataset, with clips of so many sequences; return its path."""
+    dataset = open_dataset(root)
+    names = dataset.names[:: max(1, -(-len(dataset) // most))]
+    shown = []
+    with progress("Drawing clips", len(names), "sequence") as advance:
+        for sequence in map(dataset.__getitem__, names):
+            shown.append((sequence, _told(sequence), list(clips_of(sequence))))
+            advance()
+    page = render_page(
+        "megalopta.showing", "sheet.html", title=root.resolve().name, shown=shown, all=len(dataset)
+    )
+    path = root / "index.html"
+    files.write_text(path, page)
+    return path
+
+
+def _told(sequence: Sequence) -> str:
+    settings = sequence.configuration
+    light = level_name(settings.light.level)
+    return (
+        f"{settings.scene.kind.replace('_', ' ')} in {light}; the camera {settings.trajectory}; "
+        f"{len(sequence)} frames of {settings.camera.width} × {settings.camera.height}"
+    )

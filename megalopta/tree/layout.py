@@ -1,0 +1,118 @@
+"""A dataset of many sequences on disk: the tree of `dataset.store`, which all of them share.
+
+dataset.yaml          the plan, and the version that began it
+sequences/SEQ.json    of each finished sequence: configuration, statistics, every file's hash
+manifest.jsonl        a line for each of them: name, hash of the configuration, hash of its record
+index.parquet         a row for each frame: relative paths, times, poses
+sequences.parquet     a row for each sequence: settings and statistics
+croissant.json        what is in them, for search engines and loaders
+splits/SPLIT/Sintel/  links to the sequences of a split, as an MPI-Sintel tree
+splits/SPLIT.txt      their names
+failed.jsonl          sequences that could not be made, with the reason
+.making/SEQ/          a sequence that is not finished; it appears in the tree whole
+
+A sequence belongs to the dataset from the moment its record is there.
+"""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from megalopta import __version__, files, strict_yaml
+from megalopta.config import Configuration
+from megalopta.dataset import LICENSE, Dataset
+from megalopta.errors import UserError
+from megalopta.plan import Plan
+from megalopta.tree.record import SequenceRecord, read_record
+
+
+@dataclass(frozen=True)
+class Tree:
+    """Paths and records of one dataset."""
+
+    root: Path
+
+    @property
+    def records(self) -> Path:
+        """Folder of the records."""
+        return self.root / "sequences"
+
+    @property
+    def staging(self) -> Path:
+        """Folder of sequences that are being made."""
+        return self.root / ".making"
+
+    @property
+    def failures(self) -> Path:
+        """List of sequences that could not be made."""
+        return self.root / "failed.jsonl"
+
+    def record_path(self, name: str) -> Path:
+        """Record of a sequence."""
+        return self.records / f"{name}.json"
+
+    def names(self) -> list[str]:
+        """Names of the finished sequences, in order."""
+        return sorted(
+            path.stem for path in self.records.glob("*.json") if not files.is_temporary(path)
+        )
+
+    def record(self, name: str) -> SequenceRecord:
+        """Read the record of a sequence. Raises UserError."""
+        return read_record(self.record_path(name))
+
+    def all_records(self) -> Iterator[SequenceRecord]:
+        """Read the records one after another, in order."""
+        return map(self.record, self.names())
+
+    def dataset(self, record: SequenceRecord) -> Dataset:
+        """One sequence, as the stages know it."""
+        return Dataset(self.root, Configuration.model_validate(record.configuration))
+
+    def plan(self) -> Plan:
+        """Read the plan. Raises UserError."""
+        path = self.root / "dataset.yaml"
+        try:
+            return Plan.model_validate(strict_yaml.load(path.read_text("utf-8"))["plan"])
+        except OSError:
+            raise UserError(
+                f"{self.root}: no dataset here; make one with: megalopta dataset make"
+            ) from None
+        except (TypeError, KeyError, ValueError):
+            raise UserError(
+                f"{path}: no plan in it, or damaged; give a dataset of `megalopta dataset make`"
+            ) from None
+
+    def write_plan(self, plan: Plan) -> None:
+        """Write dataset.yaml."""
+        header = {"megalopta": __version__, "license": LICENSE}
+        body = {"plan": plan.model_dump(mode="json")}
+        text = yaml.safe_dump({**header, **body}, sort_keys=False, allow_unicode=True, width=100)
+        files.write_text(self.root / "dataset.yaml", text)
+
+    def clear_staging(self) -> None:
+        """Remove the folder of what is being made, when nothing is."""
+        for folder in (*self.staging.glob("*"), self.staging):
+            if folder.is_dir() and not any(folder.iterdir()):
+                folder.rmdir()
+
+    def read_failures(self) -> dict[int, str]:
+        """Sequences that could not be made, by index, with the reason."""
+        try:
+            lines = self.failures.read_text("utf-8").splitlines()
+            return {int(each["index"]): str(each["reason"]) for each in map(json.loads, lines)}
+        except FileNotFoundError:
+            return {}
+        except (ValueError, KeyError, TypeError):
+            raise UserError(f"{self.failures} is damaged; remove it") from None
+
+    def write_failures(self, failures: dict[int, str]) -> None:
+        """Write the list of failures; without any, there is no file."""
+        lines = [{"index": index, "reason": failures[index]} for index in sorted(failures)]
+        if lines:
+            files.write_text(self.failures, "".join(json.dumps(each) + "\n" for each in lines))
+        else:
+            files.remove(self.failures)

@@ -1,0 +1,109 @@
+"""Loaders of others read a small dataset as it is; those that need PyTorch where it is installed.
+
+`pip install megalopta[loaders]` brings them. RAFT is no package: its MpiSintel lists files as
+`raft_lists` does (core/datasets.py of princeton-vl/RAFT), and is loaded from a checkout that
+RAFT_CORE names.
+"""
+
+import os
+import sys
+from itertools import pairwise
+
+import cv2
+import numpy as np
+import pytest
+
+from megalopta.flow.files import read_flo, read_flo5, read_kitti_png
+
+PAIRS = 2  # of each sequence of three frames
+
+
+@pytest.fixture(scope="module")
+def truth(small_dataset):
+    """Flow of the first pair of each sequence."""
+    return [read_flo(path) for path in sorted(small_dataset.glob("training/flow/*/frame_0001.flo"))]
+
+
+def equal_where_known(found, expected):
+    known = np.isfinite(expected)
+    assert known.mean() > 0.9
+    np.testing.assert_array_equal(np.asarray(found)[known], expected[known])
+
+
+def test_opencv_reads_flow(small_dataset, truth):
+    for name, expected in zip(("000000", "000001", "000002"), truth, strict=True):
+        path = small_dataset / "training/flow" / name / "frame_0001.flo"
+        equal_where_known(cv2.readOpticalFlow(str(path)), expected)
+
+
+def test_other_flow_files_hold_the_same_flow(small_dataset, truth):
+    training = small_dataset / "training"
+    equal_where_known(read_flo5(training / "flow_flo5/000000/frame_0001.flo5"), truth[0])
+    coarse = read_kitti_png(training / "flow_kitti/000000/frame_0001.png")
+    known = np.isfinite(truth[0])
+    assert np.abs(coarse - truth[0])[known].max() <= 1 / 128
+
+
+def raft_lists(root, split="training", dstype="clean"):
+    """Pairs of images and flow files, found as RAFT finds them."""
+    images, flows = [], []
+    for scene in sorted(path.name for path in (root / split / dstype).iterdir()):
+        images += pairwise(sorted((root / split / dstype / scene).glob("*.png")))
+        flows += sorted((root / split / "flow" / scene).glob("*.flo"))
+    return images, flows
+
+
+@pytest.mark.parametrize("dstype", ["clean", "final"])
+def test_listing_as_raft_does_pairs_images_with_flow(small_dataset, dstype):
+    images, flows = raft_lists(small_dataset, dstype=dstype)
+    assert len(images) == len(flows) == 3 * PAIRS
+    for (first, second), flow in zip(images, flows, strict=True):
+        shape = cv2.imread(str(first)).shape
+        assert shape == cv2.imread(str(second)).shape == (*read_flo(flow).shape[:2], 3)
+        assert (first.parent.name, first.stem) == (flow.parent.name, flow.stem)
+
+
+def test_every_split_is_a_tree_of_its_own(small_dataset):
+    for split in ("train", "sample"):
+        names = (small_dataset / f"splits/{split}.txt").read_text().split()
+        _, flows = raft_lists(small_dataset / "splits" / split / "Sintel")
+        assert len(flows) == PAIRS * len(names)
+    assert names == ["000000", "000001"]
+
+
+@pytest.mark.skipif("RAFT_CORE" not in os.environ, reason="no checkout of RAFT")
+@pytest.mark.skipif(
+    np.lib.NumpyVersion(np.__version__) >= "2.4.0", reason="RAFT's reader of .flo needs older NumPy"
+)
+def test_raft_reads_it(small_dataset, truth, monkeypatch):
+    monkeypatch.syspath_prepend(os.environ["RAFT_CORE"])
+    for name in ("datasets", "utils"):
+        sys.modules.pop(name, None)
+    datasets = __import__("datasets")
+    found = datasets.MpiSintel(split="training", root=str(small_dataset), dstype="final")
+    assert len(found) == 3 * PAIRS
+    _, _, flow, valid = found[0]
+    known = valid.numpy() > 0.5
+    assert known.mean() > 0.9
+    np.testing.assert_array_equal(np.moveaxis(flow.numpy(), 0, -1)[known], truth[0][known])
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_torchvision_reads_it(small_dataset, truth):
+    datasets = pytest.importorskip("torchvision.datasets")
+    found = datasets.Sintel(root=small_dataset / "splits/sample", pass_name="both")
+    assert len(found) == 2 * 2 * PAIRS
+    first, _, flow = found[0]
+    assert first.size == (32, 24)
+    equal_where_known(np.moveaxis(flow, 0, -1), truth[0])
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_ptlflow_reads_it(small_dataset, truth):
+    datasets = pytest.importorskip("ptlflow.data.datasets")
+    found = datasets.SintelDataset(str(small_dataset), split="trainval", pass_names="final")
+    assert len(found) == 3 * PAIRS
+    pair = found[0]
+    flow, valid = (np.asarray(pair[name][0]).squeeze() for name in ("flows", "valids"))
+    assert valid.mean() > 0.9
+    np.testing.assert_array_equal(flow[valid > 0.5], truth[0][valid > 0.5])
