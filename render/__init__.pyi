@@ -9,7 +9,8 @@ from .exr import (
     write_truth,
 )
 from .mitsuba_loader import activate, dr, mi
-from .noise import MEASURED_EVERY, RenderNoise, RunningMean, render_once, render_until
+from .noise import MeasuredPass, RegionNoise, RenderNoise, RunningMean
+from .repeats import MEASURED_EVERY, render_once, render_until
 from .scene_renderer import SceneRenderer
 from .settings import RenderSettings, frame_seed
 from .truth.tracer import Flow, Truth, out_of_view
@@ -20,6 +21,8 @@ __all__ = [
     "MEASURED_EVERY",
     "Bands",
     "Flow",
+    "MeasuredPass",
+    "RegionNoise",
     "RenderNoise",
     "RenderSettings",
     "RunningMean",

@@ -1,4 +1,5 @@
-from .integrator import BakedLightIntegrator, path_tracing_reason
+from .choice import path_tracing_reason
+from .integrator import BakedLightIntegrator
 
 __all__ = [
     "BakedLightIntegrator",

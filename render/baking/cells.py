@@ -20,7 +20,7 @@ from megalopta.scenes.cameras import Camera
 
 UInt32 = NDArray[np.uint32]
 
-PIECE_PX = 4.0
+PIECE_PX = 1.5
 """Longest piece of an edge, in pixels of the camera where it comes closest."""
 TURN_RAD = 0.25
 """A shading normal turns by at most this much along a piece that is longer than a pixel (rad)."""
@@ -140,12 +140,14 @@ class Patches:
 class Sight:
     """What N rays see, in Mitsuba's types.
 
-    `mesh` and `cell` mean something where `shaded`: where a surface was hit that does not glow.
+    `mesh` and `cell` mean something where `shaded`: where a surface at rest was hit that does not
+    glow. `moving` is where such a surface was hit that is not at rest.
     """
 
     point: Any
     front: Any
     shaded: Any
+    moving: Any
     mesh: Any
     cell: Any
 
@@ -154,6 +156,7 @@ class CellFinder:
     """Which cells rays hit, inside Mitsuba."""
 
     def __init__(self, cells: Cells) -> None:
+        self._meshes = len(cells.first_face)
         self._first_face = mi.UInt(cells.first_face)
         self._first_cell = mi.UInt(cells.first_cell)
         self._origin = mi.UInt(cells.origin)
@@ -164,9 +167,11 @@ class CellFinder:
         hit = loaded.ray_intersect_preliminary(rays, coherent=True)
         point = hit.compute_surface_interaction(rays, mi.RayFlags.All)
         front = point.wi.z > 0
-        shaded = point.is_valid() & ~point.shape.is_emitter()
-        cell = self.find(hit, front, shaded)
-        return Sight(point, front, shaded, hit.shape_index, cell)
+        dull = point.is_valid() & ~point.shape.is_emitter()
+        # Moving meshes come after those that were cut.
+        at_rest = hit.shape_index < self._meshes
+        cell = self.find(hit, front, dull & at_rest)
+        return Sight(point, front, dull & at_rest, dull & ~at_rest, hit.shape_index, cell)
 
     def find(self, hit: Any, front: Any, active: Any) -> Any:
         """Cell of preliminary intersections (N,) on their front or back sides."""

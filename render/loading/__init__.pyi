@@ -18,4 +18,5 @@ __all__ = [
     "load_scene",
     "merge",
     "move_meshes",
+    "part_of_scene",
 ]
