@@ -72,7 +72,6 @@ class SceneRenderer:
         self._scene = scene
         self._tracer = TruthTracer(scene, Geometry(meshes, loaded), camera)
         reason = path_tracing_reason(scene, self.variant.name, poses, settings)
-        self.integrator = f"path ({reason})" if reason else "baked"
         self._view: View
         if scene.environment:
             self._view = EnvironmentView(
@@ -81,17 +80,14 @@ class SceneRenderer:
         else:
             integrator: Integrator = PathIntegrator(settings.max_depth)
             if poses is not None and not reason:
-                integrator = BakedLightIntegrator(
-                    loaded,
-                    scene,
-                    meshes,
-                    settings,
-                    camera,
-                    self._local(poses),
-                    bake_seed(seed),
-                    light_folder,
+                local, its_seed = self._local(poses), bake_seed(seed)
+                baked = BakedLightIntegrator(
+                    loaded, scene, meshes, settings, camera, local, its_seed, light_folder
                 )
+                reason = baked.reason
+                integrator = integrator if reason else baked
             self._view = SurfaceView(scene, meshes, loaded, camera, settings, integrator)
+        self.integrator = f"path ({reason})" if reason else "baked"
         self.samples_per_pixel = self._view.samples_per_pixel
 
     def radiance(

@@ -7,8 +7,12 @@ from megalopta.render import RenderSettings
 from megalopta.render.baking.moving import MOST_OBJECTS
 from megalopta.scenes.world import Scene
 
-# Samples per pixel in a whole sequence from which on baking pays.
-_PAYS_FROM = 256
+_FEWEST_SAMPLES = 512
+"""Per pixel in a whole sequence: with fewer, to find whether baking pays takes what it saves."""
+# In units of a ray that looks whether the sky is in view: a path takes 5 (benchmarks/bench_baked.py
+# measures both), a ray of the bake 1.6, since each eighth is followed, and a sample of a baked
+# frame 3. A path tracer's frames have the error of baked ones with 4 times the samples.
+_PATH, _BAKE, _SAMPLE, _AT_EQUAL_ERROR = 5.0, 1.6, 3.0, 4.0
 
 
 def path_tracing_reason(
@@ -24,14 +28,34 @@ def path_tracing_reason(
         return "baking needs a vectorized variant"
     if not scene.placements:
         return "there is no surface to bake light on"
-    moving = sum(placement.motion is not None for placement in scene.placements)
-    if moving > MOST_OBJECTS:
-        return f"{moving} objects move, and with them light and shadow on all others"
-    if moving == len(scene.placements):
+    moving = [placement for placement in scene.placements if placement.motion]
+    if len(moving) > MOST_OBJECTS:
+        return f"{len(moving)} objects move, and with them light and shadow on all others"
+    if len(moving) == len(scene.placements):
         return "there is no surface at rest to bake light on"
+    if any(_glows(scene, placement.asset) for placement in moving):
+        return "an object that glows moves, and its light on all others"
     if poses is None:
         return "the camera's path is not known"
     samples = len(poses) * settings.samples_per_pixel
-    if settings.integrator == "auto" and samples < _PAYS_FROM:
+    if settings.integrator == "auto" and samples < _FEWEST_SAMPLES:
         return f"{samples} samples per pixel in all frames are too few to pay for baking"
     return ""
+
+
+def cost_reason(rays: int, samples: int) -> str:
+    """Why a bake of some rays does not pay for frames of some samples; empty where it does.
+
+    It does where frames of the same error on surfaces cost half.
+    """
+    share = (_BAKE * rays + _SAMPLE * samples) / (_PATH * _AT_EQUAL_ERROR * samples)
+    if share <= 1 / 2:
+        return ""
+    return (
+        f"baking would take {share:.0%} of the work of path tracing to the same error, for "
+        f"{rays / samples:.1f} rays per sample of all frames"
+    )
+
+
+def _glows(scene: Scene, asset: str) -> bool:
+    return any(scene.materials[name].emission for name in scene.assets[asset].parts)

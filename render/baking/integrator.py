@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from megalopta.render import RenderSettings, dr, mi
 from megalopta.render.baking.cells import CellFinder, Cells
+from megalopta.render.baking.choice import cost_reason
 from megalopta.render.baking.gathering import Gatherer, wavelength_groups
 from megalopta.render.baking.light import LEAST_RAYS, MOST_RAYS, BakedLight
 from megalopta.render.baking.moving import Neighborhood
@@ -41,7 +42,14 @@ class BakedLightIntegrator:
     The poses (T, 4, 4) of the sequence are relative to the scene's origin: where it comes close
     surfaces are cut finely, and what it sees much of gets the most rays. The seed has 32 bits.
     Light is taken from a folder, where it is kept for others.
+
+    Attributes
+    ----------
+    reason : str
+        Why nothing was baked, where that would not pay; else empty.
     """
+
+    reason = ""
 
     def __init__(
         self,
@@ -71,8 +79,19 @@ class BakedLightIntegrator:
         kept = store.read()
         if kept:
             self._light.restore(kept)
-        else:
-            self._bake(loaded, camera, poses, seed, settings.standing_error)
+            return
+        seen = survey(loaded, self._finder, cells.count, camera, poses, seed)
+        self._light.begin(seen, LEAST_RAYS)
+        error = self._standing_error(loaded, camera, poses, seed)
+        times = math.ceil((error / settings.standing_error) ** (1 / _DECAY))
+        if times > 1:
+            self._light.begin(seen, min(LEAST_RAYS * times, MOST_RAYS))
+        wanted = np.flatnonzero(seen).astype(np.uint32)
+        if settings.integrator == "auto":
+            samples = len(poses) * camera.width * camera.height * settings.samples_per_pixel
+            self.reason = cost_reason(self._light.rays_of(wanted), samples)
+        if not self.reason:
+            self._light.bake(np.setdiff1d(wanted, self._light.baked))
             store.write(self._light.contents())
 
     def move_to(self, time_s: float) -> None:
@@ -133,18 +152,6 @@ class BakedLightIntegrator:
             values = emitter.eval(point)
             emitted += [values[band] for band in range(size)]
         return emitted
-
-    def _bake(
-        self, loaded: Any, camera: Camera, poses: NDArray[np.float64], seed: int, target: float
-    ) -> None:
-        """Bake what a survey of the sequence sees, with as many rays as the target takes."""
-        seen = survey(loaded, self._finder, self._light.cells, camera, poses, seed)
-        self._light.begin(seen, LEAST_RAYS)
-        error = self._standing_error(loaded, camera, poses, seed)
-        times = math.ceil((error / target) ** (1 / _DECAY))
-        if times > 1:
-            self._light.begin(seen, min(LEAST_RAYS * times, MOST_RAYS))
-        self._light.bake(np.flatnonzero(seen).astype(np.uint32))
 
     def _standing_error(
         self, loaded: Any, camera: Camera, poses: NDArray[np.float64], seed: int

@@ -55,6 +55,15 @@ class BakedLight:
         self._forget(rays)
         self._shares = np.sqrt(seen).round().clip(1, _MOST_SHARES).astype(np.uint8)
 
+    @property
+    def baked(self) -> NDArray[np.uint32]:
+        """Cells (C,) that have their light."""
+        return np.concatenate([np.zeros(0, np.uint32), *self._baked])
+
+    def rays_of(self, cell: NDArray[np.uint32]) -> int:
+        """How many rays cells (C,) take."""
+        return int(self._shares[cell].sum(dtype=np.int64)) * self.rays
+
     def bake_missing(self, cell: Any, active: Any) -> None:
         """Compute the light of those cells (N,) that have none yet."""
         lanes: Any = dr.compress(
@@ -65,6 +74,8 @@ class BakedLight:
 
     def bake(self, cell: NDArray[np.uint32]) -> None:
         """Compute the light of cells (C,), each once."""
+        if not len(cell):
+            return
         self._reserve(self.baked_cells + len(cell))
         shares = self._shares[cell].astype(np.int64)
         least = self.rays // 2
@@ -86,7 +97,7 @@ class BakedLight:
 
     def contents(self) -> dict[str, NDArray[Any]]:
         """All that was baked: cells (C,) and their rows of the table (C, 4·bands)."""
-        cells = np.concatenate([np.zeros(0, np.uint32), *self._baked])
+        cells = self.baked
         rows = np.array(self._table)[: self.baked_cells * self._width]
         return {"rays": np.array(self.rays), "cells": cells, "rows": rows.reshape(len(cells), -1)}
 

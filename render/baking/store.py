@@ -62,7 +62,7 @@ class LightStore:
         if self._path is None:
             return None
         try:
-            with np.load(self._path) as found:
+            with self._path.open("rb") as file, np.load(file) as found:
                 contents = {name: found[name] for name in ("rays", "cells", "rows")}
             self._path.touch()
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):

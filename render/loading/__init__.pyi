@@ -6,6 +6,7 @@ from .scene import (
     gather,
     load_scene,
     move_meshes,
+    part_of_scene,
 )
 
 __all__ = [
