@@ -11,7 +11,7 @@ from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 
-RENDER_MODEL = 1
+RENDER_MODEL = 2
 """Of radiance and truth: plants, ground, light, cameras, sampling; not of where code stands."""
 SENSOR_MODEL = 3
 """Of readings: effects, their order, random streams."""

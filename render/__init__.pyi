@@ -9,7 +9,7 @@ from .exr import (
     write_truth,
 )
 from .mitsuba_loader import activate, dr, mi
-from .noise import MeasuredPass, RegionNoise, RenderNoise, RunningMean
+from .noise import MeasuredPass, RegionNoise, RenderNoise, RunningMean, neighbor_differences
 from .repeats import MEASURED_EVERY, render_once, render_until
 from .scene_renderer import SceneRenderer
 from .settings import RenderSettings, frame_seed
@@ -36,6 +36,7 @@ __all__ = [
     "has_cuda_device",
     "llvm_in_use",
     "mi",
+    "neighbor_differences",
     "out_of_view",
     "read_attributes",
     "read_picture",

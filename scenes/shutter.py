@@ -22,8 +22,9 @@ class Shutter(Record, frozen=True):
     its own exposure_s: give both alike."""
 
     poses: Annotated[int, Field(ge=1, le=10_000)] = 8
-    """Instants of the exposure whose mean is the blurred frame; they share the samples per pixel.
-    As many as the fastest image moves in px leave no steps."""
+    """Instants of the exposure at which moving objects are put; they share the samples per pixel. As
+    many as the fastest object moves in px leave no steps. The camera moves without any, at 64 or
+    more poses per exposure."""
 
     readout_s: Annotated[float, Field(ge=0)] = 0.0
     """Rolling shutter: time from the middle of the first row's exposure to the last row's (s);

@@ -94,7 +94,7 @@ def test_frames_are_rendered_to_the_stated_error_and_say_so(yard, tmp_path):
     assert record["measured_frames"] == [0, 1, 2]
     for frame, samples in enumerate(record["samples_per_pixel"]):
         noise = json.loads(read_attributes(dataset.radiance(frame))["monteCarlo"])
-        assert noise["median_relative"] <= 0.02
+        assert noise["rms_over_mean"] <= 0.02
         assert samples == 4 * noise["passes"]
     # A frame alone comes out the same.
     image = read_radiance(dataset.radiance(2))[0]
