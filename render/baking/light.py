@@ -40,7 +40,7 @@ class BakedLight:
 
     def _forget(self, rays: int) -> None:
         self.rays = rays
-        self._shares = np.ones(self.cells, np.uint8)
+        self._shares = np.ones(self.cells, np.uint16)
         self._row = dr.full(mi.UInt, NOT_BAKED, self.cells)
         self._table = dr.zeros(mi.Float, FIRST_ROWS * self._width)
         self._baked: list[NDArray[np.uint32]] = []
@@ -53,7 +53,7 @@ class BakedLight:
     def begin(self, seen: NDArray[np.uint32], rays: int) -> None:
         """Start anew with other numbers of rays; `seen` (cells,) is how often each cell was."""
         self._forget(rays)
-        self._shares = np.sqrt(seen).round().clip(1, _MOST_SHARES).astype(np.uint8)
+        self._shares = np.sqrt(seen).round().clip(1, _MOST_SHARES).astype(np.uint16)
 
     @property
     def baked(self) -> NDArray[np.uint32]:
@@ -99,7 +99,7 @@ class BakedLight:
         """All that was baked: cells (C,) and their rows of the table (C, 4·bands)."""
         cells = self.baked
         rows = np.array(self._table)[: self.baked_cells * self._width]
-        return {"rays": np.array(self.rays), "cells": cells, "rows": rows.reshape(len(cells), -1)}
+        return {"rays": np.array(self.rays), "cells": cells, "rows": rows.reshape(-1, self._width)}
 
     def restore(self, contents: dict[str, NDArray[Any]]) -> None:
         """Take what `contents` gave."""
