@@ -49,8 +49,9 @@ class RenderSettings(Record, frozen=True):
 
     integrator: Literal["auto", "path", "baked"] = "auto"
     """path traces every path of every frame; baked computes the light on each surface once, which
-    all views share; auto bakes where nothing moves and there are frames enough to pay for it.
-    Scalar variants and scenes with moving objects always take path."""
+    all views share, and traces paths for objects that move and what is near them; auto bakes where
+    frames of the same error on surfaces then cost half. Scalar variants, and scenes where more than
+    16 objects move, always take path."""
 
     bake_error: Annotated[float, Field(gt=0, lt=1)] = 0.018
     """Error of baked light that stands on surfaces in all frames alike: RMS over pixels without
