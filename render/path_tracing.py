@@ -53,4 +53,4 @@ def _scalar_sky(scene: Any, sensor: Any, seed: int) -> NDArray[np.float32]:
             yield not scene.ray_test(ray)
 
     shares = [[sum(free(row, column)) for column in range(width)] for row in range(height)]
-    return np.array(shares, np.float32)[..., None] / _SCALAR_RAYS
+    return np.array(shares, np.float32)[..., None] / np.float32(_SCALAR_RAYS)

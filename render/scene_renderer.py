@@ -132,7 +132,11 @@ class SceneRenderer:
                 "shutter needs bodies; use 0"
             )
         is_rolling, height = shutter.readout_s > 0, self.camera.height
-        rows = shutter.delay_s(np.arange(height) + 0.5, height) if is_rolling else np.zeros(1)
+        rows = (
+            shutter.delay_s(np.arange(height, dtype=float) + 0.5, height)
+            if is_rolling
+            else np.zeros(1)
+        )
         parts = shutter.poses if self._scene.is_moving or self._scene.environment else 1
         total = parts if self._scene.environment else _ROLLING_POSES if is_rolling else _POSES
         parts, total = (parts, max(total, parts)) if shutter.exposure_s else (1, 1)

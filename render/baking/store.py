@@ -75,7 +75,7 @@ class LightStore:
             return
         with contextlib.suppress(OSError):
             with files.atomic_write(self._path) as temporary, temporary.open("wb") as file:
-                np.savez(file, **contents)
+                np.savez(file, allow_pickle=False, **contents)
             _prune(self._path.parent)
 
 

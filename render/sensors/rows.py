@@ -45,9 +45,9 @@ def register_rows(variant: str) -> None:
             if not is_vectorized:
                 moment = min(int(time * self.times), self.times - 1)
                 return self.to_world[moment * self.rows + min(int(y * self.rows), self.rows - 1)]
-            moment = dr.minimum(mi.UInt32(time * self.times), self.times - 1)
-            row = dr.minimum(mi.UInt32(y * self.rows), self.rows - 1)
-            place = moment * self.rows + row
+            moments = dr.minimum(mi.UInt32(time * self.times), self.times - 1)
+            rows = dr.minimum(mi.UInt32(y * self.rows), self.rows - 1)
+            place = moments * self.rows + rows
             return mi.Transform4f(dr.gather(mi.Matrix4f, self.to_world, place))
 
         def sample_ray(
