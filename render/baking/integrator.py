@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.render import RenderSettings, dr, mi
-from megalopta.render.baking.cells import CellFinder, Cells
+from megalopta.render.baking.cells import CellFinder, Cells, Sight
 from megalopta.render.baking.choice import cost_reason
 from megalopta.render.baking.gathering import Gatherer, wavelength_groups
 from megalopta.render.baking.light import LEAST_RAYS, MOST_RAYS, BakedLight
@@ -112,13 +112,20 @@ class BakedLightIntegrator:
         """Radiance of each band along rays, a draw of its standing error, and whether it is sky.
 
         `place` is that of the wavelength in its band. The sampler chooses the point of the sun's
-        disc.
+        disc, and paths.
         """
         sight = self._finder.look(scene, ray)
-        traced = mi.Bool(False)
-        if self._moving:
-            traced = sight.moving | (sight.shaded & self._moving.holds(sight.point.p))
-            sight = replace(sight, shaded=sight.shaded & ~traced)
+        if not self._moving:
+            return self._at_rest(scene, sight, place, sampler)
+        traced = sight.moving | (sight.shaded & self._moving.holds(sight.point.p))
+        rest = replace(sight, shaded=sight.shaded & ~traced)
+        seen = self._at_rest(scene, rest, place, sampler)
+        paths = self._traced(scene, ray, place, sampler, traced)
+        seen[: len(paths)] = [a + b for a, b in zip(seen, paths, strict=False)]
+        return seen
+
+    def _at_rest(self, scene: Any, sight: Sight, place: Any, sampler: Any) -> list[Any]:
+        """The same of surfaces whose light is baked, and of what glows."""
         weight = self._textures.weight(sight)
         seen = self._emitted(scene, sight.point, place)
         if self._sun:
@@ -129,9 +136,6 @@ class BakedLightIntegrator:
         baked = self._light.radiance(sight.cell, weight, sight.shaded)
         standing = self._light.standing(sight.cell, weight, sight.shaded)
         seen = [a + b for a, b in zip(seen, baked, strict=True)]
-        if self._moving:
-            paths = self._traced(scene, ray, place, sampler, traced)
-            seen = [a + b for a, b in zip(seen, paths, strict=True)]
         return [*seen, *standing, dr.select(sight.point.is_valid(), 0.0, 1.0)]
 
     def _traced(self, scene: Any, ray: Any, place: Any, sampler: Any, active: Any) -> list[Any]:
@@ -175,7 +179,8 @@ class BakedLightIntegrator:
             total = [dr.zeros(mi.Float, camera.width * camera.height) for _ in range(3)]
             for rays in views(camera, pose[None], _PILOT_RAYS, seed):
                 bands = len(self._bands)
-                found = self._seen(loaded, rays, mi.Float(0.5), sampler)
+                sight = self._finder.look(loaded, rays)
+                found = self._at_rest(loaded, sight, mi.Float(0.5), sampler)
                 parts = sum(found[:bands]), sum(found[bands:-1]), found[-1]
                 total = [a + b for a, b in zip(total, parts, strict=True)]
                 dr.eval(total)

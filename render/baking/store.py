@@ -75,7 +75,9 @@ class LightStore:
             return
         with contextlib.suppress(OSError):
             with files.atomic_write(self._path) as temporary, temporary.open("wb") as file:
-                np.savez(file, allow_pickle=False, **contents)
+                np.savez(
+                    file, rays=contents["rays"], cells=contents["cells"], rows=contents["rows"]
+                )
             _prune(self._path.parent)
 
 
