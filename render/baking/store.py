@@ -19,6 +19,7 @@ from megalopta.scenes.world import Scene
 
 Contents = dict[str, NDArray[Any]]
 
+NAMES = "rays", "cells", "rows"
 MOST_BYTES = 4 * 10**9
 """Of all stored light: beyond it the oldest goes."""
 
@@ -63,7 +64,7 @@ class LightStore:
             return None
         try:
             with self._path.open("rb") as file, np.load(file) as found:
-                contents = {name: found[name] for name in ("rays", "cells", "rows")}
+                contents = {name: found[name] for name in NAMES}
             self._path.touch()
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
             return None
