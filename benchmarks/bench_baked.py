@@ -1,25 +1,18 @@
-"""CPU time and error of frames from baked light, against path tracing with as many samples.
+"""CPU time and error on surfaces of frames from baked light, against path tracing.
 
-Reference: the path tracer on the same scene, in the same run. Its error is the spread over seeds;
-that of baked frames is their spread plus their mean difference from path tracing. Equal seeds send
-equal primary rays, so that the difference converges much sooner than either image.
+Errors are RMS over pixels without sky, relative to their mean. The stated error is that of the
+scene record; the true one is against the path tracer on the same scene, in the same run, with many
+times the samples. Equal seeds send equal primary rays, so that the difference converges much sooner
+than either image.
 
-Errors are relative to the mean of the image, which the sky dominates: it is about eight times that
-of the surfaces. They are no accuracy of the light on surfaces, which is 14 % RMS off with the
-demo's settings (median 8 %, one in twenty by more than 28 %), alike in all frames.
-
-Measured in LLVM mode with 32 paths per cell, at 80 px:
-
-    level           mean     pixels   worst band
-    daylight        -0.18 %  1.31 %   1.75 %
-    twilight        -0.14 %  1.35 %   1.87 %
-    full_moon       -0.19 %  1.29 %   1.62 %
-    quarter_moon    -0.19 %  1.29 %   1.62 %
-    starlight       -0.16 %  1.50 %   1.86 %
-    airglow         -0.20 %  1.60 %   2.00 %
-    overcast_night  -0.20 %  1.57 %   2.00 %
+The table tells, by image size and number of frames, how many rays baking takes for each sample of
+all frames, and the ratio of CPU-seconds at equal error: the path tracer's error falls as the root
+of its samples. `auto` bakes where that ratio is foreseen to be below a half
+(`render/baking/choice.py`, which also holds the cost of a ray in units of another, measured here).
 """
 
+import argparse
+import math
 import time
 from collections.abc import Callable
 from typing import Any
@@ -27,9 +20,12 @@ from typing import Any
 import numpy as np
 
 from megalopta.config.model import Configuration, load
-from megalopta.render import SceneRenderer, frame_seed
+from megalopta.render import RenderNoise, RunningMean, SceneRenderer, frame_seed
+from megalopta.render.baking.light import BakedLight
 from megalopta.scenes.build import build_scene
 from megalopta.scenes.lighting.levels import LEVELS
+
+_REFERENCE = 32
 
 
 def renderer(configuration: Configuration, integrator: str) -> SceneRenderer:
@@ -37,8 +33,7 @@ def renderer(configuration: Configuration, integrator: str) -> SceneRenderer:
         configuration.scene, configuration.light, configuration.camera, configuration.trajectory
     )
     settings = configuration.render.model_copy(update={"integrator": integrator})
-    poses = configuration.trajectory.poses()
-    return SceneRenderer(scene, configuration.camera, settings, poses)
+    return SceneRenderer(scene, configuration.camera, settings, configuration.trajectory.poses())
 
 
 def cpu_seconds(work: Callable[[], Any]) -> tuple[float, Any]:
@@ -47,101 +42,112 @@ def cpu_seconds(work: Callable[[], Any]) -> tuple[float, Any]:
     return time.process_time() - start, result
 
 
-def images(rendering: SceneRenderer, pose: np.ndarray, seeds: int) -> np.ndarray:
-    frames = [rendering.radiance(pose, frame_seed(0, seed)) for seed in range(seeds)]
-    return np.array(frames, dtype=np.float64)
+def stated(rendering: SceneRenderer, pose: np.ndarray) -> tuple[RenderNoise, np.ndarray]:
+    """Stated noise of a frame, and which of its pixels show surfaces alone."""
+    passes, measured = RunningMean(), rendering.measured(pose, frame_seed(0, 1))
+    for image in (rendering.radiance(pose, frame_seed(0, 0)), measured.radiance):
+        passes.add(image)
+    return passes.noise(1, measured.standing, measured.sky), measured.sky == 0
 
 
-def errors(path: np.ndarray, baked: np.ndarray) -> dict[str, float]:
-    """Relative errors of stacks (seeds, H, W) of one view."""
-    level = path.mean()
-    spread = [np.sqrt(stack.var(axis=0, ddof=1).mean()) / level for stack in (path, baked)]
-    differences = (baked - path) / level
-    noise = differences.var(axis=0, ddof=1).mean() / len(differences)
-    bias = np.sqrt(max((differences.mean(axis=0) ** 2).mean() - noise, 0))
-    return {
-        "path": float(spread[0]),
-        "baked": float(np.hypot(spread[1], bias)),
-        "difference": float(bias),
-        "noise of difference": float(np.sqrt(noise)),
-        "mean": float(differences.mean()),
+def accuracy(preset: str, level: str) -> None:
+    """Stated against true error of a baked frame."""
+    changes = {
+        "scene.preset": preset,
+        "light.level": level,
+        "camera.width": "80",
+        "camera.height": "80",
+        "trajectory.frames": "100",
     }
-
-
-def accuracy(level: str) -> None:
-    configuration = load(
-        "demo",
-        {
-            "light.level": level,
-            "camera.width": "80",
-            "camera.height": "80",
-            "trajectory.frames": "100",
-        },
-    )
+    configuration = load("demo", changes)
     pose = configuration.trajectory.poses()[50]
-    path, baked = (images(renderer(configuration, name), pose, 16) for name in ("path", "baked"))
-    total = errors(path.sum(axis=-1), baked.sum(axis=-1))
-    worst = max(
-        errors(path[..., band], baked[..., band])["difference"] for band in range(path.shape[-1])
+    path, baked = (renderer(configuration, name) for name in ("path", "baked"))
+    noise, part = stated(baked, pose)
+    paths, quick = (
+        np.array([each.radiance(pose, seed).sum(axis=-1) for seed in range(_REFERENCE)], float)
+        for each in (path, baked)
     )
+    differences, level_of_light = quick - paths, paths[:, part].mean()
+    left = differences.var(axis=0, ddof=1) / _REFERENCE
+    standing = (differences.mean(axis=0) ** 2 - left)[part].mean()
+    true = math.sqrt(max(standing, 0) + quick.var(axis=0, ddof=1)[part].mean()) / level_of_light
+    surface = noise.surface
+    assert surface is not None
     print(
-        f"  {level:15} mean {total['mean']:+.2%} (required: 0.5 %), "
-        f"pixels {total['difference']:.2%}, worst band {worst:.2%} (required: 2 %); "
-        f"noise taken off {total['noise of difference']:.2%}",
+        f"  {preset:12} {level:15} stated {surface.rms:.2%}, true {true:.2%}, "
+        f"ratio {surface.rms / true:.2f} (required: 0.8 to 1.25); standing: stated "
+        f"{surface.standing:.2%}, true {math.sqrt(max(standing, 0)) / level_of_light:.2%} "
+        f"(required: 3 %); gradient {surface.gradient:.2%}",
         flush=True,
     )
 
 
-def sequence(level: str, frames: int, width: int) -> None:
-    configuration = load(
-        "demo",
-        {
-            "light.level": level,
-            "camera.width": str(width),
-            "camera.height": str(width),
-            "render.samples_per_pixel": "16",
-            "trajectory.frames": str(frames),
-            "trajectory.rotation_deg_s": str(3600 / frames),
-            "trajectory.velocity_m_s": "[0.15, 0.05, 0]",
-        },
-    )
+def sequence(trees: int, frames: int, width: int) -> None:
+    """One row of the table."""
+    changes = {
+        "scene.trees": str(trees),
+        "camera.width": str(width),
+        "camera.height": str(width),
+        "render.samples_per_pixel": "16",
+        "trajectory.frames": str(frames),
+        "trajectory.rotation_deg_s": str(3600 / frames),
+        "trajectory.velocity_m_s": "[0.15, 0.05, 0]",
+    }
+    configuration = load("demo", changes)
     poses = configuration.trajectory.poses()
     renderer(configuration, "path").radiance(poses[0], 0)  # compiles kernels
+    rays = counted_rays()
     (load_path, path), (load_baked, baked) = (
         cpu_seconds(lambda name=name: renderer(configuration, name)) for name in ("path", "baked")
     )
     few = np.linspace(0, frames - 1, 8).astype(int)
-    per_frame = np.mean(
-        [cpu_seconds(lambda i=i: path.radiance(poses[i], frame_seed(0, i)))[0] for i in few]
+    of_path, of_baked = (
+        np.mean([cpu_seconds(lambda i=i, each=each: each.radiance(poses[i], i))[0] for i in few])
+        for each in (path, baked)
     )
-    times = [
-        cpu_seconds(lambda i=i: baked.radiance(poses[i], frame_seed(0, i)))[0]
-        for i in range(frames)
-    ]
-    once = load_baked - load_path  # cutting surfaces and the survey
-    total_s = once + sum(times)
-    pose = poses[frames // 2]
-    stacks = [images(each, pose, 16) for each in (path, baked)]
-    total = errors(*(stack.sum(axis=-1) for stack in stacks))
-    band = errors(*(stack[..., 0] for stack in stacks))
+    errors = []
+    for each in (path, baked):
+        surface = stated(each, poses[frames // 2])[0].surface
+        assert surface is not None
+        errors.append(surface.rms)
+    ratio = (load_baked - load_path + of_baked * frames) / (
+        of_path * frames * (errors[0] / errors[1]) ** 2
+    )
+    samples = frames * width**2 * 16
     print(
-        f"{level}, {width} px, 16 samples, {frames} frames:\n"
-        f"  path   {per_frame * frames:.0f} CPU-s, error of a frame {total['path']:.2%}, "
-        f"of its first band {band['path']:.2%}\n"
-        f"  baked  {total_s:.0f} CPU-s, error of a frame {total['baked']:.2%}, "
-        f"of its first band {band['baked']:.2%}; last frames {np.median(times[-20:]):.3f} s each\n"
-        f"  ratio  {total_s / per_frame / frames:.3f} (required: 0.333 at equal error)",
+        f"  {trees:5} trees, {width} px, {frames:3} frames: {sum(rays) / samples:5.1f} rays per "
+        f"sample; CPU-s of a frame {of_path:.2f} traced, {of_baked:.2f} baked, bake "
+        f"{load_baked - load_path:.0f}; error {errors[0]:.1%} and {errors[1]:.1%}; "
+        f"ratio at equal error {ratio:.2f}",
         flush=True,
     )
 
 
+def counted_rays() -> list[int]:
+    """A list that grows with the rays of every bake from now on."""
+    rays: list[int] = []
+    bake = BakedLight.bake
+
+    def counting(light: BakedLight, cell: Any) -> None:
+        rays.append(light.rays_of(cell))
+        bake(light, cell)
+
+    BakedLight.bake = counting  # type: ignore[method-assign]
+    return rays
+
+
 def main() -> None:
-    print("errors are relative to the mean of the image, not to the surfaces, which are darker")
-    print("baked against path tracing, difference of converged frames:")
-    for level in LEVELS:
-        accuracy(level)
-    for level in ("twilight", "daylight"):
-        sequence(level, 400, 240)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--trees", type=int, default=1000)
+    trees = parser.parse_args().trees
+    print("stated and true error of baked frames, on surfaces:")
+    for preset in ("open", "clearing", "understorey", "dense"):
+        for level in LEVELS:
+            accuracy(preset, level)
+    print("cost by image size and frames (required: ratio 0.5 at 251 px, 100 frames):")
+    for width in (120, 180, 251):
+        for frames in (10, 30, 100, 400):
+            sequence(trees, frames, width)
 
 
 if __name__ == "__main__":

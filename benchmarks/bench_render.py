@@ -20,8 +20,8 @@ import numpy as np
 
 from megalopta.config.model import load
 from megalopta.dataset.store import Dataset
+from megalopta.render.path_tracing import PathIntegrator
 from megalopta.render.scene_renderer import SceneRenderer
-from megalopta.render.sensors import film
 from megalopta.render.settings import RenderSettings
 from megalopta.render.truth import rays
 from megalopta.scenes.build import build_scene
@@ -149,7 +149,7 @@ def compare_truth(frames: int) -> None:
 def main() -> None:
     compare_truth(4)
     compare_cameras(5)
-    film.trace_paths = timed(film.trace_paths)
+    PathIntegrator.render = timed(PathIntegrator.render)  # type: ignore[method-assign]
     for name in ("nearest_hits", "blocked"):
         setattr(rays, name, timed(getattr(rays, name)))
     run(24, {})

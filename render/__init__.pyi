@@ -14,9 +14,14 @@ from .mitsuba_loader import (
     mi as mi,
 )
 from .noise import (
-    MEASURED_EVERY as MEASURED_EVERY,
+    MeasuredPass as MeasuredPass,
+    RegionNoise as RegionNoise,
     RenderNoise as RenderNoise,
     RunningMean as RunningMean,
+    neighbor_differences as neighbor_differences,
+)
+from .repeats import (
+    MEASURED_EVERY as MEASURED_EVERY,
     render_once as render_once,
     render_until as render_until,
 )

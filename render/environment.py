@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from megalopta.render.bands import Bands
 from megalopta.render.illuminance import Illuminance, LightSurvey
 from megalopta.render.mitsuba_loader import mi
+from megalopta.render.noise import MeasuredPass
+from megalopta.render.views import Exposure
 from megalopta.scenes.cameras import Camera
 from megalopta.scenes.spectra import Spectrum, luminous
 from megalopta.scenes.world import Environment
@@ -46,7 +48,7 @@ class EnvironmentView:
         """Points per pixel."""
         return self._grid**2
 
-    def radiance(self, pose: NDArray[np.float64], seed: int = 0, instants: int = 1) -> Floats:
+    def radiance(self, pose: NDArray[np.float64], seed: int = 0) -> Floats:
         """Spectral radiance (H, W, B) from a pose (4, 4); without noise, so without a seed."""
         rotation = pose[:3, :3].T.astype(np.float32)
         step = self._grid * max(1, POINTS_AT_ONCE // (self._grid * self._axes.shape[1]))
@@ -55,6 +57,19 @@ class EnvironmentView:
             for first in range(0, len(self._axes), step)
         ]
         return np.concatenate(strips) @ self._band_means
+
+    def measured(self, pose: NDArray[np.float64], seed: int = 0) -> MeasuredPass:
+        """The same; no pixel is told to show the sky."""
+        return _without_error(self.radiance(pose))
+
+    def exposed(self, exposure: Exposure) -> Floats:
+        """Mean of what is seen from all poses of an exposure."""
+        poses = [pose[0] for part in exposure.parts for pose in part.poses]
+        return np.asarray(np.mean([self.radiance(pose) for pose in poses], axis=0), np.float32)
+
+    def exposed_measured(self, exposure: Exposure) -> MeasuredPass:
+        """The same; no pixel is told to show the sky."""
+        return _without_error(self.exposed(exposure))
 
     def light_survey(self, positions: NDArray[np.float64]) -> LightSurvey:
         """Illuminance, measured along rays like those of the pixels, the same everywhere."""
@@ -86,6 +101,10 @@ def look_up(rgb: Floats, directions: Floats, turn_rad: float = 0.0) -> Floats:
     upper = (1 - u) * rgb[top, left] + u * rgb[top, right]
     lower = (1 - u) * rgb[bottom, left] + u * rgb[bottom, right]
     return np.asarray((1 - v) * upper + v * lower, np.float32)
+
+
+def _without_error(radiance: Floats) -> MeasuredPass:
+    return MeasuredPass(radiance, np.zeros_like(radiance), np.zeros_like(radiance[..., 0]))
 
 
 def cosine_directions(count: int) -> Floats:

@@ -4,7 +4,7 @@ The scene is loaded once; per frame only the pose and the moving objects change,
 own, since the same seed would give noise that stands still on the sensor and reads as "no motion".
 """
 
-from typing import Any, Protocol
+from pathlib import Path as Files
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,37 +13,21 @@ from megalopta.render.baking import BakedLightIntegrator, path_tracing_reason
 from megalopta.render.environment import EnvironmentView
 from megalopta.render.illuminance import LightSurvey
 from megalopta.render.loading import load_scene, merge
-from megalopta.render.mitsuba_loader import activate, mi
+from megalopta.render.mitsuba_loader import activate
+from megalopta.render.noise import MeasuredPass
+from megalopta.render.path_tracing import PathIntegrator
 from megalopta.render.settings import RenderSettings, bake_seed, instant_seed
-from megalopta.render.surface_view import SurfaceView
+from megalopta.render.surface_view import Integrator, SurfaceView
 from megalopta.render.truth import Flow, Geometry, Instant, Rolling, Truth, TruthTracer
 from megalopta.render.variant import Variant, choose_variant
+from megalopta.render.views import Exposure, View
 from megalopta.scenes import Shutter
 from megalopta.scenes.cameras import Camera
 from megalopta.scenes.trajectories import Path
 from megalopta.scenes.world import Scene
 
-
-class View(Protocol):
-    """A camera before what it sees; poses are relative to the scene's origin."""
-
-    @property
-    def samples_per_pixel(self) -> int:
-        """Light paths, or points looked up, per pixel."""
-
-    def move_to(self, time_s: float) -> None:
-        """Put moving objects where they are at a time."""
-
-    def radiance(
-        self, pose: NDArray[np.float64], seed: int, instants: int = 1
-    ) -> NDArray[np.float32]:
-        """Radiance (H, W, B) from a pose (4, 4), or (H, 4, 4) for its rows, at one of the instants.
-
-        Instants share the samples of a frame.
-        """
-
-    def light_survey(self, positions: NDArray[np.float64]) -> LightSurvey | None:
-        """Illuminance above and below camera positions (N, 3) in the world, if light has any."""
+# Poses of an exposure whose rows all begin at the same time, and of one whose rows do not.
+_POSES, _ROLLING_POSES = 256, 64
 
 
 class SceneRenderer:
@@ -55,6 +39,8 @@ class SceneRenderer:
         Where the camera will come; light is baked for these. Without them paths are traced.
     seed : int
         Seed of the sequence, for what its frames share.
+    light_folder : pathlib.Path, optional
+        Where baked light is kept for whoever renders the same again.
 
     Attributes
     ----------
@@ -76,6 +62,7 @@ class SceneRenderer:
         settings: RenderSettings,
         poses: NDArray[np.float64] | None = None,
         seed: int = 0,
+        light_folder: Files | None = None,
     ) -> None:
         self.camera = camera
         self.variant: Variant = choose_variant(settings.backend)
@@ -86,19 +73,22 @@ class SceneRenderer:
         geometry = Geometry(meshes, loaded)
         self._tracer = TruthTracer(scene, geometry, camera, settings.truth_rays)
         reason = path_tracing_reason(scene, self.variant.name, poses, settings)
-        self.integrator = f"path ({reason})" if reason else "baked"
         self._view: View
         if scene.environment:
             self._view = EnvironmentView(
                 scene.environment, camera, settings.bands_nm, settings.samples_per_pixel
             )
         else:
-            integrator: Any = mi.load_dict({"type": "path", "max_depth": settings.max_depth})
+            integrator: Integrator = PathIntegrator(settings.max_depth)
             if poses is not None and not reason:
-                integrator = BakedLightIntegrator(
-                    loaded, scene, meshes, settings, camera, self._local(poses), bake_seed(seed)
+                local, its_seed = self._local(poses), bake_seed(seed)
+                baked = BakedLightIntegrator(
+                    loaded, scene, meshes, settings, camera, local, its_seed, light_folder
                 )
+                reason = baked.reason
+                integrator = integrator if reason else baked
             self._view = SurfaceView(scene, meshes, loaded, camera, settings, integrator)
+        self.integrator = f"path ({reason})" if reason else "baked"
         self.samples_per_pixel = self._view.samples_per_pixel
 
     def radiance(
@@ -112,25 +102,48 @@ class SceneRenderer:
         self._view.move_to(time_s)
         return self._view.radiance(self._local(pose), seed)
 
-    def exposed(self, path: Path, shutter: Shutter, frame: int, seed: int) -> NDArray[np.float32]:
+    def measured(self, pose: NDArray[np.float64], seed: int, time_s: float = 0.0) -> MeasuredPass:
+        """The same as `radiance`, with what its error is known by."""
+        self._view.move_to(time_s)
+        return self._view.measured(self._local(pose), seed)
+
+    def exposed(
+        self, path: Path, shutter: Shutter, frame: int, seed: int, number: int = 0
+    ) -> NDArray[np.float32]:
         """Spectral radiance (H, W, B) of a frame as a shutter takes it: blurred, rolling or both.
 
-        The mean of several instants, each with noise of its own, from the seed of the sequence;
-        together they have about the samples per pixel of a sharp frame.
+        The samples of a sharp frame are spread over the exposure, with noise of their own from the
+        seed of the sequence and the number of the pass. Where objects move they share
+        `shutter.poses` instants, at which the objects are put.
         """
-        self._check_shutter(shutter)
-        instants = (path.times_s[frame] + shutter.instants_s).tolist()
-        is_rolling = shutter.readout_s > 0
-        rows = np.arange(self.camera.height, dtype=float) + 0.5
-        delays = shutter.delay_s(rows, self.camera.height) if is_rolling else np.zeros(1)
-        frames = []
-        for number, time in enumerate(instants):
-            self._view.move_to(time)
-            poses = self._local(path.pose_at(time + delays))
-            own_seed = instant_seed(seed, frame, number)
-            pose = poses if is_rolling else poses[0]
-            frames.append(self._view.radiance(pose, own_seed, len(instants)))
-        return np.asarray(np.mean(frames, axis=0, dtype=np.float64), dtype=np.float32)
+        return self._view.exposed(self._exposure(path, shutter, frame, seed, number))
+
+    def exposed_measured(
+        self, path: Path, shutter: Shutter, frame: int, seed: int, number: int = 0
+    ) -> MeasuredPass:
+        """The same as `exposed`, with what its error is known by."""
+        return self._view.exposed_measured(self._exposure(path, shutter, frame, seed, number))
+
+    def _exposure(
+        self, path: Path, shutter: Shutter, frame: int, seed: int, number: int
+    ) -> Exposure:
+        if shutter.readout_s and self._scene.environment:
+            raise ValueError(
+                f"shutter.readout_s {shutter.readout_s:g}: the scene is a panorama, and a rolling "
+                "shutter needs bodies; use 0"
+            )
+        is_rolling, height = shutter.readout_s > 0, self.camera.height
+        rows = (
+            shutter.delay_s(np.arange(height, dtype=float) + 0.5, height)
+            if is_rolling
+            else np.zeros(1)
+        )
+        parts = shutter.poses if self._scene.is_moving or self._scene.environment else 1
+        total = parts if self._scene.environment else _ROLLING_POSES if is_rolling else _POSES
+        parts, total = (parts, max(total, parts)) if shutter.exposure_s else (1, 1)
+        seeds = [instant_seed(seed, frame, part, number) for part in range(parts)]
+        exposure = Exposure.of(path, shutter, frame, rows, seeds, -(-total // parts))
+        return exposure.relative_to(self._local)
 
     def light_survey(self, positions: NDArray[np.float64]) -> LightSurvey | None:
         """Illuminance above and below camera positions (N, 3); None where only surfaces emit."""
@@ -177,8 +190,8 @@ class SceneRenderer:
         if shutter.readout_s and (is_moving or self._scene.environment):
             what = "objects move" if is_moving else "the scene is a panorama"
             raise ValueError(
-                f"shutter.readout_s {shutter.readout_s:g}: {what}, and a rolling shutter needs "
-                "bodies at rest; use 0"
+                f"shutter.readout_s {shutter.readout_s:g}: {what}, and truth of a rolling shutter "
+                "needs bodies at rest; use 0"
             )
 
     def _instant(

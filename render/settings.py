@@ -40,20 +40,22 @@ class RenderSettings(Record, frozen=True):
     sampling; multijitter wastes the least by rounding (benchmarks/bench_sampler.py)."""
 
     target_error: Annotated[float, Field(gt=0, lt=1)] | None = None
-    """Median relative error of a pixel (sum over bands) to stop at: passes of samples_per_pixel are
-    added up, two at least, until it is met; None renders one pass."""
+    """RMS error to stop at, of pixels without sky, over their mean (sum over bands): passes of
+    samples_per_pixel are added up, two at least, until it is met; None renders one pass. Where
+    light is baked, its own error is at most half of this."""
 
     max_passes: Annotated[int, Field(ge=2, le=10_000)] = 16
     """Passes at which a frame is finished even if target_error is not met."""
 
     integrator: Literal["auto", "path", "baked"] = "auto"
     """path traces every path of every frame; baked computes the light on each surface once, which
-    all views share; auto bakes where nothing moves and there are frames enough to pay for it.
-    Scalar variants and scenes with moving objects always take path."""
+    all views share, and traces paths for objects that move and what is near them; auto bakes where
+    frames of the same error on surfaces then cost half. Scalar variants, and scenes where more than
+    16 objects move, always take path."""
 
-    bake_samples: Annotated[int, Field(ge=1, le=2**16)] = 32
-    """Light paths per baked cell, a piece of one side of a triangle that is up to 4 pixels long;
-    cells that fill little of the sequence take a quarter or a sixteenth."""
+    bake_error: Annotated[float, Field(gt=0, lt=1)] = 0.018
+    """Error of baked light that stands on surfaces in all frames alike: RMS over pixels without
+    sky, relative to their mean (sum over bands). As many rays are traced as bring it there."""
 
     truth_rays: Annotated[int, Field(ge=1, le=1024)] = 16
     """Rays per pixel, rounded up to a square, from which the truth tells what the whole pixel sees:
@@ -67,6 +69,11 @@ class RenderSettings(Record, frozen=True):
     """Most light paths of a frame traced at once: Ctrl-C waits for them. By default one or two
     seconds' work, 2¹⁹ in scalar, 2²⁰ in llvm and 2²⁴ in cuda mode. How a frame is divided is part
     of what seeds its noise."""
+
+    @property
+    def standing_error(self) -> float:
+        """Error of baked light to aim at."""
+        return min(self.bake_error, (self.target_error or 1) / 2)
 
     @model_validator(mode="after")
     def _bands_are_intervals(self) -> "RenderSettings":
@@ -88,9 +95,12 @@ def frame_seed(seed: int, frame: int, *parts: int) -> int:
     return int(np.random.SeedSequence(seed, spawn_key=(frame, *parts)).generate_state(1)[0])
 
 
-def instant_seed(seed: int, frame: int, instant: int) -> int:
-    """Mitsuba's 32-bit seed of one instant of a frame's exposure, unrelated to all others."""
-    return frame_seed(seed, frame, 0, instant)
+def instant_seed(seed: int, frame: int, instant: int, number: int = 0) -> int:
+    """Mitsuba's 32-bit seed of one instant of a frame's exposure, unrelated to all others.
+
+    `number` is that of the pass.
+    """
+    return frame_seed(seed, frame, number, instant)
 
 
 def bake_seed(seed: int) -> int:

@@ -1,22 +1,37 @@
 """Surfaces seen by a camera: light paths from its pixels, over objects that may move."""
 
 import math
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.render.illuminance import LightMeter, LightSurvey
 from megalopta.render.loading import MergedMesh, MovingMesh, move_meshes
+from megalopta.render.noise import MeasuredPass
 from megalopta.render.sensors import Film
 from megalopta.render.settings import RenderSettings
+from megalopta.render.views import Exposure
 from megalopta.scenes.cameras import Camera
 from megalopta.scenes.world import Scene
 
 
+class Integrator(Protocol):
+    """How the light that arrives at a sensor is found."""
+
+    def move_to(self, time_s: float) -> None:
+        """Take notice of a new time."""
+
+    def render(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
+        """Radiance (H, W, B) that a sensor sees, band means, W·m⁻²·sr⁻¹·nm⁻¹."""
+
+    def measured(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
+        """Radiance, a draw of its standing error and the share of the sky (H, W, 2·B + 1)."""
+
+
 class SurfaceView:
-    """A camera in a loaded scene, and Mitsuba's integrator that follows its paths."""
+    """A camera in a loaded scene, and the integrator that finds its light."""
 
     def __init__(
         self,
@@ -25,7 +40,7 @@ class SurfaceView:
         loaded: Any,
         camera: Camera,
         settings: RenderSettings,
-        integrator: Any,
+        integrator: Integrator,
     ) -> None:
         self._scene, self._loaded, self._integrator = scene, loaded, integrator
         self._camera, self._settings = camera, settings
@@ -33,12 +48,12 @@ class SurfaceView:
             index: mesh for index, mesh in enumerate(meshes) if isinstance(mesh, MovingMesh)
         }
         self._time_s = 0.0
-        self._films: dict[tuple[int, bool], Film] = {}
+        self._films: dict[tuple[int, bool, bool], Film] = {}
 
     @property
     def samples_per_pixel(self) -> int:
         """Light paths per pixel as the sampler rounds them."""
-        return self._film(1, False).samples_per_pixel
+        return self._film(1).samples_per_pixel
 
     def move_to(self, time_s: float) -> None:
         """Put moving objects where they are at a time."""
@@ -50,23 +65,29 @@ class SurfaceView:
             {index: mesh.vertices_at(time_s) for index, mesh in self._moving.items()},
             {index: each for index, each in normals.items() if each is not None},
         )
+        self._integrator.move_to(time_s)
         self._time_s = time_s
 
-    def radiance(
-        self, pose: NDArray[np.float64], seed: int, instants: int = 1
-    ) -> NDArray[np.float32]:
-        """Radiance (H, W, B) from a pose, or one for each row, at one of the instants of a frame.
+    def radiance(self, pose: NDArray[np.float64], seed: int) -> NDArray[np.float32]:
+        """Radiance (H, W, B) from a pose (4, 4).
 
         Raises FloatingPointError when Mitsuba returns a value that is not finite.
         """
-        film = self._film(instants, pose.ndim == 3)
-        radiance = film.expose(self._integrator, self._loaded, pose, seed)
-        if not np.isfinite(radiance).all():
-            raise FloatingPointError(
-                "the renderer returned radiance that is not finite: look for NaN in textures, "
-                "spectra or vertices"
-            )
-        return radiance
+        film = self._film(1)
+        return _finite(film.expose(self._integrator.render, self._loaded, pose, seed))
+
+    def measured(self, pose: NDArray[np.float64], seed: int) -> MeasuredPass:
+        """The same, with what its error is known by."""
+        film = self._film(1)
+        return _parts(film.expose(self._integrator.measured, self._loaded, pose, seed))
+
+    def exposed(self, exposure: Exposure) -> NDArray[np.float32]:
+        """Radiance (H, W, B) as a shutter takes it."""
+        return _finite(self._exposed(self._integrator.render, exposure))
+
+    def exposed_measured(self, exposure: Exposure) -> MeasuredPass:
+        """The same, with what its error is known by."""
+        return _parts(self._exposed(self._integrator.measured, exposure))
 
     def light_survey(self, positions: NDArray[np.float64]) -> LightSurvey | None:
         """Illuminance above and below positions (N, 3); None where only surfaces emit."""
@@ -76,9 +97,40 @@ class SurfaceView:
         meter = LightMeter(self._loaded, lighting.sun, self._settings.max_depth)
         return meter.survey(positions - self._scene.origin_m)
 
-    def _film(self, instants: int, has_row_poses: bool) -> Film:
+    def _exposed(
+        self, trace: Callable[..., NDArray[np.float32]], exposure: Exposure
+    ) -> NDArray[np.float32]:
+        """Mean over the instants at which moving objects are put; the camera never rests."""
+        row_by_row = bool(self._moving) and exposure.is_rolling
+        film = self._film(len(exposure.parts), True, row_by_row)
+        images = []
+        for part in exposure.parts:
+            times = part.row_times_s
+            self.move_to(times[0])
+            before = (lambda row, at=times: self.move_to(at[row])) if row_by_row else None
+            images.append(film.expose(trace, self._loaded, part.poses, part.seed, before))
+        return np.asarray(np.mean(images, axis=0, dtype=np.float64), dtype=np.float32)
+
+    def _film(self, instants: int, is_exposed: bool = False, row_by_row: bool = False) -> Film:
         """The film of one instant; all instants share the samples of a sharp frame."""
-        key = math.ceil(self._settings.samples_per_pixel / instants), has_row_poses
+        samples = math.ceil(self._settings.samples_per_pixel / instants)
+        key = samples, is_exposed, row_by_row
         if key not in self._films:
             self._films[key] = Film(self._camera, self._settings, *key)
         return self._films[key]
+
+
+def _parts(image: NDArray[np.float32]) -> MeasuredPass:
+    """The parts of what `measured` of an integrator gives (H, W, 2·B + 1)."""
+    bands = image.shape[-1] // 2
+    radiance, standing, sky = image[..., :bands], image[..., bands:-1], image[..., -1]
+    return MeasuredPass(_finite(radiance), standing, sky)
+
+
+def _finite(radiance: NDArray[np.float32]) -> NDArray[np.float32]:
+    if not np.isfinite(radiance).all():
+        raise FloatingPointError(
+            "the renderer returned radiance that is not finite: look for NaN in textures, "
+            "spectra or vertices"
+        )
+    return radiance

@@ -22,8 +22,9 @@ class Shutter(Record, frozen=True):
     its own exposure_s: give both alike."""
 
     poses: Annotated[int, Field(ge=1, le=10_000)] = 8
-    """Instants of the exposure whose mean is the blurred frame; they share the samples per pixel.
-    As many as the fastest image moves in px leave no steps."""
+    """Instants of the exposure at which moving objects are put; they share the samples per pixel.
+    As many as the fastest object moves in px leave no steps. The camera moves without any, by 64
+    or more poses per exposure."""
 
     readout_s: Annotated[float, Field(ge=0)] = 0.0
     """Rolling shutter: time from the middle of the first row's exposure to the last row's (s);
@@ -33,13 +34,6 @@ class Shutter(Record, frozen=True):
     def is_instant(self) -> bool:
         """Whether frames are taken at an instant, all rows at once."""
         return self.exposure_s == 0 and self.readout_s == 0
-
-    @property
-    def instants_s(self) -> Float64:
-        """Times (n,) in the middle of equal parts of the exposure, from its middle, s."""
-        if self.exposure_s == 0:
-            return np.zeros(1)
-        return self.exposure_s * ((np.arange(self.poses) + 0.5) / self.poses - 0.5)
 
     def delay_s(self, y: Float64, height: int) -> Float64:
         """Time from the frame's to that of places y (px from the upper edge) in the image, s.

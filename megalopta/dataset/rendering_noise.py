@@ -1,31 +1,31 @@
-"""What is known of the rendering's noise, from the headers of a dataset's frames.
+"""What is known of the rendering's error, from the headers of the frames that sensors see.
+
+Figures are of pixels without sky where there are any, else of the whole image.
 
 median_relative, rms_over_mean     over the measured frames, median and mean square
 equivalent_photons_per_pixel       Poisson counts that scatter as much as pixels of the median block
-mean, covariance                   of bands and of their noise, averaged over measured frames
-detail                             of the scene, like covariance: half the mean product of the
-                                   differences between neighboring pixels, less that of the noise
+mean, covariance, detail           of bands, of their error and of the scene (`RenderNoise`),
+                                   averaged over measured frames
+surface, sky                       `RegionNoise` of either, over the measured frames: medians of
+                                   median and p95, mean squares of other errors, means of shares;
+                                   None where no pixel is of that kind
 measured_frames                    numbers of the frames that were measured, from 0
 samples_per_pixel, median_relative_of_frames, rms_over_mean_of_frames
                                    of every frame; between measured frames, interpolated
 """
 
-import math
-from collections.abc import Mapping
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from megalopta.dataset.store import Dataset
 from megalopta.errors import UserError
-from megalopta.render import RenderNoise, read_attributes, read_radiance
+from megalopta.render import RegionNoise, RenderNoise, read_attributes
 
 ATTRIBUTE = "monteCarlo"
 """Name of the header attribute with a measured frame's noise."""
-
-_MOST_READ = 4
-"""Frames whose detail is looked at."""
 
 
 def noise_record(dataset: Dataset, samples_per_pass: int) -> dict[str, Any] | None:
@@ -44,7 +44,9 @@ def noise_record(dataset: Dataset, samples_per_pass: int) -> dict[str, Any] | No
         "equivalent_photons_per_pixel": 1 / max(typical, 1e-6) ** 2,
         "mean": np.mean([each.mean for each in found.values()], axis=0).tolist(),
         "covariance": np.mean([each.covariance for each in found.values()], axis=0).tolist(),
-        "detail": _detail(dataset, found).tolist(),
+        "detail": np.mean([each.detail for each in found.values()], axis=0).tolist(),
+        "surface": _region([each.surface for each in found.values()]),
+        "sky": _region([each.sky for each in found.values()]),
         "measured_frames": measured,
         "samples_per_pixel": [
             samples_per_pass * (found[index].passes if index in found else 1) for index in frames
@@ -54,27 +56,23 @@ def noise_record(dataset: Dataset, samples_per_pass: int) -> dict[str, Any] | No
     }
 
 
-def _detail(dataset: Dataset, found: Mapping[int, RenderNoise]) -> NDArray[np.float64]:
-    """Covariance (B, B) between bands of what neighboring pixels differ by, without noise."""
-    some = list(found)[:: math.ceil(len(found) / _MOST_READ)]
-    details = [
-        neighbor_differences(read_radiance(dataset.radiance(index))[0]) - found[index].covariance
-        for index in some
-    ]
-    return np.asarray(np.mean(details, axis=0))
-
-
-def neighbor_differences(radiance: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Half the mean product (B, B) of the differences between neighbors in rows and columns."""
-    pixels = radiance.astype(np.float64)
-    bands = pixels.shape[-1]
-    along = [np.diff(pixels, axis=axis).reshape(-1, bands) for axis in (0, 1)]
-    differences = np.concatenate(along)
-    return differences.T @ differences / (2 * max(len(differences), 1))
+def _region(regions: Sequence[RegionNoise | None]) -> dict[str, Any] | None:
+    """One region over the frames in which there is any of it."""
+    seen = [asdict(each) for each in regions if each]
+    if not seen:
+        return None
+    combine: dict[str, Callable[[Any], Any]] = {
+        **dict.fromkeys(("share", "gradient"), np.mean),
+        **dict.fromkeys(("median", "p95"), np.median),
+        **dict.fromkeys(("rms", "standing"), lambda values: np.sqrt(np.mean(np.square(values)))),
+    }
+    record = {name: float(how([each[name] for each in seen])) for name, how in combine.items()}
+    bands = np.sqrt(np.mean(np.square([each["bands"] for each in seen]), axis=0)).tolist()
+    return {**record, "bands": bands}
 
 
 def _noise(dataset: Dataset, index: int) -> RenderNoise | None:
-    path = dataset.radiance(index)
+    path = dataset.exposed_radiance(index)
     try:
         text = read_attributes(path).get(ATTRIBUTE)
         return RenderNoise.from_json(text) if text else None

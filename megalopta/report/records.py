@@ -19,6 +19,16 @@ Record = Mapping[str, Any]
 _Read = TypeVar("_Read")
 
 
+class _Region(TypedDict):
+    share: FiniteFloat
+    rms: FiniteFloat
+    median: FiniteFloat
+    p95: FiniteFloat
+    bands: list[FiniteFloat]
+    gradient: FiniteFloat
+    standing: FiniteFloat
+
+
 class _MonteCarlo(TypedDict):
     median_relative: FiniteFloat | None
     rms_over_mean: FiniteFloat
@@ -26,6 +36,8 @@ class _MonteCarlo(TypedDict):
     mean: NotRequired[list[FiniteFloat]]
     covariance: NotRequired[list[list[FiniteFloat]]]
     detail: NotRequired[list[list[FiniteFloat]]]
+    surface: NotRequired[_Region | None]
+    sky: NotRequired[_Region | None]
 
 
 class _Lux(TypedDict):

@@ -1,7 +1,8 @@
 """What the report says about the noise of the rendering itself.
 
-A path tracer gathers random samples, so the "noise-free" frames are themselves a little noisy. The
-render stage measures how much: `monte_carlo` in the scene record.
+Light is gathered by random samples, so the "noise-free" frames are themselves a little noisy. The
+render stage measures how much, on pixels without sky where there are any: `monte_carlo` in the
+scene record.
 """
 
 from collections.abc import Mapping
@@ -23,6 +24,8 @@ class RenderNoise:
     """RMS of the noise over the mean of the light"""
     photons: str
     """Photons per pixel that are as noisy"""
+    surfaces: str
+    """What of it stands on surfaces, fakes their texture and is in the sky; empty if not known."""
     caution: bool
     """Whether there is so much of it that the reader should be warned."""
 
@@ -37,5 +40,24 @@ def render_noise(record: Mapping[str, Any]) -> RenderNoise | None:
         percent(relative),
         percent(measured["rms_over_mean"]),
         number(measured["equivalent_photons_per_pixel"]),
+        _surfaces(measured.get("surface"), measured.get("sky")),
         relative > _CAUTION,
     )
+
+
+def _surfaces(surface: Mapping[str, Any] | None, sky: Mapping[str, Any] | None) -> str:
+    if not surface:
+        return ""
+    text = (
+        f"On pixels without sky the error is {percent(surface['rms'])} of their mean light (RMS; "
+        f"{percent(surface['p95'])} or less of a pixel's in 95 % of the image) and makes "
+        f"{percent(surface['gradient'])} of the squared differences between neighbors."
+    )
+    if surface["standing"]:
+        text += (
+            f" {percent(surface['standing'])} (RMS) is that of baked light: the same in all "
+            "frames, it moves with the surfaces as texture does."
+        )
+    if sky:
+        text += f" In the sky it is {percent(sky['rms'])} of the sky's light."
+    return text

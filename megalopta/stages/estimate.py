@@ -153,7 +153,7 @@ def _render(settings: Configuration) -> Estimate:
     frames, pixels = _frames_and_pixels(settings)
     shutter, bands = settings.shutter, len(settings.render.bands_nm)
     passes = settings.render.max_passes if settings.render.target_error else 1
-    times = passes if shutter.is_instant else passes + 1
+    times = passes if shutter.is_instant else 2 * passes
     samples = float(frames * pixels * settings.render.samples_per_pixel * times)
     per_s = _SAMPLES_PER_S if settings.scene.has_bounces else _DIRECT_SAMPLES_PER_S
     truths = 2 if shutter.readout_s else 1
@@ -165,8 +165,7 @@ def _render(settings: Configuration) -> Estimate:
         samples,
         disk_bytes=frames * pixels * per_pixel,
         memory_bytes=pixels * (_RENDERED_BYTES + 16 * bands) + frames * _POSE_BYTES,
-        seconds=frames * (_FRAME_S + settings.shutter.poses * (0.01 if radiances > 1 else 0))
-        + samples / per_s,
+        seconds=frames * _FRAME_S * radiances + samples / per_s,
     )
 
 

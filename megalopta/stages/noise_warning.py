@@ -8,7 +8,8 @@ the detail. In bright light no rendering is as clean as the photons are.
 Compared are variances of a pixel's reading, averaged over the image: that of the rendering, from
 the covariance of the bands' noise and what the sensor makes of each band, that of Poisson arrivals,
 light and dark counts together, and half the mean square that neighbors differ by without noise.
-Bright parts count most in such averages; how noisy the typical pixel is, the scene record says.
+All are of pixels without sky, where motion is read; in a picture of sky alone, of all. The error of
+baked light is part of the rendering's.
 """
 
 import math
@@ -105,7 +106,7 @@ def noise_warning(
 
 def _remedy(noise: Mapping[str, Any], settings: Configuration, share: float) -> str:
     if settings.render.target_error is not None:
-        aim = noise["median_relative"] * math.sqrt(LIMIT / share)
+        aim = noise["rms_over_mean"] * math.sqrt(LIMIT / share)
         return f"render.target_error {aim:.2g} would do"
     now = max(noise["samples_per_pixel"])
     return f"render.samples_per_pixel {_two_digits(now * share / LIMIT)} would do, now {now}"

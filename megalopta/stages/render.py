@@ -1,7 +1,7 @@
 """The render stage: scene to radiance and ground truth of every frame, on disk."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -13,10 +13,12 @@ from megalopta import files
 from megalopta.config import Configuration
 from megalopta.dataset import ATTRIBUTE, Dataset, noise_record, sintel
 from megalopta.errors import UserError
-from megalopta.freshness import RENDER_MODEL, TRUTH_MODEL
+from megalopta.folders import cache_folder
+from megalopta.freshness import BAKE_MODEL, RENDER_MODEL, TRUTH_MODEL
 from megalopta.progress import progress, say
 from megalopta.render import (
     MEASURED_EVERY,
+    MeasuredPass,
     RenderNoise,
     SceneRenderer,
     choose_variant,
@@ -89,7 +91,14 @@ def build(settings: Configuration) -> Scene:
 
 def _load(scene: Scene, settings: Configuration, poses: NDArray[np.float64]) -> SceneRenderer:
     try:
-        return SceneRenderer(scene, settings.camera, settings.render, poses, settings.seed)
+        return SceneRenderer(
+            scene,
+            settings.camera,
+            settings.render,
+            poses,
+            settings.seed,
+            cache_folder() / "light",
+        )
     except ValueError as problem:
         raise UserError(f"render: {problem}") from None
 
@@ -103,7 +112,7 @@ class FrameWriter:
         scene = build(settings)
         self._poses = settings.trajectory.poses()
         self._times_s = settings.trajectory.times_s
-        self._renderer = _load(scene, settings, self._poses)
+        self._renderer = _load(scene, settings, _all_poses(settings))
         self._kinds, self._origin_m = scene.kinds, scene.origin_m
         self._motions = {
             str(index + 1): placement.motion.record()
@@ -165,10 +174,12 @@ class FrameWriter:
         """Render one frame as the shutter takes it; its seeds are unrelated to the sharp one's."""
         dataset, settings = self._dataset, self._dataset.configuration
         path, shutter = settings.trajectory, settings.shutter
-        radiance = self._renderer.exposed(path, shutter, index, settings.seed)
+        radiance, noise = self._exposed(index)
         times = {
             "exposureSeconds": repr(shutter.exposure_s), "readoutSeconds": repr(shutter.readout_s)
         }  # fmt: skip
+        if noise:
+            times[ATTRIBUTE] = noise.to_json()
         file, bands_nm = dataset.exposed_radiance(index), settings.render.bands_nm
         write_radiance(file, radiance, bands_nm, {**attributes, **times})
         if shutter.readout_s:
@@ -190,16 +201,43 @@ class FrameWriter:
         }
 
     def _radiance(self, index: int) -> tuple[NDArray[np.float32], RenderNoise | None]:
-        settings = self._dataset.configuration
+        seed, renderer = self._dataset.configuration.seed, self._renderer
+        pose, time = self._poses[index], float(self._times_s[index])
+        return self._until_good(
+            index,
+            lambda number: renderer.radiance(pose, frame_seed(seed, index, number), time),
+            lambda number: renderer.measured(pose, frame_seed(seed, index, number), time),
+        )
 
-        def render_pass(number: int) -> NDArray[np.float32]:
-            seed = frame_seed(settings.seed, index, number)
-            return self._renderer.radiance(self._poses[index], seed, float(self._times_s[index]))
+    def _exposed(self, index: int) -> tuple[NDArray[np.float32], RenderNoise | None]:
+        settings, renderer = self._dataset.configuration, self._renderer
+        frame = settings.trajectory, settings.shutter, index, settings.seed
+        return self._until_good(
+            index,
+            lambda number: renderer.exposed(*frame, number),
+            lambda number: renderer.exposed_measured(*frame, number),
+        )
 
-        target = settings.render.target_error
-        if target is None:
-            return render_once(render_pass, measured=index % MEASURED_EVERY == 0)
-        return render_until(render_pass, target, settings.render.max_passes)
+    def _until_good(
+        self,
+        index: int,
+        render_pass: Callable[[int], NDArray[np.float32]],
+        measure_pass: Callable[[int], MeasuredPass],
+    ) -> tuple[NDArray[np.float32], RenderNoise | None]:
+        """A frame from as many passes as its target takes, and its error where it is measured."""
+        settings = self._dataset.configuration.render
+        if settings.target_error is None:
+            return render_once(render_pass, None if index % MEASURED_EVERY else measure_pass)
+        return render_until(render_pass, measure_pass, settings.target_error, settings.max_passes)
+
+
+def _all_poses(settings: Configuration) -> NDArray[np.float64]:
+    """Poses that frames look from: with a shutter, also from the ends of their exposures."""
+    path, shutter = settings.trajectory, settings.shutter
+    if shutter.is_instant:
+        return path.poses()
+    reach = (shutter.exposure_s + shutter.readout_s) / 2
+    return path.pose_at((path.times_s[:, None] + reach * np.array([-1, 0, 1])).ravel())
 
 
 def _say_illuminance(light: Mapping[str, Any] | None) -> None:
@@ -216,18 +254,24 @@ def _say_illuminance(light: Mapping[str, Any] | None) -> None:
 
 
 def _say_noise(settings: Configuration, noise: Mapping[str, Any] | None) -> None:
-    if not noise or not noise["median_relative"]:
+    if not noise or not noise["rms_over_mean"]:
         return
-    typical = noise["median_relative"]
-    say(f"render: error of a pixel {typical:.2%} (median), from independent renderings")
+    surface = noise["surface"]
+    if surface is None:
+        say(f"render: error of a pixel {noise['rms_over_mean']:.2%} RMS, from two renderings")
+    else:
+        text = f"render: error on surfaces {surface['rms']:.2%} RMS, {surface['median']:.2%} median"
+        if surface["standing"]:
+            text += f", of which {surface['standing']:.2%} RMS stands on them in all frames"
+        say(text)
     target = settings.render.target_error
-    worst = max(noise["median_relative_of_frames"])
-    if target is not None and worst > target:
-        missed = sum(error > target for error in noise["median_relative_of_frames"])
+    errors = noise["rms_over_mean_of_frames"]
+    if target is not None and max(errors) > target:
+        missed = sum(error > target for error in errors)
         say(
             f"render: {missed} of {settings.trajectory.frames} frames did not meet target_error "
-            f"{target:g} in {settings.render.max_passes} passes, the worst has {worst:.2g}: raise "
-            "render.max_passes or render.samples_per_pixel"
+            f"{target:g} in {settings.render.max_passes} passes, the worst has {max(errors):.2g}: "
+            "raise render.max_passes or render.samples_per_pixel"
         )
 
 
@@ -263,6 +307,6 @@ STAGE = Stage(
     needs=(),
     outputs=_outputs,
     work=render,
-    model=lambda: f"{RENDER_MODEL}.{TRUTH_MODEL}",
+    model=lambda: f"{RENDER_MODEL}.{BAKE_MODEL}.{TRUTH_MODEL}",
     check=_check,
 )

@@ -1,4 +1,2 @@
-from .integrator import (
-    BakedLightIntegrator as BakedLightIntegrator,
-    path_tracing_reason as path_tracing_reason,
-)
+from .choice import path_tracing_reason as path_tracing_reason
+from .integrator import BakedLightIntegrator as BakedLightIntegrator

@@ -20,7 +20,7 @@ from megalopta.scenes.cameras import Camera
 
 UInt32 = NDArray[np.uint32]
 
-PIECE_PX = 4.0
+PIECE_PX = 1.0
 """Longest piece of an edge, in pixels of the camera where it comes closest."""
 TURN_RAD = 0.25
 """A shading normal turns by at most this much along a piece that is longer than a pixel (rad)."""
@@ -140,12 +140,14 @@ class Patches:
 class Sight:
     """What N rays see, in Mitsuba's types.
 
-    `mesh` and `cell` mean something where `shaded`: where a surface was hit that does not glow.
+    `mesh` and `cell` mean something where `shaded`: where a surface at rest was hit that does not
+    glow. `moving` is where such a surface was hit that is not at rest.
     """
 
     point: Any
     front: Any
     shaded: Any
+    moving: Any
     mesh: Any
     cell: Any
 
@@ -154,7 +156,7 @@ class CellFinder:
     """Which cells rays hit, inside Mitsuba."""
 
     def __init__(self, cells: Cells, loaded: Any) -> None:
-        self._meshes = MeshIndex(loaded)
+        self._index, self._at_rest = MeshIndex(loaded), len(cells.first_face)
         self._first_face = mi.UInt(cells.first_face)
         self._first_cell = mi.UInt(cells.first_cell)
         self._origin = mi.UInt(cells.origin)
@@ -165,10 +167,12 @@ class CellFinder:
         hit = loaded.ray_intersect_preliminary(rays, coherent=True)
         point = hit.compute_surface_interaction(rays, mi.RayFlags.All)
         front = point.wi.z > 0
-        shaded = point.is_valid() & ~point.shape.is_emitter()
-        mesh = self._meshes.of(hit)
-        cell = self.find(hit, mesh, front, shaded)
-        return Sight(point, front, shaded, mesh, cell)
+        dull = point.is_valid() & ~point.shape.is_emitter()
+        mesh = self._index.of(hit)
+        # Moving meshes come after those that were cut.
+        at_rest = mesh < self._at_rest
+        cell = self.find(hit, mesh, front, dull & at_rest)
+        return Sight(point, front, dull & at_rest, dull & ~at_rest, mesh, cell)
 
     def find(self, hit: Any, mesh: Any, front: Any, active: Any) -> Any:
         """Cell of preliminary intersections (N,) with meshes on their front or back sides."""

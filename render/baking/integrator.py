@@ -1,63 +1,55 @@
 """Frames from light that was computed once: primary rays alone, and a look at the sun.
 
-Every sample of a pixel looks up what its surface sends out (`bake`), weighs the two reflectances by
-the surface's texture, and, where there is a sun or moon, sends one more ray there: shadow edges are
-as sharp as those of the path tracer. What glows, sky included, is seen as it is. Cells that no
-frame has seen before are computed when they are first seen, so only what the camera sees is baked.
+Every sample of a pixel looks up what its surface sends out (`light`), weighs the two reflectances
+by the surface's texture, and, where there is a sun or moon, sends one more ray there: shadow edges
+are as sharp as those of the path tracer. What glows, sky included, is seen as it is. Cells that the
+survey of the sequence did not meet are computed when a frame first sees them, so only what the
+camera sees is baked. Of objects that move, and of what is near them, paths are traced.
 """
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.render import Bands, RenderSettings, dr, mi
+from megalopta.render import RenderSettings, dr, mi
 from megalopta.render.baking.cells import CellFinder, Cells, Sight
-from megalopta.render.baking.light import BakedLight, reflectances, wavelength_groups
-from megalopta.render.baking.visibility import survey
-from megalopta.render.loading import DISC_POINTS, MergedMesh, bitmap
+from megalopta.render.baking.choice import cost_reason
+from megalopta.render.baking.gathering import Gatherer, wavelength_groups
+from megalopta.render.baking.light import LEAST_RAYS, MOST_RAYS, BakedLight
+from megalopta.render.baking.moving import Neighborhood
+from megalopta.render.baking.shading import SunLight, Textures
+from megalopta.render.baking.store import LightStore, key_of
+from megalopta.render.baking.visibility import survey, views
+from megalopta.render.loading import MergedMesh, MovingMesh, part_of_scene
+from megalopta.render.sensors import pixel_means
 from megalopta.scenes.cameras import Camera
-from megalopta.scenes.world import Scene, Sun
+from megalopta.scenes.world import Scene
 
-# Samples traced at once: what they saw is kept until all cells they saw are baked.
-SAMPLES_AT_ONCE = 2**22
-# Samples per pixel in a whole sequence from which on baking pays, in units of `bake_samples`. A
-# frame sees fewer cells than it has samples, and few cells take all of `bake_samples`.
-_PAYS_FROM = 8
-# Wavelengths of a band's mean.
-_GRID = 2**10
-
-
-def path_tracing_reason(
-    scene: Scene, variant: str, poses: NDArray[np.float64] | None, settings: RenderSettings
-) -> str:
-    """Why frames are rendered by path tracing; empty where their light is baked.
-
-    Poses (T, 4, 4) are those of the sequence, where it is known.
-    """
-    if settings.integrator == "path":
-        return "as asked"
-    if variant.startswith("scalar"):
-        return "baking needs a vectorized variant"
-    if not scene.placements:
-        return "there is no surface to bake light on"
-    if scene.is_moving:
-        return "objects move, and with them light and shadow on all others"
-    if poses is None:
-        return "the camera's path is not known"
-    samples = len(poses) * settings.samples_per_pixel
-    if settings.integrator == "auto" and samples < _PAYS_FROM * settings.bake_samples:
-        return f"{samples} samples per pixel in all frames are too few to pay for baking"
-    return ""
+# Frames, and rays per pixel of each, that show how many rays the stated error takes.
+_PILOT_FRAMES, _PILOT_RAYS = 4, 32
+# The error of a cell falls as this power of its rays; of independent rays it would be 0.5.
+_DECAY = 0.54
 
 
 class BakedLightIntegrator:
     """A scene whose light is baked as cameras see it.
 
     The poses (T, 4, 4) of the sequence are relative to the scene's origin: where it comes close
-    surfaces are cut finely, and what it sees much of gets the most paths. The seed has 32 bits.
+    surfaces are cut finely, and what it sees much of gets the most rays. The seed has 32 bits.
+    Light is taken from a folder, where it is kept for others.
+
+    Attributes
+    ----------
+    reason : str
+        Why nothing was baked, where that would not pay; else empty.
     """
+
+    reason = ""
 
     def __init__(
         self,
@@ -68,59 +60,92 @@ class BakedLightIntegrator:
         camera: Camera,
         poses: NDArray[np.float64],
         seed: int,
+        folder: Path | None = None,
     ) -> None:
         self._bands = settings.bands_nm
+        self._path = mi.load_dict({"type": "path", "max_depth": settings.max_depth})
+        self._moving, whole = Neighborhood(meshes), loaded
+        if self._moving:
+            meshes = [mesh for mesh in meshes if not isinstance(mesh, MovingMesh)]
+            loaded = part_of_scene(scene, loaded.shapes()[: len(meshes)])
         cells = Cells.of(meshes, camera, poses[:, :3, 3])
-        self._finder = CellFinder(cells, loaded)
-        seen = survey(loaded, self._finder, cells.count, camera, poses, seed)
-        self._light = BakedLight(loaded, scene, meshes, cells, seen, settings, seed)
-        self._textures = _Textures(scene, meshes)
+        self._finder = CellFinder(cells, whole)
+        gatherer = Gatherer(loaded, scene, meshes, cells, settings, seed)
+        self._light = BakedLight(gatherer, cells.count, len(self._bands), LEAST_RAYS)
+        self._textures = Textures(scene, meshes)
         sun = scene.lighting.sun if scene.lighting and settings.max_depth > 1 else None
-        self._sun = _Sun(scene, meshes, sun, self._bands) if sun else None
+        self._sun = SunLight(scene, meshes, sun, self._bands) if sun else None
+        store = LightStore(folder, key_of(scene, meshes, settings, camera, poses, seed))
+        kept = store.read()
+        if kept:
+            self._light.restore(kept)
+            return
+        seen = survey(loaded, self._finder, cells.count, camera, poses, seed)
+        self._light.begin(seen, LEAST_RAYS)
+        error = self._standing_error(loaded, camera, poses, seed)
+        times = math.ceil((error / settings.standing_error) ** (1 / _DECAY))
+        if times > 1:
+            self._light.begin(seen, min(LEAST_RAYS * times, MOST_RAYS))
+        wanted = np.flatnonzero(seen).astype(np.uint32)
+        if settings.integrator == "auto":
+            samples = len(poses) * camera.width * camera.height * settings.samples_per_pixel
+            self.reason = cost_reason(self._light.rays_of(wanted), samples)
+        if not self.reason:
+            self._light.bake(np.setdiff1d(wanted, self._light.baked))
+            store.write(self._light.contents())
+
+    def move_to(self, time_s: float) -> None:
+        """Take notice of where moving objects are at a time."""
+        self._moving.move_to(time_s)
 
     def render(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
         """Radiance (H, W, B) that a sensor sees, band means, W·m⁻²·sr⁻¹·nm⁻¹; as Mitsuba's own."""
-        width, height = sensor.film().crop_size()
-        pixels, samples = int(width * height), spp
-        at_once = _largest_divisor(samples, max(1, SAMPLES_AT_ONCE // pixels))
-        sampler = sensor.sampler()
-        sampler.set_samples_per_wavefront(at_once)
-        sampler.seed(seed, pixels * at_once)
-        total = [dr.zeros(mi.Float, pixels) for _ in self._bands]
-        for first in range(0, samples, at_once):
-            lane = dr.arange(mi.UInt, pixels * at_once)
-            pixel = lane // at_once
-            corner = mi.Point2f(pixel % width, pixel // width)
-            place = (mi.Float(lane - pixel * at_once + first) + 0.5) / samples
-            position = (corner + sampler.next_2d()) / mi.Point2f(width, height)
-            ray, _ = sensor.sample_ray(0.0, 0.5, position, mi.Point2f(0.5))
-            disc = sampler.next_1d() if self._sun else mi.Float(0.0)
-            seen = self._seen(scene, ray, place, disc)
-            for band, values in enumerate(seen):
-                total[band] += dr.block_sum(values, at_once) / samples
-            sampler.advance()
-            sampler.schedule_state()
-            dr.eval(total)
-        return np.stack([np.array(values) for values in total], axis=-1).reshape(
-            height, width, len(self._bands)
+        return pixel_means(
+            sensor, seed, spp, lambda *each: self._seen(scene, *each)[: len(self._bands)]
         )
 
-    def _seen(self, scene: Any, ray: Any, place: Any, disc: Any) -> list[Any]:
-        """Radiance of each band along rays.
+    def measured(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
+        """Radiance, a draw of its standing error and the share of the sky (H, W, 2·B + 1)."""
+        return pixel_means(sensor, seed, spp, lambda *each: self._seen(scene, *each))
 
-        `place` is that of the wavelength in its band, `disc` a number from 0 to 1 that chooses the
-        point of the sun's disc.
+    def _seen(self, scene: Any, ray: Any, place: Any, sampler: Any) -> list[Any]:
+        """Radiance of each band along rays, a draw of its standing error, and whether it is sky.
+
+        `place` is that of the wavelength in its band. The sampler chooses the point of the sun's
+        disc, and paths.
         """
         sight = self._finder.look(scene, ray)
+        if not self._moving:
+            return self._at_rest(scene, sight, place, sampler)
+        traced = sight.moving | (sight.shaded & self._moving.holds(sight.point.p))
+        rest = replace(sight, shaded=sight.shaded & ~traced)
+        seen = self._at_rest(scene, rest, place, sampler)
+        paths = self._traced(scene, ray, place, sampler, traced)
+        seen[: len(paths)] = [a + b for a, b in zip(seen, paths, strict=False)]
+        return seen
+
+    def _at_rest(self, scene: Any, sight: Sight, place: Any, sampler: Any) -> list[Any]:
+        """The same of surfaces whose light is baked, and of what glows."""
         weight = self._textures.weight(sight)
         seen = self._emitted(scene, sight.point, place)
         if self._sun:
-            direct = self._sun.radiance(scene, sight, weight, disc)
+            direct = self._sun.radiance(scene, sight, weight, sampler.next_1d())
             seen = [a + b for a, b in zip(seen, direct, strict=True)]
         dr.eval(sight.cell, sight.shaded, weight, seen)
         self._light.bake_missing(sight.cell, sight.shaded)
         baked = self._light.radiance(sight.cell, weight, sight.shaded)
-        return [a + b for a, b in zip(seen, baked, strict=True)]
+        standing = self._light.standing(sight.cell, weight, sight.shaded)
+        seen = [a + b for a, b in zip(seen, baked, strict=True)]
+        return [*seen, *standing, dr.select(sight.point.is_valid(), 0.0, 1.0)]
+
+    def _traced(self, scene: Any, ray: Any, place: Any, sampler: Any, active: Any) -> list[Any]:
+        """Radiance of each band along rays that paths are traced for."""
+        paths, rays = [], mi.RayDifferential3f(ray)
+        for _, size, wavelengths in wavelength_groups(self._bands, place):
+            rays.wavelengths = wavelengths
+            values, _, _ = self._path.sample(scene, sampler, rays, None, active)
+            paths += [dr.select(active, values[band], 0.0) for band in range(size)]
+        return paths
 
     def _emitted(self, scene: Any, point: Any, place: Any) -> list[Any]:
         """What sky and glowing surfaces send out themselves."""
@@ -132,64 +157,35 @@ class BakedLightIntegrator:
             emitted += [values[band] for band in range(size)]
         return emitted
 
+    def _standing_error(
+        self, loaded: Any, camera: Camera, poses: NDArray[np.float64], seed: int
+    ) -> float:
+        """RMS of the standing error over the mean radiance, of pixels of surfaces alone.
 
-class _Textures:
-    """Weights of the second reflectance on all meshes."""
-
-    def __init__(self, scene: Scene, meshes: Sequence[MergedMesh]) -> None:
-        textures = [scene.materials[mesh.material].texture for mesh in meshes]
-        weights = {id(each.weight): each.weight for each in textures if each}
-        place = {key: index for index, key in enumerate(weights)}
-        plain = len(weights)
-        self._texture = mi.UInt([place[id(each.weight)] if each else plain for each in textures])
-        loaded = [mi.load_dict(bitmap(weight)) for weight in weights.values()]
-        self._weights = [texture.eval_1 for texture in loaded]
-        self._weights.append(lambda _point, _active: mi.Float(0.0))
-
-    def weight(self, sight: Sight) -> Any:
-        """Weight (N,) at the points that rays see."""
-        texture = dr.gather(mi.UInt, self._texture, sight.mesh, sight.shaded)
-        return dr.switch(texture, self._weights, sight.point, sight.shaded)
-
-
-class _Sun:
-    """Light that comes straight from the disc of sun or moon."""
-
-    def __init__(
-        self, scene: Scene, meshes: Sequence[MergedMesh], sun: Sun, bands_nm: Bands
-    ) -> None:
-        self._bands = len(bands_nm)
-        self._center = mi.Vector3f(*sun.direction)
-        dr.make_opaque(self._center)
-        self._points = mi.Float(sun.points(DISC_POINTS).astype(np.float32).ravel())
-        grids = [np.linspace(*band, _GRID) for band in bands_nm]
-        table = [
-            [np.mean(spectrum(grid) * sun.irradiance(grid)) / np.pi for grid in grids]
-            for mesh in meshes
-            for spectrum in reflectances(scene.materials[mesh.material])
-        ]
-        self._facing = mi.Float(np.ravel(table).astype(np.float32))
-
-    def radiance(self, loaded: Any, sight: Sight, weight: Any, disc: Any) -> list[Any]:
-        """Radiance of each band that leaves the points that rays see toward their origins.
-
-        `disc` (N,), 0 to 1, chooses the point of the disc that has to be in view. The disc is so
-        small that its center stands for the angle of all of it.
+        At a few frames, with the rays that cells have now.
         """
-        cosine = dr.dot(sight.point.sh_frame.n, self._center)
-        cosine = dr.select(sight.front, cosine, -cosine)
-        place = dr.minimum(mi.UInt(disc * DISC_POINTS), DISC_POINTS - 1)
-        toward = dr.gather(mi.Vector3f, self._points, place)
-        lit = sight.shaded & (cosine > 0)
-        lit &= ~loaded.ray_test(sight.point.spawn_ray(toward), lit)
-        cosine = dr.select(lit, cosine, 0.0)
-        row = sight.mesh * (2 * self._bands)
-        first, second = (
-            [dr.gather(mi.Float, self._facing, row + k + band, lit) for band in range(self._bands)]
-            for k in (0, self._bands)
+        frames = poses[np.linspace(0, len(poses) - 1, _PILOT_FRAMES).round().astype(int)]
+        count = self._light.cells
+        seen = sum(
+            survey(loaded, self._finder, count, camera, pose[None], seed, _PILOT_RAYS)
+            for pose in frames
         )
-        return [cosine * dr.lerp(a, b, weight) for a, b in zip(first, second, strict=True)]
-
-
-def _largest_divisor(number: int, limit: int) -> int:
-    return max(each for each in range(1, min(number, limit) + 1) if number % each == 0)
+        self._light.bake(np.flatnonzero(seen).astype(np.uint32))
+        # Any point of the sun's disc will do.
+        sampler = mi.load_dict({"type": "independent"})
+        sampler.seed(seed, camera.width * camera.height)
+        squares, light, pixels = 0.0, 0.0, 0
+        for pose in frames:
+            total = [dr.zeros(mi.Float, camera.width * camera.height) for _ in range(3)]
+            for rays in views(camera, pose[None], _PILOT_RAYS, seed):
+                bands = len(self._bands)
+                sight = self._finder.look(loaded, rays)
+                found = self._at_rest(loaded, sight, mi.Float(0.5), sampler)
+                parts = sum(found[:bands]), sum(found[bands:-1]), found[-1]
+                total = [a + b for a, b in zip(total, parts, strict=True)]
+                dr.eval(total)
+            radiance, standing, sky = (np.array(each, np.float64) for each in total)
+            squares += float(np.sum(standing[sky == 0] ** 2))
+            light += float(np.sum(radiance[sky == 0]))
+            pixels += int(np.sum(sky == 0))
+        return math.sqrt(squares * pixels) / light if light else 0.0

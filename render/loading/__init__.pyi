@@ -10,5 +10,6 @@ from .scene import (
     gather as gather,
     load_scene as load_scene,
     move_meshes as move_meshes,
+    part_of_scene as part_of_scene,
 )
 from .shapes import MeshIndex as MeshIndex

@@ -48,6 +48,13 @@ def _lights(lighting: Lighting) -> dict[str, Any]:
     return lights
 
 
+def part_of_scene(scene: Scene, shapes: Sequence[Any]) -> Any:
+    """Return a scene of some loaded shapes, in their order, under the light of the whole."""
+    lights = _lights(scene.lighting) if scene.lighting else {}
+    names = {f"mesh_{index:03d}": shape for index, shape in enumerate(shapes)}
+    return mi.load_dict({"type": "scene", **lights, **names})
+
+
 def gather(shapes: Sequence[Any]) -> Any:
     """Return a scene of loaded shapes, in their order, to trace rays through."""
     return mi.load_dict(

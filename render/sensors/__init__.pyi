@@ -1,1 +1,2 @@
 from .film import Film as Film
+from .primary import pixel_means as pixel_means

@@ -1,9 +1,10 @@
-"""A camera's film: takes frames in passes, from one pose or row by row from many.
+"""A camera's film: takes frames in passes, at an instant or over a time of exposure.
 
 A channel is the integral of radiance against a box of height 1/width, so that it reads the band
 mean in W·m⁻²·sr⁻¹·nm⁻¹.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -16,66 +17,80 @@ from megalopta.render.sensors.rows import ROWS, register_rows
 from megalopta.scenes.cameras import Camera
 
 Float64 = NDArray[np.float64]
+Trace = Callable[..., NDArray[np.float32]]
+"""`render` or `measured` of an integrator: an image (H, W, n) of a scene, a sensor, a seed and the
+samples per pixel."""
 
 # A second's work or less on a small machine, so that Ctrl-C is soon answered.
 SAMPLES_PER_PASS = {"cuda": 2**24, "llvm": 2**20, "scalar": 2**19}
 
 
-def trace_paths(integrator: Any, scene: Any, sensor: Any, seed: int, samples: int) -> Any:
-    """Mitsuba's image, in its type.
-
-    The integrator is called itself: `mi.render` wraps it for differentiation, and that wrapper
-    turns Ctrl-C into a RuntimeError.
-    """
-    return integrator.render(scene, sensor, seed=seed, spp=samples)
-
-
 class Film:
     """What a sensor of Mitsuba's and the division of frames into passes make together.
 
+    An exposed film takes the samples of a pixel from many poses; row by row, every row is a pass.
     Its `samples_per_pixel` are those asked for as the sampler rounds them.
     """
 
     def __init__(
-        self, camera: Camera, settings: RenderSettings, samples: int, has_row_poses: bool = False
+        self,
+        camera: Camera,
+        settings: RenderSettings,
+        samples: int,
+        is_exposed: bool = False,
+        row_by_row: bool = False,
     ) -> None:
         family = str(mi.variant()).partition("_")[0]
         most = settings.samples_per_pass or SAMPLES_PER_PASS[family]
+        if row_by_row:
+            most = min(most, camera.width * samples)
         self._camera = camera
         self._passes = plan_passes(camera.width, camera.height, samples, most)
         parts = _film_and_sampler(
             camera, settings.bands_nm, settings.sampler, self._passes.samples, self._passes.rows
         )
         self._optics = self._sensor = mi.load_dict({**plugin(camera), **parts})
-        if has_row_poses:
+        if is_exposed:
             register_rows(mi.variant())
-            self._sensor = mi.load_dict({"type": ROWS, **parts})
+            shutter = {"shutter_open": 0.0, "shutter_close": 1.0}
+            self._sensor = mi.load_dict({"type": ROWS, **shutter, **parts})
             self._sensor.optics = self._optics
         self._parameters = mi.traverse(self._optics)
         self._samples = int(self._sensor.sampler().sample_count())
         self.samples_per_pixel = self._samples * self._passes.repeats
 
-    def expose(self, integrator: Any, scene: Any, pose: Float64, seed: int) -> NDArray[np.float32]:
-        """Take a frame (H, W, B) from a pose (4, 4), or from one for each row (H, 4, 4)."""
+    def expose(
+        self,
+        trace: Trace,
+        scene: Any,
+        poses: Float64,
+        seed: int,
+        before_row: Callable[[int], None] | None = None,
+    ) -> NDArray[np.float32]:
+        """Take a frame (H, W, n) from a pose (4, 4), or exposed from poses (times, rows, 4, 4).
 
-        def trace(first_row: int, pass_seed: int) -> NDArray[np.float32]:
-            self._aim(pose, first_row)
-            image = trace_paths(integrator, scene, self._sensor, pass_seed, self._samples)
-            return np.array(image, dtype=np.float32)
+        These have one row for all, or H. `before_row` is called with the first row of each pass.
+        """
 
-        return self._passes.render(trace, seed).astype(np.float32)
+        def take(first_row: int, pass_seed: int) -> NDArray[np.float32]:
+            if before_row:
+                before_row(first_row)
+            self._aim(poses, first_row)
+            return trace(scene, self._sensor, seed=pass_seed, spp=self._samples)
 
-    def _aim(self, pose: Float64, first_row: int) -> None:
-        rows = self._passes.rows
-        # Rows with poses of their own look through optics at Mitsuba's identity.
-        to_world = np.eye(4) if pose.ndim == 3 else sensor_transform(pose)
+        return self._passes.render(take, seed).astype(np.float32)
+
+    def _aim(self, poses: Float64, first_row: int) -> None:
+        rows, is_exposed = self._passes.rows, poses.ndim > 2
+        # What is exposed looks through optics at Mitsuba's identity.
+        to_world = np.eye(4) if is_exposed else sensor_transform(poses)
         self._parameters["to_world"] = mi.Transform4f(to_world.tolist())
         cut_strip(self._camera, self._parameters, first_row, rows)
         self._parameters.update()
-        if pose.ndim == 3:
+        if is_exposed:
             # The last strip may reach beyond the frame.
-            strip = np.minimum(np.arange(first_row, first_row + rows), self._camera.height - 1)
-            self._sensor.move(sensor_transform(pose[strip]))
+            strip = np.minimum(np.arange(first_row, first_row + rows), poses.shape[1] - 1)
+            self._sensor.move(sensor_transform(poses[:, strip] if poses.shape[1] > 1 else poses))
 
 
 def _film_and_sampler(

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from megalopta.render import RenderSettings, SceneRenderer, frame_seed
-from megalopta.render.noise import RenderNoise, RunningMean, render_once, render_until
+from megalopta.render.noise import MeasuredPass, RenderNoise, RunningMean
+from megalopta.render.repeats import render_once, render_until
 from megalopta.scenes import Light, PerspectiveCamera, Trajectory
 from megalopta.scenes.world import Scene
 
@@ -17,6 +18,12 @@ def gaussian_pass(number):
     """200 × 200 pixels of known noise."""
     rng = np.random.default_rng([7, number])
     return rng.multivariate_normal(MEAN, COVARIANCE, (200, 200)).astype(np.float32)
+
+
+def measured_pass(number):
+    """Without sky, and with nothing that stands."""
+    image = gaussian_pass(number)
+    return MeasuredPass(image, np.zeros_like(image), np.zeros_like(image[..., 0]))
 
 
 def passes(count):
@@ -60,33 +67,97 @@ def test_mean_of_passes_is_their_mean():
 
 
 def test_a_single_pass_is_unchanged_by_being_measured():
-    plain, nothing = render_once(gaussian_pass, measured=False)
-    image, noise = render_once(gaussian_pass, measured=True)
+    plain, nothing = render_once(gaussian_pass, None)
+    image, noise = render_once(gaussian_pass, measured_pass)
     assert nothing is None
     assert image.tobytes() == plain.tobytes() == gaussian_pass(0).tobytes()
-    assert noise == passes(2).noise(averaged=1)
+    expected = measured_pass(1)
+    assert noise == passes(2).noise(1, expected.standing, expected.sky)
 
 
 def test_passes_stop_at_the_first_that_meets_the_target():
     sigma = SIGMA / MEAN.sum()
-    image, noise = render_until(gaussian_pass, sigma / np.sqrt(5.5), 100)
+    image, noise = render_until(gaussian_pass, measured_pass, sigma / np.sqrt(5.5), 100)
     assert noise.passes == 6  # σ/√5 is 5 % above the target, σ/√6 4 % below; known to 0.6 %
     np.testing.assert_array_equal(image, passes(6).mean)
 
 
 def test_passes_stop_at_the_cap_and_never_before_the_second():
-    assert render_until(gaussian_pass, 1e-6, 3)[1].passes == 3
-    assert render_until(gaussian_pass, 0.9, 3)[1].passes == 2
+    assert render_until(gaussian_pass, measured_pass, 1e-6, 3)[1].passes == 3
+    assert render_until(gaussian_pass, measured_pass, 0.9, 3)[1].passes == 2
 
 
 def test_black_frames_have_no_noise():
-    noise = render_until(lambda _: np.zeros((4, 4, 2), np.float32), 0.1, 5)[1]
+    black = np.zeros((4, 4, 2), np.float32)
+    pass_ = MeasuredPass(black, black, black[..., 0])
+    noise = render_until(lambda _: black, lambda _: pass_, 0.1, 5)[1]
     assert (noise.passes, noise.median_relative, noise.rms_over_mean) == (2, 0.0, 0.0)
 
 
 def test_noise_survives_its_text():
-    noise = passes(2).noise(1)
+    sky = np.zeros((200, 200), np.float32)
+    sky[:90] = 1
+    noise = passes(2).noise(1, gaussian_pass(5), sky)
+    assert noise.sky
     assert RenderNoise.from_json(noise.to_json()) == noise
+
+
+def half_sky(scale=8.0):
+    """Two passes whose upper half is sky, `scale` times as bright and twice as clean."""
+    sky = np.zeros((200, 200), np.float32)
+    sky[:100] = 1
+    sky[100] = 0.3  # a row of pixels that show both
+
+    def one(number):
+        image = gaussian_pass(number).astype(float)
+        image[:100] = scale * (MEAN + (image[:100] - MEAN) / 2)
+        return image.astype(np.float32)
+
+    result = RunningMean()
+    for number in range(2):
+        result.add(one(number))
+    return result, sky
+
+
+def test_surfaces_and_sky_are_each_measured_against_their_own_mean():
+    both, sky = half_sky()
+    noise = both.noise(1, None, sky)
+    sigma = SIGMA / MEAN.sum()
+    # 20 000 pixels each: a variance from two passes is known to 1 % (σ); five σ
+    assert noise.surface.rms == pytest.approx(sigma, rel=0.03)
+    assert noise.sky.rms == pytest.approx(sigma / 2, rel=0.03)
+    assert noise.surface.share == pytest.approx(99 / 200)
+    assert noise.sky.share == pytest.approx(0.5)
+    bands = np.sqrt(COVARIANCE.diagonal()) / MEAN
+    np.testing.assert_allclose(noise.surface.bands, bands, rtol=0.03)
+    np.testing.assert_allclose(noise.mean, MEAN, rtol=5e-3)  # not that of the sky
+    assert noise.rms_over_mean == noise.surface.rms
+    # An even picture: what neighbors differ by is noise alone.
+    assert noise.surface.gradient == pytest.approx(1, rel=0.03)
+    # All blocks have the same σ, which a block knows to 18 % (σ).
+    assert noise.surface.p95 == pytest.approx(sigma * (1 + 1.64 * 0.18), rel=0.05)
+
+
+def test_an_error_that_stands_is_part_of_the_whole_and_told_apart():
+    flicker, sky = passes(2), np.zeros((200, 200), np.float32)
+    apart = 0.5 * (gaussian_pass(11) - MEAN).astype(np.float32)
+    noise = flicker.noise(1, apart, sky)
+    sigma = SIGMA / MEAN.sum()
+    assert noise.surface.standing == pytest.approx(0.5 * sigma, rel=0.03)
+    assert noise.surface.rms == pytest.approx(np.sqrt(1.25) * sigma, rel=0.03)
+    assert noise.surface.median == pytest.approx(np.sqrt(1.25) * sigma, rel=0.03)
+
+
+def test_the_share_of_the_gradient_is_what_noise_adds_to_a_ramp():
+    ramp = np.broadcast_to(np.arange(200.0)[:, None, None] * 0.3, (200, 200, 2))
+    mean = RunningMean()
+    for number in range(2):
+        mean.add((ramp + gaussian_pass(number)).astype(np.float32))
+    noise = mean.noise(1, None, np.zeros((200, 200), np.float32))
+    # Between neighbors noise differs by 2σ² in the mean square, and the ramp by 0.6² in one of two
+    # directions.
+    share = 2 * SIGMA**2 / (2 * SIGMA**2 + 0.6**2 / 2)
+    assert noise.surface.gradient == pytest.approx(share, rel=0.03)
 
 
 def test_seeds_of_passes_do_not_collide_with_those_of_frames():
@@ -103,7 +174,10 @@ def test_estimated_noise_is_the_true_distance_to_a_converged_rendering(ground, s
     settings = RenderSettings(samples_per_pixel=16, sampler=sampler, max_depth=2)
     pose = Trajectory(frames=2, position_m=(0, 0, 2), look_at_m=(0, 0, 0), up=(1, 0, 0)).poses()[0]
     renderer = SceneRenderer(scene, camera, settings)
-    image, noise = render_once(lambda number: renderer.radiance(pose, number), measured=True)
+    image, noise = render_once(
+        lambda number: renderer.radiance(pose, number),
+        lambda number: renderer.measured(pose, number),
+    )
     # Every pixel of an even plane has the same mean, known from all of 4096 pixels.
     total = image.sum(axis=-1, dtype=np.float64)
     true = total.std() / total.mean()

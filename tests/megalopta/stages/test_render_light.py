@@ -94,7 +94,7 @@ def test_frames_are_rendered_to_the_stated_error_and_say_so(yard, tmp_path):
     assert record["measured_frames"] == [0, 1, 2]
     for frame, samples in enumerate(record["samples_per_pixel"]):
         noise = json.loads(read_attributes(dataset.radiance(frame))["monteCarlo"])
-        assert noise["median_relative"] <= 0.02
+        assert noise["rms_over_mean"] <= 0.02
         assert samples == 4 * noise["passes"]
     # A frame alone comes out the same.
     image = read_radiance(dataset.radiance(2))[0]
@@ -117,7 +117,7 @@ def test_light_and_noise_are_told_and_warned_of(yard, tmp_path, capsys):
     run_stage(tmp_path / "data", settings, "render")
     told = " ".join(capsys.readouterr().err.split())
     assert "render: 1 lux requested, 1 measured in the open and 1 on the ground" in told
-    assert "render: error of a pixel" in told
+    assert "render: error on surfaces" in told
     run_stage(tmp_path / "data", settings, "sense")
     told = " ".join(capsys.readouterr().err.split())
     assert "sense: the rendering's own noise is more than 0.3 of shot noise and the scene's" in told

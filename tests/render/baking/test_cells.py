@@ -20,6 +20,12 @@ THING = Scene({"thing": Material(flat(0.5))}, {}, ())
 PATH = np.array([[0.0, 0.0, 1.0], [3.0, 0.0, 1.0]])
 
 
+@pytest.fixture(autouse=True)
+def coarse_pieces(monkeypatch):
+    """Few cells, so that some faces here are one."""
+    monkeypatch.setattr(cells_module, "PIECE_PX", 4.0)
+
+
 def triangle_mesh(corners, normals=None):
     count = len(corners)
     return MergedMesh(

@@ -5,8 +5,8 @@ import signal
 import numpy as np
 import pytest
 
+from megalopta.render import path_tracing
 from megalopta.render.scene_renderer import SceneRenderer
-from megalopta.render.sensors import film
 from megalopta.render.sensors.passes import pass_seed, plan_passes
 from megalopta.render.settings import RenderSettings
 from megalopta.scenes.cameras import CylindricalCamera, EquirectangularCamera, PerspectiveCamera
@@ -76,11 +76,11 @@ def test_the_passes_of_a_frame_have_seeds_of_their_own():
 def test_an_interrupt_is_answered_after_one_pass(monkeypatch):
     calls = []
 
-    def trace(*arguments):
+    def trace(*arguments, **_):
         calls.append(arguments)
         signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(film, "trace_paths", trace)
+    monkeypatch.setattr(path_tracing.PathIntegrator, "render", trace)
     camera = PerspectiveCamera(width=8, height=8)
     # a shell that runs tests in the background has them ignore Ctrl-C
     before = signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -56,8 +56,8 @@ def test_a_blurred_edge_is_a_ramp_around_the_sharp_edge_of_mid_exposure():
     shutter = Shutter(exposure_s=0.08, poses=64)
     image = renderer.exposed(ALONG, shutter, 1, seed=3)
     sharp = renderer.radiance(ALONG.poses()[1], seed=4)
-    # In each of 64 instants one sample of the edge's pixel, uniform in it, tells where the edge is:
-    # that scatters by √(1/6/64) = 0.05 px a row.
+    # Each of 64 samples of a pixel, at its own part of the exposure and uniform in the pixel, tells
+    # where the edge is: that scatters by √(1/6/64) = 0.05 px a row.
     np.testing.assert_allclose(edges(image), edges(sharp), atol=0.3)
     np.testing.assert_allclose(edges(image).mean(), edge_at(0.1), atol=0.04)
     profile = image[..., 0].mean(axis=0) / 1e-6
@@ -66,14 +66,44 @@ def test_a_blurred_edge_is_a_ramp_around_the_sharp_edge_of_mid_exposure():
     np.testing.assert_allclose(profile, ramp, atol=0.07)  # pixels are a quarter of the ramp wide
 
 
-def test_a_blurred_frame_is_the_mean_of_sharp_frames_inside_the_exposure():
+def test_a_blurred_frame_is_the_mean_of_256_sharp_ones():
+    few = SETTINGS.model_copy(update={"samples_per_pixel": 4})
+    strobes = SceneRenderer(half_wall(), CAMERA, few)
+    shutter = Shutter(exposure_s=0.05)
+    times = 0.1 + 0.05 * ((np.arange(256) + 0.5) / 256 - 0.5)
+    mean = np.mean(
+        [strobes.radiance(pose, seed) for seed, pose in enumerate(ALONG.pose_at(times))], axis=0
+    )
+    image = SceneRenderer(half_wall(), CAMERA, SETTINGS).exposed(ALONG, shutter, 1, seed=3)
+    # 64 samples of a pixel, stratified in time: one that the edge crosses scatters by less than
+    # 0.5/√64, far less where time alone decides.
+    assert np.abs(image - mean).max() < 5 * 0.0625e-6
+    np.testing.assert_allclose(edges(image).mean(), edges(mean).mean(), atol=0.02)
+
+
+def test_an_exposure_is_stratified_in_time():
+    # An edge that crosses the whole frame in a twelfth of the exposure: each pixel sees the wall in
+    # the samples of a known part of it, up to one at either end and one for the edge in the pixel.
+    speed = 500 * SPEED
     renderer = SceneRenderer(half_wall(), CAMERA, SETTINGS)
-    shutter = Shutter(exposure_s=0.05, poses=5)
-    times = 0.1 + 0.05 * np.array([-0.4, -0.2, 0, 0.2, 0.4])
-    mean = np.mean([renderer.radiance(pose, 9) for pose in ALONG.pose_at(times)], axis=0)
-    image = renderer.exposed(ALONG, shutter, 1, seed=3)
-    # 13 samples for each of five instants: an edge pixel scatters by less than 0.5/√(5 · 13).
-    assert np.abs(image - mean).max() < 5 * 0.063e-6
+    image = renderer.exposed(sliding((0.0, speed, 0.0)), Shutter(exposure_s=0.05), 0, seed=3)
+    reach = FOCAL * speed / DISTANCE * 0.05
+    x = np.arange(CAMERA.width) + 0.5 - CAMERA.width / 2
+    assert np.abs(image[..., 0] / 1e-6 - (0.5 + x / reach)).max() <= 3 / 64
+
+
+def test_passes_of_an_exposure_are_independent():
+    renderer = SceneRenderer(half_wall(), CAMERA, SETTINGS)
+    shutter = Shutter(exposure_s=0.08)
+    first, second = (renderer.exposed(ALONG, shutter, 1, 3, number) for number in (0, 1))
+    assert (first != second).any()
+    measured = renderer.exposed_measured(ALONG, shutter, 1, 3, 1)
+    assert measured.radiance.tobytes() == second.tobytes()
+    assert not measured.standing.any()
+    # Left of the edge at the end of the exposure there is nothing, and right of its start a wall.
+    columns = measured.sky.mean(axis=0)
+    assert columns[: int(edge_at(0.06)) - 1].min() == 1
+    assert columns[int(edge_at(0.14)) + 2 :].max() == 0
 
 
 def test_moving_objects_are_blurred_as_well():
@@ -131,18 +161,28 @@ def test_truth_of_a_rolling_shutter_without_readout_is_that_of_an_instant(ground
     np.testing.assert_array_equal(rolling.occluded_forward, instant.occluded_forward)
 
 
-def test_a_rolling_shutter_over_moving_objects_is_refused():
+def test_rows_of_a_rolling_shutter_see_moving_objects_at_their_own_times():
     motion = RigidMotion((5.0, 0.0, 0.0), Drift(velocity_m_s=(0.0, -SPEED, 0.0)))
     renderer = SceneRenderer(half_wall(motion), CAMERA, SETTINGS)
-    for take in (
-        lambda: renderer.exposed(ALONG, Shutter(readout_s=0.01), 1, 3),
-        lambda: renderer.shutter_truth(ALONG, Shutter(readout_s=0.01), 1),
-    ):
-        with pytest.raises(ValueError, match=r"readout_s 0\.01: objects move"):
-            take()
+    image = renderer.exposed(sliding((0.0, 0.0, 0.0)), Shutter(readout_s=0.08), 1, seed=3)
+    rows = np.arange(CAMERA.height)
+    expected = edge_at(0.1 + 0.08 * (rows / (CAMERA.height - 1) - 0.5))
+    np.testing.assert_allclose(edges(image), expected, atol=0.1)
+
+
+def test_truth_of_a_rolling_shutter_over_moving_objects_is_refused():
+    motion = RigidMotion((5.0, 0.0, 0.0), Drift(velocity_m_s=(0.0, -SPEED, 0.0)))
+    renderer = SceneRenderer(half_wall(motion), CAMERA, SETTINGS)
+    with pytest.raises(ValueError, match=r"readout_s 0\.01: objects move"):
+        renderer.shutter_truth(ALONG, Shutter(readout_s=0.01), 1)
 
 
 def test_no_two_instants_of_a_sequence_share_a_seed():
-    instants = [instant_seed(7, frame, k) for frame in range(60) for k in range(32)]
+    instants = [
+        instant_seed(7, frame, k, number)
+        for frame in range(60)
+        for k in range(32)
+        for number in range(3)
+    ]
     frames = [frame_seed(7, frame) for frame in range(120)]
     assert len({*instants, *frames}) == len(instants) + len(frames)

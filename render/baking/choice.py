@@ -1,0 +1,63 @@
+"""Whether light is baked for a sequence."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.render import RenderSettings
+from megalopta.render.baking.moving import MOST_OBJECTS
+from megalopta.scenes.world import Scene
+
+_FEWEST_SAMPLES = 3000
+"""Per pixel in a whole sequence. In forests of 20 to 130 trees, at 40 to 120 px, baking takes 10 to
+13 rays per sample where there are 500 to 1500 samples per pixel, and pays from 4.4 on downward:
+with fewer there is no need to look."""
+# In units of a ray that looks whether the sky is in view: a path takes 5 (benchmarks/bench_baked.py
+# measures both), a ray of the bake 1.6, since each eighth is followed, and a sample of a baked
+# frame 3. A path tracer's frames have the error of baked ones with 4 times the samples.
+_PATH, _BAKE, _SAMPLE, _AT_EQUAL_ERROR = 5.0, 1.6, 3.0, 4.0
+
+
+def path_tracing_reason(
+    scene: Scene, variant: str, poses: NDArray[np.float64] | None, settings: RenderSettings
+) -> str:
+    """Why frames are rendered by path tracing; empty where their light is baked.
+
+    Poses (T, 4, 4) are those of the sequence, where it is known.
+    """
+    if settings.integrator == "path":
+        return "as asked"
+    if variant.startswith("scalar"):
+        return "baking needs a vectorized variant"
+    if not scene.placements:
+        return "there is no surface to bake light on"
+    moving = [placement for placement in scene.placements if placement.motion]
+    if len(moving) > MOST_OBJECTS:
+        return f"{len(moving)} objects move, and with them light and shadow on all others"
+    if len(moving) == len(scene.placements):
+        return "there is no surface at rest to bake light on"
+    if any(_glows(scene, placement.asset) for placement in moving):
+        return "an object that glows moves, and its light on all others"
+    if poses is None:
+        return "the camera's path is not known"
+    samples = len(poses) * settings.samples_per_pixel
+    if settings.integrator == "auto" and samples < _FEWEST_SAMPLES:
+        return f"{samples} samples per pixel in all frames are too few to pay for baking"
+    return ""
+
+
+def cost_reason(rays: int, samples: int) -> str:
+    """Why a bake of some rays does not pay for frames of some samples; empty where it does.
+
+    It does where frames of the same error on surfaces cost half.
+    """
+    share = (_BAKE * rays + _SAMPLE * samples) / (_PATH * _AT_EQUAL_ERROR * samples)
+    if share <= 1 / 2:
+        return ""
+    return (
+        f"baking would take {share:.0%} of the work of path tracing to the same error, for "
+        f"{rays / samples:.1f} rays per sample of all frames"
+    )
+
+
+def _glows(scene: Scene, asset: str) -> bool:
+    return any(scene.materials[name].emission for name in scene.assets[asset].parts)

@@ -1,0 +1,210 @@
+"""Light that arrives at cells, from two independent sets of rays so that its error is known.
+
+A diffuse surface with reflectance ρ under irradiance E sends out L = ρE/π in all directions, and
+E/π is the mean radiance that arrives from directions distributed as the cosine. Most of it comes
+straight from the sky, which is even: there the share of rays that nothing blocks is all that has to
+be found, and such rays are five times as quick as paths. Every eighth ray is followed as a path and
+brings the light of surfaces, bounces included; what comes straight from the disc of sun or moon is
+left to the frame, which knows where shadows fall to the pixel.
+
+The two reflectances that a texture mixes have their band means of ρE/π apart, and not those of ρ
+and E: green leaves and green light go together within a band by several percent.
+
+Position, direction and wavelength of the samples of a cell follow additive recurrences shifted at
+random, one shift for each half of the samples; the rest of each path is random. All of it is drawn
+from seed and cell alone, so that a cell has the same light, to the last bit, in whatever order and
+company it is computed. Half the difference of the halves has the error of their mean as its
+standard deviation.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.render import Bands, RenderSettings, dr, mi
+from megalopta.render.baking.cells import Cells, Patches
+from megalopta.render.baking.sampling import cell_sampler, hashed, recurrence
+from megalopta.render.loading import MergedMesh
+from megalopta.scenes.spectra import Spectrum, flat
+from megalopta.scenes.world import Material, Scene
+
+Integers = NDArray[np.int64]
+
+STRIDE = 8
+"""Rays for each that is followed as a path."""
+# Wavelengths in a band, of which each path takes one.
+_WAVELENGTHS = 2**8
+
+
+def reflectances(material: Material) -> tuple[Spectrum, Spectrum]:
+    """Reflectance of a material where its texture's weight is 0 and where it is 1."""
+    if material.emission:
+        return flat(0.0), flat(0.0)
+    first = material.reflectance
+    return first, material.texture.reflectance if material.texture else first
+
+
+def wavelength_groups(bands_nm: Bands, place: Any) -> Iterator[tuple[int, int, Any]]:
+    """Bands in groups that fit Mitsuba's four wavelengths: first band, bands, wavelengths.
+
+    `place` is where in each band the wavelength lies, 0 to 1.
+    """
+    for first in range(0, len(bands_nm), 4):
+        group = bands_nm[first : first + 4]
+        # Wavelengths that are left over repeat the last band and are not read.
+        padded = [*group, *[group[-1]] * (4 - len(group))]
+        wavelengths = [lower + (upper - lower) * place for lower, upper in padded]
+        yield first, len(group), mi.Spectrum(wavelengths)
+
+
+class Gatherer:
+    """Radiance that cells of a scene send out; the seed has 32 bits."""
+
+    def __init__(
+        self,
+        loaded: Any,
+        scene: Scene,
+        meshes: Sequence[MergedMesh],
+        cells: Cells,
+        settings: RenderSettings,
+        seed: int,
+    ) -> None:
+        self._scene = loaded
+        self._shapes = loaded.shapes_dr()
+        self._cells = cells
+        self._bands = settings.bands_nm
+        # The way from the camera to the cell is the first segment of the path.
+        self._integrator = mi.load_dict({"type": "path", "max_depth": settings.max_depth - 1})
+        self._sampler = cell_sampler()
+        self._seed = dr.opaque(mi.UInt, seed)
+        spectra = [pair for mesh in meshes for pair in reflectances(scene.materials[mesh.material])]
+        self._reflectance = _in_bands(spectra, self._bands)
+        sky = scene.lighting.sky if scene.lighting else flat(0.0)
+        sees_sky = settings.max_depth > 1
+        places = (np.arange(_WAVELENGTHS) + 0.5) / _WAVELENGTHS
+        grids = [lower + (upper - lower) * places for lower, upper in self._bands]
+        self._under_sky = np.array(
+            [[np.mean(each(grid) * sky(grid)) * sees_sky for grid in grids] for each in spectra]
+        ).reshape(len(meshes), 2 * len(self._bands))
+        # Without light from the sky all rays have to be followed.
+        self._stride = STRIDE if self._under_sky.any() else 1
+
+    def leaving(
+        self, cell: NDArray[np.uint32], shares: Integers, least: int
+    ) -> NDArray[np.float64]:
+        """Radiance (C, 2 halves, 2·bands) that leaves cells (C,), first reflectance before second.
+
+        Each half takes `least` rays, a multiple of STRIDE, for each of a cell's shares (C,).
+        """
+        patches = self._cells.patches(cell)
+        in_view = np.array(self._in_view(cell, patches, _Lanes(shares, least)))
+        sky = in_view[:, None] * self._under_sky[np.repeat(patches.mesh, 2)]
+        followed = self._followed(cell, patches, _Lanes(shares, least // self._stride))
+        return np.asarray(sky + followed).reshape(len(cell), 2, -1)
+
+    def _in_view(self, cell: NDArray[np.uint32], patches: Patches, lanes: "_Lanes") -> Any:
+        """Share (2C,) of the sky that is in view."""
+        if not self._under_sky.any():
+            return np.zeros(2 * len(cell))
+        key, _ = self._keys(cell, lanes)
+        rays = self._rays(patches, lanes, lanes.sample, key)
+        return lanes.means([dr.select(self._scene.ray_test(rays), 0.0, 1.0)])[:, 0]
+
+    def _followed(
+        self, cell: NDArray[np.uint32], patches: Patches, lanes: "_Lanes"
+    ) -> NDArray[np.float64]:
+        """Radiance (2C, 2·bands) that leaves because of light from surfaces."""
+        bands = len(self._bands)
+        key, other = self._keys(cell, lanes)
+        sample = lanes.sample * self._stride
+        rays = self._rays(patches, lanes, sample, key)
+        blocked = self._scene.ray_test(rays)
+        # One wavelength in each of as many parts of the band as there are samples.
+        samples = dr.maximum(lanes.samples, 1)  # 0 in what fills up LLVM's vectors
+        step = (lanes.sample * _WAVELENGTHS + other % _WAVELENGTHS) // samples
+        place = (mi.Float(step) + 0.5) / _WAVELENGTHS
+        mesh = lanes.of_cell(patches.mesh)
+        leaving: list[Any] = [None] * (2 * bands)
+        for first, size, wavelengths in wavelength_groups(self._bands, place):
+            rays.wavelengths = wavelengths
+            self._sampler.start(key, sample)
+            arriving, _, _ = self._integrator.sample(
+                self._scene, self._sampler, rays, active=blocked
+            )
+            for band in range(size):
+                light = dr.select(blocked, arriving[band], 0.0)
+                for column in (first + band, bands + first + band):
+                    entry = (mesh * (2 * bands) + column) * _WAVELENGTHS + step
+                    leaving[column] = light * dr.gather(mi.Float, self._reflectance, entry)
+        return lanes.means(leaving)
+
+    def _keys(self, cell: NDArray[np.uint32], lanes: "_Lanes") -> tuple[Any, Any]:
+        """Two random numbers for each lane, which its cell and its half of the samples share."""
+        of_cell, _ = hashed(lanes.of_cell(cell), self._seed)
+        return hashed(of_cell, lanes.half)
+
+    def _rays(self, patch: Patches, lanes: "_Lanes", sample: Any, key: Any) -> Any:
+        """Rays of samples, from their cells into cosine-distributed directions."""
+        x, y, a, b = recurrence(sample, key)
+        hit: Any = dr.zeros(mi.PreliminaryIntersection3f, dr.width(sample))
+        hit.valid = True
+        hit.t = 0.0
+        hit.prim_index = lanes.of_cell(patch.triangle)
+        hit.prim_uv = patch.barycentric(lanes.of_cell, a, b)
+        hit.shape = dr.gather(mi.ShapePtr, self._shapes, lanes.of_cell(patch.mesh))
+        point = hit.compute_surface_interaction(dr.zeros(mi.Ray3f), mi.RayFlags.All)
+        upward = point.sh_frame.to_world(mi.warp.square_to_cosine_hemisphere(mi.Point2f(x, y)))
+        side = dr.select(lanes.of_cell(patch.side) == 0, 1.0, -1.0)
+        return mi.RayDifferential3f(point.spawn_ray(side * upward))
+
+
+@dataclass
+class _Lanes:
+    """How the samples of both halves of C cells lie in one launch.
+
+    A half has as many groups as its cell has shares, of `size` lanes each.
+    """
+
+    shares: Integers
+    size: int
+
+    def __post_init__(self) -> None:
+        groups = np.repeat(self.shares, 2)
+        self._start = np.cumsum(groups) - groups
+        self._samples = groups * self.size
+        entry = np.repeat(np.arange(len(groups), dtype=np.uint32), groups)
+        number = (np.arange(len(entry)) - self._start[entry]).astype(np.uint32)
+        lane = dr.arange(mi.UInt, len(entry) * self.size)
+        group = lane // self.size
+        self._entry = dr.gather(mi.UInt, mi.UInt(entry), group)
+        first = dr.gather(mi.UInt, mi.UInt(number), group) * self.size
+        self.sample = first + lane - group * self.size
+        """Number of each lane's sample in its half."""
+        self.half = self._entry & 1
+        self.samples = dr.gather(mi.UInt, mi.UInt(self._samples.astype(np.uint32)), self._entry)
+        """How many samples each lane's half has."""
+
+    def of_cell(self, values: NDArray[np.uint32]) -> Any:
+        """Values of cells (C,) for lanes."""
+        return dr.gather(mi.UInt, mi.UInt(values), self._entry >> 1)
+
+    def means(self, values: list[Any]) -> NDArray[np.float64]:
+        """Means (2C, n) over the samples of each half of n values of lanes."""
+        sums = [dr.block_sum(each, self.size) for each in values]
+        dr.eval(sums)
+        groups = np.stack([np.array(each, np.float64) for each in sums], axis=1)
+        totals = np.add.reduceat(groups, self._start, axis=0)
+        return np.asarray(totals / self._samples[:, None])
+
+
+def _in_bands(spectra: Sequence[Spectrum], bands_nm: Bands) -> Any:
+    """Reflectance by spectrum, then band, then place in the band."""
+    place = (np.arange(_WAVELENGTHS) + 0.5) / _WAVELENGTHS
+    table = [
+        [spectrum(lower + (upper - lower) * place) for lower, upper in bands_nm]
+        for spectrum in spectra
+    ]
+    return mi.Float(np.ravel(table).astype(np.float32))

@@ -1,0 +1,56 @@
+"""Mitsuba's path tracer, with what its error is measured by."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.render.mitsuba_loader import dr, mi
+from megalopta.render.sensors import pixel_means
+
+# Rays per pixel that look for the sky in scalar variants, where each takes 10 µs.
+_SCALAR_RAYS = 4
+
+
+class PathIntegrator:
+    """Frames of which every path is traced."""
+
+    def __init__(self, max_depth: int) -> None:
+        self._integrator = mi.load_dict({"type": "path", "max_depth": max_depth})
+
+    def move_to(self, time_s: float) -> None:
+        """Nothing is kept that depends on the time."""
+
+    def render(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
+        """Radiance (H, W, B) that a sensor sees, W·m⁻²·sr⁻¹·nm⁻¹.
+
+        The integrator is called itself: `mi.render` wraps it for differentiation, and that wrapper
+        turns Ctrl-C into a RuntimeError.
+        """
+        return np.array(self._integrator.render(scene, sensor, seed=seed, spp=spp), np.float32)
+
+    def measured(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
+        """Radiance, zeros and the share of the sky (H, W, 2·B + 1): nothing stands."""
+        radiance = self.render(scene, sensor, seed, spp)
+        if str(mi.variant()).startswith("scalar"):
+            sky = _scalar_sky(scene, sensor, seed)
+        else:
+            sky = pixel_means(
+                sensor, seed, spp, lambda ray, *_: [dr.select(scene.ray_test(ray), 0.0, 1.0)]
+            )
+        return np.concatenate([radiance, np.zeros_like(radiance), sky], axis=-1)
+
+
+def _scalar_sky(scene: Any, sensor: Any, seed: int) -> NDArray[np.float32]:
+    width, height = (int(size) for size in sensor.film().crop_size())
+    jitter = np.random.default_rng(seed).random((height, width, _SCALAR_RAYS, 3))
+
+    def free(row: int, column: int) -> Iterator[bool]:
+        for x, y, time in jitter[row, column].tolist():
+            place = mi.Point2f((column + x) / width, (row + y) / height)
+            ray, _ = sensor.sample_ray(time, 0.5, place, mi.Point2f(0.5))
+            yield not scene.ray_test(ray)
+
+    shares = [[sum(free(row, column)) for column in range(width)] for row in range(height)]
+    return np.array(shares, np.float32)[..., None] / np.float32(_SCALAR_RAYS)
