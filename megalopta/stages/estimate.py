@@ -183,7 +183,9 @@ def _sense(settings: Configuration) -> Estimate:
         exposed,
         disk_bytes=exposed * (_COUNTS_BYTES + _CORRECTED_BYTES * settings.correct) + bits / 8,
         memory_bytes=float(_held(frames) * pixels * (_EXPOSED_BYTES + 8 * settings.sub_frames)),
-        seconds=exposed / _EXPOSED_PER_S + moved / _MOVED_PER_S + bits / _BITS_PER_S
+        seconds=exposed / _EXPOSED_PER_S
+        + moved / _MOVED_PER_S
+        + bits / _BITS_PER_S
         + settings.free_running * exposed * len(settings.products) / _SIMULATED_PER_S
         + settings.free_running * bits / _SIMULATED_BITS_PER_S,
     )

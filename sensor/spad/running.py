@@ -16,7 +16,6 @@ from megalopta.sensor.sampling import generator
 from megalopta.sensor.spad.fixed_pattern import FixedPattern
 from megalopta.sensor.spad.model import Sensor
 
-
 RUNNING_ERROR = (
     "stated for pixels that have run in the light of the frame for long; where light changes "
     "between frames, and in the first, mean_events are off by at most one count, times the share "
