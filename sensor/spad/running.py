@@ -2,7 +2,8 @@
 
 Counts, events and binary frames of such an array are drawn from one set of random streams: the same
 seed, sequence and frames make the same avalanches. What its frames are on average is stated for
-pixels that have run in the light of the frame for long (`RUNNING_ERROR`).
+pixels that have run in the light of the frame for long (`RUNNING_ERROR`). A gate's windows begin
+anew with every frame.
 """
 
 import numpy as np
