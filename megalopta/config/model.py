@@ -105,6 +105,12 @@ class Configuration(Record, frozen=True):
     """Binary frames per second of the product `burst_npy`, a whole multiple of the frame rate: they
     fill the time from each rendered frame to the next, which has `sub_frames` steps of light."""
 
+    free_running: bool = False
+    """Whether a SPAD array runs on from frame to frame: dead times and trapped carriers reach from
+    one frame, or binary frame of a burst, into the next, and counts, events and bits of a frame are
+    the same avalanches. Exposures must fill the frames. By default pixels are reset in every frame,
+    as `dead_time.start` says."""
+
     correct: bool = False
     """Whether `sense` corrects the readings of SPAD arrays too: dark counts, dead time and counter,
     flat field, hot pixels. Detectors then see both."""

@@ -19,6 +19,7 @@ from megalopta.errors import UserError
 from megalopta.progress import progress
 from megalopta.sensor import ImageSensor, OpenedCounts, Sensor, StoredFrames
 from megalopta.sensor.correct import Calibration, Corrected, correct, simulated_calibration
+from megalopta.sensor.spad import settled
 
 _UNITS = {
     "detections": "photons detected per exposure, by pixels of nominal efficiency",
@@ -76,9 +77,10 @@ def _calibration(dataset: Dataset, sensor: Sensor) -> Calibration:
     settings = dataset.configuration
     shape = settings.camera.height, settings.camera.width
     wanted = settings.calibration
+    device = settled(sensor) if settings.free_running else sensor
     try:
         return simulated_calibration(
-            sensor, shape, frames=wanted.frames, seed=settings.seed, hot_times=wanted.hot_times
+            device, shape, frames=wanted.frames, seed=settings.seed, hot_times=wanted.hot_times
         )
     except ValueError as problem:
         raise UserError(f"sense: {sensor.name} cannot be calibrated: {problem}") from None

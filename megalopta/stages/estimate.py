@@ -33,6 +33,8 @@ _EXPOSED_PER_S, _DETECTED_PER_S, _BENCHED_PER_S = 1e6, 3e6, 1e7
 """Pixels of a sensor, and pixels of a detector in the stages flow and benchmark."""
 _MOVED_PER_S, _BITS_PER_S = 2e6, 5e7
 """Pixels of one step of moving light, and of binary frames."""
+_SIMULATED_PER_S, _SIMULATED_BITS_PER_S = 3e5, 1e7
+"""Pixels of frames, and of binary frames of a burst, whose avalanches are drawn one by one."""
 
 _BAND_BYTES, _TRUTH_BYTES, _TRAINING_BYTES = 3.9, 72, 14
 """Per pixel on disk, compressed; rendering noise does not compress."""
@@ -180,7 +182,11 @@ def _sense(settings: Configuration) -> Estimate:
         exposed,
         disk_bytes=exposed * (_COUNTS_BYTES + _CORRECTED_BYTES * settings.correct) + bits / 8,
         memory_bytes=float(_held(frames) * pixels * (_EXPOSED_BYTES + 8 * settings.sub_frames)),
-        seconds=exposed / _EXPOSED_PER_S + moved / _MOVED_PER_S + bits / _BITS_PER_S,
+        seconds=exposed / _EXPOSED_PER_S
+        + moved / _MOVED_PER_S
+        + bits / _BITS_PER_S
+        + settings.free_running * exposed * len(settings.products) / _SIMULATED_PER_S
+        + settings.free_running * bits / _SIMULATED_BITS_PER_S,
     )
 
 

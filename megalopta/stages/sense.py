@@ -1,7 +1,8 @@
 """The sense stage: radiance to the readings of every sensor at every light level, on disk.
 
 A SPAD array reads counts, an array of CTIA pixels electrons. Events, binary frames and TIFF stacks
-are written beside them where `products` asks for it. With `sub_frames` light moves within a frame.
+are written beside them where `products` asks for it. With `sub_frames` light moves within a frame,
+with `free_running` pixels go on in every frame from what the one before left in them.
 
 Light is additive, so a scene under the same light made k times as bright has k times the radiance,
 in every band for itself: one rendering serves all levels. What stays is where the light comes from:
@@ -11,6 +12,7 @@ a full moon sensed from a rendering under an overcast sky casts no shadows.
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +27,7 @@ from megalopta.scenes.lighting import LEVELS, illuminance_of
 from megalopta.scenes.spectra import Spectrum, encode_srgb
 from megalopta.sensor import ImageSensor, OpenedCounts, check_sensor, open_counts
 from megalopta.sensor.formats import (
+    Arrays,
     ProductName,
     Shot,
     check_product,
@@ -32,8 +35,10 @@ from megalopta.sensor.formats import (
     product_writer,
 )
 from megalopta.sensor.readout import NextFrames, Origin
+from megalopta.sensor.spad import PARTS_ERROR, RUNNING_ERROR
 from megalopta.stages.correction import write_corrected
 from megalopta.stages.declaration import Stage
+from megalopta.stages.free_running import check_free_running
 from megalopta.stages.noise_warning import noise_share, noise_warning
 from megalopta.stages.sub_frames import burst_frames, check_sub_frames, next_frames
 
@@ -85,8 +90,9 @@ class _Film:
             seed=self._settings.seed,
             sequence=self._sequence,
             illuminance_lux=illuminance_of(level),
-            extra={"level": level},
+            extra={"level": level, **_unusual(self._settings)},
         )
+        self._arrays: Arrays | None = {} if self._settings.free_running else None
         camera, trajectory = self._settings.camera, self._settings.trajectory
         shape = trajectory.frames, camera.height, camera.width
         self._period_s = 1 / trajectory.frame_rate_hz
@@ -115,10 +121,23 @@ class _Film:
             following=following,
             sub_frames=self._settings.sub_frames,
             burst_frames=burst_frames(self._settings),
+            arrays=self._arrays,
         )
         with _refusals_told(self._sensor, self._level):
             for write in self._writers:
                 write(shot)
+        if self._arrays is not None:
+            self._arrays = shot.arrays_after
+
+
+def _unusual(settings: Configuration) -> dict[str, Any]:
+    """What a store says of how it was exposed where that is not by default."""
+    said: dict[str, Any] = {}
+    if settings.sub_frames > 1:
+        said |= {"sub_frames": settings.sub_frames, "sub_frames_error": PARTS_ERROR}
+    if settings.free_running:
+        said |= {"free_running": True, "free_running_error": RUNNING_ERROR}
+    return said
 
 
 @contextmanager
@@ -204,6 +223,7 @@ def _check(settings: Configuration) -> None:
         With one sentence that names the sensor.
     """
     check_sub_frames(settings)
+    check_free_running(settings)
     period_s = 1 / settings.trajectory.frame_rate_hz
     for sensor in settings.sensors:
         if sensor.exposure_s > period_s * (1 + 1e-9):
@@ -229,6 +249,7 @@ STAGE = Stage(
         "products",
         "sub_frames",
         "burst_hz",
+        "free_running",
         "correct",
         "calibration",
     ),

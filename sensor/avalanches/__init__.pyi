@@ -6,6 +6,10 @@ from .coupled import (
     MEAN_ERROR as MEAN_ERROR,
     VARIANCE_ERROR as VARIANCE_ERROR,
 )
+from .running import (
+    FreeRunning as FreeRunning,
+    running_array as running_array,
+)
 from .simulation import (
     PixelState as PixelState,
     SimulatedFrame as SimulatedFrame,

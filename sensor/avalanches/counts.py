@@ -21,6 +21,7 @@ from megalopta.sensor.effects import (
     check_arrivals,
     crosstalk,
     dead_time,
+    part_weights,
 )
 
 
@@ -44,8 +45,8 @@ def draw_counts(
     maps : AvalancheMaps, optional
         How pixels differ; by default not at all.
     """
-    if rate_hz.ndim == 3 and effects.on <= {"crosstalk"}:
-        rate_hz = rate_hz.mean(0)
+    if rate_hz.ndim == 3 and not effects.remembers:
+        rate_hz = mean_rate(rate_hz, exposure_s, effects)
     if rate_hz.ndim == 2 and _is_simple(effects):
         open_hz = open_rate(rate_hz, exposure_s, effects)
         scale = 1.0 if maps is None else maps.dead_time
@@ -61,7 +62,23 @@ def count_moments(
     effects: AvalancheEffects,
     maps: AvalancheMaps | None = None,
 ) -> tuple[Floats, Floats]:
-    """Mean and variance of the counts of one exposure; as `draw_counts`, at a constant rate."""
+    """Mean and variance of the counts of one exposure; parameters as for `draw_counts`.
+
+    Of rates in parts they are those of exposures at the rate of every part, weighed with its share
+    of the time open: exact without dead time and afterpulsing, else but for what a part inherits of
+    the one before. With dead time alone, two pixels under the same arrivals differ by one count at
+    most from any moment on, and by none if both are live then: at each of the S − 1 borders, and by
+    how the exposure starts, the mean is off by no more than the share of time that a part is dead.
+    With afterpulses each of these counts has 1/(1 − p) in all, and the carriers that wait at a
+    border come on top.
+    """
+    if rate_hz.ndim == 3 and effects.remembers:
+        weights = part_weights(effects.gate, exposure_s, len(rate_hz))
+        moments = [count_moments(part, exposure_s, effects, maps) for part in rate_hz]
+        mean, variance = np.tensordot(weights, moments, 1)
+        return mean, variance
+    if rate_hz.ndim == 3:
+        rate_hz = mean_rate(rate_hz, exposure_s, effects)
     if not effects.crosstalk.is_on:
         return pixel_moments(rate_hz, exposure_s, effects, maps)
     if _is_simple(effects):
@@ -71,6 +88,12 @@ def count_moments(
             crosstalk.variance(primaries, effects.crosstalk, _strength(maps)),
         )
     return coupled_moments(rate_hz, exposure_s, effects, maps)
+
+
+def mean_rate(rate_hz: Floats, exposure_s: float, effects: AvalancheEffects) -> Floats:
+    """Mean over the time open of rates in parts (S, rows, columns), Hz."""
+    weights = part_weights(effects.gate, exposure_s, len(rate_hz))
+    return np.asarray(np.tensordot(weights, rate_hz, 1))
 
 
 def _strength(maps: AvalancheMaps | None) -> Floats | None:

@@ -43,6 +43,7 @@ from .gating import (
     is_open as is_open,
     open_fraction as open_fraction,
     open_time as open_time,
+    part_weights as part_weights,
     wall_time as wall_time,
 )
 from .jitter import (

@@ -43,6 +43,11 @@ class AvalancheEffects(BaseModel, frozen=True, extra="forbid", use_attribute_doc
         return frozenset(name for name, effect in self if effect.is_on)
 
     @property
+    def remembers(self) -> bool:
+        """Whether an exposure leaves anything in the pixels that the next one may meet."""
+        return not self.on <= {"gate", "crosstalk"}
+
+    @property
     def memory_s(self) -> float:
         """Time after which a pixel has forgotten its past, dead times apart, s."""
         return float(sum(effect.memory_s for _, effect in self if effect.is_on))

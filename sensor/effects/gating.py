@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 from pydantic import Field, model_validator
 
+from megalopta.arrays import Floats
 from megalopta.sensor.effects.base import Effect, Stage
 
 
@@ -58,6 +59,13 @@ class Gate(Effect, frozen=True):
 def open_fraction(gate: Gate, exposure_s: float) -> float:
     """Fraction of the exposure for which the window is open."""
     return float(open_time(exposure_s, *gate.window) - open_time(0.0, *gate.window)) / exposure_s
+
+
+def part_weights(gate: Gate, exposure_s: float, parts: int) -> Floats:
+    """Share of the time open that lies in each of so many equal parts of the exposure, (parts,)."""
+    borders = np.linspace(0, exposure_s, parts + 1)
+    opened = np.diff([open_time(border, *gate.window) for border in borders])
+    return np.asarray(opened / opened.sum())
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]

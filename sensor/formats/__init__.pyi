@@ -36,7 +36,10 @@ from .reading import (
     read_frames as read_frames,
 )
 from .record import RecordedFrames as RecordedFrames
-from .shot import Shot as Shot
+from .shot import (
+    Arrays as Arrays,
+    Shot as Shot,
+)
 from .spad512 import (
     read_spad512 as read_spad512,
     spad512_writer as spad512_writer,

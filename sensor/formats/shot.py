@@ -1,16 +1,16 @@
 """Frames of light on a sensor, and all that can be drawn of them.
 
 The light of a frame stands still during its exposure, unless the frames that follow are given: then
-it moves on with them, in steps. Readings, events and bits see every step; what readings are on
-average is stated for the mean light, which with dead time, afterpulses and a gate is not quite the
-same: by less than the square of what the light changes, relative, times the share of lost counts.
+it moves on with them, in steps, which readings, events, bits and what is stated of them see (a
+sensor that integrates, their mean).
 
 Events and bits are drawn from the same light as the readings, from random streams of their own:
-they agree with them in distribution, not count by count.
+they agree with them in distribution, not count by count. Those of an array that runs freely, and
+remembers anything, are the same avalanches.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from megalopta.arrays import Floats
 from megalopta.sensor import Exposure, changed
+from megalopta.sensor.avalanches import FreeRunning
 from megalopta.sensor.readout import (
     Events,
     ImageSensor,
@@ -28,7 +29,9 @@ from megalopta.sensor.readout import (
     expose_image,
     light_between,
 )
-from megalopta.sensor.spad import Sensor, detection_rate, expose_rate, spad_expectation
+from megalopta.sensor.spad import Sensor, detection_rate, expose_rate, settled, spad_expectation
+
+Arrays = Mapping[str, FreeRunning]
 
 MOST_EVENTS = 5e7
 """Of a frame; they take about 3 GB of memory while they are drawn and sorted."""
@@ -56,6 +59,9 @@ class Shot:
         Equal parts of an exposure, and of a burst, in each of which it stands still.
     burst_frames : int
         Binary frames of a burst, which fill the time to the next frame.
+    arrays : dict, optional
+        What is left of a free-running array after the shot before (its `arrays_after`), by what is
+        drawn of it; empty in the first shot. By default the array is reset in every frame.
     """
 
     radiance: ArrayLike
@@ -68,22 +74,39 @@ class Shot:
     following: NextFrames | None = None
     sub_frames: int = 1
     burst_frames: int = 1
+    arrays: Arrays | None = None
+    arrays_after: dict[str, FreeRunning] = field(default_factory=dict, init=False)
+
+    def _array(self, of: str) -> FreeRunning | bool:
+        """Return an array that goes on where it was before this shot, however often it is asked."""
+        if self.arrays is None:
+            return False
+        before = self.arrays.get(of, FreeRunning())
+        self.arrays_after[of] = FreeRunning(before.state)
+        return self.arrays_after[of]
 
     @cached_property
     def exposure(self) -> Exposure:
         """Readings, with what they are on average."""
-        if self.following is not None and isinstance(self.sensor, Sensor):
+        is_plain = self.following is None and self.arrays is None
+        if isinstance(self.sensor, Sensor) and not is_plain:
             reading = expose_rate(
                 self._detections_hz,
                 self.sensor,
                 seed=self.seed,
                 sequence=self.sequence,
                 first_frame=self.first_frame,
+                free_running=self._array("counts"),
             )
-            stated = spad_expectation(self._moving[0], self.bands_nm, self.sensor)
+            stated = spad_expectation(
+                self._mean_radiance,
+                self.bands_nm,
+                self.sensor if self.arrays is None else settled(self.sensor),
+                detections_hz=self._detections_hz,
+            )
             return replace(reading, expectation=stated)
         return expose_image(
-            self.radiance if self.following is None else self._moving[0],
+            self._mean_radiance,
             self.bands_nm,
             self.sensor,
             seed=self.seed,
@@ -99,6 +122,10 @@ class Shot:
         if self.following is None:
             return detection_rate(self.radiance, self.bands_nm, self._spad)
         return self._moving[1]
+
+    @property
+    def _mean_radiance(self) -> ArrayLike:
+        return self.radiance if self.following is None else self._moving[0]
 
     @cached_property
     def _moving(self) -> tuple[Floats, Floats]:
@@ -131,6 +158,7 @@ class Shot:
         ValueError
             When there would be more of a frame than fit into memory.
         """
+        array = self._array("events")
         for index, rate in enumerate(self._detections_hz):
             parts = rate.shape[0] if rate.ndim == 3 else 1
             arrivals = float(rate.sum()) / parts * self.sensor.exposure_s
@@ -146,25 +174,28 @@ class Shot:
                 seed=self.seed,
                 sequence=self.sequence,
                 first_frame=frame,
+                free_running=array,
             )
 
     @cached_property
     def bits(self) -> NDArray[np.uint8]:
         """Packed binary frames, (T, H, ceil(W/8))."""
-        rate = self._detections_hz
         return expose_binary(
-            rate if rate.ndim == 3 else rate.mean(axis=1),
+            self._detections_hz,
             self._spad,
             seed=self.seed,
             sequence=self.sequence,
             first_frame=self.first_frame,
+            free_running=self._array("bits"),
         )
 
     def burst(self) -> Iterator[NDArray[np.uint8]]:
         """Packed binary frames (n, H, ceil(W/8)) that fill the time between frames, some at a time.
 
-        Each is as long as a share of that time, from a live start.
+        Each is as long as a share of that time, from a live start, or where the array runs freely
+        from the end of the one before.
         """
+        array = self._array("burst")
         exposure_s = self.frame_period_s / self.burst_frames
         sensor = changed(self._spad, exposure_s=exposure_s)
         part_of = np.arange(self.burst_frames) * self.sub_frames // self.burst_frames
@@ -178,6 +209,7 @@ class Shot:
                     seed=self.seed,
                     sequence=f"{self.sequence}/burst",
                     first_frame=first + start,
+                    free_running=array,
                 )
 
     @property

@@ -1,7 +1,9 @@
 """Binary frames: whether a pixel saw anything during a short exposure, one bit each.
 
 The bit is 1 with probability 1 − exp(−r·T) from a live start, whatever the dead time and the
-afterpulses, which come after the first event; mean p, variance p·(1−p). Gated, T is the time open.
+afterpulses, which come after the first event; mean p, variance p·(1−p). Gated, T is the time open,
+and where light changes within the exposure, r its mean over that time. Frames of an array that runs
+freely, where a dead time may reach into the next one, are simulated avalanche by avalanche.
 Bits are drawn by comparing 16 random bits with p·2¹⁶, where p is taken in single precision, and, in
 the two cases in 65536 in which that leaves them open, a further uniform number with the rest of the
 exact p: exact to the last bit of p at a quarter of a random word a pixel.
@@ -15,10 +17,11 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from megalopta.arrays import Floats
-from megalopta.sensor.effects import open_fraction
+from megalopta.sensor.avalanches import FreeRunning, running_array
+from megalopta.sensor.effects import open_fraction, part_weights
 from megalopta.sensor.readout.chance import CHANCE_ERROR, chance
 from megalopta.sensor.sampling import LANES, fill_words, generator, word_streams
-from megalopta.sensor.spad import Sensor, checked_rate, over_frames
+from megalopta.sensor.spad import Sensor, checked_rate, over_frames, running_counts
 
 # Times a word of eight bytes of 0 or 1: these bits in the highest byte, the first one on top.
 _GATHER = np.uint64(0x8040201008040201)
@@ -42,9 +45,12 @@ def expose_binary(
     seed: int,
     sequence: str | int,
     first_frame: int = 0,
+    free_running: bool | FreeRunning = False,
     threads: int | None = None,
 ) -> NDArray[np.uint8]:
     """Draw packed binary frames, (T, H, ceil(W/8)) uint8; parameters as for `expose_rate`.
+
+    Of an array that runs freely they are the events of `expose_events`, one or more.
 
     Raises
     ------
@@ -54,8 +60,15 @@ def expose_binary(
     """
     check_binary(sensor)
     rate, device = checked_rate(detections_hz, sensor)
-    if rate.ndim != 3:
-        raise ValueError(f"detections_hz: shape {rate.shape}; give (frames, rows, columns)")
+    if array := running_array(free_running, sensor.avalanche_effects):
+        fired = np.empty((rate.shape[0], *rate.shape[-2:]), np.bool_)
+        for frame, each in enumerate(rate):
+            key = sequence, first_frame + frame
+            fired[frame] = running_counts(array, each, sensor, device, seed, key) > 0
+        return np.packbits(fired, axis=-1)
+    if rate.ndim == 4:
+        weights = part_weights(sensor.gate, sensor.exposure_s, rate.shape[1])
+        rate = np.tensordot(weights, rate, (0, 1))
     open_s = sensor.exposure_s * open_fraction(sensor.gate, sensor.exposure_s)
     frames, rows, columns = rate.shape
     dark_hz = np.ascontiguousarray(np.broadcast_to(device.dark_counts_hz, (rows, columns)))
@@ -107,8 +120,7 @@ def check_binary(sensor: Sensor) -> None:
             f"crosstalk.mean_fired_neighbors: {sensor.crosstalk.mean_fired_neighbors:g}; binary "
             "frames have none: switch it off, or use a counter of capacity 1 with expose_rate"
         )
-    has_memory = sensor.dead_time.kind != "ideal" or sensor.afterpulsing.is_on
-    if sensor.dead_time.start == "stationary" and has_memory:
+    if sensor.dead_time.start == "stationary" and sensor.avalanche_effects.remembers:
         raise ValueError(
             "dead_time.start: 'stationary'; binary frames start live: choose 'live', or use a "
             "counter of capacity 1 with expose_rate"

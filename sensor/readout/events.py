@@ -15,10 +15,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from megalopta.sensor.avalanches import PixelState, simulate_frame
-from megalopta.sensor.effects import check_arrivals, stamp
+from megalopta.sensor.avalanches import FreeRunning, running_array
+from megalopta.sensor.effects import stamp
 from megalopta.sensor.sampling import generator
-from megalopta.sensor.spad import Sensor, checked_rate, over_frames
+from megalopta.sensor.spad import Sensor, checked_rate, over_frames, running_frame
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ def expose_events(
     seed: int,
     sequence: str | int,
     first_frame: int = 0,
-    free_running: bool = False,
+    free_running: bool | FreeRunning = False,
     threads: int | None = None,
 ) -> Events:
     """Draw the events of frames whose detection rate is known.
@@ -81,33 +81,22 @@ def expose_events(
         Hz, constant over an exposure or in S equal parts of it (`sub_frames`); `detection_rate`
         gives that of a scene.
     sensor : Sensor
-    free_running : bool
+    free_running : bool or FreeRunning
         Exposures follow on each other without a gap, and what a pixel remembers is kept between
-        them; frames then depend on those before, from the first of this call on.
+        them: from the first frame of this call on, or from where an array ended in the call before.
+        Frames then depend on those before.
     """
     rate, device = checked_rate(detections_hz, sensor)
     streams: list[tuple[NDArray[np.float64], NDArray[np.uint32]]] = [None] * len(rate)  # type: ignore[list-item]
-    state: PixelState | None = None
+    array = running_array(free_running, sensor.avalanche_effects)
 
     def expose_frame(frame: int) -> None:
-        nonlocal state
-        arrivals_hz = rate[frame] + device.dark_counts_hz
-        check_arrivals(arrivals_hz, sensor.exposure_s)
         rng = generator(seed, "events", sequence, first_frame + frame)
-        simulated = simulate_frame(
-            rng,
-            arrivals_hz,
-            sensor.exposure_s,
-            sensor.avalanche_effects,
-            maps=device.avalanches,
-            state=state,
-        )
-        if free_running:
-            state = simulated.state
+        simulated = running_frame(array or FreeRunning(), rng, rate[frame], sensor, device)
         stamps = stamp(rng, simulated.times_s, sensor.jitter)
         streams[frame] = _sorted(stamps, simulated.pixels)
 
-    over_frames(expose_frame, len(rate), 1 if free_running else threads)
+    over_frames(expose_frame, len(rate), 1 if array else threads)
     return _joined(streams, (len(rate), *rate.shape[-2:]), first_frame)
 
 

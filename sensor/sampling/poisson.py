@@ -40,6 +40,7 @@ _TAIL_COUNTS = 20
 _CHANCE = np.uint64(2**48 - 1)
 _ALIAS_BITS, _ALIAS = np.uint64(16), np.uint64(2**16 - 1)
 _ROWS_OF_WORDS = 64
+_NO_MORE = np.zeros(1)
 
 _LOW, _HIGH = 0.3, 4.6
 """Of the bounds above; 0.2 and 4.52 are found at a mean of 1024, less at larger ones."""
@@ -61,9 +62,24 @@ class _Tables(NamedTuple):
     """Chance of a cell's own count in 48 bits, and the cell that stands for the rest in 16"""
 
 
-def draw_poisson(rng: np.random.Generator, means: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Draw one count for each of the means, (N,), which are finite and not negative: unchecked."""
-    return np.asarray(_draw(rng, word_streams(rng), means, _tables()))
+def draw_poisson(
+    rng: np.random.Generator,
+    means: NDArray[np.float64],
+    more: NDArray[np.float64] | None = None,
+    factor: float = 1.0,
+) -> NDArray[np.int64]:
+    """Draw one count for each of (means + more)·factor, in one pass.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    means, more : (N,) float64
+        Finite and not negative: unchecked.
+    factor : float
+    """
+    counts, more = np.empty(means.size, np.int64), _NO_MORE if more is None else more
+    _draw(rng, word_streams(rng), means, more, factor, _tables(), counts)
+    return counts
 
 
 @cache
@@ -114,14 +130,17 @@ def _draw(
     rng: np.random.Generator,
     streams: NDArray[np.uint64],
     means: NDArray[np.float64],
+    more: NDArray[np.float64],
+    factor: float,
     tables: _Tables,
-) -> NDArray[np.int64]:
-    counts = np.empty(means.size, np.int64)
+    counts: NDArray[np.int64],
+) -> None:
+    each = -1 if more.size > 1 else 0  # bits of the index that count in `more`
     words = np.empty((_ROWS_OF_WORDS, LANES), np.uint64)
     word, used = words.reshape(-1), words.size
     to_next_arrival = rng.standard_exponential()
     for index in range(means.size):
-        mean = means[index]
+        mean = (means[index] + more[index & each]) * factor
         if mean >= _LARGEST_MEAN:
             counts[index] = _near_normal(rng, mean)
             continue
@@ -142,7 +161,6 @@ def _draw(
             to_next_arrival += rng.standard_exponential()
             count += 1
         counts[index] = count
-    return counts
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]

@@ -11,6 +11,7 @@ from .measured import (
 )
 from .model import Sensor as Sensor
 from .moments import (
+    PARTS_ERROR as PARTS_ERROR,
     event_moments as event_moments,
     reading_moments as reading_moments,
     spad_expectation as spad_expectation,
@@ -30,4 +31,10 @@ from .presets import (
 from .rates import (
     checked_rate as checked_rate,
     detection_rate as detection_rate,
+)
+from .running import (
+    RUNNING_ERROR as RUNNING_ERROR,
+    running_counts as running_counts,
+    running_frame as running_frame,
+    settled as settled,
 )

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from megalopta.sensor import Exposure
-from megalopta.sensor.avalanches import draw_counts
+from megalopta.sensor.avalanches import FreeRunning, draw_counts, running_array
 from megalopta.sensor.counters import (
     AnalogCounter,
     empty_counts,
@@ -22,12 +22,13 @@ from megalopta.sensor.counters import (
     read_digital,
     sample_analog,
 )
-from megalopta.sensor.sampling import generator
+from megalopta.sensor.sampling import draw_poisson, generator
 from megalopta.sensor.spad.fixed_pattern import FixedPattern
 from megalopta.sensor.spad.frames import over_frames
 from megalopta.sensor.spad.model import Sensor
 from megalopta.sensor.spad.moments import spad_expectation
 from megalopta.sensor.spad.rates import checked_rate, detection_rate
+from megalopta.sensor.spad.running import running_counts
 
 
 def expose(
@@ -84,19 +85,27 @@ def expose_rate(
     seed: int,
     sequence: str | int,
     first_frame: int = 0,
+    free_running: bool | FreeRunning = False,
     threads: int | None = None,
 ) -> Exposure:
-    """Draw the counts of frames whose detection rate is known, in Hz; as `expose`.
+    """Draw the counts of frames whose detection rate is known; other parameters as for `expose`.
 
-    The rate is (T, H, W), constant over an exposure, or (T, S, H, W), in S equal parts of it.
+    Parameters
+    ----------
+    detections_hz : (T, H, W) or (T, S, H, W) array
+        Hz, constant over an exposure or in S equal parts of it.
+    sensor : Sensor
+    free_running : bool or FreeRunning
+        As for `expose_events`, whose events these counts then number.
     """
     rate, device = checked_rate(detections_hz, sensor)
+    array = running_array(free_running, sensor.avalanche_effects)
     shape = rate.shape[0], *rate.shape[-2:]
     exposure = Exposure(empty_counts(shape, sensor.counter.capacity), np.empty(shape, np.bool_))
 
     def expose_frame(frame: int) -> None:
         key = sequence, first_frame + frame
-        events = _events(rate[frame], sensor, device, seed, key)
+        events = _events(rate[frame], sensor, device, seed, key, array)
         out = exposure.counts[frame], exposure.saturated[frame]
         if isinstance(sensor.counter, AnalogCounter):
             assert device.counters is not None
@@ -107,7 +116,7 @@ def expose_rate(
         else:
             read_digital(events, sensor.counter, out)
 
-    over_frames(expose_frame, len(rate), threads)
+    over_frames(expose_frame, len(rate), 1 if array else threads)
     return exposure
 
 
@@ -133,7 +142,7 @@ def expose_adc(
     counter, pixels = sensor.counter, device.counters
     if not isinstance(counter, AnalogCounter) or pixels is None:
         raise ValueError("counter.kind: 'digital'; only an analog counter is read by an ADC")
-    codes = np.empty(rate.shape, np.uint16)
+    codes = np.empty((rate.shape[0], *rate.shape[-2:]), np.uint16)
 
     def expose_frame(frame: int) -> None:
         key = sequence, first_frame + frame
@@ -150,8 +159,13 @@ def _events(
     device: FixedPattern,
     seed: int,
     key: tuple[str | int, int],
+    array: FreeRunning | None = None,
 ) -> NDArray[np.int64]:
+    if array:
+        return running_counts(array, detections_hz, sensor, device, seed, key)
+    rng, effects = generator(seed, "exposure", *key), sensor.avalanche_effects
+    if not effects.on and detections_hz.ndim == 2:  # the same, faster, of rates checked before
+        flat = detections_hz.ravel(), device.dark_counts_hz.ravel()
+        return draw_poisson(rng, *flat, sensor.exposure_s).reshape(detections_hz.shape)
     arrivals_hz = detections_hz + device.dark_counts_hz
-    rng = generator(seed, "exposure", *key)
-    effects = sensor.avalanche_effects
     return draw_counts(rng, arrivals_hz, sensor.exposure_s, effects, device.avalanches)

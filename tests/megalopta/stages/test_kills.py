@@ -35,7 +35,10 @@ main(sys.argv[1:])
 
 CHANGES = {
     "render": ("--seed", "5"),
-    "sense": ("--light-levels", "0.2", "starlight"),
+    "sense": (
+        *("--light-levels", "0.2", "starlight", "--sub-frames", "2", "--free-running"),
+        *("--sensors", "[{preset: spadcam, exposure_s: 0.1}]"),
+    ),
     "flow": ("--methods", "BM", "NDS"),
     "benchmark": ("--benchmark.repeats", "3"),
 }

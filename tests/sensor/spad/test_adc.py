@@ -34,3 +34,13 @@ def test_a_digital_counter_has_no_codes():
 def test_codes_beyond_16_bits_are_refused():
     with pytest.raises(ValueError, match="adc_bits: 20"):
         expose_adc(RATE, changed(preset("spadcam"), counter={"adc_bits": 20}), seed=1, sequence="a")
+
+
+def test_codes_of_light_in_parts_are_of_frames():
+    parts = np.stack([RATE[:3] / 2, 3 * RATE[:3] / 2], axis=1)
+    codes = expose_adc(parts, preset("spadcam"), seed=1, sequence="a")
+    assert codes.shape == (3, 16, 16)
+    exposure = expose_rate(parts, preset("spadcam"), seed=1, sequence="a")
+    sensor = preset("spadcam")
+    known = analog_pixels(sensor.counter, (16, 16), sensor.exposure_s, sensor.device_seed)
+    np.testing.assert_array_equal(counts_of_codes(codes, sensor.counter, known)[0], exposure.counts)

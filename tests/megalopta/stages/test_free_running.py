@@ -1,0 +1,153 @@
+"""Arrays that run on from frame to frame, through the command line."""
+
+import shutil
+
+import numpy as np
+import pytest
+import zarr
+
+from megalopta.cli import main
+from megalopta.config import load
+from megalopta.dataset import FRAMES_AT_ONCE, open_dataset
+from megalopta.errors import UserError
+from megalopta.sensor.formats import read_events, read_frames
+from megalopta.sensor.readout import histogram
+from megalopta.stages.estimate import estimate
+from megalopta.stages.pipeline import run_stage
+from megalopta.stages.sense import open_exposure, sense
+
+SHAPE, PERIOD_S, DEAD_S, LEVEL, BITS = (20, 24), 0.1, 0.03, 1e-5, 10
+FRAMES = FRAMES_AT_ONCE + 2
+"""More than are read at once."""
+DEVICE = (
+    f"{{preset: ideal, exposure_s: {PERIOD_S}, dead_time: "
+    f"{{kind: nonparalyzable, dead_time_s: {DEAD_S}}}}}"
+)
+SMALL = {
+    "camera.width": str(SHAPE[1]),
+    "camera.height": str(SHAPE[0]),
+    "trajectory.frames": str(FRAMES),
+    "render.samples_per_pixel": "4",
+    "render.bands_nm": "[[450, 550], [550, 650]]",
+    "sensors": f"[{DEVICE}]",
+    "light_levels": f"[{LEVEL}]",
+}
+OPTIONS = (
+    "--free-running", "--sub-frames", "2", "--burst-hz", str(BITS / PERIOD_S), "--redo",
+    "--products", "counts", "events_npz", "events_hdf5", "binary_npy", "burst_npy",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def reset(tmp_path_factory):
+    root = tmp_path_factory.mktemp("reset") / "data"
+    settings = load("grating", SMALL | {"products": "[counts, events_npz]"})
+    for stage in ("render", "sense"):
+        run_stage(root, settings, stage)
+    return root
+
+
+@pytest.fixture(scope="module")
+def running(reset, tmp_path_factory):
+    root = tmp_path_factory.mktemp("running") / "data"
+    shutil.copytree(reset, root)
+    main.main(["sense", str(root), *OPTIONS])
+    return root
+
+
+def beside(root, suffix):
+    (path,) = (root / "counts").glob(f"*/*{suffix}")
+    return path
+
+
+def stored(root):
+    dataset = open_dataset(root)
+    return open_exposure(dataset, dataset.configuration.sensors[0], LEVEL)
+
+
+def shortest_gap(root):
+    """Between two events of a pixel, s."""
+    events = read_events(beside(root, ".events.npz")).events
+    times = events.frame * PERIOD_S + events.time_s
+    order = np.lexsort((times, events.pixel))
+    same = np.diff(events.pixel[order].astype(int)) == 0
+    return np.diff(times[order])[same].min()
+
+
+def test_dead_times_reach_into_the_next_frame(reset, running):
+    # a time stamp of a file is exact to some nanoseconds
+    assert shortest_gap(running) > DEAD_S - 1e-6
+    assert shortest_gap(reset) < DEAD_S / 2
+
+
+def test_counts_events_and_bits_are_the_same_avalanches(running):
+    counts = stored(running)["counts"][:]
+    for suffix in (".events.npz", ".events.h5"):
+        numbered = histogram(read_events(beside(running, suffix)).events)
+        np.testing.assert_array_equal(numbered, counts)
+    bits = read_frames(beside(running, ".binary.npy"), shape=SHAPE).counts
+    np.testing.assert_array_equal(bits, counts > 0)
+
+
+def test_a_dead_time_spans_frames_of_a_burst(running):
+    bits = read_frames(beside(running, ".burst.npy"), shape=SHAPE).counts
+    assert bits.shape == (FRAMES * BITS, *SHAPE)
+    # of 10 ms each: a pixel that fired is blind in the whole of the next two, across frames, too
+    for later in (1, 2):
+        assert not (bits[later:] & bits[:-later]).any()
+    assert (bits[3:] & bits[:-3]).any()
+
+
+def test_stated_means_are_those_of_settled_pixels(running):
+    opened = stored(running)
+    counts, stated = opened["counts"][:].astype(float), opened["mean_reading"][:]
+    variance = opened["reading_variance"][:]
+    # off by less than one count times the change of light: the wave passes in 5 frames or more
+    z = (counts[1:] - stated[1:]).sum() / np.sqrt(variance[1:].sum())
+    assert abs(z) < 5 + 0.02 * stated[1:].sum() / np.sqrt(variance[1:].sum())
+    assert stated.mean() < counts[0].mean()  # which began live
+
+
+def test_the_store_says_how_it_was_made(reset, running):
+    said = zarr.open_group(beside(running, "lux.zarr"), mode="r").attrs["extra"]
+    assert said["sub_frames"] == 2 and said["free_running"] is True
+    assert "count" in said["sub_frames_error"] and "count" in said["free_running_error"]
+    plain = zarr.open_group(beside(reset, "lux.zarr"), mode="r").attrs["extra"]
+    assert plain == {"level": LEVEL}
+
+
+def test_what_a_kill_left_out_is_made_again_alike(running):
+    products = [beside(running, end) for end in (".burst.npy", ".events.npz", ".binary.npy")]
+    before = [path.read_bytes() for path in products]
+    for path in products:
+        path.unlink()
+    sense(open_dataset(running))
+    assert [path.read_bytes() for path in products] == before
+
+
+def test_old_output_is_refused_until_it_is_to_be_made_again(reset, capsys):
+    with pytest.raises(SystemExit):
+        main.main(["sense", str(reset), "--free-running"])
+    assert "free_running: False → True" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"sensors": "[ctia_si]", "render.bands_nm": "[[700, 900]]"}, "'ctia_si' integrates"),
+        ({"sensors": "[{preset: ideal, exposure_s: 0.01}]"}, "exposure_s 0.01 does.* use .* 0.1,"),
+    ],
+)
+def test_what_cannot_run_freely_is_refused_before_the_work(tmp_path, changes, message):
+    settings = load("grating", SMALL | {"free_running": "true"} | changes)
+    with pytest.raises(UserError, match=message):
+        run_stage(tmp_path / "data", settings, "sense")
+
+
+def test_the_estimate_counts_single_avalanches():
+    burst = {"products": "[counts, burst_npy]", "sub_frames": "8", "burst_hz": "1e5"}
+    plain, running = (
+        estimate(load("grating", SMALL | burst | {"free_running": each}), "sense").seconds
+        for each in ("false", "true")
+    )
+    assert running > 2 * plain
