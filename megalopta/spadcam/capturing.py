@@ -28,7 +28,8 @@ from megalopta.spadcam.nominal import sensor_as_identified, sensor_as_set
 from megalopta.spadcam.recorder import Recorder
 from megalopta.spadcam.recording import RAW, RecordingSettings
 
-_WRITE_EVERY_S = 1.0
+_WRITE_EVERY_S = 4.0
+_RATE_OVER_S = 1.0
 _SHOW_EVERY_S = 0.1
 _SWITCHING_S = 0.0002
 
@@ -236,10 +237,11 @@ class _Capture:
         if now_s - self._shown_s >= _SHOW_EVERY_S:
             self._shown_s = now_s
             self._show(self._state())
-        if now_s - self._written_s >= _WRITE_EVERY_S:
-            since_s, frames = self._rate_from
+        since_s, frames = self._rate_from
+        if now_s - since_s >= _RATE_OVER_S:
             self._rate_hz = (self.recorder.frames - frames) / (now_s - since_s)
             self._rate_from = (now_s, self.recorder.frames)
+        if now_s - self._written_s >= _WRITE_EVERY_S:
             self._written_s = now_s
             self.recorder.write(self._link.damaged)
 
