@@ -288,6 +288,20 @@ def test_a_port_that_is_missing_is_told(tmp_path):
     assert not (tmp_path / "a").exists()
 
 
+def test_a_port_that_comes_later_is_waited_for(emulated, tmp_path, capsys):
+    """As of `megalopta spadcam emulate &`, which takes a while to begin."""
+    looked = []
+
+    def find():
+        looked.append(str(camera.find()) if len(looked) > 2 else str(tmp_path / "nothing"))
+        return looked[-1]
+
+    with emulated() as camera:
+        record = capture(find, tmp_path / "a", wanted(1), threading.Event(), wait_s=60)
+    assert record.frames == 1 and len(looked) == 4
+    assert capsys.readouterr().err.count("capture: waiting up to 60 s") == 1
+
+
 def test_what_is_no_serial_port_is_told(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(UserError, match="no serial port"):
