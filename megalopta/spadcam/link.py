@@ -25,9 +25,11 @@ _ASKED = 3
 """Times; all commands may be repeated."""
 _MOST_WAITING = 20_000
 """Pieces of bytes, a frame or more each. Further ones wait in the camera."""
-_GATHER_S = 0.004
-"""Pause after whole packets, in which further ones gather: at 1000 frames/s to wake up for each
-would cost more than to read it. Times rest on the fastest frames (`clock`) and do not suffer."""
+_GATHER_S = 0.003
+_MUCH = 3000
+"""Pause after whole packets of fewer bytes, in which further ones gather: at 1000 frames/s to wake
+up for each would cost more than to read it. Times rest on the fastest frames (`clock`) and do not
+suffer. A pseudo-terminal holds 4096 bytes; where as many wait, the reader is late."""
 
 
 class Plugged(NamedTuple):
@@ -225,7 +227,7 @@ class Link:
             if data:
                 self._log.write(data)
                 self._pieces.put((time.monotonic(), data))
-            if data.endswith(b"\0"):
+            if data.endswith(b"\0") and len(data) < _MUCH:
                 time.sleep(_GATHER_S)
 
     def _received(self) -> bytes:
