@@ -16,6 +16,9 @@ def declare(verbs: Verbs) -> None:
     command = add_verb(verbs, "capture", purpose, _run)
     command.add_argument("--port", help="serial port (default: the only Teensy on USB)")
     command.add_argument("--usb-serial", help="USB serial number of the camera, instead")
+    command.add_argument(
+        "--wait", type=float, default=15.0, help="for a port to appear (s, default: 15)"
+    )
     command.add_argument("--out", type=Path, help="new folder (default: recordings/KIND-DATE-TIME)")
     command.add_argument(
         "--kind", default="scene", help="what is recorded, such as dark, flat (default: scene)"
@@ -70,7 +73,12 @@ def _run(options: Namespace) -> None:
         signal.signal(number, lambda *_: stop.set())
     with viewing() as show:
         record = capture(
-            lambda: options.port or find_port(options.usb_serial), out, settings, stop, show
+            lambda: options.port or find_port(options.usb_serial),
+            out,
+            settings,
+            stop,
+            show,
+            wait_s=options.wait,
         )
     clock = record.connections[-1] if record.connections else None
     error = f", times to {clock.error_s * 1e3:.2g} ms" if clock and clock.error_s else ""

@@ -33,6 +33,12 @@ def declare(verbs: Verbs) -> None:
         help="relative difference that does not matter (default: 0.05)",
     )
     command.add_argument("--seed", type=int, default=0, help="of the simulation (default: 0)")
+    command.add_argument(
+        "--own-light",
+        action="store_true",
+        help="of plate: simulate in the light that the recording's open and hidden pixels show "
+        "(default: that of the dissertation, 65 photons per frame and pixel)",
+    )
     add_out(command, "comparison.html", "page")
 
 
@@ -49,6 +55,7 @@ def _run(options: Namespace) -> None:
         beam=Beam(options.wavelength_nm, options.beam_area_mm2),
         margin=options.margin,
         seed=options.seed,
+        own_light=options.own_light,
     )
     print(sentence)
     print(options.out)

@@ -90,7 +90,7 @@ def _run(options: Namespace) -> None:
 
 
 def _stimulus(options: Namespace) -> "Stimulus":
-    from megalopta.spadcam import Flat, Plate, Rendered
+    from megalopta.spadcam import Flat
 
     if any(value < 0 for value in options.photons or ()):
         raise UserError("--photons: cannot be negative; give 0 or more")
@@ -105,10 +105,14 @@ def _stimulus(options: Namespace) -> "Stimulus":
             levels = options.photons or (0, 1e6, 2e6, 5e6, 1e7, 2e7)
             return Flat(tuple(map(float, levels)), options.step_s)
         case "plate":
+            from megalopta.spadcam import Plate
+
             return Plate(options.speed)
     folder = Path(options.stimulus)
     if not folder.is_dir():
         raise UserError(
             f"--stimulus: {options.stimulus}; give dark, flat, steps, plate or a dataset's folder"
         )
+    from megalopta.spadcam import Rendered
+
     return Rendered(folder, options.lux)

@@ -22,6 +22,12 @@ def declare(verbs: Verbs) -> None:
         type=Path,
         help="device file that simulates beside them (default: the recordings' nominal sensor)",
     )
+    command.add_argument(
+        "--own-light",
+        action="store_true",
+        help="simulate in the light that open and hidden pixels of the recording of the slowest "
+        "plate show (default: that of the dissertation, 65 photons per frame and pixel)",
+    )
     add_out(command, "out/plate")
 
 
@@ -30,5 +36,7 @@ def _run(options: Namespace) -> None:
     from megalopta.figures.chapter2 import reproduce_captured
 
     sources = [Source.parse(text) for text in options.recordings]
-    for path in reproduce_captured(sources, options.out, options.device):
+    for path in reproduce_captured(
+        sources, options.out, options.device, own_light=options.own_light
+    ):
         print(path)

@@ -3,7 +3,6 @@ from .cycle import (
     Cycle as Cycle,
     align as align,
     dataset_cycle as dataset_cycle,
-    plate_cycle as plate_cycle,
     rendered_dataset as rendered_dataset,
 )
 from .levels import (

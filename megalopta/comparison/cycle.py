@@ -1,9 +1,8 @@
 """What a camera sees again and again, and where in it each captured frame is.
 
-The plate of the motion bench and the frames of a dataset are cycles. A recording begins anywhere in
-them, so captured frames are aligned: of shifts by a quarter of a frame, that one under which counts
-follow the cycle best, by the correlation over all frames and pixels of what remains of both without
-the means of pixels.
+The frames of a dataset are a cycle. A recording begins anywhere in it, so captured frames are
+aligned: of shifts by a quarter of a frame, that one under which counts follow the cycle best, by
+the correlation over all frames and pixels of what remains of both without the means of pixels.
 """
 
 from pathlib import Path
@@ -15,8 +14,7 @@ from numpy.typing import NDArray
 from megalopta.arrays import Floats
 from megalopta.config import load
 from megalopta.errors import UserError
-from megalopta.experiments import FRAME_RATE_HZ, passing_rates
-from megalopta.sensor import Sensor, changed
+from megalopta.sensor import Sensor
 from megalopta.sensor.compare import CountedFrames
 from megalopta.spadcam import Rendered
 from megalopta.stages import open_dataset_whole, run_stage
@@ -40,12 +38,6 @@ class Aligned(NamedTuple):
     """(n,) frame of the cycle that each one saw as it began."""
     correlation: float
     """Of captured frames with these; 0 where nothing moves."""
-
-
-def plate_cycle(speed_mm_s: float, device: Sensor) -> Cycle:
-    """The plate, whose light is such that an open pixel detects 65 photons in 0.1 s."""
-    as_lit = changed(device, exposure_s=1 / FRAME_RATE_HZ)
-    return Cycle(passing_rates(speed_mm_s, as_lit), FRAME_RATE_HZ)
 
 
 def dataset_cycle(dataset: Path, lux: float | None, device: Sensor) -> Cycle:

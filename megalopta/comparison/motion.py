@@ -1,30 +1,30 @@
 """Responses of NDM and NDS to a moving plate, captured and simulated, and transfer functions."""
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.arrays import Floats
-from megalopta.comparison.cycle import align, plate_cycle
-from megalopta.comparison.moving import exposed
 from megalopta.errors import UserError
 from megalopta.experiments import (
     FRAME_RATE_HZ,
     FRAMES,
+    PIXELS,
     TIME_CONSTANTS_S,
     UNITS,
+    BenchLight,
     crossing_peaks,
+    cut_passages,
+    cut_rest,
     detector,
+    fitted_light,
     pooled,
+    record,
 )
-from megalopta.sensor import Sensor
+from megalopta.sensor import Sensor, changed
 from megalopta.sensor.compare import CountedFrames, Difference, difference
-
-_PERIOD = 2 * FRAMES
-_REPEATS = 4
-"""Simulated passages for each captured one."""
 
 
 class SpeedResponse(NamedTuple):
@@ -39,9 +39,16 @@ class SpeedResponse(NamedTuple):
 
 
 def plate_responses(
-    captured: Mapping[float, CountedFrames], device: Sensor, margin: float, seed: int = 0
+    captured: Mapping[float, CountedFrames],
+    device: Sensor,
+    margin: float,
+    seed: int = 0,
+    *,
+    own_light: bool = False,
 ) -> list[SpeedResponse]:
     """Compare responses to a plate at each speed (mm/s), over whole passages of it.
+
+    Passages are found by their edges, so that the plate may rest at its ends.
 
     Raises
     ------
@@ -51,12 +58,10 @@ def plate_responses(
     """
     found = []
     for speed, frames in sorted(captured.items()):
-        cycle = plate_cycle(speed, device)
-        index = align(frames, cycle).frame
-        starts = _passages(index, speed)
-        chosen = (starts[:, None] + np.arange(_PERIOD)).ravel()
-        light = np.tile(cycle.rates_hz[index[chosen]], (_REPEATS, 1, 1))
-        counts, simulated = frames.counts[chosen], exposed(frames, light, device, seed).counts
+        counts = _cut(speed, frames)
+        own = changed(device, exposure_s=1 / FRAME_RATE_HZ)
+        light = _light(speed, counts, own) if own_light else None
+        simulated = record(speed, own, light, seed).counts
         for name in TIME_CONSTANTS_S:
             a, b = (
                 crossing_peaks(detector(name), pooled(each)).mean(axis=(1, 2))
@@ -68,15 +73,23 @@ def plate_responses(
     return found
 
 
-def _passages(index: NDArray[np.int64], speed: float) -> NDArray[np.intp]:
-    """First frame of every whole passage, of which none is missing."""
-    starts = np.flatnonzero(index % _PERIOD == 0)
-    starts = starts[starts + _PERIOD <= len(index)]
-    ways = np.arange(_PERIOD)
-    whole = [at for at in starts if np.array_equal(index[at : at + _PERIOD], index[at] + ways)]
-    if len(whole) < 2:
+def _cut(speed: float, frames: CountedFrames) -> NDArray[Any]:
+    if frames.counts.shape[1:] != (PIXELS, PIXELS):
         raise UserError(
-            f"plate at {speed:g} mm/s: {len(whole)} whole passages in {len(index)} frames; capture "
-            f"{3 * _PERIOD} frames or more at {FRAME_RATE_HZ:g} frames/s"
+            f"plate at {speed:g} mm/s: frames of {frames.counts.shape[1:]} pixels; capture all rows"
         )
-    return np.array(whole)
+    times_s = frames.times_s
+    numbers = None if times_s is None else np.rint((times_s - times_s[0]) * FRAME_RATE_HZ)
+    try:
+        return cut_passages(frames.counts, numbers) if speed else cut_rest(frames.counts)
+    except ValueError as problem:
+        raise UserError(f"plate at {speed:g} mm/s: {problem}") from problem
+
+
+def _light(speed: float, counts: NDArray[Any], device: Sensor) -> BenchLight:
+    if speed == 0:
+        raise UserError("a plate at rest does not tell the light; leave it out or --own-light")
+    try:
+        return fitted_light(counts, device, FRAMES)
+    except ValueError as problem:
+        raise UserError(f"plate at {speed:g} mm/s: {problem}") from problem

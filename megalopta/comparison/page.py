@@ -101,8 +101,8 @@ def write_motion_report(path: Path, name: str, responses: Sequence[SpeedResponse
     sections = [
         Section(
             "Transfer functions",
-            "Mean and standard deviation of crossings. Captured frames are aligned with the plate "
-            "by their correlation, and cut into whole passages of 64 frames.",
+            "Mean and standard deviation of crossings. Of captured frames, 32 around each edge "
+            "that passes are taken.",
             charts=charts,
         ),
         Section("Responses", "Peak responses to the edge.", _HEAD, rows),

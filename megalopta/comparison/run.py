@@ -27,6 +27,7 @@ def compare_captured(
     beam: Beam = Beam(),  # noqa: B008
     margin: float = MARGIN,
     seed: int = 0,
+    own_light: bool = False,
 ) -> str:
     """Write the report; return what differs and by how much in a sentence.
 
@@ -47,6 +48,9 @@ def compare_captured(
         Relative difference that does not matter.
     seed : int
         Of the simulation.
+    own_light : bool
+        Of the scene "plate": whether to simulate in the light that each recording shows, instead
+        of the dissertation's.
 
     Raises
     ------
@@ -60,7 +64,7 @@ def compare_captured(
                 source.light: captured_frames(read_recorded(source), sensor, source.light)
                 for source in sources
             }
-            responses = plate_responses(plates, sensor, margin, seed)
+            responses = plate_responses(plates, sensor, margin, seed, own_light=own_light)
             return write_motion_report(out, device.stem, responses)
         if scene != "levels":
             dataset = rendered_dataset(scene, out.with_suffix(""))

@@ -1,3 +1,7 @@
+from .bench_light import (
+    BenchLight as BenchLight,
+    fitted_light as fitted_light,
+)
 from .detection import (
     COLUMNS as COLUMNS,
     CONTRAST as CONTRAST,

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.arrays import Floats
+from megalopta.experiments.bench_light import BenchLight
 from megalopta.flow import Detector, triangular_pool
 from megalopta.flow.detectors import NonDirectionalMultiplication, NonDirectionalSummation
 from megalopta.scenes.cameras import PerspectiveCamera
@@ -28,6 +29,7 @@ from megalopta.scenes.lighting import Light
 from megalopta.scenes.stimuli import MotionBench, sky_radiance
 from megalopta.scenes.trajectories import Trajectory
 from megalopta.sensor import Exposure, Sensor, detection_rate, expose, preset
+from megalopta.sensor.spad import spad_expectation
 
 FRAME_RATE_HZ = 10.0
 FRAMES = 32
@@ -140,11 +142,27 @@ def _passing(speed_mm_s: float, instants_per_frame: int) -> NDArray[np.float32]:
     )
 
 
-def record(speed_mm_s: float, sensor: Sensor) -> Exposure:
-    """Expose 16 rows, (recordings·2·FRAMES, 16, 16): recordings one after the other."""
-    rows = np.tile(_frames(speed_mm_s, sensor), (_REPEATS, 1, 1, 1))
+def record(
+    speed_mm_s: float, sensor: Sensor, light: BenchLight | None = None, seed: int = 0
+) -> Exposure:
+    """Expose 16 rows, (recordings·2·FRAMES, 16, 16): recordings one after the other.
+
+    The light is by default that of the dissertation.
+    """
+    rows = np.tile(_frames(speed_mm_s, sensor, light), (_REPEATS, 1, 1, 1))
     name = f"motion bench, {speed_mm_s:g} mm/s, {sensor.name}"
-    return expose(rows, _BANDS_NM, sensor, seed=0, sequence=name, expectation=True)
+    return expose(rows, _BANDS_NM, sensor, seed=seed, sequence=name)
+
+
+def _mean_readings(speed_mm_s: float, sensor: Sensor, light: BenchLight | None) -> Floats:
+    """Mean readings in the frames of `record`, computed once of those that are alike."""
+    frames = _frames(speed_mm_s, sensor, light)
+    forth = frames.reshape(_PHASES, 2, FRAMES, *frames.shape[1:])[:, 0]
+    seen = forth.reshape(-1, *frames.shape[1:])
+    mean = spad_expectation(seen, _BANDS_NM, sensor).mean_reading
+    mean = mean.reshape(_PHASES, FRAMES, *mean.shape[1:])
+    there_and_back = np.concatenate([mean, mean[:, ::-1]], axis=1)
+    return np.tile(there_and_back.reshape(-1, *mean.shape[2:]), (_REPEATS, 1, 1))
 
 
 def passing_rates(speed_mm_s: float, sensor: Sensor) -> Floats:
@@ -152,11 +170,20 @@ def passing_rates(speed_mm_s: float, sensor: Sensor) -> Floats:
     return detection_rate(_frames(speed_mm_s, sensor), _BANDS_NM, sensor)
 
 
-def _frames(speed_mm_s: float, sensor: Sensor) -> Floats:
+def _frames(speed_mm_s: float, sensor: Sensor, light: BenchLight | None = None) -> Floats:
     """Radiance (recordings·2·FRAMES, 16, 16, 1) of one recording of each phase."""
-    radiance = stimulus(speed_mm_s) * _brightness(sensor)
+    seen = stimulus(speed_mm_s)
+    radiance = (seen if light is None else _relit(seen, light)) * _brightness(sensor)
     frames = radiance.reshape(-1, *radiance.shape[2:])
     return np.broadcast_to(frames, (len(frames), _ROWS, *frames.shape[2:]))
+
+
+def _relit(radiance: Floats, light: BenchLight) -> Floats:
+    """The same edge between other levels, relative to the rendered light of open pixels."""
+    bright, dark = sky_radiance(_LUX), float(stimulus(0.0).min())
+    share = (radiance - dark) / (bright - dark)
+    photons = light.hidden_photons + share * (light.open_photons - light.hidden_photons)
+    return np.asarray(np.maximum(photons, 0) / OPEN_PHOTONS * bright)
 
 
 def pooled(counts: NDArray[Any]) -> Floats:
@@ -166,11 +193,10 @@ def pooled(counts: NDArray[Any]) -> Floats:
 
 
 @cache
-def peaks(speed_mm_s: float, sensor: Sensor) -> dict[str, Peaks]:
+def peaks(speed_mm_s: float, sensor: Sensor, light: BenchLight | None = None) -> dict[str, Peaks]:
     """Peak responses of NDM and NDS to every crossing at one speed."""
-    exposure = record(speed_mm_s, sensor)
-    assert exposure.expectation is not None
-    noisy, ideal = pooled(exposure.counts), pooled(exposure.expectation.mean_reading)
+    noisy = pooled(record(speed_mm_s, sensor, light).counts)
+    ideal = pooled(_mean_readings(speed_mm_s, sensor, light))
     return {
         name: Peaks(crossing_peaks(detector(name), noisy), crossing_peaks(detector(name), ideal))
         for name in TIME_CONSTANTS_S

@@ -33,8 +33,10 @@ class _Edge(NamedTuple):
     hides: bool
 
 
-def cut_passages(counts: NDArray[Any]) -> NDArray[Any]:
+def cut_passages(counts: NDArray[Any], numbers: NDArray[Any] | None = None) -> NDArray[Any]:
     """Cut the passages of an edge out of frames (T, rows, columns), one after the other.
+
+    Where frames have numbers, (T,), passages of which a frame is missing are left out.
 
     Returns
     -------
@@ -53,7 +55,13 @@ def cut_passages(counts: NDArray[Any]) -> NDArray[Any]:
             f"so that {FRAMES} frames lie between"
         )
     starts = [(round(each.middle) - FRAMES // 2, each.hides) for each in edges]
-    whole = [each for each in starts if 0 <= each[0] <= len(counts) - FRAMES]
+    number = np.arange(len(counts)) if numbers is None else numbers.astype(np.int64)
+    whole = [
+        each
+        for each in starts
+        if 0 <= each[0] <= len(counts) - FRAMES
+        and number[each[0] + FRAMES - 1] - number[each[0]] == FRAMES - 1
+    ]
     pairs = [(first, second) for (first, hides), (second, _) in pairwise(whole) if hides]
     if len(pairs) < LEAST:
         raise ValueError(

@@ -19,6 +19,7 @@ from .nominal import (
     named_sensor as named_sensor,
     sensor_as_set as sensor_as_set,
 )
+from .plate import Plate as Plate
 from .port import (
     UDEV_RULE as UDEV_RULE,
     UsbPort as UsbPort,
@@ -33,10 +34,9 @@ from .recording import (
     RecordingSettings as RecordingSettings,
     open_recording as open_recording,
 )
+from .rendered import Rendered as Rendered
 from .stimuli import (
     Flat as Flat,
-    Plate as Plate,
-    Rendered as Rendered,
     Stimulus as Stimulus,
 )
 from .terminal import (

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from megalopta.errors import UserError
 from megalopta.files import remove
+from megalopta.progress import say
 from megalopta.sensor import Sensor
 from megalopta.sensor.spadcam import (
     Kind,
@@ -25,12 +26,15 @@ from megalopta.sensor.spadcam import (
 )
 from megalopta.spadcam.link import Arrived, Link, LinkLostError, Plugged, Unplugged
 from megalopta.spadcam.nominal import sensor_as_identified, sensor_as_set
+from megalopta.spadcam.port import NoPortError
 from megalopta.spadcam.recorder import Recorder
 from megalopta.spadcam.recording import RAW, RecordingSettings
 
-_WRITE_EVERY_S = 1.0
+_WRITE_EVERY_S = 4.0
+_RATE_OVER_S = 1.0
 _SHOW_EVERY_S = 0.1
 _SWITCHING_S = 0.0002
+_LOOK_AGAIN_S = 0.1
 
 
 class State(NamedTuple):
@@ -107,8 +111,11 @@ def capture(
     settings: CaptureSettings,
     stop: threading.Event,
     show: Callable[[State], None] = lambda state: None,
+    wait_s: float = 0.0,
 ) -> RecordingSettings:
     """Record into a new folder until there is enough, or `stop` is set.
+
+    For a port that is not there yet it waits up to `wait_s`, and says so.
 
     Raises
     ------
@@ -126,7 +133,7 @@ def capture(
     # each time while a chunk is written: with the usual 5 ms, 1000 frames/s do not get through.
     sys.setswitchinterval(_SWITCHING_S)
     try:
-        with Link(find, out / RAW) as link:
+        with _linked(find, out / RAW, wait_s, stop) as link:
             recording = _Capture(link, out, settings, show)
             recording.run(stop)
     finally:
@@ -138,6 +145,21 @@ def capture(
     if recording.recorder is None:
         raise UserError(f"{out}: not recorded, stopped before the camera answered; try again")
     return recording.recorder.record
+
+
+def _linked(find: Callable[[], str], log: Path, wait_s: float, stop: threading.Event) -> Link:
+    end_s = time.monotonic() + wait_s
+    has_told = False
+    while True:
+        try:
+            return Link(find, log)
+        except NoPortError as problem:
+            if time.monotonic() >= end_s or stop.is_set():
+                raise
+            if not has_told:
+                say(f"capture: waiting up to {wait_s:g} s: {problem}")
+                has_told = True
+            stop.wait(_LOOK_AGAIN_S)
 
 
 class _Capture:
@@ -236,10 +258,11 @@ class _Capture:
         if now_s - self._shown_s >= _SHOW_EVERY_S:
             self._shown_s = now_s
             self._show(self._state())
-        if now_s - self._written_s >= _WRITE_EVERY_S:
-            since_s, frames = self._rate_from
+        since_s, frames = self._rate_from
+        if now_s - since_s >= _RATE_OVER_S:
             self._rate_hz = (self.recorder.frames - frames) / (now_s - since_s)
             self._rate_from = (now_s, self.recorder.frames)
+        if now_s - self._written_s >= _WRITE_EVERY_S:
             self._written_s = now_s
             self.recorder.write(self._link.damaged)
 

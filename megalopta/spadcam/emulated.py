@@ -23,8 +23,8 @@ from megalopta.spadcam.nominal import sensor_as_set
 if TYPE_CHECKING:
     from megalopta.spadcam.stimuli import Stimulus
 
-_AHEAD_S = 0.01
-_MOST_AHEAD = 16
+_AHEAD_S = 0.064
+_MOST_AHEAD = 64
 
 
 class EmulatedCamera:
@@ -99,19 +99,25 @@ class EmulatedCamera:
         self._as_set, self.settings = as_set, settings
 
     def _draw(self, settings: Settings, sensor: Sensor) -> NDArray[np.uint16]:
-        """Draw some frames from the next on; drawing them one by one takes longer."""
+        """Draw the next frame and those after it, as many as share a stream.
+
+        Streams begin at fixed numbers, so that frames do not depend on when the settings came.
+        """
         period_us = settings.period_us
-        frames = int(np.clip(_AHEAD_S * 1e6 / period_us, 1, _MOST_AHEAD))
-        times_s = (self._start_us + period_us * np.arange(frames, dtype=np.float64)) * 1e-6
+        together = int(np.clip(_AHEAD_S * 1e6 / period_us, 1, _MOST_AHEAD))
+        gone = self._number % together
+        numbers = np.arange(-gone, together - gone, dtype=np.float64)
+        times_s = np.maximum(self._start_us + period_us * numbers, 0) * 1e-6
         try:
             samples = expose_adc(
                 self.stimulus.rates_hz(times_s, sensor),
                 sensor,
                 seed=self.seed,
                 sequence=self._plugged_in,
-                first_frame=self._number,
+                first_frame=self._number - gone,
                 threads=1,
-            )
+                together=together,
+            )[gone:]
         except ValueError as problem:
             raise UserError(f"sensor {sensor.name}, emulated: {problem}") from None
         samples[:, : settings.first_row] = NOT_READ

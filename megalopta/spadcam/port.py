@@ -17,8 +17,9 @@ UDEV_RULE = (
 """For /etc/udev/rules.d/: who may open the port, and that ModemManager must not."""
 
 _LIST = "see megalopta spadcam list"
+_EMULATE = "start an emulated one (megalopta spadcam emulate)"
 _REMEDIES = {
-    errno.ENOENT: f"no such port; plug the camera in, or choose another ({_LIST})",
+    errno.ENOENT: f"no such port; plug the camera in, {_EMULATE}, or choose another ({_LIST})",
     **dict.fromkeys(
         (errno.ENODEV, errno.ENXIO),
         f"no device behind this port; plug the camera in again, or choose another ({_LIST})",
@@ -34,6 +35,10 @@ _REMEDIES = {
         f"sudo systemctl stop ModemManager, or the udev rule {UDEV_RULE}",
     ),
 }
+
+
+class NoPortError(UserError):
+    """There is no such port, yet."""
 
 
 class UsbPort(NamedTuple):
@@ -60,7 +65,7 @@ def find_port(serial_number: str | None = None) -> str:
     Raises
     ------
     UserError
-        When there is none, or more than one.
+        When there is none (NoPortError), or more than one.
     """
     teensies = [port for port in usb_ports() if port.vendor == TEENSY_VENDOR]
     fitting = [port for port in teensies if serial_number in (None, port.serial_number)]
@@ -70,10 +75,7 @@ def find_port(serial_number: str | None = None) -> str:
         choice = ", ".join(f"{port.path} ({port.serial_number})" for port in fitting)
         raise UserError(f"several cameras: {choice}; choose one with --port or --usb-serial")
     who = f"no camera of USB serial number {serial_number}" if serial_number else "no camera"
-    raise UserError(
-        f"{who} is plugged in; plug it in, give its --port ({_LIST}), or start an emulated one "
-        "(megalopta spadcam emulate)"
-    )
+    raise NoPortError(f"{who} is plugged in; plug it in, give its --port ({_LIST}), or {_EMULATE}")
 
 
 def open_port(path: str) -> serial.Serial:
@@ -82,14 +84,15 @@ def open_port(path: str) -> serial.Serial:
     Raises
     ------
     UserError
-        When it does not open.
+        When it does not open; NoPortError when there is none.
     """
     try:
         # USB ignores the baud rate.
         return serial.Serial(path, 115200, timeout=0.1, write_timeout=1, exclusive=True)
     except serial.SerialException as problem:
         remedy = _REMEDIES.get(problem.errno or 0, f"no serial port; choose another ({_LIST})")
-        raise UserError(f"{path}: {remedy}") from None
+        kind = NoPortError if problem.errno == errno.ENOENT else UserError
+        raise kind(f"{path}: {remedy}") from None
 
 
 def port_lines() -> Iterator[str]:

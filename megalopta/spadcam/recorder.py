@@ -23,7 +23,7 @@ EXTRAS = {
     "sequence_number": ExtraArray(np.uint32, "the camera's frame counter"),
 }
 _WRAP = 2**32
-_AT_ONCE = 65536
+_AT_ONCE = _CODES = 65536
 
 
 class Recorder:
@@ -51,9 +51,8 @@ class Recorder:
         settings: Settings,
         start_s: float,
     ) -> None:
-        assert isinstance(sensor.counter, AnalogCounter)
-        self._folder, self._sensor, self._counter = folder, sensor, sensor.counter
-        self._start_s = start_s
+        self._folder, self._start_s = folder, start_s
+        self._of_code = _counts_of_every_code(sensor)
         self.record = RecordingSettings(
             kind=kind,
             started=datetime.now(UTC).isoformat(timespec="milliseconds"),
@@ -145,10 +144,8 @@ class Recorder:
         self._store.append(values)
 
     def _counts(self, adc: NDArray[np.uint16]) -> tuple[NDArray[np.uint16], NDArray[np.bool_]]:
-        known = nominal_pixels(self._counter, self._sensor.exposure_s)
-        counts, saturated = counts_of_codes(adc, self._counter, known)
-        unread = adc == NOT_READ
-        return np.where(unread, 0, counts).astype(np.uint16), saturated | unread
+        counts, saturated = self._of_code
+        return counts[adc], saturated[adc]
 
     def _close_connection(self) -> None:
         """Note the clocks' fit in the connection under way."""
@@ -166,6 +163,17 @@ class Recorder:
         values = self.record.model_dump(mode="json")
         text = yaml.safe_dump(values, sort_keys=False, allow_unicode=True)
         write_text(self._folder / SETTINGS, text)
+
+
+def _counts_of_every_code(sensor: Sensor) -> tuple[NDArray[np.uint16], NDArray[np.bool_]]:
+    """Counts, and where they are a lower bound, by the code of the ADC, (65536,)."""
+    counter = sensor.counter
+    assert isinstance(counter, AnalogCounter)
+    codes = np.arange(_CODES).astype(np.uint16)
+    known = nominal_pixels(counter, sensor.exposure_s)
+    counts, saturated = counts_of_codes(codes, counter, known)
+    counts[NOT_READ], saturated[NOT_READ] = 0, True
+    return counts, saturated
 
 
 def _times_s(device_us: NDArray[np.uint64], connection: Connection) -> NDArray[np.float64]:

@@ -13,11 +13,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import zarr
 from numpy.typing import DTypeLike, NDArray
+from zarr.codecs import BloscCodec
 
 from megalopta.files import write_text
 from megalopta.sensor.readout.store import READINGS, Origin, store_attributes, unit_of
 
-_CHUNK_FRAMES = 1024
+_CHUNK_FRAMES = 4096
+_CODEC = BloscCodec(cname="lz4", shuffle="bitshuffle")
+"""Of readings, smaller than by Zarr's own choice, at half the computing time."""
 
 
 class ExtraArray(NamedTuple):
@@ -116,6 +119,7 @@ def _created(
         dtype=np.dtype(array.dtype),
         chunks=(_CHUNK_FRAMES, *pixels),
         dimension_names=("frame", "row", "column")[: 1 + len(pixels)],
+        compressors=_CODEC,
         attributes={"unit": array.unit},
         config={"write_empty_chunks": True},
     )

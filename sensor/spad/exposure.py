@@ -6,6 +6,9 @@ radiance for the whole exposure: motion blur, if wanted, is in the radiance alre
 Every frame has its own random streams, named by seed, sequence and frame number, so the counts of a
 frame do not depend on which others are drawn with it, nor on the number of threads. Draws that must
 be independent, such as those of two light levels, need different names for `sequence`.
+
+`expose_adc` can draw several frames from one stream, which is then named by the first of them: of
+small arrays, to name a stream costs more than to draw a frame.
 """
 
 from dataclasses import replace
@@ -17,11 +20,13 @@ from megalopta.sensor import Exposure
 from megalopta.sensor.avalanches import FreeRunning, draw_counts, running_array
 from megalopta.sensor.counters import (
     AnalogCounter,
+    AnalogPixels,
     empty_counts,
     read_analog,
     read_digital,
     sample_analog,
 )
+from megalopta.sensor.effects import AvalancheMaps
 from megalopta.sensor.sampling import draw_poisson, generator
 from megalopta.sensor.spad.fixed_pattern import FixedPattern
 from megalopta.sensor.spad.frames import over_frames
@@ -128,10 +133,12 @@ def expose_adc(
     sequence: str | int,
     first_frame: int = 0,
     threads: int | None = None,
+    together: int = 1,
 ) -> NDArray[np.uint16]:
     """Draw what the ADC behind analog counters reads, codes (T, H, W); as `expose_rate`.
 
-    The same seed, sequence and frame make the same events and noise as there.
+    The same seed, sequence and frame make the same events and noise as there, with `together`
+    frames from one stream those of its first.
 
     Raises
     ------
@@ -144,12 +151,16 @@ def expose_adc(
         raise ValueError("counter.kind: 'digital'; only an analog counter is read by an ADC")
     codes = np.empty((rate.shape[0], *rate.shape[-2:]), np.uint16)
 
-    def expose_frame(frame: int) -> None:
-        key = sequence, first_frame + frame
-        events = _events(rate[frame], sensor, device, seed, key)
-        codes[frame] = sample_analog(generator(seed, "readout", *key), events, counter, pixels)
+    def expose_together(place: int) -> None:
+        frames = slice(place * together, (place + 1) * together)
+        key = sequence, first_frame + frames.start
+        events = _events_together(rate[frames], sensor, device, seed, key)
+        tall = AnalogPixels(*(np.tile(each, (len(events), 1)) for each in pixels))
+        noise = generator(seed, "readout", *key)
+        read = sample_analog(noise, events.reshape(tall.step_v.shape), counter, tall)
+        codes[frames] = read.reshape(events.shape)
 
-    over_frames(expose_frame, len(rate), threads)
+    over_frames(expose_together, -(-len(rate) // together), threads)
     return codes
 
 
@@ -169,3 +180,26 @@ def _events(
         return draw_poisson(rng, *flat, sensor.exposure_s).reshape(detections_hz.shape)
     arrivals_hz = detections_hz + device.dark_counts_hz
     return draw_counts(rng, arrivals_hz, sensor.exposure_s, effects, device.avalanches)
+
+
+def _events_together(
+    detections_hz: NDArray[np.float64],
+    sensor: Sensor,
+    device: FixedPattern,
+    seed: int,
+    key: tuple[str | int, int],
+) -> NDArray[np.int64]:
+    """Events of frames (n, …, rows, columns) from one stream."""
+    arrivals_hz = detections_hz + device.dark_counts_hz
+    rng = generator(seed, "exposure", *key)
+    effects, maps = sensor.avalanche_effects, device.avalanches
+    if effects.crosstalk.is_on:
+        each = [draw_counts(rng, one, sensor.exposure_s, effects, maps) for one in arrivals_hz]
+        return np.array(each)
+    # Pixels that do not know of each other may as well be those of one tall frame.
+    frames, *parts, rows, columns = arrivals_hz.shape
+    tall_hz = np.moveaxis(arrivals_hz, 0, -3).reshape(*parts, frames * rows, columns)
+    if maps is not None:
+        maps = AvalancheMaps(*(np.tile(each, (frames, 1)) for each in maps))
+    counts = draw_counts(rng, tall_hz, sensor.exposure_s, effects, maps)
+    return counts.reshape(frames, rows, columns)

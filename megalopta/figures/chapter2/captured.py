@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from megalopta.arrays import Floats
 from megalopta.experiments import (
     FRAMES,
+    OPEN_PHOTONS,
     TIME_CONSTANTS_S,
     UNITS,
+    BenchLight,
     Peaks,
     crossing_peaks,
     detector,
@@ -73,7 +75,9 @@ class _Bench(NamedTuple):
         return table
 
 
-def captured_figures(captured: Mapping[float, NDArray[Any]], sensor: Sensor) -> Iterator[Figure]:
+def captured_figures(
+    captured: Mapping[float, NDArray[Any]], sensor: Sensor, light: BenchLight | None = None
+) -> Iterator[Figure]:
     """Make the figures, one after the other.
 
     Parameters
@@ -83,16 +87,18 @@ def captured_figures(captured: Mapping[float, NDArray[Any]], sensor: Sensor) -> 
         plate's speed (mm/s), at least one of which is not 0.
     sensor : Sensor
         What simulates the other half; of the same exposure.
+    light : BenchLight, optional
+        In which it does; by default that of the dissertation.
     """
     speeds = sorted(captured)
     slowest = next(speed for speed in speeds if speed > 0)
-    simulated = record(slowest, sensor).counts
+    simulated = record(slowest, sensor, light).counts
     slow = _Bench(slowest, {_SIMULATED: simulated, _CAPTURED: captured[slowest]})
-    yield _frames(slow)
+    yield _frames(slow, light)
     yield _responses(slow, "fig-2.15", "NDM")
     yield _responses(slow, "fig-2.16", "NDS")
     yield _transients(slow)
-    direct = [peaks(speed, sensor) for speed in speeds]
+    direct = [peaks(speed, sensor, light) for speed in speeds]
     for name, method in (("fig-2.18", "NDM"), ("fig-2.19", "NDS")):
         ours = [each[method] for each in direct]
         theirs = [
@@ -107,7 +113,7 @@ def compared(captured: Estimate, simulated: Estimate, unit: str) -> tuple[str, s
     return f"{captured} {unit}", (captured - simulated).as_difference()
 
 
-def _frames(bench: _Bench) -> Figure:
+def _frames(bench: _Bench, light: BenchLight | None) -> Figure:
     def at(frames: slice) -> Callable[[NDArray[Any]], Floats]:
         return lambda counts: _hiding(counts)[:, frames].mean(axis=(1, 2, 3))
 
@@ -121,7 +127,7 @@ def _frames(bench: _Bench) -> Figure:
         caption=(
             f"The edge moves by {bench.moves}. Counts are those of the array, dark counts "
             f"included, in the {_AT_EACH_END} frames before and after the edge, "
-            f"{_passages(bench.counts)}. {_ERRORS}"
+            f"{_passages(bench.counts)}. {_lit(light)} {_ERRORS}"
         ),
         printed=bench.printed(quantities, "counts"),
         printed_by=_HEADS,
@@ -244,6 +250,15 @@ def _transfer(
 
 
 _ERRORS = "Errors are standard errors; in parentheses, how many of them a difference is."
+
+
+def _lit(light: BenchLight | None) -> str:
+    if light is None:
+        return (
+            f"Simulated in the dissertation's light: an open pixel detects {OPEN_PHOTONS:g} "
+            "photons per frame."
+        )
+    return f"Simulated in the light of this recording, in which {light}: both agree by that."
 
 
 def _passages(counts: Mapping[str, NDArray[Any]]) -> str:

@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 from megalopta.calibration import Source, read_recorded
 from megalopta.comparison import captured_frames
 from megalopta.errors import UserError
-from megalopta.experiments import FRAME_RATE_HZ, cut_passages, cut_rest
+from megalopta.experiments import (
+    FRAME_RATE_HZ,
+    FRAMES,
+    cut_passages,
+    cut_rest,
+    fitted_light,
+)
 from megalopta.figures import write_figure
 from megalopta.figures.chapter2.captured import captured_figures
 from megalopta.folders import ensure_directory
@@ -20,7 +26,7 @@ from megalopta.spadcam import Recording, open_recording
 
 
 def reproduce_captured(
-    sources: Sequence[Source], out: Path, device: Path | None = None
+    sources: Sequence[Source], out: Path, device: Path | None = None, *, own_light: bool = False
 ) -> Iterator[Path]:
     """Draw figures 2.14 to 2.19 from recordings beside those simulated; yield their files' paths.
 
@@ -34,6 +40,9 @@ def reproduce_captured(
     device : Path, optional
         Device file that simulates, and whose steps turn codes into counts; by default the nominal
         sensor of the recordings, through the nominal step.
+    own_light : bool
+        Whether to simulate in the light that the recording of the slowest plate shows, instead of
+        the dissertation's.
 
     Raises
     ------
@@ -49,11 +58,18 @@ def reproduce_captured(
     cut: dict[float, list[NDArray[Any]]] = {}
     for source, recording in zip(sources, opened, strict=True):
         counts = _counts(source, recording, sensor if device else None)
-        cut.setdefault(source.light, []).append(_cut(source, counts))
+        cut.setdefault(source.light, []).append(_cut(source, recording, counts))
     captured = {speed: np.concatenate(parts) for speed, parts in cut.items()}
+    light = None
+    if own_light:
+        slowest = min(speed for speed in captured if speed > 0)
+        try:
+            light = fitted_light(captured[slowest], sensor, FRAMES)
+        except ValueError as problem:
+            raise UserError(f"plate at {slowest:g} mm/s: {problem}") from problem
     ensure_directory(out)
     with working("figures"):
-        for figure in captured_figures(captured, sensor):
+        for figure in captured_figures(captured, sensor, light):
             yield from write_figure(figure, out)
 
 
@@ -69,8 +85,6 @@ def _opened(path: Path) -> Recording:
             f"{path}: {settings.frame_rate_hz:g} frames/s of {settings.exposure_s:g} s; capture "
             f"with --rate {FRAME_RATE_HZ:g} --exposure {1 / FRAME_RATE_HZ:g}"
         )
-    if (np.diff(recording.sequence_number.astype(np.int64)) != 1).any():
-        raise UserError(f"{path}: frames are missing in between; record it again")
     return recording
 
 
@@ -96,8 +110,10 @@ def _counts(source: Source, recording: Recording, device: Sensor | None) -> NDAr
     return captured_frames(read_recorded(source), device, 0.0).counts
 
 
-def _cut(source: Source, counts: NDArray[Any]) -> NDArray[Any]:
+def _cut(source: Source, recording: Recording, counts: NDArray[Any]) -> NDArray[Any]:
     try:
-        return cut_passages(counts) if source.light else cut_rest(counts)
+        if source.light:
+            return cut_passages(counts, recording.sequence_number)
+        return cut_rest(counts)
     except ValueError as problem:
         raise UserError(f"{source.path}: {problem}") from problem

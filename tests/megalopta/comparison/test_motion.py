@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from megalopta.comparison import align, plate_cycle, plate_responses, write_motion_report
+from megalopta.comparison import plate_responses, write_motion_report
 from megalopta.errors import UserError
-from megalopta.experiments import record
+from megalopta.experiments import FRAMES, BenchLight, fitted_light, record
 from megalopta.sensor import preset
 from megalopta.sensor.compare import CountedFrames
 
@@ -23,12 +23,9 @@ def test_a_camera_of_half_the_signal_responds_half_as_much(tmp_path):
     assert "NDM response at 5 mm/s" in sentence
 
 
-def test_a_recording_that_begins_anywhere_is_aligned():
-    counts = record(5.0, SENSOR).counts
+def test_a_recording_may_begin_anywhere():
+    counts = record(5.0, SENSOR, seed=1).counts
     begun = CountedFrames(counts[150:500], 0.1, times_s=3.7 + 0.1 * np.arange(350))
-    index = align(begun, plate_cycle(5.0, SENSOR)).frame
-    # the cycle has 256 frames
-    np.testing.assert_array_equal(index, (150 + np.arange(350)) % 256)
     responses = plate_responses({5.0: begun}, SENSOR, margin=0.05)
     # passages of 64 frames begin at 192, 256, 320 and 384
     assert [each.captured.size for each in responses] == [8, 8]
@@ -37,7 +34,7 @@ def test_a_recording_that_begins_anywhere_is_aligned():
 
 
 def test_passages_with_gaps_are_left_out():
-    counts = record(5.0, SENSOR).counts[:256]
+    counts = record(5.0, SENSOR, seed=1).counts[:256]
     kept = np.delete(np.arange(256), 70)
     frames = CountedFrames(counts[kept], 0.1, times_s=0.1 * kept)
     (first, _) = plate_responses({5.0: frames}, SENSOR, margin=0.05)
@@ -45,5 +42,18 @@ def test_passages_with_gaps_are_left_out():
 
 
 def test_short_recordings_are_refused():
-    with pytest.raises(UserError, match="192 frames"):
+    with pytest.raises(UserError, match="no edge passes"):
         plate_responses({5.0: CountedFrames(np.zeros((64, 16, 16)), 0.1)}, SENSOR, margin=0.05)
+
+
+def test_in_its_own_light_a_dimmer_bench_responds_like_its_model():
+    light = BenchLight(open_photons=110.0, hidden_photons=20.0)
+    frames = CountedFrames(record(5.0, SENSOR, light, seed=1).counts, 0.1)
+    fitted = fitted_light(frames.counts, SENSOR, FRAMES)
+    # of 16 passages, 8 frames and 256 pixels each: 33000 counts of some 130 on average, 0.1 %;
+    # that edges are in the middle to a frame is another
+    assert fitted == pytest.approx(light, rel=0.01)
+    own = plate_responses({5.0: frames}, SENSOR, margin=0.05, own_light=True)
+    assert min(each.difference.p for each in own) > 1e-6
+    other = plate_responses({5.0: frames}, SENSOR, margin=0.05)
+    assert max(each.difference.p for each in other) < 1e-6

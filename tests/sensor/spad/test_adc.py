@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from megalopta.sensor import AnalogCounter, changed, expose_adc, expose_rate, preset
+from megalopta.sensor import (
+    AnalogCounter,
+    changed,
+    event_moments,
+    expose_adc,
+    expose_rate,
+    preset,
+)
 from megalopta.sensor.counters import analog_pixels, counts_of_codes, nominal_pixels
 
 RATE = np.broadcast_to(np.geomspace(10, 1e5, 256).reshape(16, 16), (20, 16, 16))
@@ -44,3 +51,29 @@ def test_codes_of_light_in_parts_are_of_frames():
     sensor = preset("spadcam")
     known = analog_pixels(sensor.counter, (16, 16), sensor.exposure_s, sensor.device_seed)
     np.testing.assert_array_equal(counts_of_codes(codes, sensor.counter, known)[0], exposure.counts)
+
+
+@pytest.mark.parametrize("crosstalk", [0.0, 0.2])
+def test_frames_of_one_stream_are_as_random_as_those_of_their_own(crosstalk):
+    counter = {"read_noise_v": 0, "adc_bits": 16, "leak_v_s": 0, "leak_sigma_v_s": 0}
+    changes = {"counter": counter, "crosstalk": {"mean_fired_neighbors": crosstalk}}
+    sensor = changed(preset("spadcam"), exposure_s=1e-3, **changes)
+    if crosstalk:
+        sensor = changed(sensor, dead_time={"kind": "ideal", "dead_time_s": 0})
+    rate = np.broadcast_to(RATE[0], (4000, 16, 16))
+    single, together = (
+        expose_adc(rate[:n], sensor, seed=1, sequence="a", together=count)
+        for n, count in ((8, 1), (4000, 1000))
+    )
+    np.testing.assert_array_equal(together[0], single[0])
+    assert isinstance(sensor.counter, AnalogCounter)
+    counts, _ = counts_of_codes(
+        together, sensor.counter, nominal_pixels(sensor.counter, sensor.exposure_s)
+    )
+    mean, variance = (each[0] for each in event_moments(RATE[:1], sensor))
+    # 256 means: false alarm below 1e-6 at 6 σ; moments with crosstalk are exact without dead time.
+    z = (counts.mean(0) - mean) / np.sqrt(variance / 4000)
+    assert np.abs(z).max() < 6
+    # No frame resembles the one after it: correlation, over a million pairs, is within 6/√n.
+    deviations = (counts - mean) / np.sqrt(variance)
+    assert abs((deviations[1:] * deviations[:-1]).mean()) < 6 / 1000
