@@ -1,11 +1,11 @@
-"""How `make docs` builds the site: everything that pages need lies in this folder or is made of the code."""
+"""How `make docs` builds the site: of what lies in this folder, and of the code."""
 
 import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 
-from megalopta import __version__ as release  # noqa: E402, F401
+from megalopta import __version__ as release
 
 project = "megalopta"
 html_title = f"megalopta {release}"

@@ -51,7 +51,9 @@ UNITS = {
     "s": "s",
     "v": "V",
 }
-IN_WORDS = re.compile(r"\((?:[^()]* in )?(px|1|Hz|s|m|m/s|lux|degrees|count|V|K|rad|cycles)\b[^()]*\)")
+IN_WORDS = re.compile(
+    r"\((?:[^()]* in )?(px|1|Hz|s|m|m/s|lux|degrees|count|V|K|rad|cycles)\b[^()]*\)"
+)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
@@ -66,7 +68,7 @@ def write_page(path: Path) -> None:
     """Write every model that a configuration can hold, each below those that name it."""
     lines = [
         *_title("Settings", "="),
-        "A setting is a key of the YAML file and an option of the command line at once, named by its "
+        "A setting is a key of the YAML file and an option of the command line, named by its "
         "path: ``scene: {trees: 300}`` and ``--scene.trees 300``. Tables are made of the program's "
         "own models. A bound that stands in the meaning only is checked too, and what is refused "
         "is said in one sentence.",
@@ -97,7 +99,9 @@ def table(schema: Schema, linked: set[str] = frozenset()) -> list[str]:
     rows = [("Field", "Meaning", "Default", "Range", "Unit")]
     for name, field in schema["properties"].items():
         meaning = _text(field.get("description", ""))
-        rows.append((f"``{name}``", meaning, _default(field), _range(field, linked), _unit(name, field)))
+        rows.append(
+            (f"``{name}``", meaning, _default(field), _range(field, linked), _unit(name, field))
+        )
     for row in rows:
         lines += [f"   {'* -' if i == 0 else '  -'} {cell}".rstrip() for i, cell in enumerate(row)]
     return [*lines, ""]
@@ -134,7 +138,7 @@ def _default(field: Schema) -> str:
     if "default" not in field:
         return "—"
     value = field["default"]
-    if isinstance(value, Mapping) and "$ref" in field or any(True for _ in _references(field)):
+    if (isinstance(value, Mapping) and "$ref" in field) or any(True for _ in _references(field)):
         if value and isinstance(value, Mapping) and "kind" in value:
             return f"``{value['kind']}``"
         if isinstance(value, list):
@@ -185,13 +189,16 @@ def _bounds(field: Schema) -> str:
     high = "≤ " if "maximum" in field else "< "
     least = field.get("minimum", field.get("exclusiveMinimum"))
     most = field.get("maximum", field.get("exclusiveMaximum"))
-    parts = [f"{low}{least:g}" if least is not None else "", f"{high}{most:g}" if most is not None else ""]
+    parts = [
+        f"{low}{least:g}" if least is not None else "",
+        f"{high}{most:g}" if most is not None else "",
+    ]
     return ", ".join(filter(None, parts))
 
 
 def _unit(name: str, field: Schema) -> str:
     for ending, unit in UNITS.items():
-        if name.endswith(f"_{ending}") or name == ending and len(ending) > 2:
+        if name.endswith(f"_{ending}") or (name == ending and len(ending) > 2):
             return unit
     in_words = IN_WORDS.search(field.get("description", ""))
     return in_words[1] if in_words and in_words[1] not in ("1", "count") else ""
@@ -213,7 +220,9 @@ def _is_model(thing: Any) -> bool:
     return isinstance(thing, type) and issubclass(thing, BaseModel)
 
 
-def _add_table(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
+def _add_table(
+    app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]
+) -> None:
     if what == "class" and _is_model(thing) and thing.model_fields:
         try:
             rows = table(thing.model_json_schema())
@@ -222,6 +231,8 @@ def _add_table(app: Sphinx, what: str, name: str, thing: Any, options: Any, line
         lines += ["", ".. rubric:: Fields", "", *rows]
 
 
-def _skip_member(app: Sphinx, what: str, name: str, member: Any, skip: bool, options: Any) -> bool | None:
+def _skip_member(
+    app: Sphinx, what: str, name: str, member: Any, skip: bool, options: Any
+) -> bool | None:
     """Leave out what pydantic brings along."""
     return True if name.startswith("model_") else None

@@ -43,14 +43,25 @@ def rooms() -> dict[str, list[str]]:
 def write_pages(folder: Path) -> None:
     """Write a page for every room and the list of them."""
     folder.mkdir(parents=True, exist_ok=True)
-    index = ["Names by room", "=============", "", "Import a name from the room that publishes it.", ""]
+    index = [
+        "Names by room",
+        "=============",
+        "",
+        "Import a name from the room that publishes it.",
+        "",
+    ]
     homes = _homes([name for names in rooms().values() for name in names])
     for top, names in rooms().items():
-        index += [FOLDERS[top], "-" * len(FOLDERS[top]), "", ".. toctree::", "   :maxdepth: 1", ""]
-        index += [f"   {name}" for name in names] + [""]
+        index += [FOLDERS[top], "-" * len(FOLDERS[top]), ""]
+        index += [f"- :doc:`{name}`{_purpose(name)}" for name in names] + [""]
         for name in names:
             _write(folder / f"{name}.rst", _page(name, homes))
     _write(folder / "index.rst", index)
+
+
+def _purpose(name: str) -> str:
+    first = (importlib.import_module(name).__doc__ or "").partition("\n")[0]
+    return f": {first}" if first else ""
 
 
 def _homes(names: list[str]) -> dict[int, str]:
@@ -70,7 +81,8 @@ def _page(name: str, homes: dict[int, str]) -> list[str]:
             values.append(f"``{each}``")
         elif homes[id(thing)] != name:
             elsewhere.append(each)
-    lines = [name, "=" * len(name), "", f".. automodule:: {name}"]
+    # Not in the site's menu, which would be longer than most pages.
+    lines = [":orphan:", "", name, "=" * len(name), "", f".. automodule:: {name}"]
     lines += [f"   :exclude-members: {', '.join(elsewhere)}"] if elsewhere else []
     links = (f":py:obj:`{each} <{homes[id(getattr(module, each))]}.{each}>`" for each in elsewhere)
     lines += ["", f"Publishes too: {', '.join(links)}.", ""] if elsewhere else [""]

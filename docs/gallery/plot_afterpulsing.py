@@ -2,8 +2,8 @@
 Afterpulses add counts, and more noise than counts
 ==================================================
 
-With a mean of p carriers trapped by an avalanche, long exposures have 1/(1 − p) times the counts and 1/(1 − p)³ times the variance
-(lines; simulated: points). Theory: :doc:`/theory/avalanches`.
+With a mean of p carriers trapped by an avalanche, long exposures have 1/(1 − p) times the counts
+and 1/(1 − p)³ times the variance (lines; simulated: points). Theory: :doc:`/theory/avalanches`.
 """
 
 import matplotlib.pyplot as plt

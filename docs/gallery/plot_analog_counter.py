@@ -2,8 +2,9 @@
 An analog counter fills up
 ==========================
 
-Readings of a counter that takes a step of 10 mV an event off a swing of 3.2 V: true events below, what is read above. Full pixels are
-flagged, never passed off as measured. Theory: :doc:`/theory/counters`.
+Readings of a counter that takes a step of 10 mV an event off a swing of 3.2 V: true events below,
+what is read above. Full pixels are flagged, never passed off as measured. Theory:
+:doc:`/theory/counters`.
 """
 
 import matplotlib.pyplot as plt
@@ -11,7 +12,9 @@ import numpy as np
 
 from megalopta.sensor import changed, expose_rate, preset
 
-sensor = changed(preset("spadcam"), exposure_s=0.01, dark_counts={"bulk_mean_hz_um2": 0.0, "hot_fraction": 0.0})
+sensor = changed(
+    preset("spadcam"), exposure_s=0.01, dark_counts={"bulk_mean_hz_um2": 0.0, "hot_fraction": 0.0}
+)
 rates_hz = np.linspace(0, 5e4, 41)
 light = np.broadcast_to(rates_hz[:, None, None], (41, 16, 16))
 exposure = expose_rate(light, sensor, seed=0, sequence="ramp")

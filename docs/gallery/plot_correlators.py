@@ -2,8 +2,9 @@
 What correlation detectors answer to
 ====================================
 
-Mean responses of NDM and NDS to a moving sinusoid over temporal frequency: run on frames (points) and in closed form (lines). They are
-tuned to a frequency, not to a speed. Theory: :doc:`/theory/correlators`.
+Mean responses of NDM and NDS to a moving sinusoid over temporal frequency: run on frames (points)
+and in closed form (lines). They answer to temporal frequency and contrast, not to speed. Theory:
+:doc:`/theory/correlators`.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,8 @@
 Dead time makes counts quieter than Poisson
 ===========================================
 
-The law of the counts of a non-paralyzable pixel, event by event (steps) and exact (points): an incomplete gamma function. Its variance
-is far below its mean. Theory: :doc:`/theory/dead-time`.
+The law of the counts of a non-paralyzable pixel, event by event (steps) and exact (points): an
+incomplete gamma function. Its variance is far below its mean. Theory: :doc:`/theory/dead-time`.
 """
 
 import matplotlib.pyplot as plt

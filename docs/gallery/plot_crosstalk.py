@@ -2,8 +2,8 @@
 Crosstalk: one lit pixel lights others
 ======================================
 
-One pixel of an otherwise dark array is lit; its avalanches fire neighbors, these others. What each pixel counts on average, on a
-logarithmic scale. Theory: :doc:`/theory/avalanches`.
+One pixel of an otherwise dark array is lit; its avalanches fire neighbors, these others. What each
+pixel counts on average, on a logarithmic scale. Theory: :doc:`/theory/avalanches`.
 """
 
 import matplotlib.pyplot as plt

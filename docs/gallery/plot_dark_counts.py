@@ -1,8 +1,9 @@
 """
-Dark counts: a quiet bulk and a hot tail
-========================================
+Dark counts: a quiet bulk, and hot pixels
+=========================================
 
-Dark count rates of the pixels of one simulated SPADCAM, drawn once and the same in every frame. Theory: :doc:`/theory/device`.
+Dark count rates of the pixels of one simulated SPADCAM, drawn once and the same in every frame.
+Theory: :doc:`/theory/device`.
 """
 
 import matplotlib.pyplot as plt
@@ -12,7 +13,9 @@ from megalopta.sensor import changed, preset
 from megalopta.sensor.effects import dark_count_rate
 
 sensor = changed(preset("spadcam"), device_seed=7)
-rates_hz = dark_count_rate(sensor.dark_counts, (128, 128), sensor.active_area_m2, sensor.device_seed)
+rates_hz = dark_count_rate(
+    sensor.dark_counts, (128, 128), sensor.active_area_m2, sensor.device_seed
+)
 
 figure, (image, histogram) = plt.subplots(1, 2, figsize=(9, 3.5), layout="constrained")
 shown = image.imshow(rates_hz[:32, :32])

@@ -2,8 +2,8 @@
 Dead time bends the line
 ========================
 
-Counts over arrivals for three kinds of pixel: simulated (points) and exact (lines). A paralyzable pixel past its peak reads dark
-in bright light. Theory: :doc:`/theory/dead-time`.
+Counts over arrivals for three kinds of pixel: simulated (points) and exact (lines). A paralyzable
+pixel past its peak reads dark in bright light. Theory: :doc:`/theory/dead-time`.
 """
 
 import matplotlib.pyplot as plt

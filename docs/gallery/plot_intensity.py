@@ -2,8 +2,9 @@
 Ten photons for two bits
 ========================
 
-The relative error of one Poisson count, drawn (points) and in closed form (line), is 25 % at 10.13 photons: N_2b of a plain
-intensity measurement is that times the number of pixels. Explanation: :doc:`/explanation/n2b`.
+The relative error of one Poisson count, drawn (points) and in closed form (line), is 25 % at 10.13
+photons: N_2b of a plain intensity measurement is that times the number of pixels. Explanation:
+:doc:`/explanation/n2b`.
 """
 
 import matplotlib.pyplot as plt

@@ -8,7 +8,9 @@ from .pages import DOCS, PAGES, blocks, run
 
 # Pages that render or record: a minute each.
 DEAR = {page for page in PAGES if any(block.language == "sh" for block in blocks(page))}
-_LINK = re.compile(r"!?\[[^\]]*\]\(([^)#\s]*)(?:#[^)]*)?\)|^\{download\}`[^<`]*<([^>]+)>`", re.MULTILINE)
+_LINK = re.compile(
+    r"!?\[[^\]]*\]\(([^)#\s]*)(?:#[^)]*)?\)|^\{download\}`[^<`]*<([^>]+)>`", re.MULTILINE
+)
 
 
 def name(page):
@@ -38,9 +40,9 @@ def test_the_files_that_a_page_links_exist(page):
             assert (page.parent / link).exists(), f"{name(page)} links {link}"
 
 
-@pytest.mark.parametrize(
-    "page", [page for page in PAGES if page.parent.name == "theory"], ids=name
-)
+@pytest.mark.parametrize("page", [page for page in PAGES if page.parent.name == "theory"], ids=name)
 def test_the_code_and_the_tests_that_theory_names_exist(page):
-    for path in re.findall(r"`((?:sensor|flow|render|scenes|tests|megalopta)/[\w/]+\.py)`", page.read_text("utf-8")):
+    for path in re.findall(
+        r"`((?:sensor|flow|render|scenes|tests|megalopta)/[\w/]+\.py)`", page.read_text("utf-8")
+    ):
         assert (DOCS.parent / path).exists(), f"{name(page)} names {path}"
