@@ -1,9 +1,15 @@
 """Equations as MathML, which browsers show by themselves: no script, no font, no network."""
 
+from html import escape
+
 from docutils.nodes import SkipNode, math, math_block
+from docutils.utils.math import MathError
 from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.application import Sphinx
+from sphinx.util.logging import getLogger
 from sphinx.writers.html5 import HTML5Translator
+
+LOGGER = getLogger(__name__)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
@@ -13,11 +19,19 @@ def setup(app: Sphinx) -> dict[str, bool]:
 
 
 def _inline(translator: HTML5Translator, node: math) -> None:
-    translator.body.append(tex2mathml(node.astext()))
+    translator.body.append(_mathml(node, as_block=False))
     raise SkipNode
 
 
 def _displayed(translator: HTML5Translator, node: math_block) -> None:
-    equation = tex2mathml(node.astext().strip(), as_block=True)
+    equation = _mathml(node, as_block=True)
     translator.body.append(f'<div class="equation" tabindex="0">{equation}</div>')
     raise SkipNode
+
+
+def _mathml(node: math | math_block, as_block: bool) -> str:
+    try:
+        return tex2mathml(node.astext().strip(), as_block=as_block)
+    except MathError as error:
+        LOGGER.warning("equation %r: %s", node.astext(), error, location=node)
+        return f"<code>{escape(node.astext())}</code>"
