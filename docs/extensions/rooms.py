@@ -19,7 +19,10 @@ FOLDERS = {
     "megalopta": "Datasets, experiments, the camera",
 }
 # numpy.typing.NDArray[np.float64], written out.
-ARRAY = re.compile(r"ndarray\[tuple\[Any, \.\.\.\], dtype\[(\w+)\]\]")
+ARRAY = re.compile(
+    r"~?(?:numpy\.)?ndarray\[tuple\[~?(?:typing\.)?Any, \.\.\.\], "
+    r"~?(?:numpy\.)?dtype\[~?(?:numpy\.)?(\w+)\]\]"
+)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
