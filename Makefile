@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 export PIP_CONSTRAINT := $(CURDIR)/constraints.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: install demo test test-slow test-scalar test-all lint types bench clean
+.PHONY: install demo test test-slow test-scalar test-all lint types docs bench clean
 
 install: $(VENV)/installed
 
@@ -43,8 +43,14 @@ types: install
 	ln -s $(CURDIR)/megalopta/* $(addprefix $(CURDIR)/,assets_gen flow render scenes sensor) build/types/megalopta/
 	$(BIN)/mypy --package megalopta
 
+# The site, in build/docs; without the network once its tools are installed. Any warning is an error.
+docs: install
+	$(BIN)/python -c 'import furo, myst_parser, numpydoc, sphinx_gallery' 2>/dev/null || $(BIN)/python -m pip install --quiet --editable '.[docs]'
+	$(BIN)/python -m sphinx --quiet --fail-on-warning --keep-going --doctree-dir build/doctrees docs build/docs
+	@echo "open build/docs/index.html"
+
 bench: install
 	for script in benchmarks/bench_*.py; do $(BIN)/python $$script || exit 1; done
 
 clean:
-	rm -rf $(VENV) build out
+	rm -rf $(VENV) build out docs/generated

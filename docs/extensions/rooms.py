@@ -1,0 +1,124 @@
+"""One page of reference for each room: what its `__init__.pyi` publishes, from the docstrings."""
+
+import importlib
+import inspect
+import re
+from pathlib import Path
+
+from pydantic import BaseModel
+from sphinx.application import Sphinx
+
+ROOT = Path(__file__).parents[2]
+FOLDER = "generated/reference"
+FOLDERS = {
+    "assets_gen": "Shapes and textures from a seed",
+    "scenes": "What stands where, what lights it, how it moves",
+    "render": "Radiance and truth",
+    "sensor": "Light to readings and back",
+    "flow": "Readings to motion",
+    "megalopta": "Datasets, experiments, the camera",
+}
+# numpy.typing.NDArray[np.float64], written out.
+ARRAY = re.compile(
+    r"~?(?:numpy\.)?ndarray\[tuple\[~?(?:typing\.)?Any, \.\.\.\], "
+    r"~?(?:numpy\.)?dtype\[~?(?:numpy\.)?(\w+)\]\]"
+)
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Write the pages before pages are read."""
+    app.connect("builder-inited", lambda app: write_pages(Path(app.srcdir) / FOLDER))
+    app.connect("autodoc-process-signature", _shorten)
+    app.connect("autodoc-process-docstring", _as_written, priority=300)  # before numpydoc
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def rooms() -> dict[str, list[str]]:
+    """Names of the rooms by their folder, as they are imported."""
+    found = {}
+    for folder in FOLDERS:
+        stubs = sorted((ROOT / folder).rglob("__init__.pyi"))
+        parts = (stub.parent.relative_to(ROOT).parts for stub in stubs)
+        found[folder] = [".".join(p if p[0] == "megalopta" else ("megalopta", *p)) for p in parts]
+    return found
+
+
+def write_pages(folder: Path) -> None:
+    """Write a page for every room and the list of them."""
+    folder.mkdir(parents=True, exist_ok=True)
+    index = [
+        "Names by room",
+        "=============",
+        "",
+        "Import a name from the room that publishes it.",
+        "",
+    ]
+    homes = _homes([name for names in rooms().values() for name in names])
+    for top, names in rooms().items():
+        index += [FOLDERS[top], "-" * len(FOLDERS[top]), ""]
+        index += [f"- :doc:`{name}`{_purpose(name)}" for name in names] + [""]
+        for name in names:
+            _write(folder / f"{name}.rst", _page(name, homes))
+    _write(folder / "index.rst", index)
+
+
+def _purpose(name: str) -> str:
+    first = (importlib.import_module(name).__doc__ or "").partition("\n")[0]
+    return f": {first}" if first else ""
+
+
+def _homes(names: list[str]) -> dict[int, str]:
+    """Where each object is explained: of the rooms that publish it, the innermost."""
+    inner_last = sorted(names, key=lambda name: name.count("."))
+    modules = [importlib.import_module(name) for name in inner_last]
+    return {id(getattr(each, name)): each.__name__ for each in modules for name in each.__all__}
+
+
+def _page(name: str, homes: dict[int, str]) -> list[str]:
+    module = importlib.import_module(name)
+    has_entry = inspect.isclass, inspect.isroutine
+    values, elsewhere = [], []
+    for each in sorted(module.__all__):
+        thing = getattr(module, each)
+        if not any(is_one(thing) for is_one in has_entry):
+            values.append(f"``{each}``")
+        elif homes[id(thing)] != name:
+            elsewhere.append(each)
+    # Not in the site's menu, which would be longer than most pages.
+    lines = [":orphan:", "", name, "=" * len(name), "", f".. automodule:: {name}"]
+    lines += [f"   :exclude-members: {', '.join(elsewhere)}"] if elsewhere else []
+    links = (f":py:obj:`{each} <{homes[id(getattr(module, each))]}.{each}>`" for each in elsewhere)
+    lines += ["", f"Publishes too: {', '.join(links)}.", ""] if elsewhere else [""]
+    return [*lines, f"Values and types: {', '.join(values)}.", ""] if values else lines
+
+
+def _write(path: Path, lines: list[str]) -> None:
+    """Write a page unless it is there: Sphinx reads again what is newer."""
+    text = "\n".join(lines)
+    if not path.exists() or path.read_text("utf-8") != text:
+        path.write_text(text, "utf-8")
+
+
+def _shorten(app, what, name, thing, options, signature, returns):
+    """Leave out a model's fields, which stand in its table, and say briefly what an array is."""
+    if isinstance(thing, type) and issubclass(thing, BaseModel):
+        return "(...)", returns
+    return signature and ARRAY.sub(r"NDArray[\1]", signature), returns and ARRAY.sub(
+        r"NDArray[\1]", returns
+    )
+
+
+def _as_written(app, what, name, thing, options, lines):
+    """Keep the lines of indented equations, and bars as bars."""
+    kept: list[str] = []
+    for line in lines:
+        depth = len(line) - len(line.lstrip())
+        above = next((each for each in reversed(kept) if each.strip()), "")
+        starts = line.strip() and kept and not kept[-1].strip()
+        deeper = depth >= 4 + len(above) - len(above.lstrip())
+        if starts and deeper and not above.rstrip().endswith("::"):
+            kept += [above[: len(above) - len(above.lstrip())] + "::", ""]
+        kept.append(line)
+    parts = "\n".join(kept).split("`")
+    parts[::2] = [re.sub(r"(?<!\\)\|", r"\\|", part) for part in parts[::2]]
+    lines[:] = "`".join(parts).split("\n")

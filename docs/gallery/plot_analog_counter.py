@@ -1,0 +1,30 @@
+"""
+An analog counter fills up
+==========================
+
+Readings of a counter that takes a step of 10 mV an event off a swing of 3.2 V: true events below,
+what is read above. Full pixels are flagged, never passed off as measured. Theory:
+:doc:`/theory/counters`.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from megalopta.sensor import changed, expose_rate, preset
+
+sensor = changed(
+    preset("spadcam"), exposure_s=0.01, dark_counts={"bulk_mean_hz_um2": 0.0, "hot_fraction": 0.0}
+)
+rates_hz = np.linspace(0, 5e4, 41)
+light = np.broadcast_to(rates_hz[:, None, None], (41, 16, 16))
+exposure = expose_rate(light, sensor, seed=0, sequence="ramp")
+
+events = rates_hz * sensor.exposure_s
+plt.plot(events, exposure.counts.reshape(41, -1), ".", color="gray", ms=2)
+plt.plot(events, exposure.counts.mean(axis=(1, 2)), label="mean reading")
+plt.plot(events, events, ":", label="what arrived")
+plt.plot(events, 100 * exposure.saturated.mean(axis=(1, 2)), label="flagged as full (%)")
+plt.xlabel("mean arrivals in 10 ms")
+plt.ylabel("reading (counts)")
+plt.legend()
+plt.show()

@@ -1,0 +1,24 @@
+"""
+A weak amplifier lets the bias run away
+=======================================
+
+Discharge of a CTIA pixel in the dark, from 1 mV reverse bias: with an amplifier of 40 dB the bias
+rises by 33 mV over the swing, and the dark current with it. Theory: :doc:`/theory/ctia`.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from megalopta.sensor.ctia import Photodiode, Pixel, discharge, gain_from_db
+
+diode = Photodiode(saturation_current_a=100e-12)
+time_s = np.linspace(0, 0.1, 300)
+for gain_db in (40, 60, 80):
+    pixel = Pixel(
+        diode, capacitance_f=100e-15, swing_v=3.3, gain=gain_from_db(gain_db), bias_v=1e-3
+    )
+    plt.plot(1e3 * time_s, 3.3 - discharge(pixel, 0.0, time_s), label=f"{gain_db} dB")
+plt.xlabel("time (ms)")
+plt.ylabel("output (V)")
+plt.legend()
+plt.show()

@@ -1,0 +1,27 @@
+"""
+Dark counts: a quiet bulk, and hot pixels
+=========================================
+
+Dark count rates of the pixels of one simulated SPADCAM, drawn once and the same in every frame.
+Theory: :doc:`/theory/device`.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from megalopta.sensor import changed, preset
+from megalopta.sensor.effects import dark_count_rate
+
+sensor = changed(preset("spadcam"), device_seed=7)
+rates_hz = dark_count_rate(
+    sensor.dark_counts, (128, 128), sensor.active_area_m2, sensor.device_seed
+)
+
+figure, (image, histogram) = plt.subplots(1, 2, figsize=(9, 3.5), layout="constrained")
+shown = image.imshow(rates_hz[:32, :32])
+figure.colorbar(shown, ax=image, label="Hz")
+histogram.hist(rates_hz.ravel(), np.geomspace(20, 4000, 60))
+histogram.set_xscale("log")
+histogram.set_xlabel("dark counts (Hz)")
+histogram.set_ylabel("pixels")
+plt.show()

@@ -1,0 +1,36 @@
+"""Tables of settings are those of the models."""
+
+import importlib.util
+
+import pytest
+
+from megalopta.config import Configuration
+
+from .pages import DOCS
+
+
+@pytest.fixture(scope="module")
+def settings_page(tmp_path_factory):
+    pytest.importorskip("sphinx")
+    source = DOCS / "extensions" / "pydantic_fields.py"
+    spec = importlib.util.spec_from_file_location("pydantic_fields", source)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    path = tmp_path_factory.mktemp("docs") / "configuration.rst"
+    module.write_page(path)
+    return path.read_text("utf-8")
+
+
+def test_every_field_of_every_model_has_its_row(settings_page):
+    schema = Configuration.model_json_schema()
+    for model in (schema, *schema["$defs"].values()):
+        for field in model.get("properties", {}):
+            assert f"``{field}``" in settings_page
+
+
+def test_a_row_gives_meaning_default_range_and_unit(settings_page):
+    row = settings_page[settings_page.index("``height_spread``") :].splitlines()[:5]
+    assert "Standard deviation of tree height" in row[1]
+    assert [cell.strip(" -") for cell in row[2:4]] == ["``0.15``", "number ≥ 0, ≤ 0.3"]
+    frame_rate = settings_page[settings_page.index("``frame_rate_hz``") :].splitlines()[4]
+    assert frame_rate.strip(" -") == "Hz"
