@@ -21,7 +21,7 @@ from megalopta.report.footage import read_footage, select
 from megalopta.report.page import write_report
 from megalopta.report.records import read_benchmark, read_records
 from megalopta.sensor import DigitalCounter
-from megalopta.stages import Ledger, responses_path, run_all, run_stage
+from megalopta.stages import STAGES, Ledger, responses_path, run_all, run_stage
 
 SECTIONS = ("light", "motion", "detectors", "photons", "made")
 SENSOR = "spad_cam-1"
@@ -213,7 +213,7 @@ def test_a_damaged_file_is_told_in_one_sentence(copied, capsys, stage, name, tex
     assert end.value.code == 2
     told = capsys.readouterr().err
     assert name in told
-    assert f"run: megalopta {stage} {copied.root}" in told
+    assert f"run: megalopta {STAGES[stage].command} {copied.root}" in told
     assert told.count("\n") == 1
 
 
