@@ -93,7 +93,10 @@ def test_help_shows_settings_with_units_and_defaults(run):
     ("verb", "own"),
     [
         ("render", "name seed scene objects light camera trajectory shutter render"),
-        ("sense", "light-levels sensors products correct calibration"),
+        (
+            "sense",
+            "light-levels sensors products sub-frames burst-hz free-running correct calibration",
+        ),
         ("flow", "methods flow"),
         ("benchmark photons", "methods benchmark"),
     ],
