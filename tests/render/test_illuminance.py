@@ -99,6 +99,7 @@ def test_a_scene_without_light_from_outside_has_nothing_to_measure(ground):
     assert survey(scene_of([(ground, 0.3)], None), (0, 0, 1.5)) is None
 
 
+@pytest.mark.slow
 def test_meter_and_frames_agree_in_an_integrating_sphere():
     """Which is open above, and so large that 2 cm are nothing to it."""
     max_depth = 3

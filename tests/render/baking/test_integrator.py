@@ -168,7 +168,13 @@ ORBIT = Trajectory(frames=4, position_m=(4, 0, 1.5), look_at_m=(0, 0, 1), rotati
 
 
 @vectorized
-@pytest.mark.parametrize("sun", [None, Sun(SUN_DIRECTION, flat(2e-8))], ids=["sky", "sun"])
+@pytest.mark.parametrize(
+    "sun",
+    [
+        pytest.param(None, id="sky"),
+        pytest.param(Sun(SUN_DIRECTION, flat(2e-8)), id="sky and sun", marks=pytest.mark.slow),
+    ],
+)
 def test_frames_lie_within_their_stated_error_of_the_path_tracer(sun):
     scene = thicket(Lighting(SKY, sun))
     common = {"samples_per_pixel": 64, "max_depth": 3, "bands_nm": BANDS[:1]}
@@ -200,6 +206,7 @@ def test_frames_lie_within_their_stated_error_of_the_path_tracer(sun):
     assert differences.mean(axis=0)[part].mean() / level == pytest.approx(0, abs=0.02)
 
 
+@pytest.mark.slow
 @vectorized
 def test_frames_do_not_depend_on_which_were_rendered_before_nor_on_batches(monkeypatch):
     scene = thicket(Lighting(SKY, Sun(SUN_DIRECTION, flat(2e-8))))

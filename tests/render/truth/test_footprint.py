@@ -139,6 +139,7 @@ def test_part_of_a_pixel_is_hidden_behind_an_edge():
     assert partly.any()
 
 
+@pytest.mark.slow
 def test_in_a_forest_16_rays_agree_with_64_within_their_error():
     forest, path = Forest(trees=20, seed=3), Trajectory(frames=2, velocity_m_s=(1.0, 0.5, 0))
     camera = PerspectiveCamera(width=64, height=48, fov_deg=70)
