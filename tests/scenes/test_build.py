@@ -44,6 +44,7 @@ def megalopta(tmp_path):
     return run
 
 
+@pytest.mark.slow
 def test_the_scene_of_another_package_is_rendered_and_reported(megalopta, tmp_path):
     (tmp_path / "tiny.yaml").write_text(TINY)
     ran = megalopta("demo", "tiny.yaml", "--out", "out", "--scene.reflectance", "0.6")

@@ -126,8 +126,8 @@ def drawn(sensor, light_hz, shape):
     ("write", "kind", "counter"),
     [
         (counts_file, None, None),
-        (tiff_file, None, None),
-        (spc3_file, None, None),
+        pytest.param(tiff_file, None, None, marks=pytest.mark.slow),
+        pytest.param(spc3_file, None, None, marks=pytest.mark.slow),
         (bits_file, None, FEW),
         pytest.param(spad512_folder, None, FEW, marks=pytest.mark.slow),
         pytest.param(swissspad2_file, "swissspad2", FEW, marks=pytest.mark.slow),

@@ -63,6 +63,7 @@ def test_trials_of_a_sweep_on_a_cluster_give_the_same_numbers(scheduler, tmp_pat
     assert here == there
 
 
+@pytest.mark.slow
 def test_an_address_where_nobody_answers_is_told():
     with pytest.raises(UserError, match="no Dask scheduler answers there"):
         list(run_jobs(print, [1], scheduler="tcp://127.0.0.1:9"))

@@ -70,7 +70,8 @@ def digest(scene):
     return content.hexdigest()
 
 
-@pytest.mark.parametrize("name", ["TINY", pytest.param("SMALL", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["TINY", "SMALL"])
 def test_same_seed_gives_the_same_bytes_in_another_process(name):
     code = (
         "import sys; sys.path.insert(0, 'tests/scenes/forest'); import test_description as t;"
