@@ -43,16 +43,20 @@ def nearest_hits(scene: Any, origin: Float64, directions: Float64) -> Hits:
         return _single_hits(scene, origin, directions)
     rays = _rays(origin, directions)
     hits = scene.ray_intersect_preliminary(rays, coherent=True)
-    distance = dr.select(hits.is_valid(), hits.t, dr.inf)
-    mesh, triangle = MeshIndex(scene).of(hits), hits.prim_index
-    normal = hits.compute_surface_interaction(rays, mi.RayFlags.Minimal).n
+    # What a ray that hit nothing holds elsewhere is left over from other work: it is zero here.
+    valid = hits.is_valid()
+    distance = dr.select(valid, hits.t, dr.inf)
+    mesh = MeshIndex(scene).of(hits)
+    triangle = dr.select(valid, hits.prim_index, 0)
+    barycentric = dr.select(valid, hits.prim_uv, 0)
+    normal = dr.select(valid, hits.compute_surface_interaction(rays, mi.RayFlags.Minimal).n, 0)
     # All at once: what is left for later would trace the rays again.
-    dr.eval(distance, mesh, triangle, hits.prim_uv, normal)
+    dr.eval(distance, mesh, triangle, barycentric, normal)
     return Hits(
         np.array(distance, dtype=np.float64),
         np.array(mesh, dtype=np.int64),
         np.array(triangle, dtype=np.int64),
-        np.array(hits.prim_uv, dtype=np.float64).T,
+        np.array(barycentric, dtype=np.float64).T,
         np.array(normal, dtype=np.float64).T,
     )
 
