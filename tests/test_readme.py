@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from megalopta.cli.overrides import split_overrides
-from megalopta.config import Settings, load, mapping, validated
-from megalopta.experiments import Sweep
+from megalopta.config import Settings, load
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 
@@ -37,9 +36,3 @@ def test_the_settings_on_its_command_lines_are_accepted(line):
 @pytest.mark.parametrize("name", re.findall(r"\]\(((?!http)[^)]+)\)", README))
 def test_the_files_it_links_exist(name):
     assert (Path(__file__).parents[1] / name).exists()
-
-
-def test_the_sweep_it_shows_is_one():
-    text = re.search(r"```yaml\n(.*?)```", README, re.DOTALL).group(1)
-    sweep = validated(Sweep, mapping(text, "README"), "README")
-    assert len(sweep.trials) == len(sweep.values) * len(sweep.sizes)

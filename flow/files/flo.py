@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.files import atomic_write
+from megalopta.flow.files.checking import check_flow
 
 TAG = b"PIEH"
 UNKNOWN = 1e10
@@ -28,8 +29,7 @@ def write_flo(path: str | Path, flow: NDArray[np.floating]) -> None:
     ValueError
         When the array is no flow, or holds a value that would be read as undefined.
     """
-    if flow.ndim != 3 or flow.shape[-1] != 2 or 0 in flow.shape:
-        raise ValueError(f"flow of shape {flow.shape}: give (H, W, 2)")
+    check_flow(flow)
     if max(flow.shape[:2]) > _LARGEST_SIDE:
         raise ValueError(f"flow of shape {flow.shape}: a side may have {_LARGEST_SIDE} px at most")
     if np.any(np.abs(flow) > LARGEST_KNOWN):

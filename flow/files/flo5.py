@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.files import atomic_write
+from megalopta.flow.files.checking import check_flow
 
 _COMPRESSION = 5
 _LARGEST_BYTES = 2**32
@@ -23,8 +24,7 @@ def write_flo5(path: str | Path, flow: NDArray[np.floating]) -> None:
     ValueError
         When the array is no flow.
     """
-    if flow.ndim != 3 or flow.shape[-1] != 2 or 0 in flow.shape:
-        raise ValueError(f"flow of shape {flow.shape}: give (H, W, 2)")
+    check_flow(flow)
     with atomic_write(Path(path)) as temporary, h5py.File(temporary, "w") as file:
         file.create_dataset(
             "flow", data=flow.astype("<f4"), compression="gzip", compression_opts=_COMPRESSION

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.files import atomic_write
+from megalopta.flow.files.checking import check_flow
 
 _PER_PX = 64
 _ZERO = 2**15
@@ -25,8 +26,7 @@ def write_kitti_png(path: str | Path, flow: NDArray[np.floating]) -> None:
     ValueError
         When the array is no flow.
     """
-    if flow.ndim != 3 or flow.shape[-1] != 2 or 0 in flow.shape:
-        raise ValueError(f"flow of shape {flow.shape}: give (H, W, 2)")
+    check_flow(flow)
     codes = np.rint(flow.astype(np.float64) * _PER_PX + _ZERO)
     with np.errstate(invalid="ignore"):
         known = ((codes >= 0) & (codes <= _LARGEST)).all(axis=-1)

@@ -24,7 +24,7 @@ from megalopta.making.statistics import exposure_statistics
 from megalopta.plan import repeated, sequence_name
 from megalopta.progress import progress, silent
 from megalopta.record import Record
-from megalopta.sensor.formats import ProductName
+from megalopta.sensor.formats import ProductName, product_stem
 from megalopta.stages import STAGES, check_stage, open_exposure
 from megalopta.tree import SequenceRecord, Tree, write_index
 
@@ -103,7 +103,7 @@ def _expose(tree: Tree, record: SequenceRecord, dataset: Dataset) -> None:
     STAGES["sense"].work(dataset)
     made = [each for each in exposure_statistics(dataset) if each.name not in _known(record)]
     source, target = (each / "counts" / name for each in (dataset.root, tree.root))
-    paths = [path for path in sorted(source.iterdir()) if _exposure_of(path) not in _known(record)]
+    paths = [path for path in sorted(source.iterdir()) if product_stem(path) not in _known(record)]
     hashes = file_hashes(dataset.root, paths)
     for path in paths:
         files.remove(target / path.name)
@@ -143,9 +143,3 @@ def _new(tree: Tree, record: SequenceRecord, wanted: Configuration) -> list[str]
 
 def _known(record: SequenceRecord) -> set[str]:
     return {each.name for each in record.statistics.exposures}
-
-
-def _exposure_of(path: Path) -> str:
-    """Name of the exposure that a file or store is of, such as "spadcam-0.1lux"."""
-    suffixes = (".zarr", ".events.h5", ".events.npz", ".binary.npy", ".spad512", ".tiff")
-    return next((path.name.removesuffix(each) for each in suffixes if path.name.endswith(each)), "")

@@ -41,7 +41,8 @@ def begin_stages(
         if needed in doomed:
             raise UserError(
                 f"{root}: --redo of {stages[0]!r} alone would remove the {needed!r} output, which "
-                f"disagrees ({changes}); run with --redo first: megalopta {needed}"
+                f"disagrees ({changes}); run with --redo first: "
+                f"megalopta {STAGES[needed].command}"
             )
         Ledger(new).require(needed)
     return old, doomed

@@ -67,7 +67,7 @@ class Ledger:
             if damaged
             else f"{home}: stage {stage!r} is not finished with this configuration"
         )
-        raise UserError(f"{what}; run first: megalopta {stage} {target}")
+        raise UserError(f"{what}; run first: megalopta {STAGES[stage].command} {target}")
 
     def manifest(self) -> list[dict[str, Any]]:
         """Lines of the manifest: sequence, stage, configuration and model, file hashes."""

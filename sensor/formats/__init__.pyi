@@ -20,6 +20,7 @@ from .names import (
     PRODUCTS as PRODUCTS,
     ProductName as ProductName,
     product_path as product_path,
+    product_stem as product_stem,
 )
 from .packed_npy import (
     binary_npy_writer as binary_npy_writer,

@@ -26,3 +26,9 @@ _SUFFIXES: Mapping[ProductName, str] = {
 def product_path(counts: Path, product: ProductName) -> Path:
     """Where a product lies, given the path of the counts, which ends in `.zarr`."""
     return counts.with_name(counts.name.removesuffix(".zarr") + _SUFFIXES[product])
+
+
+def product_stem(path: Path) -> str:
+    """Name of the exposure that a product is of, such as "spadcam-0.1lux"; "" for other files."""
+    suffixes = (each for each in _SUFFIXES.values() if path.name.endswith(each))
+    return path.name.removesuffix(next(suffixes, path.name))
