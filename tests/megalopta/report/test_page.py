@@ -23,6 +23,8 @@ from megalopta.report.records import read_benchmark, read_records
 from megalopta.sensor import DigitalCounter
 from megalopta.stages import STAGES, Ledger, responses_path, run_all, run_stage
 
+from ..accessibility import needs_axe, violations
+
 SECTIONS = ("light", "motion", "detectors", "photons", "made")
 SENSOR = "spad_cam-1"
 CONFIGURATION = Configuration.model_validate(
@@ -443,3 +445,9 @@ def test_a_browser_shows_it_without_errors_and_within_400_pixels(dataset, tmp_pa
     answer = chromium.stdout.rpartition("<p>")[2]
     assert answer.startswith("nav true alone false overflow 0 frame 3 frame 4 ·")
     assert answer.count("frame 4 · 0.30 s") == 3
+
+
+@needs_axe
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_keyboards_and_screen_readers_find_their_way(theme, dataset, tmp_path):
+    assert violations(write_report(dataset), tmp_path, theme) == []
