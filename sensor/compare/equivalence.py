@@ -36,11 +36,16 @@ class Difference(NamedTuple):
         """How large it is, either way: the logarithm of the ratio."""
         return abs(float(np.log(max(1 + self.relative, 1e-6))))
 
+    @property
+    def base(self) -> str:
+        """What the difference is a share of, where that is not the expected value; else empty."""
+        return f" of {self.scale:.2g}" if self.scale > abs(self.expected) else ""
+
     def __str__(self) -> str:
         """Say it in words."""
         way = "higher" if self.relative > 0 else "lower"
         return (
-            f"{self.name} {100 * abs(self.relative):.2g} % {way} "
+            f"{self.name} {100 * abs(self.relative):.2g} %{self.base} {way} "
             f"(95 %: {100 * self.low:+.2g} to {100 * self.high:+.2g} %)"
         )
 
