@@ -97,7 +97,7 @@ def residuals(device: Device) -> Floats:
 
     Where the curve does not tell the kind of dead time, of the kind that leaves less.
     """
-    kinds = _KINDS if device.dead_time_kind is None else (device.dead_time_kind,)
+    kinds = [kind for kind in _KINDS if device.dead_time_kind in (None, kind)]
     left = [_residuals_of(device, kind) for kind in kinds]
     return min(left, key=lambda each: float(np.nansum(each**2)))
 
