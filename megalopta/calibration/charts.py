@@ -4,6 +4,7 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib import colormaps
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter, ScalarFormatter
 
 from megalopta.arrays import Floats
 from megalopta.figures import BLACK, BLUE, GRAY, VERMILION, in_style, line_style, new_axes, to_svg
@@ -29,7 +30,7 @@ def map_chart(
     low, high = limits or color_limits(values)
     shades = colormaps[colors].with_extremes(bad=GRAY)
     picture = axes.imshow(values, cmap=shades, vmin=low, vmax=high, interpolation="nearest")
-    figure.colorbar(picture, cax=bar)
+    figure.colorbar(picture, cax=bar, format=ScalarFormatter(useOffset=False))
     axes.set(title=title, xlabel="column", ylabel="row")
     return to_svg(figure, name, f"Map of the {title}")
 
@@ -77,6 +78,7 @@ def saturation_chart(device: Device, name: str) -> Markup:
         law = dead_time_moments(rate, exposure.max(), np.full(rate.shape, tau), kind)[0]
         axes.plot(grid, law / exposure.max(), **line_style(place), label=kind)
     axes.set(xscale="log", yscale="log", xlabel="light (photons/s on a pixel)", ylabel="counts/s")
+    axes.xaxis.set_minor_formatter(NullFormatter())
     axes.legend(frameon=False)
     return to_svg(figure, name, "Saturation curve: counts over light")
 

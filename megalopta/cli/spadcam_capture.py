@@ -24,7 +24,7 @@ def declare(verbs: Verbs) -> None:
     command.add_argument("--port", help="serial port (default: the only Teensy on USB)")
     command.add_argument("--usb-serial", help="USB serial number of the camera, instead")
     command.add_argument(
-        "--wait", type=float, default=15.0, help="for a port to appear (s, default: 15)"
+        "--wait", type=float, default=30.0, help="for a port to appear (s, default: 30)"
     )
     command.add_argument("--out", type=Path, help="new folder (default: recordings/KIND-DATE-TIME)")
     command.add_argument(

@@ -7,6 +7,7 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from megalopta.arrays import Floats
 from megalopta.comparison.motion import SpeedResponse
@@ -17,6 +18,8 @@ Levels = Sequence[CountedFrames]
 
 _WIDTH_PT, _HEIGHT_PT = 380, 270
 _FRAMES_SHOWN = 200
+_MOST_POINTS = 2000
+"""Pixels in a picture; of a large array, evenly chosen ones."""
 _STYLES = (
     {"label": "captured", "color": BLUE, "marker": "o"},
     {"label": "simulated", "color": VERMILION, "marker": "x"},
@@ -28,9 +31,10 @@ def transfer_chart(captured: Levels, simulated: Levels) -> Markup:
     """Variance of pixels over their mean."""
     figure, axes = new_axes(_WIDTH_PT, _HEIGHT_PT)
     for levels, style in _beside(captured, simulated):
-        mean = np.concatenate([level.counts.mean(axis=0).ravel() for level in levels])
-        variance = np.concatenate([level.counts.var(axis=0).ravel() for level in levels])
-        axes.plot(mean, variance, markersize=2.5, linewidth=0, **style)
+        for place, level in enumerate(levels):
+            shown = _thinned(level.counts.reshape(len(level.counts), -1).T)
+            own = style | {"label": "" if place else style["label"]}
+            axes.plot(shown.mean(axis=1), shown.var(axis=1), markersize=2.5, linewidth=0, **own)
     axes.set(xlabel="mean counts", ylabel="variance (counts²)", xscale="symlog", yscale="symlog")
     return _finished(figure, axes, "transfer", "Photon transfer: variance over mean counts")
 
@@ -110,7 +114,11 @@ def _line(style: dict[str, Any]) -> dict[str, Any]:
 def _draw_shares(axes: Axes, values: Floats, style: dict[str, Any]) -> None:
     """Share of values up to each of them."""
     shares = (np.arange(values.size) + 0.5) / values.size
-    axes.plot(np.sort(values, axis=None), shares, **_line(style))
+    axes.plot(_thinned(np.sort(values, axis=None)), _thinned(shares), **_line(style))
+
+
+def _thinned(values: NDArray[Any]) -> NDArray[Any]:
+    return values[:: max(1, len(values) // _MOST_POINTS)]
 
 
 def _finished(figure: Figure, axes: Axes, name: str, description: str) -> Markup:

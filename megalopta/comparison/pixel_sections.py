@@ -23,10 +23,17 @@ def pixel_sections(captured: Levels, simulated: Levels, found: Comparison) -> li
     return [
         _tests(found),
         _histograms(found),
-        Section("Alarms", "; ".join(found.alarms) or "None."),
+        Section("Alarms", _alarms(found)),
         Section("Distributions", charts=tuple(_curves(captured, simulated, found))),
         *map_sections(captured, simulated, found),
     ]
+
+
+def _alarms(found: Comparison) -> str:
+    if not found.alarms:
+        return "None."
+    first, *others = found.alarms
+    return f"{'; '.join([first[0].upper() + first[1:], *others])}."
 
 
 def _tests(found: Comparison) -> Section:
@@ -68,7 +75,7 @@ def _histograms(found: Comparison) -> Section:
 def _curves(captured: Levels, simulated: Levels, found: Comparison) -> Iterator[Markup]:
     yield captioned(
         transfer_chart(captured, simulated),
-        "Photon transfer, a point for each pixel and level: clouds that lie on each other have the "
+        "Photon transfer, points are pixels at each level: clouds that lie on each other have the "
         "same step and noise; one that is higher has a larger step or more crosstalk.",
     )
     yield captioned(

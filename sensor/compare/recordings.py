@@ -85,7 +85,8 @@ class Comparison:
         tests = {"mean": self.means, "variance": self.variances, "histogram": self.histograms}
         for name, test in tests.items():
             if test.differs.any():
-                found.append(f"the {name} of {100 * test.share:.2g} % of the pixels differs")
+                many = f"{test.differs.sum()} of {np.isfinite(test.p).sum()}"
+                found.append(f"the {name} differs in {many} pixels")
         found += [str(each) for each in self._beyond_chance(self.spectrum)]
         return tuple(found)
 

@@ -26,12 +26,6 @@ class PixelTest(NamedTuple):
     """Of any shape; NaN where nothing is tested."""
     differs: NDArray[np.bool_]
 
-    @property
-    def share(self) -> float:
-        """Of the tested pixels, those that differ."""
-        tested = int(np.isfinite(self.p).sum())
-        return float(self.differs.sum() / tested) if tested else 0.0
-
 
 def discoveries(p: Floats, rate: float) -> PixelTest:
     """Mark the p-values that are discoveries at this false discovery rate."""
