@@ -36,7 +36,8 @@ def transfer_chart(captured: Levels, simulated: Levels) -> Markup:
             own = style | {"label": "" if place else style["label"]}
             axes.plot(shown.mean(axis=1), shown.var(axis=1), markersize=2.5, linewidth=0, **own)
     axes.set(xlabel="mean counts", ylabel="variance (counts²)", xscale="symlog", yscale="symlog")
-    return _finished(figure, axes, "transfer", "Photon transfer: variance over mean counts")
+    description = "Photon transfer: variance over mean counts"
+    return _finished(figure, axes, "transfer", description, markerscale=2)
 
 
 @in_style
@@ -95,7 +96,7 @@ def response_chart(responses: Sequence[SpeedResponse], method: str) -> Markup:
     speeds = [each.speed_mm_s for each in own]
     for values, style in _beside([each.captured for each in own], [each.simulated for each in own]):
         means, spreads = zip(*((each.mean(), each.std(ddof=1)) for each in values), strict=True)
-        axes.errorbar(speeds, means, spreads, capsize=3, **style)
+        axes.errorbar(speeds, means, spreads, capsize=3, markersize=4, **style)
     axes.axhline(0, color=BLACK, linewidth=0.5)
     unit = own[0].difference.unit
     axes.set(xlabel="speed (mm/s)", ylabel=f"peak response ({unit})", title=method)
@@ -121,6 +122,8 @@ def _thinned(values: NDArray[Any]) -> NDArray[Any]:
     return values[:: max(1, len(values) // _MOST_POINTS)]
 
 
-def _finished(figure: Figure, axes: Axes, name: str, description: str) -> Markup:
-    axes.legend(frameon=False, markerscale=2)
+def _finished(
+    figure: Figure, axes: Axes, name: str, description: str, markerscale: float = 1
+) -> Markup:
+    axes.legend(frameon=False, markerscale=markerscale)
     return to_svg(figure, name, f"{description}, captured and simulated")

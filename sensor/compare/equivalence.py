@@ -51,7 +51,13 @@ class Difference(NamedTuple):
 
 
 def difference(
-    name: str, captured: Floats, expected: Floats, unit: str, margin: float, least: float = 0.0
+    name: str,
+    captured: Floats,
+    expected: Floats,
+    unit: str,
+    margin: float,
+    least: float = 0.0,
+    unsure: float = 0.0,
 ) -> Difference:
     """Compare the values of blocks.
 
@@ -64,10 +70,13 @@ def difference(
         Relative difference that does not matter.
     least : float
         Differences are relative to the expected value, or to this where that is smaller.
+    unsure : float
+        Standard error of what the expected values should have been, as of a calibration, which
+        no further block makes smaller.
     """
     means = captured.mean(), expected.mean()
     parts = [each.var(ddof=1) / each.size for each in (captured, expected)]
-    error = float(np.sqrt(sum(parts)))
+    error = float(np.sqrt(sum(parts) + unsure**2))
     freedom = sum(parts) ** 2 / max(
         sum(
             part**2 / (each.size - 1)
