@@ -81,11 +81,12 @@ def distance_chart(found: Comparison) -> Markup:
 @in_style
 def time_chart(captured: CountedFrames, simulated: CountedFrames) -> Markup:
     """Mean counts of frames, one after the other."""
-    figure, axes = new_axes(_WIDTH_PT, _HEIGHT_PT)
+    figure, axes = new_axes(1.5 * _WIDTH_PT, 0.8 * _HEIGHT_PT)
     for frames, style in _beside(captured, simulated):
         axes.plot(frames.counts[:_FRAMES_SHOWN].mean(axis=(1, 2)), **_line(style))
     axes.set(xlabel="frame", ylabel="mean counts")
-    return _finished(figure, axes, "time", "Mean counts of frames")
+    outside = {"loc": "lower right", "bbox_to_anchor": (1, 1), "ncols": 2}
+    return _finished(figure, axes, "time", "Mean counts of frames", **outside)
 
 
 @in_style
@@ -122,8 +123,6 @@ def _thinned(values: NDArray[Any]) -> NDArray[Any]:
     return values[:: max(1, len(values) // _MOST_POINTS)]
 
 
-def _finished(
-    figure: Figure, axes: Axes, name: str, description: str, markerscale: float = 1
-) -> Markup:
-    axes.legend(frameon=False, markerscale=markerscale)
+def _finished(figure: Figure, axes: Axes, name: str, description: str, **legend: Any) -> Markup:
+    axes.legend(frameon=False, **legend)
     return to_svg(figure, name, f"{description}, captured and simulated")

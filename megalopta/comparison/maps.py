@@ -32,8 +32,8 @@ def map_sections(
         differing = [int(test.differs[at].sum()) for test in (found.means, found.variances)]
         yield Section(
             f"{light.capitalize()}, {one.exposure_s:g} s",
-            f"Of {means[0].size} pixels {differing[0]} differ in the mean, {differing[1]} in the "
-            "variance.",
+            f"Of {np.isfinite(found.means.p[at]).sum()} pixels {differing[0]} differ in the mean, "
+            f"{differing[1]} in the variance.",
             charts=(
                 *_row(f"mean-{at}", "counts", means, found.means.p[at]),
                 *_row(f"variance-{at}", "counts²", variances, found.variances.p[at]),
