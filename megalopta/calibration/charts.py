@@ -24,7 +24,7 @@ def map_chart(
     limits: tuple[float, float] | None = None,
     colors: str = "viridis",
 ) -> Markup:
-    """A map of pixels with its scale; gray where nothing is known."""
+    """A map of pixels (rows, columns) with its scale; gray where nothing is known."""
     figure = Figure(figsize=(_WIDTH_PT / 72, _HEIGHT_PT / 72))
     axes, bar = figure.add_axes(_MAP), figure.add_axes(_BAR)
     low, high = limits or color_limits(values)
@@ -36,7 +36,7 @@ def map_chart(
 
 
 def color_limits(*maps: Floats) -> tuple[float, float]:
-    """Ends of a scale for all of them, which 98 % of their known pixels are within."""
+    """Ends of a scale for maps (rows, columns), which 98 % of their known pixels are within."""
     known = np.concatenate([each[np.isfinite(each)] for each in maps])
     low, high = np.percentile(known, (1, 99)) if known.size else (0.0, 1.0)
     return float(low), float(high)

@@ -159,7 +159,9 @@ def compare_recordings(
     quantities = [block_quantities(each, usable, kind) for each in (captured, expected)]
     return Comparison(
         order,
-        _differences(*quantities, margin, unsure_quantities(expected, usable, unsure)),
+        _differences(
+            quantities[0], quantities[1], margin, unsure_quantities(expected, usable, unsure)
+        ),
         discoveries(np.array(mean_p), rate),
         discoveries(np.array(variance_p), rate),
         discoveries(np.array(histogram_p), rate),

@@ -28,7 +28,7 @@ class PixelTest(NamedTuple):
 
 
 def discoveries(p: Floats, rate: float) -> PixelTest:
-    """Mark the p-values that are discoveries at this false discovery rate."""
+    """Mark the p-values, of any shape, that are discoveries at this false discovery rate."""
     tested = np.isfinite(p)
     differs = np.zeros(p.shape, np.bool_)
     if tested.any():
@@ -64,7 +64,10 @@ def _conditional(first: Floats, both: Floats, share: float) -> Floats:
 
 
 def variance_test(one: Floats, other: Floats) -> Floats:
-    """P-values that variances are the same; NaN where counts are too few to tell."""
+    """P-values (rows, columns) that counts (n, rows, columns) have the same variances.
+
+    NaN where counts are too few to tell.
+    """
     error = np.zeros(one.shape[1:])
     logs, known = [], np.ones(error.shape, np.bool_)
     for each in (one, other):
