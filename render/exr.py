@@ -71,6 +71,11 @@ def write_radiance(
     """Write spectral radiance (H, W, B), W·m⁻²·sr⁻¹·nm⁻¹, with its band edges (nm).
 
     Half floats are for light that was scaled to about 1 before: night is darker than they reach.
+
+    Raises
+    ------
+    ValueError
+        When there are not as many bands as edges.
     """
     if radiance.ndim != 3 or radiance.shape[-1] != len(bands_nm):
         raise ValueError(

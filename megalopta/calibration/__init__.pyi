@@ -1,4 +1,4 @@
-from .charts import map_chart as map_chart
+from .charts import color_limits as color_limits, map_chart as map_chart
 from .device_file import (
     Light as Light,
     nominal_efficiency as nominal_efficiency,

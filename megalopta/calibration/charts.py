@@ -2,24 +2,44 @@
 
 import numpy as np
 from markupsafe import Markup
+from matplotlib import colormaps
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter, ScalarFormatter
 
 from megalopta.arrays import Floats
-from megalopta.figures import BLACK, BLUE, VERMILION, in_style, line_style, new_axes, to_svg
+from megalopta.figures import BLACK, BLUE, GRAY, VERMILION, in_style, line_style, new_axes, to_svg
 from megalopta.sensor.calibrate import DeadTimeKind, Device, dead_time_moments
 
 _WIDTH_PT, _HEIGHT_PT = 380, 270
+_MAP, _BAR = (0.1, 0.13, 0.68, 0.78), (0.8, 0.17, 0.025, 0.7)
+"""Left, bottom, width and height in the picture: to find them out takes as long as to draw it."""
 _KINDS: tuple[DeadTimeKind, ...] = ("paralyzable", "nonparalyzable")
 
 
 @in_style
-def map_chart(values: Floats, name: str, title: str) -> Markup:
-    """A map of pixels with its scale; gray where nothing is known."""
-    figure, axes = new_axes(_WIDTH_PT, _HEIGHT_PT)
-    low, high = np.nanpercentile(values, (1, 99)) if np.isfinite(values).any() else (0.0, 1.0)
-    picture = axes.imshow(values, cmap="viridis", vmin=low, vmax=high, interpolation="nearest")
-    figure.colorbar(picture, ax=axes, shrink=0.85)
+def map_chart(
+    values: Floats,
+    name: str,
+    title: str,
+    limits: tuple[float, float] | None = None,
+    colors: str = "viridis",
+) -> Markup:
+    """A map of pixels (rows, columns) with its scale; gray where nothing is known."""
+    figure = Figure(figsize=(_WIDTH_PT / 72, _HEIGHT_PT / 72))
+    axes, bar = figure.add_axes(_MAP), figure.add_axes(_BAR)
+    low, high = limits or color_limits(values)
+    shades = colormaps[colors].with_extremes(bad=GRAY)
+    picture = axes.imshow(values, cmap=shades, vmin=low, vmax=high, interpolation="nearest")
+    figure.colorbar(picture, cax=bar, format=ScalarFormatter(useOffset=False))
     axes.set(title=title, xlabel="column", ylabel="row")
     return to_svg(figure, name, f"Map of the {title}")
+
+
+def color_limits(*maps: Floats) -> tuple[float, float]:
+    """Ends of a scale for maps (rows, columns), which 98 % of their known pixels are within."""
+    known = np.concatenate([each[np.isfinite(each)] for each in maps])
+    low, high = np.percentile(known, (1, 99)) if known.size else (0.0, 1.0)
+    return float(low), float(high)
 
 
 @in_style
@@ -35,7 +55,7 @@ def photon_transfer_chart(device: Device, name: str) -> Markup:
     step = 1e3 * float(np.nanmedian(device.step_v.value))
     axes.plot(ends, step * ends, color=VERMILION, linewidth=1.5, label=f"{step:.3g} mV per event")
     axes.set(xlabel="mean fall of the output (mV)", ylabel="variance (mV²)")
-    axes.legend(frameon=False)
+    axes.legend(frameon=False, markerscale=3)
     return to_svg(figure, name, "Photon transfer: variance of readings over their mean")
 
 
@@ -58,6 +78,7 @@ def saturation_chart(device: Device, name: str) -> Markup:
         law = dead_time_moments(rate, exposure.max(), np.full(rate.shape, tau), kind)[0]
         axes.plot(grid, law / exposure.max(), **line_style(place), label=kind)
     axes.set(xscale="log", yscale="log", xlabel="light (photons/s on a pixel)", ylabel="counts/s")
+    axes.xaxis.set_minor_formatter(NullFormatter())
     axes.legend(frameon=False)
     return to_svg(figure, name, "Saturation curve: counts over light")
 
@@ -74,7 +95,16 @@ def residual_chart(device: Device, name: str) -> Markup:
 
 
 def residuals(device: Device) -> Floats:
-    """Mean counts less those of the fit, in standard errors; NaN where nothing is fitted."""
+    """Mean counts less those of the fit, in standard errors; NaN where nothing is fitted.
+
+    Where the curve does not tell the kind of dead time, of the kind that leaves less.
+    """
+    kinds = [kind for kind in _KINDS if device.dead_time_kind in (None, kind)]
+    left = [_residuals_of(device, kind) for kind in kinds]
+    return min(left, key=lambda each: float(np.nansum(each**2)))
+
+
+def _residuals_of(device: Device, kind: DeadTimeKind) -> Floats:
     assert device.efficiency is not None and device.dead_time_s is not None
     lit = (device.counts.light_hz > 0) & (device.counts.exposure_s > 0)
     eta, tau, dark = (
@@ -82,7 +112,6 @@ def residuals(device: Device) -> Floats:
         for each in (device.efficiency, device.dead_time_s, device.dark_counts_hz)
     )
     rate = dark + eta * device.counts.light_hz[lit][:, None]
-    kind = _KINDS[device.dead_time_kind == "nonparalyzable"]
     mean, variance = dead_time_moments(rate, device.counts.exposure_s[lit][:, None], tau, kind)
     frames = np.where(device.counts.frames[lit] > 0, device.counts.frames[lit], np.nan)
     return np.asarray((device.counts.mean[lit] - mean) / np.sqrt(variance / frames))

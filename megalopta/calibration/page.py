@@ -1,8 +1,10 @@
 """The calibration report."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from markupsafe import Markup
 
 from megalopta.calibration.charts import (
     map_chart,
@@ -11,8 +13,16 @@ from megalopta.calibration.charts import (
     residuals,
     saturation_chart,
 )
-from megalopta.pages import Section, number, write_sections
+from megalopta.pages import Section, captioned, number, write_sections
 from megalopta.sensor.calibrate import OFFSETS, Device, Estimate, Kernel
+
+_FITTED = 2
+"""Efficiency and dead time; dark counts are told by dark frames."""
+_MAPS = (
+    "Grain is the scatter of pixels and of their estimates; gradients are uneven light (in the "
+    "efficiency) or warmth (in the dark counts), rows and columns the readout. What is not told is "
+    "gray."
+)
 
 
 def write_calibration_report(path: Path, device: Device, name: str, is_relative: bool) -> None:
@@ -26,13 +36,11 @@ def write_calibration_report(path: Path, device: Device, name: str, is_relative:
             tuple(_row(*each) for each in _quantities(device, is_relative)),
         ),
         Section(
-            "Photon transfer",
-            f"Steps are from the {device.method}. {_slope(device)}",
-            charts=(photon_transfer_chart(device, "transfer"),),
+            "Photon transfer and saturation",
+            f"Steps are from the {device.method}. {_slope(device)} {_kind(device)}".strip(),
+            charts=tuple(_curves(device)),
         ),
     ]
-    if device.efficiency is not None:
-        sections.append(_saturation(device))
     if device.kernel is not None:
         sections.append(_neighbors(device.kernel))
     maps = [
@@ -40,7 +48,7 @@ def write_calibration_report(path: Path, device: Device, name: str, is_relative:
         for at, (title, unit, estimate, scale) in enumerate(_quantities(device, is_relative))
         if np.isfinite(estimate.value).any()
     ]
-    sections.append(Section("Maps", charts=tuple(maps)))
+    sections.append(Section("Maps", _MAPS, charts=tuple(maps)))
     write_sections(path, f"Calibration of {name}", summary(device), sections)
 
 
@@ -89,19 +97,35 @@ def _row(title: str, unit: str, estimate: Estimate, scale: float) -> tuple[str, 
     return (f"{title} ({unit})", *(number(float(each)) for each in (median, low, high, half)))
 
 
-def _saturation(device: Device) -> Section:
-    z = residuals(device)
-    kind = device.dead_time_kind
-    text = (
-        f"The dead time is {kind}: e^{device.kind_ratio:.0f} times as likely as the other kind."
-        if kind
-        else "The curve does not tell the kind of dead time; brighter light would."
+def _kind(device: Device) -> str:
+    if device.efficiency is None:
+        return ""
+    if device.dead_time_kind is None:
+        return "The curve does not tell the kind of dead time; brighter light would."
+    ratio = f"e^{device.kind_ratio:.0f} times as likely as the other kind"
+    return f"The dead time is {device.dead_time_kind}: {ratio}."
+
+
+def _curves(device: Device) -> Iterator[Markup]:
+    yield captioned(
+        photon_transfer_chart(device, "transfer"),
+        "A point for each pixel and level: where they lie on the line, the noise is that of single "
+        "events; light falls below it where dead time evens events out.",
     )
-    scatter = float(np.sqrt(np.nanmean(z**2)))
-    return Section(
-        "Saturation",
-        f"{text} Residuals scatter by {scatter:.2f} of their standard errors.",
-        charts=(saturation_chart(device, "saturation"), residual_chart(device, "residuals")),
+    if device.efficiency is None:
+        return
+    yield captioned(
+        saturation_chart(device, "saturation"),
+        "Counts of the median pixel: how far they stay below the line without dead time is the "
+        "dead time; its kind is told where the two laws part.",
+    )
+    z = residuals(device)
+    expected = np.sqrt(max(1 - _FITTED / len(z), 0.0))
+    yield captioned(
+        residual_chart(device, "residuals"),
+        f"What the fits of the saturation curve leave: {np.sqrt(np.nanmean(z**2)):.2f} standard "
+        f"errors, about {expected:.2f} where the law holds ({len(z)} lights, {_FITTED} numbers of "
+        "each pixel fitted to them); more is light that was not even or not steady.",
     )
 
 
@@ -121,7 +145,7 @@ def _neighbors(kernel: Kernel) -> Section:
         "diagonal",
         "other diagonal",
         "two aside",
-        "two up",
+        "two above",
     )
     rows = [
         (f"{name} {offset}", f"{100 * share:.3f} %", f"± {196 * error:.3f} %")

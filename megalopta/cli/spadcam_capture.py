@@ -5,9 +5,16 @@ import threading
 from argparse import Namespace
 from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from megalopta.cli.command import Verbs, add_verb
 from megalopta.errors import UserError
+
+if TYPE_CHECKING:
+    from megalopta.spadcam import RecordingSettings
+
+_NO_CLOCK_S = 1.0
+"""Mean error of times that no line holds back: only of a clock beyond what a quartz may be off."""
 
 
 def declare(verbs: Verbs) -> None:
@@ -17,7 +24,7 @@ def declare(verbs: Verbs) -> None:
     command.add_argument("--port", help="serial port (default: the only Teensy on USB)")
     command.add_argument("--usb-serial", help="USB serial number of the camera, instead")
     command.add_argument(
-        "--wait", type=float, default=15.0, help="for a port to appear (s, default: 15)"
+        "--wait", type=float, default=30.0, help="for a port to appear (s, default: 30)"
     )
     command.add_argument("--out", type=Path, help="new folder (default: recordings/KIND-DATE-TIME)")
     command.add_argument(
@@ -80,9 +87,17 @@ def _run(options: Namespace) -> None:
             show,
             wait_s=options.wait,
         )
-    clock = record.connections[-1] if record.connections else None
-    error = f", times to {clock.error_s * 1e3:.2g} ms" if clock and clock.error_s else ""
     print(
         f"{out}: {record.frames} frames of {record.serial_number}, {record.gaps} gaps "
-        f"({record.missing_frames} frames missing), {record.damaged_packets} packets damaged{error}"
+        f"({record.missing_frames} frames missing), {record.damaged_packets} packets damaged"
+        f"{_how_sure_times_are(record)}"
     )
+
+
+def _how_sure_times_are(record: "RecordingSettings") -> str:
+    error_s = record.connections[-1].error_s if record.connections else None
+    if not error_s:
+        return ""
+    if error_s > _NO_CLOCK_S:
+        return ", times by the camera's clock alone: it goes otherwise than this machine's"
+    return f", times to {error_s * 1e3:.2g} ms"

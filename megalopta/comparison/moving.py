@@ -40,14 +40,15 @@ def compare_scene(
     aligned = align(captured, cycle)
     rates = cycle.rates_hz[aligned.frame]
     simulated = exposed(captured, rates, device, seed)
+    errors_hz = _errors(device, rates)
     found = compare_recordings(
         [captured],
         [simulated],
         kind=device.dead_time.kind,
         margin=margin,
-        errors=[_errors(device, rates) * captured.exposure_s],
+        errors=[errors_hz * captured.exposure_s],
     )
-    differences = scene_differences(captured, simulated, rates, margin)
+    differences = scene_differences(captured, simulated, rates, margin, errors_hz)
     return SceneComparison(captured, simulated, aligned, replace(found, differences=differences))
 
 

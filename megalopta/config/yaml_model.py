@@ -18,7 +18,13 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 def read_text(path: Path, what: str) -> str:
-    """Return the text of a file; `what` it should be, and the way out, follow "no such"."""
+    """Return the text of a file; `what` it should be, and the way out, follow "no such".
+
+    Raises
+    ------
+    UserError
+        When there is none, or it is no text.
+    """
     try:
         return path.read_text("utf-8")
     except UnicodeDecodeError:
@@ -28,7 +34,13 @@ def read_text(path: Path, what: str) -> str:
 
 
 def mapping(text: str, source: str) -> dict[str, Any]:
-    """Return the mapping that a YAML text holds, empty for an empty text."""
+    """Return the mapping that a YAML text holds, empty for an empty text.
+
+    Raises
+    ------
+    UserError
+        When it holds anything else.
+    """
     values = _plain_data(text, source)
     if values is None:
         values = {}
@@ -70,6 +82,11 @@ def put(values: Any, path: str, value: Any) -> None:
 
     A new `kind` or `preset` starts its mapping afresh; a single value for a list makes a list of
     one.
+
+    Raises
+    ------
+    UserError
+        When the path leads into a plain value.
     """
     *parents, last = path.split(".")
     for step in parents:

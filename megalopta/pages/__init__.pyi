@@ -1,4 +1,8 @@
-from .sections import Section as Section, write_sections as write_sections
+from .sections import (
+    Section as Section,
+    captioned as captioned,
+    write_sections as write_sections,
+)
 from .templates import render_page as render_page
 from .text import (
     FAILS as FAILS,

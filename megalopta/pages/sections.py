@@ -20,6 +20,11 @@ class Section:
     charts: tuple[Markup, ...] = field(default=())
 
 
+def captioned(chart: Markup, caption: str) -> Markup:
+    """Return a chart with what it says below it."""
+    return Markup("<figure>{}<figcaption>{}</figcaption></figure>").format(chart, caption)
+
+
 def write_sections(path: Path, title: str, summary: str, sections: list[Section]) -> None:
     """Write a page, whole or not at all."""
     page = render_page(

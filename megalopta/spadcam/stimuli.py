@@ -14,8 +14,8 @@ from megalopta.arrays import Floats
 from megalopta.sensor import Sensor, detection_rate, photon_rate
 from megalopta.sensor.spadcam import COLUMNS, ROWS
 
-BAND_NM = (690.0, 710.0)
-"""Of the flat light."""
+BAND_NM = (699.99, 700.01)
+"""Of the flat light: as narrow as a laser, so that its efficiency is that of one wavelength."""
 
 
 class Stimulus(Protocol):

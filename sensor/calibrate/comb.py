@@ -33,8 +33,10 @@ def comb_period(falls: Falls, around_v: Floats, within: float) -> tuple[Floats, 
 
     Returns
     -------
-    period_v, noise : (P,)
-        The period, and the read noise over it that the height of the peak says.
+    period_v : (P,)
+        The period (V).
+    noise : (P,)
+        Read noise over it, as the height of the peak says.
     """
     period, noise = np.empty(around_v.size), np.empty(around_v.size)
     order = np.argsort(falls.pixel, kind="stable")

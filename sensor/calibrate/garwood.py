@@ -11,7 +11,7 @@ from megalopta.arrays import Floats
 
 
 def garwood_interval(counts: ArrayLike, confidence: float = 0.95) -> tuple[Floats, Floats]:
-    """Return the means between which counts lie with at least this confidence."""
+    """Return the means between which counts, of any shape, lie with at least this confidence."""
     k = np.asarray(counts, np.float64)
     tail = (1 - confidence) / 2
     low = np.where(k > 0, chi2.ppf(tail, 2 * np.maximum(k, 1e-9)) / 2, 0.0)

@@ -56,7 +56,10 @@ class MeanCounts(NamedTuple):
 def dead_time_moments(
     rate_hz: Floats, exposure_s: Floats | float, dead_time_s: Floats, kind: DeadTimeKind
 ) -> tuple[Floats, Floats]:
-    """Mean and variance of counts; exact where the exposure lasts many dead times."""
+    """Mean and variance of counts; exact where the exposure lasts many dead times.
+
+    Rates (Hz), exposures and dead times (s) of any shapes that go together.
+    """
     x = rate_hz * exposure_s
     a = np.minimum(rate_hz * dead_time_s, _LARGEST_EXPONENT)
     none = np.exp(-np.minimum(x, 700))

@@ -36,17 +36,28 @@ class Difference(NamedTuple):
         """How large it is, either way: the logarithm of the ratio."""
         return abs(float(np.log(max(1 + self.relative, 1e-6))))
 
+    @property
+    def base(self) -> str:
+        """What the difference is a share of, where that is not the expected value; else empty."""
+        return f" of {self.scale:.2g}" if self.scale > abs(self.expected) else ""
+
     def __str__(self) -> str:
         """Say it in words."""
         way = "higher" if self.relative > 0 else "lower"
         return (
-            f"{self.name} {100 * abs(self.relative):.2g} % {way} "
+            f"{self.name} {100 * abs(self.relative):.2g} %{self.base} {way} "
             f"(95 %: {100 * self.low:+.2g} to {100 * self.high:+.2g} %)"
         )
 
 
 def difference(
-    name: str, captured: Floats, expected: Floats, unit: str, margin: float, least: float = 0.0
+    name: str,
+    captured: Floats,
+    expected: Floats,
+    unit: str,
+    margin: float,
+    least: float = 0.0,
+    unsure: float = 0.0,
 ) -> Difference:
     """Compare the values of blocks.
 
@@ -59,10 +70,13 @@ def difference(
         Relative difference that does not matter.
     least : float
         Differences are relative to the expected value, or to this where that is smaller.
+    unsure : float
+        Standard error of what the expected values should have been, as of a calibration, which
+        no further block makes smaller.
     """
     means = captured.mean(), expected.mean()
     parts = [each.var(ddof=1) / each.size for each in (captured, expected)]
-    error = float(np.sqrt(sum(parts)))
+    error = float(np.sqrt(sum(parts) + unsure**2))
     freedom = sum(parts) ** 2 / max(
         sum(
             part**2 / (each.size - 1)

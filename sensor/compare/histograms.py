@@ -52,7 +52,7 @@ def histogram_test(one: Floats, other: Floats) -> HistogramTest:
 
 
 def distances_by_chance(one: Floats, other: Floats) -> Distances:
-    """Distances after frames of both were dealt out anew: those of one law."""
+    """Distances after frames (n, rows, columns) of both were dealt out anew: those of one law."""
     both = np.concatenate([one, other])
     order = np.random.default_rng(0).permutation(len(both))
     return histogram_test(both[order[: len(one)]], both[order[len(one) :]]).distances

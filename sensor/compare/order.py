@@ -72,7 +72,7 @@ def arrangement(captured: Floats, expected: Floats) -> Arrangement:
 
 
 def matching_rows(captured: Floats, expected: Floats) -> NDArray[np.intp]:
-    """Return the captured row that is most like each expected one, each used once."""
+    """Return the captured row (rows,) that is most like each expected one, each used once."""
     ranks = [rankdata(each).reshape(each.shape) for each in (captured, expected)]
     apart = cdist(ranks[1], ranks[0], "sqeuclidean")
     return np.asarray(linear_sum_assignment(apart)[1])

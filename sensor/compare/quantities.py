@@ -40,6 +40,26 @@ def block_quantities(
     return {name: np.array([each[name] for each in blocks]) for name in blocks[0]}
 
 
+def unsure_quantities(
+    levels: Sequence[CountedFrames], usable: Sequence[Mask], errors: Sequence[Floats | float]
+) -> dict[str, float]:
+    """Return standard errors of quantities that those of mean counts (rows, columns) make.
+
+    They are of darkness and of the dimmest light; errors of pixels are independent of each other.
+    """
+    found = {}
+    for name, chosen in (
+        ("dark counts", [at for at, level in enumerate(levels) if level.is_dark]),
+        ("efficiency", [at for at, level in enumerate(levels) if not level.is_dark]),
+    ):
+        if chosen:
+            at = min(chosen, key=lambda place: levels[place].light_hz)
+            own = np.broadcast_to(errors[at], usable[at].shape)[usable[at]]
+            scale = levels[at].exposure_s * (levels[at].light_hz or 1.0) * max(own.size, 1)
+            found[name] = float(np.sqrt(np.square(own).sum())) / scale
+    return found
+
+
 def _of_block(
     levels: Sequence[CountedFrames], usable: Sequence[Mask], kind: str, block: int
 ) -> dict[str, float]:

@@ -11,7 +11,7 @@ from megalopta.sensor.compare.counted import CountedFrames
 from megalopta.sensor.compare.equivalence import Difference, difference
 from megalopta.sensor.compare.histograms import Distances, distances_by_chance, histogram_test
 from megalopta.sensor.compare.order import Arrangement, arrangement
-from megalopta.sensor.compare.quantities import BLOCKS, block_quantities
+from megalopta.sensor.compare.quantities import BLOCKS, block_quantities, unsure_quantities
 from megalopta.sensor.compare.spectrum import BANDS, band_powers
 from megalopta.sensor.compare.two_sample import (
     PixelTest,
@@ -85,7 +85,8 @@ class Comparison:
         tests = {"mean": self.means, "variance": self.variances, "histogram": self.histograms}
         for name, test in tests.items():
             if test.differs.any():
-                found.append(f"the {name} of {100 * test.share:.2g} % of the pixels differs")
+                many = f"{test.differs.sum()} of {np.isfinite(test.p).sum()}"
+                found.append(f"the {name} differs in {many} pixels")
         found += [str(each) for each in self._beyond_chance(self.spectrum)]
         return tuple(found)
 
@@ -102,8 +103,9 @@ class Comparison:
         if not self.alarms:
             return "Nothing differs beyond chance."
         largest = max(self.differences, key=lambda each: each.size, default=None)
-        limit = f"; of the device, at most: {largest}" if largest else ""
-        return f"Differences are beyond chance but small: {self.alarms[0]}{limit}."
+        first = self.alarms[0]
+        limit = f"; of the device, at most: {largest}" if largest and str(largest) != first else ""
+        return f"Differences are beyond chance but small: {first}{limit}."
 
     def _beyond_chance(self, tested: Sequence[Difference]) -> list[Difference]:
         limit = self.false_alarms / _FAMILIES / max(len(tested), 1)
@@ -157,7 +159,9 @@ def compare_recordings(
     quantities = [block_quantities(each, usable, kind) for each in (captured, expected)]
     return Comparison(
         order,
-        _differences(quantities[0], quantities[1], margin),
+        _differences(
+            quantities[0], quantities[1], margin, unsure_quantities(expected, usable, unsure)
+        ),
         discoveries(np.array(mean_p), rate),
         discoveries(np.array(variance_p), rate),
         discoveries(np.array(histogram_p), rate),
@@ -194,10 +198,21 @@ def _arrangement(pairs: Sequence[tuple[CountedFrames, CountedFrames]]) -> Arrang
 
 
 def _differences(
-    captured: Mapping[str, Floats], expected: Mapping[str, Floats], margin: float
+    captured: Mapping[str, Floats],
+    expected: Mapping[str, Floats],
+    margin: float,
+    unsure: Mapping[str, float],
 ) -> tuple[Difference, ...]:
     return tuple(
-        difference(name, captured[name], expected[name], unit, margin, _LEAST.get(name, 0.0))
+        difference(
+            name,
+            captured[name],
+            expected[name],
+            unit,
+            margin,
+            _LEAST.get(name, 0.0),
+            unsure.get(name, 0.0),
+        )
         for name, unit in UNITS.items()
         if name in captured and name in expected
     )

@@ -15,7 +15,11 @@ from megalopta.sensor.compare.quantities import BLOCKS
 
 
 def scene_differences(
-    captured: CountedFrames, expected: CountedFrames, light_hz: Floats, margin: float
+    captured: CountedFrames,
+    expected: CountedFrames,
+    light_hz: Floats,
+    margin: float,
+    errors_hz: Floats | float = 0.0,
 ) -> tuple[Difference, ...]:
     """Compare brightness and contrast.
 
@@ -27,10 +31,14 @@ def scene_differences(
         What pixels detect of it in the model, were they always live.
     margin : float
         Relative difference that does not matter.
+    errors_hz : (rows, columns) or float
+        Standard errors of the expected rates, where these are a calibration's.
     """
     good = captured.usable & expected.usable
     blocks = np.array_split(np.arange(len(light_hz)), BLOCKS)
     light = light_hz[:, good]
+    own = np.broadcast_to(errors_hz, good.shape)[good]
+    unsure = float(np.sqrt(np.square(own).sum())) / max(own.size, 1)
     found = []
     for name, unit, value in (
         ("brightness", "counts per second", _brightness),
@@ -44,7 +52,8 @@ def scene_differences(
             for each in (captured, expected)
         )
         typical = np.full(BLOCKS, b.mean())
-        found.append(difference(name, a - b + typical, typical, unit, margin))
+        error = unsure if name == "brightness" else 0.0
+        found.append(difference(name, a - b + typical, typical, unit, margin, unsure=error))
     return tuple(found)
 
 

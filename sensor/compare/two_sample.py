@@ -26,15 +26,9 @@ class PixelTest(NamedTuple):
     """Of any shape; NaN where nothing is tested."""
     differs: NDArray[np.bool_]
 
-    @property
-    def share(self) -> float:
-        """Of the tested pixels, those that differ."""
-        tested = int(np.isfinite(self.p).sum())
-        return float(self.differs.sum() / tested) if tested else 0.0
-
 
 def discoveries(p: Floats, rate: float) -> PixelTest:
-    """Mark the p-values that are discoveries at this false discovery rate."""
+    """Mark the p-values, of any shape, that are discoveries at this false discovery rate."""
     tested = np.isfinite(p)
     differs = np.zeros(p.shape, np.bool_)
     if tested.any():
@@ -70,7 +64,10 @@ def _conditional(first: Floats, both: Floats, share: float) -> Floats:
 
 
 def variance_test(one: Floats, other: Floats) -> Floats:
-    """P-values that variances are the same; NaN where counts are too few to tell."""
+    """P-values (rows, columns) that counts (n, rows, columns) have the same variances.
+
+    NaN where counts are too few to tell.
+    """
     error = np.zeros(one.shape[1:])
     logs, known = [], np.ones(error.shape, np.bool_)
     for each in (one, other):

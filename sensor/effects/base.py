@@ -9,7 +9,7 @@ file names an effect unless it states a law of it.
 """
 
 from dataclasses import dataclass, field
-from enum import IntEnum
+from enum import IntEnum, auto
 from typing import ClassVar
 
 import numpy as np
@@ -17,8 +17,15 @@ from pydantic import BaseModel
 
 from megalopta.arrays import Floats
 
-Stage = IntEnum("Stage", ["LIGHT", "DEVICE", "OPERATION", "AVALANCHES", "READOUT"])
-"""Light on the pixels, a device as it was made, what its operation makes of it, then events."""
+
+class Stage(IntEnum):
+    """Light on the pixels, a device as it was made, what its operation makes of it, then events."""
+
+    LIGHT = auto()
+    DEVICE = auto()
+    OPERATION = auto()
+    AVALANCHES = auto()
+    READOUT = auto()
 
 
 @dataclass

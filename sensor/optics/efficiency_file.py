@@ -20,7 +20,13 @@ Point = tuple[float, float]
 
 
 def with_curve(curve: Any, folder: Path, field: str = "efficiency") -> Any:
-    """Replace `{path: FILE}` by the curve in the file; leave anything else as it is."""
+    """Replace `{path: FILE}` by the curve in the file; leave anything else as it is.
+
+    Raises
+    ------
+    ValueError
+        When a path and numbers are both given.
+    """
     if not isinstance(curve, Mapping) or not isinstance(curve.get("path"), str):
         return curve
     if len(curve) > 1:

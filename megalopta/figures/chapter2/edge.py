@@ -146,14 +146,20 @@ def transient_panels(curves: Mapping[str, Mapping[str, Floats]]) -> dict[str, An
     return {"draw": draw, "numbers": {"time_s": time_s, **numbers}, "height_in": 4.6}
 
 
-def frame_maps(maps: Mapping[str, Floats], across: str, unit: str) -> dict[str, Any]:
+def frame_maps(
+    maps: Mapping[str, Floats], across: str, unit: str, *, one_scale: bool = False
+) -> dict[str, Any]:
     """Drawing, numbers and height of a figure of frames (T, n) side by side."""
+    ends = [min(each.min() for each in maps.values()), max(each.max() for each in maps.values())]
+    clim = ends if one_scale else None
 
     def draw(canvas: Canvas) -> None:
         panels = canvas.subplots(1, len(maps), sharey=True)
         for axes, (name, rows) in zip(panels, maps.items(), strict=True):
             extent = (0.5, rows.shape[1] + 0.5, len(rows) + 0.5, 0.5)
-            image = axes.imshow(rows, aspect="auto", interpolation="nearest", extent=extent)
+            image = axes.imshow(
+                rows, aspect="auto", interpolation="nearest", extent=extent, clim=clim
+            )
             axes.grid(visible=False)
             axes.set_title(name, loc="left")
             axes.set_xlabel(across)

@@ -99,7 +99,8 @@ def draw_peaks(
     fine = np.linspace(0, velocity[-1], 201)
     curve = theory_scale(method, velocity, ideal) * theory(method, fine)
     axes.plot(fine, curve, "--", color=BLACK, lw=1.6, label="theoretical, sinusoid")
-    axes.plot(velocity, ideal, "-", color=GREEN, lw=1.6, label="edge without noise")
+    line = "-" if velocity.size > 1 else "_"
+    axes.plot(velocity, ideal, line, color=GREEN, lw=1.6, ms=24, label="edge without noise")
     styles = (("o", BLUE, -0.1), ("s", ORANGE, 0.1))
     for (label, over_speeds), (marker, color, shift) in zip(found.items(), styles, strict=True):
         each = _statistics(over_speeds)
