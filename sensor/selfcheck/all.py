@@ -7,6 +7,7 @@ from megalopta.sensor.selfcheck.ctia import check_ctia_discharge, check_ctia_noi
 from megalopta.sensor.selfcheck.ctia_bias import check_gate_leak, check_pulse_loop, check_trimming
 from megalopta.sensor.selfcheck.measured import check_measured_maps
 from megalopta.sensor.selfcheck.optics import check_falloff, check_lens, check_transmission
+from megalopta.sensor.selfcheck.parts import check_parts
 from megalopta.sensor.selfcheck.readings import reading_checks
 from megalopta.sensor.selfcheck.terms import TERM_CHECKS
 
@@ -18,6 +19,7 @@ EFFECT_CHECKS: tuple[Check, ...] = (
     *AVALANCHE_CHECKS,
     check_measured_maps,
     check_gated_bits,
+    check_parts,
     check_ctia_discharge,
     check_ctia_noise,
     check_trimming,

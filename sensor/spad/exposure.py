@@ -109,10 +109,10 @@ def expose_rate(
     array = running_array(free_running, effects)
     shape = rate.shape[0], *rate.shape[-2:]
     exposure = Exposure(empty_counts(shape, counter.capacity), np.empty(shape, np.bool_))
-    if counter.kind == "digital" and counter.overflow == "saturate" and rate.ndim == 3:
-        if not (effects.on or array):
-            _count_poisson(rate, sensor, device, (seed, sequence, first_frame), exposure, threads)
-            return exposure
+    is_plain = counter.kind == "digital" and counter.overflow == "saturate" and rate.ndim == 3
+    if is_plain and not effects.on and not array:
+        _count_poisson(rate, sensor, device, (seed, sequence, first_frame), exposure, threads)
+        return exposure
 
     def expose_frame(frame: int) -> None:
         key = sequence, first_frame + frame
