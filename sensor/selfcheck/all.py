@@ -1,5 +1,6 @@
 """Checks of every effect, in the order of the table; those of the counting laws are apart."""
 
+from megalopta.sensor.selfcheck.analog import check_analog
 from megalopta.sensor.selfcheck.binary import check_gated_bits
 from megalopta.sensor.selfcheck.combinations import AVALANCHE_CHECKS
 from megalopta.sensor.selfcheck.comparison import Check
@@ -17,6 +18,7 @@ EFFECT_CHECKS: tuple[Check, ...] = (
     check_transmission,
     *TERM_CHECKS,
     *AVALANCHE_CHECKS,
+    check_analog,
     check_measured_maps,
     check_gated_bits,
     check_parts,
