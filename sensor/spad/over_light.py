@@ -4,7 +4,8 @@ Where pixels neither talk to each other nor differ in avalanches, and light is s
 depends on the mean number of arrivals a and the pixel's counter. A Poisson law moves by its own
 standard deviation while x = 2·√a moves by 1, and laws with dead time and afterpulses no faster, so
 that moments are smooth in x on that scale. They are tabulated at steps of 1/8 and interpolated by
-polynomials through six entries, which is off by less than 1e-6 standard deviations of the reading
+polynomials through six entries, which is off by less than 2e-6 standard deviations of the reading,
+or with afterpulsing, whose own tables are right to 3e-3, 2e-4
 (`tests/sensor/spad/test_over_light.py`).
 
 Of counters that are alike the moments themselves are tabulated, of analog ones that differ the laws

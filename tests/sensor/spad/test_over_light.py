@@ -72,10 +72,12 @@ def test_tables_state_what_the_laws_of_single_pixels_state(name):
     rate = share * arrivals / sensor.exposure_s
     mean, variance = (each[:, :6, :6] for each in reading_moments(rate, sensor))
     law_mean, law_variance = reading_moments(rate[:, :6, :6], sensor)
+    # moments of afterpulsing are cubics between nodes, with corners there, and right to 3e-3
+    off = 100 if "afterpulsing" in changes else 1
     # full counters hardly vary: their deviation counts as a hundredth of a count
     sigma = np.sqrt(np.maximum(law_variance, 1e-4))
-    assert np.abs((mean - law_mean) / sigma).max() < 2e-6
-    assert np.abs((variance - law_variance) / np.maximum(law_variance, 1e-2)).max() < 2e-5
+    assert np.abs((mean - law_mean) / sigma).max() < 2e-6 * off
+    assert np.abs((variance - law_variance) / np.maximum(law_variance, 1e-2)).max() < 2e-5 * off
     is_table = not np.array_equal(mean, law_mean)
     assert is_table, "the frame is large enough for a table"
 
