@@ -195,7 +195,7 @@ def check_frames() -> Iterator[Row]:
 
 
 def check_dim_light() -> Iterator[Row]:
-    """Frames with fewer events than pixels, of which the draw knows only when the next one comes."""
+    """Frames with fewer events than pixels, drawn as waits for the next one."""
     sensor = preset("ideal")
     rate = np.full((16, 500, 500), 0.05 / sensor.exposure_s)
     counts = expose_rate(rate, sensor, seed=5, sequence="dim").counts.astype(np.int64)
