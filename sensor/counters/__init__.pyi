@@ -19,5 +19,10 @@ from .digital import (
 from .moments import (
     counter_moments as counter_moments,
     events_until_full as events_until_full,
+    misreads as misreads,
     simple_moments as simple_moments,
+)
+from .tabulated import (
+    LawTable as LawTable,
+    tabulated_moments as tabulated_moments,
 )

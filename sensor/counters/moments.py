@@ -15,7 +15,7 @@ taken as exact away from its ends: its variance is then off by less than 1e-5 co
 """
 
 import math
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numba import njit
@@ -32,6 +32,19 @@ _FAR = 7.0
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 
 Counter: TypeAlias = DigitalCounter | AnalogCounter
+
+
+class Pixel(NamedTuple):
+    """Step, leakage and offset, V; what is assumed of the step and the output without events."""
+
+    step_v: float
+    leaked_v: float
+    offset_v: float
+    known_step_v: float
+    reference_v: float
+    capacity: float
+    exact_below: float
+    """Number of events below which they are read one for one"""
 
 
 def events_until_full(counter: Counter, pixels: AnalogPixels | None) -> Floats:
@@ -63,7 +76,7 @@ def simple_moments(
     if isinstance(counter, AnalogCounter):
         assert pixels is not None
         capacity = np.floor((counter.swing_v - pixels.leaked_v) / pixels.step_v)
-        needs_law = np.full(mean.shape, _misreads(counter, pixels)) | (most > capacity)
+        needs_law = np.full(mean.shape, misreads(counter, pixels)) | (most > capacity)
         return mean, variance, needs_law
     size = counter.capacity + 1
     if counter.overflow == "saturate":
@@ -110,12 +123,12 @@ def counter_moments(
     assert pixels is not None
     known = assumed_pixels(counter, pixels, exposure_s)
     mean, variance = np.empty(first.size), np.empty(first.size)
-    is_exact = not _misreads(counter, pixels)
+    is_exact = not misreads(counter, pixels)
     _integrate(first, probability, pixels, known, voltages(counter), is_exact, mean, variance)
     return mean, variance
 
 
-def _misreads(counter: AnalogCounter, pixels: AnalogPixels) -> bool:
+def misreads(counter: AnalogCounter, pixels: AnalogPixels) -> bool:
     """Whether events are not read one for one, even away from the ends of the counter."""
     is_clipped = counter.offset_sigma_v > 0 and counter.adc_bits is not None
     if not counter.calibrated or counter.step_slope or counter.step_noise_v or is_clipped:
@@ -128,56 +141,70 @@ def _misreads(counter: AnalogCounter, pixels: AnalogPixels) -> bool:
 
 @njit(cache=True, nogil=True)
 def _integrate(first, probability, pixels, known, volts, is_exact, mean, variance):  # type: ignore[no-untyped-def]
-    supply, swing, slope, step_noise, read_noise, lsb = volts
     for at in range(first.size):
-        step, offset = known.step_v[at], known.offset_v[at]
-        reference = supply + offset - known.leaked_v[at]
-        capacity = largest_count(step, known.leaked_v[at], swing)
+        pixel = pixel_of(at, pixels, known, volts, is_exact)
         center = np.rint(first[at] + probability.shape[1] / 2)
-        exact_below = 0.0
-        if is_exact:
-            room = swing - pixels.leaked_v[at] - _FAR * read_noise
-            exact_below = min(capacity, room / pixels.step_v[at])
         once = twice = 0.0
         is_full, full_mean, full_square = False, 0.0, 0.0
         for column in range(probability.shape[1]):
             weight, events = probability[at, column], first[at] + column
-            if events < exact_below:
+            if events < pixel.exact_below:
                 once += weight * (events - center)
                 twice += weight * (events - center) ** 2
                 continue
-            if is_full:  # as with one event less
-                once += weight * (full_mean - center)
-                twice += weight * full_square
-                continue
-            fallen = fall(events, pixels.step_v[at], slope, swing) + pixels.leaked_v[at]
-            scatter = spread(events, step_noise, pixels.step_v[at], swing)
-            noise = np.hypot(scatter, read_noise)
-            reached = (min(fallen, swing) - pixels.offset_v[at] + reference - supply) / step
-            margin = (_FAR * noise + lsb) / step
-            count = min(max(np.floor(reached - margin), 0.0), capacity)
-            if lsb > 0:  # an output below ground is read as ground
-                count = min(count, max(np.floor(reference / step + 0.5), 0.0))
-            conditional, square = count, (count - center) ** 2
-            while count < capacity:
-                edge, always, never = _edge(reference - (count + 0.5) * step, supply, lsb)
-                chance = 1.0
-                if never:
-                    chance = 0.0
-                elif not always:
-                    depth = supply + pixels.offset_v[at] - edge
-                    chance = _chance(fallen - depth, swing - depth, scatter, read_noise)
-                if chance < 1e-12:
-                    break
-                count += 1
-                conditional += chance
-                square += chance * (2 * (count - center) - 1)
-            once += weight * (conditional - center)
-            twice += weight * square
-            is_full = fallen >= swing and scatter == 0
-            full_mean, full_square = conditional, square
+            if not is_full:  # else as with one event less
+                full_mean, full_square, is_full = read_of(events, center, pixel, volts)
+            once += weight * (full_mean - center)
+            twice += weight * full_square
         mean[at] = center + once
         variance[at] = max(twice - once**2, 0.0)
+
+
+@njit(cache=True, nogil=True)
+def pixel_of(at, pixels, known, volts, is_exact):  # type: ignore[no-untyped-def]
+    """One of the pixels, and below which number of events it reads one for one."""
+    supply, swing, read_noise = volts[0], volts[1], volts[4]
+    leaked = pixels.leaked_v[at]
+    capacity = largest_count(known.step_v[at], known.leaked_v[at], swing)
+    exact_below = 0.0
+    if is_exact:
+        room = swing - leaked - _FAR * read_noise
+        exact_below = min(capacity, room / pixels.step_v[at])
+    reference = supply + known.offset_v[at] - known.leaked_v[at]
+    return Pixel(
+        pixels.step_v[at], leaked, pixels.offset_v[at],
+        known.step_v[at], reference, capacity, exact_below,
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
+def read_of(events, center, pixel, volts):  # type: ignore[no-untyped-def]
+    """Mean reading of a number of events, mean square about a center, and whether it is full."""
+    supply, swing, slope, step_noise, read_noise, lsb = volts
+    fallen = fall(events, pixel.step_v, slope, swing) + pixel.leaked_v
+    scatter = spread(events, step_noise, pixel.step_v, swing)
+    noise = np.hypot(scatter, read_noise)
+    step, reference, capacity = pixel.known_step_v, pixel.reference_v, pixel.capacity
+    reached = (min(fallen, swing) - pixel.offset_v + reference - supply) / step
+    margin = (_FAR * noise + lsb) / step
+    count = min(max(np.floor(reached - margin), 0.0), capacity)
+    if lsb > 0:  # an output below ground is read as ground
+        count = min(count, max(np.floor(reference / step + 0.5), 0.0))
+    mean, square = count, (count - center) ** 2
+    while count < capacity:
+        edge, always, never = _edge(reference - (count + 0.5) * step, supply, lsb)
+        chance = 1.0
+        if never:
+            chance = 0.0
+        elif not always:
+            depth = supply + pixel.offset_v - edge
+            chance = _chance(fallen - depth, swing - depth, scatter, read_noise)
+        if chance < 1e-12:
+            break
+        count += 1
+        mean += chance
+        square += chance * (2 * (count - center) - 1)
+    return mean, square, fallen >= swing and scatter == 0
 
 
 @njit(cache=True, nogil=True)

@@ -2,7 +2,10 @@ from . import (
     poisson as poisson,
     streams as streams,
 )
-from .poisson import draw_poisson as draw_poisson
+from .poisson import (
+    draw_poisson as draw_poisson,
+    fill_poisson as fill_poisson,
+)
 from .streams import (
     generator as generator,
     pixel_normals as pixel_normals,

@@ -1,10 +1,11 @@
 """Poisson counts, drawn faster than NumPy does.
 
 A Poisson count is the sum of independent ones whose means add up. Below 2048 the mean is cut into a
-multiple of 16, one of 1/8, and a rest. The multiples have alias tables, which turn a random word
+multiple of 16, one of 1/16, and a rest. The multiples have alias tables, which turn a random word
 into a count by one comparison, to 2⁻⁴⁸: Walker, ACM Trans. Math. Softw. 3, 253 (1977). The rest is
 the number of arrivals of a process of rate one that runs on from draw to draw, so it costs a
-subtraction as long as nothing arrives.
+subtraction as long as nothing arrives. Whether any mean has a multiple of 1/16 is asked of a frame
+and not of each pixel, which in dim light a processor would guess wrong every other time.
 
 From 2048 on, a normal number z becomes the nearest integer n to its quantile of Cornish and Fisher,
 
@@ -17,7 +18,7 @@ comes once in 10¹⁵.
 
 import math
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -25,9 +26,9 @@ from numpy.typing import NDArray
 
 from megalopta.sensor.sampling.words import LANES, fill_words, word_streams
 
-_COARSE, _FINE = 16.0, 1 / 8
+_COARSE, _FINE = 16.0, 1 / 16
 """Powers of two: sums are exact. The finer, the rarer an arrival, the larger its table."""
-_FINE_PER_COARSE = 7
+_FINE_PER_COARSE = 8
 """Binary digits of a mean in units of the fine step that are below the coarse one."""
 _LARGEST_MEAN = 2048.0
 """Of the tables"""
@@ -41,6 +42,7 @@ _CHANCE = np.uint64(2**48 - 1)
 _ALIAS_BITS, _ALIAS = np.uint64(16), np.uint64(2**16 - 1)
 _ROWS_OF_WORDS = 64
 _NO_MORE = np.zeros(1)
+_MOST = int(np.iinfo(np.int64).max)
 
 _LOW, _HIGH = 0.3, 4.6
 """Of the bounds above; 0.2 and 4.52 are found at a mean of 1024, less at larger ones."""
@@ -77,9 +79,27 @@ def draw_poisson(
         Finite and not negative: unchecked.
     factor : float
     """
-    counts, more = np.empty(means.size, np.int64), _NO_MORE if more is None else more
-    _draw(rng, word_streams(rng), means, more, factor, _tables(), counts)
+    counts = np.empty(means.size, np.int64)
+    fill_poisson((rng, word_streams(rng)), means, more, factor, counts, _MOST)
     return counts
+
+
+def fill_poisson(
+    source: tuple[np.random.Generator, NDArray[np.uint64]],
+    means: NDArray[np.float64],
+    more: NDArray[np.float64] | None,
+    factor: float,
+    counts: NDArray[np.integer[Any]],
+    most: int,
+) -> None:
+    """Draw counts as `draw_poisson` into a contiguous (N,) array, none larger than `most`.
+
+    The source is a generator and the `word_streams` drawn from it.
+    """
+    rng, streams = source
+    rates = means, _NO_MORE if more is None else more, factor
+    if _draw(streams, *rates, _tables(), counts, most):
+        _draw_large(rng, *rates, counts, most)
 
 
 @cache
@@ -127,40 +147,83 @@ def _alias_cells(law: NDArray[np.float64]) -> NDArray[np.uint64]:
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _draw(
-    rng: np.random.Generator,
     streams: NDArray[np.uint64],
     means: NDArray[np.float64],
     more: NDArray[np.float64],
     factor: float,
     tables: _Tables,
-    counts: NDArray[np.int64],
-) -> None:
+    counts: NDArray[np.integer[Any]],
+    most: int,
+) -> bool:
+    """Draw where the tables reach; whether there are larger means."""
     each = -1 if more.size > 1 else 0  # bits of the index that count in `more`
+    has_fine = _any_reaches(means, more, _FINE / factor)
+    has_large = False
     words = np.empty((_ROWS_OF_WORDS, LANES), np.uint64)
-    word, used = words.reshape(-1), words.size
-    to_next_arrival = rng.standard_exponential()
+    word, used = words.reshape(-1), 1
+    fill_words(streams, words)
+    to_next_arrival = _wait(word[0])
     for index in range(means.size):
-        mean = (means[index] + more[index & each]) * factor
-        if mean >= _LARGEST_MEAN:
-            counts[index] = _near_normal(rng, mean)
-            continue
         if used > word.size - 2:
             fill_words(streams, words)
             used = 0
+        mean = (means[index] + more[index & each]) * factor
+        if mean >= _LARGEST_MEAN:
+            has_large = True
+            continue
         steps = int(mean / _FINE)
         count, coarse = 0, steps >> _FINE_PER_COARSE
         if coarse:
             count = _multiple(word[used], coarse, tables)
             used += 1
-        if steps:
+        if has_fine:
             fine = steps - (coarse << _FINE_PER_COARSE)
             count += _multiple(word[used], _COARSE_TABLES + fine, tables)
             used += 1
         to_next_arrival -= mean - steps * _FINE
         while to_next_arrival < 0:
-            to_next_arrival += rng.standard_exponential()
+            if used == word.size:
+                fill_words(streams, words)
+                used = 0
+            to_next_arrival += _wait(word[used])
+            used += 1
             count += 1
-        counts[index] = count
+        counts[index] = min(count, most)
+    return has_large
+
+
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _any_reaches(means: NDArray[np.float64], more: NDArray[np.float64], least: float) -> bool:
+    number = np.int64(0)  # summed, which vector instructions do
+    if more.size > 1:
+        for index in range(means.size):
+            number += np.int64(means[index] + more[index] >= least)
+    else:
+        for index in range(means.size):
+            number += np.int64(means[index] + more[0] >= least)
+    return bool(number > 0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _wait(word: np.uint64) -> float:
+    """Exponential wait for the next arrival, from a word: −log of a number within (0, 1)."""
+    return -math.log((float(word >> np.uint64(11)) + 0.5) * 2.0**-53)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _draw_large(
+    rng: np.random.Generator,
+    means: NDArray[np.float64],
+    more: NDArray[np.float64],
+    factor: float,
+    counts: NDArray[np.integer[Any]],
+    most: int,
+) -> None:
+    each = -1 if more.size > 1 else 0
+    for index in range(means.size):
+        mean = (means[index] + more[index & each]) * factor
+        if mean >= _LARGEST_MEAN:
+            counts[index] = min(_near_normal(rng, mean), most)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]

@@ -194,6 +194,15 @@ def check_frames() -> Iterator[Row]:
     yield exact_row("randomness", "frame drawn alone equals frame among 300", 1, float(same), 1e-9)
 
 
+def check_dim_light() -> Iterator[Row]:
+    """Frames with fewer events than pixels, drawn as waits for the next one."""
+    sensor = preset("ideal")
+    rate = np.full((16, 500, 500), 0.05 / sensor.exposure_s)
+    counts = expose_rate(rate, sensor, seed=5, sequence="dim").counts.astype(np.int64)
+    yield mean_row("dim light", "counts", 0.05, counts)
+    yield variance_row("dim light", "variance of counts", 0.05, counts)
+
+
 TERM_CHECKS: tuple[Check, ...] = (
     check_light,
     check_device,
@@ -203,4 +212,5 @@ TERM_CHECKS: tuple[Check, ...] = (
     check_gate_and_jitter,
     check_counters,
     check_frames,
+    check_dim_light,
 )

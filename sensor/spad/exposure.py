@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from megalopta.arrays import Floats
 from megalopta.sensor import Exposure
 from megalopta.sensor.avalanches import FreeRunning, draw_counts, running_array
 from megalopta.sensor.counters import (
@@ -26,8 +27,8 @@ from megalopta.sensor.counters import (
     read_digital,
     sample_analog,
 )
-from megalopta.sensor.effects import AvalancheMaps
-from megalopta.sensor.sampling import draw_poisson, generator
+from megalopta.sensor.effects import AvalancheEffects, AvalancheMaps
+from megalopta.sensor.sampling import draw_poisson, fill_poisson, generator, word_streams
 from megalopta.sensor.spad.fixed_pattern import FixedPattern
 from megalopta.sensor.spad.frames import over_frames
 from megalopta.sensor.spad.model import Sensor
@@ -104,22 +105,30 @@ def expose_rate(
         As for `expose_events`, whose events these counts then number.
     """
     rate, device = checked_rate(detections_hz, sensor)
-    array = running_array(free_running, sensor.avalanche_effects)
+    effects, counter = sensor.avalanche_effects, sensor.counter
+    array = running_array(free_running, effects)
     shape = rate.shape[0], *rate.shape[-2:]
-    exposure = Exposure(empty_counts(shape, sensor.counter.capacity), np.empty(shape, np.bool_))
+    exposure = Exposure(empty_counts(shape, counter.capacity), np.empty(shape, np.bool_))
+    is_plain = counter.kind == "digital" and counter.overflow == "saturate" and rate.ndim == 3
+    if is_plain and not effects.on and not array:
+        _count_poisson(rate, sensor, device, (seed, sequence, first_frame), exposure, threads)
+        return exposure
 
     def expose_frame(frame: int) -> None:
         key = sequence, first_frame + frame
-        events = _events(rate[frame], sensor, device, seed, key, array)
         out = exposure.counts[frame], exposure.saturated[frame]
-        if isinstance(sensor.counter, AnalogCounter):
+        if array:
+            events = running_counts(array, rate[frame], sensor, device, seed, key)
+        else:
+            events = _events(rate[frame], sensor, effects, device, seed, key)
+        if isinstance(counter, AnalogCounter):
             assert device.counters is not None
             noise = generator(seed, "readout", *key)
             out[0][:], out[1][:] = read_analog(
-                noise, events, sensor.counter, device.counters, sensor.exposure_s
+                noise, events, counter, device.counters, sensor.exposure_s
             )
         else:
-            read_digital(events, sensor.counter, out)
+            read_digital(events, counter, out)
 
     over_frames(expose_frame, len(rate), 1 if array else threads)
     return exposure
@@ -164,17 +173,39 @@ def expose_adc(
     return codes
 
 
+def _count_poisson(
+    rate: Floats,
+    sensor: Sensor,
+    device: FixedPattern,
+    key: tuple[int, str | int, int],
+    exposure: Exposure,
+    threads: int | None,
+) -> None:
+    """Draw as `_events` and read at once: nothing acts on events but a counter that saturates."""
+    (seed, sequence, first), capacity = key, sensor.counter.capacity
+    # made in a row, which takes a fifth of the time that they take one by one
+    rngs = [generator(seed, "exposure", sequence, first + frame) for frame in range(len(rate))]
+    sources = [(rng, word_streams(rng)) for rng in rngs]
+    dark_hz = device.dark_counts_hz.ravel()
+
+    def expose_frame(frame: int) -> None:
+        counts = exposure.counts[frame].reshape(-1)
+        light_hz = rate[frame].ravel()
+        fill_poisson(sources[frame], light_hz, dark_hz, sensor.exposure_s, counts, capacity)
+
+    over_frames(expose_frame, len(rate), threads)
+    np.greater_equal(exposure.counts, capacity, out=exposure.saturated)
+
+
 def _events(
     detections_hz: NDArray[np.float64],
     sensor: Sensor,
+    effects: AvalancheEffects,
     device: FixedPattern,
     seed: int,
     key: tuple[str | int, int],
-    array: FreeRunning | None = None,
 ) -> NDArray[np.int64]:
-    if array:
-        return running_counts(array, detections_hz, sensor, device, seed, key)
-    rng, effects = generator(seed, "exposure", *key), sensor.avalanche_effects
+    rng = generator(seed, "exposure", *key)
     if not effects.on and detections_hz.ndim == 2:  # the same, faster, of rates checked before
         flat = detections_hz.ravel(), device.dark_counts_hz.ravel()
         return draw_poisson(rng, *flat, sensor.exposure_s).reshape(detections_hz.shape)

@@ -1,0 +1,50 @@
+"""Output of the analog counter, in volts, step after step and term by term."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from megalopta.arrays import Floats
+from megalopta.sensor import changed
+from megalopta.sensor.counters import AnalogCounter, analog_pixels, sample_analog
+from megalopta.sensor.sampling import generator
+from megalopta.sensor.selfcheck.comparison import Row, exact_row, mean_row, variance_row
+
+_EXPOSURE_S, _SIDE, _EVENTS = 0.1, 200, 100
+_COUNTER = AnalogCounter(step_v=10e-3, swing_v=3.2, supply_v=3.3, adc_bits=16)
+_LSB_V = 3.3 / (2**16 - 1)
+
+
+def check_analog() -> Iterator[Row]:
+    """Steps that shrink, leak, and the variance that each scatter makes alone."""
+    term = "analog counter, output"
+    for slope in (-0.4, 0.0, 0.4):
+        counter = changed(_COUNTER, step_slope=slope, leak_v_s=2.0)
+        expected, fallen = [], 0.0
+        for _ in range(250):
+            expected.append(3.3 - min(fallen + 2.0 * _EXPOSURE_S, 3.2))
+            fallen += 10e-3 * (1 + slope * (0.5 - fallen / 3.2))
+        off = _volts(counter, np.arange(250)[None]) - expected
+        yield exact_row(
+            term, f"largest error, slope {slope:g} (V)", 0.0, float(np.abs(off).max()), _LSB_V
+        )
+    scatters: tuple[tuple[str, dict[str, float], float], ...] = (
+        ("read noise", {"read_noise_v": 5e-3}, 5e-3**2),
+        ("noise of steps", {"step_noise_v": 1e-3}, _EVENTS * 1e-3**2),
+        ("steps of pixels", {"step_sigma_v": 1e-4}, (_EVENTS * 1e-4) ** 2),
+        ("offsets", {"offset_sigma_v": 20e-3}, 20e-3**2),
+        ("leaks", {"leak_v_s": 2.0, "leak_sigma_v_s": 0.1}, (0.1 * _EXPOSURE_S) ** 2),
+    )
+    for name, changes, variance in scatters:
+        counter = changed(_COUNTER, **changes)
+        volts = _volts(counter, np.full((_SIDE, _SIDE), _EVENTS))
+        mean = 3.3 - _EVENTS * 10e-3 - changes.get("leak_v_s", 0.0) * _EXPOSURE_S
+        yield mean_row(term, f"mean, {name} (V)", mean, volts)
+        rounding = _LSB_V**2 / 12
+        yield variance_row(term, f"variance, {name} (V²)", variance + rounding, volts)
+
+
+def _volts(counter: AnalogCounter, events: Floats) -> Floats:
+    pixels = analog_pixels(counter, events.shape, _EXPOSURE_S, 3)
+    codes = sample_analog(generator(9), events.astype(np.int64), counter, pixels)
+    return np.asarray(codes * _LSB_V)

@@ -1,0 +1,90 @@
+"""Readings from tables over the light against the laws that single pixels are stated by.
+
+The corner of a device is a smaller device of the same pixels, too few of them for a table.
+"""
+
+import numpy as np
+import pytest
+
+from megalopta.sensor import (
+    Afterpulsing,
+    AnalogCounter,
+    DeadTime,
+    DigitalCounter,
+    Gate,
+    changed,
+    preset,
+    reading_moments,
+)
+
+IDEAL = changed(preset("ideal"), exposure_s=1e-3)
+UNEVEN = AnalogCounter(
+    step_v=0.03,
+    step_sigma_v=6e-4,
+    leak_v_s=0.5,
+    leak_sigma_v_s=0.05,
+    read_noise_v=1e-3,
+    adc_bits=12,
+)
+
+
+def passive(dead_time_s, start="live"):
+    return DeadTime(kind="paralyzable", dead_time_s=dead_time_s, start=start)
+
+
+def active(dead_time_s):
+    return DeadTime(kind="nonparalyzable", dead_time_s=dead_time_s)
+
+
+CASES = {
+    "one bit": ({"counter": DigitalCounter(capacity=1)}, 2.0),
+    "four bits": ({"counter": DigitalCounter(capacity=15)}, 14.0),
+    "eight bits": ({"counter": DigitalCounter(capacity=255)}, 250.0),
+    "wrapping": ({"counter": DigitalCounter(capacity=255, overflow="wrap")}, 250.0),
+    "active": ({"counter": DigitalCounter(capacity=255), "dead_time": active(1e-6)}, 300.0),
+    "passive": ({"counter": DigitalCounter(capacity=63), "dead_time": passive(3e-6)}, 100.0),
+    "passive, running": (
+        {"counter": DigitalCounter(capacity=15), "dead_time": passive(2e-5, "stationary")},
+        40.0,
+    ),
+    "afterpulsing, gate": (
+        {
+            "counter": DigitalCounter(capacity=15),
+            "afterpulsing": Afterpulsing(mean_carriers=0.2, delay_s=1e-5),
+            "gate": Gate(period_s=1e-4, width_s=5e-5),
+        },
+        20.0,
+    ),
+    "misread": ({"counter": AnalogCounter(step_v=0.1, swing_v=1.6, read_noise_v=0.05)}, 12.0),
+    "uneven": ({"counter": UNEVEN}, 105.0),
+    "uneven, dim": ({"counter": UNEVEN}, 85.0),
+    "uneven, offsets": ({"counter": changed(UNEVEN, adc_bits=None, offset_sigma_v=0.01)}, 105.0),
+    "uneven, active": ({"counter": UNEVEN, "dead_time": active(1e-6)}, 115.0),
+    "uneven, passive": ({"counter": UNEVEN, "dead_time": passive(1e-6)}, 115.0),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_tables_state_what_the_laws_of_single_pixels_state(name):
+    changes, arrivals = CASES[name]
+    sensor = changed(IDEAL, **changes)
+    share = np.random.default_rng(0).uniform(0.5, 1.5, (1, 96, 96))
+    rate = share * arrivals / sensor.exposure_s
+    mean, variance = (each[:, :6, :6] for each in reading_moments(rate, sensor))
+    law_mean, law_variance = reading_moments(rate[:, :6, :6], sensor)
+    # moments of afterpulsing are cubics between nodes, with corners there, and right to 3e-3
+    off = 100 if "afterpulsing" in changes else 1
+    # full counters hardly vary: their deviation counts as a hundredth of a count
+    sigma = np.sqrt(np.maximum(law_variance, 1e-4))
+    assert np.abs((mean - law_mean) / sigma).max() < 2e-6 * off
+    assert np.abs((variance - law_variance) / np.maximum(law_variance, 1e-2)).max() < 2e-5 * off
+    is_table = not np.array_equal(mean, law_mean)
+    assert is_table, "the frame is large enough for a table"
+
+
+def test_a_frame_in_light_of_all_levels_needs_no_table_of_all_of_them():
+    sensor = changed(IDEAL, counter=DigitalCounter(capacity=255, overflow="wrap"))
+    rate = np.geomspace(1e-2, 1e9, 4096).reshape(1, 64, 64) / sensor.exposure_s
+    mean, _ = reading_moments(rate, sensor)
+    some = rate[:, ::16, ::16]
+    np.testing.assert_allclose(mean[:, ::16, ::16], reading_moments(some, sensor)[0], rtol=1e-6)
