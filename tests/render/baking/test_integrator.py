@@ -123,10 +123,10 @@ def test_white_walls_under_an_even_sky_cannot_be_told_from_it():
     box.update_faces(box.face_normals[:, 2] < 0.5)
     box.unmerge_vertices()
     scene = scene_of(Lighting(flat(1e-9)), box=(Material(flat(1.0)), box))
-    image = renderer_of(scene, DOWN, max_depth=200, bake_error=0.02).radiance(DOWN[0], 1)
+    image = renderer_of(scene, DOWN, max_depth=200, bake_error=0.04).radiance(DOWN[0], 1)
     # Mitsuba ends long paths with a chance of 5 % per bounce, so a path's value has a standard
-    # deviation of about 0.3. Pixels are known to 2 %, and hardly share a cell: the mean of 576 of
-    # them is ten standard deviations from 1 %.
+    # deviation of about 0.3. Pixels are known to 4 %, and hardly share a cell: the mean of 576 of
+    # them is six standard deviations from 1 %.
     assert image.mean() == pytest.approx(1e-9, rel=0.01)
 
 
@@ -270,7 +270,7 @@ def test_stored_light_gives_the_same_frames_without_another_bake(tmp_path, monke
         renderer = SceneRenderer(scene, CAMERA, settings, ORBIT, 3, folder)
         return renderer, renderer.radiance(ORBIT[2], 5)
 
-    _, first = frame(tmp_path, bake_error=0.1)
+    _, first = frame(tmp_path, bake_error=0.2)
     (kept,) = tmp_path.glob("*.npz")
     rays = []
     leaving = Gatherer.leaving
@@ -281,15 +281,15 @@ def test_stored_light_gives_the_same_frames_without_another_bake(tmp_path, monke
             rays.append(2 * least * shares.sum()) or leaving(self, cell, shares, least)
         ),
     )
-    _, again = frame(tmp_path, bake_error=0.1)
+    _, again = frame(tmp_path, bake_error=0.2)
     found = sum(rays)
     assert again.tobytes() == first.tobytes()
     rays.clear()
     kept.write_bytes(kept.read_bytes()[:1000])  # damaged: baked again
-    _, mended = frame(tmp_path, bake_error=0.1)
+    _, mended = frame(tmp_path, bake_error=0.2)
     assert mended.tobytes() == first.tobytes()
     assert found < 0.1 * sum(rays)
-    frame(tmp_path, bake_error=0.12)
+    frame(tmp_path, bake_error=0.22)
     assert len(list(tmp_path.glob("*.npz"))) == 2  # another error, another light
 
 
