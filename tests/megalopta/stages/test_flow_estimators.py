@@ -16,7 +16,7 @@ CAMERA = {
     "camera.width": "60",
     "camera.height": "60",
     "trajectory.rotation_deg_s": "-6",
-    "trajectory.frames": "18",
+    "trajectory.frames": "30",
     "scene.pattern": "dots",
     "scene.cycles_per_frame": "7",
     "render.samples_per_pixel": "16",
