@@ -31,7 +31,6 @@ SMALL = {
     "camera.height": "20",
     "trajectory.frames": "12",
     "scene.trees": "6",
-    "scene.mix": "{birch: 1}",  # a species takes a second to grow
     "scene.density_per_ha": "60",
     "scene.undergrowth": "0",
     "scene.detail": "0.1",
