@@ -5,6 +5,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 export PIP_CONSTRAINT := $(CURDIR)/constraints.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
+# Tests start some fifty processes, each of which would compile the package anew without bytecode.
+export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: install demo test test-slow test-scalar test-all lint types docs bench clean
 

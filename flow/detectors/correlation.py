@@ -67,7 +67,7 @@ def _advance(
     kind: int, frames: Any, scale: float, a: float, b: float, low: Any, g: Any, y: Any, outputs: Any
 ) -> None:
     """Pass frames through all filters; their states low, g and y change in place."""
-    h, combined = np.empty((2, frames.shape[2]))
+    h, combined = np.empty(frames.shape[2]), np.empty(frames.shape[2])
     for t in range(frames.shape[0]):
         for i in range(frames.shape[1]):
             for j in range(h.size):

@@ -6,9 +6,10 @@ from pathlib import Path
 
 from megalopta import info
 from megalopta.config import Configuration, to_yaml
-from megalopta.dataset import Dataset
+from megalopta.dataset import Dataset, FlowRecord
 from megalopta.figures import GLYPHS, method_style, themed
 from megalopta.files import write_text
+from megalopta.flow.benchmark import BenchmarkResult
 from megalopta.flow.detectors import METHODS
 from megalopta.pages import duration, render_page
 from megalopta.report.budget import exposed
@@ -69,7 +70,7 @@ def write_report(dataset: Dataset) -> Path:
 def page(dataset: Dataset) -> str:
     """Return the report as HTML."""
     settings, timings = dataset.configuration, Ledger(dataset).timings()
-    footage, record = read_footage(dataset), read_scene_record(dataset)
+    record, footage = read_scene_record(dataset), read_footage(dataset)
     sections = _sections(dataset, footage, record)
     return render_page(
         "megalopta.report",
@@ -100,6 +101,8 @@ def page(dataset: Dataset) -> str:
 
 
 def _sections(dataset: Dataset, footage: ReportFrames, record: Record) -> Sections:
+    # first, so that a damaged one is told before pictures are drawn for seconds
+    records, benchmarks = _numbers(dataset)
     motion = motion_section(footage, dataset.configuration.flow.least_purity)
     light, detectors, thresholds = None, None, None
     costs: tuple[DeviceCost, ...] = ()
@@ -110,20 +113,29 @@ def _sections(dataset: Dataset, footage: ReportFrames, record: Record) -> Sectio
         budgets = [each.budget for each in shown]
         light = light_section(dataset.configuration.sensors, footage, shown)
         findings += [light_finding(budgets), *dark_findings(budgets)]
-    if Ledger(dataset).is_finished("flow"):
-        records = read_records(dataset)
+    if records is not None:
         detectors = detector_section(dataset, footage, motion.wheel, records)
         costs = device_costs(dataset, footage.selection, detectors.frame, records)
         findings += motion_findings(detectors)
-    if Ledger(dataset).is_finished("benchmark"):
-        benchmark = read_benchmark(dataset)
-        both = dataset.configuration.benchmark.both_normalizations
-        other = read_benchmark(dataset, "benchmark-other.json") if both else None
+    if benchmarks is not None:
+        benchmark, other = benchmarks
         thresholds = threshold_section(benchmark, budgets, other)
         findings.append(threshold_finding(benchmark.curves, benchmark.settings.metrics[0]))
     ranking = ranking_section(dataset)
     told = tuple(filter(None, findings))
     return Sections(motion, light, detectors, costs, thresholds, ranking, told)
+
+
+def _numbers(
+    dataset: Dataset,
+) -> tuple[list[FlowRecord] | None, tuple[BenchmarkResult, BenchmarkResult | None] | None]:
+    """What the stages of numbers wrote, if they are finished."""
+    records = read_records(dataset) if Ledger(dataset).is_finished("flow") else None
+    if not Ledger(dataset).is_finished("benchmark"):
+        return records, None
+    both = dataset.configuration.benchmark.both_normalizations
+    other = read_benchmark(dataset, "benchmark-other.json") if both else None
+    return records, (read_benchmark(dataset), other)
 
 
 def _radiance_film(footage: ReportFrames) -> str:

@@ -23,7 +23,10 @@ from megalopta.scenes.cameras import Camera
 Float64 = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+# In compiled loops numbers are set one by one: an assignment to a row takes seconds to compile.
+
 # The square clipped by three lines.
+_SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 _MOST_CORNERS = 8
 # So near to an edge, in px, a ray may be on either side.
 _ON_EDGE_PX = 1e-4
@@ -123,14 +126,15 @@ def _covered(  # type: ignore[no-untyped-def]
     polygon, clipped = np.empty((_MOST_CORNERS, 2)), np.empty((_MOST_CORNERS, 2))
     hits, is_sure = np.empty(rays, np.int64), np.empty(rays, np.bool_)
     for pixel in range(pixels):
-        hits[:], is_sure[:] = 0, True
+        for ray in range(rays):
+            hits[ray], is_sure[ray] = 0, True
         for row in range(first[pixel], first[pixel + 1]):
             _edge_lines(corners[row], axes[pixel], lines)
             for ray in range(rays):
-                x, y = offsets[ray]
+                x, y = offsets[ray, 0], offsets[ray, 1]
                 inner = np.inf
-                for line in lines:
-                    inner = min(inner, line[0] + line[1] * x + line[2] * y)
+                for edge in range(3):
+                    inner = min(inner, lines[edge, 0] + lines[edge, 1] * x + lines[edge, 2] * y)
                 hits[ray] += inner > 0
                 is_sure[ray] &= abs(inner) > _ON_EDGE_PX
             area[pixel] += _clipped_area(lines, polygon, clipped)
@@ -154,22 +158,25 @@ def _edge_lines(triangle, axes, lines):  # type: ignore[no-untyped-def]
             lines[edge, corner] = side * (x * a[0] + y * a[1] + z * a[2])
         lines[edge, 1] -= lines[edge, 0]
         lines[edge, 2] -= lines[edge, 0]
-        lines[edge] /= max(np.hypot(lines[edge, 1], lines[edge, 2]), 1e-300)
+        steepness = max(np.hypot(lines[edge, 1], lines[edge, 2]), 1e-300)
+        for corner in range(3):
+            lines[edge, corner] /= steepness
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _clipped_area(lines, polygon, clipped):  # type: ignore[no-untyped-def]
     """Area of the unit square on the positive side of three lines (Sutherland and Hodgman)."""
     count = 4
-    polygon[0], polygon[1], polygon[2], polygon[3] = (0, 0), (1, 0), (1, 1), (0, 1)
-    for line in lines:
-        kept = 0
+    for corner in range(4):
+        polygon[corner, 0], polygon[corner, 1] = _SQUARE[corner, 0], _SQUARE[corner, 1]
+    for edge in range(3):
+        line, kept = lines[edge], 0
         for index in range(count):
             p, q = polygon[index], polygon[(index + 1) % count]
             at_p = line[0] + line[1] * p[0] + line[2] * p[1]
             at_q = line[0] + line[1] * q[0] + line[2] * q[1]
             if at_p > 0:
-                clipped[kept] = p
+                clipped[kept, 0], clipped[kept, 1] = p[0], p[1]
                 kept += 1
             if (at_p > 0) != (at_q > 0):
                 part = at_p / (at_p - at_q)
@@ -177,7 +184,8 @@ def _clipped_area(lines, polygon, clipped):  # type: ignore[no-untyped-def]
                 clipped[kept, 1] = p[1] + part * (q[1] - p[1])
                 kept += 1
         count = kept
-        polygon[:count] = clipped[:count]
+        for index in range(count):
+            polygon[index, 0], polygon[index, 1] = clipped[index, 0], clipped[index, 1]
     area = 0.0
     for index in range(count):
         p, q = polygon[index], polygon[(index + 1) % count]

@@ -37,5 +37,7 @@ def pop(times, owners, size):  # type: ignore[no-untyped-def]
 def longer(values, room):  # type: ignore[no-untyped-def]
     """Return twice as long an array with the same beginning."""
     result = np.empty(2 * values.size + room, values.dtype)
-    result[: values.size] = values
+    # compiled in a tenth of the time of an assignment to a slice
+    for place in range(values.size):
+        result[place] = values[place]
     return result

@@ -128,7 +128,7 @@ def drawn(sensor, light_hz, shape):
         (counts_file, None, None),
         pytest.param(tiff_file, None, None, marks=pytest.mark.slow),
         pytest.param(spc3_file, None, None, marks=pytest.mark.slow),
-        (bits_file, None, FEW),
+        pytest.param(bits_file, None, FEW, marks=pytest.mark.slow),
         pytest.param(spad512_folder, None, FEW, marks=pytest.mark.slow),
         pytest.param(swissspad2_file, "swissspad2", FEW, marks=pytest.mark.slow),
     ],

@@ -19,7 +19,7 @@ from megalopta.flow.stimuli import MovingTemplate
 
 @pytest.fixture(scope="module")
 def clean():
-    return leaderboard.sequences()[:3]
+    return leaderboard.sequences(count=3)
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
 """Workers of a Dask cluster killed at random moments: the dataset is that of an undisturbed run.
 
-The slow test is the whole claim: 20 sequences of 20 frames, ten kills.
+The larger test is the whole claim: 20 sequences of 20 frames, ten kills. That a job whose worker dies
+is done by another is tested in `tests/megalopta/engine`, cheaply.
 """
 
 import hashlib
@@ -59,6 +60,7 @@ def made_twice(plan, folder, kills, mean_pause_s):
     return killer.killed
 
 
+@pytest.mark.slow
 def test_workers_make_what_one_process_makes_though_one_is_killed(small_plan, tmp_path):
     made_twice(small_plan, tmp_path, kills=1, mean_pause_s=2)
 

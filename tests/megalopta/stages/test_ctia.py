@@ -29,6 +29,7 @@ SMALL = {
     "name": "night",
     "camera.width": "24",
     "camera.height": "20",
+    "trajectory.frames": "12",
     "scene.trees": "6",
     "scene.density_per_ha": "60",
     "scene.undergrowth": "0",

@@ -16,10 +16,12 @@ import numpy as np
 import pytest
 
 from megalopta.cli import main
-from megalopta.config import to_yaml
+from megalopta.config import load, to_yaml
 from megalopta.dataset import open_dataset
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_all
+
+from ..conftest import TINY
 
 IS_LONG = os.environ.get("MEGALOPTA_LONG") == "1"
 KILLS = 20 if IS_LONG else 1
@@ -44,10 +46,18 @@ CHANGES = {
 }
 
 
+FEW = {
+    "trajectory.frames": "12",
+    "sensors": "[spadcam]",
+    "light_levels": "[starlight]",
+    "methods": "[BM, IM]",
+}
+
+
 @pytest.fixture(scope="module")
-def finished(tiny, tmp_path_factory):
+def finished(tmp_path_factory):
     root = tmp_path_factory.mktemp("kills") / "data"
-    run_all(root, tiny)
+    run_all(root, load("grating", {**TINY, **FEW}))
     return root
 
 
@@ -88,7 +98,8 @@ def command(stage, root, *, redo=False):
     ("stage", "redo"),
     [(stage, redo) for stage in CHANGES for redo in (False, True)]
     if IS_LONG
-    else [("render", False), ("sense", True)],
+    # output that is kept aside until all is made anew is every stage's
+    else [("render", False), ("flow", True), pytest.param("sense", True, marks=pytest.mark.slow)],
 )
 def test_a_killed_stage_ends_like_an_undisturbed_one(finished, tmp_path, stage, redo):
     rng = np.random.default_rng([len(stage), redo])

@@ -270,7 +270,7 @@ def test_stored_light_gives_the_same_frames_without_another_bake(tmp_path, monke
         renderer = SceneRenderer(scene, CAMERA, settings, ORBIT, 3, folder)
         return renderer, renderer.radiance(ORBIT[2], 5)
 
-    _, first = frame(tmp_path, bake_error=0.1)
+    _, first = frame(tmp_path, bake_error=0.2)
     (kept,) = tmp_path.glob("*.npz")
     rays = []
     leaving = Gatherer.leaving
@@ -281,15 +281,15 @@ def test_stored_light_gives_the_same_frames_without_another_bake(tmp_path, monke
             rays.append(2 * least * shares.sum()) or leaving(self, cell, shares, least)
         ),
     )
-    _, again = frame(tmp_path, bake_error=0.1)
+    _, again = frame(tmp_path, bake_error=0.2)
     found = sum(rays)
     assert again.tobytes() == first.tobytes()
     rays.clear()
     kept.write_bytes(kept.read_bytes()[:1000])  # damaged: baked again
-    _, mended = frame(tmp_path, bake_error=0.1)
+    _, mended = frame(tmp_path, bake_error=0.2)
     assert mended.tobytes() == first.tobytes()
     assert found < 0.1 * sum(rays)
-    frame(tmp_path, bake_error=0.12)
+    frame(tmp_path, bake_error=0.22)
     assert len(list(tmp_path.glob("*.npz"))) == 2  # another error, another light
 
 

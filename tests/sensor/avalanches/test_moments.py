@@ -10,7 +10,7 @@ from megalopta.sensor.selfcheck.brute_force import brute_force_counts
 from megalopta.sensor.selfcheck.counting import GATE
 
 TAU_S = 1e-6
-EXPOSURES = 8_000
+EXPOSURES = 4_000
 # longer and shorter than the dead time; the last opens with the exposure
 GATES = [
     GATE,

@@ -18,8 +18,8 @@ from megalopta.sensor.correct import (
 )
 from megalopta.sensor.spad import draw_fixed_pattern
 
-SHAPE = (16, 16)
-FRAMES = 1000
+SHAPE = (8, 16)
+FRAMES = 500
 SENSORS = {
     "spadcam": preset("spadcam"),
     "nonparalyzable": changed(
@@ -35,7 +35,7 @@ SENSORS = {
 
 @pytest.fixture(scope="module")
 def calibrations():
-    return {name: simulated_calibration(each, SHAPE, frames=2000) for name, each in SENSORS.items()}
+    return {name: simulated_calibration(each, SHAPE, frames=1000) for name, each in SENSORS.items()}
 
 
 def exposed(sensor, share, curve):
