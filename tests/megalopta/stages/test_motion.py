@@ -205,7 +205,6 @@ def test_a_render_with_a_shutter_is_resumed_to_the_same_bytes(moving, tmp_path):
     ("changes", "words"),
     [
         ({"shutter.exposure_s": "0.2"}, r"shutter.exposure_s 0\.2 is longer than a frame"),
-        ({"shutter.readout_s": "0.05", "objects": OBJECTS}, "needs a scene at rest"),
         ({"objects": "[{motion: {kind: fly}}]"}, "kind 'fly' is unknown"),
     ],
 )
