@@ -157,8 +157,10 @@ class Footprints:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _moments(flow, is_hidden, weights, first):  # type: ignore[no-untyped-def]
-    """Of the rays from first[p] to first[p + 1] of pixels p: mean flow (x, y), root mean square
-    distance from it, of those that have a flow (n, 2), and the share that is hidden; (P, 4)."""
+    """Mean flow (x, y), root mean square distance from it, and share that is hidden (P, 4).
+
+    Pixel p has the rays from first[p] to first[p + 1], of which some have no flow (n, 2).
+    """
     found = np.empty((len(first) - 1, 4))
     for pixel in range(len(found)):
         total = x = y = hidden = square = 0.0

@@ -7,6 +7,7 @@ take one ray per call, vectorized ones all at once.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -93,16 +94,19 @@ def _single_rays(
     origin: Float64, directions: Float64, limits: Float64 | None = None
 ) -> Iterator[Any]:
     """Yield one ray over and over: making it takes longer than tracing it."""
-    ray = mi.Ray3f(mi.Point3f(0), mi.Vector3f(0, 0, 1))
-    columns = [directions] if limits is None else [directions, limits[:, None]]
+    point, vector = mi.Point3f, mi.Vector3f
+    ray = mi.Ray3f(point(0), vector(0, 0, 1))
+    # Column by column: of a list for each ray the garbage collector would have a look at each.
+    along = zip(*directions.T.tolist(), strict=True)
+    ends = repeat(float("inf")) if limits is None else limits.tolist()
     if origin.ndim == 1:
-        ray.o = mi.Point3f(origin.tolist())
-    else:
-        columns.append(origin)
-    for x, y, z, *rest in np.concatenate(columns, axis=1).tolist():
-        ray.d = mi.Vector3f(x, y, z)
-        if limits is not None:
-            ray.maxt = rest.pop(0)
-        if rest:
-            ray.o = mi.Point3f(rest)
+        ray.o = point(origin.tolist())
+        for (x, y, z), end in zip(along, ends, strict=False):
+            ray.d, ray.maxt = vector(x, y, z), end
+            yield ray
+        return
+    for (x, y, z), end, start in zip(
+        along, ends, zip(*origin.T.tolist(), strict=True), strict=False
+    ):
+        ray.o, ray.d, ray.maxt = point(*start), vector(x, y, z), end
         yield ray
