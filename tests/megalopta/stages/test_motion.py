@@ -191,6 +191,17 @@ def test_blur_has_the_truth_of_its_middle_and_rows_have_their_own(moving, rollin
     np.testing.assert_allclose(azimuth[0] - azimuth[1], np.radians(15) * delay, atol=1e-6)
 
 
+def test_a_rolling_shutter_over_moving_objects_has_its_truth(tmp_path):
+    changes = {"objects": OBJECTS, "shutter.readout_s": "0.08", "trajectory.frames": "2"}
+    settings = load("grating", {**SMALL, **changes, "render.samples_per_pixel": "1"})
+    dataset = run_stage(tmp_path / "data", settings, "render")
+    truth, sharp = read_truth(dataset.exposed_truth(0)), read_truth(dataset.truth(0))
+    crate = truth.object_id == 2
+    assert crate.sum() > 20
+    assert np.isfinite(truth.flow_forward[crate]).all()
+    assert (truth.object_id != sharp.object_id).any()
+
+
 def test_a_render_with_a_shutter_is_resumed_to_the_same_bytes(moving, tmp_path):
     shutil.copytree(moving.root, tmp_path / "data")
     dataset = open_dataset(tmp_path / "data")
