@@ -25,8 +25,8 @@ from megalopta.render.truth.views import Times
 Float64 = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-# A frame, the next and the one before.
-_MOMENTS_KEPT = 3
+# A frame, the next and the one before; of small objects, which many rows see, as many as fit.
+_FEWEST_MOMENTS, _VERTICES_KEPT = 3, 2**20
 # Beyond this relative difference the float32 hit is right: the ray grazes its triangle and misses
 # it in float64.
 _GRAZING = 1e-4
@@ -90,6 +90,8 @@ class Geometry:
         # What is at rest shares its buffers with the scene that is rendered.
         self._still = gather(loaded.shapes()[:at_rest]) if self._moving else loaded
         self._moments: dict[float, _Moment] = {}
+        moving = max(1, sum(len(mesh.vertices) for mesh in self._moving))
+        self._most_moments = max(_FEWEST_MOMENTS, _VERTICES_KEPT // moving)
 
     @property
     def is_moving(self) -> bool:
@@ -251,7 +253,7 @@ class Geometry:
         if time_s in self._moments:
             return self._moments[time_s]
         vertices = [mesh.vertices_at(time_s) for mesh in self._moving]
-        if len(self._moments) < _MOMENTS_KEPT:
+        if len(self._moments) < self._most_moments:
             pairs = zip(vertices, self._moving, strict=True)
             scene = gather([bare_mesh(positions, mesh.faces) for positions, mesh in pairs])
         else:

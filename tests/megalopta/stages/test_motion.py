@@ -193,11 +193,12 @@ def test_blur_has_the_truth_of_its_middle_and_rows_have_their_own(moving, rollin
 
 def test_a_rolling_shutter_over_moving_objects_has_its_truth(tmp_path):
     changes = {"objects": OBJECTS, "shutter.readout_s": "0.08", "trajectory.frames": "2"}
-    settings = load("grating", {**SMALL, **changes, "render.samples_per_pixel": "1"})
+    few = {"render.samples_per_pixel": "1", "camera.width": "36", "camera.height": "24"}
+    settings = load("grating", {**SMALL, **changes, **few})
     dataset = run_stage(tmp_path / "data", settings, "render")
     truth, sharp = read_truth(dataset.exposed_truth(0)), read_truth(dataset.truth(0))
     crate = truth.object_id == 2
-    assert crate.sum() > 20
+    assert crate.sum() > 5
     assert np.isfinite(truth.flow_forward[crate]).all()
     assert (truth.object_id != sharp.object_id).any()
 
