@@ -67,7 +67,7 @@ def blocked(scene: Any, origin: Float64, directions: Float64, limits: Float64) -
         rays = _rays(origin, directions)
         rays.maxt = mi.Float(limits)
         return scene.ray_test(rays, coherent=True)
-    return [scene.ray_test(ray) for ray in _single_rays(origin, directions, limits)]
+    return list(map(scene.ray_test, _single_rays(origin, directions, limits)))
 
 
 def _single_hits(scene: Any, origin: Float64, directions: Float64) -> Hits:
