@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.render.truth.geometry import Geometry, Surface
+from megalopta.render.truth.geometry import Geometry
+from megalopta.render.truth.surface import Surface
 from megalopta.render.truth.views import Eyes, View
 from megalopta.scenes.cameras import Camera
 

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from megalopta.render import mi
 from megalopta.render.truth.correspondence import correspondence
 from megalopta.render.truth.coverage import ray_weights
-from megalopta.render.truth.geometry import Geometry, Surface
+from megalopta.render.truth.geometry import Geometry
+from megalopta.render.truth.surface import Surface
 from megalopta.render.truth.views import Eyes, View
 from megalopta.scenes.cameras import Camera
 

@@ -15,12 +15,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from megalopta.render.loading import MergedMesh, MovingMesh, bare_mesh, gather, move_meshes
 from megalopta.render.truth import rays
-from megalopta.render.truth.views import Times
+from megalopta.render.truth.surface import Surface, same_side
+from megalopta.render.truth.views import Times, of_rays
 
 Float64 = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -30,34 +30,6 @@ _FEWEST_MOMENTS, _VERTICES_KEPT = 3, 2**20
 # Beyond this relative difference the float32 hit is right: the ray grazes its triangle and misses
 # it in float64.
 _GRAZING = 1e-4
-
-
-@dataclass(frozen=True)
-class Surface:
-    """What N rays see."""
-
-    triangle: Integers
-    """(N,): row of the triangle in the geometry's tables; -1 for the sky."""
-    points: Float64
-    """(N, 3): place on the surface, m; for the sky the ray's direction."""
-    directions: Float64
-    """(N, 3): of the rays."""
-    barycentric: Float64
-    """(N, 2): weights of the triangle's second and third vertex, where objects move."""
-    distance: Float64
-    """(N,): along the ray, m; infinite for the sky."""
-    time_s: Times
-    """When it is seen."""
-
-    @property
-    def is_sky(self) -> NDArray[np.bool_]:
-        """Where nothing was hit (N,)."""
-        return self.triangle < 0
-
-    def of(self, ray: NDArray[np.bool_]) -> "Surface":
-        """What some of the rays see."""
-        parts = vars(self).values()
-        return Surface(*(part if isinstance(part, float) else part[ray] for part in parts))
 
 
 @dataclass(frozen=True)
@@ -126,7 +98,7 @@ class Geometry:
     def normal(self, surface: Surface) -> Float64:
         """Geometric unit normals (N, 3), toward the rays' origins; NaN for the sky."""
         normal, hit = np.full(surface.points.shape, np.nan), ~surface.is_sky
-        found = self._perpendicular(surface.triangle[hit], _some(surface.time_s, hit))
+        found = self._perpendicular(surface.triangle[hit], of_rays(surface.time_s, hit))
         size = np.sqrt(np.maximum(_dot(found, found), 1e-300))
         normal[hit] = found * (-np.sign(_dot(found, surface.directions[hit])) / size)[:, None]
         return normal
@@ -137,7 +109,7 @@ class Geometry:
         The way (N, 3) leads from there to the surface's points. A leaf has two sides and no
         thickness: who looks at the other one does not see these points. The sky faces everyone.
         """
-        seen = _same_side(
+        seen = same_side(
             surface.triangle, self._triangles_at_rest, self._faces, self._vertices,
             surface.directions, way,
         )  # fmt: skip
@@ -145,7 +117,7 @@ class Geometry:
         if moving.any():
             triangle = surface.triangle[moving]
             before, after = (
-                self._perpendicular(triangle, _some(time, moving))
+                self._perpendicular(triangle, of_rays(time, moving))
                 for time in (surface.time_s, time_s)
             )
             seen[moving] = _dot(before, surface.directions[moving]) * _dot(after, way[moving]) > 0
@@ -171,7 +143,7 @@ class Geometry:
         if not moving.any():
             return surface.points
         points = surface.points.copy()
-        corners = self.corners(surface.triangle[moving], _some(time_s, moving))
+        corners = self.corners(surface.triangle[moving], of_rays(time_s, moving))
         u, v = surface.barycentric[moving].T[..., None]
         points[moving] = (1 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2]
         return points
@@ -224,7 +196,7 @@ class Geometry:
         """The same surface with points on its triangles in float64."""
         hit = ~surface.is_sky
         points = surface.points.copy()
-        corners = self.corners(surface.triangle[hit], _some(surface.time_s, hit))
+        corners = self.corners(surface.triangle[hit], of_rays(surface.time_s, hit))
         along, coarse = surface.directions[hit], surface.distance[hit]
         start = np.broadcast_to(origin, points.shape)[hit]
         perpendicular = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -239,7 +211,7 @@ class Geometry:
         """The same surface with barycentric coordinates of the points of moving objects."""
         moving = self._moves(surface)
         barycentric = np.zeros((len(moving), 2))
-        corners = self.corners(surface.triangle[moving], _some(surface.time_s, moving))
+        corners = self.corners(surface.triangle[moving], of_rays(surface.time_s, moving))
         edges = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
         perpendicular = np.cross(*edges)
         area = np.maximum(_dot(perpendicular, perpendicular), 1e-300)
@@ -268,29 +240,5 @@ def _dot(a: Float64, b: Float64) -> Float64:
     return np.asarray(np.einsum("ij,ij->i", a, b))
 
 
-def _some(times_s: Times, of: Any) -> Times:
-    return times_s if isinstance(times_s, float) else times_s[of]
-
-
 def _starts(origin: Float64, of: Any) -> Float64:
     return origin if origin.ndim == 1 else origin[of]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _same_side(triangle, at_rest, faces, vertices, seen, way):  # type: ignore[no-untyped-def]
-    """Whether two directions each (N, 3) meet the same side of triangles at rest, or the sky."""
-    found = np.ones(len(triangle), np.bool_)
-    u, v = np.empty(3), np.empty(3)
-    for ray in range(len(triangle)):
-        if not 0 <= triangle[ray] < at_rest:
-            continue
-        a, b, c = faces[triangle[ray]]
-        for axis in range(3):
-            start = np.float64(vertices[a, axis])
-            u[axis], v[axis] = vertices[b, axis] - start, vertices[c, axis] - start
-        x = u[1] * v[2] - u[2] * v[1]
-        y = u[2] * v[0] - u[0] * v[2]
-        z = u[0] * v[1] - u[1] * v[0]
-        once = x * seen[ray, 0] + y * seen[ray, 1] + z * seen[ray, 2]
-        found[ray] = once * (x * way[ray, 0] + y * way[ray, 1] + z * way[ray, 2]) > 0
-    return found

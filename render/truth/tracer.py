@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from megalopta.render.truth.correspondence import correspondence
 from megalopta.render.truth.footprint import Footprint, Footprints
-from megalopta.render.truth.geometry import Geometry, Surface
+from megalopta.render.truth.geometry import Geometry
+from megalopta.render.truth.surface import Surface
 from megalopta.render.truth.views import View
 from megalopta.scenes.cameras import Camera
 from megalopta.scenes.world import Scene

@@ -64,6 +64,11 @@ Ways = Callable[[Eyes], Float64]
 """Ways (N, 3) of eyes to N points, as these are at their times."""
 
 
+def of_rays(times_s: Times, ray: slice | NDArray[np.int64] | NDArray[np.bool_]) -> Times:
+    """Times of some of the rays."""
+    return times_s if isinstance(times_s, float) else times_s[ray]
+
+
 class View(Protocol):
     """How a frame is taken."""
 
