@@ -127,11 +127,8 @@ class SceneRenderer:
     def _exposure(
         self, path: Path, shutter: Shutter, frame: int, seed: int, number: int
     ) -> Exposure:
-        if shutter.readout_s and self._scene.environment:
-            raise ValueError(
-                f"shutter.readout_s {shutter.readout_s:g}: the scene is a panorama, and a rolling "
-                "shutter needs bodies; use 0"
-            )
+        if shutter.readout_s:
+            self._refuse_panorama(shutter)
         is_rolling, height = shutter.readout_s > 0, self.camera.height
         rows = (
             shutter.delay_s(np.arange(height, dtype=float) + 0.5, height)
@@ -176,7 +173,8 @@ class SceneRenderer:
 
         Flow leads to where the point is in the other frame, taken with the same shutter.
         """
-        self._check_shutter(shutter)
+        if shutter.readout_s:
+            self._refuse_panorama(shutter)
 
         def pose_at(times_s: NDArray[np.float64]) -> NDArray[np.float64]:
             return self._local(path.pose_at(times_s))
@@ -185,13 +183,11 @@ class SceneRenderer:
         following = views[frame + 1] if frame + 1 < len(views) else None
         return self._tracer.truth(views[frame], following, views[frame - 1] if frame else None)
 
-    def _check_shutter(self, shutter: Shutter) -> None:
-        is_moving = self._scene.is_moving
-        if shutter.readout_s and (is_moving or self._scene.environment):
-            what = "objects move" if is_moving else "the scene is a panorama"
+    def _refuse_panorama(self, shutter: Shutter) -> None:
+        if self._scene.environment:
             raise ValueError(
-                f"shutter.readout_s {shutter.readout_s:g}: {what}, and truth of a rolling shutter "
-                "needs bodies at rest; use 0"
+                f"shutter.readout_s {shutter.readout_s:g}: the scene is a panorama, and a rolling "
+                "shutter needs bodies; use 0"
             )
 
     def _instant(

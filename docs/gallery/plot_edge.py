@@ -3,7 +3,8 @@ Truth at an edge
 ================
 
 A box passes before a wall: its true flow in color, and in white what is hidden in the next frame.
-Flow is known on both sides of the edge, for the pixel's center alone. Explanation:
+Flow jumps at the edge, from pixel center to pixel center; ``truth.footprint`` tells what else a
+pixel holds. Explanation:
 :doc:`/explanation/truth-at-edges`.
 """
 

@@ -92,7 +92,7 @@ def add_out(command: Command, default: str, what: str = "folder") -> None:
 def add_workers(command: Command) -> None:
     """Add how many threads work, or which cluster, and where they find rendered panoramas."""
     command.add_argument(
-        "--workers", type=_positive, metavar="N", help="threads (default: one for each core)"
+        "--workers", type=at_least(1), metavar="N", help="threads (default: one for each core)"
     )
     _add_scheduler(command)
     command.add_argument(
@@ -103,7 +103,7 @@ def add_workers(command: Command) -> None:
 def add_cluster(command: Command) -> None:
     """Add the workers of a Dask cluster."""
     text = "processes that work side by side on this machine (default: all in this one)"
-    command.add_argument("--workers", type=_positive, metavar="N", help=text)
+    command.add_argument("--workers", type=at_least(1), metavar="N", help=text)
     _add_scheduler(command)
 
 
@@ -112,7 +112,12 @@ def _add_scheduler(command: Command) -> None:
     command.add_argument("--scheduler", metavar="ADDRESS", help=text)
 
 
-def _positive(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r}; give a whole number, 1 or more")
-    return int(text)
+def at_least(least: int) -> Callable[[str], int]:
+    """Type of an option that is a whole number, so much or more."""
+
+    def number(text: str) -> int:
+        if not text.isdecimal() or int(text) < least:
+            raise argparse.ArgumentTypeError(f"{text!r}; give a whole number, {least} or more")
+        return int(text)
+
+    return number

@@ -3,7 +3,7 @@
 import sys
 from argparse import Namespace
 
-from megalopta.cli.command import Verbs, add_dataset, add_verb
+from megalopta.cli.command import Verbs, add_dataset, add_verb, at_least
 
 
 def declare(verbs: Verbs) -> None:
@@ -12,11 +12,11 @@ def declare(verbs: Verbs) -> None:
     command = add_verb(verbs, "check", purpose, _run)
     add_dataset(command)
     text = "sequences of which flow is derived again from depth and poses (default: 3)"
-    command.add_argument("--truth", type=int, default=3, metavar="N", help=text)
+    command.add_argument("--truth", type=at_least(0), default=3, metavar="N", help=text)
 
 
 def _run(options: Namespace) -> None:
     from megalopta.checks import run_check_tree
 
-    if not run_check_tree(options.dataset, max(options.truth, 0)):
+    if not run_check_tree(options.dataset, options.truth):
         sys.exit(1)

@@ -2,7 +2,7 @@
 
 from argparse import Namespace
 
-from megalopta.cli.command import Verbs, add_dataset, add_verb
+from megalopta.cli.command import Verbs, add_dataset, add_verb, at_least
 
 
 def declare(verbs: Verbs) -> None:
@@ -11,10 +11,10 @@ def declare(verbs: Verbs) -> None:
     command = add_verb(verbs, "view", purpose, _run)
     add_dataset(command)
     text = "sequences to show, spread evenly (default: 24)"
-    command.add_argument("--sequences", type=int, default=24, metavar="N", help=text)
+    command.add_argument("--sequences", type=at_least(1), default=24, metavar="N", help=text)
 
 
 def _run(options: Namespace) -> None:
     from megalopta.showing import write_view
 
-    print(write_view(options.dataset, max(options.sequences, 1)))
+    print(write_view(options.dataset, options.sequences))

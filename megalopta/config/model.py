@@ -193,12 +193,6 @@ class Configuration(Record, frozen=True):
                     f"trajectory.frame_rate_hz {self.trajectory.frame_rate_hz:g}; use at most "
                     f"{period_s:g}"
                 )
-        moves = any(not thing.is_at_rest for thing in self.objects)
-        if shutter.readout_s and (moves or self.scene.is_moving):
-            raise ValueError(
-                f"shutter.readout_s {shutter.readout_s:g} needs a scene at rest, but objects or "
-                "trees move: use 0, or leave them still"
-            )
 
 
 def level_text(level: LightLevel) -> str:

@@ -63,6 +63,15 @@ class MovingMesh(MergedMesh):
         moved = [part.motion.carry(self.placed[part.vertices], time_s) for part in self.parts]
         return _local(np.concatenate(moved), self.origin_m)
 
+    def some_vertices_at(self, vertex: NDArray[np.int64], times_s: NDArray[np.float64]) -> Float32:
+        """Positions (n, 3) of some vertices (n,), each at its own time (n,), as `vertices_at`."""
+        part_of = np.searchsorted([part.vertices.stop for part in self.parts], vertex, "right")
+        moved = self.placed[vertex]
+        for part in np.unique(part_of):
+            mine = part_of == part
+            moved[mine] = self.parts[part].motion.carry(moved[mine], times_s[mine])
+        return _local(moved, self.origin_m)
+
     def normals_at(self, time_s: float) -> Float32 | None:
         """Shading normals (V, 3) at a time; None where every face is flat."""
         if self.placed_normals is None:

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.render.truth.geometry import Geometry, Surface
-from megalopta.render.truth.views import View
+from megalopta.render.truth.geometry import Geometry
+from megalopta.render.truth.surface import Surface
+from megalopta.render.truth.views import Eyes, View
 from megalopta.scenes.cameras import Camera
 
 Float64 = NDArray[np.float64]
@@ -26,12 +27,15 @@ def correspondence(
     geometry: Geometry, camera: Camera, surface: Surface, image: Float64, other: View
 ) -> Correspondence:
     """Follow a surface (N) from image coordinates (N, 2) to another frame."""
-    points = geometry.carried(surface, other.time_s)
-    eyes = other.seeing(camera, points, surface.is_sky)
-    way = np.where(surface.is_sky[:, None], points, points - eyes.origin)
-    displacement = camera.displacement(eyes.to_camera(way), image)
-    length = np.linalg.norm(way, axis=-1)
-    distance = np.where(surface.is_sky, np.inf, length)
-    hidden = geometry.is_hidden(eyes.origin, way / length[:, None], distance, other.time_s)
-    hidden |= ~geometry.faces(surface, way, other.time_s)
+
+    def way(eyes: Eyes) -> Float64:
+        return eyes.way(geometry.carried(surface, eyes.time_s), surface.is_sky)
+
+    seen, shown = other.seeing(camera, way, len(image))
+    there = way(seen)
+    displacement = camera.displacement(seen.to_camera(there), image)
+    there = there if shown is seen else way(shown)
+    distance = np.where(surface.is_sky, np.inf, 1.0)
+    hidden = geometry.is_hidden(shown.origin, there, distance, shown.time_s)
+    hidden |= ~geometry.faces(surface, there, shown.time_s)
     return Correspondence(displacement, hidden)

@@ -16,7 +16,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from megalopta.render.truth.geometry import Geometry, Surface
+from megalopta.render.truth.geometry import Geometry
+from megalopta.render.truth.surface import Surface
 from megalopta.render.truth.views import Eyes
 from megalopta.scenes.cameras import Camera
 
@@ -67,7 +68,7 @@ def ray_weights(
     count = len(geometry.object_id)
     pixel, of_pixel = np.divmod(np.unique(row * count + triangle[row, ray]), count)
     own_eyes = eyes.of(two[pixel])
-    corners = geometry.corners(of_pixel, surface.time_s) - own_eyes.origin.reshape(-1, 1, 3)
+    corners = geometry.corners(of_pixel, own_eyes.time_s) - own_eyes.origin.reshape(-1, 1, 3)
     shape = corners.shape
     rows = np.searchsorted(pixel, np.arange(len(two) + 1))
     axes = _corner_directions(camera, places[two])

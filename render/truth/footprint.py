@@ -11,12 +11,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from megalopta.render import mi
 from megalopta.render.truth.correspondence import correspondence
 from megalopta.render.truth.coverage import ray_weights
-from megalopta.render.truth.geometry import Geometry, Surface
+from megalopta.render.truth.geometry import Geometry
+from megalopta.render.truth.surface import Surface
 from megalopta.render.truth.views import Eyes, View
 from megalopta.scenes.cameras import Camera
 
@@ -118,11 +120,16 @@ class Footprints:
         image = (places[:, None] + self._offsets).reshape(-1, 2)
         pixels = slice(rows.start * camera.width, rows.stop * camera.width)
         eyes = view.pixels(camera).of(pixels)
-        surface = self._look(eyes, image, view.time_s)
+        surface = self._look(eyes, image)
         weights = ray_weights(
             self._geometry, camera, eyes, surface, places, self._offsets, self._alike
         )
         things = self._geometry.object_id[surface.triangle].reshape(weights.shape)
+
+        # Rays that stand for nothing need no flow, which is the dearer part.
+        used = weights > 0
+        first = np.concatenate([[0], used.sum(axis=1).cumsum()])
+        seen, places_used = surface.of(used.ravel()), image[used.ravel()]
 
         def share(where: NDArray[np.bool_]) -> Float32:
             sums = (weights * where).sum(axis=1)
@@ -131,13 +138,10 @@ class Footprints:
         def flow(other: View | None) -> FlowSpread:
             if other is None:
                 return FlowSpread.of_none(centers.shape)
-            found = correspondence(self._geometry, camera, surface, image, other)
-            mean, spread = _moments(found.displacement.reshape(*weights.shape, 2), weights)
-            return FlowSpread(
-                mean.reshape(*centers.shape, 2).astype(np.float32),
-                spread.reshape(centers.shape).astype(np.float32),
-                share(found.is_hidden.reshape(weights.shape)),
-            )
+            found = correspondence(self._geometry, camera, seen, places_used, other)
+            moments = _moments(found.displacement, found.is_hidden, weights[used], first)
+            shaped = moments.reshape(*centers.shape, 4).astype(np.float32)
+            return FlowSpread(shaped[..., :2], shaped[..., 2], shaped[..., 3])
 
         return Footprint(
             share(things == centers.reshape(-1, 1)),
@@ -146,22 +150,34 @@ class Footprints:
             flow(previous),
         )
 
-    def _look(self, eyes: Eyes, image: Float64, time_s: float) -> Surface:
+    def _look(self, eyes: Eyes, image: Float64) -> Surface:
         of_rays = eyes.of(slice(None), len(self._offsets))
         directions = of_rays.to_world(self._camera.toward(image))
-        return self._geometry.glimpsed(of_rays.origin, directions, time_s)
+        return self._geometry.glimpsed(of_rays.origin, directions, of_rays.time_s)
 
 
-def _moments(flow: Float64, weights: Float64) -> tuple[Float64, Float64]:
-    """Mean (P, 2) and root mean square distance from it (P,) of flows (P, K, 2) where defined."""
-    defined = np.asarray(np.isfinite(flow).all(axis=-1))
-    weights = weights * defined
-    total = weights.sum(axis=1)
-    part = weights / np.where(total > 0, total, np.nan)[:, None]
-    known = np.where(defined[..., None], flow, 0)
-    mean = np.einsum("pk,pkc->pc", part, known)
-    away = known - mean[:, None]
-    return mean, np.sqrt(np.einsum("pk,pkc,pkc->p", part, away, away))
+@njit(cache=True, nogil=True, error_model="numpy")
+def _moments(flow, is_hidden, weights, first):  # type: ignore[no-untyped-def]
+    """Mean flow (x, y), root mean square distance from it, and share that is hidden (P, 4).
+
+    Pixel p has the rays from first[p] to first[p + 1], of which some have no flow (n, 2).
+    """
+    found = np.empty((len(first) - 1, 4))
+    for pixel in range(len(found)):
+        total = x = y = hidden = square = 0.0
+        for ray in range(first[pixel], first[pixel + 1]):
+            hidden += weights[ray] * is_hidden[ray]
+            if np.isfinite(flow[ray, 0]) and np.isfinite(flow[ray, 1]):
+                total += weights[ray]
+                x += weights[ray] * flow[ray, 0]
+                y += weights[ray] * flow[ray, 1]
+        x, y = x / total, y / total
+        for ray in range(first[pixel], first[pixel + 1]):
+            if np.isfinite(flow[ray, 0]) and np.isfinite(flow[ray, 1]):
+                away = (flow[ray, 0] - x) ** 2 + (flow[ray, 1] - y) ** 2
+                square += weights[ray] * away
+        found[pixel] = x, y, np.sqrt(square / total), hidden
+    return found
 
 
 def _joined(parts: list[Footprint]) -> Footprint:

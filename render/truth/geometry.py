@@ -6,10 +6,11 @@ moving object keeps its barycentric coordinates, and so its place at another tim
 triangle's vertices, for rigid and for bending objects alike.
 
 Only what moves is brought to a time, in a small scene of its own; moments are kept, because a frame
-and its two neighbors need the same ones. All coordinates are relative to the scene's `origin_m`.
+and its two neighbors need the same ones. Rays of a rolling shutter have a time for each row, so
+there is a moment for each. All coordinates are relative to the scene's `origin_m`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,38 +19,17 @@ from numpy.typing import NDArray
 
 from megalopta.render.loading import MergedMesh, MovingMesh, bare_mesh, gather, move_meshes
 from megalopta.render.truth import rays
+from megalopta.render.truth.surface import Surface, same_side
+from megalopta.render.truth.views import Times, of_rays
 
 Float64 = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-# A frame, the next and the one before.
-_MOMENTS_KEPT = 3
+# A frame, the next and the one before; of small objects, which many rows see, as many as fit.
+_FEWEST_MOMENTS, _VERTICES_KEPT = 3, 2**20
 # Beyond this relative difference the float32 hit is right: the ray grazes its triangle and misses
 # it in float64.
 _GRAZING = 1e-4
-
-
-@dataclass(frozen=True)
-class Surface:
-    """What N rays see."""
-
-    triangle: Integers
-    """(N,): row of the triangle in the geometry's tables; -1 for the sky."""
-    points: Float64
-    """(N, 3): place on the surface, m; for the sky the ray's direction."""
-    normal: Float64
-    """(N, 3): geometric unit normal, toward the ray's origin; NaN for the sky."""
-    barycentric: Float64
-    """(N, 2): weights of the triangle's second and third vertex."""
-    distance: Float64
-    """(N,): along the ray, m; infinite for the sky."""
-    time_s: float
-    """When it is seen."""
-
-    @property
-    def is_sky(self) -> NDArray[np.bool_]:
-        """Where nothing was hit (N,)."""
-        return self.triangle < 0
 
 
 @dataclass(frozen=True)
@@ -82,74 +62,106 @@ class Geometry:
         # What is at rest shares its buffers with the scene that is rendered.
         self._still = gather(loaded.shapes()[:at_rest]) if self._moving else loaded
         self._moments: dict[float, _Moment] = {}
+        moving = max(1, sum(len(mesh.vertices) for mesh in self._moving))
+        self._most_moments = max(_FEWEST_MOMENTS, _VERTICES_KEPT // moving)
 
     @property
     def is_moving(self) -> bool:
         """Whether anything moves."""
         return bool(self._moving)
 
-    def seen(self, origin: Float64, directions: Float64, time_s: float) -> Surface:
-        """What rays from an origin (3,) or (N, 3) along unit directions (N, 3) see at a time."""
-        return self._refined(self.glimpsed(origin, directions, time_s), origin, directions)
+    def seen(self, origin: Float64, directions: Float64, time_s: Times) -> Surface:
+        """What rays from an origin (3,) or (N, 3) along unit directions (N, 3) see.
 
-    def glimpsed(self, origin: Float64, directions: Float64, time_s: float) -> Surface:
+        They look at one time, or each at its own (N,).
+        """
+        return self._refined(self.glimpsed(origin, directions, time_s), origin)
+
+    def glimpsed(self, origin: Float64, directions: Float64, time_s: Times) -> Surface:
         """What rays see, as `seen`, to the renderer's own float32 precision."""
         hits = rays.nearest_hits(self._still, origin, directions)
-        triangle = self._rows(hits, 0)
-        if self._moving:
-            moving = rays.nearest_hits(self._at(time_s).scene, origin, directions)
-            nearer = moving.distance < hits.distance
-            triangle = np.where(nearer, self._rows(moving, self._meshes_at_rest), triangle)
-            hits = rays.Hits(
-                *(
-                    np.where(nearer if a.ndim == 1 else nearer[:, None], a, b)
-                    for a, b in zip(vars(moving).values(), vars(hits).values(), strict=True)
-                )
-            )
-        is_sky = (triangle < 0)[:, None]
-        reach = np.where(np.isinf(hits.distance), 1.0, hits.distance)[:, None] * directions
-        points = reach + np.where(is_sky, 0.0, origin)
-        side = -np.sign(_dot(hits.normal, directions))
-        normal = np.where(is_sky, np.nan, side[:, None] * hits.normal)
-        return Surface(triangle, points, normal, hits.barycentric, hits.distance, time_s)
+        triangle, distance = self._rows(hits, 0), hits.distance
+        for time, some in self._moments_of(time_s, len(directions)):
+            start, scene = _starts(origin, some), self._at(time).scene
+            moving = rays.nearest_hits(scene, start, directions[some])
+            nearer = moving.distance < distance[some]
+            rows = self._rows(moving, self._meshes_at_rest)
+            triangle[some] = np.where(nearer, rows, triangle[some])
+            distance[some] = np.where(nearer, moving.distance, distance[some])
+        is_sky = triangle < 0
+        points = np.where(is_sky, 1.0, distance)[:, None] * directions
+        points += np.where(is_sky[:, None], 0.0, origin)
+        nowhere = np.broadcast_to(0.0, (len(points), 2))
+        surface = Surface(triangle, points, directions, nowhere, distance, time_s)
+        return self._placed_in_triangles(surface) if self._moving else surface
 
-    def faces(self, surface: Surface, way: Float64, time_s: float) -> NDArray[np.bool_]:
+    def normal(self, surface: Surface) -> Float64:
+        """Geometric unit normals (N, 3), toward the rays' origins; NaN for the sky."""
+        normal, hit = np.full(surface.points.shape, np.nan), ~surface.is_sky
+        found = self._perpendicular(surface.triangle[hit], of_rays(surface.time_s, hit))
+        size = np.sqrt(np.maximum(_dot(found, found), 1e-300))
+        normal[hit] = found * (-np.sign(_dot(found, surface.directions[hit])) / size)[:, None]
+        return normal
+
+    def faces(self, surface: Surface, way: Float64, time_s: Times) -> NDArray[np.bool_]:
         """Whether the side that was seen still faces someone at a time (N,).
 
         The way (N, 3) leads from there to the surface's points. A leaf has two sides and no
         thickness: who looks at the other one does not see these points. The sky faces everyone.
         """
-        normal = surface.normal
-        moving = surface.triangle >= self._triangles_at_rest
-        if self._moving and moving.any():
+        seen = same_side(
+            surface.triangle, self._triangles_at_rest, self._faces, self._vertices,
+            surface.directions, way,
+        )  # fmt: skip
+        moving = self._moves(surface)
+        if moving.any():
             triangle = surface.triangle[moving]
             before, after = (
-                self._perpendicular(triangle, time) for time in (surface.time_s, time_s)
+                self._perpendicular(triangle, of_rays(time, moving))
+                for time in (surface.time_s, time_s)
             )
-            side = np.sign(_dot(before, normal[moving]))
-            normal = normal.copy()
-            normal[moving] = side[:, None] * after
-        return np.asarray(surface.is_sky | (_dot(normal, way) < 0))
+            seen[moving] = _dot(before, surface.directions[moving]) * _dot(after, way[moving]) > 0
+        return np.asarray(seen)
 
     def is_hidden(
-        self, origin: Float64, directions: Float64, distances: Float64, time_s: float
+        self, origin: Float64, directions: Float64, distances: Float64, time_s: Times
     ) -> NDArray[np.bool_]:
-        """Whether anything is nearer than distances (N,) on rays from the origin(s) at a time."""
+        """Whether anything is nearer than distances (N,), in units of directions (N, 3).
+
+        The rays start at an origin (3,) or at their own (N, 3) and look at one time, or each at its
+        own (N,).
+        """
         hidden = rays.is_hidden(self._still, origin, directions, distances)
-        if self._moving:
-            hidden |= rays.is_hidden(self._at(time_s).scene, origin, directions, distances)
+        for time, some in self._moments_of(time_s, len(directions)):
+            start, scene = _starts(origin, some), self._at(time).scene
+            hidden[some] |= rays.is_hidden(scene, start, directions[some], distances[some])
         return hidden
 
-    def carried(self, surface: Surface, time_s: float) -> Float64:
-        """Where the points of a surface are at another time (N, 3)."""
-        if not self._moving:
+    def carried(self, surface: Surface, time_s: Times) -> Float64:
+        """Where the points of a surface are at another time, or each at its own (N, 3)."""
+        moving = self._moves(surface)
+        if not moving.any():
             return surface.points
         points = surface.points.copy()
-        moving = surface.triangle >= self._triangles_at_rest
-        corners = self.corners(surface.triangle[moving], time_s)
+        corners = self.corners(surface.triangle[moving], of_rays(time_s, moving))
         u, v = surface.barycentric[moving].T[..., None]
         points[moving] = (1 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2]
         return points
+
+    def _moves(self, surface: Surface) -> NDArray[np.bool_]:
+        """Which points (N,) are of moving objects."""
+        return np.asarray(surface.triangle >= self._triangles_at_rest)
+
+    def _moments_of(self, time_s: Times, count: int) -> Iterator[tuple[float, Any]]:
+        """Yield each time of so many rays, if anything moves, and which rays have it."""
+        if not self._moving:
+            return
+        if isinstance(time_s, float):
+            yield time_s, slice(None)
+            return
+        times, first = np.unique(np.sort(time_s), return_index=True)
+        order = np.argsort(time_s, kind="stable")
+        yield from zip(times.tolist(), np.split(order, first[1:]), strict=True)
 
     def _rows(self, hits: rays.Hits, first_mesh: int) -> Integers:
         hit = np.isfinite(hits.distance)
@@ -157,53 +169,63 @@ class Geometry:
         rows[hit] = self._first[first_mesh + hits.mesh[hit]] + hits.triangle[hit]
         return rows
 
-    def corners(self, triangle: Integers, time_s: float) -> Float64:
-        """Vertices (n, 3, 3) of triangles (n,) at a time."""
+    def corners(self, triangle: Integers, time_s: Times) -> Float64:
+        """Vertices (n, 3, 3) of triangles (n,) at a time, or each at its own (n,)."""
         vertex = self._faces[triangle].astype(np.int64)
+        count = len(self._vertices)
         if not self._moving:
             return self._vertices[vertex].astype(np.float64)
         corners = np.empty((*vertex.shape, 3))
-        count = len(self._vertices)
         still = vertex < count
         corners[still] = self._vertices[vertex[still]]
-        corners[~still] = self._at(time_s).vertices[vertex[~still] - count]
+        if isinstance(time_s, float):
+            corners[~still] = self._at(time_s).vertices[vertex[~still] - count]
+            return corners
+        times = np.broadcast_to(time_s[:, None], vertex.shape)
+        for mesh in self._moving:
+            mine = (vertex >= count) & (vertex < count + len(mesh.vertices))
+            corners[mine] = mesh.some_vertices_at(vertex[mine] - count, times[mine])
+            count += len(mesh.vertices)
         return corners
 
-    def _perpendicular(self, triangle: Integers, time_s: float) -> Float64:
+    def _perpendicular(self, triangle: Integers, time_s: Times) -> Float64:
         corners = self.corners(triangle, time_s)
         return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
-    def _refined(self, surface: Surface, origin: Float64, directions: Float64) -> Surface:
+    def _refined(self, surface: Surface, origin: Float64) -> Surface:
         """The same surface with points on its triangles in float64."""
         hit = ~surface.is_sky
-        points, normal = surface.points.copy(), surface.normal.copy()
-        barycentric = surface.barycentric.copy()
-        corners = self.corners(surface.triangle[hit], surface.time_s)
-        start, along, coarse = (
-            np.broadcast_to(origin, points.shape)[hit],
-            directions[hit],
-            surface.distance[hit],
-        )
-        edges = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        perpendicular = np.cross(*edges)
-        area = np.maximum(_dot(perpendicular, perpendicular), 1e-300)
+        points = surface.points.copy()
+        corners = self.corners(surface.triangle[hit], of_rays(surface.time_s, hit))
+        along, coarse = surface.directions[hit], surface.distance[hit]
+        start = np.broadcast_to(origin, points.shape)[hit]
+        perpendicular = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         with np.errstate(divide="ignore", invalid="ignore"):
             fine = _dot(perpendicular, corners[:, 0] - start) / _dot(perpendicular, along)
             is_good = np.abs(fine - coarse) <= _GRAZING * coarse
         points[hit] = start + np.where(is_good, fine, coarse)[:, None] * along
-        inside = points[hit] - corners[:, 0]
-        barycentric[hit, 0] = _dot(np.cross(inside, edges[1]), perpendicular) / area
-        barycentric[hit, 1] = _dot(np.cross(edges[0], inside), perpendicular) / area
-        side = -np.sign(_dot(perpendicular, along))
-        normal[hit] = perpendicular * (side / np.sqrt(area))[:, None]
-        return replace(surface, points=points, normal=normal, barycentric=barycentric)
+        fine_surface = replace(surface, points=points)
+        return self._placed_in_triangles(fine_surface) if self._moving else fine_surface
+
+    def _placed_in_triangles(self, surface: Surface) -> Surface:
+        """The same surface with barycentric coordinates of the points of moving objects."""
+        moving = self._moves(surface)
+        barycentric = np.zeros((len(moving), 2))
+        corners = self.corners(surface.triangle[moving], of_rays(surface.time_s, moving))
+        edges = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        perpendicular = np.cross(*edges)
+        area = np.maximum(_dot(perpendicular, perpendicular), 1e-300)
+        inside = surface.points[moving] - corners[:, 0]
+        barycentric[moving, 0] = _dot(np.cross(inside, edges[1]), perpendicular) / area
+        barycentric[moving, 1] = _dot(np.cross(edges[0], inside), perpendicular) / area
+        return replace(surface, barycentric=barycentric)
 
     def _at(self, time_s: float) -> _Moment:
         """What moves, at a time."""
         if time_s in self._moments:
             return self._moments[time_s]
         vertices = [mesh.vertices_at(time_s) for mesh in self._moving]
-        if len(self._moments) < _MOMENTS_KEPT:
+        if len(self._moments) < self._most_moments:
             pairs = zip(vertices, self._moving, strict=True)
             scene = gather([bare_mesh(positions, mesh.faces) for positions, mesh in pairs])
         else:
@@ -216,3 +238,7 @@ class Geometry:
 
 def _dot(a: Float64, b: Float64) -> Float64:
     return np.asarray(np.einsum("ij,ij->i", a, b))
+
+
+def _starts(origin: Float64, of: Any) -> Float64:
+    return origin if origin.ndim == 1 else origin[of]

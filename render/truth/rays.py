@@ -7,6 +7,7 @@ take one ray per call, vectorized ones all at once.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -26,45 +27,36 @@ class Hits:
     """Nearest hits of N rays."""
 
     distance: Float64
-    """(N,): along the unit direction, m; infinite where nothing was hit."""
+    """(N,): in units of the direction; infinite where nothing was hit."""
     mesh: NDArray[np.int64]
     """(N,): index of the mesh hit, as loaded."""
     triangle: NDArray[np.int64]
     """(N,): index of the triangle in that mesh."""
-    barycentric: Float64
-    """(N, 2): weights of the triangle's second and third vertex."""
-    normal: Float64
-    """(N, 3): geometric unit normal, on either side."""
 
 
 def nearest_hits(scene: Any, origin: Float64, directions: Float64) -> Hits:
-    """Nearest hit of rays from one origin (3,) or N of them, along unit directions (N, 3)."""
+    """Nearest hit of rays from one origin (3,) or N of them, along directions (N, 3)."""
     if _is_scalar():
         return _single_hits(scene, origin, directions)
-    rays = _rays(origin, directions)
-    hits = scene.ray_intersect_preliminary(rays, coherent=True)
+    hits = scene.ray_intersect_preliminary(_rays(origin, directions), coherent=True)
     # What a ray that hit nothing holds elsewhere is left over from other work: it is zero here.
     valid = hits.is_valid()
     distance = dr.select(valid, hits.t, dr.inf)
     mesh = MeshIndex(scene).of(hits)
     triangle = dr.select(valid, hits.prim_index, 0)
-    barycentric = dr.select(valid, hits.prim_uv, 0)
-    normal = dr.select(valid, hits.compute_surface_interaction(rays, mi.RayFlags.Minimal).n, 0)
     # All at once: what is left for later would trace the rays again.
-    dr.eval(distance, mesh, triangle, barycentric, normal)
+    dr.eval(distance, mesh, triangle)
     return Hits(
         np.array(distance, dtype=np.float64),
         np.array(mesh, dtype=np.int64),
         np.array(triangle, dtype=np.int64),
-        np.array(barycentric, dtype=np.float64).T,
-        np.array(normal, dtype=np.float64).T,
     )
 
 
 def is_hidden(
     scene: Any, origin: Float64, directions: Float64, distances: Float64
 ) -> NDArray[np.bool_]:
-    """Whether anything is nearer than distances (N,) along directions (N, 3) from the origin(s)."""
+    """Whether anything is nearer than distances (N,), in units of directions (N, 3)."""
     limits = np.minimum(distances * (1 - VISIBILITY_MARGIN), np.finfo(np.float32).max)
     return np.array(blocked(scene, origin, directions, limits), dtype=bool)
 
@@ -75,20 +67,18 @@ def blocked(scene: Any, origin: Float64, directions: Float64, limits: Float64) -
         rays = _rays(origin, directions)
         rays.maxt = mi.Float(limits)
         return scene.ray_test(rays, coherent=True)
-    pairs = zip(_single_rays(origin, directions), limits.tolist(), strict=True)
-    return [scene.ray_test(mi.Ray3f(ray, maxt=limit)) for ray, limit in pairs]
+    return list(map(scene.ray_test, _single_rays(origin, directions, limits)))
 
 
 def _single_hits(scene: Any, origin: Float64, directions: Float64) -> Hits:
-    found = np.zeros((len(directions), 8))
-    found[:, 0] = np.inf
-    for row, ray in zip(found, _single_rays(origin, directions), strict=True):
+    distance = np.full(len(directions), np.inf)
+    mesh, triangle = np.zeros((2, len(directions)), np.int64)
+    for index, ray in enumerate(_single_rays(origin, directions)):
         hit = scene.ray_intersect_preliminary(ray)
         if hit.is_valid():
-            normal = hit.compute_surface_interaction(ray, mi.RayFlags.Minimal).n
-            row[:] = hit.t, hit.shape_index, hit.prim_index, *hit.prim_uv, *normal
-    mesh, triangle = found[:, 1:3].T.astype(np.int64)
-    return Hits(found[:, 0], mesh, triangle, found[:, 3:5], found[:, 5:])
+            distance[index] = hit.t
+            mesh[index], triangle[index] = hit.shape_index, hit.prim_index
+    return Hits(distance, mesh, triangle)
 
 
 def _is_scalar() -> bool:
@@ -100,7 +90,23 @@ def _rays(origin: Float64, directions: Float64) -> Any:
     return mi.Ray3f(mi.Point3f(start), mi.Vector3f(along))
 
 
-def _single_rays(origin: Float64, directions: Float64) -> Iterator[Any]:
-    starts = np.broadcast_to(origin, directions.shape).tolist()
-    for start, direction in zip(starts, directions.tolist(), strict=True):
-        yield mi.Ray3f(mi.Point3f(start), mi.Vector3f(direction))
+def _single_rays(
+    origin: Float64, directions: Float64, limits: Float64 | None = None
+) -> Iterator[Any]:
+    """Yield one ray over and over: making it takes longer than tracing it."""
+    point, vector = mi.Point3f, mi.Vector3f
+    ray = mi.Ray3f(point(0), vector(0, 0, 1))
+    # Column by column: of a list for each ray the garbage collector would have a look at each.
+    along = zip(*directions.T.tolist(), strict=True)
+    ends = repeat(float("inf")) if limits is None else limits.tolist()
+    if origin.ndim == 1:
+        ray.o = point(origin.tolist())
+        for (x, y, z), end in zip(along, ends, strict=False):
+            ray.d, ray.maxt = vector(x, y, z), end
+            yield ray
+        return
+    for (x, y, z), end, start in zip(
+        along, ends, zip(*origin.T.tolist(), strict=True), strict=False
+    ):
+        ray.o, ray.d, ray.maxt = point(*start), vector(x, y, z), end
+        yield ray

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from megalopta.render.truth.correspondence import correspondence
 from megalopta.render.truth.footprint import Footprint, Footprints
-from megalopta.render.truth.geometry import Geometry, Surface
+from megalopta.render.truth.geometry import Geometry
+from megalopta.render.truth.surface import Surface
 from megalopta.render.truth.views import View
 from megalopta.scenes.cameras import Camera
 from megalopta.scenes.world import Scene
@@ -93,7 +94,7 @@ class TruthTracer:
                 np.float32
             ),
             position=position.reshape(*shape, 3),
-            normal=surface.normal.reshape(*shape, 3).astype(np.float32),
+            normal=self._geometry.normal(surface).reshape(*shape, 3).astype(np.float32),
             object_id=object_id,
             kind_id=self._kind_of_object[object_id],
             flow_forward=forward.displacement,
@@ -111,7 +112,7 @@ class TruthTracer:
 
     def _see(self, view: View) -> Surface:
         eyes = view.pixels(self._camera)
-        return self._geometry.seen(eyes.origin, eyes.to_world(self._axes), view.time_s)
+        return self._geometry.seen(eyes.origin, eyes.to_world(self._axes), eyes.time_s)
 
     def _distance(self, surface: Surface, view: View) -> Float64:
         way = surface.points - view.pixels(self._camera).origin

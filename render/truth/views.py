@@ -4,7 +4,7 @@ Coordinates are relative to the scene's `origin_m`.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -14,6 +14,8 @@ from megalopta.scenes import Shutter
 from megalopta.scenes.cameras import Camera
 
 Float64 = NDArray[np.float64]
+Times = float | Float64
+"""One time for all, or one for each."""
 
 # Each step is shorter than the one before by the way of the image during the readout over its
 # height, so the last one is far below this; float32 positions allow no less.
@@ -22,12 +24,14 @@ _ITERATIONS, _TOLERANCE_PX = 60, 1e-4
 
 @dataclass(frozen=True)
 class Eyes:
-    """Where N rays start and how the camera is turned there."""
+    """Where N rays start, how the camera is turned there, and when."""
 
     origin: Float64
     """(3,) or (N, 3): camera position, m; one for all rays or one for each."""
     rotation: Float64
     """(3, 3) or (N, 3, 3): camera axes to world."""
+    time_s: Times
+    """When: one for all rays or one for each (N,)."""
 
     def to_world(self, vectors: Float64) -> Float64:
         """Vectors (N, 3) in world axes of those in camera axes."""
@@ -39,9 +43,15 @@ class Eyes:
 
     def of(self, ray: slice | NDArray[np.int64], times: int = 1) -> "Eyes":
         """Eyes of some of the rays, each for so many of a new set."""
-        if self.origin.ndim == 1:
+        if isinstance(self.time_s, float):
             return self
-        return Eyes(self.origin[ray].repeat(times, 0), self.rotation[ray].repeat(times, 0))
+        return Eyes(
+            *(part[ray].repeat(times, 0) for part in (self.origin, self.rotation, self.time_s))
+        )
+
+    def way(self, points: Float64, is_sky: NDArray[np.bool_]) -> Float64:
+        """Ways (N, 3) to points (N, 3), which are directions where they are of the sky (N,)."""
+        return np.where(is_sky[:, None], points, points - self.origin)
 
 
 def _times(rotation: Float64, vectors: Float64) -> Float64:
@@ -50,18 +60,23 @@ def _times(rotation: Float64, vectors: Float64) -> Float64:
     return np.asarray(np.einsum(each, rotation, vectors))
 
 
+Ways = Callable[[Eyes], Float64]
+"""Ways (N, 3) of eyes to N points, as these are at their times."""
+
+
+def of_rays(times_s: Times, ray: slice | NDArray[np.int64] | NDArray[np.bool_]) -> Times:
+    """Times of some of the rays."""
+    return times_s if isinstance(times_s, float) else times_s[ray]
+
+
 class View(Protocol):
     """How a frame is taken."""
-
-    @property
-    def time_s(self) -> float:
-        """Time of the scene, whatever the shutter does."""
 
     def pixels(self, camera: Camera) -> Eyes:
         """Eyes of the H·W pixels."""
 
-    def seeing(self, camera: Camera, points: Float64, is_sky: NDArray[np.bool_]) -> Eyes:
-        """Eyes that see points (N, 3), which are directions where they are of the sky."""
+    def seeing(self, camera: Camera, way: Ways, count: int) -> tuple[Eyes, Eyes]:
+        """Eyes that see N points, and those of the rows that show them."""
 
 
 @dataclass(frozen=True)
@@ -74,16 +89,17 @@ class Instant:
 
     def pixels(self, camera: Camera) -> Eyes:
         """Eyes of the H·W pixels."""
-        return Eyes(self.pose[:3, 3], self.pose[:3, :3])
+        return Eyes(self.pose[:3, 3], self.pose[:3, :3], self.time_s)
 
-    def seeing(self, camera: Camera, points: Float64, is_sky: NDArray[np.bool_]) -> Eyes:
-        """Eyes that see points (N, 3): the same for all."""
-        return self.pixels(camera)
+    def seeing(self, camera: Camera, way: Ways, count: int) -> tuple[Eyes, Eyes]:
+        """Eyes that see N points, the same for all, twice."""
+        eyes = self.pixels(camera)
+        return eyes, eyes
 
 
 @dataclass(frozen=True)
 class Rolling:
-    """A frame taken row by row, of a scene at rest."""
+    """A frame taken row by row, each with what moves as it is at the row's time."""
 
     time_s: float
     """Of the middle row."""
@@ -94,29 +110,30 @@ class Rolling:
     def pixels(self, camera: Camera) -> Eyes:
         """Eyes of the H·W pixels: each row has its own."""
         rows = self._eyes(np.arange(camera.height, dtype=float) + 0.5, camera)
-        return Eyes(rows.origin.repeat(camera.width, 0), rows.rotation.repeat(camera.width, 0))
+        return rows.of(slice(None), camera.width)
 
-    def seeing(self, camera: Camera, points: Float64, is_sky: NDArray[np.bool_]) -> Eyes:
-        """Eyes that see points (N, 3): of the row that each is seen in.
+    def seeing(self, camera: Camera, way: Ways, count: int) -> tuple[Eyes, Eyes]:
+        """Eyes that see N points, at the time of their place, and those of the row around it.
 
-        That row is the fixed point of "seen in row y at the time of row y". Where it is not found,
+        That place is the fixed point of "seen at y at the time of y". Where it is not found,
         because the image moves by more than the rows do, the rotation is NaN. Points farther out
         of the image than its height are seen at the time of that place.
         """
-        y = np.full(len(points), camera.height / 2)
+        y = np.full(count, camera.height / 2)
         for _ in range(_ITERATIONS):
             eyes = self._eyes(y, camera)
-            way = np.where(is_sky[:, None], points, points - eyes.origin)
-            seen = camera.project(eyes.to_camera(way))[:, 1]
+            seen = camera.project(eyes.to_camera(way(eyes)))[:, 1]
             seen = np.clip(np.where(np.isnan(seen), y, seen), -camera.height, 2 * camera.height)
             step = np.abs(seen - y)
             y = seen
-            if step.max() < _TOLERANCE_PX:
+            if step.max(initial=0) < _TOLERANCE_PX:
                 break
         eyes = self._eyes(y, camera)
         lost = (step >= _TOLERANCE_PX)[:, None, None]
-        return Eyes(eyes.origin, np.where(lost, np.nan, eyes.rotation))
+        found = replace(eyes, rotation=np.where(lost, np.nan, eyes.rotation))
+        return found, self._eyes(np.floor(y) + 0.5, camera)
 
     def _eyes(self, y: Float64, camera: Camera) -> Eyes:
-        poses = self.pose_at(self.time_s + self.shutter.delay_s(y, camera.height))
-        return Eyes(poses[:, :3, 3], poses[:, :3, :3])
+        times = self.time_s + self.shutter.delay_s(y, camera.height)
+        poses = self.pose_at(times)
+        return Eyes(poses[:, :3, 3], poses[:, :3, :3], times)

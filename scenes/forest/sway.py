@@ -60,8 +60,8 @@ class Sway:
     phases_rad: tuple[float, float]
     """(along, across): at time 0."""
 
-    def carry(self, points: Float64, time_s: float) -> Float64:
-        """Where points (n, 3) of the tree at rest are at a time."""
+    def carry(self, points: Float64, time_s: float | Float64) -> Float64:
+        """Where points (n, 3) of the tree at rest are, at one time or each at its own (n,)."""
         return points + self._bend(points, time_s)
 
     def undo(self, points: Float64, time_s: float) -> Float64:
@@ -80,7 +80,7 @@ class Sway:
         """The motion in numbers, for a file."""
         return {"kind": "sway", **asdict(self)}
 
-    def _bend(self, points: Float64, time_s: float) -> Float64:
+    def _bend(self, points: Float64, time_s: float | Float64) -> Float64:
         bend = np.zeros_like(points)
         bend[:, :2] = self._height(points)[:, None] ** 2 * self._top(time_s)
         return bend
@@ -89,13 +89,13 @@ class Sway:
         """Heights (n,) above the foot in units of the tree's; nothing below the foot bends."""
         return np.maximum(points[:, 2] - self.foot_m[2], 0) / self.height_m
 
-    def _top(self, time_s: float) -> Float64:
-        """Way of the top (2,), m."""
+    def _top(self, time_s: float | Float64) -> Float64:
+        """Way of the top (2,), m; at times (n,) ways (n, 2)."""
         angle = 2 * np.pi * self.frequency_hz * time_s
         along = self.amplitude_m * np.sin(angle + self.phases_rad[0])
         across = ACROSS * self.amplitude_m * np.sin(DETUNING * angle + self.phases_rad[1])
         x, y = self.along
-        return np.array([along * x - across * y, along * y + across * x])
+        return np.stack([along * x - across * y, along * y + across * x], axis=-1)
 
 
 def swaying(

@@ -18,13 +18,14 @@ from megalopta.record import Record
 
 Float64 = NDArray[np.float64]
 Vector = tuple[float, float, float]
+Times = float | Float64
 
 
 class Motion(Protocol):
     """What any motion has to tell; points are in world meters."""
 
-    def carry(self, points: Float64, time_s: float) -> Float64:
-        """Where points (n, 3) of the object as placed are at a time."""
+    def carry(self, points: Float64, time_s: Times) -> Float64:
+        """Where points (n, 3) of the object as placed are, at one time or each at its own (n,)."""
 
     def undo(self, points: Float64, time_s: float) -> Float64:
         """Where points (n, 3) of a time are on the object as placed."""
@@ -51,14 +52,14 @@ class _Spinning(Record, frozen=True):
             raise ValueError("spin_axis (0, 0, 0) has no direction; give an axis such as (0, 0, 1)")
         return self
 
-    def rotation(self, time_s: float) -> Rotation:
-        """Orientation at a time, relative to that at 0."""
+    def rotation(self, time_s: Times) -> Rotation:
+        """Orientation at a time, or at times (n,), relative to that at 0."""
         axis = np.asarray(self.spin_axis) / np.linalg.norm(self.spin_axis)
-        return Rotation.from_rotvec(np.radians(self.spin_deg_s) * time_s * axis)
+        return Rotation.from_rotvec(np.multiply.outer(np.radians(self.spin_deg_s) * time_s, axis))
 
     @abstractmethod
-    def shift(self, time_s: float) -> Float64:
-        """Way (3,) from the place at time 0, m."""
+    def shift(self, time_s: Times) -> Float64:
+        """Way (3,) from the place at time 0, m; at times (n,) ways (n, 3)."""
 
 
 class Drift(_Spinning, frozen=True):
@@ -70,9 +71,9 @@ class Drift(_Spinning, frozen=True):
     velocity_m_s: Vector = (0.0, 0.0, 0.0)
     """Velocity (x, y, z in m/s)."""
 
-    def shift(self, time_s: float) -> Float64:
-        """Way (3,) from the place at time 0, m."""
-        return np.asarray(self.velocity_m_s) * time_s
+    def shift(self, time_s: Times) -> Float64:
+        """Way (3,) from the place at time 0, m; at times (n,) ways (n, 3)."""
+        return np.asarray(np.multiply.outer(time_s, self.velocity_m_s))
 
 
 class Tour(_Spinning, frozen=True):
@@ -102,8 +103,8 @@ class Tour(_Spinning, frozen=True):
     def _curve(self) -> CubicSpline:
         return CubicSpline(self.times_s, self.ways_m, bc_type="clamped")
 
-    def shift(self, time_s: float) -> Float64:
-        """Way (3,) from the place at time 0, m."""
+    def shift(self, time_s: Times) -> Float64:
+        """Way (3,) from the place at time 0, m; at times (n,) ways (n, 3)."""
         return np.asarray(self._curve(np.clip(time_s, self.times_s[0], self.times_s[-1])))
 
 
@@ -120,8 +121,8 @@ class RigidMotion:
     course: Drift | Tour
     """How it moves, and the body turns about it."""
 
-    def carry(self, points: Float64, time_s: float) -> Float64:
-        """Where points (n, 3) of the object as placed are at a time."""
+    def carry(self, points: Float64, time_s: Times) -> Float64:
+        """Where points (n, 3) of the object as placed are, at one time or each at its own (n,)."""
         turned = self.course.rotation(time_s).apply(points - self.center_m)
         return np.asarray(turned + (self.center_m + self.course.shift(time_s)))
 

@@ -34,6 +34,14 @@ def test_a_word_that_could_be_both_is_refused(capsys):
         (["flow"], "flow: the following arguments are required: dataset; see megalopta flow"),
         (["check", "all"], "check: argument what: invalid choice: 'all'"),
         (["reproduce", "fig-2.9", "--workers", "0"], "reproduce: argument --workers: '0'; give a"),
+        (
+            ["dataset", "check", "tree", "--truth=-1"],
+            "argument --truth: '-1'; give a whole number, 0",
+        ),
+        (
+            ["dataset", "view", "tree", "--sequences", "0"],
+            "--sequences: '0'; give a whole number, 1",
+        ),
         (["render", "--"], "--: no setting"),
     ],
 )

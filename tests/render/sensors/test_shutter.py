@@ -170,13 +170,6 @@ def test_rows_of_a_rolling_shutter_see_moving_objects_at_their_own_times():
     np.testing.assert_allclose(edges(image), expected, atol=0.1)
 
 
-def test_truth_of_a_rolling_shutter_over_moving_objects_is_refused():
-    motion = RigidMotion((5.0, 0.0, 0.0), Drift(velocity_m_s=(0.0, -SPEED, 0.0)))
-    renderer = SceneRenderer(half_wall(motion), CAMERA, SETTINGS)
-    with pytest.raises(ValueError, match=r"readout_s 0\.01: objects move"):
-        renderer.shutter_truth(ALONG, Shutter(readout_s=0.01), 1)
-
-
 def test_no_two_instants_of_a_sequence_share_a_seed():
     instants = [
         instant_seed(7, frame, k, number)

@@ -315,9 +315,12 @@ def test_shading_normals_of_a_bending_surface_stay_perpendicular_to_it():
     ],
     ids=["sway", "steady", "spline"],
 )  # fmt: skip
-def test_undoing_a_motion_returns_the_points(motion):
+def test_a_motion_can_be_undone_and_points_can_have_times_of_their_own(motion):
     points = np.random.default_rng(1).uniform(0, 5, (20, 3))
     np.testing.assert_allclose(motion.undo(motion.carry(points, 0.7), 0.7), points, atol=1e-12)
+    times = np.linspace(-0.2, 1.3, 20)
+    alone = [motion.carry(point[None], time)[0] for point, time in zip(points, times, strict=True)]
+    np.testing.assert_allclose(motion.carry(points, times), alone, atol=1e-12)
 
 
 def test_moving_objects_move_in_the_image_as_well():

@@ -1,0 +1,190 @@
+"""Truth of a rolling shutter over a moving box, against a fixed point that is found here.
+
+The oracle intersects each row's rays with an ideal plane and an ideal box as they are at the row's
+time, and asks by bisection, in float64, when the other frame's rows meet the point on its way.
+"""
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from megalopta.render.scene_renderer import SceneRenderer
+from megalopta.render.settings import RenderSettings
+from megalopta.scenes import Shutter
+from megalopta.scenes.cameras import PerspectiveCamera
+from megalopta.scenes.spectra import flat
+from megalopta.scenes.trajectories import Trajectory
+from megalopta.scenes.world import Asset, Drift, Lighting, Material, Placement, RigidMotion, Scene
+
+from ..conftest import quad
+
+CAMERA = PerspectiveCamera(width=64, height=48, fov_deg=70)
+FOCAL = 32 / np.tan(np.radians(35))
+PATH = Trajectory(
+    frames=3,
+    position_m=(0.5, -1.0, 2.0),
+    look_at_m=(8.0, 2.0, 0.5),
+    rotation_deg_s=25.0,
+    velocity_m_s=(2.0, -1.0, 0.7),
+)
+SHUTTER = Shutter(readout_s=0.08)
+CENTER, HALF = np.array([5.5, 0.6, 1.2]), np.array([0.6, 0.4, 0.8])
+VELOCITY, AXIS, SPIN = np.array([-1.5, 2.0, 0.8]), np.array([1.0, 2.0, -0.5]), 90.0
+
+
+def eyes(times):
+    """Camera position (n, 3), in steps of float32 as documented, and axes (n, 3, 3) as rows."""
+    view = np.subtract(PATH.look_at_m, PATH.position_m)
+    turn = Rotation.from_euler("z", (25.0 * times)[:, None], degrees=True)
+    forward = turn.apply(np.tile(view / np.linalg.norm(view), (len(times), 1)))
+    right = np.cross(forward, [0, 0, 1])
+    right /= np.linalg.norm(right, axis=1, keepdims=True)
+    position = np.array(PATH.position_m) + times[:, None] * PATH.velocity_m_s
+    local = (position - PATH.origin_m).astype(np.float32)
+    return local + PATH.origin_m, np.stack([right, np.cross(forward, right), forward], axis=1)
+
+
+def box_at(times):
+    """Center (n, 3) and orientation of the box."""
+    angle = np.radians(SPIN) * times[:, None]
+    return CENTER + times[:, None] * VELOCITY, Rotation.from_rotvec(
+        angle * AXIS / np.linalg.norm(AXIS)
+    )
+
+
+def to_box(times, starts, ways):
+    """Where ways (n, 3) first meet the box as it is at their times, in units of them."""
+    center, turn = box_at(times)
+    start, along = turn.inv().apply(starts - center), turn.inv().apply(ways)
+    sides = (np.array([-HALF, HALF])[:, None] - start) / along
+    near, far = sides.min(axis=0).max(axis=-1), sides.max(axis=0).min(axis=-1)
+    return np.where((near <= far) & (near > 0), near, np.inf)
+
+
+def image_of(points, times):
+    position, axes = eyes(times)
+    seen = np.einsum("nij,nj->ni", axes, points - position)
+    return seen[:, :2] / seen[:, 2:] * FOCAL + [CAMERA.width / 2, CAMERA.height / 2]
+
+
+def row_time(frame, y):
+    return 0.1 * frame + 0.08 * ((y - 0.5) / (CAMERA.height - 1) - 0.5)
+
+
+def place_in(frame, points_at):
+    """Image places (n, 2) in a frame of points given by a function of their times."""
+    low, high = np.full((2, len(points_at(None))), [[-500.0], [500.0]])
+    for _ in range(60):
+        y = (low + high) / 2
+        times = row_time(frame, y)
+        is_below = image_of(points_at(times), times)[:, 1] > y
+        low, high = np.where(is_below, y, low), np.where(is_below, high, y)
+    times = row_time(frame, low)
+    return image_of(points_at(times), times)
+
+
+@pytest.fixture(scope="module")
+def renderer():
+    ground = quad(500.0 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]))
+    box = trimesh.creation.box(2 * HALF)
+    box.apply_translation(CENTER)
+    course = Drift(velocity_m_s=tuple(VELOCITY), spin_deg_s=SPIN, spin_axis=tuple(AXIS))
+    scene = Scene(
+        {"dark": Material(flat(0.0)), "gray": Material(flat(0.5))},
+        {"ground": Asset({"gray": ground}), "box": Asset({"dark": box})},
+        (
+            Placement("ground", "ground", np.eye(4)),
+            Placement("box", "box", np.eye(4), RigidMotion(tuple(CENTER), course)),
+        ),
+        Lighting(flat(1e-9)),
+        PATH.origin_m,
+    )
+    settings = RenderSettings(samples_per_pixel=16, bands_nm=((500, 600),), max_depth=2)
+    return SceneRenderer(scene, CAMERA, settings)
+
+
+@pytest.fixture(scope="module")
+def truth(renderer):
+    return renderer.shutter_truth(PATH, SHUTTER, 1)
+
+
+@pytest.fixture(scope="module")
+def oracle():
+    """Times (n,) of the pixels, and their points on the ground and on the box (n, 3)."""
+    x, y = (each.ravel() for each in np.meshgrid(np.arange(64) + 0.5, np.arange(48) + 0.5))
+    times = row_time(1, y)
+    position, axes = eyes(times)
+    camera_ways = np.stack([x - 32, y - 24, np.full(x.size, FOCAL)], axis=1)
+    ways = np.einsum("nji,nj->ni", axes, camera_ways)
+    ground = -position[:, 2] / ways[:, 2]
+    ground[(ground < 0) | (ground * np.linalg.norm(ways, axis=1) > 400)] = np.inf
+    box = to_box(times, position, ways)
+    distances = np.stack([ground, box])
+    points = position + np.where(np.isfinite(distances), distances, 1)[..., None] * ways
+    seen = np.where(np.isfinite(distances).any(axis=0), distances.argmin(axis=0) + 1, 0)
+    return times, seen, *points
+
+
+def on_box(points, times):
+    """What points (n, 3) of the box at times (n,) are at others; at None, as many of anything."""
+    center, turn = box_at(times)
+    placed = turn.inv().apply(points - center)
+
+    def at(others):
+        if others is None:
+            return points
+        center, turn = box_at(others)
+        return center + turn.apply(placed)
+
+    return at
+
+
+def test_flow_is_the_fixed_point_of_row_and_time(truth, oracle):
+    times, seen, ground, box = oracle
+    objects = truth.object_id.ravel()
+    # The ground's far end is not where the oracle ends it.
+    assert (objects == seen).mean() > 0.97
+    centers = CAMERA.pixel_centers().reshape(-1, 2)
+    for flow, other in ((truth.flow_forward, 2), (truth.flow_backward, 0)):
+        for thing, points, least in ((1, ground, 1000), (2, box, 100)):
+            mine = (objects == thing) & (seen == thing)
+            assert mine.sum() > least
+            points_at = (
+                on_box(points[mine], times[mine])
+                if thing == 2
+                else lambda _, points=points[mine]: points
+            )
+            expected = place_in(other, points_at) - centers[mine]
+            assert np.abs(flow.reshape(-1, 2)[mine] - expected).max() < 2e-4
+            # As in the same row of the other frame it would be a hundred times that off.
+            times_of_row = times[mine] + 0.1 * (other - 1)
+            same_row = image_of(points_at(times_of_row), times_of_row) - centers[mine]
+            assert np.abs(same_row - expected).max() > 0.02
+
+
+def test_no_flag_of_occlusion_by_the_box_of_a_row_is_wrong(truth, oracle):
+    _, seen, ground, _ = oracle
+    mine = (truth.object_id.ravel() == 1) & (seen == 1)
+    points = ground[mine]
+    for flags, other in ((truth.occluded_forward, 2), (truth.occluded_backward, 0)):
+        y = place_in(other, lambda _: points)[:, 1]
+        times = row_time(other, np.floor(y) + 0.5)
+        position, _ = eyes(times)
+        hidden = to_box(times, position, points - position) < 1
+        assert hidden.sum() > 20
+        np.testing.assert_array_equal(flags.ravel()[mine], hidden)
+
+
+def test_whole_pixels_agree_with_their_centers_and_with_the_light(renderer, truth):
+    found = truth.footprint
+    for thing, least in ((1, 1000), (2, 60)):
+        pure = (found.purity == 1) & (truth.object_id == thing)
+        assert pure.sum() > least
+        away = np.linalg.norm(found.forward.mean - truth.flow_forward, axis=-1)[pure]
+        assert (away <= 2 * found.forward.spread[pure] + 1e-3).all()
+    # The box is black, and all else bright, in light of the same rows.
+    image = renderer.exposed(PATH, SHUTTER, 1, seed=3)[..., 0]
+    whole = ~found.is_mixed
+    assert (image[whole & (truth.object_id == 2)] == 0).all()
+    assert image[whole & (truth.object_id != 2)].min() > 1e-10
