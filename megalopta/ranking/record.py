@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from functools import cached_property
 
-from pydantic import FiniteFloat, NonNegativeInt, PositiveFloat
+from pydantic import FiniteFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
 from megalopta.ranking.pooling import Pooling
 from megalopta.ranking.settings import RankingSettings
@@ -69,6 +69,8 @@ class Ranking(Record, frozen=True):
 
     settings: RankingSettings
     sequences: tuple[str, ...]
+    frames: PositiveInt
+    """Of all of them."""
     photons_per_lux_s: FiniteFloat
     """Photons of a frame on perfect pixels for each lux and second."""
     blocks: Mapping[str, NonNegativeInt]
