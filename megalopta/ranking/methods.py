@@ -4,7 +4,7 @@ import inspect
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from megalopta.flow.detectors import METHODS, BlockDetector, Method, method
+from megalopta.flow.detectors import METHODS, BlockDetector, Detector, Method, method
 from megalopta.freshness import digest
 
 Methods = Mapping[str, BlockDetector]
@@ -36,7 +36,7 @@ def velocity_names() -> tuple[str, ...]:
     return tuple(name for name, each in METHODS.items() if isinstance(each, BlockDetector))
 
 
-def identity(detector: BlockDetector) -> str:
+def identity(detector: Detector) -> str:
     """Tell a method from others: its parameters, and the file that a function stands in."""
     function = getattr(detector, "function", None)
     file = inspect.getsourcefile(inspect.unwrap(function)) if inspect.isfunction(function) else None

@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +65,7 @@ def write_ranking(folder: Path, ranking: Ranking, example: Example) -> Path:
         levels_section(ranking),
         Section("Flow fields", _FIELDS, charts=(_fields(ranking, example),)),
         _camera(ranking),
+        _yaw_rate(ranking),
         _consistency(ranking),
     ]
     page = folder / "ranking.html"
@@ -101,6 +102,27 @@ def _camera(ranking: Ranking) -> Section:
     )
 
 
+def _yaw_rate(ranking: Ranking) -> Section:
+    found = {(each.photons_per_frame, each.method): each for each in ranking.yaw_rates}
+    names = (*ranking.settings.methods, *ranking.settings.wide_field)
+
+    def cell(flux: float, name: str) -> str:
+        each = found.get((flux, name))
+        return f"{each.counts_deg_s:.2g} ({each.ideal_deg_s:.2g})" if each else UNDEFINED
+
+    true = next((f"{each.true_deg_s:.3g}" for each in ranking.yaw_rates), UNDEFINED)
+    return Section(
+        "The yaw rate, also of methods without velocities",
+        "Root mean square error (deg/s) of the camera's yaw rate from a weighted sum of all "
+        "answers, in parentheses that without noise; weights are learned from clean answers to the "
+        f"first half of a sequence and tried on the second. The true rate is {true} deg/s (medians "
+        "of the sequences in which the camera turns, and long enough for the method's memory). "
+        "Methods that are blind to direction (NDM, NDS, IM) can be judged neither by velocity nor "
+        "by yaw rate, and are not ranked.",
+        *_by_photons(ranking, cell, names),
+    )
+
+
 def _consistency(ranking: Ranking) -> Section:
     finest = ranking.settings.finest
     found = {
@@ -117,12 +139,12 @@ def _consistency(ranking: Ranking) -> Section:
 
 
 def _by_photons(
-    ranking: Ranking, cell: Callable[[float, str], str]
+    ranking: Ranking, cell: Callable[[float, str], str], names: Sequence[str] = ()
 ) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
     """Head and rows of a table of methods by photons per frame."""
     fluxes = sorted(ranking.settings.fluxes)
     rows = tuple(
-        (name, *(cell(flux, name) for flux in fluxes)) for name in ranking.settings.methods
+        (name, *(cell(flux, name) for flux in fluxes)) for name in names or ranking.settings.methods
     )
     return ("method", *(f"{number(flux)} photons" for flux in fluxes)), rows
 

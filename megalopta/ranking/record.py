@@ -64,6 +64,19 @@ class CameraMotionError(Record, frozen=True):
     heading_deg: Number
 
 
+class YawRateError(Record, frozen=True):
+    """Of the camera's yaw rate from a weighted sum of all answers, medians over sequences."""
+
+    photons_per_frame: PositiveFloat
+    method: str
+    true_deg_s: FiniteFloat
+    """Root mean square of the true rate."""
+    ideal_deg_s: FiniteFloat
+    """Root mean square error on light without noise."""
+    counts_deg_s: FiniteFloat
+    """Root mean square error on photons."""
+
+
 class Ranking(Record, frozen=True):
     """What was measured, over all sequences."""
 
@@ -79,6 +92,7 @@ class Ranking(Record, frozen=True):
     best: tuple[BestMethod, ...]
     consistency: tuple[Consistency, ...]
     camera: tuple[CameraMotionError, ...]
+    yaw_rates: tuple[YawRateError, ...]
 
     def error_of(self, pooling: Pooling, flux: float, group: str, method: str) -> MeanError | None:
         """Return the mean error of a method; None where the group has no blocks."""

@@ -1,6 +1,6 @@
 """The benchmark of flow methods on rendered sequences with true motion."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,6 +33,7 @@ from megalopta.ranking.record import (
 from megalopta.ranking.settings import RankingSettings
 from megalopta.ranking.truth import BlockTruths, SequenceTruth
 from megalopta.ranking.velocities import Drawn, Velocities, draws
+from megalopta.ranking.yaw_rate import YawErrors, directional_methods, typical, yaw_errors
 
 
 @dataclass(frozen=True)
@@ -56,9 +57,14 @@ def rank_methods(
     """
     for dataset in datasets:
         _check(dataset, settings, methods)
-    total = len(datasets) * len(methods) * sum(1 for _ in draws(settings))
-    with progress("Ranking methods", total, "clip") as advance:
-        parts = [_measured(each, settings, methods, folder, advance) for each in datasets]
+    wide = directional_methods(methods, settings.wide_field)
+    clips = len(methods) * sum(1 for _ in draws(settings)) + 2 * len(wide) * len(settings.fluxes)
+    with progress("Ranking methods", len(datasets) * clips, "clip") as advance:
+        parts = []
+        for dataset in datasets:
+            velocities = Velocities(dataset, settings, folder / dataset.sequence, advance)
+            yaw = yaw_errors(dataset, settings, wide, velocities)
+            parts.append(_measured(dataset, settings, methods, velocities, yaw))
     return _ranking(datasets, settings, parts), parts[0].example
 
 
@@ -70,6 +76,7 @@ class _Part:
     sums: Mapping[tuple[Pooling, float, str, str], PairSums]
     consistency: Mapping[tuple[Pooling, float, str], float]
     camera: Mapping[tuple[float, str], list[CameraErrors]]
+    yaw: YawErrors
     example: Example
 
 
@@ -97,10 +104,9 @@ def _measured(
     dataset: Dataset,
     settings: RankingSettings,
     methods: Methods,
-    folder: Path,
-    advance: Callable[[int], object],
+    velocities: Velocities,
+    yaw: YawErrors,
 ) -> _Part:
-    velocities = Velocities(dataset, settings, folder / dataset.sequence, advance)
     sums: dict[tuple[Pooling, float, str, str], PairSums] = {}
     consistency: dict[tuple[Pooling, float, str], float] = {}
     camera: dict[tuple[float, str], list[CameraErrors]] = {}
@@ -132,7 +138,7 @@ def _measured(
                         shown[name][flux] = noisy[0][middle, 1:-1, 1:-1]
                 _add_references(sums, truths, velocities, pooling, flux)
     example = Example(next(iter(true.values())), shown)
-    return _Part(velocities.photons_per_lux_s, sums, consistency, camera, example)
+    return _Part(velocities.photons_per_lux_s, sums, consistency, camera, yaw, example)
 
 
 def _add_references(
@@ -208,6 +214,7 @@ def _ranking(
             _camera_motion(flux, name, [each for part in parts for each in part.camera[flux, name]])
             for flux, name in parts[0].camera
         ),
+        yaw_rates=typical([part.yaw for part in parts]),
     )
 
 

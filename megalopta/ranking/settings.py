@@ -42,6 +42,9 @@ class RankingSettings(Record, frozen=True):
     camera_pairs: Annotated[int, Field(ge=0)] = 3
     """Pairs of frames of each sequence from which the camera's motion is estimated."""
 
+    wide_field: tuple[str, ...] = ("EMD",)
+    """Methods without velocities that are judged, with the others, by the camera's yaw rate."""
+
     seed: int = 0
     """Of the photons."""
 
@@ -50,7 +53,7 @@ class RankingSettings(Record, frozen=True):
         """The least pooling."""
         return Pooling(min(self.pixels_pooled), min(self.frames_pooled))
 
-    @field_validator("methods", "fluxes", "pixels_pooled", "frames_pooled")
+    @field_validator("methods", "fluxes", "pixels_pooled", "frames_pooled", "wide_field")
     @classmethod
     def _each_once(cls, values: tuple[object, ...]) -> tuple[object, ...]:
         return each_once(values)

@@ -16,7 +16,7 @@ import numpy as np
 from megalopta import files
 from megalopta.arrays import Floats
 from megalopta.dataset import Dataset, file_hash, read_radiance_frames
-from megalopta.flow.detectors import BlockDetector, BlockGrid
+from megalopta.flow.detectors import BlockGrid, Detector
 from megalopta.flow.metrics import cramer_rao_covariance, fisher_information
 from megalopta.flow.stimuli import draw_counts
 from megalopta.freshness import code_digest, digest
@@ -61,8 +61,11 @@ class Velocities:
         self._folder = folder
         self._pooled: dict[Pooling, Floats] = {}
 
-    def of(self, method: BlockDetector, drawn: Drawn) -> Floats:
-        """Velocities (pairs, rows, columns, 2) of all blocks, px of the full image per frame."""
+    def of(self, method: Detector, drawn: Drawn) -> Floats:
+        """Velocities (pairs, rows, columns, 2) of all blocks, px of the full image per frame.
+
+        Of a method without velocities its responses (T, H, W).
+        """
         what = digest(self._frames, identity(method), repr(drawn), repr(self._settings.seed))
         kept = self._folder / _model() / f"{what}.npy"
         found = _read(kept)
@@ -89,7 +92,7 @@ class Velocities:
         trace = np.trace(np.array(least), axis1=-2, axis2=-1)[:, 1:-1, 1:-1]
         return np.asarray(np.sqrt(np.pi / 4 * trace) * pooling.pixels / pooling.frames)
 
-    def _measured(self, method: BlockDetector, drawn: Drawn) -> Floats:
+    def _measured(self, method: Detector, drawn: Drawn) -> Floats:
         light, pooling = self._light_at(drawn.pooling), drawn.pooling
         means = light * (drawn.flux * pooling.frames)
         frames = (
@@ -98,7 +101,8 @@ class Velocities:
             else draw_counts(means, self._settings.seed, self._dataset.sequence, *map(str, drawn))
         )
         found = method.respond(frames, 1 / means.mean())
-        return (found * (pooling.pixels / pooling.frames)).astype(np.float32)
+        to_full = pooling.pixels / pooling.frames if method.gives == "velocity" else 1.0
+        return (found * to_full).astype(np.float32)
 
     def _light_at(self, pooling: Pooling) -> Floats:
         """Share of the photons of a mean frame on each pixel of pooled frames."""

@@ -27,6 +27,7 @@ FEW = {
     "pixels_pooled": "[1]",
     "frames_pooled": "[1]",
     "camera_pairs": "0",
+    "wide_field": "[]",
 }
 
 
@@ -122,6 +123,22 @@ def test_functions_and_references_are_methods_too(grating, tmp_path, monkeypatch
     assert ranking.settings.methods == ("BM", "mine_flow:flow", "still")
 
 
+def test_yaw_rates_of_methods_with_and_without_velocities(tmp_path):
+    """The camera turns at one rate before a grating: clean answers give it within a tenth."""
+    words = {**SETTINGS, "trajectory.frames": "30", "render.samples_per_pixel": "1"}
+    run_stage(tmp_path / "data", load("grating", words), "render")
+    chosen = {**FEW, "fluxes": "[1e3, 1e8]", "methods": "[BM]", "wide_field": "[EMD]"}
+    run_ranking(tmp_path / "data", tmp_path, chosen)
+    found = {
+        (each.photons_per_frame, each.method): each for each in read_ranking(tmp_path).yaw_rates
+    }
+    assert {name for _, name in found} == {"BM", "EMD"}
+    for name in ("BM", "EMD"):
+        clean = found[1e8, name]
+        assert clean.ideal_deg_s < 0.1 * clean.true_deg_s
+        assert clean.counts_deg_s < found[1e3, name].counts_deg_s
+
+
 def still(first, second):
     return np.zeros((*first.shape, 2))
 
@@ -144,8 +161,9 @@ def test_levels_are_measured_at_their_photons(grating, tmp_path):
         (["--methods", "EMD"], "'EMD' is no method that gives velocities; choose from BM"),
         (["--methods", "nobody:flow"], "No module named 'nobody'"),
         (["--methods", "none.onnx"], "none.onnx: "),
+        (["--wide-field", "NDM"], "'NDM' is blind to direction"),
         (["--light-levels", "noon"], "light level 'noon' is unknown"),
-        (["--fluxes", "--light-levels"], "give fluxes, or light_levels"),
+        (["--fluxes", "[]"], "give fluxes, or light_levels"),
         (["--fluxes", "0"], "fluxes"),
         (["--pixels-pooled", "30"], "pixels_pooled 30 for BM"),
         (["--frames-pooled", "4"], "has 8 frames: frames_pooled 4 needs 12"),
