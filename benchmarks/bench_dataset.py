@@ -172,7 +172,8 @@ def show_costs(costs: dict[str, Any]) -> float:
     for name, seconds in {**parts, "everything else": rest}.items():
         print(f"  {name:16} {seconds:7.2f} s  {seconds / costs['total']:6.1%}")
     print(
-        f"  overhead {share:.1%}, {costs['cpu']:.1f} CPU-s in all (required: below {OVERHEAD_REQUIRED:.0%})"
+        f"  overhead {share:.1%}, {costs['cpu']:.1f} CPU-s in all (required: below "
+        f"{OVERHEAD_REQUIRED:.0%})"
     )
     print("bytes a frame by product:")
     for name, size in sorted(costs["bytes"].items(), key=lambda each: -each[1]):

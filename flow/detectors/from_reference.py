@@ -13,7 +13,7 @@ from megalopta.flow.detectors.onnx_detector import onnx_detector
 def detector_at(reference: str) -> Detector | None:
     """Return the detector of `module:function` or of an ONNX file; None for any other text.
 
-    The module may lie in the working folder; what it names may also be a detector, or its class.
+    The module may lie in the working folder; what it names may also be a detector.
 
     Raises
     ------
@@ -26,12 +26,11 @@ def detector_at(reference: str) -> Detector | None:
     if not (module and name):
         return None
     found = _attribute(reference, module, name)
-    made = found() if isinstance(found, type) and issubclass(found, Detector) else found
-    if isinstance(made, Detector):
-        return made
-    if not callable(made):
+    if isinstance(found, Detector):
+        return found
+    if not callable(found):
         raise ValueError(f"method {reference!r} is no function; give one of two frames")
-    return detector_from(made, reference)
+    return detector_from(found, reference)
 
 
 def _attribute(reference: str, module: str, name: str) -> Any:

@@ -51,7 +51,8 @@ class OnnxDetector(DenseDetector, frozen=True):
         if not is_fixed:
             return flow[: shape[0], : shape[1]]
         scale = np.array(shape[::-1]) / np.array(wanted[::-1])
-        return np.dstack([_resized(each, shape) for each in np.moveaxis(flow, -1, 0)]) * scale
+        resized = [_resized(each, shape) for each in np.moveaxis(flow, -1, 0)]
+        return np.asarray(np.dstack(resized) * scale)
 
     def _size(self, shape: tuple[int, int]) -> tuple[int, int]:
         """Height and width that the network is given pictures (H, W) in."""
