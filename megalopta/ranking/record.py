@@ -48,6 +48,15 @@ class BestMethod(_Case, frozen=True):
     """Whether it is the lowest in 95 % of the replicates."""
 
 
+class Order(Record, frozen=True):
+    """Of two methods, without pooling: better in 95 % of the replicates."""
+
+    photons_per_frame: PositiveFloat
+    group: str
+    better: str
+    worse: str
+
+
 class Consistency(_Case, frozen=True):
     """Error against the same method's answer to the light (Eq. 4.5), median of the sequences."""
 
@@ -90,6 +99,8 @@ class Ranking(Record, frozen=True):
     """Blocks of each group without pooling, over all pairs of frames."""
     errors: tuple[MeanError, ...]
     best: tuple[BestMethod, ...]
+    orders: tuple[Order, ...]
+    """Of opposed groups, such as low and high parallax."""
     consistency: tuple[Consistency, ...]
     camera: tuple[CameraMotionError, ...]
     yaw_rates: tuple[YawRateError, ...]
@@ -101,6 +112,14 @@ class Ranking(Record, frozen=True):
     def best_of(self, pooling: Pooling, flux: float, group: str) -> BestMethod | None:
         """Return the best method; None where the group has no blocks."""
         return self._best.get((pooling, flux, group))
+
+    def sure_orders(self, flux: float, group: str) -> list[tuple[str, str]]:
+        """Return pairs of methods, the better one first, that the data tell apart."""
+        return [
+            (each.better, each.worse)
+            for each in self.orders
+            if (each.photons_per_frame, each.group) == (flux, group)
+        ]
 
     @cached_property
     def _errors(self) -> Mapping[tuple[Pooling, float, str, str], MeanError]:

@@ -28,10 +28,11 @@ from megalopta.ranking.record import (
     CameraMotionError,
     Consistency,
     MeanError,
+    Order,
     Ranking,
 )
 from megalopta.ranking.settings import RankingSettings
-from megalopta.ranking.truth import BlockTruths, SequenceTruth
+from megalopta.ranking.truth import OPPOSED, BlockTruths, SequenceTruth
 from megalopta.ranking.velocities import Drawn, Velocities, draws
 from megalopta.ranking.yaw_rate import YawErrors, directional_methods, typical, yaw_errors
 
@@ -190,6 +191,14 @@ def _ranking(
         if (found := replicates[pooling.frames].best(own)) is not None:
             best.append(BestMethod(**pooling.record(flux), group=group, **found._asdict()))
     finest, first = settings.finest, settings.fluxes[0]
+    orders = [
+        Order(photons_per_frame=flux, group=group, better=better, worse=worse)
+        for flux in settings.fluxes
+        for group in dict.fromkeys(name for opposed in OPPOSED for name in opposed[:2])
+        for better, worse in replicates[finest.frames].order(
+            {name: sums[finest, flux, group, name] for name in (*settings.methods, STILL)}
+        )
+    ]
     return Ranking(
         settings=settings,
         sequences=tuple(each.sequence for each in datasets),
@@ -202,6 +211,7 @@ def _ranking(
         },
         errors=tuple(errors),
         best=tuple(best),
+        orders=tuple(orders),
         consistency=tuple(
             Consistency(
                 **pooling.record(flux),

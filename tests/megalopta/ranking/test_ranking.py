@@ -9,7 +9,15 @@ from megalopta.cli import main as cli
 from megalopta.config import load
 from megalopta.dataset import open_dataset
 from megalopta.flow.detectors import METHODS
-from megalopta.ranking import BOUND, STILL, Pooling, read_ranking, run_ranking
+from megalopta.ranking import (
+    BOUND,
+    STILL,
+    Pooling,
+    Ranking,
+    findings,
+    read_ranking,
+    run_ranking,
+)
 from megalopta.ranking.truth import SequenceTruth
 from megalopta.stages import run_stage
 
@@ -121,6 +129,32 @@ def test_functions_and_references_are_methods_too(grating, tmp_path, monkeypatch
             assert mean == pytest.approx(found[*case, STILL]["mean"], abs=1e-12)
     ranking = read_ranking(tmp_path / "out")
     assert ranking.settings.methods == ("BM", "mine_flow:flow", "still")
+
+
+def test_words_say_only_what_is_sure_in_both_groups(ranked):
+    def order(group, better, worse):
+        return {"photons_per_frame": 1e8, "group": group, "better": better, "worse": worse}
+
+    record = json.loads((ranked / "ranking.json").read_text())
+    record["orders"] = [
+        order("visible", "BM", "DIS"),
+        order("occluded", "DIS", "BM"),
+        order("parallax low", "BM", "DIS"),
+    ]
+    best = {"pixels": 1, "frames": 1, "photons_per_frame": 1e3}
+    record["best"] = [
+        {**best, "group": "parallax low", "method": "BM", "is_sure": True},
+        {**best, "group": "parallax high", "method": "DIS", "is_sure": True},
+        {**best, "group": "visible", "method": "BM", "is_sure": True},
+        {**best, "group": "occluded", "method": "DIS", "is_sure": False},
+    ]
+    parallax, occlusion, *_ = findings(Ranking.model_validate(record))
+    assert parallax == (
+        "The best method changes with parallax: at 1.00k photons BM where parallax is low, DIS "
+        "where parallax is high."
+    )
+    assert "No change of the best method with occlusion" in occlusion
+    assert "BM before DIS (visible), the other way round (occluded)" in occlusion
 
 
 def test_yaw_rates_of_methods_with_and_without_velocities(tmp_path):
