@@ -196,7 +196,7 @@ def _ranking(
         for flux in settings.fluxes
         for group in dict.fromkeys(name for opposed in OPPOSED for name in opposed[:2])
         for better, worse in replicates[finest.frames].order(
-            {name: sums[finest, flux, group, name] for name in (*settings.methods, STILL)}
+            {name: sums[finest, flux, group, name] for name in settings.methods}
         )
     ]
     return Ranking(
