@@ -1,8 +1,8 @@
 """What a dataset of many sequences costs here, and what it would cost at any size.
 
-Overhead: a forest sequence is made by one core, as a worker has it, while ray tracing, truth rays and the
-drawing of photons are timed; whatever else the wall clock saw is overhead (required: below 10 %):
-growing and loading the forest, reading, writing, hashing, statistics, the index. The forest's
+Overhead: a forest sequence is made by one core, as a worker has it, while ray tracing, truth rays
+and the drawing of photons are timed; whatever else the wall clock saw is overhead (required: below
+10 %): growing and loading the forest, reading, writing, hashing, statistics, the index. Its
 plants are in the cache, as of all sequences after the first few.
 
 Workers: the same sequences are made by one worker on one core and by two workers on two, in scalar
@@ -48,7 +48,7 @@ BOARDS = Plan(
     sequences=10,
     scenes=("grating",),
     every={
-        "camera": {"width": 96, "height": 72},
+        "camera": {"width": 48, "height": 36},
         "trajectory": {"frames": 8},
         "render": {"samples_per_pixel": 16, "integrator": "path"},
     },
@@ -189,9 +189,9 @@ def show_sizes(costs: dict[str, Any], bytes_a_frame: float) -> None:
     print(
         f"assumed: sequences like the forest's ({frames} frames of "
         f"{FOREST.every['camera']['width']} × {FOREST.every['camera']['height']} px, 7 bands, 2 "
-        f"exposures), {costs['total']:.0f} s of a core each with LLVM, {cores} workers; machines like "
-        "this one, each with its own sequences; a file system that takes a whole tree; the index "
-        "written once, at the end"
+        f"exposures), {costs['total']:.0f} s of a core each with LLVM, {cores} workers; machines "
+        "like this one, each with its own sequences; a file system that takes a whole tree; the "
+        "index written once, at the end"
     )
     print("sequences   frames       TB   core-hours   days on 1 / 32 machines   index (h)")
     for count in SIZES:
