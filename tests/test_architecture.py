@@ -13,6 +13,7 @@ ROOT = Path(__file__).parents[1]
 FOLDERS = ("assets_gen", "flow", "render", "scenes", "sensor")
 # Within the package of the command line, modules beside the rooms; every room may import them.
 LEAVES = (
+    "array_store",
     "arrays",
     "errors",
     "files",

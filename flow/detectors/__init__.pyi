@@ -18,8 +18,10 @@ from .from_function import (
     DenseFlow as DenseFlow,
     detector_from as detector_from,
 )
+from .from_reference import detector_at as detector_at
 from .gray_detector import GrayDetector as GrayDetector
 from .intensity import IntensityMeasurement as IntensityMeasurement
+from .onnx_detector import OnnxDetector as OnnxDetector
 from .registry import (
     METHODS as METHODS,
     THESIS_METHODS as THESIS_METHODS,

@@ -3,7 +3,8 @@
 A class of a file of this folder that is a detector and has a default for each of its parameters
 stands here with these, in the order of `Detector.place`. Other packages name theirs, classes or
 instances, in the entry points `megalopta.detectors` (`megalopta.plug_ins`). A function from Python
-takes the place of a name without any of this, see `detector_from`.
+takes the place of a name without any of this, see `detector_from`; so does where one is, see
+`detector_at`.
 """
 
 from collections.abc import Iterator, Mapping
@@ -16,6 +17,7 @@ from typing import Any, TypeAlias
 
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.from_function import DenseFlow, detector_from
+from megalopta.flow.detectors.from_reference import detector_at
 from megalopta.plug_ins import plug_ins
 
 Method: TypeAlias = str | Detector | DenseFlow
@@ -56,6 +58,8 @@ METHODS: Mapping[str, Detector] = _by_name()
 def method(chosen: Method) -> Detector:
     """Return the detector of a name, in upper or lower case, or of a function; or itself.
 
+    A name may also be `module:function`, or the path of an ONNX file (`detector_at`).
+
     Raises
     ------
     ValueError
@@ -68,4 +72,8 @@ def method(chosen: Method) -> Detector:
     for known, detector in METHODS.items():
         if known.casefold() == chosen.casefold():
             return detector
-    raise ValueError(f"method {chosen!r} is unknown: choose from {', '.join(METHODS)}")
+    if elsewhere := detector_at(chosen):
+        return elsewhere
+    raise ValueError(
+        f"method {chosen!r} is unknown: choose from {', '.join(METHODS)}, or give module:function"
+    )

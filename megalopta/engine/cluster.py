@@ -10,6 +10,7 @@ import traceback
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 Job = Callable[[int], object]
 
+_PACKAGE = "megalopta"
 _DEATHS = 30
 """A job during which so many workers died is given up."""
 _AHEAD = 2
@@ -63,8 +65,13 @@ def run_jobs(
         yield from _by_workers(client, crew, job, indices, threads)
 
 
-def attempt(job: Job, index: int, threads: int | None = None) -> Outcome:
-    """Do a job; what goes wrong is told, not raised."""
+def attempt(job: Job, index: int, threads: int | None = None, wanted: str | None = None) -> Outcome:
+    """Do a job; what goes wrong is told, not raised.
+
+    Where this is not the version that is wanted nothing is done: it might make something else.
+    """
+    if wanted not in (None, own_version()):
+        return Outcome(index, _other_version("a worker", own_version(), wanted), ends_all=True)
     with _one_at_a_time:  # a process has one renderer
         try:
             if threads:
@@ -80,6 +87,28 @@ def attempt(job: Job, index: int, threads: int | None = None) -> Outcome:
     return Outcome(index)
 
 
+def own_version() -> str:
+    """Version of this program, as it is installed."""
+    return version(_PACKAGE)
+
+
+def _check_versions(client: "Client") -> None:
+    """Refuse a cluster of which a worker has another version. Raises UserError."""
+    found = client.run(version, _PACKAGE, on_error="return")  # any version has that function
+    for address, there in sorted(found.items()):
+        if isinstance(there, PackageNotFoundError):
+            raise UserError(
+                f"worker {address} has no megalopta; install {own_version()} there: "
+                "its environment must be that of this program"
+            )
+        if there != own_version():
+            raise UserError(_other_version(f"worker {address}", str(there), own_version()))
+
+
+def _other_version(worker: str, there: str, wanted: str) -> str:
+    return f"{worker} has megalopta {there}, this is {wanted}; install the same version there"
+
+
 @contextmanager
 def connected(
     workers: int | None, scheduler: str | None
@@ -89,7 +118,7 @@ def connected(
     Raises
     ------
     UserError
-        When no cluster is to be found there.
+        When no cluster is to be found there, or one of its workers has another version.
     """
     from distributed import Client  # slow to load
 
@@ -109,6 +138,7 @@ def connected(
             "with: dask scheduler"
         ) from None
     with client:
+        _check_versions(client)
         yield client, None
 
 
@@ -140,7 +170,7 @@ def _by_workers(
     while True:
         wanted = _AHEAD * max(1, sum(client.nthreads().values()), crew.count if crew else 1)
         for index in islice(left, wanted - len(running)):
-            running[client.submit(attempt, job, index, threads, pure=False)] = index
+            running[client.submit(attempt, job, index, threads, own_version(), pure=False)] = index
         if not running:
             return
         for future in _ended(list(running), crew):

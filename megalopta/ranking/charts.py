@@ -62,7 +62,7 @@ def pooling_grid(ranking: Ranking) -> Markup:
     poolings = [Pooling(p, f) for p in settings.pixels_pooled for f in settings.frames_pooled]
     fluxes = sorted(settings.fluxes)
     figure = Figure(
-        figsize=(1.2 + 1.5 * len(poolings), 1 + 0.55 * len(fluxes)), layout="constrained"
+        figsize=(max(4.5, 1.2 + 1.5 * len(poolings)), 1 + 0.55 * len(fluxes)), layout="constrained"
     )
     axes = figure.add_subplot()
     colors = np.ones((len(fluxes), len(poolings), 3))

@@ -7,6 +7,7 @@ does not inherit how hard the pairs were.
 """
 
 from collections.abc import Mapping, Sequence
+from itertools import permutations
 from typing import NamedTuple
 
 import numpy as np
@@ -96,3 +97,12 @@ class Replicates:
         own = self.means(sums[best])
         wins = np.all([own <= self.means(sums[name]) for name in means if name != best], axis=0)
         return Best(best, bool(np.mean(wins) >= _CONFIDENCE))
+
+    def order(self, sums: Mapping[str, PairSums]) -> list[tuple[str, str]]:
+        """Return which method is better than which other in 95 % of the replicates."""
+        means = {name: self.means(each) for name, each in sums.items() if each.blocks.any()}
+        return [
+            (better, worse)
+            for better, worse in permutations(means, 2)
+            if np.mean(means[better] < means[worse]) >= _CONFIDENCE
+        ]

@@ -1,12 +1,15 @@
 """Ranking of the sequences in a folder, from its frames to its page."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from megalopta.config import validated
 from megalopta.dataset import Dataset
 from megalopta.errors import UserError
+from megalopta.flow.detectors import Method
 from megalopta.folders import locked
+from megalopta.ranking.light import lit
+from megalopta.ranking.methods import velocity_methods
 from megalopta.ranking.page import NAME, write_ranking
 from megalopta.ranking.record import Ranking
 from megalopta.ranking.run import rank_methods
@@ -28,7 +31,10 @@ def read_ranking(folder: Path) -> Ranking | None:
 
 
 def run_ranking(
-    root: str | Path, out: str | Path, settings: Mapping[str, str] | None = None
+    root: str | Path,
+    out: str | Path,
+    settings: Mapping[str, str] | None = None,
+    methods: Sequence[Method] = (),
 ) -> Path:
     """Rank flow methods on a rendered dataset; return the page.
 
@@ -43,6 +49,9 @@ def run_ranking(
         Folder for ranking.html, .csv and .json.
     settings
         Values of `RankingSettings` by name, as YAML.
+    methods
+        In the place of those of the settings: names, detectors, or functions of two frames
+        (`megalopta.flow.detector_from` says of what kind).
 
     Raises
     ------
@@ -51,13 +60,14 @@ def run_ranking(
     """
     out, chosen = Path(out), validated(RankingSettings, {}, "settings", dict(settings or {}))
     datasets = sequences_of(Path(root))
-    kept = out / "velocities"
     with locked(out):
         try:
-            ranking = rank_methods(datasets, chosen, kept)
+            ranked = velocity_methods(methods or chosen.methods)
+            chosen = lit(chosen.model_copy(update={"methods": tuple(ranked)}), datasets)
+            ranking, example = rank_methods(datasets, chosen, ranked, out / "velocities")
         except ValueError as problem:
             raise UserError(str(problem)) from None
-        return write_ranking(out, ranking, datasets, kept)
+        return write_ranking(out, ranking, example)
 
 
 def sequences_of(root: Path) -> list[Dataset]:

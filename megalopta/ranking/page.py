@@ -2,36 +2,35 @@
 
 import csv
 import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from megalopta import files
-from megalopta.arrays import Floats
-from megalopta.dataset import Dataset
 from megalopta.pages import UNDEFINED, Section, number, percent, write_sections
 from megalopta.ranking.charts import atlas, error_curves, flow_fields, pooling_grid
 from megalopta.ranking.findings import findings, summary
+from megalopta.ranking.light import levels_section
 from megalopta.ranking.record import Ranking
+from megalopta.ranking.run import Example
 from megalopta.ranking.truth import DISTANCES_M, PARALLAX_PX, SPEEDS_PX
-from megalopta.ranking.velocities import Drawn, Velocities
 
 NAME = "ranking.json"
 _GROUPS = ("all", "visible", "occluded", "smooth", "depth edge", "parallax low", "parallax high")
 
 
-def write_ranking(folder: Path, ranking: Ranking, datasets: Sequence[Dataset], kept: Path) -> Path:
+def write_ranking(folder: Path, ranking: Ranking, example: Example) -> Path:
     """Write ranking.html, ranking.csv and ranking.json to a folder; return the page."""
     finest = ranking.settings.finest
     files.write_text(folder / "ranking.csv", _csv(ranking))
     files.write_text(folder / NAME, ranking.model_dump_json(indent=1) + "\n")
-    frames = sum(each.configuration.trajectory.frames for each in datasets)
+    count = len(ranking.sequences)
     sections = [
         Section(
             "What was measured",
-            f"{len(datasets)} sequence{'s'[: len(datasets) > 1]}, {frames} frames, perfect pixels. "
+            f"{count} sequence{'s'[: count > 1]}, {ranking.frames} frames, perfect pixels. "
             "Errors are those of blocks against the true motion, in px of the full image per "
             "frame; a block without an answer counts as one that answered 0. Bands hold the mean "
             f"in 95 % of cases, over pairs of frames. Speed is low below {SPEEDS_PX[0]:g} px, high "
@@ -63,8 +62,10 @@ def write_ranking(folder: Path, ranking: Ranking, datasets: Sequence[Dataset], k
             "White: not measured.",
             charts=(atlas(ranking),),
         ),
-        Section("Flow fields", _FIELDS, charts=(_fields(ranking, datasets[0], kept),)),
+        levels_section(ranking),
+        Section("Flow fields", _FIELDS, charts=(_fields(ranking, example),)),
         _camera(ranking),
+        _yaw_rate(ranking),
         _consistency(ranking),
     ]
     page = folder / "ranking.html"
@@ -78,21 +79,11 @@ _FIELDS = (
 )
 
 
-def _fields(ranking: Ranking, dataset: Dataset, kept: Path) -> Any:
-    settings, finest = ranking.settings, ranking.settings.finest
-    velocities = Velocities(dataset, settings, kept / dataset.sequence)
-    truth = velocities.truth(settings.methods[0], finest).at(finest)
-    fluxes = sorted(settings.fluxes)
-    pair = len(truth.velocities) // 2
-    fields: Mapping[str, list[Floats]] = {
-        "truth": [truth.velocities[pair]],
-        **{
-            name: [velocities.of(name, Drawn(finest, flux, 0))[pair, 1:-1, 1:-1] for flux in fluxes]
-            for name in settings.methods
-        },
-    }
-    speed = float(np.nanquantile(np.linalg.norm(truth.velocities, axis=-1), 0.98)) or 1.0
-    return flow_fields(fields, fluxes, speed)
+def _fields(ranking: Ranking, example: Example) -> Markup:
+    fluxes = sorted(ranking.settings.fluxes)
+    found = {name: [each[flux] for flux in fluxes] for name, each in example.found.items()}
+    fastest = float(np.nanquantile(np.linalg.norm(example.truth, axis=-1), 0.98))
+    return flow_fields({"truth": [example.truth], **found}, fluxes, fastest or 1.0)
 
 
 def _camera(ranking: Ranking) -> Section:
@@ -108,6 +99,27 @@ def _camera(ranking: Ranking) -> Section:
         "the true rotation, and between the estimated and the true direction of translation "
         f"(medians of {ranking.settings.camera_pairs} pairs of each sequence).",
         *_by_photons(ranking, cell),
+    )
+
+
+def _yaw_rate(ranking: Ranking) -> Section:
+    found = {(each.photons_per_frame, each.method): each for each in ranking.yaw_rates}
+    names = (*ranking.settings.methods, *ranking.settings.wide_field)
+
+    def cell(flux: float, name: str) -> str:
+        each = found.get((flux, name))
+        return f"{each.counts_deg_s:.2g} ({each.ideal_deg_s:.2g})" if each else UNDEFINED
+
+    true = next((f"{each.true_deg_s:.3g}" for each in ranking.yaw_rates), UNDEFINED)
+    return Section(
+        "The yaw rate, also of methods without velocities",
+        "Root mean square error (deg/s) of the camera's yaw rate from a weighted sum of all "
+        "answers, in parentheses that without noise; weights are learned from clean answers to the "
+        f"first half of a sequence and tried on the second. The true rate is {true} deg/s (medians "
+        "of the sequences in which the camera turns, and long enough for the method's memory). "
+        "Methods that are blind to direction (NDM, NDS, IM) can be judged neither by velocity nor "
+        "by yaw rate, and are not ranked.",
+        *_by_photons(ranking, cell, names),
     )
 
 
@@ -127,12 +139,12 @@ def _consistency(ranking: Ranking) -> Section:
 
 
 def _by_photons(
-    ranking: Ranking, cell: Callable[[float, str], str]
+    ranking: Ranking, cell: Callable[[float, str], str], names: Sequence[str] = ()
 ) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
     """Head and rows of a table of methods by photons per frame."""
     fluxes = sorted(ranking.settings.fluxes)
     rows = tuple(
-        (name, *(cell(flux, name) for flux in fluxes)) for name in ranking.settings.methods
+        (name, *(cell(flux, name) for flux in fluxes)) for name in names or ranking.settings.methods
     )
     return ("method", *(f"{number(flux)} photons" for flux in fluxes)), rows
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from functools import cached_property
 
-from pydantic import FiniteFloat, NonNegativeInt, PositiveFloat
+from pydantic import FiniteFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
 from megalopta.ranking.pooling import Pooling
 from megalopta.ranking.settings import RankingSettings
@@ -48,6 +48,15 @@ class BestMethod(_Case, frozen=True):
     """Whether it is the lowest in 95 % of the replicates."""
 
 
+class Order(Record, frozen=True):
+    """Of two methods, without pooling: better in 95 % of the replicates."""
+
+    photons_per_frame: PositiveFloat
+    group: str
+    better: str
+    worse: str
+
+
 class Consistency(_Case, frozen=True):
     """Error against the same method's answer to the light (Eq. 4.5), median of the sequences."""
 
@@ -64,19 +73,37 @@ class CameraMotionError(Record, frozen=True):
     heading_deg: Number
 
 
+class YawRateError(Record, frozen=True):
+    """Of the camera's yaw rate from a weighted sum of all answers, medians over sequences."""
+
+    photons_per_frame: PositiveFloat
+    method: str
+    true_deg_s: FiniteFloat
+    """Root mean square of the true rate."""
+    ideal_deg_s: FiniteFloat
+    """Root mean square error on light without noise."""
+    counts_deg_s: FiniteFloat
+    """Root mean square error on photons."""
+
+
 class Ranking(Record, frozen=True):
     """What was measured, over all sequences."""
 
     settings: RankingSettings
     sequences: tuple[str, ...]
+    frames: PositiveInt
+    """Of all of them."""
     photons_per_lux_s: FiniteFloat
     """Photons of a frame on perfect pixels for each lux and second."""
     blocks: Mapping[str, NonNegativeInt]
     """Blocks of each group without pooling, over all pairs of frames."""
     errors: tuple[MeanError, ...]
     best: tuple[BestMethod, ...]
+    orders: tuple[Order, ...]
+    """Of opposed groups, such as low and high parallax."""
     consistency: tuple[Consistency, ...]
     camera: tuple[CameraMotionError, ...]
+    yaw_rates: tuple[YawRateError, ...]
 
     def error_of(self, pooling: Pooling, flux: float, group: str, method: str) -> MeanError | None:
         """Return the mean error of a method; None where the group has no blocks."""
@@ -85,6 +112,14 @@ class Ranking(Record, frozen=True):
     def best_of(self, pooling: Pooling, flux: float, group: str) -> BestMethod | None:
         """Return the best method; None where the group has no blocks."""
         return self._best.get((pooling, flux, group))
+
+    def sure_orders(self, flux: float, group: str) -> list[tuple[str, str]]:
+        """Return pairs of methods, the better one first, that the data tell apart."""
+        return [
+            (each.better, each.worse)
+            for each in self.orders
+            if (each.photons_per_frame, each.group) == (flux, group)
+        ]
 
     @cached_property
     def _errors(self) -> Mapping[tuple[Pooling, float, str, str], MeanError]:

@@ -23,6 +23,14 @@ DISTANCES_M = (5.0, 20.0)
 _EDGE_RATIO = 1.25
 _EDGE_SHARE = 0.05
 
+OPPOSED = (
+    ("parallax low", "parallax high", "parallax"),
+    ("visible", "occluded", "occlusion"),
+    ("smooth", "depth edge", "edges of depth"),
+    ("speed low", "speed high", "speed"),
+)
+"""Groups between which the order of methods may change, and with what"""
+
 RANGES = ("low", "medium", "high")
 
 

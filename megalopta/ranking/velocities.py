@@ -6,7 +6,7 @@ the velocities that a method is compared with itself by.
 """
 
 from collections.abc import Callable, Iterator
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import NamedTuple
 from zipfile import BadZipFile
@@ -15,14 +15,14 @@ import numpy as np
 
 from megalopta import files
 from megalopta.arrays import Floats
-from megalopta.dataset import Dataset, read_radiance_frames
-from megalopta.flow.detectors import METHODS, BlockDetector, BlockGrid
+from megalopta.dataset import Dataset, file_hash, read_radiance_frames
+from megalopta.flow.detectors import BlockGrid, Detector
 from megalopta.flow.metrics import cramer_rao_covariance, fisher_information
 from megalopta.flow.stimuli import draw_counts
 from megalopta.freshness import code_digest, digest
+from megalopta.ranking.methods import identity
 from megalopta.ranking.pooling import Pooling
 from megalopta.ranking.settings import RankingSettings
-from megalopta.ranking.truth import SequenceTruth
 from megalopta.sensor import PRESETS, photon_rate
 
 
@@ -58,21 +58,16 @@ class Velocities:
         advance: Callable[[int], object] = lambda _: None,
     ) -> None:
         self._dataset, self._settings, self._advance = dataset, settings, advance
-        self._folder = folder / _model()
-        self._light: dict[Pooling, Floats] = {}
+        self._folder = folder
+        self._pooled: dict[Pooling, Floats] = {}
 
-    def grid(self, method: str, pooling: Pooling) -> BlockGrid:
-        """Blocks of a method on pooled frames. Raises ValueError where these are too small."""
-        camera = self._dataset.configuration.camera
-        return _detector(method).grid(pooling.shape((camera.height, camera.width)))
+    def of(self, method: Detector, drawn: Drawn) -> Floats:
+        """Velocities (pairs, rows, columns, 2) of all blocks, px of the full image per frame.
 
-    def truth(self, method: str, pooling: Pooling) -> SequenceTruth:
-        """Return the truth of a method's blocks."""
-        return SequenceTruth(self._dataset, self.grid(method, pooling))
-
-    def of(self, method: str, drawn: Drawn) -> Floats:
-        """Velocities (pairs, rows, columns, 2) of all blocks, px of the full image per frame."""
-        kept = self._folder / f"{digest(method, repr(drawn))}.npy"
+        Of a method without velocities its responses (T, H, W).
+        """
+        what = digest(self._frames, identity(method), repr(drawn), repr(self._settings.seed))
+        kept = self._folder / _model() / f"{what}.npy"
         found = _read(kept)
         if found is None:
             found = self._measured(method, drawn)
@@ -80,6 +75,11 @@ class Velocities:
                 np.save(temporary, found, allow_pickle=False)
         self._advance(1)
         return found.astype(np.float64)
+
+    @property
+    def photons_per_lux_s(self) -> float:
+        """Photons of a mean frame on perfect pixels for each lux and second."""
+        return _per_lux_s(self._dataset, self._light)
 
     def bound(self, grid: BlockGrid, pooling: Pooling, flux: float) -> Floats:
         """Least mean endpoint error that the photons of a pair allow in each block inside.
@@ -92,7 +92,7 @@ class Velocities:
         trace = np.trace(np.array(least), axis1=-2, axis2=-1)[:, 1:-1, 1:-1]
         return np.asarray(np.sqrt(np.pi / 4 * trace) * pooling.pixels / pooling.frames)
 
-    def _measured(self, method: str, drawn: Drawn) -> Floats:
+    def _measured(self, method: Detector, drawn: Drawn) -> Floats:
         light, pooling = self._light_at(drawn.pooling), drawn.pooling
         means = light * (drawn.flux * pooling.frames)
         frames = (
@@ -100,15 +100,26 @@ class Velocities:
             if drawn.repeat is None
             else draw_counts(means, self._settings.seed, self._dataset.sequence, *map(str, drawn))
         )
-        found = _detector(method).respond(frames, 1 / means.mean())
-        return (found * (pooling.pixels / pooling.frames)).astype(np.float32)
+        found = method.respond(frames, 1 / means.mean())
+        to_full = pooling.pixels / pooling.frames if method.gives == "velocity" else 1.0
+        return (found * to_full).astype(np.float32)
 
     def _light_at(self, pooling: Pooling) -> Floats:
         """Share of the photons of a mean frame on each pixel of pooled frames."""
-        if pooling not in self._light:
-            light = pooling.light(_light(self._dataset))
-            self._light = {pooling: light / light.sum(axis=(1, 2)).mean()}
-        return self._light[pooling]
+        if pooling not in self._pooled:
+            light = pooling.light(self._light)
+            self._pooled = {pooling: light / light.sum(axis=(1, 2)).mean()}
+        return self._pooled[pooling]
+
+    @cached_property
+    def _light(self) -> Floats:
+        return _light(self._dataset)
+
+    @cached_property
+    def _frames(self) -> str:
+        """Hash of the frames: others have other velocities."""
+        count = self._dataset.configuration.trajectory.frames
+        return digest(*(file_hash(self._dataset.exposed_radiance(index)) for index in range(count)))
 
 
 def draws(settings: RankingSettings) -> Iterator[Drawn]:
@@ -121,8 +132,12 @@ def draws(settings: RankingSettings) -> Iterator[Drawn]:
 
 
 def photons_per_lux_s(dataset: Dataset) -> float:
-    """Photons of a mean frame on perfect pixels for each lux and second."""
-    photons_hz = float(_light(dataset).sum(axis=(1, 2)).mean())
+    """Photons of a mean frame on perfect pixels for each lux and second; reads all frames."""
+    return _per_lux_s(dataset, _light(dataset))
+
+
+def _per_lux_s(dataset: Dataset, light: Floats) -> float:
+    photons_hz = float(light.sum(axis=(1, 2)).mean())
     return photons_hz / dataset.configuration.light.resolved().illuminance_lux
 
 
@@ -132,12 +147,6 @@ def _light(dataset: Dataset) -> Floats:
         photon_rate(each, bands, PRESETS["ideal"]) for _, each in read_radiance_frames(dataset)
     ]
     return np.concatenate(parts).astype(np.float64)
-
-
-def _detector(name: str) -> BlockDetector:
-    found = METHODS[name]
-    assert isinstance(found, BlockDetector)  # settings hold no others
-    return found
 
 
 def _read(path: Path) -> Floats | None:

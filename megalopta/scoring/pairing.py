@@ -80,6 +80,44 @@ def submitted_flows(root: Path, truths: Truths) -> Mapping[str, Mapping[Frame, P
     return passes
 
 
+def pictures_of(truths: Truths) -> Mapping[str, Mapping[Frame, tuple[Path, Path]]]:
+    """Find both pictures of every frame, by pass: Sintel's clean and final, KITTI's image_2.
+
+    Raises UserError where there are none.
+    """
+    found: dict[str, dict[Frame, tuple[Path, Path]]] = {"clean": {}, "final": {}, "": {}}
+    for frame, files in truths.items():
+        for name, pair in _pictures(frame, files.flow).items():
+            if all(path.exists() for path in pair):
+                found[name][frame] = pair
+    whole = {name: pairs for name, pairs in found.items() if len(pairs) == len(truths)}
+    if not whole:
+        raise UserError(
+            "the truth has no pictures of all its frames (clean/, final/, or KITTI's image_2/): "
+            "write the flow to files, and give their folder"
+        )
+    return whole
+
+
+def _pictures(frame: Frame, flow: Path) -> dict[str, tuple[Path, Path]]:
+    numbered = re.fullmatch(r"(.*?)(\d+)", flow.stem)
+    if not numbered:
+        return {}
+    start, number = numbered.groups()
+    after = f"{start}{int(number) + 1:0{len(number)}d}.png"
+    levels = len(Path(frame.sequence).parts)
+    root = flow.parents[levels + 1]
+    folders = (
+        {"": root / "image_2"}
+        if flow.parents[levels].name == "flow_occ"
+        else {name: root / name for name in ("clean", "final")}
+    )
+    return {
+        name: (folder / frame.sequence / f"{flow.stem}.png", folder / frame.sequence / after)
+        for name, folder in folders.items()
+    }
+
+
 def _check_pairs(root: Path, found: Mapping[Frame, Path], truths: Truths) -> None:
     if unknown := sorted(found.keys() - truths.keys()):
         sequences = ", ".join(sorted({frame.sequence for frame in truths})[:3])

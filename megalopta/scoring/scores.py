@@ -1,6 +1,5 @@
-"""Scores of a folder of flow: by sequence and overall, for every pass."""
+"""Scores of a folder of flow, or of a method: by sequence and overall, for every pass."""
 
-import hashlib
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
@@ -11,12 +10,16 @@ from numpy.typing import NDArray
 from PIL import Image
 from pydantic import FiniteFloat, NonNegativeInt, PositiveInt
 
+from megalopta.dataset import file_hash
 from megalopta.errors import UserError
+from megalopta.flow.detectors import Method
 from megalopta.flow.files import read_flow
 from megalopta.flow.metrics import GROUPS, DenseError, DenseErrors
+from megalopta.freshness import digest
 from megalopta.progress import progress
 from megalopta.record import Record
-from megalopta.scoring.pairing import Frame, TrueFlow, Truths, submitted_flows, true_flows
+from megalopta.scoring.answers import Answers, answers_of, name_of
+from megalopta.scoring.pairing import TrueFlow, Truths, true_flows
 
 Number = FiniteFloat | None
 """None where no pixel is of the group"""
@@ -64,61 +67,71 @@ class Scores(Record, frozen=True):
     """By name, of each entry"""
 
 
-def score_submission(flow: str | Path, truth: str | Path, program: str | None = None) -> Scores:
-    """Score the flow that a program wrote against the true flow of a dataset.
+def score_submission(
+    flow: str | Path | Method, truth: str | Path, program: str | None = None
+) -> Scores:
+    """Score flow against the true flow of a dataset.
 
     Parameters
     ----------
     flow
         Folder of `.flo`, `.flo5`, `.pfm`, `.npy` or KITTI's PNG files (px per frame), in the
-        layout of Sintel (with or without a folder for each pass), KITTI or Middlebury.
+        layout of Sintel (with or without a folder for each pass), KITTI or Middlebury. Or what
+        finds the flow between two frames, by name, `module:function`, ONNX file, or as a function
+        from Python: it is asked for that of the truth's own frames.
     truth
         Folder of a dataset of megalopta, of Sintel, KITTI or Middlebury.
     program
-        Name of what wrote the flow; that of its folder if left out.
+        Name of what wrote the flow; that of its folder, or of the method, if left out.
 
     Raises
     ------
     UserError
         When frames have no file or files no frame, when a file is damaged or of another size.
     """
-    flow, truth = Path(flow), Path(truth)
-    for folder in (flow, truth):
-        if not folder.is_dir():
-            raise UserError(f"{folder}: no such folder")
+    truth = Path(truth)
+    if not truth.is_dir():
+        raise UserError(f"{truth}: no such folder")
     truths = true_flows(truth)
-    passes = submitted_flows(flow, truths)
-    digest = _digest(truths)
-    entries, sequences = [], []
-    with progress("Scoring flow", sum(map(len, passes.values())), "frame") as advance:
-        for name, paths in sorted(passes.items()):
-            by_sequence = _by_sequence(paths, truths, advance)
-            entry = Entry(
-                program=program or flow.resolve().name,
-                pass_name=name,
-                truth=truth.resolve().name,
-                truth_hash=digest,
-                frames=len(paths),
-                overall=_groups(DenseErrors.joined(by_sequence.values())),
-            )
-            entries.append(entry)
-            sequences.append({each: _groups(found) for each, found in by_sequence.items()})
+    passes = answers_of(flow, truths)
+    with progress("Scoring flow", len(truths), "frame") as advance:
+        found, digest_of_all = _scored(passes, truths, advance)
+    entries = [
+        Entry(
+            program=program or name_of(flow),
+            pass_name=name,
+            truth=truth.resolve().name,
+            truth_hash=digest_of_all,
+            frames=len(truths),
+            overall=_groups(DenseErrors.joined(by_sequence.values())),
+        )
+        for name, by_sequence in found.items()
+    ]
+    sequences = [
+        {name: _groups(each) for name, each in by_sequence.items()}
+        for by_sequence in found.values()
+    ]
     return Scores(entries=tuple(entries), sequences=tuple(sequences))
 
 
-def _by_sequence(
-    paths: Mapping[Frame, Path], truths: Truths, advance: Callable[[int], object]
-) -> dict[str, DenseErrors]:
-    found: dict[str, DenseErrors] = {}
-    for frame, path in sorted(paths.items()):
-        true, occluded = _truth(truths[frame])
-        try:
-            found.setdefault(frame.sequence, DenseErrors()).add(read_flow(path), true, occluded)
-        except ValueError as problem:
-            text = str(problem)
-            raise UserError(text if str(path) in text else f"{path}: {text}") from None
+def _scored(
+    passes: Mapping[str, Answers], truths: Truths, advance: Callable[[int], object]
+) -> tuple[dict[str, dict[str, DenseErrors]], str]:
+    """Errors by pass and sequence, and a hash of the truth, each frame of which is read once."""
+    found: dict[str, dict[str, DenseErrors]] = {name: {} for name in sorted(passes)}
+    hashes = []
+    for frame, files in sorted(truths.items()):
+        hashes += ["/".join(frame), *(file_hash(path) for path in files if path)]
+        true, occluded = _truth(files)
+        for name, errors in found.items():
+            where, answer = passes[name][frame]
+            try:
+                errors.setdefault(frame.sequence, DenseErrors()).add(answer(), true, occluded)
+            except ValueError as problem:
+                text = str(problem)
+                raise UserError(text if where in text else f"{where}: {text}") from None
         advance(1)
-    return found
+    return found, digest(*hashes)
 
 
 def _truth(files: TrueFlow) -> tuple[NDArray[np.float32], NDArray[np.bool_] | None]:
@@ -150,13 +163,3 @@ def _groups(errors: DenseErrors) -> dict[str, GroupErrors]:
 def _record(error: DenseError) -> GroupErrors:
     values = {name: None if math.isnan(value) else value for name, value in asdict(error).items()}
     return GroupErrors.model_validate(values)
-
-
-def _digest(truths: Truths) -> str:
-    digest = hashlib.blake2b(digest_size=8)
-    for frame, true in sorted(truths.items()):
-        digest.update("/".join(frame).encode())
-        for path in filter(None, true):
-            with path.open("rb") as file:
-                digest.update(hashlib.file_digest(file, "blake2b").digest())
-    return digest.hexdigest()

@@ -23,7 +23,7 @@ from megalopta.render.baking.gathering import Gatherer, wavelength_groups
 from megalopta.render.baking.light import LEAST_RAYS, MOST_RAYS, BakedLight
 from megalopta.render.baking.moving import Neighborhood
 from megalopta.render.baking.shading import SunLight, Textures
-from megalopta.render.baking.store import LightStore, key_of
+from megalopta.render.baking.store import NAMES, key_of, light_store
 from megalopta.render.baking.visibility import survey, views
 from megalopta.render.loading import MergedMesh, MovingMesh, part_of_scene
 from megalopta.render.sensors import pixel_means
@@ -75,8 +75,8 @@ class BakedLightIntegrator:
         self._textures = Textures(scene, meshes)
         sun = scene.lighting.sun if scene.lighting and settings.max_depth > 1 else None
         self._sun = SunLight(scene, meshes, sun, self._bands) if sun else None
-        store = LightStore(folder, key_of(scene, meshes, settings, camera, poses, seed))
-        kept = store.read()
+        store = light_store(folder, key_of(scene, meshes, settings, camera, poses, seed))
+        kept = store.read(NAMES)
         if kept:
             self._light.restore(kept)
             return

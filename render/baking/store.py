@@ -1,23 +1,18 @@
-"""Baked light kept on disk under a hash of all that it depends on, for whoever needs it again."""
+"""Where baked light is kept, and the hash of all that it depends on."""
 
-import contextlib
 import hashlib
-import zipfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta import files
+from megalopta.array_store import ArrayStore
 from megalopta.freshness import BAKE_MODEL, RENDER_MODEL
 from megalopta.render import RenderSettings, mi
 from megalopta.render.loading import MergedMesh
 from megalopta.scenes.cameras import Camera
 from megalopta.scenes.world import Scene
-
-Contents = dict[str, NDArray[Any]]
 
 NAMES = "rays", "cells", "rows"
 MOST_BYTES = 4 * 10**9
@@ -54,40 +49,6 @@ def key_of(
     return found.hexdigest()
 
 
-class LightStore:
-    """A folder of baked light; without one nothing is kept."""
-
-    def __init__(self, folder: Path | None, key: str) -> None:
-        self._path = folder / f"{key}.npz" if folder else None
-
-    def read(self) -> Contents | None:
-        """What was kept, None where nothing was or what is there is damaged."""
-        if self._path is None:
-            return None
-        try:
-            with self._path.open("rb") as file, np.load(file) as found:
-                contents = {name: found[name] for name in NAMES}
-            self._path.touch()
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
-            return None
-        return contents
-
-    def write(self, contents: Contents) -> None:
-        """Keep it if there is room; light is found again where it was not kept."""
-        if self._path is None:
-            return
-        with contextlib.suppress(OSError):
-            with files.atomic_write(self._path) as temporary, temporary.open("wb") as file:
-                np.savez(
-                    file, rays=contents["rays"], cells=contents["cells"], rows=contents["rows"]
-                )
-            _prune(self._path.parent)
-
-
-def _prune(folder: Path) -> None:
-    """Remove what was used the longest ago, beyond what may stay."""
-    kept = sorted(folder.glob("*.npz"), key=lambda path: -path.stat().st_mtime)
-    sizes = np.cumsum([path.stat().st_size for path in kept])
-    for path, size in zip(kept[1:], sizes[1:], strict=True):
-        if size > MOST_BYTES:
-            path.unlink(missing_ok=True)
+def light_store(folder: Path | None, key: str) -> ArrayStore:
+    """Return where baked light is kept; without a folder nothing is."""
+    return ArrayStore(folder, key, MOST_BYTES)

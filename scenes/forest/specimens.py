@@ -5,15 +5,11 @@ these, such as "young spruce 3 far".
 """
 
 from collections.abc import Iterable, Mapping
-from functools import lru_cache
 from itertools import groupby, product
 from types import MappingProxyType
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from megalopta.assets_gen import TEXTURES, generator
+from megalopta.scenes.forest.nursery import grown, texture
 from megalopta.scenes.forest.plants import Plant
 from megalopta.scenes.forest.stand import LODS, LodLevel
 from megalopta.scenes.forest.undergrowth import COVERS, PLANTS
@@ -57,9 +53,8 @@ def plant_assets(seed: int, names: Iterable[str]) -> dict[str, Asset]:
     assets = {}
     for (kind, number), group in groupby(ordered, lambda each: (each.plant.name, each.number)):
         individual = list(group)
-        rng = generator(seed, "plant", kind, number)
-        grown = PLANTS[kind].grow([each.lod for each in individual], rng)
-        for specimen, organs in zip(individual, grown, strict=True):
+        levels = grown(seed, PLANTS[kind], number, [each.lod for each in individual])
+        for specimen, organs in zip(individual, levels, strict=True):
             parts = {PLANTS[kind].part(organ): each.to_mesh() for organ, each in organs.items()}
             assets[specimen.name] = Asset(parts)
     return assets
@@ -70,13 +65,5 @@ def materials(seed: int, assets: Mapping[str, Asset]) -> dict[str, Material]:
     result = {}
     for part in sorted({part for asset in assets.values() for part in asset.parts}):
         (first, second), pattern = _COATS[part].spectra, _COATS[part].texture
-        result[part] = Material(first, Texture(_texture(seed, pattern), second))
+        result[part] = Material(first, Texture(texture(seed, pattern), second))
     return result
-
-
-@lru_cache(maxsize=2 * len(TEXTURES))
-def _texture(seed: int, pattern: str) -> NDArray[np.float32]:
-    """Weights that all forests of a seed share; a megabyte or four each, a second to paint."""
-    weight = TEXTURES[pattern](generator(seed, "texture", pattern))
-    weight.flags.writeable = False
-    return weight

@@ -5,7 +5,7 @@ import signal
 
 import pytest
 
-from megalopta.engine import run_jobs
+from megalopta.engine import cluster, run_jobs
 from megalopta.errors import UserError
 from megalopta.experiments import Trial, pixels_of, run
 
@@ -61,6 +61,20 @@ def test_trials_of_a_sweep_on_a_cluster_give_the_same_numbers(scheduler, tmp_pat
     here = run(trials, templates, tmp_path / "here", 1)
     there = run(trials, templates, tmp_path / "there", scheduler=scheduler)
     assert here == there
+
+
+def test_a_worker_of_another_version_is_refused(scheduler, tmp_path, monkeypatch):
+    monkeypatch.setattr(cluster, "own_version", lambda: "9.9")
+    with pytest.raises(UserError, match=r"worker tcp\S+ has megalopta 0\S+, this is 9\.9; install"):
+        list(run_jobs(Job(tmp_path), range(3), scheduler=scheduler))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_worker_of_another_version_that_comes_later_does_nothing(tmp_path):
+    outcome = cluster.attempt(Job(tmp_path), 0, wanted="9.9")
+    assert outcome.ends_all
+    assert "this is 9.9" in outcome.problem
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.slow

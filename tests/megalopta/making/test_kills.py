@@ -4,10 +4,10 @@ The larger test is the whole claim: 20 sequences of 20 frames, ten kills. That a
 is done by another is tested in `tests/megalopta/engine`, cheaply.
 """
 
+import contextlib
 import hashlib
-import os
-import signal
 import threading
+import time
 
 import numpy as np
 import psutil
@@ -33,24 +33,38 @@ class Killer(threading.Thread):
 
     def __init__(self, kills, mean_pause_s):
         super().__init__(daemon=True)
-        self.kills, self.killed, self.over = kills, 0, threading.Event()
-        self._pauses = np.random.default_rng(0).exponential(mean_pause_s, kills)
-        self._rng = np.random.default_rng(1)
+        self.kills, self.mean_pause_s = kills, mean_pause_s
+        self.killed, self.over = 0, threading.Event()
 
     def run(self):
-        for pause_s in self._pauses:
-            if self.over.wait(pause_s):
+        rng = np.random.default_rng(0)
+        while self.killed < self.kills:
+            if self.over.wait(rng.exponential(self.mean_pause_s)):
                 return
-            children = psutil.Process().children(recursive=True)
-            workers = [each for each in children if "dask_worker" in " ".join(each.cmdline())]
-            if workers:
-                os.kill(workers[self._rng.integers(len(workers))].pid, signal.SIGKILL)
-                self.killed += 1
+            if found := workers():
+                with contextlib.suppress(psutil.NoSuchProcess):
+                    found[rng.integers(len(found))].kill()
+                    self.killed += 1
 
 
-def made_twice(plan, folder, kills, mean_pause_s):
+def workers():
+    """Processes of workers that live."""
+    found = []
+    for child in psutil.Process().children(recursive=True):
+        with contextlib.suppress(psutil.Error):  # it has ended meanwhile
+            if "dask_worker" in " ".join(child.cmdline()):
+                found.append(child)
+    return found
+
+
+def made_twice(plan, folder, kills, monkeypatch):
+    """Make a plan here, then by workers of which some are killed, each time with an empty cache."""
+    start = time.monotonic()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
     undisturbed = make(folder / "serial", plan)
-    killer = Killer(kills, mean_pause_s)
+    # all kills together take a third of the time, so that none comes too late
+    killer = Killer(kills, (time.monotonic() - start) / (3 * kills))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache of workers"))
     killer.start()
     disturbed = make(folder / "killed", plan, workers=2)
     killer.over.set()
@@ -61,10 +75,12 @@ def made_twice(plan, folder, kills, mean_pause_s):
 
 
 @pytest.mark.slow
-def test_workers_make_what_one_process_makes_though_one_is_killed(small_plan, tmp_path):
-    made_twice(small_plan, tmp_path, kills=1, mean_pause_s=2)
+def test_workers_make_what_one_process_makes_though_one_is_killed(
+    small_plan, tmp_path, monkeypatch
+):
+    made_twice(small_plan, tmp_path, 1, monkeypatch)
 
 
 @pytest.mark.slow
-def test_twenty_sequences_are_the_same_after_ten_kills(full_plan, tmp_path):
-    assert made_twice(full_plan, tmp_path, kills=10, mean_pause_s=3) == 10
+def test_twenty_sequences_are_the_same_after_ten_kills(full_plan, tmp_path, monkeypatch):
+    assert made_twice(full_plan, tmp_path, 10, monkeypatch) == 10

@@ -34,6 +34,18 @@ def test_methods_that_differ_by_noise_are_not_told_apart():
     assert sure < 200 * 0.1 + 5 * np.sqrt(200 * 0.1 * 0.9)
 
 
+def test_only_pairs_that_the_data_tell_apart_have_an_order():
+    """b differs from a in every pair, c from b by noise alone (two-sided 95 %: here it is not)."""
+    rng = np.random.default_rng(0)
+    hard = rng.exponential(1, 40)
+    noise = rng.normal(0, 0.01, 40)
+    noise -= noise.mean()
+    found = Replicates(40, 0).order(
+        {"a": sums(hard + 0.1), "b": sums(hard), "c": sums(hard + noise), "d": sums(hard + 1)}
+    )
+    assert found == [("a", "d"), ("b", "a"), ("b", "d"), ("c", "a"), ("c", "d")]
+
+
 def test_empty_groups_have_neither_mean_nor_best():
     empty = PairSums(np.zeros(5), np.zeros(5))
     assert Replicates(5, 0).interval(empty) is None

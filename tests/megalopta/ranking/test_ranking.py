@@ -9,7 +9,15 @@ from megalopta.cli import main as cli
 from megalopta.config import load
 from megalopta.dataset import open_dataset
 from megalopta.flow.detectors import METHODS
-from megalopta.ranking import BOUND, STILL, Pooling
+from megalopta.ranking import (
+    BOUND,
+    STILL,
+    Pooling,
+    Ranking,
+    findings,
+    read_ranking,
+    run_ranking,
+)
 from megalopta.ranking.truth import SequenceTruth
 from megalopta.stages import run_stage
 
@@ -20,6 +28,15 @@ SETTINGS = {
     "render.samples_per_pixel": "4",
 }
 WORDS = "--methods BM DIS --fluxes 1e3 1e8 --repeats 1 --camera-pairs 1".split()
+
+FEW = {
+    "fluxes": "[1e8]",
+    "repeats": "1",
+    "pixels_pooled": "[1]",
+    "frames_pooled": "[1]",
+    "camera_pairs": "0",
+    "wide_field": "[]",
+}
 
 
 @pytest.fixture(scope="module")
@@ -88,10 +105,99 @@ def test_a_broken_run_goes_on_and_gives_the_same(ranked, grating, capsys):
     assert again == kept[:2]
 
 
+def test_other_frames_are_measured_anew(tmp_path):
+    pages = []
+    for seed in ("1", "2"):
+        root = tmp_path / seed
+        run_stage(root, load("grating", {**SETTINGS, "seed": seed}), "render")
+        pages.append(run_ranking(root, tmp_path / "out", {**FEW, "methods": "[BM]"}))
+    assert len(list((tmp_path / "out" / "velocities").rglob("*.npy"))) == 2 * 2
+
+
+def test_functions_and_references_are_methods_too(grating, tmp_path, monkeypatch):
+    """A module's function and the same function from Python answer alike; other code anew."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine_flow.py").write_text(
+        "import numpy as np\ndef flow(a, b):\n    return np.full((*a.shape, 2), [1.0, 0.0])\n"
+    )
+    run_ranking(grating, "out", FEW, methods=["BM", "mine_flow:flow", still])
+    found = errors(tmp_path / "out")
+    assert {key[4] for key in found} == {"BM", "mine_flow:flow", "still", STILL, BOUND}
+    for group in ("all", "speed medium"):
+        if (case := (1, 1, 1e8, group)) + (STILL,) in found:
+            mean = found[*case, "still"]["mean"]
+            assert mean == pytest.approx(found[*case, STILL]["mean"], abs=1e-12)
+    ranking = read_ranking(tmp_path / "out")
+    assert ranking.settings.methods == ("BM", "mine_flow:flow", "still")
+
+
+def test_words_say_only_what_is_sure_in_both_groups(ranked):
+    def order(group, better, worse):
+        return {"photons_per_frame": 1e8, "group": group, "better": better, "worse": worse}
+
+    record = json.loads((ranked / "ranking.json").read_text())
+    record["orders"] = [
+        order("visible", "BM", "DIS"),
+        order("occluded", "DIS", "BM"),
+        order("parallax low", "BM", "DIS"),
+    ]
+    best = {"pixels": 1, "frames": 1, "photons_per_frame": 1e3}
+    record["best"] = [
+        {**best, "group": "parallax low", "method": "BM", "is_sure": True},
+        {**best, "group": "parallax high", "method": "DIS", "is_sure": True},
+        {**best, "group": "visible", "method": "BM", "is_sure": True},
+        {**best, "group": "occluded", "method": "DIS", "is_sure": False},
+    ]
+    parallax, occlusion, *_ = findings(Ranking.model_validate(record))
+    assert parallax == (
+        "The best method changes with parallax: at 1.00k photons BM where parallax is low, DIS "
+        "where parallax is high."
+    )
+    assert "No change of the best method with occlusion" in occlusion
+    assert "BM before DIS (visible), the other way round (occluded)" in occlusion
+
+
+def test_yaw_rates_of_methods_with_and_without_velocities(tmp_path):
+    """The camera turns at one rate before a grating: clean answers give it within a tenth."""
+    words = {**SETTINGS, "trajectory.frames": "30", "render.samples_per_pixel": "1"}
+    run_stage(tmp_path / "data", load("grating", words), "render")
+    chosen = {**FEW, "fluxes": "[1e3, 1e8]", "methods": "[BM]", "wide_field": "[EMD]"}
+    run_ranking(tmp_path / "data", tmp_path, chosen)
+    found = {
+        (each.photons_per_frame, each.method): each for each in read_ranking(tmp_path).yaw_rates
+    }
+    assert {name for _, name in found} == {"BM", "EMD"}
+    for name in ("BM", "EMD"):
+        clean = found[1e8, name]
+        assert clean.ideal_deg_s < 0.1 * clean.true_deg_s
+        assert clean.counts_deg_s < found[1e3, name].counts_deg_s
+
+
+def still(first, second):
+    return np.zeros((*first.shape, 2))
+
+
+def test_levels_are_measured_at_their_photons(grating, tmp_path):
+    """Of a light level in lux: photons per lux and second times lux times exposure."""
+    words = {**FEW, "methods": "[BM]", "light_levels": "[twilight, 0.5]", "exposure_s": "0.02"}
+    page = run_ranking(grating, tmp_path, words)
+    ranking = read_ranking(tmp_path)
+    expected = [ranking.photons_per_lux_s * lux * 0.02 for lux in (1.0, 0.5)]
+    found = sorted({*ranking.settings.fluxes} - {1e8}, reverse=True)
+    assert found == pytest.approx(expected, rel=1e-3)
+    text = page.read_text()
+    assert "Light levels" in text and "0.5lux" in text and "airglow" in text
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [
         (["--methods", "EMD"], "'EMD' is no method that gives velocities; choose from BM"),
+        (["--methods", "nobody:flow"], "No module named 'nobody'"),
+        (["--methods", "none.onnx"], "none.onnx: "),
+        (["--wide-field", "NDM"], "'NDM' is blind to direction"),
+        (["--light-levels", "noon"], "light level 'noon' is unknown"),
+        (["--fluxes", "[]"], "give fluxes, or light_levels"),
         (["--fluxes", "0"], "fluxes"),
         (["--pixels-pooled", "30"], "pixels_pooled 30 for BM"),
         (["--frames-pooled", "4"], "has 8 frames: frames_pooled 4 needs 12"),

@@ -103,6 +103,37 @@ def test_our_own_dis_scores_the_same(tree):
     assert own.of("all").epe_px == pytest.approx(entry.overall["all"].epe_px, rel=1e-6)
 
 
+def with_pictures(truth):
+    for name, _, *frames in pictures():
+        for number, frame in enumerate(frames, start=1):
+            path = truth / "training" / "clean" / name / f"frame_{number:04}.png"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            Image.fromarray(frame).save(path)
+
+
+def test_a_method_is_scored_as_the_files_that_it_would_write(tree, tmp_path, capsys):
+    truth, submitted = tree
+    with_pictures(truth)
+    out = tmp_path / "scores.json"
+    submit(capsys, truth, "dis", "--out", out)
+    (entry,) = json.loads(out.read_text())["entries"]
+    (files,) = score_submission(submitted, truth).entries
+    assert (entry["program"], entry["pass_name"]) == ("DIS", "clean")
+    assert entry["truth_hash"] == files.truth_hash
+    for group in ("all", "visible", "occluded"):
+        assert entry["overall"][group]["epe_px"] == pytest.approx(
+            files.overall[group].epe_px, rel=1e-6
+        )
+
+
+def test_a_function_from_python_is_scored(tree):
+    truth, _ = tree
+    with_pictures(truth)
+    (entry,) = score_submission(lambda a, b: np.zeros((*a.shape, 2)), truth).entries
+    speeds = [np.hypot(*motion) for motion in MOTIONS]
+    assert entry.overall["all"].epe_px == pytest.approx(np.mean(speeds))
+
+
 def as_kitti(tree, folder):
     """The same truth and flow as 16-bit PNG, without the hidden pixels in flow_noc."""
     truth, submitted = tree
@@ -188,6 +219,8 @@ def test_mistakes_get_one_sentence(tree, tmp_path, capsys):
     assert "frame0001.flo" in text and "a flow of 40 × 30 px, the truth has 80 × 60" in text
     path.write_bytes(whole)
     assert "no such folder" in told(capsys, truth, tmp_path / "none")
+    assert "the truth has no pictures" in told(capsys, truth, "DIS")
+    assert "gives no flow at every pixel" in told(capsys, truth, "BM")
     (tmp_path / "empty").mkdir()
     assert "no true flow" in told(capsys, tmp_path / "empty", submitted)
     np.save(path.with_suffix(".npy"), np.zeros((*SHAPE, 2)))

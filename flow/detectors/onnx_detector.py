@@ -1,0 +1,142 @@
+"""A network in an ONNX file that gives the flow between two pictures, run by onnxruntime.
+
+What RAFT and its kin take is what a file should take: two pictures (1, 3, H, W), RGB from 0 to 255,
+and what gives the flow (1, 2, H, W), px, x before y. One input for both, (1, 6, H, W), and pictures
+of one channel are understood too. Of several outputs with two channels the largest is the flow, of
+equals the last. Pictures are brought to the size that the file wants; where it takes any, they are
+continued at their borders to whole multiples of 8, as RAFT does.
+"""
+
+import hashlib
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.flow.detectors.base import FloatArray
+from megalopta.flow.detectors.blocks import BlockGrid
+from megalopta.flow.detectors.dense_detector import DenseDetector, PairFlow
+
+if TYPE_CHECKING:
+    from onnxruntime import InferenceSession
+
+_MULTIPLE = 8
+_FEWEST_PX = 128
+"""RAFT pools an eighth of the picture four times."""
+_TYPES = {"tensor(float)": np.float32, "tensor(double)": np.float64, "tensor(uint8)": np.uint8}
+
+
+class OnnxDetector(DenseDetector, frozen=True):
+    """The flow of a network, averaged over blocks."""
+
+    path: Path
+    """ONNX file"""
+
+    content: str
+    """SHA-256 of the file"""
+
+    def _dense(self, grid: BlockGrid) -> PairFlow:
+        return self.flow
+
+    def flow(self, pair: FloatArray) -> FloatArray:
+        """Return the flow (H, W, 2) between two frames (2, H, W) with gray levels from 0 to 1."""
+        shape = (pair.shape[1], pair.shape[2])
+        wanted = self._size(shape)
+        is_fixed = wanted != _padded(shape)
+        pictures = [_resized(each, wanted) if is_fixed else _continued(each) for each in pair]
+        flow = self._inferred(255 * np.array(pictures))
+        if not is_fixed:
+            return flow[: shape[0], : shape[1]]
+        scale = np.array(shape[::-1]) / np.array(wanted[::-1])
+        resized = [_resized(each, shape) for each in np.moveaxis(flow, -1, 0)]
+        return np.asarray(np.dstack(resized) * scale)
+
+    def _size(self, shape: tuple[int, int]) -> tuple[int, int]:
+        """Height and width that the network is given pictures (H, W) in."""
+        own = _session(self.path, self.content).get_inputs()[0].shape[-2:]
+        if all(isinstance(each, int) for each in own):
+            return int(own[0]), int(own[1])
+        return _padded(shape)
+
+    def _inferred(self, pictures: FloatArray) -> FloatArray:
+        """Flow (H, W, 2) of two pictures (2, H, W) from 0 to 255."""
+        session = _session(self.path, self.content)
+        inputs = session.get_inputs()
+        channels = int(inputs[0].shape[1]) * len(inputs) // 2
+        planes = np.repeat(pictures, channels, axis=0).reshape(len(inputs), -1, *pictures.shape[1:])
+        feed = {
+            each.name: plane[np.newaxis].astype(_TYPES[each.type])
+            for each, plane in zip(inputs, planes, strict=True)
+        }
+        outputs = [np.asarray(each, np.float64) for each in session.run(None, feed)]
+        flows = [each[0] for each in outputs if each.ndim == 4 and each.shape[1] == 2]
+        largest = max(flows, key=lambda each: each.size)
+        flow = [each for each in flows if each.size == largest.size][-1]
+        return np.moveaxis(flow, 0, -1)
+
+
+def onnx_detector(path: Path) -> OnnxDetector:
+    """Return the detector of an ONNX file, named as the file is.
+
+    Raises
+    ------
+    ValueError
+        When onnxruntime is not installed, or the file holds no network that gives flow.
+    """
+    try:
+        import onnxruntime  # noqa: F401
+    except ImportError:
+        raise ValueError(
+            f"{path}: onnxruntime is not installed; run: pip install onnxruntime"
+        ) from None
+    try:
+        content = hashlib.sha256(path.read_bytes()).hexdigest()
+        found = OnnxDetector(name=path.name, label=path.stem, path=path, content=content)
+        problem = _problem(found)
+    except Exception as failure:  # onnxruntime's errors have no common class
+        problem = " ".join(str(failure).split())
+    if problem:
+        raise ValueError(f"{path}: {problem}; give an ONNX file from two pictures to their flow")
+    return found
+
+
+@lru_cache(maxsize=4)
+def _session(path: Path, content: str) -> "InferenceSession":
+    """A file of some content, loaded."""
+    import onnxruntime  # optional
+
+    options = onnxruntime.SessionOptions()
+    options.log_severity_level = 3
+    return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+
+
+def _problem(detector: OnnxDetector) -> str | None:
+    """What keeps a file from being used."""
+    session = _session(detector.path, detector.content)
+    inputs = session.get_inputs()
+    if any(len(each.shape) != 4 or each.type not in _TYPES for each in inputs):
+        return "its inputs are no pictures (1, channels, H, W) of numbers"
+    channels = [each.shape[1] for each in inputs]
+    if channels not in ([1, 1], [3, 3], [2], [6]):
+        return f"its inputs have {channels} channels, not 3 and 3, 1 and 1, 6 or 2"
+    if not any(len(each.shape) == 4 and each.shape[1] == 2 for each in session.get_outputs()):
+        return "it has no output (1, 2, H, W)"
+    return None
+
+
+def _padded(shape: tuple[int, int]) -> tuple[int, int]:
+    height, width = (max(_FEWEST_PX, -(-each // _MULTIPLE) * _MULTIPLE) for each in shape)
+    return height, width
+
+
+def _continued(picture: FloatArray) -> NDArray[Any]:
+    """A picture (H, W) whose right and lower borders go on."""
+    more = np.subtract(_padded((picture.shape[0], picture.shape[1])), picture.shape)
+    return np.pad(picture, [(0, int(each)) for each in more], mode="edge")
+
+
+def _resized(picture: FloatArray, shape: tuple[int, int]) -> NDArray[Any]:
+    return cv2.resize(picture, shape[::-1], interpolation=cv2.INTER_LINEAR)
