@@ -14,7 +14,7 @@ with fewer there is no need to look."""
 # In units of a ray that looks whether the sky is in view: a path takes 5 (benchmarks/bench_baked.py
 # measures both), a ray of the bake 1.6, since each eighth is followed, and a sample of a baked
 # frame 3. A path tracer's frames have the error of baked ones with 4 times the samples.
-_PATH, _BAKE, _SAMPLE, _AT_EQUAL_ERROR = 5.0, 1.6, 3.0, 4.0
+PATH, BAKE, SAMPLE, _AT_EQUAL_ERROR = 5.0, 1.6, 3.0, 4.0
 
 
 def path_tracing_reason(
@@ -50,7 +50,7 @@ def cost_reason(rays: int, samples: int) -> str:
 
     It does where frames of the same error on surfaces cost half.
     """
-    share = (_BAKE * rays + _SAMPLE * samples) / (_PATH * _AT_EQUAL_ERROR * samples)
+    share = (BAKE * rays + SAMPLE * samples) / (PATH * _AT_EQUAL_ERROR * samples)
     if share <= 1 / 2:
         return ""
     return (

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from megalopta.render import RenderSettings, dr, mi
 from megalopta.render.baking.cells import CellFinder, Cells, Sight
-from megalopta.render.baking.choice import cost_reason
+from megalopta.render.baking.choice import BAKE, SAMPLE, cost_reason
+from megalopta.render.baking.comparison import compared, pixels_to_compare
 from megalopta.render.baking.gathering import Gatherer, wavelength_groups
 from megalopta.render.baking.light import LEAST_RAYS, MOST_RAYS, BakedLight
 from megalopta.render.baking.moving import Neighborhood
@@ -75,6 +76,7 @@ class BakedLightIntegrator:
         self._textures = Textures(scene, meshes)
         sun = scene.lighting.sun if scene.lighting and settings.max_depth > 1 else None
         self._sun = SunLight(scene, meshes, sun, self._bands) if sun else None
+        self._compared = 1.0
         store = LightStore(folder, key_of(scene, meshes, settings, camera, poses, seed))
         kept = store.read()
         if kept:
@@ -93,6 +95,8 @@ class BakedLightIntegrator:
         if not self.reason:
             self._light.bake(np.setdiff1d(wanted, self._light.baked))
             store.write(self._light.contents())
+        work = BAKE * self._light.rays_of(wanted) + SAMPLE * len(poses) * camera.width * camera.height * settings.samples_per_pixel
+        self._compared = min(1.0, pixels_to_compare(work, len(poses)) / (camera.width * camera.height))
 
     def move_to(self, time_s: float) -> None:
         """Take notice of where moving objects are at a time."""
@@ -105,8 +109,21 @@ class BakedLightIntegrator:
         )
 
     def measured(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
-        """Radiance, a draw of its standing error and the share of the sky (H, W, 2·B + 1)."""
-        return pixel_means(sensor, seed, spp, lambda *each: self._seen(scene, *each))
+        """Radiance, a draw of its standing error and the share of the sky (H, W, 2·B + 1).
+
+        Then the differences from paths of some pixels, in groups (H, W, G·B); NaN of others.
+        """
+        image = pixel_means(sensor, seed, spp, lambda *each: self._seen(scene, *each))
+        differences = compared(
+            sensor, seed, image, self._compared, lambda *each: self._off(scene, *each)
+        )
+        return np.concatenate([image, differences], axis=-1)
+
+    def _off(self, scene: Any, ray: Any, place: Any, sampler: Any) -> list[Any]:
+        """How far baked light of each band is from that of paths."""
+        seen = self._seen(scene, ray, place, sampler)
+        paths = self._traced(scene, ray, place, sampler, mi.Bool(True))
+        return [a - b for a, b in zip(seen, paths, strict=False)]
 
     def _seen(self, scene: Any, ray: Any, place: Any, sampler: Any) -> list[Any]:
         """Radiance of each band along rays, a draw of its standing error, and whether it is sky.
