@@ -10,7 +10,6 @@ the error is known in the same way.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from megalopta.arrays import Floats, Mask

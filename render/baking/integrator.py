@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from megalopta.render import RenderSettings, dr, mi
 from megalopta.render.baking.cells import CellFinder, Cells, Sight
 from megalopta.render.baking.choice import BAKE, SAMPLE, cost_reason
+from megalopta.render.baking.clusters import Voxels
 from megalopta.render.baking.comparison import compared, pixels_to_compare
 from megalopta.render.baking.gathering import Gatherer, wavelength_groups
-from megalopta.render.baking.light import LEAST_RAYS, MOST_RAYS, BakedLight
+from megalopta.render.baking.light import BakedLight
 from megalopta.render.baking.moving import Neighborhood
 from megalopta.render.baking.shading import SunLight, Textures
 from megalopta.render.baking.store import LightStore, key_of
@@ -31,10 +32,11 @@ from megalopta.render.sensors import pixel_means
 from megalopta.scenes.cameras import Camera
 from megalopta.scenes.world import Scene
 
-# Frames, and rays per pixel of each, that show how many rays the stated error takes.
-_PILOT_FRAMES, _PILOT_RAYS = 4, 32
+# Frames, and rays per pixel of each, that show how many rays the stated error takes, where there is
+# one for each time that a cluster is seen.
+_PILOT_FRAMES, _PILOT_RAYS, _PILOT_DENSITY = 4, 32, 1.0
 # The error of a cell falls as this power of its rays; of independent rays it would be 0.5.
-_DECAY = 0.54
+_DECAY = 0.42
 
 
 class BakedLightIntegrator:
@@ -69,34 +71,42 @@ class BakedLightIntegrator:
         if self._moving:
             meshes = [mesh for mesh in meshes if not isinstance(mesh, MovingMesh)]
             loaded = part_of_scene(scene, loaded.shapes()[: len(meshes)])
-        cells = Cells.of(meshes, camera, poses[:, :3, 3])
+        positions = poses[:, :3, 3]
+        cells = Cells.of(meshes, camera, positions)
         self._finder = CellFinder(cells, whole)
         gatherer = Gatherer(loaded, scene, meshes, cells, settings, seed)
-        self._light = BakedLight(gatherer, cells.count, len(self._bands), LEAST_RAYS)
+        voxels = Voxels(cells, meshes, camera, positions)
+        self._light = BakedLight(gatherer, voxels, cells.count, len(self._bands))
         self._textures = Textures(scene, meshes)
         sun = scene.lighting.sun if scene.lighting and settings.max_depth > 1 else None
         self._sun = SunLight(scene, meshes, sun, self._bands) if sun else None
-        self._compared = 1.0
+        pixels = camera.width * camera.height
+        samples = len(poses) * pixels * settings.samples_per_pixel
         store = LightStore(folder, key_of(scene, meshes, settings, camera, poses, seed))
         kept = store.read()
         if kept:
             self._light.restore(kept)
-            return
-        seen = survey(loaded, self._finder, cells.count, camera, poses, seed)
-        self._light.begin(seen, LEAST_RAYS)
-        error = self._standing_error(loaded, camera, poses, seed)
-        times = math.ceil((error / settings.standing_error) ** (1 / _DECAY))
-        if times > 1:
-            self._light.begin(seen, min(LEAST_RAYS * times, MOST_RAYS))
-        wanted = np.flatnonzero(seen).astype(np.uint32)
-        if settings.integrator == "auto":
-            samples = len(poses) * camera.width * camera.height * settings.samples_per_pixel
-            self.reason = cost_reason(self._light.rays_of(wanted), samples)
-        if not self.reason:
-            self._light.bake(np.setdiff1d(wanted, self._light.baked))
-            store.write(self._light.contents())
-        work = BAKE * self._light.rays_of(wanted) + SAMPLE * len(poses) * camera.width * camera.height * settings.samples_per_pixel
-        self._compared = min(1.0, pixels_to_compare(work, len(poses)) / (camera.width * camera.height))
+        else:
+            self._prepare(loaded, camera, poses, seed, settings.standing_error)
+            if settings.integrator == "auto":
+                self.reason = cost_reason(self._light.total_rays(), samples)
+            if not self.reason:
+                self._light.bake_all()
+                store.write(self._light.contents())
+        work = BAKE * self._light.total_rays() + SAMPLE * samples
+        self._compared = min(1.0, pixels_to_compare(work, len(poses)) / pixels)
+
+    def _prepare(
+        self, loaded: Any, camera: Camera, poses: NDArray[np.float64], seed: int, error: float
+    ) -> None:
+        """Find what is to be baked, and with how many rays."""
+        seen = survey(loaded, self._finder, self._light.cells, camera, poses, seed)
+        cell = np.flatnonzero(seen).astype(np.uint32)
+        self._light.begin(cell, seen[cell], _PILOT_DENSITY)
+        found = self._standing_error(loaded, camera, poses, seed)
+        density = self._light.density_for((error / found) ** (0.5 / _DECAY)) if found else 1.0
+        # Anew in any case: the frames of the pilot met cells that the survey did not.
+        self._light.begin(cell, seen[cell], density)
 
     def move_to(self, time_s: float) -> None:
         """Take notice of where moving objects are at a time."""
@@ -188,6 +198,7 @@ class BakedLightIntegrator:
             for pose in frames
         )
         self._light.bake(np.flatnonzero(seen).astype(np.uint32))
+        self._light.smooth()
         # Any point of the sun's disc will do.
         sampler = mi.load_dict({"type": "independent"})
         sampler.seed(seed, camera.width * camera.height)

@@ -19,7 +19,7 @@ from megalopta.scenes.world import Scene
 
 Contents = dict[str, NDArray[Any]]
 
-NAMES = "rays", "cells", "rows"
+NAMES = "density", "cells", "seen", "rows"
 MOST_BYTES = 4 * 10**9
 """Of all stored light: beyond it the oldest goes."""
 
@@ -78,9 +78,7 @@ class LightStore:
             return
         with contextlib.suppress(OSError):
             with files.atomic_write(self._path) as temporary, temporary.open("wb") as file:
-                np.savez(
-                    file, rays=contents["rays"], cells=contents["cells"], rows=contents["rows"]
-                )
+                np.savez(file, **{name: contents[name] for name in NAMES})
             _prune(self._path.parent)
 
 
