@@ -47,7 +47,7 @@ def stated(rendering: SceneRenderer, pose: np.ndarray) -> tuple[RenderNoise, np.
     passes, measured = RunningMean(), rendering.measured(pose, frame_seed(0, 1))
     for image in (rendering.radiance(pose, frame_seed(0, 0)), measured.radiance):
         passes.add(image)
-    return passes.noise(1, measured.standing, measured.sky), measured.sky == 0
+    return passes.noise(1, measured), measured.sky == 0
 
 
 def accuracy(preset: str, level: str) -> None:

@@ -97,16 +97,6 @@ class Clusters:
         """(C,): how often members were seen."""
         return np.diff(np.concatenate([[0], self.weight])[self.first])
 
-    def numbers(self, cell: UInt32) -> NDArray[np.int64]:
-        """Which cluster cells (N,) are members of; -1 of none."""
-        if not len(self.members):
-            return np.full(len(cell), -1)
-        order = np.argsort(self.members)
-        place = np.searchsorted(self.members, cell, sorter=order).clip(max=len(order) - 1)
-        found = order[place]
-        cluster = np.searchsorted(self.first, found, side="right") - 1
-        return np.where(self.members[found] == cell, cluster, -1)
-
     def of_members(self, chosen: NDArray[np.int64]) -> tuple[UInt32, NDArray[np.int64]]:
         """All members of chosen clusters, and for each which of the chosen it belongs to."""
         sizes = np.diff(self.first)[chosen]

@@ -34,7 +34,7 @@ def test_frames_of_forests_lie_within_their_stated_error(preset, level, integrat
     passes, measured = RunningMean(), frames.measured(poses[4], 1)
     for image in (frames.radiance(poses[4], 0), measured.radiance):
         passes.add(image)
-    stated = passes.noise(1, measured.standing, measured.sky).surface
+    stated = passes.noise(1, measured).surface
     part = measured.sky == 0
     # Equal seeds send equal primary rays: what baked frames differ by is known soon.
     paths, others = (

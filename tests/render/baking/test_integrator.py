@@ -10,7 +10,7 @@ import trimesh
 from megalopta.render.baking import light as bake
 from megalopta.render.baking.choice import cost_reason, path_tracing_reason
 from megalopta.render.baking.gathering import Gatherer
-from megalopta.render.noise import RunningMean
+from megalopta.render.scatter import RunningMean
 from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.sensors import primary
 from megalopta.render.settings import RenderSettings, bake_seed, frame_seed
@@ -190,7 +190,7 @@ def test_frames_lie_within_their_stated_error_of_the_path_tracer(sun):
     both = RunningMean()
     for each in passes:
         both.add(each.radiance)
-    surface = both.noise(1, passes[0].standing, passes[0].sky).surface
+    surface = both.noise(1, passes[0]).surface
     part = passes[0].sky == 0
     level = paths.mean(axis=0)[part].mean()
     # What stands: the mean difference, less the noise of both that is left in it.
@@ -277,8 +277,8 @@ def test_stored_light_gives_the_same_frames_without_another_bake(tmp_path, monke
     monkeypatch.setattr(
         Gatherer,
         "leaving",
-        lambda self, cell, shares, least: (
-            rays.append(2 * least * shares.sum()) or leaving(self, cell, shares, least)
+        lambda self, leader, cell, shares, least: (
+            rays.append(2 * least * shares.sum()) or leaving(self, leader, cell, shares, least)
         ),
     )
     _, again = frame(tmp_path, bake_error=0.1)
