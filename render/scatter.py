@@ -1,11 +1,4 @@
-"""Error of a frame from the scatter of its passes, and from their distance to paths.
-
-The mean over some pixels of D², where D is the difference between baked light and that of traced
-paths, is too large by the variance of the paths. That variance is known from the scatter of the
-groups that a pixel's paths come in; without it, what is left has the squared standing error as its
-mean, whatever that comes from. Pixels are compared in pairs of neighbors, so that the gradient of
-the error is known in the same way.
-"""
+"""Error of a frame from the scatter of its passes, and what stands in all frames alike."""
 
 from dataclasses import dataclass
 
@@ -14,11 +7,10 @@ from scipy.stats import chi2
 
 from megalopta.arrays import Floats, Mask
 from megalopta.render.noise import Image, MeasuredPass, RegionNoise, RenderNoise
+from megalopta.render.standing import Standing, pairs, slopes
 
 _BLOCK_PX = 4
 _TAIL = 0.95
-# Pixels, or pairs of them, that say more than the scatter of the bake does.
-_FEWEST = 8
 
 
 class RunningMean:
@@ -36,13 +28,13 @@ class RunningMean:
         if self.count == 1:
             self._mean = image.astype(np.float64)
             self._squares = np.zeros((*image.shape, image.shape[2]))
-            self._slopes = [np.zeros_like(each) for each in _slopes(self._mean)]
+            self._slopes = [np.zeros_like(each) for each in slopes(self._mean)]
             return
         before = image - self._mean
         self._mean += before / self.count
         after = image - self._mean
         self._squares += before[..., :, None] * after[..., None, :]
-        pairs = zip(self._slopes, _slopes(before), _slopes(after), strict=True)
+        pairs = zip(self._slopes, slopes(before), slopes(after), strict=True)
         self._slopes = [total + a * b for total, a, b in pairs]
 
     @property
@@ -61,7 +53,7 @@ class RunningMean:
             mean=self._mean,
             flicker=self._squares / (self.count - 1),
             slopes=[each / (self.count - 1) for each in self._slopes],
-            standing=_Standing.of(measured, self._mean),
+            standing=Standing.of(measured, self._mean),
             passes=self.count,
             averaged=averaged,
         )
@@ -81,81 +73,13 @@ class RunningMean:
 
 
 @dataclass(frozen=True)
-class _Standing:
-    """The error that all frames share."""
-
-    draw: Floats  # (H, W, B)
-    differences: Floats  # (H, W, G, B)
-
-    @classmethod
-    def of(cls, measured: MeasuredPass | None, like: Floats) -> "_Standing":
-        """That of a pass; none where there is no such pass."""
-        empty = np.zeros((*like.shape[:2], 0, like.shape[2]))
-        if measured is None:
-            return cls(np.zeros_like(like), empty)
-        found = measured.differences
-        draw = measured.standing.astype(np.float64)
-        return cls(draw, empty if found is None else found.astype(np.float64))
-
-    def covariance(self, part: Mask) -> Floats:
-        """Mean square between bands (B, B) over a part (H, W) of the pixels."""
-        found = self._compared(self.differences, part)
-        if len(found) < _FEWEST:
-            return _mean_square(self.draw[part])
-        return _without_scatter(found)
-
-    def slope(self, part: Mask) -> float:
-        """Mean square of what the error of neighbors, summed over bands, differs by."""
-        draws, found = [], []
-        for axis, both in enumerate(_pairs(part)):
-            draws.append(np.diff(self.draw.sum(axis=-1), axis=axis)[both])
-            each = np.diff(self.differences.sum(axis=-1, keepdims=True), axis=axis)
-            found.append(self._compared(each, both))
-        compared = np.concatenate(found)
-        if len(compared) < _FEWEST:
-            return float(_mean_square(np.concatenate(draws)[:, None]).sum())
-        return max(float(_without_scatter(compared).sum()), 0.0)
-
-    def squares(self, part: Mask) -> Floats:
-        """Of each pixel (H, W), summed over bands: those of the draw, with the mean that is due."""
-        draw = self.draw.sum(axis=-1) ** 2
-        mean = draw[part].mean()
-        due = max(float(self.covariance(part).sum()), 0.0)
-        return np.asarray(draw * (due / mean) if mean > 0 else np.full_like(draw, due))
-
-    @staticmethod
-    def _compared(differences: Floats, part: Mask) -> Floats:
-        inside = differences[part]
-        if not inside.shape[1]:
-            return inside[:0]
-        return np.asarray(inside[np.isfinite(inside).all(axis=(1, 2))])
-
-
-def _mean_square(values: Floats) -> Floats:
-    return np.asarray(values.T @ values / max(len(values), 1))
-
-
-def _without_scatter(groups: Floats) -> Floats:
-    """Mean product (B, B) of the means of independent groups (n, G, B), free of their scatter.
-
-    Diagonal elements are not negative.
-    """
-    n, count, bands = groups.shape
-    sums = groups.sum(axis=1)
-    each = groups.reshape(n * count, bands)
-    product = (sums.T @ sums - each.T @ each) / (n * count * (count - 1))
-    scale = np.sqrt(np.maximum(product.diagonal(), 0))
-    return np.asarray(np.clip(product, -np.outer(scale, scale), np.outer(scale, scale)))
-
-
-@dataclass(frozen=True)
 class _Frame:
     """Mean (H, W, B) of passes, of which a frame averages some, and what single passes vary by."""
 
     mean: Floats
     flicker: Floats  # (H, W, B, B)
     slopes: list[Floats]
-    standing: _Standing
+    standing: Standing
     passes: int
     averaged: int
 
@@ -193,7 +117,7 @@ class _Frame:
         """Share of the squared differences between neighbors that the error makes."""
         flicker = still = seen = 0.0
         slope = self.standing.slope(part)
-        for both, noise, light in zip(_pairs(part), self.slopes, _slopes(self.mean), strict=True):
+        for both, noise, light in zip(pairs(part), self.slopes, slopes(self.mean), strict=True):
             flicker += float(noise[both].sum())
             still += slope * float(both.sum())
             seen += float((light[both] ** 2).sum())
@@ -204,19 +128,9 @@ class _Frame:
 
 def neighbor_differences(pixels: Floats, part: Mask) -> Floats:
     """Half the mean product (B, B) of what neighbors in a part (H, W) differ by."""
-    along = [np.diff(pixels, axis=axis)[both] for axis, both in enumerate(_pairs(part))]
+    along = [np.diff(pixels, axis=axis)[both] for axis, both in enumerate(pairs(part))]
     differences = np.concatenate(along)
     return np.asarray(differences.T @ differences / (2 * max(len(differences), 1)))
-
-
-def _slopes(pixels: Floats) -> list[Floats]:
-    """Differences between neighbors in columns and in rows, of the sum over bands."""
-    return [np.diff(pixels.sum(axis=-1), axis=axis) for axis in (0, 1)]
-
-
-def _pairs(part: Mask) -> list[Mask]:
-    """Neighbors in columns and in rows that both lie in a part."""
-    return [part[1:] & part[:-1], part[:, 1:] & part[:, :-1]]
 
 
 def _relative(

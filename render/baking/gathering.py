@@ -18,14 +18,14 @@ the error of their mean as its standard deviation.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.render import Bands, RenderSettings, dr, mi
-from megalopta.render.baking.cells import Cells, Patches
+from megalopta.render.baking.cells import Cells
+from megalopta.render.baking.lanes import Lanes, Places
 from megalopta.render.baking.sampling import cell_sampler, hashed, recurrence
 from megalopta.render.loading import MergedMesh
 from megalopta.scenes.spectra import Spectrum, flat
@@ -108,14 +108,14 @@ class Gatherer:
         Each half takes `least` rays, a multiple of STRIDE, for each of a cluster's shares (C,).
         """
         patches = self._cells.patches(cell.ravel())
-        places = _Places(patches, cell.shape[1])
-        in_view = np.array(self._in_view(leader, places, _Lanes(shares, least)))
+        places = Places(patches, cell.shape[1])
+        in_view = np.array(self._in_view(leader, places, Lanes(shares, least)))
         mesh = patches.mesh[:: cell.shape[1]]
         sky = in_view[:, None] * self._under_sky[np.repeat(mesh, 2)]
-        followed = self._followed(leader, mesh, places, _Lanes(shares, least // self._stride))
+        followed = self._followed(leader, mesh, places, Lanes(shares, least // self._stride))
         return np.asarray(sky + followed).reshape(len(leader), 2, -1)
 
-    def _in_view(self, leader: UInt32, places: "_Places", lanes: "_Lanes") -> Any:
+    def _in_view(self, leader: UInt32, places: Places, lanes: Lanes) -> Any:
         """Share (2C,) of the sky that is in view."""
         if not self._under_sky.any():
             return np.zeros(2 * len(leader))
@@ -124,7 +124,7 @@ class Gatherer:
         return lanes.means([dr.select(self._scene.ray_test(rays), 0.0, 1.0)])[:, 0]
 
     def _followed(
-        self, leader: UInt32, mesh: UInt32, places: "_Places", lanes: "_Lanes"
+        self, leader: UInt32, mesh: UInt32, places: Places, lanes: Lanes
     ) -> NDArray[np.float64]:
         """Radiance (2C, 2·bands) that leaves meshes (C,) because of light from surfaces."""
         bands = len(self._bands)
@@ -151,12 +151,12 @@ class Gatherer:
                     leaving[column] = light * dr.gather(mi.Float, self._reflectance, entry)
         return lanes.means(leaving)
 
-    def _keys(self, leader: UInt32, lanes: "_Lanes") -> tuple[Any, Any]:
+    def _keys(self, leader: UInt32, lanes: Lanes) -> tuple[Any, Any]:
         """Two random numbers for each lane, which its cluster and its half of the samples share."""
         of_leader, _ = hashed(lanes.of_cluster(leader), self._seed)
         return hashed(of_leader, lanes.half)
 
-    def _rays(self, places: "_Places", lanes: "_Lanes", sample: Any, key: Any) -> Any:
+    def _rays(self, places: Places, lanes: Lanes, sample: Any, key: Any) -> Any:
         """Rays of samples, from cells of their clusters into cosine-distributed directions."""
         x, y, a, b, draw = recurrence(sample, key)
         drawn = mi.UInt(draw * places.draws) + lanes.cluster * places.draws
@@ -175,54 +175,6 @@ class Gatherer:
         upward = point.sh_frame.to_world(mi.warp.square_to_cosine_hemisphere(mi.Point2f(x, y)))
         side = dr.select(of(patch.side) == 0, 1.0, -1.0)
         return mi.RayDifferential3f(point.spawn_ray(side * upward))
-
-
-@dataclass
-class _Places:
-    """Where clusters are sampled: some cells of each, one cluster after the other."""
-
-    patches: Patches
-    draws: int
-
-
-@dataclass
-class _Lanes:
-    """How the samples of both halves of C clusters lie in one launch.
-
-    A half has as many groups as its cluster has shares, of `size` lanes each.
-    """
-
-    shares: Integers
-    size: int
-
-    def __post_init__(self) -> None:
-        groups = np.repeat(self.shares, 2)
-        self._start = np.cumsum(groups) - groups
-        self._samples = groups * self.size
-        entry = np.repeat(np.arange(len(groups), dtype=np.uint32), groups)
-        number = (np.arange(len(entry)) - self._start[entry]).astype(np.uint32)
-        lane = dr.arange(mi.UInt, len(entry) * self.size)
-        group = lane // self.size
-        of_half = dr.gather(mi.UInt, mi.UInt(entry), group)
-        first = dr.gather(mi.UInt, mi.UInt(number), group) * self.size
-        self.sample = first + lane - group * self.size
-        """Number of each lane's sample in its half."""
-        self.half = of_half & 1
-        self.cluster = of_half >> 1
-        self.samples = dr.gather(mi.UInt, mi.UInt(self._samples.astype(np.uint32)), of_half)
-        """How many samples each lane's half has."""
-
-    def of_cluster(self, values: UInt32) -> Any:
-        """Values of clusters (C,) for lanes."""
-        return dr.gather(mi.UInt, mi.UInt(values), self.cluster)
-
-    def means(self, values: list[Any]) -> NDArray[np.float64]:
-        """Means (2C, n) over the samples of each half of n values of lanes."""
-        sums = [dr.block_sum(each, self.size) for each in values]
-        dr.eval(sums)
-        groups = np.stack([np.array(each, np.float64) for each in sums], axis=1)
-        totals = np.add.reduceat(groups, self._start, axis=0)
-        return np.asarray(totals / self._samples[:, None])
 
 
 def _in_bands(spectra: Sequence[Spectrum], bands_nm: Bands) -> Any:

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.arrays import Floats
 from megalopta.render import dr, mi
 from megalopta.render.baking.clusters import Clusters, Voxels
 from megalopta.render.baking.gathering import STRIDE, Gatherer
 from megalopta.render.baking.smoothing import smoothed
+from megalopta.render.baking.table import Table
 
 NOT_BAKED = 2**32 - 1
 LEAST_RAYS = 2 * STRIDE
@@ -25,7 +25,6 @@ _MOST_RAYS = 2**14
 # Rays traced at once, in about a second: what they bring is kept until it is summed, and Ctrl-C
 # waits for them.
 RAYS_AT_ONCE = 2**20
-FIRST_ROWS = 2**12
 # Voxels in which clusters are smoothed, over those of clusters: 2² times as wide.
 OCTAVES = 2
 
@@ -44,10 +43,6 @@ class BakedLight:
         self.cells, self._bands = cells, bands
         self.begin(np.zeros(0, np.uint32), np.zeros(0, np.uint32), 1.0)
 
-    @property
-    def _width(self) -> int:
-        return 4 * self._bands
-
     def begin(self, cell: UInt32, seen: UInt32, density: float) -> None:
         """Start anew with cells (N,), which were seen so often, and rays for each time."""
         keys = self._voxels.keys(cell)
@@ -59,9 +54,8 @@ class BakedLight:
         self._shares = self._shares_at(density)
         self._row = dr.full(mi.UInt, NOT_BAKED, self.cells)
         self._row_of = np.full(len(self._clusters), NOT_BAKED, np.uint32)
-        self._table = dr.zeros(mi.Float, FIRST_ROWS * self._width)
+        self._table = Table(4 * self._bands)
         self._around = np.zeros(0, np.uint64), np.zeros(0, np.uint32)
-        self.rows = 0
 
     def _shares_at(self, density: float) -> NDArray[np.int64]:
         """Rays of each cluster, over the fewest."""
@@ -93,20 +87,20 @@ class BakedLight:
         known = np.flatnonzero(self._row_of != NOT_BAKED)
         if not len(known):
             return
-        rows, neighbors = self._rows()[self._row_of[known]], self._neighbors[known]
+        rows, neighbors = self._table.rows()[self._row_of[known]], self._neighbors[known]
         better = smoothed(rows, neighbors, self._shares[known], self._clusters.seen[known])
-        self._write(better, self._row_of[known])
+        self._table.write(better, self._row_of[known])
         self._add_means()
 
     def _add_means(self) -> None:
         """Rows of what clusters that are neighbors have in the mean."""
         known = np.flatnonzero(self._row_of != NOT_BAKED)
         keys, group = np.unique(self._neighbors[known], return_inverse=True)
-        weight, rows = self._shares[known], self._rows()[self._row_of[known]]
+        weight, rows = self._shares[known], self._table.rows()[self._row_of[known]]
         sums = np.stack([np.bincount(group, weight * column) for column in rows.T], axis=1)
-        first = self.rows
-        self._put(sums / np.bincount(group, weight)[:, None])
-        self._around = keys, np.arange(first, self.rows, dtype=np.uint32)
+        first = self._table.count
+        self._table.put(sums / np.bincount(group, weight)[:, None])
+        self._around = keys, np.arange(first, self._table.count, dtype=np.uint32)
 
     def bake_missing(self, cell: Any, active: Any) -> None:
         """Compute the light of those cells (N,) that have none yet."""
@@ -150,15 +144,15 @@ class BakedLight:
         """Put the light of chosen clusters (C,) into the table; its rows (C,)."""
         ends = np.cumsum(LEAST_RAYS * shares)
         parts = np.searchsorted(ends, np.arange(RAYS_AT_ONCE, ends[-1], RAYS_AT_ONCE))
-        first = self.rows
+        first = self._table.count
         for part, its_shares in zip(np.split(chosen, parts), np.split(shares, parts), strict=True):
             if len(part):
                 leaders = clusters.leaders[part]
                 cells = clusters.draws(part)
                 halves = self._gatherer.leaving(leaders, cells, its_shares, LEAST_RAYS // 2)
                 apart = (halves[:, 0] - halves[:, 1]) / 2
-                self._put(np.concatenate([halves.mean(axis=1), apart], axis=1))
-        return np.arange(first, self.rows, dtype=np.uint32)
+                self._table.put(np.concatenate([halves.mean(axis=1), apart], axis=1))
+        return np.arange(first, self._table.count, dtype=np.uint32)
 
     def radiance(self, cell: Any, weight: Any, active: Any) -> list[Any]:
         """Radiance of each band leaving cells (N,) where the texture's weight is (N,)."""
@@ -172,7 +166,7 @@ class BakedLight:
         """All clusters: their cells, how often each was seen, and the rows (C, 4·bands)."""
         clusters = self._clusters
         seen = np.diff(clusters.weight, prepend=0).astype(np.uint32)
-        rows = self._rows()[self._row_of]
+        rows = self._table.rows()[self._row_of]
         density = np.array(self.density)
         return {"density": density, "cells": clusters.members, "seen": seen, "rows": rows}
 
@@ -180,51 +174,23 @@ class BakedLight:
         """Take what `contents` gave."""
         order = np.argsort(contents["cells"])
         self.begin(contents["cells"][order], contents["seen"][order], float(contents["density"]))
-        self._put(contents["rows"])
-        self._row_of = np.arange(self.rows, dtype=np.uint32)
-        members, owner = self._clusters.of_members(np.arange(self.rows))
+        self._table.put(contents["rows"])
+        self._row_of = np.arange(self._table.count, dtype=np.uint32)
+        members, owner = self._clusters.of_members(np.arange(self._table.count))
         self._point(members, self._row_of[owner])
         self._add_means()
 
     def _mixed(self, column: int, cell: Any, weight: Any, active: Any) -> list[Any]:
-        start: Any = dr.gather(mi.UInt, self._row, cell, active) * self._width + column
-        bands = self._bands
-        first, second = (
-            [dr.gather(mi.Float, self._table, start + k + band, active) for band in range(bands)]
-            for k in (0, bands)
-        )
-        return [dr.lerp(a, b, weight) for a, b in zip(first, second, strict=True)]
+        row = dr.gather(mi.UInt, self._row, cell, active)
+        values = [self._table.column(row, column + k, active) for k in range(2 * self._bands)]
+        halves = values[: self._bands], values[self._bands :]
+        return [dr.lerp(a, b, weight) for a, b in zip(*halves, strict=True)]
 
     def _point(self, cell: UInt32, row: UInt32) -> None:
         """Let cells (N,) have rows (N,)."""
         dr.scatter(self._row, mi.UInt(row), mi.UInt(cell))
         dr.eval(self._row)
         dr.sync_thread()
-
-    def _rows(self) -> Floats:
-        """The table (rows, 4·bands)."""
-        table = np.array(self._table, np.float64)[: self.rows * self._width]
-        return table.reshape(-1, self._width)
-
-    def _put(self, rows: Floats) -> None:
-        """Append rows (C, 4·bands) to the table."""
-        first, self.rows = self.rows, self.rows + len(rows)
-        self._reserve(self.rows)
-        self._write(rows, np.arange(first, self.rows, dtype=np.uint32))
-
-    def _write(self, rows: Floats, row: UInt32) -> None:
-        """Set rows (C,) of the table to (C, 4·bands)."""
-        place = (row[:, None] * self._width + np.arange(self._width)).astype(np.uint32)
-        dr.scatter(self._table, mi.Float(rows.astype(np.float32).ravel()), mi.UInt(place.ravel()))
-        dr.eval(self._table)
-        dr.sync_thread()
-
-    def _reserve(self, rows: int) -> None:
-        size, needed = dr.width(self._table), rows * self._width
-        if needed > size:
-            grown = dr.zeros(mi.Float, max(needed, 2 * size))
-            dr.scatter(grown, self._table, dr.arange(mi.UInt, size))
-            self._table = grown
 
 
 def _place(keys: NDArray[np.uint64], wanted: NDArray[np.uint64]) -> NDArray[np.int64]:
