@@ -126,13 +126,13 @@ def sequence(trees: int, frames: int, width: int) -> None:
 def counted_rays() -> list[int]:
     """A list that grows with the rays of every bake from now on."""
     rays: list[int] = []
-    bake = BakedLight.bake
+    bake_all = BakedLight.bake_all
 
-    def counting(light: BakedLight, cell: Any) -> None:
-        rays.append(light.rays_of(cell))
-        bake(light, cell)
+    def counting(light: BakedLight) -> None:
+        rays.append(light.total_rays())
+        bake_all(light)
 
-    BakedLight.bake = counting  # type: ignore[method-assign]
+    BakedLight.bake_all = counting  # type: ignore[method-assign]
     return rays
 
 

@@ -8,6 +8,7 @@ import pytest
 import trimesh
 
 from megalopta.render.baking import light as bake
+from megalopta.render.baking import table
 from megalopta.render.baking.choice import cost_reason, path_tracing_reason
 from megalopta.render.baking.gathering import Gatherer
 from megalopta.render.scatter import RunningMean
@@ -218,7 +219,7 @@ def test_frames_do_not_depend_on_which_were_rendered_before_nor_on_batches(monke
         resumed.radiance(ORBIT[frame], frame)
     frames.append(resumed.radiance(ORBIT[3], 7))
     monkeypatch.setattr(bake, "RAYS_AT_ONCE", 10_000)
-    monkeypatch.setattr(bake, "FIRST_ROWS", 1)
+    monkeypatch.setattr(table, "FIRST_ROWS", 1)
     frames.append(renderer_of(scene, ORBIT, bake_error=0.3).radiance(ORBIT[3], 7))
     assert frames[0].tobytes() == frames[1].tobytes() == frames[2].tobytes()
     other = renderer_of(scene, ORBIT, seed=1, bake_error=0.3).radiance(ORBIT[3], 7)
@@ -249,9 +250,9 @@ def test_paths_are_traced_where_baking_is_not_asked_for_or_cannot_pay(ground):
         reason(still, frames=4)
         == "100 samples per pixel in all frames are too few to pay for baking"
     )
-    # Half of the path tracer's work at equal error: 1.6 r + 3 = 10, rays per sample.
-    assert cost_reason(437, 100) == ""
-    assert "baking would take 50% of the work" in cost_reason(438, 100)
+    # Half of the path tracer's work at equal error: 1.9 r + 0.9 = 8, rays per sample.
+    assert cost_reason(373, 100) == ""
+    assert "baking would take 50% of the work" in cost_reason(374, 100)
     assert "vectorized" in reason(still, "scalar_spectral", integrator="baked")
     assert "no surface" in reason(dataclasses.replace(still, placements=()))
 
