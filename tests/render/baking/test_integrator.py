@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.render.baking import light as bake
-from megalopta.render.baking import table
+from megalopta.render.baking import light as bake, table
 from megalopta.render.baking.choice import cost_reason, path_tracing_reason
 from megalopta.render.baking.gathering import Gatherer
 from megalopta.render.scatter import RunningMean
