@@ -27,6 +27,8 @@ _MOST_RAYS = 2**14
 RAYS_AT_ONCE = 2**20
 # Voxels in which clusters are smoothed, over those of clusters: 2² times as wide.
 OCTAVES = 2
+# And those whose mean stands for what only a frame met, not the survey.
+_WIDER = OCTAVES, 2 * OCTAVES
 
 UInt32 = NDArray[np.uint32]
 
@@ -55,7 +57,7 @@ class BakedLight:
         self._row = dr.full(mi.UInt, NOT_BAKED, self.cells)
         self._row_of = np.full(len(self._clusters), NOT_BAKED, np.uint32)
         self._table = Table(4 * self._bands)
-        self._around = np.zeros(0, np.uint64), np.zeros(0, np.uint32)
+        self._around: dict[int, tuple[NDArray[np.uint64], UInt32]] = {}
 
     def _shares_at(self, density: float) -> NDArray[np.int64]:
         """Rays of each cluster, over the fewest."""
@@ -93,14 +95,17 @@ class BakedLight:
         self._add_means()
 
     def _add_means(self) -> None:
-        """Rows of what clusters that are neighbors have in the mean."""
+        """Rows of what clusters have in the mean that lie in one wider voxel."""
         known = np.flatnonzero(self._row_of != NOT_BAKED)
-        keys, group = np.unique(self._neighbors[known], return_inverse=True)
         weight, rows = self._shares[known], self._table.rows()[self._row_of[known]]
-        sums = np.stack([np.bincount(group, weight * column) for column in rows.T], axis=1)
-        first = self._table.count
-        self._table.put(sums / np.bincount(group, weight)[:, None])
-        self._around = keys, np.arange(first, self._table.count, dtype=np.uint32)
+        leaders = self._clusters.leaders[known]
+        self._around = {}
+        for octaves in _WIDER:
+            keys, group = np.unique(self._voxels.keys(leaders, octaves), return_inverse=True)
+            sums = np.stack([np.bincount(group, weight * column) for column in rows.T], axis=1)
+            first = self._table.count
+            self._table.put(sums / np.bincount(group, weight)[:, None])
+            self._around[octaves] = keys, np.arange(first, self._table.count, dtype=np.uint32)
 
     def bake_missing(self, cell: Any, active: Any) -> None:
         """Compute the light of those cells (N,) that have none yet."""
@@ -121,8 +126,11 @@ class BakedLight:
         self._bake(np.unique(cluster[cluster >= 0]))
         self._point(cell[cluster >= 0], self._row_of[cluster[cluster >= 0]])
         cell = cell[cluster < 0]
-        around = _place(self._around[0], self._voxels.keys(cell, OCTAVES))
-        self._point(cell[around >= 0], self._around[1][around[around >= 0]])
+        for octaves, (keys, rows) in self._around.items():
+            around = _place(keys, self._voxels.keys(cell, octaves))
+            self._point(cell[around >= 0], rows[around[around >= 0]])
+            cell = cell[around < 0]
+        alone = Clusters.single(cell)
         alone = Clusters.single(cell[around < 0])
         if len(alone):
             rows = self._computed(alone, np.arange(len(alone)), np.ones(len(alone), np.int64))

@@ -25,7 +25,7 @@ def smoothed(
     light, apart = rows[:, :n].sum(axis=1), rows[:, n:].sum(axis=1)
 
     def total(values: Floats) -> Floats:
-        return np.bincount(group, values)
+        return np.asarray(np.bincount(group, values), np.float64)
 
     count, weight = total(np.ones(len(rows))), total(rays.astype(float))
     # Of one ray: what halves are apart by has the variance of the mean.
