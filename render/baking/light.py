@@ -131,7 +131,6 @@ class BakedLight:
             self._point(cell[around >= 0], rows[around[around >= 0]])
             cell = cell[around < 0]
         alone = Clusters.single(cell)
-        alone = Clusters.single(cell[around < 0])
         if len(alone):
             rows = self._computed(alone, np.arange(len(alone)), np.ones(len(alone), np.int64))
             self._point(alone.members, rows)
