@@ -8,7 +8,7 @@ from megalopta.render.baking.moving import MOST_OBJECTS
 from megalopta.scenes.world import Scene
 
 _FEWEST_SAMPLES = 400
-"""Per pixel in a whole sequence. The demo's forest takes some 2000 rays for each pixel of a frame,
+"""Per pixel in a whole sequence. The demo's forest takes some 3000 rays for each pixel of a frame,
 and baking pays from 3.7 rays per sample on downward: with far fewer samples there is no need to
 look."""
 # In units of a fifth of a path: a ray of the bake, of which each eighth is followed, and a sample
