@@ -46,9 +46,11 @@ def compared(
     found = np.full((sky.size, GROUPS * bands), np.nan, np.float32)
     chosen = _pairs(sky <= 0, round(share * sky.size / 2))
     if len(chosen):
-        seeds = [frame_seed(seed, group) for group in range(GROUPS)]
-        groups = [means_of_pixels(sensor, each, GROUP, chosen, look) for each in seeds]
-        found[chosen] = np.concatenate(groups, axis=1)
+        # Each pixel once for each group, with samples of its own.
+        several = np.tile(chosen, GROUPS)
+        means = means_of_pixels(sensor, frame_seed(seed, 0), GROUP, several, look)
+        groups = means.reshape(GROUPS, len(chosen), bands)
+        found[chosen] = groups.transpose(1, 0, 2).reshape(len(chosen), -1)
     return found.reshape(*sky.shape, -1)
 
 

@@ -1,4 +1,4 @@
-"""A look at a few frames, first and last among them, with few rays, to learn how many the error that is asked for takes."""
+"""A look at a few frames, first and last among them, to learn how many rays an error takes."""
 
 import math
 from collections.abc import Callable
