@@ -21,7 +21,7 @@ GROUP = 64
 """Paths of a pixel in each group."""
 _SHARE = 0.03
 """Of the work of a sequence that comparing takes."""
-_FEWEST = 16
+_FEWEST = 128
 
 Differences = Callable[[Any, Any, Any], list[Any]]
 """Baked light less that of paths in each band, given what a `Look` is given."""
