@@ -78,7 +78,7 @@ class LightStore:
             return
         with contextlib.suppress(OSError):
             with files.atomic_write(self._path) as temporary, temporary.open("wb") as file:
-                np.savez(file, **{name: contents[name] for name in NAMES})
+                np.savez(file, allow_pickle=False, **{name: contents[name] for name in NAMES})
             _prune(self._path.parent)
 
 

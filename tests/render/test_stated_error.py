@@ -22,7 +22,7 @@ REFERENCE = 48
 @cache
 def forest(preset):
     """A small forest; every level lights the same."""
-    scene = Forest(preset=preset, seed=PRESETS.index(preset), trees=16)
+    scene = Forest(preset=preset, seed=PRESETS.index(preset), trees=40)
     return build_scene(scene, Light(), CAMERA, PATH)
 
 
