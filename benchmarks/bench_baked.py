@@ -47,7 +47,7 @@ def stated(rendering: SceneRenderer, pose: np.ndarray) -> tuple[RenderNoise, np.
     passes, measured = RunningMean(), rendering.measured(pose, frame_seed(0, 1))
     for image in (rendering.radiance(pose, frame_seed(0, 0)), measured.radiance):
         passes.add(image)
-    return passes.noise(1, measured.standing, measured.sky), measured.sky == 0
+    return passes.noise(1, measured), measured.sky == 0
 
 
 def accuracy(preset: str, level: str) -> None:
@@ -126,13 +126,13 @@ def sequence(trees: int, frames: int, width: int) -> None:
 def counted_rays() -> list[int]:
     """A list that grows with the rays of every bake from now on."""
     rays: list[int] = []
-    bake = BakedLight.bake
+    bake_all = BakedLight.bake_all
 
-    def counting(light: BakedLight, cell: Any) -> None:
-        rays.append(light.rays_of(cell))
-        bake(light, cell)
+    def counting(light: BakedLight) -> None:
+        rays.append(light.total_rays())
+        bake_all(light)
 
-    BakedLight.bake = counting  # type: ignore[method-assign]
+    BakedLight.bake_all = counting  # type: ignore[method-assign]
     return rays
 
 

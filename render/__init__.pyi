@@ -17,13 +17,15 @@ from .noise import (
     MeasuredPass as MeasuredPass,
     RegionNoise as RegionNoise,
     RenderNoise as RenderNoise,
-    RunningMean as RunningMean,
-    neighbor_differences as neighbor_differences,
 )
 from .repeats import (
     MEASURED_EVERY as MEASURED_EVERY,
     render_once as render_once,
     render_until as render_until,
+)
+from .scatter import (
+    RunningMean as RunningMean,
+    neighbor_differences as neighbor_differences,
 )
 from .scene_renderer import SceneRenderer as SceneRenderer
 from .settings import (

@@ -2,7 +2,8 @@
 
 from collections.abc import Callable
 
-from megalopta.render.noise import Image, MeasuredPass, RenderNoise, RunningMean
+from megalopta.render.noise import Image, MeasuredPass, RenderNoise
+from megalopta.render.scatter import RunningMean
 
 RenderPass = Callable[[int], Image]
 """Renders the pass of a given number: radiance (H, W, B), independent of the other passes."""
@@ -24,7 +25,7 @@ def render_once(
     passes = RunningMean()
     passes.add(image)
     passes.add(other.radiance)
-    return image, passes.noise(1, other.standing, other.sky)
+    return image, passes.noise(1, other)
 
 
 def render_until(
@@ -39,6 +40,6 @@ def render_until(
     passes.add(first.radiance)
     while True:
         passes.add(render_pass(passes.count))
-        noise = passes.noise(passes.count, first.standing, first.sky)
+        noise = passes.noise(passes.count, first)
         if noise.rms_over_mean <= target_error or passes.count >= most_passes:
             return passes.mean, noise

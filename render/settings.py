@@ -53,9 +53,10 @@ class RenderSettings(Record, frozen=True):
     frames of the same error on surfaces then cost half. Scalar variants, and scenes where more than
     16 objects move, always take path."""
 
-    bake_error: Annotated[float, Field(gt=0, lt=1)] = 0.018
-    """Error of baked light that stands on surfaces in all frames alike: RMS over pixels without
-    sky, relative to their mean (sum over bands). As many rays are traced as bring it there."""
+    bake_error: Annotated[float, Field(gt=0, lt=1)] = 0.022
+    """Noise of baked light, which stands on surfaces in all frames alike: RMS over pixels without
+    sky, relative to their mean (sum over bands). As many rays are traced as bring it about there;
+    the scene record tells what was reached, with what sharing light between neighbors adds."""
 
     truth_rays: Annotated[int, Field(ge=1, le=1024)] = 16
     """Rays per pixel, rounded up to a square, from which the truth tells what the whole pixel sees:

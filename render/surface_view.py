@@ -27,7 +27,10 @@ class Integrator(Protocol):
         """Radiance (H, W, B) that a sensor sees, band means, W·m⁻²·sr⁻¹·nm⁻¹."""
 
     def measured(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
-        """Radiance, a draw of its standing error and the share of the sky (H, W, 2·B + 1)."""
+        """Radiance, a draw of its standing error and the share of the sky (H, W, 2·B + 1).
+
+        Where light is baked, then its differences from paths in groups (H, W, G·B).
+        """
 
 
 class SurfaceView:
@@ -79,7 +82,7 @@ class SurfaceView:
     def measured(self, pose: NDArray[np.float64], seed: int) -> MeasuredPass:
         """The same, with what its error is known by."""
         film = self._film(1)
-        return _parts(film.expose(self._integrator.measured, self._loaded, pose, seed))
+        return self._parts(film.expose(self._integrator.measured, self._loaded, pose, seed))
 
     def exposed(self, exposure: Exposure) -> NDArray[np.float32]:
         """Radiance (H, W, B) as a shutter takes it."""
@@ -87,7 +90,7 @@ class SurfaceView:
 
     def exposed_measured(self, exposure: Exposure) -> MeasuredPass:
         """The same, with what its error is known by."""
-        return _parts(self._exposed(self._integrator.measured, exposure))
+        return self._parts(self._exposed(self._integrator.measured, exposure))
 
     def light_survey(self, positions: NDArray[np.float64]) -> LightSurvey | None:
         """Illuminance above and below positions (N, 3); None where only surfaces emit."""
@@ -119,12 +122,16 @@ class SurfaceView:
             self._films[key] = Film(self._camera, self._settings, *key)
         return self._films[key]
 
-
-def _parts(image: NDArray[np.float32]) -> MeasuredPass:
-    """The parts of what `measured` of an integrator gives (H, W, 2·B + 1)."""
-    bands = image.shape[-1] // 2
-    radiance, standing, sky = image[..., :bands], image[..., bands:-1], image[..., -1]
-    return MeasuredPass(_finite(radiance), standing, sky)
+    def _parts(self, image: NDArray[np.float32]) -> MeasuredPass:
+        """The parts of what `measured` of an integrator gives."""
+        bands = len(self._settings.bands_nm)
+        radiance, standing, sky, differences = np.split(
+            image, [bands, 2 * bands, 2 * bands + 1], axis=-1
+        )
+        groups = differences.reshape(*sky.shape[:2], -1, bands)
+        return MeasuredPass(
+            _finite(radiance), standing, sky[..., 0], groups if groups.size else None
+        )
 
 
 def _finite(radiance: NDArray[np.float32]) -> NDArray[np.float32]:

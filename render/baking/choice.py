@@ -7,14 +7,15 @@ from megalopta.render import RenderSettings
 from megalopta.render.baking.moving import MOST_OBJECTS
 from megalopta.scenes.world import Scene
 
-_FEWEST_SAMPLES = 3000
-"""Per pixel in a whole sequence. In forests of 20 to 130 trees, at 40 to 120 px, baking takes 10 to
-13 rays per sample where there are 500 to 1500 samples per pixel, and pays from 4.4 on downward:
-with fewer there is no need to look."""
-# In units of a ray that looks whether the sky is in view: a path takes 5 (benchmarks/bench_baked.py
-# measures both), a ray of the bake 1.6, since each eighth is followed, and a sample of a baked
-# frame 3. A path tracer's frames have the error of baked ones with 4 times the samples.
-_PATH, _BAKE, _SAMPLE, _AT_EQUAL_ERROR = 5.0, 1.6, 3.0, 4.0
+_FEWEST_SAMPLES = 400
+"""Per pixel in a whole sequence. The demo's forest takes some 3000 rays for each pixel of a frame,
+and baking pays from 3.7 rays per sample on downward: with far fewer samples there is no need to
+look."""
+# In units of a fifth of a path: a ray of the bake, of which each eighth is followed, and a sample
+# of a baked frame. A path tracer's frames have the RMS error of baked ones with 3.2 times the
+# samples. From CPU-seconds and errors of the demo's frames (benchmarks/bench_baked.py measures the
+# same for other sizes).
+PATH, BAKE, SAMPLE, _AT_EQUAL_ERROR = 5.0, 1.9, 0.9, 3.2
 
 
 def path_tracing_reason(
@@ -50,7 +51,7 @@ def cost_reason(rays: int, samples: int) -> str:
 
     It does where frames of the same error on surfaces cost half.
     """
-    share = (_BAKE * rays + _SAMPLE * samples) / (_PATH * _AT_EQUAL_ERROR * samples)
+    share = (BAKE * rays + SAMPLE * samples) / (PATH * _AT_EQUAL_ERROR * samples)
     if share <= 1 / 2:
         return ""
     return (

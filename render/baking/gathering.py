@@ -1,4 +1,4 @@
-"""Light that arrives at cells, from two independent sets of rays so that its error is known.
+"""Light that arrives at clusters of cells, from two independent sets of rays.
 
 A diffuse surface with reflectance ρ under irradiance E sends out L = ρE/π in all directions, and
 E/π is the mean radiance that arrives from directions distributed as the cosine. Most of it comes
@@ -10,28 +10,29 @@ left to the frame, which knows where shadows fall to the pixel.
 The two reflectances that a texture mixes have their band means of ρE/π apart, and not those of ρ
 and E: green leaves and green light go together within a band by several percent.
 
-Position, direction and wavelength of the samples of a cell follow additive recurrences shifted at
-random, one shift for each half of the samples; the rest of each path is random. All of it is drawn
-from seed and cell alone, so that a cell has the same light, to the last bit, in whatever order and
-company it is computed. Half the difference of the halves has the error of their mean as its
-standard deviation.
+Cell, position, direction and wavelength of the samples of a cluster follow additive recurrences
+shifted at random, one shift for each half of the samples; the rest of each path is random. All of
+it is drawn from the seed and the cluster's first cell alone, so that a cluster has the same light,
+to the last bit, in whatever order and company it is computed. Half the difference of the halves has
+the error of their mean as its standard deviation.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.render import Bands, RenderSettings, dr, mi
-from megalopta.render.baking.cells import Cells, Patches
+from megalopta.render.baking.cells import Cells
+from megalopta.render.baking.lanes import Lanes, Places
 from megalopta.render.baking.sampling import cell_sampler, hashed, recurrence
 from megalopta.render.loading import MergedMesh
 from megalopta.scenes.spectra import Spectrum, flat
 from megalopta.scenes.world import Material, Scene
 
 Integers = NDArray[np.int64]
+UInt32 = NDArray[np.uint32]
 
 STRIDE = 8
 """Rays for each that is followed as a path."""
@@ -61,7 +62,7 @@ def wavelength_groups(bands_nm: Bands, place: Any) -> Iterator[tuple[int, int, A
 
 
 class Gatherer:
-    """Radiance that cells of a scene send out; the seed has 32 bits."""
+    """Radiance that clusters of a scene's cells send out; the seed has 32 bits."""
 
     def __init__(
         self,
@@ -92,41 +93,50 @@ class Gatherer:
         # Without light from the sky all rays have to be followed.
         self._stride = STRIDE if self._under_sky.any() else 1
 
+    def brightness(self, cell: UInt32) -> NDArray[np.float64]:
+        """How bright the material of cells (C,) is under the sky, relative to the brightest."""
+        total = np.asarray(self._under_sky.sum(axis=1))
+        relative = total / total.max() if total.any() else np.ones(len(total))
+        return np.asarray(relative[self._cells.patches(cell).mesh])
+
     def leaving(
-        self, cell: NDArray[np.uint32], shares: Integers, least: int
+        self, leader: UInt32, cell: UInt32, shares: Integers, least: int
     ) -> NDArray[np.float64]:
-        """Radiance (C, 2 halves, 2·bands) that leaves cells (C,), first reflectance before second.
+        """Radiance (C, 2 halves, 2·bands) that leaves clusters, first reflectance before second.
 
-        Each half takes `least` rays, a multiple of STRIDE, for each of a cell's shares (C,).
+        A cluster is seeded by its leader (C,), and its light gathered at its cells (C, n) evenly.
+        Each half takes `least` rays, a multiple of STRIDE, for each of a cluster's shares (C,).
         """
-        patches = self._cells.patches(cell)
-        in_view = np.array(self._in_view(cell, patches, _Lanes(shares, least)))
-        sky = in_view[:, None] * self._under_sky[np.repeat(patches.mesh, 2)]
-        followed = self._followed(cell, patches, _Lanes(shares, least // self._stride))
-        return np.asarray(sky + followed).reshape(len(cell), 2, -1)
+        patches = self._cells.patches(cell.ravel())
+        places = Places(patches, cell.shape[1])
+        in_view = np.array(self._in_view(leader, places, Lanes(shares, least)))
+        mesh = patches.mesh[:: cell.shape[1]]
+        sky = in_view[:, None] * self._under_sky[np.repeat(mesh, 2)]
+        followed = self._followed(leader, mesh, places, Lanes(shares, least // self._stride))
+        return np.asarray(sky + followed).reshape(len(leader), 2, -1)
 
-    def _in_view(self, cell: NDArray[np.uint32], patches: Patches, lanes: "_Lanes") -> Any:
+    def _in_view(self, leader: UInt32, places: Places, lanes: Lanes) -> Any:
         """Share (2C,) of the sky that is in view."""
         if not self._under_sky.any():
-            return np.zeros(2 * len(cell))
-        key, _ = self._keys(cell, lanes)
-        rays = self._rays(patches, lanes, lanes.sample, key)
+            return np.zeros(2 * len(leader))
+        key, _ = self._keys(leader, lanes)
+        rays = self._rays(places, lanes, lanes.sample, key)
         return lanes.means([dr.select(self._scene.ray_test(rays), 0.0, 1.0)])[:, 0]
 
     def _followed(
-        self, cell: NDArray[np.uint32], patches: Patches, lanes: "_Lanes"
+        self, leader: UInt32, mesh: UInt32, places: Places, lanes: Lanes
     ) -> NDArray[np.float64]:
-        """Radiance (2C, 2·bands) that leaves because of light from surfaces."""
+        """Radiance (2C, 2·bands) that leaves meshes (C,) because of light from surfaces."""
         bands = len(self._bands)
-        key, other = self._keys(cell, lanes)
+        key, other = self._keys(leader, lanes)
         sample = lanes.sample * self._stride
-        rays = self._rays(patches, lanes, sample, key)
+        rays = self._rays(places, lanes, sample, key)
         blocked = self._scene.ray_test(rays)
         # One wavelength in each of as many parts of the band as there are samples.
         samples = dr.maximum(lanes.samples, 1)  # 0 in what fills up LLVM's vectors
         step = (lanes.sample * _WAVELENGTHS + other % _WAVELENGTHS) // samples
         place = (mi.Float(step) + 0.5) / _WAVELENGTHS
-        mesh = lanes.of_cell(patches.mesh)
+        of_mesh = lanes.of_cluster(mesh)
         leaving: list[Any] = [None] * (2 * bands)
         for first, size, wavelengths in wavelength_groups(self._bands, place):
             rays.wavelengths = wavelengths
@@ -137,67 +147,34 @@ class Gatherer:
             for band in range(size):
                 light = dr.select(blocked, arriving[band], 0.0)
                 for column in (first + band, bands + first + band):
-                    entry = (mesh * (2 * bands) + column) * _WAVELENGTHS + step
+                    entry = (of_mesh * (2 * bands) + column) * _WAVELENGTHS + step
                     leaving[column] = light * dr.gather(mi.Float, self._reflectance, entry)
         return lanes.means(leaving)
 
-    def _keys(self, cell: NDArray[np.uint32], lanes: "_Lanes") -> tuple[Any, Any]:
-        """Two random numbers for each lane, which its cell and its half of the samples share."""
-        of_cell, _ = hashed(lanes.of_cell(cell), self._seed)
-        return hashed(of_cell, lanes.half)
+    def _keys(self, leader: UInt32, lanes: Lanes) -> tuple[Any, Any]:
+        """Two random numbers for each lane, which its cluster and its half of the samples share."""
+        of_leader, _ = hashed(lanes.of_cluster(leader), self._seed)
+        return hashed(of_leader, lanes.half)
 
-    def _rays(self, patch: Patches, lanes: "_Lanes", sample: Any, key: Any) -> Any:
-        """Rays of samples, from their cells into cosine-distributed directions."""
-        x, y, a, b = recurrence(sample, key)
+    def _rays(self, places: Places, lanes: Lanes, sample: Any, key: Any) -> Any:
+        """Rays of samples, from cells of their clusters into cosine-distributed directions."""
+        x, y, a, b, draw = recurrence(sample, key)
+        drawn = mi.UInt(draw * places.draws) + lanes.cluster * places.draws
+
+        def of(values: UInt32) -> Any:
+            return dr.gather(mi.UInt, mi.UInt(values), drawn)
+
+        patch = places.patches
         hit: Any = dr.zeros(mi.PreliminaryIntersection3f, dr.width(sample))
         hit.valid = True
         hit.t = 0.0
-        hit.prim_index = lanes.of_cell(patch.triangle)
-        hit.prim_uv = patch.barycentric(lanes.of_cell, a, b)
-        hit.shape = dr.gather(mi.ShapePtr, self._shapes, lanes.of_cell(patch.mesh))
+        hit.prim_index = of(patch.triangle)
+        hit.prim_uv = patch.barycentric(of, a, b)
+        hit.shape = dr.gather(mi.ShapePtr, self._shapes, of(patch.mesh))
         point = hit.compute_surface_interaction(dr.zeros(mi.Ray3f), mi.RayFlags.All)
         upward = point.sh_frame.to_world(mi.warp.square_to_cosine_hemisphere(mi.Point2f(x, y)))
-        side = dr.select(lanes.of_cell(patch.side) == 0, 1.0, -1.0)
+        side = dr.select(of(patch.side) == 0, 1.0, -1.0)
         return mi.RayDifferential3f(point.spawn_ray(side * upward))
-
-
-@dataclass
-class _Lanes:
-    """How the samples of both halves of C cells lie in one launch.
-
-    A half has as many groups as its cell has shares, of `size` lanes each.
-    """
-
-    shares: Integers
-    size: int
-
-    def __post_init__(self) -> None:
-        groups = np.repeat(self.shares, 2)
-        self._start = np.cumsum(groups) - groups
-        self._samples = groups * self.size
-        entry = np.repeat(np.arange(len(groups), dtype=np.uint32), groups)
-        number = (np.arange(len(entry)) - self._start[entry]).astype(np.uint32)
-        lane = dr.arange(mi.UInt, len(entry) * self.size)
-        group = lane // self.size
-        self._entry = dr.gather(mi.UInt, mi.UInt(entry), group)
-        first = dr.gather(mi.UInt, mi.UInt(number), group) * self.size
-        self.sample = first + lane - group * self.size
-        """Number of each lane's sample in its half."""
-        self.half = self._entry & 1
-        self.samples = dr.gather(mi.UInt, mi.UInt(self._samples.astype(np.uint32)), self._entry)
-        """How many samples each lane's half has."""
-
-    def of_cell(self, values: NDArray[np.uint32]) -> Any:
-        """Values of cells (C,) for lanes."""
-        return dr.gather(mi.UInt, mi.UInt(values), self._entry >> 1)
-
-    def means(self, values: list[Any]) -> NDArray[np.float64]:
-        """Means (2C, n) over the samples of each half of n values of lanes."""
-        sums = [dr.block_sum(each, self.size) for each in values]
-        dr.eval(sums)
-        groups = np.stack([np.array(each, np.float64) for each in sums], axis=1)
-        totals = np.add.reduceat(groups, self._start, axis=0)
-        return np.asarray(totals / self._samples[:, None])
 
 
 def _in_bands(spectra: Sequence[Spectrum], bands_nm: Bands) -> Any:

@@ -1,68 +1,111 @@
 """What cells send out, computed once and kept: the part of shading that no view changes.
 
-For each cell that is asked for, and each band, the table keeps the radiance that leaves where the
-texture's weight is 0 and where it is 1, and of both how far the halves of the samples are apart
-(`gathering`). With the weight w the surface shows (1 − w) of the one and w of the other.
+For each cluster of cells that is asked for, and each band, the table keeps the radiance that leaves
+where the texture's weight is 0 and where it is 1, and of both how far the halves of the samples are
+apart (`gathering`). With the weight w the surface shows (1 − w) of the one and w of the other.
 """
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.render import dr, mi
+from megalopta.render.baking.clusters import Clusters, Voxels
 from megalopta.render.baking.gathering import STRIDE, Gatherer
+from megalopta.render.baking.smoothing import smoothed
+from megalopta.render.baking.table import Table
 
 NOT_BAKED = 2**32 - 1
 LEAST_RAYS = 2 * STRIDE
-"""Fewest rays of a cell, both halves together."""
-MOST_RAYS = 2**12
-"""Most of a cell that is seldom seen; others have up to 64 times as many."""
+"""Fewest rays of a cluster, both halves together."""
+_MOST_RAYS = 2**14
 
 # Rays traced at once, in about a second: what they bring is kept until it is summed, and Ctrl-C
 # waits for them.
 RAYS_AT_ONCE = 2**20
-FIRST_ROWS = 2**12
-# A cell's noise weighs with how much of the sequence it fills; a given number of rays leaves the
-# least noise when samples grow as the square root of that.
-_MOST_SHARES = 64
+# Voxels in which clusters are smoothed, over those of clusters: 2² times as wide.
+OCTAVES = 2
+# And those whose mean stands for what only a frame met, not the survey.
+_WIDER = OCTAVES, 2 * OCTAVES
+
+UInt32 = NDArray[np.uint32]
 
 
 class BakedLight:
     """Radiance that the cells of a scene send out, without what the sun's disc adds directly.
 
-    `rays` is that of a cell that is seldom seen.
+    A cluster's noise weighs with how much of the frames it fills: a given number of rays leaves
+    the least noise when they are in proportion to that, and to how bright the cluster is.
     """
 
-    def __init__(self, gatherer: Gatherer, cells: int, bands: int, rays: int) -> None:
-        self._gatherer, self.cells, self._bands = gatherer, cells, bands
-        self._forget(rays)
+    def __init__(self, gatherer: Gatherer, voxels: Voxels, cells: int, bands: int) -> None:
+        self._gatherer, self._voxels = gatherer, voxels
+        self.cells, self._bands = cells, bands
+        self.begin(np.zeros(0, np.uint32), np.zeros(0, np.uint32), 1.0)
 
-    def _forget(self, rays: int) -> None:
-        self.rays = rays
-        self._shares = np.ones(self.cells, np.uint16)
+    def begin(self, cell: UInt32, seen: UInt32, density: float) -> None:
+        """Start anew with cells (N,), which were seen so often, and rays for each time."""
+        keys = self._voxels.keys(cell)
+        self._clusters = Clusters.of(cell, keys, seen)
+        self._keys, self.density = np.unique(keys), density
+        self._neighbors = self._voxels.keys(self._clusters.leaders, OCTAVES)
+        bright = self._gatherer.brightness(self._clusters.leaders)
+        self._weight = bright * self._clusters.seen
+        self._shares = self._shares_at(density)
         self._row = dr.full(mi.UInt, NOT_BAKED, self.cells)
-        self._table = dr.zeros(mi.Float, FIRST_ROWS * self._width)
-        self._baked: list[NDArray[np.uint32]] = []
-        self.baked_cells = 0
+        self._row_of = np.full(len(self._clusters), NOT_BAKED, np.uint32)
+        self._table = Table(4 * self._bands)
+        self._around: dict[int, tuple[NDArray[np.uint64], UInt32]] = {}
 
-    @property
-    def _width(self) -> int:
-        return 4 * self._bands
+    def _shares_at(self, density: float) -> NDArray[np.int64]:
+        """Rays of each cluster, over the fewest."""
+        rays = (density * self._weight).clip(1, _MOST_RAYS)
+        return np.ceil(rays / LEAST_RAYS).astype(np.int64)
 
-    def begin(self, seen: NDArray[np.uint32], rays: int) -> None:
-        """Start anew with other numbers of rays; `seen` (cells,) is how often each cell was."""
-        self._forget(rays)
-        self._shares = np.sqrt(seen).round().clip(1, _MOST_SHARES).astype(np.uint16)
+    def density_for(self, share: float) -> float:
+        """Rays for each time that a cluster is seen which leave a share of the present error."""
 
-    @property
-    def baked(self) -> NDArray[np.uint32]:
-        """Cells (C,) that have their light."""
-        return np.concatenate([np.zeros(0, np.uint32), *self._baked])
+        def error(density: float) -> float:
+            return math.sqrt(np.sum(self._weight**2 / self._shares_at(density)))
 
-    def rays_of(self, cell: NDArray[np.uint32]) -> int:
-        """How many rays cells (C,) take."""
-        return int(self._shares[cell].sum(dtype=np.int64)) * self.rays
+        density, now = self.density, error(self.density)
+        while error(density) > now * share and density < _MOST_RAYS:
+            density *= 1.1
+        return density
+
+    def total_rays(self) -> int:
+        """How many rays all clusters take."""
+        return int(self._shares.sum()) * LEAST_RAYS
+
+    def bake_all(self) -> None:
+        """Compute the light of all clusters."""
+        self._bake(np.arange(len(self._clusters)))
+        self.smooth()
+
+    def smooth(self) -> None:
+        """Let the clusters that have their light share it with their neighbors."""
+        known = np.flatnonzero(self._row_of != NOT_BAKED)
+        if not len(known):
+            return
+        rows, neighbors = self._table.rows()[self._row_of[known]], self._neighbors[known]
+        better = smoothed(rows, neighbors, self._shares[known], self._clusters.seen[known])
+        self._table.write(better, self._row_of[known])
+        self._add_means()
+
+    def _add_means(self) -> None:
+        """Rows of what clusters have in the mean that lie in one wider voxel."""
+        known = np.flatnonzero(self._row_of != NOT_BAKED)
+        weight, rows = self._shares[known], self._table.rows()[self._row_of[known]]
+        leaders = self._clusters.leaders[known]
+        self._around = {}
+        for octaves in _WIDER:
+            keys, group = np.unique(self._voxels.keys(leaders, octaves), return_inverse=True)
+            sums = np.stack([np.bincount(group, weight * column) for column in rows.T], axis=1)
+            first = self._table.count
+            self._table.put(sums / np.bincount(group, weight)[:, None])
+            self._around[octaves] = keys, np.arange(first, self._table.count, dtype=np.uint32)
 
     def bake_missing(self, cell: Any, active: Any) -> None:
         """Compute the light of those cells (N,) that have none yet."""
@@ -72,20 +115,51 @@ class BakedLight:
         if dr.width(lanes):
             self.bake(np.unique(np.array(dr.gather(mi.UInt, cell, lanes))))
 
-    def bake(self, cell: NDArray[np.uint32]) -> None:
-        """Compute the light of cells (C,), each once."""
+    def bake(self, cell: UInt32) -> None:
+        """Give cells (N,) the light of their cluster.
+
+        Where there is none they get the mean of its neighbors, or light of their own.
+        """
         if not len(cell):
             return
-        self._reserve(self.baked_cells + len(cell))
-        shares = self._shares[cell].astype(np.int64)
-        least = self.rays // 2
-        ends = np.cumsum(2 * least * shares)
+        cluster = _place(self._keys, self._voxels.keys(cell))
+        self._bake(np.unique(cluster[cluster >= 0]))
+        self._point(cell[cluster >= 0], self._row_of[cluster[cluster >= 0]])
+        cell = cell[cluster < 0]
+        for octaves, (keys, rows) in self._around.items():
+            around = _place(keys, self._voxels.keys(cell, octaves))
+            self._point(cell[around >= 0], rows[around[around >= 0]])
+            cell = cell[around < 0]
+        alone = Clusters.single(cell)
+        if len(alone):
+            rows = self._computed(alone, np.arange(len(alone)), np.ones(len(alone), np.int64))
+            self._point(alone.members, rows)
+
+    def _bake(self, chosen: NDArray[np.int64]) -> None:
+        """Compute the light of chosen clusters that have none."""
+        chosen = chosen[self._row_of[chosen] == NOT_BAKED]
+        if not len(chosen):
+            return
+        rows = self._computed(self._clusters, chosen, self._shares[chosen])
+        self._row_of[chosen] = rows
+        members, owner = self._clusters.of_members(chosen)
+        self._point(members, rows[owner])
+
+    def _computed(
+        self, clusters: Clusters, chosen: NDArray[np.int64], shares: NDArray[np.int64]
+    ) -> UInt32:
+        """Put the light of chosen clusters (C,) into the table; its rows (C,)."""
+        ends = np.cumsum(LEAST_RAYS * shares)
         parts = np.searchsorted(ends, np.arange(RAYS_AT_ONCE, ends[-1], RAYS_AT_ONCE))
-        for part, its_shares in zip(np.split(cell, parts), np.split(shares, parts), strict=True):
+        first = self._table.count
+        for part, its_shares in zip(np.split(chosen, parts), np.split(shares, parts), strict=True):
             if len(part):
-                halves = self._gatherer.leaving(part, its_shares, least)
+                leaders = clusters.leaders[part]
+                cells = clusters.draws(part)
+                halves = self._gatherer.leaving(leaders, cells, its_shares, LEAST_RAYS // 2)
                 apart = (halves[:, 0] - halves[:, 1]) / 2
-                self._put(part, np.concatenate([halves.mean(axis=1), apart], axis=1))
+                self._table.put(np.concatenate([halves.mean(axis=1), apart], axis=1))
+        return np.arange(first, self._table.count, dtype=np.uint32)
 
     def radiance(self, cell: Any, weight: Any, active: Any) -> list[Any]:
         """Radiance of each band leaving cells (N,) where the texture's weight is (N,)."""
@@ -96,42 +170,39 @@ class BakedLight:
         return self._mixed(2 * self._bands, cell, weight, active)
 
     def contents(self) -> dict[str, NDArray[Any]]:
-        """All that was baked: cells (C,) and their rows of the table (C, 4·bands)."""
-        cells = self.baked
-        rows = np.array(self._table)[: self.baked_cells * self._width]
-        return {"rays": np.array(self.rays), "cells": cells, "rows": rows.reshape(-1, self._width)}
+        """All clusters: their cells, how often each was seen, and the rows (C, 4·bands)."""
+        clusters = self._clusters
+        seen = np.diff(clusters.weight, prepend=0).astype(np.uint32)
+        rows = self._table.rows()[self._row_of]
+        density = np.array(self.density)
+        return {"density": density, "cells": clusters.members, "seen": seen, "rows": rows}
 
     def restore(self, contents: dict[str, NDArray[Any]]) -> None:
         """Take what `contents` gave."""
-        self._forget(int(contents["rays"]))
-        self._reserve(len(contents["cells"]))
-        self._put(contents["cells"], contents["rows"])
+        order = np.argsort(contents["cells"])
+        self.begin(contents["cells"][order], contents["seen"][order], float(contents["density"]))
+        self._table.put(contents["rows"])
+        self._row_of = np.arange(self._table.count, dtype=np.uint32)
+        members, owner = self._clusters.of_members(np.arange(self._table.count))
+        self._point(members, self._row_of[owner])
+        self._add_means()
 
     def _mixed(self, column: int, cell: Any, weight: Any, active: Any) -> list[Any]:
-        start: Any = dr.gather(mi.UInt, self._row, cell, active) * self._width + column
-        bands = self._bands
-        first, second = (
-            [dr.gather(mi.Float, self._table, start + k + band, active) for band in range(bands)]
-            for k in (0, bands)
-        )
-        return [dr.lerp(a, b, weight) for a, b in zip(first, second, strict=True)]
+        row = dr.gather(mi.UInt, self._row, cell, active)
+        values = [self._table.column(row, column + k, active) for k in range(2 * self._bands)]
+        halves = values[: self._bands], values[self._bands :]
+        return [dr.lerp(a, b, weight) for a, b in zip(*halves, strict=True)]
 
-    def _put(self, cell: NDArray[np.uint32], rows: NDArray[np.floating]) -> None:
-        """Append rows (C, 4·bands) of cells (C,) to the table."""
-        first = self.baked_cells
-        # Opaque: a number that changes would make Dr.Jit compile anew every time.
-        place = dr.arange(mi.UInt, rows.size) + dr.opaque(mi.UInt, first * self._width)
-        dr.scatter(self._table, mi.Float(rows.astype(np.float32).ravel()), place)
-        row = dr.arange(mi.UInt, len(cell)) + dr.opaque(mi.UInt, first)
-        dr.scatter(self._row, row, mi.UInt(cell))
-        dr.eval(self._table, self._row)
+    def _point(self, cell: UInt32, row: UInt32) -> None:
+        """Let cells (N,) have rows (N,)."""
+        dr.scatter(self._row, mi.UInt(row), mi.UInt(cell))
+        dr.eval(self._row)
         dr.sync_thread()
-        self._baked.append(cell)
-        self.baked_cells += len(cell)
 
-    def _reserve(self, rows: int) -> None:
-        size, needed = dr.width(self._table), rows * self._width
-        if needed > size:
-            grown = dr.zeros(mi.Float, max(needed, 2 * size))
-            dr.scatter(grown, self._table, dr.arange(mi.UInt, size))
-            self._table = grown
+
+def _place(keys: NDArray[np.uint64], wanted: NDArray[np.uint64]) -> NDArray[np.int64]:
+    """Where keys, sorted, hold those wanted (N,); -1 where they do not."""
+    if not len(keys):
+        return np.full(len(wanted), -1)
+    place = np.searchsorted(keys, wanted).clip(max=len(keys) - 1)
+    return np.where(keys[place] == wanted, place, -1)

@@ -1,13 +1,14 @@
-"""Random numbers that follow from a cell and a sample alone, not from where they are drawn."""
+"""Random numbers that follow from a cluster and a sample alone, not from where they are drawn."""
 
 from typing import Any
 
 from megalopta.render import mi
 
 # Fractional parts of irrational numbers that are independent over the rationals, times 2³²:
-# 1/p and 1/p² of the plastic number p (Roberts' R₂ sequence), √2 and √3.
+# 1/p and 1/p² of the plastic number p (Roberts' R₂ sequence), √2, √3 and √5.
 _STEPS = tuple(
-    round(2**32 * x) for x in (0.7548776662466927, 0.5698402909980532, 2**0.5 - 1, 3**0.5 - 1)
+    round(2**32 * x)
+    for x in (0.7548776662466927, 0.5698402909980532, 2**0.5 - 1, 3**0.5 - 1, 5**0.5 - 2)
 )
 
 
@@ -18,19 +19,19 @@ def hashed(first: Any, second: Any) -> tuple[Any, Any]:
 
 
 def recurrence(index: Any, key: Any) -> list[Any]:
-    """Points `index` of four additive recurrences modulo 1, shifted by a key.
+    """Points `index` of five additive recurrences modulo 1, shifted by a key.
 
     They fill the unit hypercube evenly; whole numbers keep them exact.
     """
-    shifts = [shift for salt in (1, 2) for shift in hashed(key, mi.UInt(salt))]
+    shifts = [shift for salt in (1, 2, 3) for shift in hashed(key, mi.UInt(salt))]
     return [
         mi.Float((index * mi.UInt(step) + shift) >> 8) * 2.0**-24
-        for step, shift in zip(_STEPS, shifts, strict=True)
+        for step, shift in zip(_STEPS, shifts, strict=False)
     ]
 
 
 def cell_sampler() -> Any:
-    """Mitsuba sampler to be started from a cell's key and the index of a sample."""
+    """Mitsuba sampler to be started from a cluster's key and the index of a sample."""
     pcg32: Any = mi.PCG32
 
     class CellSampler(mi.Sampler):

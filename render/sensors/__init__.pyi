@@ -1,2 +1,5 @@
 from .film import Film as Film
-from .primary import pixel_means as pixel_means
+from .primary import (
+    means_of_pixels as means_of_pixels,
+    pixel_means as pixel_means,
+)

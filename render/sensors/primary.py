@@ -19,17 +19,42 @@ those of its pixel, and the sampler, which has more random numbers for them."""
 def pixel_means(sensor: Any, seed: int, samples: int, look: Look) -> NDArray[np.float32]:
     """Means (H, W, n) over the samples of each pixel."""
     width, height = (int(size) for size in sensor.film().crop_size())
-    pixels = width * height
+    means = _means(sensor, sensor.sampler(), seed, samples, width * height, lambda lane: lane, look)
+    return means.reshape(height, width, -1)
+
+
+def means_of_pixels(
+    sensor: Any, seed: int, samples: int, pixels: NDArray[np.integer], look: Look
+) -> NDArray[np.float32]:
+    """Means (P, n) over the multijittered samples of some pixels (P,), counted row by row."""
+    sampler: Any = mi.load_dict({"type": "multijitter", "sample_count": samples})
+    table = mi.UInt(pixels.astype(np.uint32))
+    return _means(
+        sensor, sampler, seed, samples, len(pixels), lambda n: dr.gather(mi.UInt, table, n), look
+    )
+
+
+def _means(
+    sensor: Any,
+    sampler: Any,
+    seed: int,
+    samples: int,
+    pixels: int,
+    pixel_of: Callable[[Any], Any],
+    look: Look,
+) -> NDArray[np.float32]:
+    """Means (pixels, n); `pixel_of` takes a number below `pixels` to the pixel that it means."""
+    width, height = (int(size) for size in sensor.film().crop_size())
     at_once = _largest_divisor(samples, max(1, SAMPLES_AT_ONCE // pixels))
-    sampler = sensor.sampler()
     sampler.set_samples_per_wavefront(at_once)
     sampler.seed(seed, pixels * at_once)
     total: list[Any] = []
     for first in range(0, samples, at_once):
         lane = dr.arange(mi.UInt, pixels * at_once)
-        pixel = lane // at_once
+        number = lane // at_once
+        pixel = pixel_of(number)
         corner = mi.Point2f(pixel % width, pixel // width)
-        place = (mi.Float(lane - pixel * at_once + first) + 0.5) / samples
+        place = (mi.Float(lane - number * at_once + first) + 0.5) / samples
         position = (corner + sampler.next_2d()) / mi.Point2f(width, height)
         time = sampler.next_1d() if sensor.shutter_open_time() > 0 else mi.Float(0.0)
         ray, _ = sensor.sample_ray(time, 0.5, position, mi.Point2f(0.5))
@@ -38,8 +63,7 @@ def pixel_means(sensor: Any, seed: int, samples: int, look: Look) -> NDArray[np.
         sampler.advance()
         sampler.schedule_state()
         dr.eval(total)
-    stacked = np.stack([np.array(values) for values in total], axis=-1)
-    return stacked.reshape(height, width, len(total))
+    return np.stack([np.array(values) for values in total], axis=-1)
 
 
 def _largest_divisor(number: int, limit: int) -> int:

@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from megalopta.render import RenderSettings, SceneRenderer, frame_seed
-from megalopta.render.noise import MeasuredPass, RenderNoise, RunningMean
+from megalopta.render.noise import MeasuredPass, RenderNoise
 from megalopta.render.repeats import render_once, render_until
+from megalopta.render.scatter import RunningMean
 from megalopta.scenes import Light, PerspectiveCamera, Trajectory
 from megalopta.scenes.world import Scene
 
@@ -22,8 +23,15 @@ def gaussian_pass(number):
 
 def measured_pass(number):
     """Without sky, and with nothing that stands."""
-    image = gaussian_pass(number)
-    return MeasuredPass(image, np.zeros_like(image), np.zeros_like(image[..., 0]))
+    return under(np.zeros((200, 200), np.float32), gaussian_pass(number))
+
+
+def under(sky, image=None, standing=None, differences=None):
+    """A pass of which the sky is known, and what stands."""
+    image = np.zeros((*sky.shape, 2), np.float32) if image is None else image
+    return MeasuredPass(
+        image, np.zeros_like(image) if standing is None else standing, sky, differences
+    )
 
 
 def passes(count):
@@ -72,7 +80,7 @@ def test_a_single_pass_is_unchanged_by_being_measured():
     assert nothing is None
     assert image.tobytes() == plain.tobytes() == gaussian_pass(0).tobytes()
     expected = measured_pass(1)
-    assert noise == passes(2).noise(1, expected.standing, expected.sky)
+    assert noise == passes(2).noise(1, expected)
 
 
 def test_passes_stop_at_the_first_that_meets_the_target():
@@ -97,7 +105,7 @@ def test_black_frames_have_no_noise():
 def test_noise_survives_its_text():
     sky = np.zeros((200, 200), np.float32)
     sky[:90] = 1
-    noise = passes(2).noise(1, gaussian_pass(5), sky)
+    noise = passes(2).noise(1, under(sky, standing=gaussian_pass(5)))
     assert noise.sky
     assert RenderNoise.from_json(noise.to_json()) == noise
 
@@ -121,7 +129,7 @@ def half_sky(scale=8.0):
 
 def test_surfaces_and_sky_are_each_measured_against_their_own_mean():
     both, sky = half_sky()
-    noise = both.noise(1, None, sky)
+    noise = both.noise(1, under(sky))
     sigma = SIGMA / MEAN.sum()
     # 20 000 pixels each: a variance from two passes is known to 1 % (σ); five σ
     assert noise.surface.rms == pytest.approx(sigma, rel=0.03)
@@ -141,11 +149,46 @@ def test_surfaces_and_sky_are_each_measured_against_their_own_mean():
 def test_an_error_that_stands_is_part_of_the_whole_and_told_apart():
     flicker, sky = passes(2), np.zeros((200, 200), np.float32)
     apart = 0.5 * (gaussian_pass(11) - MEAN).astype(np.float32)
-    noise = flicker.noise(1, apart, sky)
+    noise = flicker.noise(1, under(sky, standing=apart))
     sigma = SIGMA / MEAN.sum()
     assert noise.surface.standing == pytest.approx(0.5 * sigma, rel=0.03)
     assert noise.surface.rms == pytest.approx(np.sqrt(1.25) * sigma, rel=0.03)
     assert noise.surface.median == pytest.approx(np.sqrt(1.25) * sigma, rel=0.03)
+
+
+def test_what_stands_is_the_distance_from_paths_without_their_scatter():
+    flicker, sky = passes(2), np.zeros((200, 200), np.float32)
+    rng = np.random.default_rng(12)
+    offset = 0.1 * (gaussian_pass(11) - MEAN)
+    # Paths scatter by ten times the offset, 8 groups of them by 3.5 times: without their variance
+    # the distance would read 3.7 times as much.
+    scatter = rng.multivariate_normal(np.zeros(2), COVARIANCE, (200, 200, 8))
+    differences = (offset[:, :, None] + scatter).astype(np.float32)
+    differences[rng.random((200, 200)) < 0.3] = np.nan  # not compared
+    measured = under(sky, standing=0.01 * gaussian_pass(3), differences=differences)
+    still = flicker.noise(1_000_000, measured)
+    sigma = 0.1 * SIGMA / MEAN.sum()
+    # D² of 28 000 pixels has a relative deviation of √2 · 13.5 / √28000 = 0.11 of the offset's
+    # square: 6 % of its root; five σ
+    assert still.surface.standing == pytest.approx(sigma, rel=0.3)
+    assert still.surface.rms == pytest.approx(sigma, rel=0.3)
+    assert still.surface.median == pytest.approx(sigma, rel=0.4)
+
+
+def test_the_gradient_of_what_stands_is_known_from_pairs_of_neighbors():
+    sky = np.zeros((200, 200), np.float32)
+    ramp = RunningMean()
+    rows = np.broadcast_to(np.arange(200.0)[:, None, None] * 0.3, (200, 200, 2))
+    for _ in range(2):
+        ramp.add(rows.astype(np.float32))
+    # An error of ±0.06 in every other row: neighbors in columns differ by 0.24 in the sum of the
+    # bands, those in rows not at all; the ramp by 0.6.
+    stripes = 0.06 * (-1.0) ** np.arange(200)[:, None, None, None]
+    noise = np.random.default_rng(13).normal(0, 0.01, (200, 200, 8, 2))
+    measured = under(sky, differences=(stripes + noise).astype(np.float32))
+    found = ramp.noise(1, measured).surface
+    assert found.gradient == pytest.approx(0.24**2 / 0.6**2, rel=0.02)
+    assert found.standing == pytest.approx(0.12 / rows.sum(axis=-1).mean(), rel=0.02)
 
 
 def test_the_share_of_the_gradient_is_what_noise_adds_to_a_ramp():
@@ -153,7 +196,7 @@ def test_the_share_of_the_gradient_is_what_noise_adds_to_a_ramp():
     mean = RunningMean()
     for number in range(2):
         mean.add((ramp + gaussian_pass(number)).astype(np.float32))
-    noise = mean.noise(1, None, np.zeros((200, 200), np.float32))
+    noise = mean.noise(1, under(np.zeros((200, 200), np.float32)))
     # Between neighbors noise differs by 2σ² in the mean square, and the ramp by 0.6² in one of two
     # directions.
     share = 2 * SIGMA**2 / (2 * SIGMA**2 + 0.6**2 / 2)

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.render.baking import light as bake
+from megalopta.render.baking import light as bake, table
 from megalopta.render.baking.choice import cost_reason, path_tracing_reason
 from megalopta.render.baking.gathering import Gatherer
-from megalopta.render.noise import RunningMean
+from megalopta.render.scatter import RunningMean
 from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.sensors import primary
 from megalopta.render.settings import RenderSettings, bake_seed, frame_seed
@@ -190,7 +190,7 @@ def test_frames_lie_within_their_stated_error_of_the_path_tracer(sun):
     both = RunningMean()
     for each in passes:
         both.add(each.radiance)
-    surface = both.noise(1, passes[0].standing, passes[0].sky).surface
+    surface = both.noise(1, passes[0]).surface
     part = passes[0].sky == 0
     level = paths.mean(axis=0)[part].mean()
     # What stands: the mean difference, less the noise of both that is left in it.
@@ -218,7 +218,7 @@ def test_frames_do_not_depend_on_which_were_rendered_before_nor_on_batches(monke
         resumed.radiance(ORBIT[frame], frame)
     frames.append(resumed.radiance(ORBIT[3], 7))
     monkeypatch.setattr(bake, "RAYS_AT_ONCE", 10_000)
-    monkeypatch.setattr(bake, "FIRST_ROWS", 1)
+    monkeypatch.setattr(table, "FIRST_ROWS", 1)
     frames.append(renderer_of(scene, ORBIT, bake_error=0.3).radiance(ORBIT[3], 7))
     assert frames[0].tobytes() == frames[1].tobytes() == frames[2].tobytes()
     other = renderer_of(scene, ORBIT, seed=1, bake_error=0.3).radiance(ORBIT[3], 7)
@@ -249,9 +249,9 @@ def test_paths_are_traced_where_baking_is_not_asked_for_or_cannot_pay(ground):
         reason(still, frames=4)
         == "100 samples per pixel in all frames are too few to pay for baking"
     )
-    # Half of the path tracer's work at equal error: 1.6 r + 3 = 10, rays per sample.
-    assert cost_reason(437, 100) == ""
-    assert "baking would take 50% of the work" in cost_reason(438, 100)
+    # Half of the path tracer's work at equal error: 1.9 r + 0.9 = 8, rays per sample.
+    assert cost_reason(373, 100) == ""
+    assert "baking would take 50% of the work" in cost_reason(374, 100)
     assert "vectorized" in reason(still, "scalar_spectral", integrator="baked")
     assert "no surface" in reason(dataclasses.replace(still, placements=()))
 
@@ -277,8 +277,8 @@ def test_stored_light_gives_the_same_frames_without_another_bake(tmp_path, monke
     monkeypatch.setattr(
         Gatherer,
         "leaving",
-        lambda self, cell, shares, least: (
-            rays.append(2 * least * shares.sum()) or leaving(self, cell, shares, least)
+        lambda self, leader, cell, shares, least: (
+            rays.append(2 * least * shares.sum()) or leaving(self, leader, cell, shares, least)
         ),
     )
     _, again = frame(tmp_path, bake_error=0.2)

@@ -257,7 +257,7 @@ def test_presets_set_what_is_not_given(name):
 )
 def test_presets_grow_what_they_name(name):
     # as many trees as will have every kind of the mix among them
-    forest = Forest(preset=name, trees=40, undergrowth=0.02, detail=0.05)
+    forest = Forest(preset=name, trees=150, undergrowth=0.02, detail=0.05)
     scene = build_forest(forest, PATH)
     kinds = Counter(placement.kind for placement in scene.placements)
     assert {kind for kind in kinds if kind in TREES} == forest.mix.keys()

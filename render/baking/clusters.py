@@ -1,0 +1,125 @@
+"""Cells that lie together in a pixel, and share their light.
+
+Of foliage a pixel sees dozens of leaves at a time, from a sequence that is seen once each: what
+counts is their mean. Cells of one material that face about the same way and lie in the same voxel,
+half a pixel to a pixel wide from where the camera comes closest, are one cluster. Its light is
+gathered at points drawn as often as the sequence sees their cells.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from megalopta.render.baking.cells import NEAREST_M, Cells, pixel_angle
+from megalopta.render.loading import MergedMesh
+from megalopta.scenes.cameras import Camera
+
+UInt32 = NDArray[np.uint32]
+
+VOXEL_PX = 1.0
+"""Widest voxel, in pixels of the camera where it comes closest."""
+DRAWS = 32
+"""Cells of a cluster at which light is gathered."""
+# Odd constants of the hash: golden ratio, and that of the xxHash algorithm.
+_MULTIPLIERS = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F], np.uint64)
+
+
+class Voxels:
+    """Where the cells of meshes lie, for a camera that comes to positions (T, 3)."""
+
+    def __init__(
+        self,
+        cells: Cells,
+        meshes: Sequence[MergedMesh],
+        camera: Camera,
+        positions: NDArray[np.float64],
+    ) -> None:
+        self._cells, self._meshes = cells, meshes
+        self._path, self._pixel_rad = cKDTree(positions), pixel_angle(camera)
+
+    def keys(self, cell: UInt32, octaves: int = 0) -> NDArray[np.uint64]:
+        """Hash (C,) that cells (C,) of one cluster share; of voxels so many times twice as wide."""
+        patches = self._cells.patches(cell)
+        corners = np.empty((len(cell), 3, 3))
+        for index in np.unique(patches.mesh):
+            here, mesh = patches.mesh == index, self._meshes[index]
+            corners[here] = mesh.vertices[mesh.faces[patches.triangle[here]]]
+        rows = np.arange(len(cell))
+        a, b, c = (corners[rows, (patches.origin + step) % 3] for step in range(3))
+        u, v = (patches.indices + 0.5) / patches.pieces
+        total = np.maximum(u + v, 1)
+        center = a + (u / total)[:, None] * (b - a) + (v / total)[:, None] * (c - a)
+        normal = np.cross(b - a, c - a) * np.where(patches.side == 0, 1, -1)[:, None]
+        axis = np.abs(normal).argmax(axis=1)
+        facing = 2 * axis + (normal[rows, axis] > 0)
+        size = self._pixel_rad * np.maximum(self._path.query(center)[0], NEAREST_M)
+        level = np.floor(np.log2(VOXEL_PX * size)) + octaves
+        voxel = np.floor(center / np.exp2(level)[:, None])
+        return _hashed([patches.mesh, level, facing, *voxel.T])
+
+
+@dataclass(frozen=True)
+class Clusters:
+    """Cells in C clusters, sorted by cluster."""
+
+    members: UInt32
+    first: NDArray[np.int64]
+    """(C + 1,): place of the first member of each cluster, and their number."""
+    weight: NDArray[np.int64]
+    """How often each member and all before it were seen, from 1 on."""
+
+    @classmethod
+    def of(cls, cell: UInt32, keys: NDArray[np.uint64], seen: UInt32) -> "Clusters":
+        """Put cells (N,), in order, together by their keys; `seen` is how often each was."""
+        order = np.argsort(keys, kind="stable")
+        ends = np.flatnonzero(np.diff(keys[order])) + 1
+        first = np.concatenate([[0], ends, [len(cell)]]) if len(cell) else np.zeros(1)
+        return cls(cell[order], first.astype(np.int64), np.cumsum(seen[order], dtype=np.int64))
+
+    @classmethod
+    def single(cls, cell: UInt32) -> "Clusters":
+        """Each cell (N,) alone."""
+        return cls(cell, np.arange(len(cell) + 1), np.arange(1, len(cell) + 1))
+
+    def __len__(self) -> int:
+        return len(self.first) - 1
+
+    @property
+    def leaders(self) -> UInt32:
+        """(C,): first member of each cluster."""
+        return self.members[self.first[:-1]]
+
+    @property
+    def seen(self) -> NDArray[np.int64]:
+        """(C,): how often members were seen."""
+        return np.diff(np.concatenate([[0], self.weight])[self.first])
+
+    def of_members(self, chosen: NDArray[np.int64]) -> tuple[UInt32, NDArray[np.int64]]:
+        """All members of chosen clusters, and for each which of the chosen it belongs to."""
+        sizes = np.diff(self.first)[chosen]
+        owner = np.repeat(np.arange(len(chosen)), sizes)
+        place = np.arange(len(owner)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+        return self.members[self.first[chosen][owner] + place], owner
+
+    def draws(self, chosen: NDArray[np.int64]) -> UInt32:
+        """Members (C, DRAWS) of chosen clusters (C,), evenly by how often each was seen."""
+        before = np.concatenate([[0], self.weight])[self.first[chosen]]
+        steps = (np.arange(DRAWS) + 0.5) / DRAWS
+        place = before[:, None] + steps * self.seen[chosen][:, None]
+        return self.members[np.searchsorted(self.weight, place.ravel(), side="right")].reshape(
+            -1, DRAWS
+        )
+
+
+def _hashed(columns: Sequence[NDArray[np.generic]]) -> NDArray[np.uint64]:
+    """A hash (N,) of whole numbers in columns (N,)."""
+    found = np.zeros(len(columns[0]), np.uint64)
+    for column in columns:
+        found ^= column.astype(np.int64).astype(np.uint64)
+        for multiplier in _MULTIPLIERS:
+            found *= multiplier
+            found ^= found >> np.uint64(29)
+    return found
