@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.progress import progress
 from megalopta.render import dr, mi
 from megalopta.render.baking.clusters import Clusters, Voxels
 from megalopta.render.baking.gathering import STRIDE, Gatherer
@@ -80,8 +81,13 @@ class BakedLight:
         return int(self._shares.sum()) * LEAST_RAYS
 
     def bake_all(self) -> None:
-        """Compute the light of all clusters."""
-        self._bake(np.arange(len(self._clusters)))
+        """Compute the light of all clusters, and tell how far it is."""
+        launches = np.cumsum(LEAST_RAYS * self._shares) // RAYS_AT_ONCE
+        parts = np.split(np.arange(len(launches)), np.flatnonzero(np.diff(launches)) + 1)
+        with progress("Computing light on surfaces", len(parts), "part") as advance:
+            for part in parts:
+                self._bake(part)
+                advance()
         self.smooth()
 
     def smooth(self) -> None:
