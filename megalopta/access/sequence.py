@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import xarray
 
     from megalopta.access.truth_reader import TruthReader
-    from megalopta.sensor import OpenedCounts
+    from megalopta.sensor import OpenedCounts, StoredFrames
 
 Float32 = NDArray[np.float32]
 
@@ -106,20 +106,28 @@ class Sequence:
         Quantities besides are "saturated", and of the mean over noise "photons", "mean_reading",
         "reading_variance". Raises UserError where there is no such exposure.
         """
-        name = self.exposures[0] if exposure is None else exposure
-        if name not in self._units:
+        return _lazy(self._opened(self._exposure(exposure))[quantity])
+
+    def corrected(self, exposure: str | None = None, quantity: str = "detections") -> LazyFrames:
+        """Corrected frames of a SPAD array (T, H, W); by default of the first exposure.
+
+        Quantities are "detections", "variance", "filled" and "ambiguous". Raises UserError where
+        the dataset has none (`megalopta sense --correct`).
+        """
+        import zarr  # slow to load
+
+        from megalopta.sensor import StoredFrames
+
+        name = f"{self._exposure(exposure)}.zarr"
+        path = self.dataset.root / "corrected" / self.name / name
+        try:
+            array = zarr.open_group(path, mode="r")[quantity]
+        except (OSError, ValueError, KeyError):
             raise UserError(
-                f"{self.name}: no exposure {name!r}; there are {', '.join(self.exposures)}"
-            )
-        opened = self._opened(name)
-        array = opened[quantity].array
-        return LazyFrames(
-            array.shape,
-            np.dtype(array.dtype),
-            str(array.attrs["unit"]),
-            ("frame", "row", "column"),
-            lambda numbers: opened[quantity][numbers],
-        )
+                f"{path} holds no corrected frames ({quantity}); make them with: "
+                f"megalopta sense {self.dataset.home} --correct --redo"
+            ) from None
+        return _lazy(StoredFrames(path, cast("zarr.Array[Any]", array)))
 
     def expose(
         self,
@@ -218,6 +226,14 @@ class Sequence:
     def _opened(self) -> "Any":
         return lru_cache(maxsize=8)(self._open)
 
+    def _exposure(self, wanted: str | None) -> str:
+        name = self.exposures[0] if wanted is None else wanted
+        if name not in self._units:
+            raise UserError(
+                f"{self.name}: no exposure {name!r}; there are {', '.join(self.exposures)}"
+            )
+        return name
+
     def _open(self, name: str) -> "OpenedCounts":
         from megalopta.sensor import open_counts
 
@@ -235,3 +251,13 @@ def stored_exposures(configuration: Configuration) -> dict[str, str]:
         for sensor in configuration.sensors
         for level in configuration.light_levels
     }
+
+
+def _lazy(stored: "StoredFrames") -> LazyFrames:
+    return LazyFrames(
+        stored.shape,
+        np.dtype(stored.array.dtype),
+        str(stored.array.attrs["unit"]),
+        ("frame", "row", "column"),
+        stored.__getitem__,
+    )

@@ -38,6 +38,7 @@ def test_arrays_are_lazy_and_have_units(opened):
     assert sequence.counts(ctia).unit == "electrons per exposure"
     assert sequence.poses.shape == (3, 4, 4)
     assert sequence.depth[0].shape == (24, 32)
+    np.testing.assert_array_equal(sequence.object_ids[0] == 0, np.isinf(sequence.depth[0]))
     with pytest.raises(IndexError):
         sequence.radiance[3]
     with pytest.raises(UserError, match="no exposure 'eye'; there are spadcam"):

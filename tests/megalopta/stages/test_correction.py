@@ -1,0 +1,54 @@
+"""Corrected frames beside the readings, from the stages to Python; physics: tests/sensor/correct."""
+
+import numpy as np
+import pytest
+
+import megalopta
+from megalopta.config import load
+from megalopta.errors import UserError
+from megalopta.sensor.correct import correct, simulated_calibration
+from megalopta.stages import run_stage
+
+SETTINGS = {
+    "camera.width": "24",
+    "camera.height": "20",
+    "trajectory.frames": "3",
+    "render.samples_per_pixel": "1",
+    "render.bands_nm": "[[700, 800], [800, 900]]",
+    "sensors": "[spadcam, ctia_si]",
+    "light_levels": "[twilight]",
+    "correct": "true",
+    "calibration.frames": "100",
+}
+
+
+@pytest.fixture(scope="module")
+def sequence(tmp_path_factory):
+    root, configuration = tmp_path_factory.mktemp("corrected") / "data", load("grating", SETTINGS)
+    for stage in ("render", "sense"):
+        run_stage(root, configuration, stage)
+    return megalopta.open_dataset(root)[0]
+
+
+def test_what_is_stored_is_the_readings_corrected_with_one_calibration(sequence):
+    spad, settings = sequence.exposures[0], sequence.configuration
+    calibration = simulated_calibration(
+        settings.sensors[0],
+        sequence.shape,
+        frames=100,
+        seed=settings.seed,
+        hot_times=settings.calibration.hot_times,
+    )
+    expected = correct(sequence.counts(spad)[:], sequence.counts(spad, "saturated")[:], calibration)
+    for name in ("detections", "variance", "filled", "ambiguous"):
+        stored = sequence.corrected(spad, name)
+        assert stored.shape == (3, 20, 24)
+        # stored as float32
+        np.testing.assert_allclose(stored[:], getattr(expected, name), rtol=1e-6)
+
+
+def test_what_has_no_corrected_frames_is_told(sequence):
+    with pytest.raises(UserError, match="holds no corrected frames"):
+        sequence.corrected(sequence.exposures[1])
+    with pytest.raises(UserError, match=r"holds no corrected frames \(dark\)"):
+        sequence.corrected(quantity="dark")
