@@ -36,6 +36,6 @@ def test_the_settings_on_its_command_lines_are_accepted(line):
     load("demo", overrides)  # refuses what it does not know
 
 
-@pytest.mark.parametrize("name", re.findall(r"\]\(((?!http)[^)]+)\)", README))
+@pytest.mark.parametrize("name", re.findall(r"\]\(((?!http|#)[^)]+)\)", README))
 def test_the_files_it_links_exist(name):
     assert (Path(__file__).parents[1] / name).exists()

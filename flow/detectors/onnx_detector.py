@@ -12,7 +12,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -139,4 +138,6 @@ def _continued(picture: FloatArray) -> NDArray[Any]:
 
 
 def _resized(picture: FloatArray, shape: tuple[int, int]) -> NDArray[Any]:
+    import cv2
+
     return cv2.resize(picture, shape[::-1], interpolation=cv2.INTER_LINEAR)

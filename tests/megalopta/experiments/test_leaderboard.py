@@ -28,24 +28,29 @@ def entries(clean):
     return {each.detector.name: each for each in leaderboard.ranked(clean[:1], chosen)}
 
 
+@pytest.mark.slow
 def test_methods_without_velocity_are_passed_over_and_the_others_ranked(entries):
     assert list(entries) == ["PPM", "PM", "BM"]
 
 
+@pytest.mark.slow
 def test_poisson_matching_takes_at_most_four_times_the_photons_of_the_bound(entries):
     assert 1 < entries["PM"].photons / entries["PM"].bound_photons < 4
 
 
+@pytest.mark.slow
 def test_pooling_takes_at_most_half_of_the_flux_of_two_frames(entries):
     assert entries["PPM"].frames == 8
     assert entries["PPM"].photons < entries["PM"].photons / 2
     assert entries["PPM"].photons < 2 * entries["PM"].bound_photons
 
 
+@pytest.mark.slow
 def test_block_matching_takes_more_than_twice_the_photons_of_poisson_matching(entries):
     assert entries["BM"].photons > 2 * entries["PM"].photons
 
 
+@pytest.mark.slow
 def test_variance_is_within_a_factor_of_two_of_the_bound(clean):
     found = leaderboard.efficiencies(clean, METHODS["PM"], (3e5, 1e6, 1e7), draws=12)
     # The variance from 12 draws in two components makes the ratio appear 5 % larger than it is.
@@ -87,6 +92,7 @@ def test_figures_are_drawn_with_their_numbers(name, clean, monkeypatch, check_wo
         assert in_all == 2 * photons
 
 
+@pytest.mark.slow
 def test_caption_tells_which_methods_collect_more_than_two_frames(entries):
     found = figures_leaderboard.frames_collected(list(entries.values()))
     total = format_flux(8 * entries["PPM"].photons)

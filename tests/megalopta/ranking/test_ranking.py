@@ -105,6 +105,7 @@ def test_a_broken_run_goes_on_and_gives_the_same(ranked, grating, capsys):
     assert again == kept[:2]
 
 
+@pytest.mark.slow
 def test_other_frames_are_measured_anew(tmp_path):
     pages = []
     for seed in ("1", "2"):
@@ -114,6 +115,7 @@ def test_other_frames_are_measured_anew(tmp_path):
     assert len(list((tmp_path / "out" / "velocities").rglob("*.npy"))) == 2 * 2
 
 
+@pytest.mark.slow
 def test_functions_and_references_are_methods_too(grating, tmp_path, monkeypatch):
     """A module's function and the same function from Python answer alike; other code anew."""
     monkeypatch.chdir(tmp_path)
@@ -157,6 +159,7 @@ def test_words_say_only_what_is_sure_in_both_groups(ranked):
     assert "BM before DIS (visible), the other way round (occluded)" in occlusion
 
 
+@pytest.mark.slow
 def test_yaw_rates_of_methods_with_and_without_velocities(tmp_path):
     """The camera turns at one rate before a grating: clean answers give it within a tenth."""
     words = {**SETTINGS, "trajectory.frames": "30", "render.samples_per_pixel": "1"}
@@ -177,6 +180,7 @@ def still(first, second):
     return np.zeros((*first.shape, 2))
 
 
+@pytest.mark.slow
 def test_levels_are_measured_at_their_photons(grating, tmp_path):
     """Of a light level in lux: photons per lux and second times lux times exposure."""
     words = {**FEW, "methods": "[BM]", "light_levels": "[twilight, 0.5]", "exposure_s": "0.02"}

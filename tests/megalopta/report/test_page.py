@@ -260,7 +260,6 @@ def with_answers(dataset, method, level, repeated, correct):
                 for truth in each["truth"].values():
                     truth |= {"relative_error_median": error, "outlier_fraction": error}
     rewrite(dataset, "flow", path, json.dumps(records))
-    Ledger(dataset).forget("benchmark")  # whose charts take longest to draw
     return write_report(dataset)
 
 

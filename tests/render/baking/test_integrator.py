@@ -93,6 +93,7 @@ def test_plane_under_the_sun_follows_the_cosine_law(ground):
 
 
 @vectorized
+@pytest.mark.slow
 def test_texture_mixes_the_two_reflectances_by_its_weight_in_sky_and_sunlight(ground):
     ground.visual = trimesh.visual.TextureVisuals(uv=np.zeros((4, 2)))
     weight = np.full((4, 4), 0.25, np.float32)

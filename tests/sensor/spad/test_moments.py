@@ -121,10 +121,13 @@ def test_matched_laws_have_any_possible_mean_and_variance(mean, variance):
     "effects",
     [
         {"afterpulsing": Afterpulsing(mean_carriers=0.2, delay_s=2e-3)},
-        {
-            "afterpulsing": Afterpulsing(mean_carriers=0.2, delay_s=2e-3),
-            "dead_time": DeadTime(kind="nonparalyzable", dead_time_s=2e-3),
-        },
+        pytest.param(
+            {
+                "afterpulsing": Afterpulsing(mean_carriers=0.2, delay_s=2e-3),
+                "dead_time": DeadTime(kind="nonparalyzable", dead_time_s=2e-3),
+            },
+            marks=pytest.mark.slow,
+        ),
         {
             "gate": Gate(period_s=0.1, width_s=0.05),
             "dead_time": DeadTime(kind="paralyzable", dead_time_s=2e-3),

@@ -64,7 +64,14 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name",
+    [
+        # a table by simulation takes long; that of events alone is tested in `tests/sensor/avalanches`
+        pytest.param(name, marks=[pytest.mark.slow] if "afterpulsing" in name else [])
+        for name in CASES
+    ],
+)
 def test_tables_state_what_the_laws_of_single_pixels_state(name):
     changes, arrivals = CASES[name]
     sensor = changed(IDEAL, **changes)
