@@ -247,14 +247,3 @@ def _two_samples(term: str, plain: Counts, drawn: Counts) -> Iterator[Row]:
         )
     yield from worst_of_each(rows)
     yield from z_rows(term, plain.sum((1, 2)), drawn.sum((1, 2)), " of all pixels")
-
-
-AVALANCHE_CHECKS = (
-    check_dead_time_ends,
-    check_combinations,
-    check_delays,
-    check_dark_neighbor,
-    check_maps,
-    check_running_frames,
-    check_measured_crosstalk,
-)
