@@ -16,12 +16,14 @@ from megalopta.sensor.selfcheck.counting import counting_checks
 from megalopta.sensor.selfcheck.ctia import check_ctia_discharge, check_ctia_noise
 from megalopta.sensor.selfcheck.ctia_bias import check_gate_leak, check_pulse_loop, check_trimming
 from megalopta.sensor.selfcheck.device import check_device, check_operation
+from megalopta.sensor.selfcheck.interplay import interplay_checks
 from megalopta.sensor.selfcheck.measured import check_measured_maps
 from megalopta.sensor.selfcheck.optics import check_falloff, check_lens, check_transmission
 from megalopta.sensor.selfcheck.parts import check_parts
 from megalopta.sensor.selfcheck.readings import reading_checks
 from megalopta.sensor.selfcheck.stated import (
     check_stated_afterpulsing,
+    check_stated_analog,
     check_stated_crosstalk,
     check_stated_dead_time,
 )
@@ -49,7 +51,7 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
     "combinations": (check_combinations, check_maps),
     "gate": (check_gate_and_jitter, check_gated_bits),
     "changing-light": (check_parts, check_running_frames),
-    "counters": (check_counters, check_analog),
+    "counters": (check_counters, check_analog, check_stated_analog),
     "frames": (check_frames, check_dim_light),
     "ctia": (
         check_ctia_discharge,
@@ -58,7 +60,7 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
         check_pulse_loop,
         check_gate_leak,
     ),
-    "readings": reading_checks(),
+    "readings": (*reading_checks(), *interplay_checks(10_000)),
 }
 EFFECT_CHECKS: tuple[Check, ...] = tuple(check for group in _EFFECTS.values() for check in group)
 """All but the laws of the counts, which take long"""

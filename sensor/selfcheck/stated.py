@@ -3,14 +3,22 @@
 dead time       Σ (2n − 1)·P(N >= n) − E[N]², with P the incomplete gamma function
 afterpulsing    r·T/(1 − p)³, which a Hawkes process approaches
 crosstalk       N̄·(1 − Σ w²)·mean over all waves of 1/(1 − ŵ)², ŵ the kernel's transform
+    analog counter  Σ P(reading >= n), n − ½ steps being passed by a normal fall, held at the bottom
+                    of the swing, and normal read noise
 """
 
 from collections.abc import Iterator
 
 import numpy as np
 from scipy.integrate import quad
-from scipy.special import gammainc
+from scipy.special import gammainc, ndtr
 
+from megalopta.sensor.counters import (
+    AnalogCounter,
+    AnalogPixels,
+    analog_pixels,
+    counter_moments,
+)
 from megalopta.sensor.effects import (
     Afterpulsing,
     Crosstalk,
@@ -19,10 +27,13 @@ from megalopta.sensor.effects import (
     crosstalk,
     dead_time,
 )
+from megalopta.sensor.sampling import generator
 from megalopta.sensor.selfcheck.comparison import Row, exact_row
 
 _TAU_S = 1e-6
 _RELATIVE_ERROR = 1e-6
+_NORMAL_NODES = np.linspace(-8, 8, 20_001)
+_NORMAL_WEIGHTS = np.exp(-(_NORMAL_NODES**2) / 2) / np.exp(-(_NORMAL_NODES**2) / 2).sum()
 
 
 def check_stated_dead_time() -> Iterator[Row]:
@@ -72,7 +83,8 @@ def check_stated_afterpulsing() -> Iterator[Row]:
 
 
 def check_stated_crosstalk() -> Iterator[Row]:
-    """The middle of an even frame, far from its border."""
+    """The middle of an even frame, far from its border; uneven pixels, by matrices."""
+    yield _uneven_crosstalk()
     side, light = 61, 5.0
     for talk in (
         Crosstalk(mean_fired_neighbors=0.6),
@@ -93,6 +105,53 @@ def check_stated_crosstalk() -> Iterator[Row]:
             float(stated[side // 2, side // 2]),
             _RELATIVE_ERROR * variance,
         )
+
+
+def _uneven_crosstalk() -> Row:
+    """Frame of pixels that differ in light and in what they send, as one matrix."""
+    rng, shape = generator(33), (4, 5)
+    light, strength = rng.uniform(1, 9, shape), rng.uniform(0.5, 1.5, shape)
+    talk = Crosstalk(mean_fired_neighbors=0.5, diagonal=0.3)
+    y, x = np.indices(shape).reshape(2, -1)
+    squared = (y[:, None] - y) ** 2 + (x[:, None] - x) ** 2
+    shares = np.select([squared == 1, squared == 2], [1.0, 0.3]) / (4 * 1.3)
+    chances = 0.5 * shares * strength.ravel()
+    response = np.linalg.inv(np.eye(y.size) - chances)
+    means = response @ light.ravel()
+    noise = light.ravel() + (chances - chances**2) @ means
+    expected = (response**2 @ noise).reshape(shape)
+    stated = crosstalk.variance(light, talk, strength)
+    off = float(np.abs(stated / expected - 1).max())
+    quantity = "variance of uneven pixels, largest error"
+    return exact_row("crosstalk, stated", quantity, 0.0, off, _RELATIVE_ERROR)
+
+
+def check_stated_analog() -> Iterator[Row]:
+    """Noisy steps and read noise about the bottom of the swing, for known numbers of events."""
+    step, capacity, read_noise, step_noise = 0.1, 16, 0.05, 0.01
+    counter = AnalogCounter(
+        step_v=step, swing_v=1.6, read_noise_v=read_noise, step_noise_v=step_noise
+    )
+    thresholds = (np.arange(capacity) + 0.5) * step
+    for events in (12, 15, 18):
+        fall = events * step + step_noise * events**0.5 * _NORMAL_NODES
+        passed = ndtr((np.minimum(fall, 1.6)[:, None] - thresholds) / read_noise)
+        reached = _NORMAL_WEIGHTS @ passed
+        mean = float(reached.sum())
+        square = float(((2 * np.arange(capacity) + 1) * reached).sum())
+        pixels = analog_pixels(counter, (1, 1), 0.1, 3)
+        flat = AnalogPixels(*(each.ravel() for each in pixels))
+        stated = counter_moments(counter, flat, 0.1, np.array([events]), np.ones((1, 1)))
+        for quantity, expected, found in zip(
+            ("mean", "variance"), (mean, square - mean**2), stated, strict=True
+        ):
+            yield exact_row(
+                "analog counter, stated",
+                f"{quantity} of readings of {events} events",
+                expected,
+                float(found[0]),
+                _RELATIVE_ERROR * expected,
+            )
 
 
 def _live_sums(arrivals: float, a: float) -> tuple[float, float]:
