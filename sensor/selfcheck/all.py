@@ -32,6 +32,7 @@ from megalopta.sensor.selfcheck.terms import (
     check_counters,
     check_crosstalk,
     check_dim_light,
+    check_few_lost,
     check_frames,
     check_gate_and_jitter,
     check_light,
@@ -40,7 +41,7 @@ from megalopta.sensor.selfcheck.terms import (
 _EFFECTS: dict[str, tuple[Check, ...]] = {
     "light": (check_light, check_lens, check_falloff, check_transmission),
     "device": (check_device, check_operation, check_measured_maps),
-    "dead-time": (check_stated_dead_time, check_dead_time_ends),
+    "dead-time": (check_stated_dead_time, check_few_lost, check_dead_time_ends),
     "afterpulsing": (check_afterpulsing, check_stated_afterpulsing, check_delays),
     "crosstalk": (
         check_crosstalk,
@@ -60,7 +61,7 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
         check_pulse_loop,
         check_gate_leak,
     ),
-    "readings": (*reading_checks(), *interplay_checks(10_000)),
+    "readings": (*reading_checks(), *interplay_checks()),
 }
 EFFECT_CHECKS: tuple[Check, ...] = tuple(check for group in _EFFECTS.values() for check in group)
 """All but the laws of the counts, which take long"""

@@ -13,7 +13,7 @@ from megalopta.sensor.effects import DeadTime
 from megalopta.sensor.selfcheck.comparison import Check, Row
 from megalopta.sensor.spad import PRESETS, Sensor, expose_rate, reading_moments
 
-_SIDE = 100
+_SIDE = 20
 _CAPACITY = 15
 _ANALOG = AnalogCounter(step_v=0.1, swing_v=1.6)
 _SPREAD = changed(

@@ -7,7 +7,7 @@ from scipy.integrate import quad
 from scipy.stats import linregress
 
 from megalopta.sensor import changed
-from megalopta.sensor.avalanches import simulate_counts, simulate_events
+from megalopta.sensor.avalanches import draw_counts, simulate_counts, simulate_events
 from megalopta.sensor.counters import (
     AnalogCounter,
     DigitalCounter,
@@ -199,3 +199,17 @@ def check_dim_light() -> Iterator[Row]:
     counts = expose_rate(rate, sensor, seed=5, sequence="dim").counts.astype(np.int64)
     yield mean_row("dim light", "counts", 0.05, counts)
     yield variance_row("dim light", "variance of counts", 0.05, counts)
+
+
+def check_few_lost() -> Iterator[Row]:
+    """Paralyzable, one arrival in six lost: closed forms of the module's two moments."""
+    x, a, side = 2.0, 0.24, 2000
+    dead = DeadTime(kind="paralyzable", dead_time_s=a * 1e-6)
+    rates = np.full((side, side), 1e6)
+    counts = draw_counts(generator(32), rates, x * 1e-6, AvalancheEffects(dead_time=dead))
+    once, twice = (x - n * a - 1 + np.exp(n * a - x) for n in (1, 2))
+    mean = 1 - np.exp(-x) + np.exp(-a) * once
+    pairs = np.exp(-a) * once + np.exp(-2 * a) * ((x - 2 * a) ** 2 / 2 - twice)
+    term = "paralyzable, few lost"
+    yield mean_row(term, "counts", float(mean), counts)
+    yield variance_row(term, "variance of counts", float(2 * pairs + mean - mean**2), counts)
