@@ -61,7 +61,7 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
         check_pulse_loop,
         check_gate_leak,
     ),
-    "readings": (*reading_checks(), *interplay_checks()),
+    "readings": (*reading_checks(), *interplay_checks(20_000)),
 }
 EFFECT_CHECKS: tuple[Check, ...] = tuple(check for group in _EFFECTS.values() for check in group)
 """All but the laws of the counts, which take long"""

@@ -6,6 +6,7 @@ are what is independent.
 
 from collections.abc import Iterator
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -16,26 +17,28 @@ from megalopta.sensor.effects import Afterpulsing, Crosstalk, DarkCounts, DeadTi
 from megalopta.sensor.selfcheck.comparison import LARGEST_Z, Check, Row
 from megalopta.sensor.spad import Sensor, expose_rate, preset, reading_moments
 
+_Effects = dict[str, Any]
+
 _SIDE = 10
 _ARRIVALS = 12.0
 _TAU_S = 5e-3
 _TABLE_MEAN, _TABLE_VARIANCE = 3e-3, 1.5e-2
 """Standard errors of moments that are simulated, as `avalanches` states them"""
 
-_ACTIVE = {"dead_time": DeadTime(kind="nonparalyzable", dead_time_s=_TAU_S)}
-_PASSIVE = {"dead_time": DeadTime(kind="paralyzable", dead_time_s=_TAU_S)}
-_TWILIGHT = {"dead_time": changed(_ACTIVE["dead_time"], twilight_s=_TAU_S / 4)}
-_RECHARGING = {"dead_time": changed(_ACTIVE["dead_time"], recharge_s=_TAU_S / 2)}
-_TRAPS = {"afterpulsing": Afterpulsing(mean_carriers=0.3, delay_s=_TAU_S)}
-_TABLE = {
+_ACTIVE: _Effects = {"dead_time": DeadTime(kind="nonparalyzable", dead_time_s=_TAU_S)}
+_PASSIVE: _Effects = {"dead_time": DeadTime(kind="paralyzable", dead_time_s=_TAU_S)}
+_TWILIGHT: _Effects = {"dead_time": changed(_ACTIVE["dead_time"], twilight_s=_TAU_S / 4)}
+_RECHARGING: _Effects = {"dead_time": changed(_ACTIVE["dead_time"], recharge_s=_TAU_S / 2)}
+_TRAPS: _Effects = {"afterpulsing": Afterpulsing(mean_carriers=0.3, delay_s=_TAU_S)}
+_TABLE: _Effects = {
     "afterpulsing": Afterpulsing(
         mean_carriers=0.3, table_delays_s=(0, 5e-3, 15e-3), table_cumulative=(0, 0.6, 1)
     )
 }
-_TALK = {"crosstalk": Crosstalk(mean_fired_neighbors=0.3, diagonal=0.3, distance_two=0.1)}
-_GATE = {"gate": Gate(period_s=17e-3, width_s=11e-3, phase_s=4e-3)}
+_TALK: _Effects = {"crosstalk": Crosstalk(mean_fired_neighbors=0.3, diagonal=0.3, distance_two=0.1)}
+_GATE: _Effects = {"gate": Gate(period_s=17e-3, width_s=11e-3, phase_s=4e-3)}
 
-_CASES: dict[str, dict[str, object]] = {
+_CASES: dict[str, _Effects] = {
     "dark counts": {"dark_counts": DarkCounts(bulk_mean_hz_um2=0.5)},
     "jitter": {"jitter": Jitter(sigma_s=1e-9)},
     "gate": _GATE,

@@ -20,6 +20,7 @@ from megalopta.sensor.readout import expose_binary, expose_events, unpack
 from megalopta.sensor.sampling import generator
 from megalopta.sensor.selfcheck.brute_force import brute_force_frames
 from megalopta.sensor.selfcheck.comparison import (
+    Counts,
     Row,
     exact_row,
     mean_row,
@@ -72,7 +73,9 @@ def _poisson_rows(light_hz: Floats) -> Iterator[Row]:
     dim = _everywhere(light_hz / 40)
     bits = unpack(expose_binary(dim, gated, seed=7, sequence=term), _SIDE)
     chance = -np.expm1(-gated_total / 40)
-    yield mean_row(f"{term}, gate", "part of ones in binary frames", chance, 1.0 * bits)
+    yield mean_row(
+        f"{term}, gate", "part of ones in binary frames", chance, bits.astype(np.float64)
+    )
     stream = expose_events(_everywhere(light_hz), sensor, seed=7, sequence=term)
     found = np.histogram(stream.time_s, edges)[0]
     expected = light_hz * part_s * _FRAMES * _SIDE**2
@@ -103,7 +106,7 @@ def _dead_time_rows(term: str, light_hz: Floats, dead: DeadTime, exact: float) -
     yield from z_rows(term, plain.ravel(), counts.ravel())
 
 
-def _drawn(light_hz: Floats, sensor: Sensor, term: str) -> tuple[Floats, tuple[float, float]]:
+def _drawn(light_hz: Floats, sensor: Sensor, term: str) -> tuple[Counts, tuple[float, float]]:
     """Counts of many pixels, and the stated mean and variance of one."""
     rate = _everywhere(light_hz)
     counts = expose_rate(rate, sensor, seed=6, sequence=term).counts
