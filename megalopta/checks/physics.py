@@ -5,22 +5,23 @@ SciPy, and a plain event-by-event simulation that shares no code with the sensor
 A row fails at |z| >= 5.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from megalopta.errors import UserError
 from megalopta.figures import PALETTE, house_style, new_canvas
 from megalopta.folders import ensure_directory
 from megalopta.sensor import ORDER_OF_EFFECTS
 from megalopta.sensor.selfcheck import (
     AFTERPULSING,
-    EFFECT_CHECKS,
+    CHECKS,
     LARGEST_Z,
     Kind,
     Row,
-    counting_checks,
     effects_of,
     false_alarm,
     operating_point,
@@ -36,17 +37,24 @@ _DEAD_TIMES: dict[Kind, str] = {
 }
 
 
-def run_check_physics(plots: Path | None = None, console: Console | None = None) -> bool:
-    """Run all checks and print their table; return whether all passed.
+def run_check_physics(
+    groups: Sequence[str] = (), plots: Path | None = None, console: Console | None = None
+) -> bool:
+    """Run checks and print their table; return whether all passed.
 
-    `plots` is a folder for pictures of the counting laws. Raises UserError when it is a file;
-    nothing is checked then.
+    `groups` are names of `CHECKS`, all where none is given; `plots` is a folder for pictures of the
+    counting laws. Raises UserError for a name that is none, or where the folder is a file; nothing
+    is checked then.
     """
+    for group in groups:
+        if group not in CHECKS:
+            raise UserError(f"check physics: no group {group!r}; one of {', '.join(CHECKS)}")
+    chosen = [check for group in CHECKS if group in (groups or CHECKS) for check in CHECKS[group]]
     plots = plots and ensure_directory(plots)
     console = console or Console()
     order = " → ".join(ORDER_OF_EFFECTS)
     console.print(f"order of effects: {order}", highlight=False)
-    rows = run_checks((*counting_checks(), *EFFECT_CHECKS))
+    rows = run_checks(tuple(chosen))
     console.print(table_of(rows))
     failed = sum(not row.passed for row in rows)
     comparisons = sum(row.comparisons for row in rows)

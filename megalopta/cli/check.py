@@ -7,6 +7,23 @@ from pathlib import Path
 from megalopta.cli.command import Verbs, add_verb
 from megalopta.errors import UserError
 
+PHYSICS = (
+    "counting",
+    "light",
+    "device",
+    "dead-time",
+    "afterpulsing",
+    "crosstalk",
+    "combinations",
+    "gate",
+    "changing-light",
+    "counters",
+    "frames",
+    "ctia",
+    "readings",
+)
+"""Groups of `megalopta.sensor.selfcheck.CHECKS`, whose import takes a second."""
+
 
 def declare(verbs: Verbs) -> None:
     """Add the verb."""
@@ -18,32 +35,34 @@ def declare(verbs: Verbs) -> None:
     subjects = ["physics", "truth", "files", "panoramas"]
     command.add_argument("what", choices=subjects, help="what to prove")
     command.add_argument(
-        "dataset",
-        nargs="?",
-        type=Path,
-        help="dataset folder, for truth and files; folder for new panoramas, for panoramas",
+        "subjects",
+        nargs="*",
+        metavar="FOLDER or GROUP",
+        help="dataset folder, for truth and files; folder for new panoramas, for panoramas; for "
+        f"physics any of {', '.join(PHYSICS)}, by default all",
     )
     command.add_argument("--plots", type=Path, help="folder for pictures of the counting laws")
 
 
 def _run(options: Namespace) -> None:
-    if not _passes(options.what, options.dataset, options.plots):
+    if not _passes(options.what, options.subjects, options.plots):
         sys.exit(1)
 
 
-def _passes(what: str, folder: Path | None, plots: Path | None) -> bool:
+def _passes(what: str, subjects: list[str], plots: Path | None) -> bool:
     from megalopta import checks
     from megalopta.stages import open_dataset_whole
 
+    if what == "physics":
+        return checks.run_check_physics(subjects, plots)
+    if plots is not None:
+        raise UserError(f"check {what}: draws no pictures; leave --plots out")
+    if len(subjects) > 1:
+        raise UserError(f"check {what}: got {' '.join(subjects)}; give one folder")
+    folder = Path(subjects[0]) if subjects else None
     if what == "panoramas":
         return checks.run_check_panoramas(folder)
-    if what == "physics" and folder is not None:
-        raise UserError(f"check physics: takes no dataset, got {folder}")
-    if what != "physics" and plots is not None:
-        raise UserError(f"check {what}: draws no pictures; leave --plots out")
-    if what != "physics" and folder is None:
-        raise UserError(f"check {what}: which dataset? give its folder")
     if folder is None:
-        return checks.run_check_physics(plots)
+        raise UserError(f"check {what}: which dataset? give its folder")
     check = checks.run_check_truth if what == "truth" else checks.run_check_files
     return check(open_dataset_whole(folder))

@@ -1,4 +1,4 @@
-from .all import EFFECT_CHECKS as EFFECT_CHECKS
+from .all import CHECKS as CHECKS
 from .comparison import (
     LARGEST_Z as LARGEST_Z,
     Row as Row,
@@ -8,7 +8,6 @@ from .comparison import (
 from .counting import (
     AFTERPULSING as AFTERPULSING,
     Kind as Kind,
-    counting_checks as counting_checks,
     effects_of as effects_of,
     operating_point as operating_point,
     samples as samples,

@@ -1,31 +1,69 @@
-"""Checks of every effect, in the order of the table; those of the counting laws are apart."""
+"""Checks of every effect, by groups that can be run alone, in the order of the table."""
 
 from megalopta.sensor.selfcheck.analog import check_analog
 from megalopta.sensor.selfcheck.binary import check_gated_bits
-from megalopta.sensor.selfcheck.combinations import AVALANCHE_CHECKS
+from megalopta.sensor.selfcheck.combinations import (
+    check_combinations,
+    check_dark_neighbor,
+    check_dead_time_ends,
+    check_delays,
+    check_maps,
+    check_measured_crosstalk,
+    check_running_frames,
+)
 from megalopta.sensor.selfcheck.comparison import Check
+from megalopta.sensor.selfcheck.counting import counting_checks
 from megalopta.sensor.selfcheck.ctia import check_ctia_discharge, check_ctia_noise
 from megalopta.sensor.selfcheck.ctia_bias import check_gate_leak, check_pulse_loop, check_trimming
+from megalopta.sensor.selfcheck.device import check_device, check_operation
+from megalopta.sensor.selfcheck.interplay import interplay_checks
 from megalopta.sensor.selfcheck.measured import check_measured_maps
 from megalopta.sensor.selfcheck.optics import check_falloff, check_lens, check_transmission
 from megalopta.sensor.selfcheck.parts import check_parts
 from megalopta.sensor.selfcheck.readings import reading_checks
-from megalopta.sensor.selfcheck.terms import TERM_CHECKS
-
-EFFECT_CHECKS: tuple[Check, ...] = (
-    check_lens,
-    check_falloff,
-    check_transmission,
-    *TERM_CHECKS,
-    *AVALANCHE_CHECKS,
-    check_analog,
-    check_measured_maps,
-    check_gated_bits,
-    check_parts,
-    check_ctia_discharge,
-    check_ctia_noise,
-    check_trimming,
-    check_pulse_loop,
-    check_gate_leak,
-    *reading_checks(),
+from megalopta.sensor.selfcheck.stated import (
+    check_stated_afterpulsing,
+    check_stated_analog,
+    check_stated_crosstalk,
+    check_stated_dead_time,
 )
+from megalopta.sensor.selfcheck.terms import (
+    check_afterpulsing,
+    check_counters,
+    check_crosstalk,
+    check_dim_light,
+    check_few_lost,
+    check_frames,
+    check_gate_and_jitter,
+    check_light,
+)
+
+_EFFECTS: dict[str, tuple[Check, ...]] = {
+    "light": (check_light, check_lens, check_falloff, check_transmission),
+    "device": (check_device, check_operation, check_measured_maps),
+    "dead-time": (check_stated_dead_time, check_few_lost, check_dead_time_ends),
+    "afterpulsing": (check_afterpulsing, check_stated_afterpulsing, check_delays),
+    "crosstalk": (
+        check_crosstalk,
+        check_stated_crosstalk,
+        check_measured_crosstalk,
+        check_dark_neighbor,
+    ),
+    "combinations": (check_combinations, check_maps),
+    "gate": (check_gate_and_jitter, check_gated_bits),
+    "changing-light": (check_parts, check_running_frames),
+    "counters": (check_counters, check_analog, check_stated_analog),
+    "frames": (check_frames, check_dim_light),
+    "ctia": (
+        check_ctia_discharge,
+        check_ctia_noise,
+        check_trimming,
+        check_pulse_loop,
+        check_gate_leak,
+    ),
+    "readings": (*reading_checks(), *interplay_checks(20_000)),
+}
+EFFECT_CHECKS: tuple[Check, ...] = tuple(check for group in _EFFECTS.values() for check in group)
+"""All but the laws of the counts, which take long"""
+
+CHECKS: dict[str, tuple[Check, ...]] = {"counting": counting_checks(), **_EFFECTS}

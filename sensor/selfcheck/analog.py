@@ -1,8 +1,10 @@
 """Output of the analog counter, in volts, step after step and term by term."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from megalopta.arrays import Floats
 from megalopta.sensor import changed
@@ -44,7 +46,7 @@ def check_analog() -> Iterator[Row]:
         yield variance_row(term, f"variance, {name} (V²)", variance + rounding, volts)
 
 
-def _volts(counter: AnalogCounter, events: Floats) -> Floats:
+def _volts(counter: AnalogCounter, events: NDArray[np.integer[Any]]) -> Floats:
     pixels = analog_pixels(counter, events.shape, _EXPOSURE_S, 3)
     codes = sample_analog(generator(9), events.astype(np.int64), counter, pixels)
     return np.asarray(codes * _LSB_V)

@@ -13,6 +13,7 @@ from megalopta.sensor.effects import DeadTime
 from megalopta.sensor.selfcheck.comparison import Check, Row
 from megalopta.sensor.spad import PRESETS, Sensor, expose_rate, reading_moments
 
+_SIDE = 20
 _CAPACITY = 15
 _ANALOG = AnalogCounter(step_v=0.1, swing_v=1.6)
 _SPREAD = changed(
@@ -72,25 +73,26 @@ _CASES: tuple[tuple[str, dict[str, object], float], ...] = (
 
 def reading_checks(exposures: int = 40_000) -> tuple[Check, ...]:
     """Return a check for every preset and every case, each of about so many exposures."""
-    side = int(exposures**0.5)
     spads = [(name, sensor, 60.0) for name, sensor in PRESETS.items()]
     spads += [
         (f"reading, {name}", changed(PRESETS["ideal"], **changes), arrivals)
         for name, changes, arrivals in _CASES
     ]
     return (
-        *(partial(_spad_rows, *case, side) for case in spads),
-        *(partial(_ctia_rows, name, sensor, side) for name, sensor in CTIA_PRESETS.items()),
+        *(partial(_spad_rows, *case, exposures) for case in spads),
+        *(partial(_ctia_rows, name, sensor, exposures) for name, sensor in CTIA_PRESETS.items()),
     )
 
 
-def _spad_rows(name: str, sensor: Sensor, arrivals: float, side: int) -> Iterator[Row]:
-    rate = np.full((1, side, side), arrivals / sensor.exposure_s)
+def _spad_rows(name: str, sensor: Sensor, arrivals: float, exposures: int) -> Iterator[Row]:
+    rate = np.full((exposures // _SIDE**2, _SIDE, _SIDE), arrivals / sensor.exposure_s)
     counts = expose_rate(rate, sensor, seed=4, sequence=name).counts
-    return _rows(name, sensor.unit, counts.astype(np.float64), *reading_moments(rate, sensor))
+    mean, variance = reading_moments(rate[:1], sensor)
+    return _rows(name, sensor.unit, counts.astype(np.float64), mean, variance)
 
 
-def _ctia_rows(name: str, sensor: CtiaSensor, side: int) -> Iterator[Row]:
+def _ctia_rows(name: str, sensor: CtiaSensor, exposures: int) -> Iterator[Row]:
+    side = int(exposures**0.5)
     light = np.full((2, side, side), 0.3 * sensor.swing_v * sensor.capacitance_f)
     light[1] *= 1.1
     light /= sensor.exposure_s
@@ -101,7 +103,7 @@ def _ctia_rows(name: str, sensor: CtiaSensor, side: int) -> Iterator[Row]:
 def _rows(name: str, unit: str, drawn: Floats, mean: Floats, variance: Floats) -> Iterator[Row]:
     """Compare independent readings, each of a mean and variance of its own."""
     deviation = drawn - mean
-    z = deviation.sum() / np.sqrt(variance.sum())
+    z = deviation.mean() / np.sqrt(variance.mean() / deviation.size)
     yield Row(name, f"mean reading ({unit})", float(mean.mean()), float(drawn.mean()), float(z))
     excess = deviation**2 - variance
     z = excess.sum() / (excess.std() * excess.size**0.5)

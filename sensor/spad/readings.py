@@ -115,9 +115,9 @@ def _block(
 ) -> Floats:
     """Mean and variance of the readings of a pixel at the arrivals of a block, (2, 64)."""
     arrivals = block_arrivals(number)[None]
-    pixels = (
-        None if pixel is None else AnalogPixels(*(np.full(arrivals.shape, each) for each in pixel))
-    )
+    pixels = None
+    if pixel is not None:
+        pixels = AnalogPixels(*(np.full(arrivals.shape, value) for value in pixel))
     events = count_moments(arrivals / exposure_s, exposure_s, effects)
     # fewer pixels than would be worth a table: by law
     moments = moments_of_readings(arrivals, events, counter, pixels, exposure_s, effects, None)

@@ -5,7 +5,7 @@ from rich.console import Console
 
 from megalopta.checks import physics as check_physics
 from megalopta.errors import UserError
-from megalopta.sensor.selfcheck import Row
+from megalopta.sensor.selfcheck import CHECKS, Row
 from megalopta.sensor.selfcheck.comparison import worst
 
 GOOD, BAD = Row("gate", "counts", 3.0, 3.1, 0.4), Row("jitter", "variance", 1.0, 2.0, 17.0)
@@ -49,12 +49,28 @@ def test_file_in_place_of_the_folder_is_refused_before_anything_is_checked(monke
     (tmp_path / "plots").touch()
     monkeypatch.setattr(check_physics, "run_checks", lambda checks: pytest.fail("checked"))
     with pytest.raises(UserError, match="plots: a file is in the way; give the path of a folder"):
-        check_physics.run_check_physics(tmp_path / "plots")
+        check_physics.run_check_physics(plots=tmp_path / "plots")
 
 
 def test_pictures_are_written_where_asked(console, monkeypatch, tmp_path):
     monkeypatch.setattr(check_physics, "run_checks", lambda checks: [GOOD])
     monkeypatch.setattr(check_physics, "EXPOSURES_OF_A_PICTURE", 1000)
-    check_physics.run_check_physics(tmp_path / "plots", console)
+    check_physics.run_check_physics((), tmp_path / "plots", console)
     names = sorted(path.name for path in (tmp_path / "plots").iterdir())
     assert names == ["counts_ideal.png", "counts_nonparalyzable.png", "counts_paralyzable.png"]
+
+
+def test_only_the_groups_asked_for_are_checked(console, monkeypatch):
+    seen = []
+    monkeypatch.setattr(check_physics, "run_checks", lambda checks: seen.extend(checks) or [GOOD])
+    check_physics.run_check_physics(["gate", "crosstalk"], console=console)
+    assert seen == [*CHECKS["crosstalk"], *CHECKS["gate"]]
+    seen.clear()
+    check_physics.run_check_physics(console=console)
+    assert seen == [check for group in CHECKS.values() for check in group]
+
+
+def test_a_name_that_is_no_group_is_refused_with_those_that_are(console, monkeypatch):
+    monkeypatch.setattr(check_physics, "run_checks", lambda checks: pytest.fail("checked"))
+    with pytest.raises(UserError, match="check physics: no group 'gates'; one of counting, light"):
+        check_physics.run_check_physics(["gate", "gates"], console=console)

@@ -3,11 +3,12 @@
 import pytest
 
 from megalopta import checks
-from megalopta.cli import main as cli
+from megalopta.cli import check as cli_check, main as cli
+from megalopta.sensor.selfcheck import CHECKS
 
 
 def test_a_failed_check_is_exit_code_1(monkeypatch):
-    monkeypatch.setattr(checks, "run_check_physics", lambda plots: False)
+    monkeypatch.setattr(checks, "run_check_physics", lambda groups, plots: False)
     with pytest.raises(SystemExit) as stopped:
         cli.main(["check", "physics"])
     assert stopped.value.code == 1
@@ -15,6 +16,24 @@ def test_a_failed_check_is_exit_code_1(monkeypatch):
 
 def test_a_passed_check_hands_the_folder_for_plots_on(monkeypatch, tmp_path):
     seen = []
-    monkeypatch.setattr(checks, "run_check_physics", lambda plots: seen.append(plots) or True)
+    monkeypatch.setattr(checks, "run_check_physics", lambda *given: seen.append(given) or True)
     cli.main(["check", "physics", "--plots", str(tmp_path)])
-    assert seen == [tmp_path]
+    assert seen == [([], tmp_path)]
+
+
+def test_groups_of_the_physics_are_handed_on_and_named_in_the_help(monkeypatch, capsys):
+    seen = []
+    monkeypatch.setattr(checks, "run_check_physics", lambda *given: seen.append(given) or True)
+    cli.main(["check", "physics", "crosstalk", "dead-time"])
+    assert seen == [(["crosstalk", "dead-time"], None)]
+    assert tuple(CHECKS) == cli_check.PHYSICS
+    with pytest.raises(SystemExit):
+        cli.main(["check", "--help"])
+    printed = capsys.readouterr().out.replace("-\n", "-")
+    assert all(group in printed for group in CHECKS)
+
+
+def test_a_second_folder_is_refused(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["check", "truth", "a", "b"])
+    assert "check truth: got a b; give one folder" in capsys.readouterr().err

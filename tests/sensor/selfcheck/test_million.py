@@ -3,9 +3,10 @@
 import pytest
 
 from megalopta.sensor.selfcheck.comparison import false_alarm
+from megalopta.sensor.selfcheck.interplay import interplay_checks
 from megalopta.sensor.selfcheck.readings import reading_checks
 
-CHECKS = reading_checks(1_000_000)
+CHECKS = (*reading_checks(1_000_000), *interplay_checks(1_000_000))
 
 
 @pytest.mark.slow
