@@ -26,7 +26,7 @@ def check_analog() -> Iterator[Row]:
         for _ in range(250):
             expected.append(3.3 - min(fallen + 2.0 * _EXPOSURE_S, 3.2))
             fallen += 10e-3 * (1 + slope * (0.5 - fallen / 3.2))
-        off = _volts(counter, np.arange(250.0)[None]) - expected
+        off = _volts(counter, np.arange(250)[None]) - expected
         yield exact_row(
             term, f"largest error, slope {slope:g} (V)", 0.0, float(np.abs(off).max()), _LSB_V
         )
