@@ -140,7 +140,7 @@ def test_a_right_dataset_passes_on_the_command_line(moving, capsys):
     ("arguments", "words"),
     [
         (["truth"], "check truth: which dataset"),
-        (["physics", "somewhere"], "takes no dataset"),
+        (["physics", "somewhere"], "no group 'somewhere'"),
         (["truth", "none"], "no dataset here"),
     ],
 )
