@@ -1,7 +1,8 @@
-"""The link to a camera: a thread that reads and logs, and what its user sees of the bytes.
+"""The link to a camera: a thread that reads, one that logs, and what their user sees of the bytes.
 
-The thread does nothing but read, note the time, and append to the log, so that a user who is busy
-writing to a disk misses nothing. When the camera is unplugged it looks for it until it is back.
+The first does nothing but read and note the time, so that neither a disk that is slow nor a user
+who is busy makes it miss anything; what it read is in the log before the user sees it. When the
+camera is unplugged it looks for it until it is back.
 """
 
 import queue
@@ -50,6 +51,7 @@ class Arrived(NamedTuple):
 
 
 Event = Plugged | Unplugged | Arrived
+_Piece = Plugged | Unplugged | tuple[float, bytes]
 
 
 class LinkLostError(Exception):
@@ -81,9 +83,9 @@ class Link:
         except OSError:
             self._port.close()
             raise
-        self._pieces: queue.Queue[Plugged | Unplugged | tuple[float, bytes]] = queue.Queue(
-            _MOST_WAITING
-        )
+        self._read_bytes = 0
+        self._unlogged: queue.Queue[_Piece | None] = queue.Queue(_MOST_WAITING)
+        self._pieces: queue.Queue[_Piece] = queue.Queue(_MOST_WAITING)
         self._seen: deque[Event] = deque()
         self._parser = Parser()
         self._damaged_before = 0
@@ -91,7 +93,9 @@ class Link:
         self._stop = threading.Event()
         self._failure: OSError | None = None
         self._reader = threading.Thread(target=self._read, name="spadcam reader", daemon=True)
+        self._logger = threading.Thread(target=self._keep, name="spadcam log", daemon=True)
         self._reader.start()
+        self._logger.start()
 
     def __enter__(self) -> Self:
         return self
@@ -107,9 +111,10 @@ class Link:
     def close(self) -> None:
         """Stop reading; what was read until now can still be had from `next`."""
         self._stop.set()
-        while self._reader.is_alive():
-            self._reader.join(0.05)
+        while self._logger.is_alive():
+            self._logger.join(0.05)
             self._drain()
+        self._reader.join()
         self._port.close()
         self._log.close()
 
@@ -175,7 +180,7 @@ class Link:
             return f"speaks version {version} of the protocol, not 1; flash this release's firmware"
         if any(isinstance(event, Arrived) for event in seen):
             return "sends frames but does not answer; unplug it and plug it in again"
-        if self._parser.damaged or self._log.tell():
+        if self._parser.damaged or self._read_bytes:
             return f"speaks something else than SPADCAM's protocol; {remedy}"
         return f"is silent; {remedy}, and keep ModemManager away from it"
 
@@ -197,7 +202,7 @@ class Link:
         while not self._pieces.empty():
             self._decode(self._pieces.get())
 
-    def _decode(self, piece: Plugged | Unplugged | tuple[float, bytes]) -> None:
+    def _decode(self, piece: _Piece) -> None:
         if isinstance(piece, Plugged | Unplugged):
             # Half a packet before does not belong to what comes.
             self._damaged_before += self._parser.damaged
@@ -209,26 +214,35 @@ class Link:
 
     def _read(self) -> None:
         while not self._stop.is_set():
-            self._pieces.put(Plugged(self._log.tell()))
+            self._unlogged.put(Plugged(self._read_bytes))
             try:
                 self._read_until_unplugged()
             except serial.SerialException:
                 self._port.close()
-            except OSError as problem:
-                self._failure = problem
-                return
             if not self._stop.is_set():
-                self._pieces.put(Unplugged())
+                self._unlogged.put(Unplugged())
                 self._reopen()
+        self._unlogged.put(None)
 
     def _read_until_unplugged(self) -> None:
         while not self._stop.is_set():
             data = self._received()
             if data:
-                self._log.write(data)
-                self._pieces.put((time.monotonic(), data))
+                self._unlogged.put((time.monotonic(), data))
+                self._read_bytes += len(data)
             if data.endswith(b"\0") and len(data) < _MUCH:
                 time.sleep(_GATHER_S)
+
+    def _keep(self) -> None:
+        while (piece := self._unlogged.get()) is not None:
+            if self._failure is None and not isinstance(piece, Plugged | Unplugged):
+                try:
+                    self._log.write(piece[1])
+                except OSError as problem:
+                    self._failure = problem
+                    self._stop.set()
+            if self._failure is None:
+                self._pieces.put(piece)
 
     def _received(self) -> bytes:
         try:
