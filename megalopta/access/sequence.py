@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,20 +114,17 @@ class Sequence:
         Quantities are "detections", "variance", "filled" and "ambiguous". Raises UserError where
         the dataset has none (`megalopta sense --correct`).
         """
-        import zarr  # slow to load
-
         from megalopta.sensor import StoredFrames
 
         name = f"{self._exposure(exposure)}.zarr"
         path = self.dataset.root / "corrected" / self.name / name
         try:
-            array = zarr.open_group(path, mode="r")[quantity]
+            return _lazy(StoredFrames.open(path, quantity))
         except (OSError, ValueError, KeyError):
             raise UserError(
                 f"{path} holds no corrected frames ({quantity}); make them with: "
                 f"megalopta sense {self.dataset.home} --correct --redo"
             ) from None
-        return _lazy(StoredFrames(path, cast("zarr.Array[Any]", array)))
 
     def expose(
         self,

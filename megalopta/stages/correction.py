@@ -7,7 +7,6 @@ device.
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, cast
 
 import numpy as np
 import zarr
@@ -47,8 +46,7 @@ def open_corrected(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> 
     if not (dataset.configuration.correct and isinstance(sensor, Sensor)):
         return None
     try:
-        array = zarr.open_group(path, mode="r")["detections"]
-        return StoredFrames(path, cast("zarr.Array[Any]", array))
+        return StoredFrames.open(path, "detections")
     except (OSError, ValueError, KeyError) as problem:
         raise UserError(
             f"{path} cannot be read ({problem}); run: megalopta sense {dataset.home} --redo"

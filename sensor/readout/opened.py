@@ -5,7 +5,7 @@ import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import zarr
@@ -30,6 +30,17 @@ class StoredFrames:
 
     path: Path
     array: "zarr.Array[Any]"
+
+    @classmethod
+    def open(cls, path: Path, name: str) -> "StoredFrames":
+        """Open one array of a Zarr group.
+
+        Raises
+        ------
+        OSError, ValueError, KeyError
+            When there is no such array.
+        """
+        return cls(path, cast("zarr.Array[Any]", zarr.open_group(path, mode="r")[name]))
 
     def __len__(self) -> int:
         """Return the number of frames."""
