@@ -53,6 +53,8 @@ class RegionNoise:
     """Share of the differences between neighbors, squared, that the error makes."""
     standing: float
     """Part of `rms` that is alike in all frames and moves with the surfaces."""
+    standing_gradient: float = 0.0
+    """Part of `gradient` that is alike in all frames."""
 
 
 @dataclass(frozen=True)

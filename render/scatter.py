@@ -103,27 +103,31 @@ class _Frame:
         covariance = self.covariance(part)
         level, levels = max(light[part].mean(), 1e-300), self.mean[part].mean(axis=0)
         median, tail = _relative(flicker, squares, light, part, self.passes - 1)
+        flickers, stands = self._gradient(part)
         return RegionNoise(
             share=float(part.mean()),
             rms=float(np.sqrt(covariance.sum()) / level),
             median=median,
             p95=tail,
             bands=tuple((np.sqrt(covariance.diagonal()) / np.maximum(levels, 1e-300)).tolist()),
-            gradient=self._gradient(part),
+            gradient=flickers + stands,
             standing=float(np.sqrt(squares[part].mean()) / level),
+            standing_gradient=stands,
         )
 
-    def _gradient(self, part: Mask) -> float:
-        """Share of the squared differences between neighbors that the error makes."""
+    def _gradient(self, part: Mask) -> tuple[float, float]:
+        """Shares of the squared differences between neighbors that the error makes.
+
+        First that of what flickers, then that of what stands.
+        """
         flicker = still = seen = 0.0
         slope = self.standing.slope(part)
         for both, noise, light in zip(pairs(part), self.slopes, slopes(self.mean), strict=True):
             flicker += float(noise[both].sum())
             still += slope * float(both.sum())
             seen += float((light[both] ** 2).sum())
-        false = flicker / self.averaged + still
         total = seen - flicker / self.passes + flicker / self.averaged
-        return false / total if total > 0 else 0.0
+        return (flicker / self.averaged / total, still / total) if total > 0 else (0.0, 0.0)
 
 
 def neighbor_differences(pixels: Floats, part: Mask) -> Floats:

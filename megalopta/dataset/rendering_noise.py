@@ -62,7 +62,7 @@ def _region(regions: Sequence[RegionNoise | None]) -> dict[str, Any] | None:
     if not seen:
         return None
     combine: dict[str, Callable[[Any], Any]] = {
-        **dict.fromkeys(("share", "gradient"), np.mean),
+        **dict.fromkeys(("share", "gradient", "standing_gradient"), np.mean),
         **dict.fromkeys(("median", "p95"), np.median),
         **dict.fromkeys(("rms", "standing"), lambda values: np.sqrt(np.mean(np.square(values)))),
     }

@@ -27,6 +27,7 @@ class _Region(TypedDict):
     bands: list[FiniteFloat]
     gradient: FiniteFloat
     standing: FiniteFloat
+    standing_gradient: FiniteFloat
 
 
 class _MonteCarlo(TypedDict):

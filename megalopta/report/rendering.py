@@ -56,7 +56,8 @@ def _surfaces(surface: Mapping[str, Any] | None, sky: Mapping[str, Any] | None) 
     if surface["standing"]:
         text += (
             f" {percent(surface['standing'])} (RMS) is that of baked light: the same in all "
-            "frames, it moves with the surfaces as texture does."
+            "frames, it moves with the surfaces as texture does, and makes "
+            f"{percent(surface['standing_gradient'])} of the squared differences."
         )
     if sky:
         text += f" In the sky it is {percent(sky['rms'])} of the sky's light."

@@ -20,7 +20,7 @@ from megalopta.scenes.cameras import Camera
 
 UInt32 = NDArray[np.uint32]
 
-PIECE_PX = 1.0
+PIECE_PX = 0.5
 """Longest piece of an edge, in pixels of the camera where it comes closest."""
 TURN_RAD = 0.25
 """A shading normal turns by at most this much along a piece that is longer than a pixel (rad)."""

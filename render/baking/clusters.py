@@ -2,7 +2,7 @@
 
 Of foliage a pixel sees dozens of leaves at a time, from a sequence that is seen once each: what
 counts is their mean. Cells of one material that face about the same way and lie in the same voxel,
-half a pixel to a pixel wide from where the camera comes closest, are one cluster. Its light is
+a quarter to half of a pixel wide from where the camera comes closest, are one cluster. Its light is
 gathered at points drawn as often as the sequence sees their cells.
 """
 
@@ -19,7 +19,7 @@ from megalopta.scenes.cameras import Camera
 
 UInt32 = NDArray[np.uint32]
 
-VOXEL_PX = 1.0
+VOXEL_PX = 0.5
 """Widest voxel, in pixels of the camera where it comes closest."""
 DRAWS = 32
 """Cells of a cluster at which light is gathered."""

@@ -82,8 +82,7 @@ class BakedLight:
 
     def bake_all(self) -> None:
         """Compute the light of all clusters, and tell how far it is."""
-        launches = np.cumsum(LEAST_RAYS * self._shares) // RAYS_AT_ONCE
-        parts = np.split(np.arange(len(launches)), np.flatnonzero(np.diff(launches)) + 1)
+        parts = _launches(self._shares)
         with progress("Computing light on surfaces", len(parts), "part") as advance:
             for part in parts:
                 self._bake(part)
@@ -155,16 +154,13 @@ class BakedLight:
         self, clusters: Clusters, chosen: NDArray[np.int64], shares: NDArray[np.int64]
     ) -> UInt32:
         """Put the light of chosen clusters (C,) into the table; its rows (C,)."""
-        ends = np.cumsum(LEAST_RAYS * shares)
-        parts = np.searchsorted(ends, np.arange(RAYS_AT_ONCE, ends[-1], RAYS_AT_ONCE))
         first = self._table.count
-        for part, its_shares in zip(np.split(chosen, parts), np.split(shares, parts), strict=True):
-            if len(part):
-                leaders = clusters.leaders[part]
-                cells = clusters.draws(part)
-                halves = self._gatherer.leaving(leaders, cells, its_shares, LEAST_RAYS // 2)
-                apart = (halves[:, 0] - halves[:, 1]) / 2
-                self._table.put(np.concatenate([halves.mean(axis=1), apart], axis=1))
+        for launch in _launches(shares):
+            part = chosen[launch]
+            leaders, cells = clusters.leaders[part], clusters.draws(part)
+            halves = self._gatherer.leaving(leaders, cells, shares[launch], LEAST_RAYS // 2)
+            apart = (halves[:, 0] - halves[:, 1]) / 2
+            self._table.put(np.concatenate([halves.mean(axis=1), apart], axis=1))
         return np.arange(first, self._table.count, dtype=np.uint32)
 
     def radiance(self, cell: Any, weight: Any, active: Any) -> list[Any]:
@@ -204,6 +200,12 @@ class BakedLight:
         dr.scatter(self._row, mi.UInt(row), mi.UInt(cell))
         dr.eval(self._row)
         dr.sync_thread()
+
+
+def _launches(shares: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Clusters, by the number of each, that are computed at once; they have shares (C,)."""
+    launch = np.cumsum(LEAST_RAYS * shares) // RAYS_AT_ONCE
+    return np.split(np.arange(len(launch)), np.flatnonzero(np.diff(launch)) + 1)
 
 
 def _place(keys: NDArray[np.uint64], wanted: NDArray[np.uint64]) -> NDArray[np.int64]:

@@ -16,6 +16,8 @@ from megalopta.scenes.cameras import Camera
 _FRAMES = 3
 _RAYS = 32
 """Per pixel and frame."""
+_PIXELS = 3000
+"""Of a frame, about; of a small one all."""
 
 
 class Pilot:
@@ -31,9 +33,10 @@ class Pilot:
         seed: int,
     ) -> None:
         self._camera, self._seed = camera, seed
+        self._step = max(camera.width * camera.height // _PIXELS, 1)
         self._frames = poses[np.linspace(0, len(poses) - 1, _FRAMES).round().astype(int)]
         seen = sum(
-            survey(loaded, finder, light.cells, camera, pose[None], seed, _RAYS)
+            survey(loaded, finder, light.cells, camera, pose[None], seed, _RAYS, self._step)
             for pose in self._frames
         )
         light.bake(np.flatnonzero(seen).astype(np.uint32))
@@ -47,8 +50,8 @@ class Pilot:
         """
         squares, light, pixels = 0.0, 0.0, 0
         for pose in self._frames:
-            total = [dr.zeros(mi.Float, self._camera.width * self._camera.height)] * 3
-            for rays in views(self._camera, pose[None], _RAYS, self._seed):
+            total = [dr.zeros(mi.Float)] * 3
+            for rays in views(self._camera, pose[None], _RAYS, self._seed, self._step):
                 found = look(rays)
                 bands = len(found) // 2
                 parts = sum(found[:bands]), sum(found[bands:-1]), found[-1]

@@ -15,13 +15,15 @@ VIEWS = 256
 """Rays per pixel over the whole sequence, however long."""
 
 
-def views(camera: Camera, poses: NDArray[np.float64], count: int, seed: int) -> Iterator[Any]:
-    """A ray per pixel, row by row, from each of `count` poses spread over those given (T, 4, 4).
+def views(
+    camera: Camera, poses: NDArray[np.float64], count: int, seed: int, step: int = 1
+) -> Iterator[Any]:
+    """A ray for every `step`-th pixel from each of `count` poses spread over those (T, 4, 4).
 
     For each view the camera is turned by up to half a pixel at random, so that rays meet what lies
     between pixel centers.
     """
-    axes = camera.directions().reshape(-1, 3)
+    axes = camera.directions().reshape(-1, 3)[::step]
     turns = np.random.default_rng(seed).uniform(-0.5, 0.5, (count, 3)) * pixel_angle(camera)
     frames = np.linspace(0, len(poses) - 1, count).round().astype(int)
     for pose, turn in zip(poses[frames], turns, strict=True):
@@ -39,10 +41,14 @@ def survey(
     poses: NDArray[np.float64],
     seed: int,
     count: int = VIEWS,
+    step: int = 1,
 ) -> NDArray[np.uint32]:
-    """How often (cells,) each cell is seen by rays, `count` a pixel over all poses (T, 4, 4)."""
+    """How often (cells,) each cell is seen by rays, `count` a pixel over all poses (T, 4, 4).
+
+    Of every `step`-th pixel.
+    """
     seen = dr.zeros(mi.UInt, cells)
-    for rays in views(camera, poses, count, seed):
+    for rays in views(camera, poses, count, seed, step):
         sight = finder.look(loaded, rays)
         dr.scatter_add(seen, mi.UInt(1), sight.cell, sight.shaded)
         dr.eval(seen)

@@ -142,6 +142,7 @@ def test_surfaces_and_sky_are_each_measured_against_their_own_mean():
     assert noise.rms_over_mean == noise.surface.rms
     # An even picture: what neighbors differ by is noise alone.
     assert noise.surface.gradient == pytest.approx(1, rel=0.03)
+    assert noise.surface.standing_gradient == 0
     # All blocks have the same σ, which a block knows to 18 % (σ).
     assert noise.surface.p95 == pytest.approx(sigma * (1 + 1.64 * 0.18), rel=0.05)
 
@@ -188,6 +189,7 @@ def test_the_gradient_of_what_stands_is_known_from_pairs_of_neighbors():
     measured = under(sky, differences=(stripes + noise).astype(np.float32))
     found = ramp.noise(1, measured).surface
     assert found.gradient == pytest.approx(0.24**2 / 0.6**2, rel=0.02)
+    assert found.standing_gradient == found.gradient  # passes do not scatter
     assert found.standing == pytest.approx(0.12 / rows.sum(axis=-1).mean(), rel=0.02)
 
 

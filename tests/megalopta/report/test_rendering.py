@@ -33,8 +33,19 @@ def test_without_a_measurement_or_without_noise_there_is_nothing_to_tell(record)
 def test_what_stands_on_surfaces_and_what_is_in_the_sky_is_told_apart():
     record = measured(0.05)
     region = {"share": 0.5, "rms": 0.06, "median": 0.05, "p95": 0.2, "bands": [0.1]}
-    record["monte_carlo"]["surface"] = {**region, "gradient": 0.04, "standing": 0.02}
-    record["monte_carlo"]["sky"] = {**region, "rms": 0.001, "gradient": 0.0, "standing": 0.0}
+    record["monte_carlo"]["surface"] = {
+        **region,
+        "gradient": 0.04,
+        "standing": 0.02,
+        "standing_gradient": 0.01,
+    }
+    record["monte_carlo"]["sky"] = {
+        **region,
+        "rms": 0.001,
+        "gradient": 0.0,
+        "standing": 0.0,
+        "standing_gradient": 0.0,
+    }
     text = render_noise(record).surfaces.replace("\u00a0", " ")
     assert "6.0 % of their mean light (RMS; 20 % or less" in text
     assert "makes 4.0 % of the squared differences" in text
