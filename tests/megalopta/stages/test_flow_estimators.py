@@ -91,6 +91,7 @@ def test_yaw_rate_is_found_by_all_that_tell_directions(records):
         assert rotation["counts_deg_s"] < (0.3 if name == "LK" else 0.1) * 6
 
 
+@pytest.mark.slow  # drawing takes longest; tests/megalopta/report/test_page.py has seven of them
 def test_report_shows_every_method(finished):
     page = write_report(finished).read_text("utf-8")
     for heading in (
