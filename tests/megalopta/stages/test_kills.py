@@ -99,11 +99,9 @@ def command(stage, root, *, redo=False):
     [(stage, redo) for stage in CHANGES for redo in (False, True)]
     if IS_LONG
     # output that is kept aside until all is made anew is every stage's
-    else [
-        ("render", False),
-        *(pytest.param(stage, True, marks=pytest.mark.slow) for stage in ("flow", "sense")),
-    ],
+    else [("render", False), ("flow", True), ("sense", True)],
 )
+@pytest.mark.slow  # test_pipeline.py interrupts every stage in its own process
 def test_a_killed_stage_ends_like_an_undisturbed_one(finished, tmp_path, stage, redo):
     rng = np.random.default_rng([len(stage), redo])
     configuration = open_dataset(finished).configuration

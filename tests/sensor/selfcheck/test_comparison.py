@@ -65,6 +65,9 @@ FRAME_BY_FRAME = (check_combinations, check_maps, check_running_frames)
 DEAR = {
     "check_afterpulsing", "check_crosstalk", "check_dead_time_ends", "check_delays", "check_frames",
     "check_parts", "reading, analog, uneven, uncalibrated", "array-12x4",
+    # tables of moments that are simulated first, as in tests/sensor/avalanches/test_moments.py
+    "reading, afterpulsing, gate", "reading, afterpulsing, table",
+    "reading, crosstalk, afterpulsing, gate", "reading, non-paralyzable dead time, afterpulsing",
 }  # fmt: skip
 """Of more than a second, for laws that tests of the same effects hold with fewer draws"""
 
