@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from megalopta.arrays import Floats, Mask
 from megalopta.render.noise import Image, MeasuredPass, RegionNoise, RenderNoise
@@ -152,7 +152,9 @@ def _relative(
         return 0.0, 0.0
     freedom = degrees * pixels[lit]
     # The root of an estimated variance has not σ as its median.
-    estimated = pixels[lit] * (moving[lit] * freedom / chi2.median(freedom) + still[lit])
+    estimated = pixels[lit] * (
+        moving[lit] * freedom / (2 * gammaincinv(freedom / 2, 0.5)) + still[lit]
+    )
     relative = np.sqrt(estimated) / lights[lit]
     return float(np.median(relative)), float(np.quantile(relative, _TAIL))
 

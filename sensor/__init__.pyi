@@ -9,7 +9,6 @@ from .ctia.array import (
     expose_ctia as expose_ctia,
     expose_photocurrent as expose_photocurrent,
     photocurrent as photocurrent,
-    reading_current as reading_current,
     reading_electrons as reading_electrons,
     volt_moments as volt_moments,
 )

@@ -39,9 +39,6 @@ class CameraMotion:
     heading: FloatArray
     """Direction of translation, unit vector (3,)"""
 
-    residual_deg: float
-    """Median motion across the planes that translation allows, degrees per frame"""
-
 
 def camera_motion(directions: FloatArray, moved: FloatArray) -> CameraMotion:
     """Return the rotation and heading that explain where points were seen, and are seen next.
@@ -65,12 +62,7 @@ def camera_motion(directions: FloatArray, moved: FloatArray) -> CameraMotion:
     d, e = directions[known], moved[known]
     found = min((_refined(t, d, e) for t in _promising(d, e)), key=lambda each: each[2])
     heading, rotation, _ = found
-    across = np.median(np.abs(_across(heading, rotation, d, e)))
-    return CameraMotion(
-        np.degrees(rotation),
-        heading * _sign(heading, rotation, d, e),
-        float(np.degrees(across)),
-    )
+    return CameraMotion(np.degrees(rotation), heading * _sign(heading, rotation, d, e))
 
 
 def _promising(d: FloatArray, e: FloatArray) -> FloatArray:

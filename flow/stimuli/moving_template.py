@@ -59,11 +59,6 @@ class MovingTemplate:
         seen = self.size if self.resize == "nearest" else rows
         return float(self._lines[:, :columns].sum() / columns * seen)
 
-    @property
-    def effective_velocity_px(self) -> float:
-        """Motion of the resized frames (px per frame): v·N/rows."""
-        return self.velocity_px * self.size / len(self.template)
-
     def light(self, shift_px: int, count: int) -> FloatArray:
         """Return frames as shares of the flux, (count, size, size): of sum 1, each or on average.
 

@@ -1,6 +1,7 @@
 """HTML pages from templates."""
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -13,12 +14,17 @@ def render_page(
 
     What is not marked as safe is escaped; a value that is missing is an error.
     """
-    environment = Environment(
+    environment = _environment(package)
+    environment.filters |= filters or {}
+    return environment.get_template(name).render(**values)
+
+
+@cache  # with the templates it has compiled
+def _environment(package: str) -> Environment:
+    return Environment(
         loader=PackageLoader(package, "."),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= filters or {}
-    return environment.get_template(name).render(**values)

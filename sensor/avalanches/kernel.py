@@ -90,7 +90,10 @@ def parameters_of(
         strengths=maps.crosstalk.ravel(),
         delays_s=np.array(afterpulsing.table_delays_s, np.float64),
         cumulative=np.array(afterpulsing.table_cumulative, np.float64),
-        taps=np.column_stack((places - len(weights) // 2, weights[tuple(places.T)])),
+        # in one order of memory always, as numba compiles the loop anew for another
+        taps=np.ascontiguousarray(
+            np.column_stack((places - len(weights) // 2, weights[tuple(places.T)]))
+        ),
     )
     return parameters, tables
 
@@ -119,7 +122,8 @@ def run_frame(
     left_times, left_owners = np.empty(64), np.empty(64, np.int64)
     left, kept = 0, 0 if keep_events else -1
     block = pixels if is_coupled else 1
-    times, owners = np.empty(block + _ROOM), np.empty(block + _ROOM, np.int64)
+    room = block + _ROOM
+    times, owners = np.empty(room), np.empty(room, np.int64)
     waiting = 0
     for first in range(0, pixels, block):
         if not is_begun:
@@ -128,20 +132,20 @@ def run_frame(
         size = 0
         while waiting < pending[1].size and pending[1][waiting] < KINDS * (first + block):
             if size + _ROOM > times.size:
-                times, owners = longer(times, _ROOM), longer(owners, _ROOM)
+                times, owners = longer(times, room), longer(owners, room)
             size = push(times, owners, size, pending[0][waiting], pending[1][waiting])
             waiting += 1
-        if size + block + _ROOM > times.size:
-            times, owners = longer(times, block + _ROOM), longer(owners, block + _ROOM)
+        if size + room > times.size:
+            times, owners = longer(times, room), longer(owners, room)
         for pixel in range(first, first + block):
             arrival = first_photon(rng, pixel, parameters, tables, blind_until[pixel])
             size = push(times, owners, size, arrival, KINDS * pixel + PHOTON)
         while size > 0 and times[0] < parameters.exposure_s:
             # arrays are made longer here, as numba counts references where they may change
             if size + _ROOM > times.size:
-                times, owners = longer(times, _ROOM), longer(owners, _ROOM)
+                times, owners = longer(times, room), longer(owners, room)
             if kept == stamps.size:
-                stamps, places = longer(stamps, _ROOM), longer(places, _ROOM)
+                stamps, places = longer(stamps, room), longer(places, room)
             size, kept = _run(
                 rng, parameters, tables, columns, is_coupled, counts, blind_until, times, owners,
                 size, stamps, places, kept,
@@ -150,7 +154,7 @@ def run_frame(
             # photons come without memory, so that the next exposure draws its own
             if owners[entry] % KINDS != PHOTON:
                 if left == left_times.size:
-                    left_times, left_owners = longer(left_times, 0), longer(left_owners, 0)
+                    left_times, left_owners = longer(left_times, room), longer(left_owners, room)
                 left_times[left], left_owners[left] = times[entry], owners[entry]
                 left += 1
     events = stamps[: max(kept, 0)], places[: max(kept, 0)]

@@ -46,9 +46,6 @@ class AnalogCounter(Effect, frozen=True):
     """A counter that keeps its count as a voltage."""
 
     stage: ClassVar[Stage] = Stage.READOUT
-    statement: ClassVar[str] = (
-        "avalanches are counted, as far as the counter goes, and read (frames only)"
-    )
 
     kind: Literal["analog"] = "analog"
     """Counts in volts."""
@@ -162,7 +159,7 @@ def nominal_pixels(counter: AnalogCounter, exposure_s: float) -> AnalogPixels:
 def assumed_pixels(counter: AnalogCounter, pixels: AnalogPixels, exposure_s: float) -> AnalogPixels:
     """Return what turns volts back into counts, in the shape of the pixels."""
     known = pixels if counter.calibrated else nominal_pixels(counter, exposure_s)
-    return AnalogPixels(*(np.broadcast_to(each, pixels.step_v.shape) for each in known))
+    return AnalogPixels(*(np.full(pixels.step_v.shape, each) for each in known))
 
 
 def _capacity(swing_v: float, step_v: float) -> int:

@@ -124,7 +124,8 @@ def counter_moments(
     known = assumed_pixels(counter, pixels, exposure_s)
     mean, variance = np.empty(first.size), np.empty(first.size)
     is_exact = not misreads(counter, pixels)
-    _integrate(first, probability, pixels, known, voltages(counter), is_exact, mean, variance)
+    volts, first = voltages(counter), first.astype(np.float64)
+    _integrate(first, probability, pixels, known, volts, is_exact, mean, variance)
     return mean, variance
 
 

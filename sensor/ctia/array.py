@@ -148,11 +148,6 @@ def electron_moments(
     return mean, variance * (sensor.capacitance_f / ELEMENTARY_CHARGE_C) ** 2
 
 
-def reading_current(volts: Reals, sensor: CtiaSensor) -> Floats:
-    """Current estimated from readings, dark current included, A."""
-    return np.asarray(volts * sensor.capacitance_f / sensor.exposure_s)
-
-
 def reading_electrons(volts: Reals, sensor: CtiaSensor) -> Floats:
     """Electrons behind readings, those of the dark current included."""
     return np.asarray(volts * sensor.capacitance_f / ELEMENTARY_CHARGE_C)

@@ -40,7 +40,6 @@ class Afterpulsing(Effect, frozen=True):
     """Trapped carriers and when they come out; off by default."""
 
     stage: ClassVar[Stage] = Stage.AVALANCHES
-    statement: ClassVar[str] = "avalanches fill traps whose carriers arrive later"
 
     mean_carriers: Annotated[float, Field(ge=0, le=0.95)] = 0.0
     """Mean number of carriers an avalanche leaves in traps (0: no afterpulsing)."""
@@ -146,5 +145,15 @@ def draw_delay(
     if table_delays_s.size == 0:
         exponential: float = delay_s * rng.standard_exponential()
         return exponential
-    tabulated: float = np.interp(rng.random(), table_cumulative, table_delays_s)
-    return tabulated
+    # as np.interp, which would make arrays for every carrier and takes seconds to compile
+    chance, low, high = rng.random(), 0, table_cumulative.size - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if table_cumulative[middle] <= chance:
+            low = middle
+        else:
+            high = middle
+    rise = table_cumulative[high] - table_cumulative[low]
+    slope = (table_delays_s[high] - table_delays_s[low]) / rise
+    delay: float = slope * (chance - table_cumulative[low]) + table_delays_s[low]
+    return delay

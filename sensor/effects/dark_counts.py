@@ -27,9 +27,6 @@ class DarkCounts(Effect, frozen=True):
     """Distribution of the dark count rate over the pixels; all zero: no dark counts."""
 
     stage: ClassVar[Stage] = Stage.DEVICE
-    statement: ClassVar[str] = (
-        "carriers that are no photons' arrive too, in every pixel at a rate of its own"
-    )
 
     bulk_mean_hz_um2: Annotated[float, Field(ge=0)] = 0.0
     """Mean of the normal distribution of ordinary pixels before the cut at zero (Hz/µm²)."""
@@ -85,18 +82,8 @@ def dark_count_rate(
 
 def mean_density(dark_counts: DarkCounts) -> float:
     """Mean over devices of the dark count rate per active area, Hz/µm²."""
-    return _moment(dark_counts, _bulk_moments(dark_counts)[0], dark_counts.hot_mean_hz_um2)
-
-
-def density_variance(dark_counts: DarkCounts) -> float:
-    """Variance over devices of the dark count rate per active area, (Hz/µm²)²."""
-    bulk = _bulk_moments(dark_counts)[1]
-    hot = dark_counts.hot_mean_hz_um2**2 + dark_counts.hot_sigma_hz_um2**2
-    return _moment(dark_counts, bulk, hot) - mean_density(dark_counts) ** 2
-
-
-def _moment(dark_counts: DarkCounts, bulk: float, hot: float) -> float:
-    return (1 - dark_counts.hot_fraction) * bulk + dark_counts.hot_fraction * hot
+    share = dark_counts.hot_fraction
+    return (1 - share) * _bulk_mean(dark_counts) + share * dark_counts.hot_mean_hz_um2
 
 
 def _bulk_density(dark_counts: DarkCounts, rank: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -107,15 +94,14 @@ def _bulk_density(dark_counts: DarkCounts, rank: NDArray[np.float64]) -> NDArray
     return np.maximum(mean - sigma * ndtri(rank * ndtr(mean / sigma)), 0.0)
 
 
-def _bulk_moments(dark_counts: DarkCounts) -> tuple[float, float]:
-    # first and second moment of a normal distribution truncated at zero
+def _bulk_mean(dark_counts: DarkCounts) -> float:
+    # of a normal distribution truncated at zero
     mean, sigma = dark_counts.bulk_mean_hz_um2, dark_counts.bulk_sigma_hz_um2
     if sigma == 0:
-        return mean, mean**2
+        return mean
     cut = mean / sigma
     hazard = np.exp(-(cut**2) / 2) / np.sqrt(2 * np.pi) / ndtr(cut)
-    first = mean + sigma * hazard
-    return float(first), float(mean * first + sigma**2)
+    return float(mean + sigma * hazard)
 
 
 def _hot_density(dark_counts: DarkCounts, rank: NDArray[np.float64]) -> NDArray[np.float64]:

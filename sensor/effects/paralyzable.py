@@ -52,7 +52,7 @@ def moments(
     arrivals: Floats, dead_fraction: Floats | float, is_stationary: bool = False
 ) -> tuple[Floats, Floats]:
     """Exact mean and variance of the counts; parameters as for `nonparalyzable.moments`."""
-    fraction = np.broadcast_to(dead_fraction, arrivals.shape)
+    fraction = np.full(arrivals.shape, dead_fraction, np.float64)
     mean, variance = np.empty_like(arrivals), np.empty_like(arrivals)
     _fill_moments(arrivals, fraction, is_stationary, mean, variance)
     return mean, variance
@@ -65,7 +65,7 @@ def draw(
     is_stationary: bool = False,
 ) -> NDArray[np.int64]:
     """Draw counts; parameters as for `moments`."""
-    fraction = np.broadcast_to(dead_fraction, arrivals.shape)
+    fraction = np.full(arrivals.shape, dead_fraction, np.float64)
     lower = _lower_of_pair(arrivals * fraction)
     counts: NDArray[np.int64] = _draw(rng, arrivals, lower, fraction, is_stationary)
     return counts

@@ -71,7 +71,7 @@ def expose_binary(
         rate = np.tensordot(weights, rate, (0, 1))
     open_s = sensor.exposure_s * open_fraction(sensor.gate, sensor.exposure_s)
     frames, rows, columns = rate.shape
-    dark_hz = np.ascontiguousarray(np.broadcast_to(device.dark_counts_hz, (rows, columns)))
+    dark_hz = np.full((rows, columns), device.dark_counts_hz)
     packed = np.empty((frames, rows, -(-columns // 8)), np.uint8)
 
     def expose_frame(frame: int) -> None:

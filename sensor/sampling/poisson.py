@@ -42,6 +42,9 @@ _CHANCE = np.uint64(2**48 - 1)
 _ALIAS_BITS, _ALIAS = np.uint64(16), np.uint64(2**16 - 1)
 _ROWS_OF_WORDS = 64
 _NO_MORE = np.zeros(1)
+_NO_MORE.flags.writeable = (
+    False  # as dark counts of a device are, for which `_draw` is compiled anyway
+)
 _MOST = int(np.iinfo(np.int64).max)
 
 _LOW, _HIGH = 0.3, 4.6

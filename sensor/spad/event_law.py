@@ -61,7 +61,7 @@ def event_law(
         fraction = dead.dead_time_s / exposure_s
         return _nonparalyzable(arrivals, fraction, dead.start == "stationary", reach[0], size)
     law = np.zeros((arrivals.size, size))
-    _fill(mean, variance, reach[0], law)
+    _fill(mean, variance, np.ascontiguousarray(reach[0]), law)
     if has_law:
         fraction = dead.dead_time_s / exposure_s
         share = arrivals * fraction * np.exp(-arrivals * fraction)

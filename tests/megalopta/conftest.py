@@ -1,6 +1,8 @@
+import os
 import re
 
 import pytest
+from filelock import FileLock
 
 from megalopta.config import load
 from megalopta.making import make
@@ -76,5 +78,11 @@ def small_plan():
 
 @pytest.fixture(scope="session")
 def small_dataset(small_plan, tmp_path_factory):
-    """Folder of the small plan's dataset; not to be changed."""
-    return make(tmp_path_factory.mktemp("dataset") / "data", small_plan).root
+    """Folder of the small plan's dataset, made once for all processes; not to be changed."""
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
+    with FileLock(folder / "small.lock"):
+        if not (folder / "small").exists():
+            make(folder / "small", small_plan)
+    return folder / "small"

@@ -31,7 +31,6 @@ def test_motion_without_noise_is_found_exactly(seed):
     found = camera_motion(directions, moved)
     assert angle_deg(found.heading, way) < 1e-4
     np.testing.assert_allclose(found.rotation_deg, turn, atol=1e-6)
-    assert found.residual_deg < 1e-6
 
 
 def test_noise_and_wrong_velocities_move_it_little():

@@ -37,15 +37,6 @@ def test_nearest_takes_the_pixels_of_imresize():
     np.testing.assert_allclose(moving.light(0, 1)[0], expected / expected.sum(), rtol=1e-12)
 
 
-def test_effective_velocity_is_that_of_the_thesis():
-    assert MovingTemplate(template(251, 251), 5, 60).effective_velocity_px == pytest.approx(
-        1.195, abs=1e-3
-    )
-    assert MovingTemplate(template(251, 251), 5, 240).effective_velocity_px == pytest.approx(
-        4.78, abs=1e-2
-    )
-
-
 @pytest.mark.parametrize("length", [1, 3, 5, 7])
 def test_blur_of_odd_length_is_a_box_around_the_circle(length):
     expected = uniform_filter1d(template(), length, axis=1, mode="wrap")

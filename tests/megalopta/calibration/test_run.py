@@ -95,6 +95,7 @@ def test_the_device_file_loads_with_its_maps(calibrated):
     assert "Saturation" in (folder / "device.html").read_text("utf-8")
 
 
+@pytest.mark.slow  # comparison/test_captured.py and test_motion.py enter by the same door
 def test_a_captured_device_is_like_its_model(calibrated):
     folder, *_ = calibrated
     new = [

@@ -373,7 +373,7 @@ FAMILIES = {
     device: 25,
     recording: 15,
 }
-FAST = 8
+FAST = 4
 """Cases of each family that the gate runs"""
 CASES = [
     pytest.param(

@@ -126,13 +126,14 @@ def drawn(sensor, light_hz, shape):
     ("write", "kind", "counter"),
     [
         (counts_file, None, None),
-        pytest.param(tiff_file, None, None, marks=pytest.mark.slow),
-        pytest.param(spc3_file, None, None, marks=pytest.mark.slow),
-        pytest.param(bits_file, None, FEW, marks=pytest.mark.slow),
-        pytest.param(spad512_folder, None, FEW, marks=pytest.mark.slow),
-        pytest.param(swissspad2_file, "swissspad2", FEW, marks=pytest.mark.slow),
+        (tiff_file, None, None),
+        (spc3_file, None, None),
+        (bits_file, None, FEW),
+        (spad512_folder, None, FEW),
+        (swissspad2_file, "swissspad2", FEW),
     ],
 )
+@pytest.mark.slow  # sensor/formats tests the files, sensor/compare what is found in counts
 def test_recordings_of_other_cameras(write, kind, counter, tmp_path):
     path = device(tmp_path, exposure_s=0.01, **({"counter": counter} if counter else {}))
     sensor = load_sensor(path)

@@ -7,7 +7,6 @@ import pytest
 
 from megalopta.engine import cluster, run_jobs
 from megalopta.errors import UserError
-from megalopta.experiments import Trial, pixels_of, run
 
 
 class Job:
@@ -56,6 +55,8 @@ def test_a_cluster_that_runs_already_does_jobs(scheduler, tmp_path):
 
 
 def test_trials_of_a_sweep_on_a_cluster_give_the_same_numbers(scheduler, tmp_path):
+    from megalopta.experiments import Trial, pixels_of, run  # not what workers load for a Job
+
     trials = [Trial(size=20, methods=("BM",), search={"frames": 4, "repeats": 2})]
     templates = pixels_of(trial.template for trial in trials)
     here = run(trials, templates, tmp_path / "here", 1)

@@ -14,7 +14,6 @@ from megalopta.figures import Run, house_style, new_canvas
 from megalopta.figures.comparison import leaderboard as figures_leaderboard
 from megalopta.flow.detectors import METHODS
 from megalopta.flow.metrics import fisher_information, format_flux
-from megalopta.flow.stimuli import MovingTemplate
 
 
 @pytest.fixture(scope="module")
@@ -100,12 +99,6 @@ def test_caption_tells_which_methods_collect_more_than_two_frames(entries):
     assert "Poisson matching collects 2" not in found
     without = [entries["PM"], entries["BM"]]
     assert figures_leaderboard.frames_collected(without) == "All methods collect two frames."
-
-
-def test_speed_is_that_of_the_stimulus():
-    template = np.ones((leaderboard.TEMPLATE_ROWS,) * 2)
-    moving = MovingTemplate(template, leaderboard.STEP_COLUMNS, leaderboard.SIZE_PX, "area")
-    assert moving.effective_velocity_px == leaderboard.SPEED_PX
 
 
 def test_information_of_a_block_is_that_of_its_sum_and_a_margin_adds_that_of_its_pixels(clean):

@@ -103,6 +103,7 @@ def test_pixels_are_square_at_the_horizon():
         assert (upper - lower) / camera.height == pytest.approx(1 / camera.focal_length_px)
 
 
+@pytest.mark.slow
 def test_a_forest_is_rendered_pass_by_pass_with_sky_above_and_ground_below():
     forest = Forest(trees=50, density_per_ha=1500, undergrowth=0, detail=0.05, mix={"spruce": 1})
     recipe = NaturalPanorama(

@@ -36,7 +36,10 @@ def files(store):
     ("workers", "executor", "more"),
     [
         (3, ThreadPoolExecutor, {}),
-        (2, ProcessPoolExecutor, {"mp_context": get_context("spawn")}),
+        # two processes that load everything; engine/test_cluster.py runs a trial in another one
+        pytest.param(
+            2, ProcessPoolExecutor, {"mp_context": get_context("spawn")}, marks=pytest.mark.slow
+        ),
     ],
 )
 def test_results_do_not_depend_on_workers(tmp_path, workers, executor, more):
@@ -147,6 +150,7 @@ def test_every_method_can_be_swept(tmp_path, name):
     assert all(len(curve.errors) >= 2 for curve in curves)
 
 
+@pytest.mark.slow  # Ctrl-C in a process is tested by cli/test_main.py
 def test_who_interrupts_does_not_wait_for_trials_that_are_half_done(tmp_path):
     sweep = tmp_path / "long.yaml"
     search = "{phases: 250, repeats: 50, metrics: [literal], bits: [2]}"  # minutes

@@ -265,6 +265,7 @@ def test_a_killed_capture_leaves_a_recording_that_opens(emulated, until, tmp_pat
         np.testing.assert_array_equal(samples, samples_of(logged[int(number)]))
 
 
+@pytest.mark.slow  # as a killed one, but with three processes
 def test_interrupting_leaves_whole_files_and_commands_meet(until, tmp_path):
     link, out = tmp_path / "cam", tmp_path / "a"
     words = ["--stimulus", "dark", "--link", link, "--serial", "S1"]

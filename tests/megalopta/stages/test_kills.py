@@ -99,8 +99,9 @@ def command(stage, root, *, redo=False):
     [(stage, redo) for stage in CHANGES for redo in (False, True)]
     if IS_LONG
     # output that is kept aside until all is made anew is every stage's
-    else [("render", False), ("flow", True), pytest.param("sense", True, marks=pytest.mark.slow)],
+    else [("render", False), ("flow", True), ("sense", True)],
 )
+@pytest.mark.slow  # test_pipeline.py interrupts every stage in its own process
 def test_a_killed_stage_ends_like_an_undisturbed_one(finished, tmp_path, stage, redo):
     rng = np.random.default_rng([len(stage), redo])
     configuration = open_dataset(finished).configuration
@@ -131,6 +132,7 @@ def test_a_killed_stage_ends_like_an_undisturbed_one(finished, tmp_path, stage, 
     print(f"{stage}, redo {redo}: killed {deaths} of {KILLS} times within {lasts:.1f} s")
 
 
+@pytest.mark.slow  # tests/megalopta/test_folders.py has two processes before one lock
 def test_two_processes_on_one_dataset_do_not_meet(finished, tmp_path, capsys):
     root, configuration = tmp_path / "data", open_dataset(finished).configuration
     (tmp_path / "start.yaml").write_text(to_yaml(configuration))

@@ -227,6 +227,7 @@ def test_frames_do_not_depend_on_which_were_rendered_before_nor_on_batches(monke
 
 
 @vectorized
+@pytest.mark.slow
 def test_samples_beyond_one_pass_are_taken_in_several(monkeypatch):
     scene = thicket(Lighting(SKY))
     whole = renderer_of(scene, ORBIT, samples_per_pixel=256, bake_error=0.3).radiance(ORBIT[0], 1)

@@ -187,7 +187,7 @@ def analytic_flow(camera, trajectory, frame, other, distance_along):
 
 @pytest.mark.parametrize(
     "camera",
-    [EquirectangularCamera(), CYLINDER, SECTOR],
+    [EquirectangularCamera(width=360, height=180), CYLINDER, SECTOR],
     ids=["whole sphere", "cylinder", "sector"],
 )
 @pytest.mark.parametrize("surface", ["plane", "ball"])

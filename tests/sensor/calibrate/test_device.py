@@ -55,6 +55,7 @@ def test_the_other_kind_of_dead_time_is_named():
     assert np.median(found.dead_time_s.value) == pytest.approx(1e-6, rel=0.05)
 
 
+@pytest.mark.slow  # covered without so much noise above, with more below
 def test_steps_of_a_noisy_comb():
     """Read noise of 0.22 steps, where one reading in forty is nearer to another tooth."""
     sensor = device(seed=6, read_noise_v=2.2e-3)

@@ -53,14 +53,32 @@ def name_of(check):
     return check.args[0] if isinstance(check, partial) else check.__name__
 
 
+def is_dear(name):
+    return (
+        name.startswith("paralyzable") and name != "paralyzable dead time, live start, afterpulsing"
+    )
+
+
 FRAME_BY_FRAME = (check_combinations, check_maps, check_running_frames)
 """Frames are drawn one by one, so that their number is what these cost."""
+
+DEAR = {
+    "check_afterpulsing", "check_crosstalk", "check_dead_time_ends", "check_delays", "check_frames",
+    "check_parts", "reading, analog, uneven, uncalibrated", "array-12x4",
+    # tables of moments that are simulated first, as in tests/sensor/avalanches/test_moments.py
+    "reading, afterpulsing, gate", "reading, afterpulsing, table",
+    "reading, crosstalk, afterpulsing, gate", "reading, non-paralyzable dead time, afterpulsing",
+}  # fmt: skip
+"""Of more than a second, for laws that tests of the same effects hold with fewer draws"""
 
 
 @pytest.mark.parametrize(
     "check",
     [
-        pytest.param(check, marks=[pytest.mark.slow] if check in FRAME_BY_FRAME else [])
+        pytest.param(
+            check,
+            marks=[pytest.mark.slow] if check in FRAME_BY_FRAME or name_of(check) in DEAR else [],
+        )
         for check in EFFECT_CHECKS
     ],
     ids=name_of,
@@ -77,7 +95,15 @@ def test_combinations_agree_with_brute_force_on_fewer_frames(monkeypatch, check)
     assert [row for row in check() if not row.passed] == []
 
 
-@pytest.mark.parametrize("check", COUNTING, ids=name_of)
+@pytest.mark.parametrize(
+    "check",
+    [
+        # paralyzable pixels take three times as long; one case of them is enough to begin with
+        pytest.param(check, marks=[pytest.mark.slow] if is_dear(name_of(check)) else [])
+        for check in COUNTING
+    ],
+    ids=name_of,
+)
 def test_counts_agree_with_brute_force_in_mean_variance_and_law(check):
     assert [row for row in check() if not row.passed] == []
 
@@ -86,8 +112,10 @@ def test_counts_agree_with_brute_force_in_mean_variance_and_law(check):
     "point",
     [
         *(
-            # afterpulses cost most, and counts_agree_with_brute_force has them at 12 points
-            pytest.param(point, marks=pytest.mark.slow) if point.has_afterpulsing else point
+            # these cost most, and counts_agree_with_brute_force has them at 12 points
+            pytest.param(point, marks=pytest.mark.slow)
+            if point.has_afterpulsing or point.start == "stationary"
+            else point
             for point in GRID
             if (point.rate_times_dead_time, point.mean_counts) == (0.1, 1)
         ),

@@ -113,7 +113,6 @@ class Microlens(Effect, frozen=True):
     """A rate-level effect of which nothing else knows."""
 
     stage: ClassVar[Stage] = Stage.OPERATION
-    statement: ClassVar[str] = "microlenses gather light"
     gain: float = 1.0
 
     def act_on_rates(self, rates):

@@ -41,6 +41,7 @@ def recording(tmp_path, request):
     return out
 
 
+@pytest.mark.slow  # capturing is tested by spadcam/test_capture.py, the figures below
 @pytest.mark.parametrize("recording", [10.0], indirect=True)
 def test_a_captured_bench_is_the_simulated_one_but_for_chance(recording):
     captured = open_recording(recording)
