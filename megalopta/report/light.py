@@ -46,6 +46,8 @@ class SensorPanel:
 
     name: str
     description: str
+    effects: tuple[tuple[str, str], ...]
+    """Name and statement of each that is on, in the order in which they act."""
     pictures: tuple[Picture, ...]
     budget: Table
     saturation: str
@@ -77,7 +79,7 @@ def describe(sensor: ImageSensor) -> str:
     return (
         f"Pixels of {1e6 * sensor.pitch_m:.3g} µm, {percent(sensor.fill_factor)} of their area "
         f"sensitive; {_detection(sensor)}; {_time(sensor.exposure_s)} exposure; "
-        f"{_readout(sensor)}.{_effects(sensor)}"
+        f"{_readout(sensor)}."
     )
 
 
@@ -100,11 +102,12 @@ def _readout(sensor: ImageSensor) -> str:
     return f"{recovery}; a counter holds {sensor.counter_capacity:,}"
 
 
-def _effects(sensor: ImageSensor) -> str:
+def _effects(sensor: ImageSensor) -> tuple[tuple[str, str], ...]:
+    """Name of each effect that is on, in order, and what it does."""
     if isinstance(sensor, CtiaSensor):
-        return ""
-    words = enumerate_words([field.replace("_", " ") for field in active_effects(sensor)])
-    return f" Modeled, in this order: {words}."
+        return ()
+    names = active_effects(sensor)
+    return tuple((name.replace("_", " "), getattr(sensor, name).statement) for name in names)
 
 
 def _time(seconds: float) -> str:
@@ -122,6 +125,7 @@ def _panel(
     return SensorPanel(
         sensor.name,
         describe(sensor),
+        _effects(sensor),
         (radiance, *(_counts_film(each) for each in shown)),
         _budget_table(sensor, budgets),
         _saturation(sensor, budgets),

@@ -46,6 +46,9 @@ class AnalogCounter(Effect, frozen=True):
     """A counter that keeps its count as a voltage."""
 
     stage: ClassVar[Stage] = Stage.READOUT
+    statement: ClassVar[str] = (
+        "avalanches are counted, as far as the counter goes, and read (frames only)"
+    )
 
     kind: Literal["analog"] = "analog"
     """Counts in volts."""

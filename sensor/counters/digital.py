@@ -26,6 +26,9 @@ class DigitalCounter(Effect, frozen=True):
     """A digital counter."""
 
     stage: ClassVar[Stage] = Stage.READOUT
+    statement: ClassVar[str] = (
+        "avalanches are counted, as far as the counter goes, and read (frames only)"
+    )
 
     kind: Literal["digital"] = "digital"
     """Counts in bits."""

@@ -40,6 +40,7 @@ class Afterpulsing(Effect, frozen=True):
     """Trapped carriers and when they come out; off by default."""
 
     stage: ClassVar[Stage] = Stage.AVALANCHES
+    statement: ClassVar[str] = "avalanches fill traps whose carriers arrive later"
 
     mean_carriers: Annotated[float, Field(ge=0, le=0.95)] = 0.0
     """Mean number of carriers an avalanche leaves in traps (0: no afterpulsing)."""

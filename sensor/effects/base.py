@@ -68,6 +68,8 @@ class Effect(
     """Parameters of one effect."""
 
     stage: ClassVar[Stage]
+    statement: ClassVar[str]
+    """What it does, for a reader"""
 
     @property
     def is_on(self) -> bool:

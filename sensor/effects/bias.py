@@ -42,6 +42,9 @@ class Bias(Effect, frozen=True):
     """Excess bias, what depends on it and how it scatters; by default nothing does."""
 
     stage: ClassVar[Stage] = Stage.OPERATION
+    statement: ClassVar[str] = (
+        "excess bias and its mismatch scale efficiency, dark counts and what avalanches leave"
+    )
 
     excess_v: Annotated[float, Field(gt=0)] = 1.0
     """Bias above the nominal breakdown voltage (V)."""

@@ -37,6 +37,7 @@ class Crosstalk(Effect, frozen=True):
     """How strongly avalanches fire neighboring pixels; off by default."""
 
     stage: ClassVar[Stage] = Stage.AVALANCHES
+    statement: ClassVar[str] = "avalanches send light to neighboring pixels"
 
     mean_fired_neighbors: Annotated[float, Field(ge=0, le=0.8)] = 0.0
     """Mean number of pixels that one avalanche inside the array fires (0: no crosstalk)."""

@@ -27,6 +27,9 @@ class DarkCounts(Effect, frozen=True):
     """Distribution of the dark count rate over the pixels; all zero: no dark counts."""
 
     stage: ClassVar[Stage] = Stage.DEVICE
+    statement: ClassVar[str] = (
+        "carriers that are no photons' arrive too, in every pixel at a rate of its own"
+    )
 
     bulk_mean_hz_um2: Annotated[float, Field(ge=0)] = 0.0
     """Mean of the normal distribution of ordinary pixels before the cut at zero (Hz/µm²)."""

@@ -23,6 +23,7 @@ class Gate(Effect, frozen=True):
     """The periodic window; always open by default."""
 
     stage: ClassVar[Stage] = Stage.AVALANCHES
+    statement: ClassVar[str] = "what arrives outside the window is lost"
 
     period_s: Annotated[float, Field(gt=0)] | None = None
     """Time from one opening to the next (s); none: not gated."""

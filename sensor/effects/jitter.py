@@ -20,6 +20,7 @@ class Jitter(Effect, frozen=True):
     """Scatter of the time stamps; none by default."""
 
     stage: ClassVar[Stage] = Stage.READOUT
+    statement: ClassVar[str] = "time stamps of events scatter (event streams only)"
 
     sigma_s: Annotated[float, Field(ge=0)] = 0.0
     """Standard deviation of a time stamp (s)."""

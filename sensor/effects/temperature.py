@@ -21,6 +21,7 @@ class Temperature(Effect, frozen=True):
     """Temperature of the chip; by default that at which the dark counts were given."""
 
     stage: ClassVar[Stage] = Stage.OPERATION
+    statement: ClassVar[str] = "temperature scales the dark counts and moves the breakdown voltage"
 
     celsius: Annotated[float, Field(gt=-273.15, le=1000)] = 20.0
     """Temperature of the chip (°C)."""

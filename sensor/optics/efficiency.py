@@ -30,6 +30,9 @@ class Efficiency(Effect, frozen=True):
     """Photon detection probability over wavelength; a constant one is a curve of two points."""
 
     stage: ClassVar[Stage] = Stage.LIGHT
+    statement: ClassVar[str] = (
+        "a fraction of the photons on the active area, by wavelength, starts an avalanche"
+    )
 
     wavelengths_nm: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Field(min_length=2)]
     """Points of the curve, increasing (nm)."""

@@ -32,6 +32,7 @@ class Lens(Effect, frozen=True):
     """The lens in front of the pixels."""
 
     stage: ClassVar[Stage] = Stage.LIGHT
+    statement: ClassVar[str] = "radiance becomes photons per second on the pixel"
 
     f_number: Annotated[float, Field(gt=0)] = 1.4
     """Focal length over aperture diameter."""

@@ -56,6 +56,7 @@ class MeasuredMaps(Effect, frozen=True):
     """Maps that take the place of drawn patterns; none by default."""
 
     stage: ClassVar[Stage] = Stage.DEVICE
+    statement: ClassVar[str] = "measured maps replace drawn patterns of the pixels"
     of_effect: ClassVar[Mapping[str, str]] = {
         "efficiency": "efficiency",
         "dark_counts": "dark_counts",

@@ -20,7 +20,8 @@ from megalopta.report.budget import exposed
 from megalopta.report.footage import read_footage, select
 from megalopta.report.page import write_report
 from megalopta.report.records import read_benchmark, read_records
-from megalopta.sensor import DigitalCounter
+from megalopta.sensor import PRESETS, DigitalCounter
+from megalopta.sensor.spad import active_effects
 from megalopta.stages import STAGES, Ledger, responses_path, run_all, run_stage
 
 from ..accessibility import needs_axe, violations
@@ -130,6 +131,14 @@ def test_a_report_has_all_its_sections(page):
 def test_a_report_names_every_method_sensor_and_light_level(page):
     for name in (*CONFIGURATION.methods, SENSOR, "ideal", "0.5 lux", "full moon, 0.25 lux"):
         assert name in page.text
+
+
+def test_a_report_says_what_each_effect_of_a_sensor_does(page):
+    sensor = PRESETS["spadcam"]
+    names = active_effects(sensor)
+    assert names
+    for name in names:
+        assert getattr(sensor, name).statement in page.text
 
 
 def test_a_report_needs_nothing_from_outside(dataset, page):
