@@ -19,6 +19,7 @@ extensions = [
     "mathml",
     "pydantic_fields",
     "rooms",
+    "examples",
 ]
 default_role = "py:obj"
 exclude_patterns = ["gallery", "example_device", "extensions"]
