@@ -56,7 +56,7 @@ def running_counts(
     seed: int,
     key: tuple[str | int, int],
 ) -> NDArray[np.int64]:
-    """Number the events of the next exposure; the key is sequence and frame."""
+    """Number the events (rows, columns) of the next exposure; the key is sequence and frame."""
     rng = generator(seed, "events", *key)
     return running_frame(array, rng, detections_hz, sensor, device, keep_events=False).counts
 
