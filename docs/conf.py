@@ -20,6 +20,7 @@ extensions = [
     "pydantic_fields",
     "rooms",
     "examples",
+    "keyboard",
 ]
 default_role = "py:obj"
 exclude_patterns = ["gallery", "example_device", "extensions"]

@@ -35,7 +35,7 @@ def running_frame(
     *,
     keep_events: bool = True,
 ) -> SimulatedFrame:
-    """Simulate the next exposure of an array, of rates ([S,] H, W) without dark counts."""
+    """Simulate the next exposure of an array, of rates (H, W) or (S, H, W) without dark counts."""
     arrivals_hz = detections_hz + device.dark_counts_hz
     check_arrivals(arrivals_hz, sensor.exposure_s)
     return array.expose(

@@ -92,7 +92,9 @@ def test_docstrings_tell_of_errors(name):
 
 ARRAY = re.compile(r"\b(?:ndarray|ArrayLike|_SupportsArray)\b")
 # A shape in letters or numbers, or words for it; of a callable and a mapping the type says enough.
-SHAPE = re.compile(r"\((?:\.\.\.|…|\w|\w+s|2·\w+|count)(?: [−+·] \w+)*,|\bshapes?\b|[Ss]calars?\b")
+SHAPE = re.compile(
+    r"\((?:\.\.\.|…|\w|\d+|side|n ≤ chunk|\w+s|2·\w+|count)(?: ?[−+·] ?\w+)*,|\bshapes?\b|[Ss]calars?\b"
+)
 HIDES_ARRAYS = re.compile(r"Callable\[|Mapping\[")
 
 

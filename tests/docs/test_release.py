@@ -18,9 +18,3 @@ def test_the_citation_names_the_newest_version_of_the_changelog():
 
 def test_the_program_has_the_version_of_its_installation():
     assert megalopta.__version__ == version("megalopta")
-
-
-def test_a_script_of_the_gallery_has_at_most_forty_lines():
-    lengths = {p.name: len(p.read_text("utf-8").splitlines()) for p in DOCS.glob("gallery/*.py")}
-    assert lengths
-    assert max(lengths.values()) <= 40, lengths
