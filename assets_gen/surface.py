@@ -58,7 +58,7 @@ def grid_corners(rows: int, columns: int) -> tuple[NDArray[np.int64], ...]:
 
 
 def grid_faces(rows: int, columns: int) -> NDArray[np.int64]:
-    """Two triangles for each cell of a grid of vertices: all first ones, then all second ones."""
+    """Two triangles (2·cells, 3) of each cell of a grid of vertices: all first, then all others."""
     a, b, c, d = grid_corners(rows, columns)
     return np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
 

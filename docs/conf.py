@@ -19,6 +19,8 @@ extensions = [
     "mathml",
     "pydantic_fields",
     "rooms",
+    "examples",
+    "keyboard",
 ]
 default_role = "py:obj"
 exclude_patterns = ["gallery", "example_device", "extensions"]
@@ -31,6 +33,7 @@ myst_heading_anchors = 4
 html_theme = "furo"
 html_static_path = ["style"]
 html_css_files = ["site.css"]
+html_js_files = [("site.js", {"defer": "defer"})]
 html_show_sphinx = False
 html_show_copyright = False
 html_copy_source = False

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from megalopta.access import open_dataset as open_dataset
 
-__version__ = "0.1.0"
+    __version__: str
 
 
 def __getattr__(name: str) -> Any:
@@ -14,4 +14,8 @@ def __getattr__(name: str) -> Any:
         from megalopta.access import open_dataset
 
         return open_dataset
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("megalopta")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

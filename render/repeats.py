@@ -17,7 +17,7 @@ MEASURED_EVERY = 16
 def render_once(
     render_pass: RenderPass, measure_pass: MeasurePass | None
 ) -> tuple[Image, RenderNoise | None]:
-    """Pass 0, and its error by comparison with pass 1 where that is to be measured."""
+    """Pass 0, (H, W, B), and its error by comparison with pass 1 where that is to be measured."""
     image = render_pass(0)
     if measure_pass is None:
         return image, None
@@ -31,7 +31,7 @@ def render_once(
 def render_until(
     render_pass: RenderPass, measure_pass: MeasurePass, target_error: float, most_passes: int
 ) -> tuple[Image, RenderNoise]:
-    """Mean of as many passes as bring the RMS error on surfaces to the target.
+    """Mean (H, W, B) of as many passes as bring the RMS error on surfaces to the target.
 
     At least two, at most `most_passes`; the result says how many, and which error they left.
     """

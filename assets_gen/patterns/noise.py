@@ -39,7 +39,7 @@ def tileable_noise(
 
 
 def to_weight(signal: FloatArray) -> NDArray[np.float32]:
-    """Return a signal around 0 as a weight in [0, 1], 1/2 where it is 0."""
+    """Return a signal around 0, of any shape, as a weight in [0, 1], 1/2 where it is 0."""
     return np.asarray(0.5 + 0.5 * np.tanh(signal), dtype=np.float32)
 
 

@@ -26,7 +26,7 @@ def _noise(
 
 
 def smooth_bark(rng: np.random.Generator) -> NDArray[np.float32]:
-    """Return beech-like bark: soft blotches, lichen, fine horizontal wrinkles."""
+    """Return beech-like bark (H, W): soft blotches, lichen, fine horizontal wrinkles."""
     blotches = _noise((0.05, 0.6), 1.4, rng, 1.5)
     lichen = np.maximum(_noise((0.015, 0.25), 1.2, rng, 1.2) - 0.9, 0)
     wrinkles = np.minimum(_noise((0.004, 0.12), 0.6, rng, 0.15), 0)
@@ -35,7 +35,7 @@ def smooth_bark(rng: np.random.Generator) -> NDArray[np.float32]:
 
 
 def papery_bark(rng: np.random.Generator) -> NDArray[np.float32]:
-    """Return birch-like bark: white, with thin dark bands and black diamond scars."""
+    """Return birch-like bark (H, W): white, with thin dark bands and black diamond scars."""
     shade = (
         -0.95
         + 0.35 * _noise((0.03, 0.5), 1.2, rng, 0.5)
@@ -51,7 +51,7 @@ def papery_bark(rng: np.random.Generator) -> NDArray[np.float32]:
 
 
 def scaly_bark(rng: np.random.Generator) -> NDArray[np.float32]:
-    """Return spruce-like bark: small plates of different shade between dark cracks."""
+    """Return spruce-like bark (H, W): small plates of different shade between dark cracks."""
     rows, columns = SHAPE
     size = np.array(TILE_M[::-1])
     centers = rng.random((1500, 2)) * size
@@ -73,7 +73,7 @@ def scaly_bark(rng: np.random.Generator) -> NDArray[np.float32]:
 
 
 def furrowed_bark(rng: np.random.Generator) -> NDArray[np.float32]:
-    """Return oak-like bark: long ridges that split and join between deep dark furrows."""
+    """Return oak-like bark (H, W): long ridges that split and join between deep dark furrows."""
     waves = _noise((0.03, 0.12), 0.6, rng, 5.0)
     furrows = np.exp(-((waves / 0.3) ** 2))
     cracks = np.maximum(_noise((0.01, 0.06), 0.5, rng, 0.4) - 1.0, 0)

@@ -92,7 +92,7 @@ def _grid_normals(grid: FloatArray, axis: FloatArray) -> FloatArray:
 
 
 def tube_faces(rings: int, sides: int) -> NDArray[np.int64]:
-    """Return the triangles of a tube: walls between rings, the pointed tip, the base."""
+    """Return the triangles (N, 3) of a tube: walls between rings, the pointed tip, the base."""
     apex = rings * (sides + 1)
     last = np.arange(apex - sides - 1, apex)
     tip = np.stack([last[:-1], last[1:], np.full(sides, apex)], -1)

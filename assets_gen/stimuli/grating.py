@@ -38,7 +38,7 @@ def sine_grating(
     phases_rad: tuple[float, float] = (0.0, 0.0),
     variant: GratingVariant = "periodic",
 ) -> NDArray[np.float64]:
-    """Value 1 ± C of the 2-D sine grating at image coordinates x, y (frames)."""
+    """Value 1 ± C of the 2-D sine grating at image coordinates x, y (frames), of any shape."""
     scale = 2.0 if variant == "periodic" else 2**0.5
     along = 2 * np.pi * cycles_per_frame * (x + y) / scale + phases_rad[0]
     across = 2 * np.pi * cycles_per_frame * (y - x) / scale + phases_rad[1]
@@ -48,7 +48,7 @@ def sine_grating(
 def bars(
     x: NDArray[np.float64], contrast: float, phase_rad: float, square: bool
 ) -> NDArray[np.float64]:
-    """Value 1 ± C of vertical bars at places x (periods): a sine or a square wave."""
+    """Value 1 ± C of vertical bars at places x (periods), of any shape: a sine or a square wave."""
     wave = np.sin(2 * np.pi * x + phase_rad)
     return np.asarray(1 + contrast * (np.where(wave >= 0, 1.0, -1.0) if square else wave))
 

@@ -4,9 +4,12 @@ import importlib
 import inspect
 import re
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pydantic import BaseModel
-from sphinx.application import Sphinx
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 ROOT = Path(__file__).parents[2]
 FOLDER = "generated/reference"
@@ -25,7 +28,7 @@ ARRAY = re.compile(
 )
 
 
-def setup(app: Sphinx) -> dict[str, bool]:
+def setup(app: "Sphinx") -> dict[str, bool]:
     """Write the pages before pages are read."""
     app.connect("builder-inited", lambda app: write_pages(Path(app.srcdir) / FOLDER))
     app.connect("autodoc-process-signature", _shorten)
@@ -58,8 +61,8 @@ def write_pages(folder: Path) -> None:
         index += [FOLDERS[top], "-" * len(FOLDERS[top]), ""]
         index += [f"- :doc:`{name}`{_purpose(name)}" for name in names] + [""]
         for name in names:
-            _write(folder / f"{name}.rst", _page(name, homes))
-    _write(folder / "index.rst", index)
+            write(folder / f"{name}.rst", _page(name, homes))
+    write(folder / "index.rst", index)
 
 
 def _purpose(name: str) -> str:
@@ -92,7 +95,7 @@ def _page(name: str, homes: dict[int, str]) -> list[str]:
     return [*lines, f"Values and types: {', '.join(values)}.", ""] if values else lines
 
 
-def _write(path: Path, lines: list[str]) -> None:
+def write(path: Path, lines: list[str]) -> None:
     """Write a page unless it is there: Sphinx reads again what is newer."""
     text = "\n".join(lines)
     if not path.exists() or path.read_text("utf-8") != text:

@@ -18,7 +18,7 @@ def ndm_mean(filter_step: float, omega: ArrayLike, phase: float, contrast: float
     ----------
     filter_step : float
         Step a of the high-pass and of the delay, 0 < a < 1.
-    omega : array_like
+    omega : array_like of any shape
         Temporal frequency, rad per frame.
     phase : float
         Spatial frequency φ, rad per pixel.
@@ -32,7 +32,7 @@ def ndm_mean(filter_step: float, omega: ArrayLike, phase: float, contrast: float
 def nds_mean(filter_step: float, omega: ArrayLike, phase: float, contrast: float) -> FloatArray:
     """Return the mean response of NDS, rectified: 2A/π, A = (C/2)·h1·|1 + 2·Hl·cos φ|.
 
-    Parameters as for `ndm_mean`.
+    Parameters and shape as for `ndm_mean`.
     """
     high_pass, delayed = _gains(filter_step, omega)
     amplitude = contrast / 2 * high_pass * np.abs(1 + 2 * delayed * np.cos(phase))

@@ -49,7 +49,7 @@ def motion_evidence(detector: Detector, responses: FloatArray) -> FloatArray:
 
 
 def rightward_evidence(detector: Detector, responses: FloatArray) -> FloatArray:
-    """Return how much each block inside the border seems to move to the right; as above, signed."""
+    """Return `motion_evidence` (T, rows, columns) of motion to the right, signed."""
     return np.asarray(_components(detector, responses)[0])
 
 
@@ -92,7 +92,7 @@ def roc_auc(noise: FloatArray, signal: FloatArray) -> float:
 
 
 def d_prime(noise: FloatArray, signal: FloatArray) -> float:
-    """Return d′ = √2·Φ⁻¹(A); negative when the noise exceeds the signal more often.
+    """Return d′ = √2·Φ⁻¹(A) of samples of any shape; negative when noise is more often larger.
 
     Samples without any overlap only say that d′ is large: the area is kept half a pair away from 0
     and 1, which limits d′ to 6.1 with 256 noises and 256 signals.
@@ -109,7 +109,7 @@ def d_prime(noise: FloatArray, signal: FloatArray) -> float:
 
 
 def false_alarm_rate(noise: FloatArray, threshold: float) -> float:
-    """Return the share of the noise above a threshold.
+    """Return the share of the noise, of any shape, above a threshold.
 
     Raises
     ------

@@ -60,7 +60,7 @@ class ErrorSums:
 
 
 def combine(sums: Sequence[ErrorSums], how: Callable[[list[FloatArray]], FloatArray]) -> ErrorSums:
-    """Return sums as one, by np.concatenate (more frames) or np.stack (a new axis)."""
+    """Return sums of one shape as one, by np.concatenate (more frames) or np.stack (a new axis)."""
     names = [field.name for field in fields(ErrorSums)]
     return ErrorSums(*(how([getattr(each, name) for each in sums]) for name in names))
 

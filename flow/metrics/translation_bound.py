@@ -86,7 +86,10 @@ def cramer_rao_covariance(information: FloatArray, frames: int = 2) -> FloatArra
 
 
 def cramer_rao_covariance_along_x(information: FloatArray, frames: int = 2) -> FloatArray:
-    """Return `cramer_rao_covariance` for a method that knows that nothing moves along y."""
+    """Return the covariance (..., 2, 2) of a method that knows that nothing moves along y.
+
+    Parameters as for `cramer_rao_covariance`.
+    """
     spread = frames * (frames**2 - 1) / 12
     covariance = np.zeros_like(information)
     with np.errstate(divide="ignore"):

@@ -85,7 +85,7 @@ class MovingTemplate:
 
 
 def blurred(template: FloatArray, length_px: float) -> FloatArray:
-    """Return a template smeared along its rows by a motion of some columns, around the circle.
+    """Return a template (H, W) smeared along its rows by a motion of columns, around the circle.
 
     Each pixel becomes the mean over a line of this length, MATLAB's fspecial('motion', length, 0):
     taps are the shares of the line that lie in each pixel.

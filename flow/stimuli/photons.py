@@ -107,7 +107,7 @@ def draw_counts(
 
 
 def narrowest(counts: NDArray[np.integer[Any]]) -> Counts:
-    """Return counts as uint16, uint32 or uint64, whichever suffices."""
+    """Return counts of any shape as uint16, uint32 or uint64, whichever suffices."""
     largest = int(counts.max(initial=0))
     if largest < 2**16:
         return counts.astype(np.uint16, copy=False)

@@ -64,7 +64,7 @@ def image_statistics(template: Floats) -> ImageStatistics:
 
 
 def power_spectrum(template: Floats) -> tuple[Floats, Floats]:
-    """Radial frequencies (cycles/px) and power there, mean over rings, per pixel, of mean 1.
+    """Radial frequencies (cycles/px), (N,), and mean power over their rings, of mean 1.
 
     Rows are weighed with a Hann window, columns are periodic as they are.
     """

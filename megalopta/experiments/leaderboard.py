@@ -101,17 +101,17 @@ def information(clean: Floats, margin_px: int = 0) -> Floats:
 
 
 def bound(information: Floats, frames: int) -> float:
-    """Return the photons per frame that the bound needs for a median endpoint error of 25 %."""
+    """Return photons per frame at which blocks of J (..., 2, 2) can err by 25 %, the median."""
     return bound_photons(cramer_rao_covariance(information, frames), SPEED_PX, LEVEL)
 
 
 def bound_along_x(information: Floats) -> float:
-    """Return `bound` of two frames for the x component, were it known that nothing moves in y."""
+    """Return `bound` of two frames, J (..., 2, 2), were it known that nothing moves in y."""
     return bound_photons(cramer_rao_covariance_along_x(information), SPEED_PX, LEVEL)
 
 
 def ranked(clean: Floats, methods: Iterable[Method]) -> list[Entry]:
-    """Return the methods that give a velocity of blocks, fewest photons first, on `sequences`."""
+    """Return the methods that give velocities, fewest photons first, on sequences (n, T, H, W)."""
     known, known_with_margin = information(clean), information(clean, MARGIN_PX)
     drawn: dict[float, list[NDArray[np.unsignedinteger]]] = {}
 
@@ -151,7 +151,7 @@ def efficiencies(
 ) -> list[float]:
     """Return bound over variance of one method at each flux, its newest frames seen whole.
 
-    The variance of each block is over independent draws of each sequence.
+    The variance of each block is over independent draws of each sequence of `clean`, (n, T, H, W).
     """
     frames = detector.memory_frames + 1
     least = cramer_rao_covariance(information(clean), frames)

@@ -96,7 +96,7 @@ def read_template(path: Path) -> NDArray[np.float64]:
 def write_template(
     path: Path, recipe: NaturalPanorama, radiance: NDArray[np.float32], noise: RenderNoise
 ) -> None:
-    """Write what is shipped: a rendering over its mean, in half floats, rounded by 0.05 % at most.
+    """Write what is shipped: (H, W, B) over its mean, in half floats, rounded by 0.05 % at most.
 
     The mean stands in the header, in the record of the noise.
     """

@@ -72,7 +72,7 @@ def cut_passages(counts: NDArray[Any], numbers: NDArray[Any] | None = None) -> N
 
 
 def cut_rest(counts: NDArray[Any]) -> NDArray[Any]:
-    """Cut frames of a plate at rest into as many as a passage to and fro has.
+    """Cut frames (T, rows, columns) of a plate at rest into as many as a passage to and fro has.
 
     Raises
     ------

@@ -70,7 +70,7 @@ def linear_srgb(
 
 
 def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.uint8]:
-    """8-bit sRGB of linear values; 1 is white, brighter is white too."""
+    """8-bit sRGB of linear values of any shape; 1 is white, brighter is white too."""
     bounded = np.clip(linear, 0, 1)
     curved = np.where(bounded <= 0.0031308, 12.92 * bounded, 1.055 * bounded ** (1 / 2.4) - 0.055)
     return np.asarray(curved * 255 + 0.5).astype(np.uint8)

@@ -24,7 +24,7 @@ _V = (
 
 
 def luminous_efficiency(wavelength_nm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """CIE 1924 photopic luminous efficiency V(λ), 0 outside 380 to 770 nm."""
+    """CIE 1924 photopic luminous efficiency V(λ), 0 outside 380 to 770 nm; of any shape."""
     table_nm = _V_FIRST_NM + _V_STEP_NM * np.arange(len(_V))
     return np.interp(wavelength_nm, table_nm, _V, left=0.0, right=0.0)
 

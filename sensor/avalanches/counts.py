@@ -62,7 +62,7 @@ def count_moments(
     effects: AvalancheEffects,
     maps: AvalancheMaps | None = None,
 ) -> tuple[Floats, Floats]:
-    """Mean and variance of the counts of one exposure; parameters as for `draw_counts`.
+    """Mean and variance (rows, columns) of the counts of one exposure; parameters as `draw_counts`.
 
     Of rates in parts they are those of exposures at the rate of every part, weighed with its share
     of the time open: exact without dead time and afterpulsing, else but for what a part inherits of

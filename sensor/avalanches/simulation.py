@@ -105,7 +105,7 @@ def simulate_counts(
     effects: AvalancheEffects,
     maps: AvalancheMaps | None = None,
 ) -> Ints:
-    """Counts of one exposure; parameters as for `simulate_frame`."""
+    """Counts (rows, columns) of one exposure; parameters as for `simulate_frame`."""
     return simulate_frame(rng, rate_hz, exposure_s, effects, maps=maps, keep_events=False).counts
 
 
@@ -116,6 +116,6 @@ def simulate_events(
     effects: AvalancheEffects,
     maps: AvalancheMaps | None = None,
 ) -> tuple[Floats, Ints]:
-    """Times, s, and flat pixel indices of the counted avalanches; as `simulate_frame`."""
+    """Times, s, and flat pixel indices (N,) of the counted avalanches; as `simulate_frame`."""
     frame = simulate_frame(rng, rate_hz, exposure_s, effects, maps=maps)
     return frame.times_s, frame.pixels

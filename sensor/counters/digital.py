@@ -53,7 +53,7 @@ def read_digital(
     counter: DigitalCounter,
     out: tuple[Counts, NDArray[np.bool_]] | None = None,
 ) -> tuple[Counts, NDArray[np.bool_]]:
-    """Counts, and where they are not to be trusted, of counters that have seen so many events.
+    """Counts, and where they are not to be trusted, of as many events, of any shape.
 
     They are written into `out`, contiguous arrays, if that is given.
     """
@@ -84,7 +84,7 @@ def _read(
 
 
 def empty_counts(shape: tuple[int, ...], capacity: int) -> Counts:
-    """Array for counts, of the smaller unsigned type that holds the capacity."""
+    """Array of a shape for counts, of the smaller unsigned type that holds the capacity."""
     if capacity <= np.iinfo(np.uint16).max:
         return np.empty(shape, np.uint16)
     return np.empty(shape, np.uint32)

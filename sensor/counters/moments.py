@@ -48,7 +48,7 @@ class Pixel(NamedTuple):
 
 
 def events_until_full(counter: Counter, pixels: AnalogPixels | None) -> Floats:
-    """Number from which on any more events read the same, for every pixel; infinite if it wraps."""
+    """Number of events from which on readings are the same (rows, columns); infinite if wrapped."""
     if isinstance(counter, DigitalCounter):
         return np.array(np.inf if counter.overflow == "wrap" else counter.capacity)
     assert pixels is not None

@@ -132,7 +132,7 @@ def electron_moments(
     first_frame: int = 0,
     frame_period_s: float | None = None,
 ) -> tuple[Floats, Floats]:
-    """Mean and variance of the electrons collected, of full pixels too; as `volt_moments`."""
+    """Mean and variance (T, H, W) of electrons, of full pixels too; as `volt_moments`."""
     light = _checked(photocurrent_a)
     mean, variance = np.empty_like(light), np.empty_like(light)
     arrivals = sensor.noise.model_copy(update={"reset": False, "read_noise_v": 0.0})
@@ -149,7 +149,7 @@ def electron_moments(
 
 
 def reading_electrons(volts: Reals, sensor: CtiaSensor) -> Floats:
-    """Electrons behind readings, those of the dark current included."""
+    """Electrons behind readings (V) of any shape, those of the dark current included."""
     return np.asarray(volts * sensor.capacitance_f / ELEMENTARY_CHARGE_C)
 
 

@@ -141,7 +141,7 @@ def gate_bias(
 
 
 def trimmed_bias(bias: Bias, offset_v: Reals) -> Floats:
-    """Reverse bias of pixels with these offsets at the start of the first frame, V."""
+    """Reverse bias of pixels of any shape with these offsets at the start of the first frame, V."""
     offset = np.asarray(offset_v, np.float64)
     if isinstance(bias, FixedBias):
         return offset + bias.reverse_bias_v

@@ -83,12 +83,12 @@ class Pixel:
 
 
 def gain_from_db(gain_db: Reals) -> Floats:
-    """Voltage gain (V/V) from decibels."""
+    """Voltage gain (V/V) from decibels, of any shape."""
     return np.asarray(10 ** (np.asarray(gain_db, np.float64) / 20))
 
 
 def discharge(pixel: Pixel, photocurrent_a: Reals, time_s: Reals) -> Floats:
-    """How far the output has come down after a time, V, between 0 and the swing.
+    """How far the output has come down after a time, V, of any shape, between 0 and the swing.
 
     Parameters
     ----------
@@ -105,7 +105,8 @@ def discharge(pixel: Pixel, photocurrent_a: Reals, time_s: Reals) -> Floats:
 def discharge_time(pixel: Pixel, photocurrent_a: Reals, discharged_v: Reals) -> Floats:
     """Time from reset until the output has come down so far, s; infinite where it never does.
 
-    By Newton's method: the current only grows, so the discharge is convex in time.
+    Arrays of any shape, by Newton's method: the current only grows, so the discharge is convex
+    in time.
 
     Raises
     ------
@@ -156,7 +157,7 @@ def reverse_bias(pixel: Pixel, time_s: Reals, discharged_v: Reals) -> Floats:
 def estimate_current(pixel: Pixel, photocurrent_a: Reals = 0.0) -> Floats:
     """Current as measured on the bench, C·ΔV/Δt from 90 % to 10 % of the swing, A.
 
-    0 where the pixel does not discharge.
+    Of any shape; 0 where the pixel does not discharge.
     """
     early, late = (
         discharge_time(pixel, photocurrent_a, share * pixel.swing_v) for share in (EARLY, LATE)

@@ -75,7 +75,7 @@ class Photodiode(
 
 
 def reverse_current(diode: Photodiode, reverse_bias_v: Reals, scale: Reals = 1.0) -> Floats:
-    """Dark current that discharges the pixel, A; negative in forward bias.
+    """Dark current that discharges pixels of any shape, A; negative in forward bias.
 
     Parameters
     ----------

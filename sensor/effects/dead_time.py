@@ -113,7 +113,7 @@ class DeadTime(Effect, frozen=True):
 def expected_counts(
     rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime
 ) -> NDArray[np.float64]:
-    """Exact mean number of counts in one exposure; as `moments`."""
+    """Exact mean number of counts in one exposure, of the rates' shape; as `moments`."""
     return moments(rate_hz, exposure_s, dead_time)[0]
 
 
@@ -183,7 +183,7 @@ def _fractions(
 
 
 def check_arrivals(rate_hz: ArrayLike, exposure_s: float) -> Floats:
-    """Mean number of arrivals in the exposure, flat, or refuse them."""
+    """Mean number of arrivals in the exposure, flat (N,), or refuse them."""
     if not 0 < exposure_s < np.inf:
         raise ValueError(f"exposure_s: {exposure_s}; must be positive and finite (s)")
     rate = np.asarray(rate_hz, np.float64).ravel()

@@ -29,7 +29,7 @@ class Jitter(Effect, frozen=True):
 def stamp(
     rng: np.random.Generator, times_s: NDArray[np.float64], jitter: Jitter
 ) -> NDArray[np.float64]:
-    """Return time stamps, s, of events at these times, with mean `times_s` and variance σ²."""
+    """Return time stamps (N,), s, of events at these times, with mean `times_s` and variance σ²."""
     if not jitter.is_on:
         return times_s
     return times_s + jitter.sigma_s * rng.standard_normal(times_s.size)

@@ -50,7 +50,7 @@ class Lens(Effect, frozen=True):
 
 
 def image_irradiance(radiance: ArrayLike, lens: Lens) -> NDArray[np.float64]:
-    """Irradiance on the axis of the lens, W·m⁻²·nm⁻¹, from radiance, W·m⁻²·sr⁻¹·nm⁻¹."""
+    """Irradiance on the lens's axis, W·m⁻²·nm⁻¹, from radiance, W·m⁻²·sr⁻¹·nm⁻¹; of any shape."""
     factor = np.pi * lens.transmission / (4 * lens.f_number**2 + 1)
     return factor * np.asarray(radiance, np.float64)
 

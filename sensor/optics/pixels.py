@@ -63,7 +63,7 @@ def detected_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: PixelOptics)
 
 
 def check_brightness(rate: Floats, exposure_s: float) -> Floats:
-    """Return rates (Hz), or refuse the radiance that they came from."""
+    """Return rates (Hz) of any shape, or refuse the radiance that they came from."""
     brightest = float(rate.max(initial=0)) * exposure_s
     if not brightest <= MOST_ARRIVALS:
         raise ValueError(

@@ -65,7 +65,7 @@ def expose_image(
     frame_period_s: float | None = None,
     expectation: bool = False,
 ) -> Exposure:
-    """Expose frames of a scene; parameters as for `expose` and `expose_ctia`."""
+    """Expose frames (T, H, W, bands) of a scene; parameters as for `expose` and `expose_ctia`."""
     if isinstance(sensor, Sensor):
         return expose(
             radiance,
@@ -101,7 +101,7 @@ def expectation(
     first_frame: int = 0,
     frame_period_s: float | None = None,
 ) -> Expectation:
-    """Mean and variance of photons, events and readings; parameters as for `expose_image`."""
+    """Mean and variance (T, H, W) of photons, events and readings; parameters as `expose_image`."""
     if isinstance(sensor, Sensor):
         return spad_expectation(radiance, bands_nm, sensor)
     return _ctia_expectation(radiance, bands_nm, sensor, first_frame, frame_period_s)

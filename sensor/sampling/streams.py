@@ -59,7 +59,7 @@ def pixel_uniforms(shape: tuple[int, int], seed: int, *key: str | int) -> NDArra
 
 
 def pixel_normals(shape: tuple[int, int], seed: int, *key: str | int) -> NDArray[np.float64]:
-    """Return one standard normal number per pixel, |z| < 8.3; as `pixel_uniforms`."""
+    """Return a standard normal number per pixel (rows, columns), |z| < 8.3; as `pixel_uniforms`."""
     # 0 is a possible uniform number and has no quantile; 1 is not
     return np.asarray(ndtri(np.maximum(pixel_uniforms(shape, seed, *key), 2.0**-54)))
 

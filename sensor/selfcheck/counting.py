@@ -47,7 +47,7 @@ def operating_point(kind: Kind, rate_times_dead_time: float, counts: float) -> t
 def samples(
     effects: AvalancheEffects, rate_hz: float, exposure_s: float, exposures: int
 ) -> tuple[Counts, Counts]:
-    """Counts of as many exposures by brute force and by the way that frames are drawn."""
+    """Counts (exposures,) by brute force and by the way that frames are drawn."""
     plain = brute_force_counts(generator(1, "brute force"), rate_hz, exposure_s, effects, exposures)
     rates = np.full((exposures, 1), rate_hz)
     return plain, draw_counts(generator(2, "drawn"), rates, exposure_s, effects).ravel()

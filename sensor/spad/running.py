@@ -35,7 +35,7 @@ def running_frame(
     *,
     keep_events: bool = True,
 ) -> SimulatedFrame:
-    """Simulate the next exposure of an array, of rates ([S,] H, W) without dark counts."""
+    """Simulate the next exposure of an array, of rates (H, W) or (S, H, W) without dark counts."""
     arrivals_hz = detections_hz + device.dark_counts_hz
     check_arrivals(arrivals_hz, sensor.exposure_s)
     return array.expose(
@@ -56,7 +56,7 @@ def running_counts(
     seed: int,
     key: tuple[str | int, int],
 ) -> NDArray[np.int64]:
-    """Number the events of the next exposure; the key is sequence and frame."""
+    """Number the events (rows, columns) of the next exposure; the key is sequence and frame."""
     rng = generator(seed, "events", *key)
     return running_frame(array, rng, detections_hz, sensor, device, keep_events=False).counts
 

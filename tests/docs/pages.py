@@ -13,6 +13,7 @@ PAGES = sorted(
     for page in DOCS.rglob("*.md")
     if not {"generated", "example_device"} & set(page.relative_to(DOCS).parts)
 )
+REPOSITORY_PAGES = [DOCS.parent / f"{name}.md" for name in ("README", "CONTRIBUTING", "CHANGELOG")]
 _BLOCK = re.compile(
     r"^```(?:\{code-block\} )?(?P<language>\w+)\n(?::caption: (?P<file>\S+)\n+)?(?P<text>.*?)^```",
     re.DOTALL | re.MULTILINE,

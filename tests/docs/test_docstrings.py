@@ -8,6 +8,7 @@ need no capital letter. Examples are the pages and the gallery.
 import ast
 import importlib
 import inspect
+import re
 import textwrap
 from pathlib import Path
 
@@ -87,3 +88,27 @@ def test_docstrings_tell_of_errors(name):
         and not any(word in thing.__doc__ for word in ("Raise", "refuse", "Refuse"))
     ]
     assert not silent, "\n".join(silent)
+
+
+ARRAY = re.compile(r"\b(?:ndarray|ArrayLike|_SupportsArray)\b")
+# A shape in letters or numbers, or words for it; of a callable and a mapping the type says enough.
+SHAPE = re.compile(
+    r"\((?:\.\.\.|…|\w|\d+|side|n ≤ chunk|\w+s|2·\w+|count)(?: ?[−+·] ?\w+)*,|\bshapes?\b|[Ss]calars?\b"
+)
+HIDES_ARRAYS = re.compile(r"Callable\[|Mapping\[")
+
+
+@pytest.mark.parametrize("name", ROOMS)
+def test_docstrings_tell_the_shapes_of_arrays(name):
+    silent = [
+        full
+        for full, thing in public(name)
+        if inspect.isfunction(thing)
+        and any(is_array(str(each)) for each in thing.__annotations__.values())
+        and not SHAPE.search(thing.__doc__)
+    ]
+    assert not silent, "\n".join(silent)
+
+
+def is_array(annotation):
+    return bool(ARRAY.search(annotation)) and not HIDES_ARRAYS.search(annotation)

@@ -1,18 +1,20 @@
 """What is said of a release in more than one place is said alike."""
 
+import re
+from importlib.metadata import version
+
 import yaml
 
-from megalopta import __version__
+import megalopta
 
 from .pages import DOCS
 
 
-def test_the_citation_names_the_version_of_the_program():
+def test_the_citation_names_the_newest_version_of_the_changelog():
     citation = yaml.safe_load((DOCS.parent / "CITATION.cff").read_text("utf-8"))
-    assert str(citation["version"]) == __version__
+    changes = (DOCS.parent / "CHANGELOG.md").read_text("utf-8")
+    assert str(citation["version"]) == re.search(r"^## ([\d.]+)", changes, re.MULTILINE)[1]
 
 
-def test_a_script_of_the_gallery_has_at_most_forty_lines():
-    lengths = {p.name: len(p.read_text("utf-8").splitlines()) for p in DOCS.glob("gallery/*.py")}
-    assert lengths
-    assert max(lengths.values()) <= 40, lengths
+def test_the_program_has_the_version_of_its_installation():
+    assert megalopta.__version__ == version("megalopta")

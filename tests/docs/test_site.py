@@ -1,6 +1,7 @@
-"""Tables of settings are those of the models."""
+"""Tables of settings are those of the models, and search finds what a reader looks for."""
 
 import importlib.util
+import json
 
 import pytest
 
@@ -34,3 +35,22 @@ def test_a_row_gives_meaning_default_range_and_unit(settings_page):
     assert [cell.strip(" -") for cell in row[2:4]] == ["``0.15``", "number ≥ 0, ≤ 0.3"]
     frame_rate = settings_page[settings_page.index("``frame_rate_hz``") :].splitlines()[4]
     assert frame_rate.strip(" -") == "Hz"
+
+
+@pytest.mark.parametrize(
+    ("words", "page"),
+    [
+        (["dead", "time"], "theory/dead-time"),
+        (["n_2b"], "explanation/n2b"),
+        (["epe"], "how-to/score"),
+    ],
+)
+def test_search_finds(words, page):
+    built = DOCS.parent / "build" / "docs" / "searchindex.js"
+    if not built.exists():
+        pytest.skip("no site is built: make docs")
+    index = json.loads(built.read_text("utf-8").removeprefix("Search.setIndex(").removesuffix(")"))
+    for word in words:
+        entries = [index[terms].get(word, []) for terms in ("terms", "titleterms")]
+        numbers = [n for each in entries for n in ([each] if isinstance(each, int) else each)]
+        assert page in {index["docnames"][number] for number in numbers}

@@ -1,0 +1,42 @@
+"""
+The best bias is not the highest
+================================
+
+Counts of light and of the dark over the excess bias, simulated (points) and by their laws (lines).
+Both rise; light over dark is largest at the dashed bias, whatever the light. Theory:
+:doc:`/theory/device`.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from megalopta.sensor import changed, detection_rate, expose, preset
+from megalopta.sensor.effects import best_excess_bias
+
+LAW = {"reference_v": 1.0, "onset_v": 0.2, "efficiency_scale_v": 0.5, "dark_efold_v": 0.3}
+DARK = {"bulk_mean_hz_um2": 2.0, "bulk_sigma_hz_um2": 0.0, "hot_fraction": 0.0}
+PLAIN = {"counter": {"kind": "digital"}, "dead_time": {"kind": "ideal", "dead_time_s": 0.0}}
+at_reference = changed(preset("spadcam"), exposure_s=0.1, dark_counts=DARK, **PLAIN)
+wall, bands_nm = np.full((1, 60, 60, 1), 1e-6), [(500, 600)]
+
+volts, rates = np.linspace(0.3, 1.4, 12), []
+for excess_v in volts:
+    sensor = changed(at_reference, bias={**LAW, "excess_v": excess_v})
+    lit, unlit = (
+        expose(light, bands_nm, sensor, seed=0, sequence="wall").counts.mean() / sensor.exposure_s
+        for light in (wall, 0 * wall)
+    )
+    rates.append((lit - unlit, unlit))
+
+efficiency = (1 - np.exp(-(volts - 0.2) / 0.5)) / (1 - np.exp(-0.8 / 0.5))
+of_light = detection_rate(wall, bands_nm, changed(at_reference, bias={"dark_efold_v": 1e9})).mean()
+of_dark = 2.0 * sensor.active_area_m2 * 1e12
+plt.semilogy(volts, of_light * efficiency, label="light")
+plt.semilogy(volts, of_dark * np.exp((volts - 1) / 0.3), label="dark counts")
+plt.gca().set_prop_cycle(None)
+plt.semilogy(volts, rates, "o")
+plt.axvline(best_excess_bias(sensor.bias), color="gray", ls="--")
+plt.xlabel("excess bias (V)")
+plt.ylabel("counts (Hz)")
+plt.legend()
+plt.show()

@@ -1,0 +1,71 @@
+"""Internal links hold: files, headings, pages that are made, names of the reference. Without Sphinx.
+
+`make docs`, at which any warning is an error, checks the same on the site that it builds.
+"""
+
+import importlib
+import re
+
+import pytest
+
+from .pages import DOCS, PAGES, REPOSITORY_PAGES
+
+FENCED = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
+LINK = re.compile(
+    r"!?\[[^\]]*\]\(([^)\s]+)\)|\{download\}`[^<`]*<([^>]+)>`|^\[[^\]]+\]: (\S+)$", re.MULTILINE
+)
+ROLE = re.compile(r"\{py:\w+\}`~?([\w.]+)`")
+ENTRIES = re.compile(r"^```\{toctree\}\n(?::[^\n]*\n)*\n(?P<entries>.*?)^```", re.M | re.S)
+SCRIPT = re.compile(r"(?:sphx_glr_)?(plot_\w+?)(?:_\d{3}\.png)?$")
+MADE = {"generated/configuration", "generated/gallery/index", "generated/reference/index"}
+ALL_PAGES = [*PAGES, *REPOSITORY_PAGES]
+
+
+def name(page):
+    return str(page.relative_to(DOCS.parent))
+
+
+def anchors(page):
+    """Anchors of a page's headings, as GitHub and MyST make them."""
+    text = FENCED.sub("", page.read_text("utf-8"))
+    titles = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    plain = (re.sub(r"[`*]|\]\([^)]*\)|\[", "", title).lower() for title in titles)
+    return {re.sub(r"[^\w\- ]", "", title).replace(" ", "-") for title in plain}
+
+
+def holds(page, link):
+    if re.match(r"[a-z]+:", link):
+        return True
+    path, _, anchor = link.partition("#")
+    target = (page.parent / path).resolve() if path else page
+    if "generated" in target.parts:
+        made = str(target.relative_to(DOCS)).removesuffix(".rst").removesuffix(".html")
+        script = SCRIPT.search(target.name)
+        return made in MADE or bool(script and (DOCS / f"gallery/{script[1]}.py").exists())
+    return target.exists() and (not anchor or anchor in anchors(target))
+
+
+@pytest.mark.parametrize("page", ALL_PAGES, ids=name)
+def test_what_a_page_links_is_there(page):
+    text = FENCED.sub("", page.read_text("utf-8"))
+    links = {a or b or c for a, b, c in LINK.findall(text)}
+    broken = [link for link in links if not holds(page, link)]
+    assert not broken, broken
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_the_names_that_a_page_links_are_published(page):
+    for full in ROLE.findall(page.read_text("utf-8")):
+        room, _, published = full.rpartition(".")
+        assert published in importlib.import_module(room).__all__, full
+
+
+def test_every_page_is_in_the_menu():
+    listed = {DOCS / "index.md"}
+    for page in PAGES:
+        for found in ENTRIES.finditer(page.read_text("utf-8")):
+            for entry in found["entries"].split():
+                target = (page.parent / entry).resolve()
+                assert str(target.relative_to(DOCS)) in MADE or target.with_suffix(".md").exists()
+                listed.add(target.with_suffix(".md"))
+    assert set(PAGES) <= listed, set(PAGES) - listed
