@@ -13,12 +13,17 @@ only.
 
 "moments, in draws" is what mean and variance of the readings of a frame cost.
 
+"stored" is what it takes to write events that are in memory: bytes and processor time of one, ns,
+and the speed over that of `tobytes` of the same columns into plain files.
+
 Least wanted: ideal 1.5, at 1e5 counts 1, SPADCAM 0.2, SPADCAM at 300 counts by event 20, binary 10,
-comparison 1.
+comparison 1. Most wanted: 16 bytes and 100 ns a stored event.
 """
 
+import tempfile
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
@@ -30,10 +35,12 @@ from megalopta.sensor import (
     expectation,
     expose,
     expose_binary,
+    expose_events,
     expose_rate,
     preset,
     reading_moments,
 )
+from megalopta.sensor.formats import EventOrigin, write_events_hdf5, write_events_npz
 from megalopta.sensor.readout.binary import draw_binary
 from megalopta.sensor.sampling.streams import generator
 from megalopta.sensor.selfcheck.brute_force import brute_force_counts
@@ -160,6 +167,24 @@ def binary_over_binomial(p: float) -> list[float]:
     ]
 
 
+def stored_event(name: str) -> list[float]:
+    """Bytes of an event in a file, processor time for it, ns, and speed over plain files."""
+    write = {"hdf5": write_events_hdf5, "npz": write_events_npz}[name]
+    sensor = bench_sensor("ideal")
+    events = expose_events(light(10, sensor), sensor, seed=0, sequence="bench")
+    period_s = sensor.exposure_s
+    origin = EventOrigin(shape=events.shape, frame_period_s=period_s, exposure_s=period_s)
+    columns = events.time_s.astype("<i8"), events.column.astype("<u2"), events.row.astype("<u2")
+    with tempfile.TemporaryDirectory() as folder:
+        path, plain = Path(folder) / f"events.{name}", Path(folder) / "plain"
+        ours = lambda: write(path, events, origin)  # noqa: E731
+        reference = lambda: plain.write_bytes(b"".join(each.tobytes() for each in columns))  # noqa: E731
+        speed = ratio(ours, reference)
+        seconds = np.median([timed(ours, time.process_time) for _ in range(REPEATS)])
+        size = path.stat().st_size
+    return [size / events.time_s.size, 1e9 * seconds / events.time_s.size, speed]
+
+
 def scene_over_poisson(name: str) -> float:
     radiance = np.random.default_rng(0).uniform(0, 1e-9, (*SHAPE, 3)).astype(np.float32)
     bands = [(400.0, 500.0), (500.0, 600.0), (600.0, 700.0)]
@@ -200,6 +225,8 @@ if __name__ == "__main__":
         strict=True,
     ):
         line(name, list(values))
+    for name in ("hdf5", "npz"):
+        line(f"stored, {name}: bytes, ns, plain files", stored_event(name))
     line(
         "radiance to counts, ideal, spadcam",
         [scene_over_poisson(name) for name in ("ideal", "spadcam")],

@@ -21,6 +21,7 @@ PHYSICS = (
     "frames",
     "ctia",
     "readings",
+    "correction",
 )
 """Groups of `megalopta.sensor.selfcheck.CHECKS`, whose import takes a second."""
 

@@ -11,19 +11,18 @@ time, or less than 0.1 counts an exposure after a stationary start.
 
 Tables lie in the user's cache folder under the hash of the effects, the exposure and the code that
 makes them. A folder that cannot be written to, or a damaged file, costs time and nothing else.
+Other tables of sensors are made in less time than they would take to be written.
 """
 
-import json
 from collections.abc import Callable
 from functools import lru_cache
-from pathlib import Path
 from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.array_store import ArrayStore
 from megalopta.arrays import Floats
-from megalopta.files import write_json
 from megalopta.folders import cache_folder
 from megalopta.freshness import code_digest, digest
 from megalopta.sensor.avalanches.simulation import simulate_counts, simulate_events
@@ -41,6 +40,8 @@ _ARRIVALS_OF_A_PIECE = 25
 _DEAD_TIMES_REMEMBERED = 20
 # of the memory for a part in e²⁰, which is more than a covariance needs
 _PART_OF_MEMORY = 0.25
+_MOST_BYTES = 10**8
+"""Of all tables; one takes a few kB."""
 _CODE = tuple(f"megalopta.sensor.{room}" for room in ("avalanches", "effects", "sampling"))
 _one_at_a_time = Lock()
 
@@ -69,31 +70,25 @@ def moment_ratios(
     effects = effects.without_crosstalk
     # one thread fills the table, which the others would only fill with the same numbers
     with _one_at_a_time:
-        path, table = _table(effects, exposure_s)
+        store, table = _table(effects, exposure_s)
         missing = [int(node) for node in nodes if int(node) not in table]
         for node in missing:
             table[node] = _ratios(node, exposure_s, effects, law)
         if missing:
-            _store(path, table)
+            known = np.array(sorted(table))
+            store.write({"nodes": known, "ratios": np.array([table[node] for node in known])})
     return np.array([table[int(node)] for node in nodes]).reshape(-1, 2)
 
 
 @lru_cache(maxsize=256)
-def _table(effects: AvalancheEffects, exposure_s: float) -> tuple[Path, Table]:
-    name = digest(effects.model_dump_json(), repr(exposure_s), code_digest(*_CODE))
-    path = cache_folder() / "moments" / f"{name}.json"
-    try:
-        stored = json.loads(path.read_text("utf-8"))
-        return path, {int(node): (float(mean), float(var)) for node, (mean, var) in stored.items()}
-    except (OSError, ValueError, TypeError, AttributeError):
-        return path, {}
-
-
-def _store(path: Path, table: Table) -> None:
-    try:
-        write_json(path, {str(node): table[node] for node in sorted(table)})
-    except (OSError, ValueError):
-        return
+def _table(effects: AvalancheEffects, exposure_s: float) -> tuple[ArrayStore, Table]:
+    key = digest(effects.model_dump_json(), repr(exposure_s), code_digest(*_CODE))
+    store = ArrayStore(cache_folder() / "moments", key, _MOST_BYTES)
+    kept = store.read(["nodes", "ratios"])
+    if kept is None:
+        return store, {}
+    rows = zip(kept["nodes"].tolist(), kept["ratios"].tolist(), strict=True)
+    return store, {node: (mean, variance) for node, (mean, variance) in rows}
 
 
 def _ratios(

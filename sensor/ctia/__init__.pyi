@@ -31,6 +31,7 @@ from .model import (
 from .noise import CtiaNoise as CtiaNoise
 from .photodiode import (
     Photodiode as Photodiode,
+    noise_current as noise_current,
     reverse_current as reverse_current,
 )
 from .presets import (

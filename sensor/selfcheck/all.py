@@ -1,6 +1,7 @@
 """Checks of every effect, by groups that can be run alone, in the order of the table."""
 
 from megalopta.sensor.selfcheck.analog import check_analog
+from megalopta.sensor.selfcheck.between import check_sub_frames
 from megalopta.sensor.selfcheck.binary import check_gated_bits
 from megalopta.sensor.selfcheck.combinations import (
     check_combinations,
@@ -12,6 +13,13 @@ from megalopta.sensor.selfcheck.combinations import (
     check_running_frames,
 )
 from megalopta.sensor.selfcheck.comparison import Check
+from megalopta.sensor.selfcheck.correction import (
+    check_ambiguity,
+    check_calibration,
+    check_correction,
+    check_filling,
+    check_propagation,
+)
 from megalopta.sensor.selfcheck.counting import counting_checks
 from megalopta.sensor.selfcheck.ctia import check_ctia_discharge, check_ctia_noise
 from megalopta.sensor.selfcheck.ctia_bias import check_gate_leak, check_pulse_loop, check_trimming
@@ -51,7 +59,7 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
     ),
     "combinations": (check_combinations, check_maps),
     "gate": (check_gate_and_jitter, check_gated_bits),
-    "changing-light": (check_parts, check_running_frames),
+    "changing-light": (check_parts, check_running_frames, check_sub_frames),
     "counters": (check_counters, check_analog, check_stated_analog),
     "frames": (check_frames, check_dim_light),
     "ctia": (
@@ -62,6 +70,13 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
         check_gate_leak,
     ),
     "readings": (*reading_checks(), *interplay_checks(20_000)),
+    "correction": (
+        check_correction,
+        check_calibration,
+        check_propagation,
+        check_filling,
+        check_ambiguity,
+    ),
 }
 EFFECT_CHECKS: tuple[Check, ...] = tuple(check for group in _EFFECTS.values() for check in group)
 """All but the laws of the counts, which take long"""

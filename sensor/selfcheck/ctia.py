@@ -23,6 +23,7 @@ from megalopta.sensor.ctia import (
     Pixel,
     discharge,
     expose_photocurrent,
+    noise_current,
     reading_electrons,
 )
 from megalopta.sensor.optics import Efficiency
@@ -77,6 +78,14 @@ def check_ctia_noise() -> Iterator[Row]:
     recombining = _electrons(changed(junction, ideality=2.0), 0.0, 0.0, dark_only)
     nyquist = 2 * k * _KELVIN * (_JUNCTION_A * e / (2 * k * _KELVIN)) * time_s / e**2
     yield variance_row("CTIA dark noise", "variance at zero bias, n = 2", nyquist, recombining)
+    for bias_v in (-0.05, 0.02, 0.3):  # forward and reverse currents are as e^(qV/kT), whatever n
+        diode = changed(junction, ideality=1.7)
+        net = -_JUNCTION_A * np.expm1(-bias_v * e / (1.7 * k * _KELVIN))
+        both = float(net / np.tanh(bias_v * e / (2 * k * _KELVIN)))
+        found = float(noise_current(diode, bias_v))
+        yield exact_row(
+            "CTIA dark noise", f"current at {bias_v} V, n = 1.7", both, found, 1e-9 * both
+        )
     reverse = _electrons(junction, 1.0, 0.0, dark_only)
     full = _JUNCTION_A * time_s / e
     yield mean_row("CTIA dark noise", "electrons at 1 V reverse", full, reverse)
