@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from megalopta.arrays import Floats
 from megalopta.ranking.record import Order, Ranking
 from megalopta.ranking.truth import Opposed, opposed
 
@@ -43,7 +44,7 @@ def changes(ranking: Ranking) -> list[Change]:
     return sorted((each for each in cases if each.p <= bound), key=lambda each: each.p)
 
 
-def _bound(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
+def _bound(values: Floats) -> float:
     """Largest p-value that Benjamini and Hochberg accept, −1 where they accept none."""
     ordered = np.sort(values)
     accepted = ordered <= _FALSE_SHARE * np.arange(1, len(ordered) + 1) / max(1, len(ordered))
