@@ -34,7 +34,9 @@ def error_curves(ranking: Ranking, pooling: Pooling, group: str) -> Markup:
         keys = [(pooling, flux, group, name) for flux in fluxes]
         found = [ranking.error_of(*key) for key in keys]
         at = [flux for flux, each in zip(fluxes, found, strict=True) if each]
-        mean, low, high = np.array([(each.mean, each.low, each.high) for each in found if each]).T
+        mean, low, high = np.array(
+            [(each.mean, each.low, each.high) for each in found if each], float
+        ).T
         if name in (STILL, BOUND):
             dash = ":" if name == STILL else "--"
             axes.plot(at, mean, color=BLACK, linestyle=dash, linewidth=1.2, label=name)

@@ -1,13 +1,12 @@
-"""Errors of all methods by group of blocks, with intervals, and which method is the best.
+"""Errors of all methods by group of blocks, summed over the units that intervals rest on.
 
 A block's error is the endpoint error in px of the full image per frame; a block without velocity
-counts as one that answered 0. Means are over all blocks of a group. Intervals are of a bootstrap
-over pairs of frames, with the same pairs for all methods, so that a difference between two methods
-does not inherit how hard the pairs were.
+counts as one that answered 0. Means are over all blocks of a group. Pixels and frames of one
+sequence show the same things, so that a unit is a sequence; where there are too few of them, it is
+a stretch of one, and what is found holds for these sequences alone.
 """
 
-from collections.abc import Mapping, Sequence
-from itertools import permutations
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,31 +18,18 @@ from megalopta.ranking.truth import BlockTruths
 STILL = "answer 0"
 """What a method must beat: no motion anywhere"""
 
-_REPLICATES = 1000
-_CONFIDENCE = 0.95
+FEWEST_SEQUENCES = 5
+"""From so many on, sequences are the units"""
+
+STRETCHES = 10
+"""Of successive pairs of frames, into which each of fewer sequences is divided"""
 
 
-class PairSums(NamedTuple):
-    """Sum of errors and number of blocks, of each pair of frames, (pairs,)."""
+class Sums(NamedTuple):
+    """Sum of errors and number of blocks, of each pair of frames or each unit, (n,)."""
 
     errors: Floats
     blocks: Floats
-
-
-class Interval(NamedTuple):
-    """A mean error (px per frame) and the bounds that hold it in 95 % of cases."""
-
-    mean: float
-    low: float
-    high: float
-
-
-class Best(NamedTuple):
-    """The method with the lowest mean error."""
-
-    method: str
-    is_sure: bool
-    """Whether it is the lowest in 95 % of the replicates"""
 
 
 def endpoint_errors(velocities: Floats, truth: BlockTruths) -> Floats:
@@ -53,56 +39,21 @@ def endpoint_errors(velocities: Floats, truth: BlockTruths) -> Floats:
     return np.asarray(np.linalg.norm(np.where(answered, inside, 0) - truth.velocities, axis=-1))
 
 
-def pair_sums(errors: Sequence[Floats], among: NDArray[np.bool_]) -> PairSums:
+def pair_sums(errors: Sequence[Floats], among: NDArray[np.bool_]) -> Sums:
     """Sum errors (pairs, rows, columns) of several draws over the blocks of a group."""
     total = np.sum([np.where(among, each, 0).sum(axis=(1, 2)) for each in errors], axis=0)
-    return PairSums(np.asarray(total), len(errors) * among.sum(axis=(1, 2)).astype(np.float64))
+    return Sums(np.asarray(total), len(errors) * among.sum(axis=(1, 2)).astype(np.float64))
 
 
-def joined(parts: Sequence[PairSums]) -> PairSums:
-    """Return the pairs of several sequences as one."""
-    return PairSums(*(np.concatenate(each) for each in zip(*parts, strict=True)))
-
-
-class Replicates:
-    """Means over resampled pairs of frames, the same pairs for every method."""
-
-    def __init__(self, pairs: int, seed: int) -> None:
-        rng = np.random.default_rng(seed)
-        self._weights = rng.multinomial(pairs, np.full(pairs, 1 / pairs), _REPLICATES)
-
-    def means(self, sums: PairSums) -> Floats:
-        """Return the mean of each replicate, NaN where it holds no block of the group."""
-        with np.errstate(invalid="ignore"):
-            return np.asarray((self._weights @ sums.errors) / (self._weights @ sums.blocks))
-
-    def interval(self, sums: PairSums) -> Interval | None:
-        """Return the mean and its interval; None where there are no blocks."""
-        if not sums.blocks.any():
-            return None
-        tails = (1 - _CONFIDENCE) / 2 * np.array([1, -1]) + [0, 1]
-        low, high = np.nanquantile(self.means(sums), tails)
-        return Interval(float(sums.errors.sum() / sums.blocks.sum()), float(low), float(high))
-
-    def best(self, sums: Mapping[str, PairSums]) -> Best | None:
-        """Return the best method, and whether the data can tell; None where there are no blocks."""
-        means = {
-            name: each.errors.sum() / each.blocks.sum()
-            for name, each in sums.items()
-            if each.blocks.any()
-        }
-        if not means:
-            return None
-        best = min(means, key=lambda name: means[name])
-        own = self.means(sums[best])
-        wins = np.all([own <= self.means(sums[name]) for name in means if name != best], axis=0)
-        return Best(best, bool(np.mean(wins) >= _CONFIDENCE))
-
-    def order(self, sums: Mapping[str, PairSums]) -> list[tuple[str, str]]:
-        """Return which method is better than which other in 95 % of the replicates."""
-        means = {name: self.means(each) for name, each in sums.items() if each.blocks.any()}
-        return [
-            (better, worse)
-            for better, worse in permutations(means, 2)
-            if np.mean(means[better] < means[worse]) >= _CONFIDENCE
-        ]
+def units(sequences: Sequence[Sums]) -> Sums:
+    """Sum over the pairs of each unit: each sequence, or each stretch of few sequences."""
+    stretches = 1 if len(sequences) >= FEWEST_SEQUENCES else STRETCHES
+    return Sums(
+        *(
+            np.array(
+                [part.sum() for each in pairs for part in np.array_split(each, stretches)],
+                np.float64,
+            )
+            for pairs in zip(*sequences, strict=True)
+        )
+    )

@@ -35,8 +35,8 @@ class MeanError(_Case, frozen=True):
     method: str
     """A method, "answer 0", or the Poisson bound."""
     mean: FiniteFloat
-    low: FiniteFloat
-    high: FiniteFloat
+    low: Number
+    high: Number
 
 
 class BestMethod(_Case, frozen=True):
@@ -45,16 +45,22 @@ class BestMethod(_Case, frozen=True):
     group: str
     method: str
     is_sure: bool
-    """Whether it is the lowest in 95 % of the replicates."""
+    """Whether the interval of every other method's ratio to it lies above 1."""
 
 
 class Order(Record, frozen=True):
-    """Of two methods, without pooling: better in 95 % of the replicates."""
+    """Two methods in a group, without pooling: the worse one's mean error over the better one's."""
 
     photons_per_frame: PositiveFloat
     group: str
     better: str
     worse: str
+    ratio: FiniteFloat
+    low: FiniteFloat
+    high: FiniteFloat
+    """Holds the ratio in 95 % of cases, from `low` on."""
+    p: FiniteFloat
+    """Two-sided p-value of the ratio being 1."""
 
 
 class Consistency(_Case, frozen=True):
@@ -100,7 +106,7 @@ class Ranking(Record, frozen=True):
     errors: tuple[MeanError, ...]
     best: tuple[BestMethod, ...]
     orders: tuple[Order, ...]
-    """Of opposed groups, such as low and high parallax."""
+    """Of all pairs of methods in groups that are compared, such as rotation alone and parallax."""
     consistency: tuple[Consistency, ...]
     camera: tuple[CameraMotionError, ...]
     yaw_rates: tuple[YawRateError, ...]
@@ -113,13 +119,9 @@ class Ranking(Record, frozen=True):
         """Return the best method; None where the group has no blocks."""
         return self._best.get((pooling, flux, group))
 
-    def sure_orders(self, flux: float, group: str) -> list[tuple[str, str]]:
-        """Return pairs of methods, the better one first, that the data tell apart."""
-        return [
-            (each.better, each.worse)
-            for each in self.orders
-            if (each.photons_per_frame, each.group) == (flux, group)
-        ]
+    def order_of(self, flux: float, group: str, one: str, other: str) -> Order | None:
+        """Return which of two methods is better; None where it cannot be told at all."""
+        return self._orders.get((flux, group, frozenset((one, other))))
 
     @cached_property
     def _errors(self) -> Mapping[tuple[Pooling, float, str, str], MeanError]:
@@ -131,3 +133,10 @@ class Ranking(Record, frozen=True):
     @cached_property
     def _best(self) -> Mapping[tuple[Pooling, float, str], BestMethod]:
         return {(each.pooling, each.photons_per_frame, each.group): each for each in self.best}
+
+    @cached_property
+    def _orders(self) -> Mapping[tuple[float, str, frozenset[str]], Order]:
+        return {
+            (each.photons_per_frame, each.group, frozenset((each.better, each.worse))): each
+            for each in self.orders
+        }

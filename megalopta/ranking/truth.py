@@ -6,6 +6,7 @@ image, distance, and parallax, the motion that is left when the camera's rotatio
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,15 +24,40 @@ DISTANCES_M = (5.0, 20.0)
 _EDGE_RATIO = 1.25
 _EDGE_SHARE = 0.05
 
-OPPOSED = (
-    ("parallax low", "parallax high", "parallax"),
-    ("visible", "occluded", "occlusion"),
-    ("smooth", "depth edge", "edges of depth"),
-    ("speed low", "speed high", "speed"),
-)
-"""Groups between which the order of methods may change, and with what"""
+_TURNING_PX = 0.01
+"""Parallax below it everywhere: the camera only turns, and nothing moves"""
 
 RANGES = ("low", "medium", "high")
+ROTATION, LITTLE, MUCH, HIDDEN = "rotation alone", "low parallax", "high parallax", "hidden"
+"""Visible blocks of sequences of rotation alone, and of others where parallax is low or high; and
+hidden blocks of others"""
+
+
+class Opposed(NamedTuple):
+    """Two groups between which the order of methods may change, and with what."""
+
+    one: str
+    other: str
+    what: str
+
+
+def opposed(blocks: Mapping[str, int]) -> list[Opposed]:
+    """Return the groups to compare, of equal speed as far as they can be.
+
+    Parallax and occlusion are compared with rotation alone where sequences of it are there,
+    otherwise with low parallax.
+    """
+    before = ROTATION if any(blocks.get(at_speed(each, ROTATION)) for each in RANGES) else LITTLE
+    found = [
+        Opposed(at_speed(speed, before), at_speed(speed, after), what)
+        for after, what in ((MUCH, "parallax"), (HIDDEN, "occlusion"))
+        for speed in RANGES
+    ]
+    return [
+        *found,
+        Opposed("smooth", "depth edge", "edges of depth"),
+        Opposed("speed low", "speed high", "speed"),
+    ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +78,8 @@ class SequenceTruth:
         self._frames = dataset.configuration.trajectory.frames
         facts = [_facts(truth, turned, grid) for truth, turned in _pairs(dataset)]
         self._facts = {name: np.stack([each[name] for each in facts]) for name in facts[0]}
+        parallax = self._facts["parallax"]
+        self._only_turns = bool((parallax[np.isfinite(parallax)] < _TURNING_PX).all())
 
     def at(self, pooling: Pooling) -> BlockTruths:
         """Return the truth between frames that are pooled so."""
@@ -60,7 +88,7 @@ class SequenceTruth:
             name: np.stack([values[each].mean(axis=0) for each in steps])[:, 1:-1, 1:-1]
             for name, values in self._facts.items()
         }
-        return BlockTruths(mean["velocity"], _groups(mean))
+        return BlockTruths(mean["velocity"], _groups(mean, self._only_turns))
 
 
 def _pairs(dataset: Dataset) -> Iterator[tuple[Truth, Floats]]:
@@ -106,7 +134,7 @@ def _typical(depth: NDArray[np.float32], grid: BlockGrid) -> Floats:
         return np.asarray(1 / mean)
 
 
-def _groups(facts: Mapping[str, Floats]) -> dict[str, NDArray[np.bool_]]:
+def _groups(facts: Mapping[str, Floats], only_turns: bool) -> dict[str, NDArray[np.bool_]]:
     speed = np.linalg.norm(facts["velocity"], axis=-1)
     known = np.isfinite(speed)
     groups = {
@@ -129,9 +157,20 @@ def _groups(facts: Mapping[str, Floats]) -> dict[str, NDArray[np.bool_]]:
         for parallax in RANGES:
             both = groups[f"speed {speeds}"] & groups[f"parallax {parallax}"]
             groups[cell_name(speeds, parallax)] = both
+        at = groups[f"speed {speeds}"] & groups["visible"]
+        groups[at_speed(speeds, ROTATION)] = at & only_turns
+        groups[at_speed(speeds, LITTLE)] = at & groups["parallax low"] & (not only_turns)
+        groups[at_speed(speeds, MUCH)] = at & groups["parallax high"]
+        hidden = groups[f"speed {speeds}"] & groups["occluded"]
+        groups[at_speed(speeds, HIDDEN)] = hidden & (not only_turns)
     return {name: among & known for name, among in groups.items()}
 
 
 def cell_name(speed: str, parallax: str) -> str:
     """Name of the group of one cell of the atlas."""
     return f"speed {speed}, parallax {parallax}"
+
+
+def at_speed(speed: str, kind: str) -> str:
+    """Name of the group of blocks of one kind at low, medium or high speed."""
+    return f"{kind}, speed {speed}"

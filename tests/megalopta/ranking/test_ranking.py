@@ -136,30 +136,86 @@ def test_functions_and_references_are_methods_too(grating, tmp_path, monkeypatch
     assert ranking.settings.methods == ("BM", "mine_flow:flow", "still")
 
 
-def test_words_say_only_what_is_sure_in_both_groups(ranked):
-    def order(group, better, worse):
-        return {"photons_per_frame": 1e8, "group": group, "better": better, "worse": worse}
+def order(group, better, worse, p=1e-6):
+    names = {"photons_per_frame": 1e8, "group": group, "better": better, "worse": worse}
+    return {**names, "ratio": 1.5, "low": 1.2, "high": 1.9, "p": p}
 
+
+def best_of(group, method, is_sure=True):
+    case = {"pixels": 1, "frames": 1, "photons_per_frame": 1e8}
+    return {**case, "group": group, "method": method, "is_sure": is_sure}
+
+
+def with_blocks(ranked, orders, best=()):
+    """A ranking of one sequence with blocks of low and high speed and parallax."""
     record = json.loads((ranked / "ranking.json").read_text())
-    record["orders"] = [
-        order("visible", "BM", "DIS"),
-        order("occluded", "DIS", "BM"),
-        order("parallax low", "BM", "DIS"),
-    ]
-    best = {"pixels": 1, "frames": 1, "photons_per_frame": 1e3}
-    record["best"] = [
-        {**best, "group": "parallax low", "method": "BM", "is_sure": True},
-        {**best, "group": "parallax high", "method": "DIS", "is_sure": True},
-        {**best, "group": "visible", "method": "BM", "is_sure": True},
-        {**best, "group": "occluded", "method": "DIS", "is_sure": False},
-    ]
-    parallax, occlusion, *_ = findings(Ranking.model_validate(record))
-    assert parallax == (
-        "The best method changes with parallax: at 1.00k photons BM where parallax is low, DIS "
-        "where parallax is high."
+    groups = ("low parallax", "high parallax", "hidden")
+    record["blocks"] = {f"{each}, speed low": 100 for each in groups}
+    return Ranking.model_validate({**record, "orders": orders, "best": list(best)})
+
+
+def test_words_tell_methods_that_change_places(ranked):
+    few, much = "low parallax, speed low", "high parallax, speed low"
+    orders = [order(few, "BM", "DIS"), order(much, "DIS", "BM")]
+    parallax, occlusion, *_ = findings(
+        with_blocks(ranked, orders, [best_of(few, "BM"), best_of(much, "DIS")])
     )
-    assert "No change of the best method with occlusion" in occlusion
-    assert "BM before DIS (visible), the other way round (occluded)" in occlusion
+    assert parallax == (
+        "The order of methods changes with parallax: at 100M photons BM before DIS with 1.50 times "
+        "its error, 1.20 to 1.90 (low parallax, speed low), DIS before BM with 1.50 times its error, "
+        "1.20 to 1.90 (high parallax, speed low), the best ones."
+    )
+    assert occlusion == "No change of the order of methods with occlusion is beyond chance."
+    assert "best" not in findings(with_blocks(ranked, orders))[0]
+
+
+@pytest.mark.parametrize("p", [0.06, 0.5])
+def test_words_tell_no_change_that_one_group_leaves_open(ranked, p):
+    few, much = "low parallax, speed low", "high parallax, speed low"
+    orders = [order(few, "BM", "DIS"), order(much, "DIS", "BM", p)]
+    assert findings(with_blocks(ranked, orders))[0].startswith("No change of the order")
+
+
+def test_words_count_how_many_comparisons_there_were(ranked):
+    """p of .02 is enough for one comparison, and not for the surest of three (.05 / 3 = .017)."""
+    few, much, hidden = (
+        f"{each}, speed low" for each in ("low parallax", "high parallax", "hidden")
+    )
+    one = [order(few, "BM", "DIS"), order(much, "DIS", "BM", 0.02)]
+    more = [
+        order(hidden, "BM", "DIS"),
+        order("smooth", "BM", "DIS"),
+        order("depth edge", "BM", "DIS"),
+    ]  # with one, the comparisons of hidden blocks and of edges
+    assert findings(with_blocks(ranked, one))[0].startswith("The order")
+    assert findings(with_blocks(ranked, one + more))[0].startswith("No change")
+
+
+def test_words_say_of_what_they_hold(ranked):
+    ranking = with_blocks(ranked, [])
+    assert findings(ranking)[-1].startswith("This holds for this sequence alone")
+    many = ranking.model_copy(update={"sequences": tuple("abcdef")})
+    assert findings(many)[-1].startswith("Intervals are over 6 sequences")
+
+
+def test_a_camera_that_only_turns_is_told_from_one_that_moves(grating, tmp_path):
+    """The grating's camera turns; blocks of a board that is flown past have parallax."""
+    moving = {"velocity_m_s": [0, 1, 0], "rotation_deg_s": 0}
+    (tmp_path / "plane.yaml").write_text(
+        "name: plane\nscene: {kind: plane, pattern: dots}\n"
+        "camera: {width: 60, height: 60}\nrender: {samples_per_pixel: 4}\n"
+        f"trajectory: {{frames: 8, frame_rate_hz: 10, {str(moving)[1:-1]}}}\n".replace("'", "")
+    )
+    run_stage(tmp_path / "plane", load(str(tmp_path / "plane.yaml")), "render")
+    grid = METHODS["BM"].grid((60, 60))
+    turns, flies = (
+        SequenceTruth(open_dataset(each), grid).at(Pooling(1, 1)).groups
+        for each in (grating, tmp_path / "plane")
+    )
+    alone = [name for name in turns if name.startswith("rotation alone")]
+    assert sum(turns[name].sum() for name in alone) == (turns["all"] & turns["visible"]).sum() > 0
+    assert not any(flies[name].any() for name in alone)
+    assert any(flies[f"high parallax, speed {speed}"].any() for speed in ("medium", "high"))
 
 
 @pytest.mark.slow

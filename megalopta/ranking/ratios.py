@@ -1,0 +1,59 @@
+"""Picture of where methods change places: their errors over those of one, by group."""
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from megalopta.figures import BLACK, PALETTE, in_style, to_svg
+from megalopta.pages import number
+from megalopta.ranking.record import Ranking
+from megalopta.ranking.truth import RANGES, opposed
+
+_KINDS = PALETTE[:3]
+
+
+@in_style
+def error_ratios(ranking: Ranking) -> Markup:
+    """Mean errors over the first method's, by speed and photons, in the groups compared."""
+    fluxes = sorted(ranking.settings.fluxes)
+    first, *others = ranking.settings.methods
+    compared = [each for each in opposed(ranking.blocks) if each.what in ("parallax", "occlusion")]
+    speeds = len(compared) // 2
+    figure = Figure(figsize=(1.2 + 2.1 * len(fluxes), 1.2 + 1.9 * speeds), layout="constrained")
+    panels = figure.subplots(speeds, len(fluxes), sharex=True, sharey=True, squeeze=False)
+    for row, (parallax, occlusion) in enumerate(
+        zip(compared[:speeds], compared[speeds:], strict=True)
+    ):
+        groups = (parallax.one, parallax.other, occlusion.other)
+        for flux, axes in zip(fluxes, panels[row], strict=True):
+            for place, group in enumerate(groups):
+                _ratios(axes, ranking, flux, group, place)
+            axes.axhline(1, color=BLACK, linewidth=0.8)
+            axes.set(yscale="log", xticks=range(len(others)), xticklabels=others)
+            axes.tick_params(axis="x", rotation=90)
+            if row == 0:
+                axes.set_title(f"{number(flux)} photons", fontsize=10)
+        panels[row, 0].set_ylabel(f"speed {RANGES[row]}\nerror over {first}'s")
+    groups = (compared[0].one, compared[0].other, compared[-1].other)
+    handles = [
+        Patch(color=color, label=group.split(",")[0])
+        for color, group in zip(_KINDS, groups, strict=True)
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3)
+    return to_svg(figure, "ratios", f"Errors of methods over those of {first}, by parallax")
+
+
+def _ratios(axes: Axes, ranking: Ranking, flux: float, group: str, place: int) -> None:
+    """Draw the ratios of all methods but the first in one group, with their intervals."""
+    first, *others = ranking.settings.methods
+    for at, name in enumerate(others):
+        order = ranking.order_of(flux, group, first, name)
+        if order is None:
+            continue
+        values = np.array((order.ratio, order.low, order.high))
+        middle, low, high = values if order.worse == name else 1 / values[[0, 2, 1]]
+        x = at + 0.25 * (place - 1)
+        axes.plot([x, x], [low, high], color=_KINDS[place], linewidth=1.5)
+        axes.plot(x, middle, "o", color=_KINDS[place], markersize=3.5)
