@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from megalopta.arrays import Floats
-from megalopta.sensor.readout import sub_frames
+from megalopta.sensor import sub_frames
 from megalopta.sensor.selfcheck.comparison import Row, exact_row
 
 _SHAPE = 48, 64

@@ -82,8 +82,8 @@ def check_propagation() -> Iterator[Row]:
     sample = (drawn[0] - drawn[1]) / drawn[2]
     scale = np.linspace(0.0, 200.0, 41)
     line = ResponseCurve(scale, scale, np.full(scale.size, errors[0] ** 2), np.inf)
-    maps = (np.full((1, 1), each) for each in (dark, errors[1] ** 2, gain, errors[2] ** 2))
-    device = Calibration(line, *maps, np.zeros((1, 1), np.bool_))
+    a, b, c, d = (np.full((1, 1), each) for each in (dark, errors[1] ** 2, gain, errors[2] ** 2))
+    device = Calibration(line, a, b, c, d, np.zeros((1, 1), np.bool_))
     found = correct(np.full((1, 1, 1), reading), np.zeros((1, 1, 1)), device)
     # first order: what is left out is (σ/gain)², 0.04 %, of the mean, and 0.2 % of the variance
     mean, variance = float(found.detections[0, 0, 0]), float(found.variance[0, 0, 0])
