@@ -1,3 +1,4 @@
+from .baselines import methods_and_baselines as methods_and_baselines
 from .bench_light import (
     BenchLight as BenchLight,
     fitted_light as fitted_light,

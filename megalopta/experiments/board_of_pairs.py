@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from megalopta.errors import UserError
+from megalopta.experiments.baselines import methods_and_baselines
 from megalopta.experiments.pairs_on_disk import Files, read_pair
-from megalopta.experiments.whole_frame_board import FrameErrors, block_methods, frame_errors
+from megalopta.experiments.whole_frame_board import FrameErrors, frame_errors
 from megalopta.files import write_text
 from megalopta.flow.detectors import Method
 from megalopta.progress import progress
@@ -28,7 +29,7 @@ def errors_of_pairs(
     clips = [read_pair(name, files) for name, files in pairs.items()]
     with progress("Drawing photons", len(clips), "pair") as advance:
         try:
-            chosen = methods or block_methods(_PAIR_FRAMES)
+            chosen = methods or methods_and_baselines(_PAIR_FRAMES)
             return frame_errors(clips, chosen, fluxes, draws, lambda: advance(1))
         except ValueError as problem:
             raise UserError(str(problem)) from None

@@ -14,9 +14,9 @@ from megalopta.experiments import (
     BLOCK_PX,
     PHOTONS_PER_PX,
     FrameErrors,
-    block_methods,
     frame_errors,
     leaves_clips,
+    methods_and_baselines,
     natural_templates,
     panorama_clips,
 )
@@ -31,7 +31,7 @@ from megalopta.figures import (
 from megalopta.flow.detectors import Method
 
 _LEAVES, _PANORAMAS = "Dead leaves, four motions", "Forests, a turning camera"
-_FRAMES = 8
+_FRAMES, _PAIR = 8, 2
 
 
 def whole_frames(run: Run, methods: Sequence[Method] | None = None) -> Figure:
@@ -42,7 +42,8 @@ def whole_frames(run: Run, methods: Sequence[Method] | None = None) -> Figure:
         _PANORAMAS: list(panorama_clips(templates, headings=1 if run.is_quick else 2)),
     }
     boards = {
-        kind: frame_errors(some, methods or block_methods(_FRAMES)) for kind, some in clips.items()
+        kind: frame_errors(some, methods or methods_and_baselines(_FRAMES))
+        for kind, some in clips.items()
     }
     number = " and ".join(str(len(some)) for some in clips.values())
     size = " × ".join(map(str, clips[_LEAVES][0].light.shape[1:]))
@@ -54,8 +55,8 @@ def whole_frames(run: Run, methods: Sequence[Method] | None = None) -> Figure:
             f"median over blocks of {BLOCK_PX} × {BLOCK_PX} px of the distance from their true "
             "mean velocity, of which the mean over scenes is drawn with what holds it in 95 % of "
             "bootstraps over scenes. On dead leaves the velocity is affine and differs in three "
-            "disks; forests are panoramas seen by a camera that only turns. "
-            f"{_many_frames(boards[_LEAVES])}"
+            "disks; forests are panoramas seen by a camera that only turns; √ is a "
+            "method that sees roots of counts, 4+4 one that sees sums of four frames."
         ),
         draw=partial(_draw_boards, boards=boards),
         numbers=columns_of(row for kind, board in boards.items() for row in _rows(kind, board)),
@@ -81,29 +82,39 @@ def _rows(kind: str, board: Sequence[FrameErrors]) -> list[Mapping[str, Cell]]:
 
 
 def _best(board: Sequence[FrameErrors]) -> str:
-    """Say which method of two frames has the least error at each flux."""
-    two = [each for each in board if each.frames == 2]
-    return "of two frames, the least error has " + ", ".join(
-        f"{min(two, key=lambda each: each.mean[place]).detector.name} at {flux:g}"
-        for place, flux in enumerate(PHOTONS_PER_PX)
+    """Say which methods have the least error at each flux."""
+    return "; ".join(
+        f"of {kind}, the least error has "
+        + ", ".join(
+            f"{min(some, key=lambda each: each.mean[place]).detector.name} at {flux:g}"
+            for place, flux in enumerate(PHOTONS_PER_PX)
+        )
+        for kind, some in _by_frames(board).items()
+        if some
     )
 
 
-def _many_frames(board: Sequence[FrameErrors]) -> str:
-    many = [each for each in board if each.frames > 2]
-    names = ", ".join(f"{each.detector.name} {each.frames}" for each in many)
-    return f"Methods see two frames, but {names}." if many else "Methods see two frames."
+def _by_frames(board: Sequence[FrameErrors]) -> dict[str, list[FrameErrors]]:
+    two = [each for each in board if each.frames == _PAIR]
+    return {"two frames": two, "eight frames": [each for each in board if each not in two]}
 
 
 def _draw_boards(canvas: Canvas, boards: Mapping[str, Sequence[FrameErrors]]) -> None:
-    panels = canvas.subplots(3, height_ratios=(1, 1, 0.22))
-    for axes, (kind, board) in zip(panels, boards.items(), strict=False):
-        for each in board:
-            _draw_errors(axes, each)
-        axes.set(title=kind, xscale="log", yscale="log", ylabel="Median endpoint error (px)")
-    panels[1].set_xlabel("Photons per pixel and frame")
-    panels[2].set_axis_off()
-    panels[2].legend(*panels[0].get_legend_handles_labels(), loc="center", ncols=6)
+    """Draw a row of panels for each kind of scenes, a column for each number of frames."""
+    panels = canvas.subplots(len(boards) + 1, 2, sharex=True, height_ratios=(1, 1, 0.42))
+    for row, (kind, board) in zip(panels, boards.items(), strict=False):
+        for axes, (frames, some) in zip(row, _by_frames(board).items(), strict=True):
+            for each in some:
+                _draw_errors(axes, each)
+            axes.set(title=f"{kind},\n{frames}", xscale="log", yscale="log")
+        row[0].set_ylabel("Median endpoint error (px)")
+    for axes, above, labeled in zip(panels[-1], panels[0], panels[-2], strict=True):
+        labeled.set_xlabel("Photons per pixel and frame")
+        labeled.xaxis.set_tick_params(labelbottom=True)
+        axes.set_axis_off()
+        handles, labels = above.get_legend_handles_labels()
+        if labels:
+            axes.legend(handles, labels, loc="center", ncols=3, columnspacing=1, markerscale=0.7)
 
 
 def _draw_errors(axes: Axes, errors: FrameErrors) -> None:

@@ -89,7 +89,7 @@ def test_figure_is_drawn_with_an_interval_for_each_number(clip, monkeypatch, che
     check_words(figure)
     assert len(figure.rows) == 2 * 2 * 6
     assert all(low <= mean <= high for *_, mean, low, high in figure.rows)
-    assert "PPM 8" in figure.caption
+    assert "of eight frames, the least error has PPM at 1" in figure.findings[0]
 
 
 def write_pictures(folder, names, clip):
