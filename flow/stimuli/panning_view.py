@@ -78,7 +78,7 @@ class PanningView:
         fine = map_coordinates(splines, places, order=3, prefilter=False)
         n = _SAMPLES
         light = fine.reshape(shape[0], n, shape[1], n).mean(axis=(1, 3))
-        return np.maximum(light, 0)  # a spline swings below 0 beside a bright spot
+        return np.asarray(np.maximum(light, 0))  # a spline swings below 0 beside a bright spot
 
 
 def _pixels(shape: tuple[int, int], samples: int) -> FloatArray:
