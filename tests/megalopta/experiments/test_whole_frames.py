@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from megalopta.cli.main import main
+from megalopta.cli import main
 from megalopta.experiments import Clip, FrameErrors, block_methods, frame_errors
 from megalopta.experiments.whole_frame_board import median_error
 from megalopta.experiments.whole_frame_scenes import FRAMES, leaves_clip, middle, panorama_clips
