@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from megalopta.cli import main
+from megalopta.cli import main as cli
 from megalopta.experiments import Clip, FrameErrors, block_methods, frame_errors
 from megalopta.experiments.whole_frame_board import median_error
 from megalopta.experiments.whole_frame_scenes import FRAMES, leaves_clip, middle, panorama_clips
@@ -125,7 +125,7 @@ def kitti(root, clip):
 
 def run(capsys, *words):
     with pytest.raises(SystemExit) as end:
-        main(["benchmark", "pairs", *map(str, words)])
+        cli.main(["benchmark", "pairs", *map(str, words)])
     return end.value.code, capsys.readouterr().err
 
 
@@ -133,7 +133,7 @@ def run(capsys, *words):
 def test_folders_of_others_become_a_table_of_error_against_flux(layout, clip, tmp_path, capsys):
     layout(tmp_path / "data", clip)
     out = tmp_path / "errors.csv"
-    main(
+    cli.main(
         [
             "benchmark",
             "pairs",
@@ -164,7 +164,7 @@ def test_two_pictures_and_their_flow_are_a_pair(clip, tmp_path, capsys):
     middlebury(tmp_path, clip)
     pictures = [tmp_path / f"other-data/Venus/frame{n}.png" for n in (10, 11)]
     truth, out = tmp_path / "other-gt-flow/Venus/flow10.flo", tmp_path / "errors.csv"
-    main(
+    cli.main(
         [
             "benchmark",
             "pairs",
