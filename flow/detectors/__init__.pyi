@@ -32,3 +32,7 @@ from .sinusoid_response import (
     ndm_mean as ndm_mean,
     nds_mean as nds_mean,
 )
+from .summed_frames import (
+    SummedFrames as SummedFrames,
+    summed_frames as summed_frames,
+)

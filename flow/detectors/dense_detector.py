@@ -31,12 +31,12 @@ class DenseDetector(GrayDetector, frozen=True):
         """
         shape = (first.shape[0], first.shape[1])
         flow = self._checked(self.grid(shape))
-        pair = gray_levels(np.stack((first, second)))
+        pair = gray_levels(self._prepared(np.stack((first, second))))
         return np.full((*shape, 2), np.nan) if pair is None else flow(pair)
 
     def _estimator(self, grid: BlockGrid) -> Estimator:
         flow = self._checked(grid)
-        return lambda pair: _mean_over_blocks(flow(pair), grid)
+        return lambda pair: mean_over_blocks(flow(pair), grid)
 
     def _checked(self, grid: BlockGrid) -> Estimator:
         estimate, expected = self._dense(grid), (*grid.shape, 2)
@@ -55,7 +55,7 @@ class DenseDetector(GrayDetector, frozen=True):
     def _dense(self, grid: BlockGrid) -> PairFlow: ...
 
 
-def _mean_over_blocks(flow: FloatArray, grid: BlockGrid) -> FloatArray:
+def mean_over_blocks(flow: FloatArray, grid: BlockGrid) -> FloatArray:
     """Return the mean of a dense flow (H, W, 2) over each block, (rows, columns, 2)."""
     sums = [block_sums(flow[..., axis], grid) for axis in range(2)]
     return np.stack(sums, axis=-1) / grid.block_px**2

@@ -9,6 +9,10 @@ Estimators that take 8 bits only round to 256 levels, which loses nothing as lon
 a pair span less than 256, and is below the photon noise wherever a pixel holds more than
 (span/255)²/12 photons.
 
+Photon noise grows with the light, which these estimators do not know of. By choice, `stretch`, the
+counts n are brought to 2·√(n + 3/8) first, whose noise is the same in the dark and in the light
+(Anscombe 1948), and smoothed a little, `blur_px`.
+
 A pair without any contrast has no velocity (NaN); an estimator says more where it can know more.
 Velocities belong to the blocks of the first frame of a pair.
 """
@@ -16,14 +20,18 @@ Velocities belong to the blocks of the first frame of a pair.
 from abc import abstractmethod
 from collections.abc import Callable
 from functools import partial
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
+from scipy.ndimage import gaussian_filter
 
 from megalopta.flow.detectors.base import FloatArray, Frames, Responder, in_pairs
 from megalopta.flow.detectors.block_detector import BlockDetector
 from megalopta.flow.detectors.blocks import BlockGrid
 
+_ANSCOMBE = 3 / 8
 _MIDDLE_PERCENT, _SPREADS = (1, 99), 3.0
 
 Estimator = Callable[[FloatArray], FloatArray]
@@ -33,14 +41,29 @@ Estimator = Callable[[FloatArray], FloatArray]
 class GrayDetector(BlockDetector, frozen=True):
     """A block detector that sees pairs of pictures with gray levels from 0 to 1."""
 
+    stretch: Literal["none", "anscombe"] = "none"
+    """What is done to counts first; anscombe makes the noise of all of them alike"""
+
+    blur_px: Annotated[float, Field(ge=0, le=10)] = 0.0
+    """Standard deviation of a Gaussian that smooths what was stretched"""
+
     def start(self, shape: tuple[int, int]) -> Responder:
         """Return the estimator for frames (H, W); see `Detector.start`."""
         grid = self.grid(shape)
-        return in_pairs(partial(_velocities, grid, self._estimator(grid)))
+        return in_pairs(partial(_velocities, grid, self._estimator(grid), self._prepared))
 
     def scored(self, responses: FloatArray) -> FloatArray:
         """Return the velocities of the blocks inside."""
         return responses[:, 1:-1, 1:-1, :]
+
+    def _prepared(self, pair: Frames) -> Frames:
+        """Return a pair of frames as it is to be brought to gray levels."""
+        if self.stretch == "anscombe":
+            pair = 2 * np.sqrt(pair + _ANSCOMBE)
+        if self.blur_px:
+            sigma = (0, self.blur_px, self.blur_px)
+            pair = gaussian_filter(pair.astype(np.float64), sigma, mode="nearest")
+        return pair
 
     @abstractmethod
     def _estimator(self, grid: BlockGrid) -> Estimator: ...
@@ -63,10 +86,12 @@ def gray_levels(pair: Frames) -> FloatArray | None:
     return None
 
 
-def _velocities(grid: BlockGrid, estimate: Estimator, frames: Frames) -> FloatArray:
+def _velocities(
+    grid: BlockGrid, estimate: Estimator, prepare: Callable[[Frames], Frames], frames: Frames
+) -> FloatArray:
     velocities = np.full((len(frames) - 1, grid.rows, grid.columns, 2), np.nan)
     for index in range(len(frames) - 1):
-        pair = gray_levels(frames[index : index + 2])
+        pair = gray_levels(prepare(frames[index : index + 2]))
         if pair is not None:
             velocities[index] = estimate(pair)
     return velocities

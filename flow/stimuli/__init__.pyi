@@ -1,8 +1,13 @@
+from .moving_layers import (
+    Layer as Layer,
+    MovingLayers as MovingLayers,
+)
 from .moving_template import (
     MovingTemplate as MovingTemplate,
     blurred as blurred,
     summed as summed,
 )
+from .panning_view import PanningView as PanningView
 from .photons import (
     BlackFrameError as BlackFrameError,
     Counts as Counts,

@@ -1,6 +1,11 @@
+from .baselines import methods_and_baselines as methods_and_baselines
 from .bench_light import (
     BenchLight as BenchLight,
     fitted_light as fitted_light,
+)
+from .board_of_pairs import (
+    errors_of_pairs as errors_of_pairs,
+    write_board as write_board,
 )
 from .detection import (
     COLUMNS as COLUMNS,
@@ -45,6 +50,11 @@ from .motion_bench import (
     pooled as pooled,
     record as record,
 )
+from .pairs_on_disk import (
+    pairs_below as pairs_below,
+    read_pair as read_pair,
+    spread as spread,
+)
 from .panorama_recipes import (
     NATURAL_PANORAMAS as NATURAL_PANORAMAS,
     render_panorama as render_panorama,
@@ -82,4 +92,16 @@ from .trial import (
     PanoramaTemplate as PanoramaTemplate,
     Template as Template,
     Trial as Trial,
+)
+from .whole_frame_board import (
+    BLOCK_PX as BLOCK_PX,
+    PHOTONS_PER_PX as PHOTONS_PER_PX,
+    FrameErrors as FrameErrors,
+    block_methods as block_methods,
+    frame_errors as frame_errors,
+)
+from .whole_frame_scenes import (
+    Clip as Clip,
+    leaves_clips as leaves_clips,
+    panorama_clips as panorama_clips,
 )

@@ -2,6 +2,10 @@ from .board import (
     add_entries as add_entries,
     read_board as read_board,
 )
+from .pairing import (
+    pictures_of as pictures_of,
+    true_flows as true_flows,
+)
 from .scores import (
     Entry as Entry,
     Scores as Scores,

@@ -106,7 +106,7 @@ def test_parameters_survive_a_round_trip_and_nonsense_does_not(detector):
     "name",
     [
         # dear, and their velocities have tests of their own
-        pytest.param(name, marks=[pytest.mark.slow] if name in ("TV-L1", "PC") else [])
+        pytest.param(name, marks=[pytest.mark.slow] if name in ("TV-L1", "PC", "PF", "PPF") else [])
         for name in METHODS
     ],
 )

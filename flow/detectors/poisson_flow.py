@@ -1,0 +1,62 @@
+"""Poisson flow (PF): the flow of a whole frame by the likelihood of its counts, and smoothness.
+
+All blocks share their evidence (`likelihood_flow`), where Poisson matching asks each alone. A
+block's velocity is the mean of the flow over it.
+"""
+
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from megalopta.flow.detectors.base import FloatArray, Frames, Responder
+from megalopta.flow.detectors.block_detector import BlockDetector
+from megalopta.flow.detectors.dense_detector import mean_over_blocks
+from megalopta.flow.detectors.likelihood_flow import likelihood_flow
+
+
+class PoissonFlow(BlockDetector, frozen=True):
+    """Dense flow by the likelihood of counts in two frames, averaged over blocks."""
+
+    place: ClassVar[float] = 14
+    ignores_offset: ClassVar[bool] = False
+    takes_counts: ClassVar[bool] = True
+
+    name: str = "PF"
+    """Short name"""
+
+    label: str = "Poisson flow"
+    """Name in words"""
+
+    smoothness: Annotated[float, Field(gt=0)] = 0.2
+    """Log-likelihood that a pixel's worth of flow is charged per unit of its gradient"""
+
+    def dense(self, *frames: Frames) -> FloatArray:
+        """Return the flow (H, W, 2), px per frame, at the first frame of the pair in the middle.
+
+        Parameters
+        ----------
+        *frames : (H, W)
+            Counts, two or more frames of one steady motion; without photons the flow is NaN.
+        """
+        return likelihood_flow(np.stack(frames), self.smoothness)
+
+    def start(self, shape: tuple[int, int]) -> Responder:
+        """Return the estimator for frames (H, W); see `Detector.start`."""
+        grid = self.grid(shape)
+        window: list[Frames] = []
+
+        def respond(frames: Frames, scale: float) -> FloatArray:
+            velocities = []
+            for frame in frames:
+                window.append(frame)
+                del window[: -1 - self.memory_frames]
+                if len(window) > 1:
+                    velocities.append(mean_over_blocks(self.dense(*window), grid))
+            return np.array(velocities).reshape(-1, grid.rows, grid.columns, 2)
+
+        return respond
+
+    def scored(self, responses: FloatArray) -> FloatArray:
+        """Return the velocities of the blocks inside."""
+        return responses[:, 1:-1, 1:-1, :]

@@ -1,0 +1,47 @@
+"""The board of whole frames on pairs of the user's own: files in, a table out."""
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from megalopta.errors import UserError
+from megalopta.experiments.baselines import methods_and_baselines
+from megalopta.experiments.pairs_on_disk import Files, read_pair
+from megalopta.experiments.whole_frame_board import FrameErrors, frame_errors
+from megalopta.files import write_text
+from megalopta.flow.detectors import Method
+from megalopta.progress import progress
+
+_PAIR_FRAMES = 2
+
+
+def errors_of_pairs(
+    pairs: Mapping[str, Files],
+    fluxes: Sequence[float],
+    methods: Sequence[Method] | None = None,
+    draws: int = 1,
+) -> list[FrameErrors]:
+    """Return the errors of methods, by default of all that do with two frames, on pairs of files.
+
+    Raises UserError when a file cannot be used, or a method not with two frames.
+    """
+    clips = [read_pair(name, files) for name, files in pairs.items()]
+    with progress("Drawing photons", len(clips), "pair") as advance:
+        try:
+            chosen = methods or methods_and_baselines(_PAIR_FRAMES)
+            return frame_errors(clips, chosen, fluxes, draws, lambda: advance(1))
+        except ValueError as problem:
+            raise UserError(str(problem)) from None
+
+
+def write_board(path: Path, errors: Sequence[FrameErrors], fluxes: Sequence[float]) -> None:
+    """Write a line for each method and flux, with its interval, as CSV."""
+    text = io.StringIO()
+    lines = csv.writer(text, lineterminator="\n")
+    lines.writerow(("method", "frames", "photons_per_px", "median_epe_px", "low_px", "high_px"))
+    for each in errors:
+        for flux, mean, low, high in zip(fluxes, each.mean, *each.interval, strict=True):
+            numbers = (f"{value:.6g}" for value in (flux, mean, low, high))
+            lines.writerow((each.detector.name, each.frames, *numbers))
+    write_text(path, text.getvalue())

@@ -1,0 +1,133 @@
+"""The board of whole frames: error of all velocity methods over the photons per pixel.
+
+Unlike the leaderboard of isolated blocks, methods see all that is around a block, motion differs
+from place to place, and it has edges.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Canvas
+
+from megalopta.experiments import (
+    BLOCK_PX,
+    PHOTONS_PER_PX,
+    FrameErrors,
+    frame_errors,
+    leaves_clips,
+    methods_and_baselines,
+    natural_templates,
+    panorama_clips,
+)
+from megalopta.figures import (
+    Cell,
+    Figure,
+    FigureRecipe,
+    Run,
+    columns_of,
+    method_style,
+)
+from megalopta.flow.detectors import Method
+
+_LEAVES, _PANORAMAS = "Dead leaves, four motions", "Forests, a turning camera"
+_FRAMES, _PAIR = 8, 2
+
+
+def whole_frames(run: Run, methods: Sequence[Method] | None = None) -> Figure:
+    """Median endpoint errors on dead leaves and in forests; in quick form of fewer scenes."""
+    templates = natural_templates(run.cache)
+    clips = {
+        _LEAVES: list(leaves_clips(2 if run.is_quick else 6)),
+        _PANORAMAS: list(panorama_clips(templates, headings=1 if run.is_quick else 2)),
+    }
+    boards = {
+        kind: frame_errors(some, methods or methods_and_baselines(_FRAMES))
+        for kind, some in clips.items()
+    }
+    number = " and ".join(str(len(some)) for some in clips.values())
+    size = " × ".join(map(str, clips[_LEAVES][0].light.shape[1:]))
+    return Figure(
+        name="whole-frames",
+        title="Errors of velocity methods that see whole frames, over the photons per pixel",
+        caption=(
+            f"Methods see frames of {size} px, of {number} scenes, as they are; an error is the "
+            f"median over blocks of {BLOCK_PX} × {BLOCK_PX} px of the distance from their true "
+            "mean velocity, of which the mean over scenes is drawn with what holds it in 95 % of "
+            "bootstraps over scenes. On dead leaves the velocity is affine and differs in three "
+            "disks; forests are panoramas seen by a camera that only turns; √ is a "
+            "method that sees roots of counts, 4+4 one that sees sums of four frames."
+        ),
+        draw=partial(_draw_boards, boards=boards),
+        numbers=columns_of(row for kind, board in boards.items() for row in _rows(kind, board)),
+        height_in=8.6,
+        findings=tuple(f"{kind}: {_best(board)}." for kind, board in boards.items()),
+    )
+
+
+def _rows(kind: str, board: Sequence[FrameErrors]) -> list[Mapping[str, Cell]]:
+    return [
+        {
+            "scenes": kind,
+            "method": each.detector.name,
+            "frames": float(each.frames),
+            "photons_per_px": flux,
+            "median_epe_px": mean,
+            "low_px": low,
+            "high_px": high,
+        }
+        for each in board
+        for flux, mean, low, high in zip(PHOTONS_PER_PX, each.mean, *each.interval, strict=True)
+    ]
+
+
+def _best(board: Sequence[FrameErrors]) -> str:
+    """Say which methods have the least error at each flux."""
+    return "; ".join(
+        f"of {kind}, the least error has "
+        + ", ".join(
+            f"{min(some, key=lambda each: each.mean[place]).detector.name} at {flux:g}"
+            for place, flux in enumerate(PHOTONS_PER_PX)
+        )
+        for kind, some in _by_frames(board).items()
+        if some
+    )
+
+
+def _by_frames(board: Sequence[FrameErrors]) -> dict[str, list[FrameErrors]]:
+    two = [each for each in board if each.frames == _PAIR]
+    return {"two frames": two, "eight frames": [each for each in board if each not in two]}
+
+
+def _draw_boards(canvas: Canvas, boards: Mapping[str, Sequence[FrameErrors]]) -> None:
+    """Draw a row of panels for each kind of scenes, a column for each number of frames."""
+    panels = canvas.subplots(len(boards) + 1, 2, sharex=True, height_ratios=(1, 1, 0.42))
+    for row, (kind, board) in zip(panels, boards.items(), strict=False):
+        for axes, (frames, some) in zip(row, _by_frames(board).items(), strict=True):
+            for each in some:
+                _draw_errors(axes, each)
+            axes.set(title=f"{kind},\n{frames}", xscale="log", yscale="log")
+        row[0].set_ylabel("Median endpoint error (px)")
+    for axes, above, labeled in zip(panels[-1], panels[0], panels[-2], strict=True):
+        labeled.set_xlabel("Photons per pixel and frame")
+        labeled.xaxis.set_tick_params(labelbottom=True)
+        axes.set_axis_off()
+        handles, labels = above.get_legend_handles_labels()
+        if labels:
+            axes.legend(handles, labels, loc="center", ncols=3, columnspacing=1, markerscale=0.7)
+
+
+def _draw_errors(axes: Axes, errors: FrameErrors) -> None:
+    low, high = errors.interval
+    name = errors.detector.name
+    axes.errorbar(
+        PHOTONS_PER_PX,
+        errors.mean,
+        yerr=(errors.mean - low, high - errors.mean),
+        label=name,
+        elinewidth=0.8,
+        **method_style(name),
+    )
+
+
+RECIPES = (FigureRecipe("whole-frames", whole_frames),)
