@@ -30,13 +30,11 @@ for excess_v in volts:
 
 efficiency = (1 - np.exp(-(volts - 0.2) / 0.5)) / (1 - np.exp(-0.8 / 0.5))
 of_light = detection_rate(wall, bands_nm, changed(at_reference, bias={"dark_efold_v": 1e9})).mean()
-of_dark = 2.0 * sensor.active_area_m2 * 1e12
 plt.semilogy(volts, of_light * efficiency, label="light")
-plt.semilogy(volts, of_dark * np.exp((volts - 1) / 0.3), label="dark counts")
+plt.semilogy(volts, 2e12 * sensor.active_area_m2 * np.exp((volts - 1) / 0.3), label="dark counts")
 plt.gca().set_prop_cycle(None)
 plt.semilogy(volts, rates, "o")
 plt.axvline(best_excess_bias(sensor.bias), color="gray", ls="--")
-plt.xlabel("excess bias (V)")
-plt.ylabel("counts (Hz)")
+plt.gca().set(xlabel="excess bias (V)", ylabel="counts (Hz)")
 plt.legend()
 plt.show()

@@ -110,7 +110,10 @@ def junction_currents(diode: Photodiode, reverse_bias_v: Reals) -> tuple[Floats,
 
 
 def noise_current(diode: Photodiode, reverse_bias_v: Reals, scale: Reals = 1.0) -> Floats:
-    """Current whose full shot noise equals the noise of the dark diode, A; as `reverse_current`."""
+    """Current (A, of any shape) whose full shot noise equals the noise of the dark diode.
+
+    As `reverse_current`.
+    """
     reverse, forward = junction_currents(diode, reverse_bias_v)
     return np.asarray(scale * (reverse + forward + 2 * diode.thermal_v * diode.shunt_s))
 

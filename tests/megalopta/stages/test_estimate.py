@@ -36,7 +36,7 @@ def test_a_value_beyond_sense_is_refused_by_its_field(path, value):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"trajectory.frames": "1000000"}, r"1000000 frames of 120 × 120 would take about .* days of work"),
+        ({"trajectory.frames": "1000000"}, r"1000000 frames of 96 × 96 would take about .* days of work"),
         ({"camera.width": "32768", "camera.height": "32768"}, r"about 1.1[0-9] TB of memory, and this machine has .*; lower"),
     ],
 )  # fmt: skip
@@ -81,7 +81,7 @@ def test_long_work_is_announced(capsys):
     announce(settings, "render")
     told = capsys.readouterr().err
     assert told.startswith("render: 3000 frames of 640 × 480, about 93.")
-    assert told.endswith(" GB, about 5 days\n")
+    assert told.endswith(" GB, about 7 days\n")
 
 
 def test_short_work_is_not(capsys):
