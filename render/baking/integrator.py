@@ -102,7 +102,8 @@ class BakedLightIntegrator:
         """Find what is to be baked, and with how many rays."""
         seen = survey(loaded, self._finder, self._light.cells, camera, poses, seed)
         cell = np.flatnonzero(seen).astype(np.uint32)
-        self._light.begin(cell, seen[cell], _PILOT_DENSITY)
+        self._light.surveyed(cell, seen[cell])
+        self._light.begin(_PILOT_DENSITY)
         pilot = Pilot(loaded, self._finder, self._light, camera, poses, seed)
         # Any point of the sun's disc will do.
         sampler = mi.load_dict({"type": "independent"})
@@ -114,7 +115,7 @@ class BakedLightIntegrator:
         )
         density = self._light.density_for((error / found) ** (0.5 / _DECAY)) if found else 1.0
         # Anew in any case: the frames of the pilot met cells that the survey did not.
-        self._light.begin(cell, seen[cell], density)
+        self._light.begin(density)
 
     def move_to(self, time_s: float) -> None:
         """Take notice of where moving objects are at a time."""

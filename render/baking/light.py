@@ -44,17 +44,20 @@ class BakedLight:
     def __init__(self, gatherer: Gatherer, voxels: Voxels, cells: int, bands: int) -> None:
         self._gatherer, self._voxels = gatherer, voxels
         self.cells, self._bands = cells, bands
-        self.begin(np.zeros(0, np.uint32), np.zeros(0, np.uint32), 1.0)
+        self.surveyed(np.zeros(0, np.uint32), np.zeros(0, np.uint32))
+        self.begin(1.0)
 
-    def begin(self, cell: UInt32, seen: UInt32, density: float) -> None:
-        """Start anew with cells (N,), which were seen so often, and rays for each time."""
+    def surveyed(self, cell: UInt32, seen: UInt32) -> None:
+        """Take cells (N,) that were seen so often; `begin` has to follow."""
         keys = self._voxels.keys(cell)
-        self._clusters = Clusters.of(cell, keys, seen)
-        self._keys, self.density = np.unique(keys), density
+        self._clusters, self._keys = Clusters.of(cell, keys, seen), np.unique(keys)
         self._neighbors = self._voxels.keys(self._clusters.leaders, OCTAVES)
         bright = self._gatherer.brightness(self._clusters.leaders)
         self._weight = bright * self._clusters.seen
-        self._shares = self._shares_at(density)
+
+    def begin(self, density: float) -> None:
+        """Start anew, with so many rays for each time that a cluster was seen."""
+        self.density, self._shares = density, self._shares_at(density)
         self._row = dr.full(mi.UInt, NOT_BAKED, self.cells)
         self._row_of = np.full(len(self._clusters), NOT_BAKED, np.uint32)
         self._table = Table(4 * self._bands)
@@ -182,7 +185,8 @@ class BakedLight:
     def restore(self, contents: dict[str, NDArray[Any]]) -> None:
         """Take what `contents` gave."""
         order = np.argsort(contents["cells"])
-        self.begin(contents["cells"][order], contents["seen"][order], float(contents["density"]))
+        self.surveyed(contents["cells"][order], contents["seen"][order])
+        self.begin(float(contents["density"]))
         self._table.put(contents["rows"])
         self._row_of = np.arange(self._table.count, dtype=np.uint32)
         members, owner = self._clusters.of_members(np.arange(self._table.count))

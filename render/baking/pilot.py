@@ -16,7 +16,7 @@ from megalopta.scenes.cameras import Camera
 _FRAMES = 3
 _RAYS = 32
 """Per pixel and frame."""
-_PIXELS = 3000
+_PIXELS = 2000
 """Of a frame, about; of a small one all."""
 
 

@@ -62,7 +62,7 @@ def test_the_command_is_a_process_whose_exit_code_and_one_sentence_tell_a_mistak
         (["--light-levels", "dusk"], "'dusk' is unknown"),
         (
             ["--camera.height", "40"],
-            "benchmark: size 48 × 115 px of frames of 40 × 96 px: choose sizes",
+            "benchmark: size 80 × 160 px of frames of 40 × 80 px: choose sizes",
         ),
     ],
 )

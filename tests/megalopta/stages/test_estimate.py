@@ -36,7 +36,7 @@ def test_a_value_beyond_sense_is_refused_by_its_field(path, value):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"trajectory.frames": "1000000"}, r"1000000 frames of 96 × 96 would take about .* days of work"),
+        ({"trajectory.frames": "1000000"}, r"1000000 frames of 80 × 80 would take about .* days of work"),
         ({"camera.width": "32768", "camera.height": "32768"}, r"about 1.1[0-9] TB of memory, and this machine has .*; lower"),
     ],
 )  # fmt: skip
