@@ -53,9 +53,10 @@ def strip(dataset: Dataset, path: Path) -> None:
 def photons(dataset: Dataset, path: Path) -> None:
     """N_2b of every detector with its interval, beside the light that there is."""
     curves = json.loads(dataset.result("benchmark.json").read_text())["curves"]
+    camera = dataset.configuration.camera
     figure = Figure(figsize=(9, 3.4), layout="constrained")
     axis = figure.subplots()
-    chosen = [c for c in curves if c["shape"][0] == 120]
+    chosen = [c for c in curves if c["shape"][0] == camera.height]
     places = {curve["label"]: -place // 2 for place, curve in enumerate(chosen)}
     for curve in chosen:
         found, place = curve["thresholds"]["N_2b"], places[curve["label"]]
@@ -75,7 +76,8 @@ def photons(dataset: Dataset, path: Path) -> None:
         axis.annotate(name, (flux, 1.01), xycoords=("data", "axes fraction"), ha="center")
     axis.set_xscale("log")
     axis.set_xlabel(
-        "photons per frame of 120 × 120 px for an error of 25\N{NO-BREAK SPACE}% (N_2b)\n"
+        f"photons per frame of {camera.width} × {camera.height} px for an error of "
+        "25\N{NO-BREAK SPACE}% (N_2b)\n"
         "filled: ratio of sums, open: mean of ratios (Eq. 4.5), which near-zero responses dominate"
     )
     axis.set_title(

@@ -16,17 +16,24 @@ _KINDS = PALETTE[:3]
 
 @in_style
 def error_ratios(ranking: Ranking) -> Markup:
-    """Mean errors over the first method's, by speed and photons, in the groups compared."""
+    """Mean errors over the first method's, by speed and photons, in the groups compared.
+
+    Empty where no group has an answer of both.
+    """
     fluxes = sorted(ranking.settings.fluxes)
     first, *others = ranking.settings.methods
     compared = [each for each in opposed(ranking.blocks) if each.what in ("parallax", "occlusion")]
-    speeds = len(compared) // 2
-    figure = Figure(figsize=(1.2 + 2.1 * len(fluxes), 1.2 + 1.9 * speeds), layout="constrained")
-    panels = figure.subplots(speeds, len(fluxes), sharex=True, sharey=True, squeeze=False)
-    for row, (parallax, occlusion) in enumerate(
-        zip(compared[:speeds], compared[speeds:], strict=True)
-    ):
+    half = len(compared) // 2
+    shown = {}
+    for speed, parallax, occlusion in zip(RANGES, compared[:half], compared[half:], strict=True):
         groups = (parallax.one, parallax.other, occlusion.other)
+        if any(ranking.order_of(fluxes[-1], each, first, others[0]) for each in groups):
+            shown[speed] = groups
+    if not shown:
+        return Markup()
+    figure = Figure(figsize=(1.2 + 2.1 * len(fluxes), 1.2 + 1.9 * len(shown)), layout="constrained")
+    panels = figure.subplots(len(shown), len(fluxes), sharex=True, sharey=True, squeeze=False)
+    for row, (speed, groups) in enumerate(shown.items()):
         for flux, axes in zip(fluxes, panels[row], strict=True):
             for place, group in enumerate(groups):
                 _ratios(axes, ranking, flux, group, place)
@@ -35,7 +42,7 @@ def error_ratios(ranking: Ranking) -> Markup:
             axes.tick_params(axis="x", rotation=90)
             if row == 0:
                 axes.set_title(f"{number(flux)} photons", fontsize=10)
-        panels[row, 0].set_ylabel(f"speed {RANGES[row]}\nerror over {first}'s")
+        panels[row, 0].set_ylabel(f"speed {speed}\nerror over {first}'s", fontsize=9)
     groups = (compared[0].one, compared[0].other, compared[-1].other)
     handles = [
         Patch(color=color, label=group.split(",")[0])
