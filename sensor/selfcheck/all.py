@@ -17,6 +17,7 @@ from megalopta.sensor.selfcheck.correction import (
     check_ambiguity,
     check_calibration,
     check_correction,
+    check_curvature,
     check_filling,
     check_propagation,
 )
@@ -73,6 +74,7 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
     "correction": (
         check_correction,
         check_calibration,
+        check_curvature,
         check_propagation,
         check_filling,
         check_ambiguity,
