@@ -23,7 +23,12 @@ from megalopta.sensor.selfcheck.correction import (
 )
 from megalopta.sensor.selfcheck.counting import counting_checks
 from megalopta.sensor.selfcheck.ctia import check_ctia_discharge, check_ctia_noise
-from megalopta.sensor.selfcheck.ctia_bias import check_gate_leak, check_pulse_loop, check_trimming
+from megalopta.sensor.selfcheck.ctia_bias import (
+    check_gate_leak,
+    check_leak_floor,
+    check_pulse_loop,
+    check_trimming,
+)
 from megalopta.sensor.selfcheck.device import check_device, check_operation
 from megalopta.sensor.selfcheck.interplay import interplay_checks
 from megalopta.sensor.selfcheck.measured import check_measured_maps
@@ -33,6 +38,7 @@ from megalopta.sensor.selfcheck.readings import reading_checks
 from megalopta.sensor.selfcheck.stated import (
     check_stated_afterpulsing,
     check_stated_analog,
+    check_stated_conversion,
     check_stated_crosstalk,
     check_stated_dead_time,
 )
@@ -61,13 +67,14 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
     "combinations": (check_combinations, check_maps),
     "gate": (check_gate_and_jitter, check_gated_bits),
     "changing-light": (check_parts, check_running_frames, check_sub_frames),
-    "counters": (check_counters, check_analog, check_stated_analog),
+    "counters": (check_counters, check_analog, check_stated_analog, check_stated_conversion),
     "frames": (check_frames, check_dim_light),
     "ctia": (
         check_ctia_discharge,
         check_ctia_noise,
         check_trimming,
         check_pulse_loop,
+        check_leak_floor,
         check_gate_leak,
     ),
     "readings": (*reading_checks(), *interplay_checks(20_000)),

@@ -154,6 +154,36 @@ def check_stated_analog() -> Iterator[Row]:
             )
 
 
+def check_stated_conversion() -> Iterator[Row]:
+    """A coarse ADC after noisy steps: the law of its codes, turned into counts one by one."""
+    step, read_noise, step_noise, supply = 0.1, 0.02, 0.01, 3.3
+    counter = AnalogCounter(
+        step_v=step,
+        swing_v=1.6,
+        supply_v=supply,
+        adc_bits=6,
+        read_noise_v=read_noise,
+        step_noise_v=step_noise,
+    )
+    lsb = supply / 63
+    codes = np.arange(64)
+    counts = np.clip(np.rint((supply - codes * lsb) / step), 0, 16)
+    pixels = analog_pixels(counter, (1, 1), 0.1, 3)
+    flat = AnalogPixels(*(each.ravel() for each in pixels))
+    for events in (3, 10, 16):
+        fall = events * step + step_noise * events**0.5 * _NORMAL_NODES
+        output = supply - np.minimum(fall, 1.6)
+        below = ndtr(((codes[:-1] + 0.5) * lsb - output[:, None]) / read_noise)
+        law = np.diff(_NORMAL_WEIGHTS @ below, prepend=0.0, append=1.0)
+        mean = float(law @ counts)
+        expected = mean, float(law @ (counts - mean) ** 2)
+        found = counter_moments(counter, flat, 0.1, np.array([events]), np.ones((1, 1)))
+        for quantity, right, got in zip(("mean", "variance"), expected, found, strict=True):
+            quantity = f"{quantity} of {events} events through an ADC"
+            tolerance = _RELATIVE_ERROR * right
+            yield exact_row("analog counter, stated", quantity, right, float(got[0]), tolerance)
+
+
 def _live_sums(arrivals: float, a: float) -> tuple[float, float]:
     """Mean and mean square of the counts from a live start, summed over P(N >= n)."""
     n = np.arange(1, int(arrivals / a) + 2)
