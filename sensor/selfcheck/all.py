@@ -1,6 +1,6 @@
 """Checks of every effect, by groups that can be run alone, in the order of the table."""
 
-from megalopta.sensor.selfcheck.analog import check_analog
+from megalopta.sensor.selfcheck.analog import check_analog, check_codes
 from megalopta.sensor.selfcheck.between import check_sub_frames
 from megalopta.sensor.selfcheck.binary import check_gated_bits
 from megalopta.sensor.selfcheck.combinations import (
@@ -67,7 +67,13 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
     "combinations": (check_combinations, check_maps),
     "gate": (check_gate_and_jitter, check_gated_bits),
     "changing-light": (check_parts, check_running_frames, check_sub_frames),
-    "counters": (check_counters, check_analog, check_stated_analog, check_stated_conversion),
+    "counters": (
+        check_counters,
+        check_analog,
+        check_codes,
+        check_stated_analog,
+        check_stated_conversion,
+    ),
     "frames": (check_frames, check_dim_light),
     "ctia": (
         check_ctia_discharge,
