@@ -3,6 +3,11 @@
 from megalopta.sensor.selfcheck.analog import check_analog, check_codes
 from megalopta.sensor.selfcheck.between import check_sub_frames
 from megalopta.sensor.selfcheck.binary import check_gated_bits
+from megalopta.sensor.selfcheck.carriers import (
+    check_delayed_afterpulsing,
+    check_stated_afterpulsing,
+    check_tabulated_mean,
+)
 from megalopta.sensor.selfcheck.combinations import (
     check_combinations,
     check_dark_neighbor,
@@ -36,7 +41,6 @@ from megalopta.sensor.selfcheck.optics import check_falloff, check_lens, check_t
 from megalopta.sensor.selfcheck.parts import check_parts
 from megalopta.sensor.selfcheck.readings import reading_checks
 from megalopta.sensor.selfcheck.stated import (
-    check_stated_afterpulsing,
     check_stated_analog,
     check_stated_conversion,
     check_stated_crosstalk,
@@ -57,7 +61,13 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
     "light": (check_light, check_lens, check_falloff, check_transmission),
     "device": (check_device, check_operation, check_measured_maps),
     "dead-time": (check_stated_dead_time, check_few_lost, check_dead_time_ends),
-    "afterpulsing": (check_afterpulsing, check_stated_afterpulsing, check_delays),
+    "afterpulsing": (
+        check_afterpulsing,
+        check_stated_afterpulsing,
+        check_delayed_afterpulsing,
+        check_tabulated_mean,
+        check_delays,
+    ),
     "crosstalk": (
         check_crosstalk,
         check_stated_crosstalk,

@@ -1,7 +1,6 @@
 """Stated variances against sums and integrals of their own; nothing is drawn, no chance is left.
 
 dead time       Σ (2n − 1)·P(N >= n) − E[N]², with P the incomplete gamma function
-afterpulsing    r·T/(1 − p)³, which a Hawkes process approaches
 crosstalk       N̄·(1 − Σ w²)·mean over all waves of 1/(1 − ŵ)², ŵ the kernel's transform
     analog counter  Σ P(reading >= n), n − ½ steps being passed by a normal fall, held at the bottom
                     of the swing, and normal read noise
@@ -20,10 +19,8 @@ from megalopta.sensor.counters import (
     counter_moments,
 )
 from megalopta.sensor.effects import (
-    Afterpulsing,
     Crosstalk,
     DeadTime,
-    afterpulsing,
     crosstalk,
     dead_time,
 )
@@ -61,25 +58,6 @@ def check_stated_dead_time() -> Iterator[Row]:
             yield exact_row(
                 "non-paralyzable, stated", quantity, variance, stated, _RELATIVE_ERROR * variance
             )
-
-
-def check_stated_afterpulsing() -> Iterator[Row]:
-    """A long exposure, in which the start is forgotten."""
-    rate, delay_s = 1e5, 1e-6
-    for p in (0.3, 0.6):
-        traps = Afterpulsing(mean_carriers=p, delay_s=delay_s)
-        exposure = 1e8 * delay_s
-        for name, is_stationary in (("live", False), ("running", True)):
-            stated = afterpulsing.moments(rate, exposure, traps, is_stationary)
-            for quantity, power, found in zip(("mean", "variance"), (1, 3), stated, strict=True):
-                expected = rate * exposure / (1 - p) ** power
-                yield exact_row(
-                    "afterpulsing, stated",
-                    f"{quantity} of many counts, p {p:g}, {name}",
-                    expected,
-                    float(found),
-                    _RELATIVE_ERROR * expected,
-                )
 
 
 def check_stated_crosstalk() -> Iterator[Row]:
