@@ -39,7 +39,7 @@ from megalopta.sensor.selfcheck.interplay import interplay_checks
 from megalopta.sensor.selfcheck.measured import check_measured_maps
 from megalopta.sensor.selfcheck.optics import check_falloff, check_lens, check_transmission
 from megalopta.sensor.selfcheck.parts import check_parts
-from megalopta.sensor.selfcheck.readings import reading_checks
+from megalopta.sensor.selfcheck.readings import check_few_events, reading_checks
 from megalopta.sensor.selfcheck.stated import (
     check_stated_analog,
     check_stated_conversion,
@@ -93,7 +93,7 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
         check_leak_floor,
         check_gate_leak,
     ),
-    "readings": (*reading_checks(), *interplay_checks(20_000)),
+    "readings": (check_few_events, *reading_checks(), *interplay_checks(20_000)),
     "correction": (
         check_correction,
         check_calibration,
