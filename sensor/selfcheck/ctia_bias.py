@@ -62,7 +62,9 @@ def check_leak_floor() -> Iterator[Row]:
     floor = 1e15 * _FARAD * 0.8 * _SWING_V / (late - early)
     found = 1e15 * leak_floor(pixel)
     yield exact_row("CTIA pulse loop", "leak floor (fA)", floor, found, 1e-9 * floor)
-    yield exact_row("CTIA gain", "decades of 130 dB", 6.5, np.log10(gain_from_db(130.0)), 1e-9)
+    yield exact_row(
+        "CTIA gain", "decades of 130 dB", 6.5, float(np.log10(gain_from_db(130.0))), 1e-9
+    )
 
 
 def check_gate_leak() -> Iterator[Row]:

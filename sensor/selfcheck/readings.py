@@ -27,9 +27,9 @@ _CASES: tuple[tuple[str, dict[str, object], float], ...] = (
     ("saturating", {"counter": DigitalCounter(capacity=_CAPACITY)}, 14.0),
     ("wrapping", {"counter": DigitalCounter(capacity=_CAPACITY, overflow="wrap")}, 14.0),
     (
-        "wrapping three times",
+        "wrapping seven times",
         {"counter": DigitalCounter(capacity=_CAPACITY, overflow="wrap")},
-        56.0,
+        120.0,
     ),
     ("one bit", {"counter": DigitalCounter(capacity=1)}, 1.5),
     (
