@@ -1,8 +1,13 @@
 """Checks of every effect, by groups that can be run alone, in the order of the table."""
 
-from megalopta.sensor.selfcheck.analog import check_analog
+from megalopta.sensor.selfcheck.analog import check_analog, check_codes
 from megalopta.sensor.selfcheck.between import check_sub_frames
 from megalopta.sensor.selfcheck.binary import check_gated_bits
+from megalopta.sensor.selfcheck.carriers import (
+    check_delayed_afterpulsing,
+    check_stated_afterpulsing,
+    check_tabulated_mean,
+)
 from megalopta.sensor.selfcheck.combinations import (
     check_combinations,
     check_dark_neighbor,
@@ -17,21 +22,27 @@ from megalopta.sensor.selfcheck.correction import (
     check_ambiguity,
     check_calibration,
     check_correction,
+    check_curvature,
     check_filling,
     check_propagation,
 )
 from megalopta.sensor.selfcheck.counting import counting_checks
 from megalopta.sensor.selfcheck.ctia import check_ctia_discharge, check_ctia_noise
-from megalopta.sensor.selfcheck.ctia_bias import check_gate_leak, check_pulse_loop, check_trimming
+from megalopta.sensor.selfcheck.ctia_bias import (
+    check_gate_leak,
+    check_leak_floor,
+    check_pulse_loop,
+    check_trimming,
+)
 from megalopta.sensor.selfcheck.device import check_device, check_operation
 from megalopta.sensor.selfcheck.interplay import interplay_checks
 from megalopta.sensor.selfcheck.measured import check_measured_maps
 from megalopta.sensor.selfcheck.optics import check_falloff, check_lens, check_transmission
 from megalopta.sensor.selfcheck.parts import check_parts
-from megalopta.sensor.selfcheck.readings import reading_checks
+from megalopta.sensor.selfcheck.readings import check_few_events, reading_checks
 from megalopta.sensor.selfcheck.stated import (
-    check_stated_afterpulsing,
     check_stated_analog,
+    check_stated_conversion,
     check_stated_crosstalk,
     check_stated_dead_time,
 )
@@ -50,7 +61,13 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
     "light": (check_light, check_lens, check_falloff, check_transmission),
     "device": (check_device, check_operation, check_measured_maps),
     "dead-time": (check_stated_dead_time, check_few_lost, check_dead_time_ends),
-    "afterpulsing": (check_afterpulsing, check_stated_afterpulsing, check_delays),
+    "afterpulsing": (
+        check_afterpulsing,
+        check_stated_afterpulsing,
+        check_delayed_afterpulsing,
+        check_tabulated_mean,
+        check_delays,
+    ),
     "crosstalk": (
         check_crosstalk,
         check_stated_crosstalk,
@@ -60,19 +77,27 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
     "combinations": (check_combinations, check_maps),
     "gate": (check_gate_and_jitter, check_gated_bits),
     "changing-light": (check_parts, check_running_frames, check_sub_frames),
-    "counters": (check_counters, check_analog, check_stated_analog),
+    "counters": (
+        check_counters,
+        check_analog,
+        check_codes,
+        check_stated_analog,
+        check_stated_conversion,
+    ),
     "frames": (check_frames, check_dim_light),
     "ctia": (
         check_ctia_discharge,
         check_ctia_noise,
         check_trimming,
         check_pulse_loop,
+        check_leak_floor,
         check_gate_leak,
     ),
-    "readings": (*reading_checks(), *interplay_checks(20_000)),
+    "readings": (check_few_events, *reading_checks(), *interplay_checks(20_000)),
     "correction": (
         check_correction,
         check_calibration,
+        check_curvature,
         check_propagation,
         check_filling,
         check_ambiguity,

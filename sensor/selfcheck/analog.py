@@ -8,7 +8,12 @@ from numpy.typing import NDArray
 
 from megalopta.arrays import Floats
 from megalopta.sensor import changed
-from megalopta.sensor.counters import AnalogCounter, analog_pixels, sample_analog
+from megalopta.sensor.counters import (
+    AnalogCounter,
+    analog_pixels,
+    counts_of_codes,
+    sample_analog,
+)
 from megalopta.sensor.sampling import generator
 from megalopta.sensor.selfcheck.comparison import Row, exact_row, mean_row, variance_row
 
@@ -44,6 +49,23 @@ def check_analog() -> Iterator[Row]:
         yield mean_row(term, f"mean, {name} (V)", mean, volts)
         rounding = _LSB_V**2 / 12
         yield variance_row(term, f"variance, {name} (V²)", variance + rounding, volts)
+
+
+def check_codes() -> Iterator[Row]:
+    """Codes of uneven pixels, free of noise, turned back by what the pixels are known to be."""
+    term = "analog counter, codes"
+    counter = changed(
+        _COUNTER, step_sigma_v=2e-4, leak_v_s=2.0, leak_sigma_v_s=0.1, offset_sigma_v=20e-3
+    )
+    events = generator(5).integers(0, 400, (_SIDE, _SIDE))
+    pixels = analog_pixels(counter, events.shape, _EXPOSURE_S, 3)
+    codes = sample_analog(generator(9), events, counter, pixels)
+    counts, is_full = counts_of_codes(codes, counter, pixels)
+    capacity = np.floor((3.2 - pixels.leaked_v) / pixels.step_v)
+    wrong = float((counts != np.minimum(events, capacity)).mean())
+    yield exact_row(term, "share misread", 0.0, wrong, 1e-9)
+    full = float((events >= capacity).mean())
+    yield exact_row(term, "share full", full, float(is_full.mean()), 1e-9)
 
 
 def _volts(counter: AnalogCounter, events: NDArray[np.integer[Any]]) -> Floats:

@@ -14,6 +14,8 @@ from megalopta.sensor.ctia import (
     Pixel,
     calibrate,
     ctia_preset,
+    gain_from_db,
+    leak_floor,
     trimmed_bias,
     volt_moments,
 )
@@ -49,6 +51,19 @@ def check_pulse_loop() -> Iterator[Row]:
     yield exact_row("CTIA pulse loop", "tuned current (fA)", expected, measured, 1e-5 * expected)
     yield exact_row(
         "CTIA pulse loop", "time taken (s)", elapsed_s, log[-1].elapsed_s, 1e-5 * elapsed_s
+    )
+
+
+def check_leak_floor() -> Iterator[Row]:
+    """Smallest current that a leaking gate lets be seen: a parabola from zero bias; decibels."""
+    leak = 1.5e-6
+    pixel = Pixel(Photodiode(shunt_ohm=_SHUNT_OHM), _FARAD, _SWING_V, 1e12, 0.0, leak)
+    early, late = (_parabola(0.0, leak, share * _SWING_V) for share in (0.1, 0.9))
+    floor = 1e15 * _FARAD * 0.8 * _SWING_V / (late - early)
+    found = 1e15 * leak_floor(pixel)
+    yield exact_row("CTIA pulse loop", "leak floor (fA)", floor, found, 1e-9 * floor)
+    yield exact_row(
+        "CTIA gain", "decades of 130 dB", 6.5, float(np.log10(gain_from_db(130.0))), 1e-9
     )
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from scipy.special import pdtr
-from scipy.stats import lognorm, truncnorm
+from scipy.stats import norm, truncnorm
 
 from megalopta.arrays import Floats
 from megalopta.sensor import changed
@@ -17,6 +17,7 @@ from megalopta.sensor.effects import (
     bias,
     dark_count_factor,
     dark_count_rate,
+    mean_density,
 )
 from megalopta.sensor.selfcheck.comparison import Row, exact_row, mean_row, variance_row
 from megalopta.sensor.spad import draw_fixed_pattern, preset
@@ -81,15 +82,18 @@ def check_operation() -> Iterator[Row]:
         yield exact_row("breakdown, 12 K above", f"{name}, largest error", 0.0, off, 1e-9)
     # SciPy's laws, for pixels of 1 µm²
     ordinary = DarkCounts(bulk_mean_hz_um2=0.5, bulk_sigma_hz_um2=0.4)
-    hot = DarkCounts(hot_fraction=1.0, hot_mean_hz_um2=2.0, hot_sigma_hz_um2=1.0)
-    width = np.log1p(0.25) ** 0.5
-    for term, model, law in (
-        ("dark counts, ordinary pixels", ordinary, truncnorm(-0.5 / 0.4, np.inf, 0.5, 0.4)),
-        ("dark counts, hot pixels", hot, lognorm(width, scale=2 * np.exp(-(width**2) / 2))),
+    hot = DarkCounts(hot_fraction=1.0, hot_mean_hz_um2=2.0, hot_sigma_hz_um2=4.0)
+    width = np.log(1 + (4 / 2) ** 2) ** 0.5
+    densities, of_hot = (dark_count_rate(each, (400, 400), _UM2, 1) for each in (ordinary, hot))
+    for term, unit, values, law in (
+        (", ordinary pixels", "Hz/µm²", densities, truncnorm(-0.5 / 0.4, np.inf, 0.5, 0.4)),
+        (", hot pixels", "ln", np.log(of_hot), norm(np.log(2) - width**2 / 2, width)),
     ):
-        densities = dark_count_rate(model, (400, 400), _UM2, 1)
-        yield mean_row(term, "mean (Hz/µm²)", float(law.mean()), densities)
-        yield variance_row(term, "variance (Hz²/µm⁴)", float(law.var()), densities)
+        yield mean_row("dark counts" + term, f"mean ({unit})", float(law.mean()), values)
+        yield variance_row("dark counts" + term, f"variance ({unit}, squared)", law.var(), values)
+    mixed = changed(ordinary, hot_fraction=0.1, hot_mean_hz_um2=20.0, hot_sigma_hz_um2=5.0)
+    expected = 0.9 * float(truncnorm(-0.5 / 0.4, np.inf, 0.5, 0.4).mean()) + 0.1 * 20
+    yield exact_row("dark counts", "mean as stated (Hz/µm²)", expected, mean_density(mixed), 1e-9)
     sigma = {"mismatch_sigma": 0.2}
     dead = DeadTime(kind="nonparalyzable", dead_time_s=1e-6)
     sensor = changed(

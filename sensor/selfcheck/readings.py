@@ -6,11 +6,11 @@ from functools import partial
 import numpy as np
 
 from megalopta.arrays import Floats
-from megalopta.sensor import changed
+from megalopta.sensor import changed, event_moments
 from megalopta.sensor.counters import AnalogCounter, DigitalCounter
 from megalopta.sensor.ctia import CTIA_PRESETS, CtiaSensor, expose_photocurrent, volt_moments
 from megalopta.sensor.effects import DeadTime
-from megalopta.sensor.selfcheck.comparison import Check, Row
+from megalopta.sensor.selfcheck.comparison import Check, Row, exact_row
 from megalopta.sensor.spad import PRESETS, Sensor, expose_rate, reading_moments
 
 _SIDE = 20
@@ -26,6 +26,11 @@ _STRONG = DeadTime(kind="paralyzable", dead_time_s=2e-3)
 _CASES: tuple[tuple[str, dict[str, object], float], ...] = (
     ("saturating", {"counter": DigitalCounter(capacity=_CAPACITY)}, 14.0),
     ("wrapping", {"counter": DigitalCounter(capacity=_CAPACITY, overflow="wrap")}, 14.0),
+    (
+        "wrapping seven times",
+        {"counter": DigitalCounter(capacity=_CAPACITY, overflow="wrap")},
+        120.0,
+    ),
     ("one bit", {"counter": DigitalCounter(capacity=1)}, 1.5),
     (
         "saturating, non-paralyzable",
@@ -82,6 +87,23 @@ def reading_checks(exposures: int = 40_000) -> tuple[Check, ...]:
         *(partial(_spad_rows, *case, exposures) for case in spads),
         *(partial(_ctia_rows, name, sensor, exposures) for name, sensor in CTIA_PRESETS.items()),
     )
+
+
+def check_few_events() -> Iterator[Row]:
+    """Events nearly as regular as a clock, which no counter cuts: readings have their moments."""
+    ideal = PRESETS["ideal"]
+    dead_s = ideal.exposure_s / 3.3
+    sensor = changed(
+        ideal,
+        dead_time=DeadTime(kind="nonparalyzable", dead_time_s=dead_s, twilight_s=dead_s / 100),
+    )
+    rate = np.full((1, 1, 1), 5 / dead_s)
+    expected = event_moments(rate, sensor)
+    found = reading_moments(rate, changed(sensor, counter=DigitalCounter(capacity=5)))
+    for name, right, got in zip(("mean", "variance"), expected, found, strict=True):
+        value = float(right.sum())
+        quantity = f"{name} of readings of 3 events"
+        yield exact_row("law of events", quantity, value, float(got.sum()), 1e-3 * value)
 
 
 def _spad_rows(name: str, sensor: Sensor, arrivals: float, exposures: int) -> Iterator[Row]:

@@ -1,7 +1,6 @@
 """Stated variances against sums and integrals of their own; nothing is drawn, no chance is left.
 
 dead time       Σ (2n − 1)·P(N >= n) − E[N]², with P the incomplete gamma function
-afterpulsing    r·T/(1 − p)³, which a Hawkes process approaches
 crosstalk       N̄·(1 − Σ w²)·mean over all waves of 1/(1 − ŵ)², ŵ the kernel's transform
     analog counter  Σ P(reading >= n), n − ½ steps being passed by a normal fall, held at the bottom
                     of the swing, and normal read noise
@@ -20,10 +19,8 @@ from megalopta.sensor.counters import (
     counter_moments,
 )
 from megalopta.sensor.effects import (
-    Afterpulsing,
     Crosstalk,
     DeadTime,
-    afterpulsing,
     crosstalk,
     dead_time,
 )
@@ -61,25 +58,6 @@ def check_stated_dead_time() -> Iterator[Row]:
             yield exact_row(
                 "non-paralyzable, stated", quantity, variance, stated, _RELATIVE_ERROR * variance
             )
-
-
-def check_stated_afterpulsing() -> Iterator[Row]:
-    """A long exposure, in which the start is forgotten."""
-    rate, delay_s = 1e5, 1e-6
-    for p in (0.3, 0.6):
-        traps = Afterpulsing(mean_carriers=p, delay_s=delay_s)
-        exposure = 1e8 * delay_s
-        for name, is_stationary in (("live", False), ("running", True)):
-            stated = afterpulsing.moments(rate, exposure, traps, is_stationary)
-            for quantity, power, found in zip(("mean", "variance"), (1, 3), stated, strict=True):
-                expected = rate * exposure / (1 - p) ** power
-                yield exact_row(
-                    "afterpulsing, stated",
-                    f"{quantity} of many counts, p {p:g}, {name}",
-                    expected,
-                    float(found),
-                    _RELATIVE_ERROR * expected,
-                )
 
 
 def check_stated_crosstalk() -> Iterator[Row]:
@@ -152,6 +130,36 @@ def check_stated_analog() -> Iterator[Row]:
                 float(found[0]),
                 _RELATIVE_ERROR * expected,
             )
+
+
+def check_stated_conversion() -> Iterator[Row]:
+    """A coarse ADC after noisy steps: the law of its codes, turned into counts one by one."""
+    step, read_noise, step_noise, supply = 0.1, 0.02, 0.01, 3.3
+    counter = AnalogCounter(
+        step_v=step,
+        swing_v=1.6,
+        supply_v=supply,
+        adc_bits=6,
+        read_noise_v=read_noise,
+        step_noise_v=step_noise,
+    )
+    lsb = supply / 63
+    codes = np.arange(64)
+    counts = np.clip(np.rint((supply - codes * lsb) / step), 0, 16)
+    pixels = analog_pixels(counter, (1, 1), 0.1, 3)
+    flat = AnalogPixels(*(each.ravel() for each in pixels))
+    for events in (3, 10, 16):
+        fall = events * step + step_noise * events**0.5 * _NORMAL_NODES
+        output = supply - np.minimum(fall, 1.6)
+        below = ndtr(((codes[:-1] + 0.5) * lsb - output[:, None]) / read_noise)
+        law = np.diff(_NORMAL_WEIGHTS @ below, prepend=0.0, append=1.0)
+        mean = float(law @ counts)
+        expected = mean, float(law @ (counts - mean) ** 2)
+        found = counter_moments(counter, flat, 0.1, np.array([events]), np.ones((1, 1)))
+        for quantity, right, got in zip(("mean", "variance"), expected, found, strict=True):
+            quantity = f"{quantity} of {events} events through an ADC"
+            tolerance = _RELATIVE_ERROR * right
+            yield exact_row("analog counter, stated", quantity, right, float(got[0]), tolerance)
 
 
 def _live_sums(arrivals: float, a: float) -> tuple[float, float]:
