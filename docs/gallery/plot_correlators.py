@@ -24,7 +24,9 @@ for name, closed_form in (("NDM", ndm_mean), ("NDS", nds_mean)):
     for omega in omegas:
         frames = (0.5 * (1 + CONTRAST * np.sin(omega * t - PHASE * x)))[:, None, :]
         found.append(detector.respond(frames)[200:].mean(axis=0)[0, 5:-5].mean())
-    (line,) = plt.plot(fine, closed_form(detector.filter_step, fine, PHASE, CONTRAST), label=name)
+    (line,) = plt.plot(
+        fine, closed_form(detector.model_dump()["filter_step"], fine, PHASE, CONTRAST), label=name
+    )
     plt.plot(omegas, found, "o", color=line.get_color())
 plt.xlabel("temporal frequency (rad/frame)")
 plt.ylabel("mean response")

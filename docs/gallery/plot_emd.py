@@ -22,7 +22,7 @@ for omega in omegas:
     found.append(detector.respond(frames)[300:].mean(axis=0)[0, 5:-5].mean())
 
 fine = np.linspace(-3.1, 3.1, 400)
-step, z = detector.filter_step, np.exp(-1j * fine)
+step, z = detector.model_dump()["filter_step"], np.exp(-1j * fine)
 delay = step / (1 - (1 - step) * z)
 high_pass = (1 - step) * (1 - z) / (1 - (1 - step) * z)
 plt.plot(fine, -(CONTRAST**2) / 4 * np.abs(high_pass) ** 2 * delay.imag * np.sin(PHASE))

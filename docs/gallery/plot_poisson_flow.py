@@ -2,10 +2,11 @@
 Motion of a whole frame at three photons per pixel
 ==================================================
 
-A disk that moves to the left over a ground that moves to the right and down, two frames of counts,
-the true motion, and what Poisson flow (PF), DIS and Poisson matching of single blocks (PM) make of
-them. Hue is direction, saturation speed. Theory: :doc:`/theory/whole-frame-flow`.
+A disk moves over a ground that moves otherwise: counts, and what Poisson flow (PF), DIS and Poisson
+matching of blocks (PM) make of two frames of them. Theory: :doc:`/theory/whole-frame-flow`.
 """
+
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -15,19 +16,18 @@ from megalopta.flow import METHODS, flow_to_rgb
 from megalopta.flow.stimuli import Layer, MovingLayers
 
 rng = np.random.default_rng(0)
-textures = [
-    np.exp(6 * gaussian_filter(rng.standard_normal((360, 360)), 3, mode="wrap")) for _ in range(2)
-]
-ground = Layer(textures[0], (1.2, 0.6), np.zeros((2, 2)))
-disk = Layer(textures[1], (-1.2, 0.0), np.zeros((2, 2)), disk=(0.0, 0.0, 40.0))
+leaves = np.exp(6 * gaussian_filter(rng.standard_normal((2, 360, 360)), (0, 3, 3), mode="wrap"))
+ground = Layer(leaves[0], (1.2, 0.6), np.zeros((2, 2)))
+disk = Layer(leaves[1], (-1.2, 0.0), np.zeros((2, 2)), disk=(0.0, 0.0, 40.0))
 scene, shape = MovingLayers([ground, disk]), (168, 168)
 light = scene.light(shape, (0.0, 1.0))
 counts = rng.poisson(3 * light / light.mean()).astype(float)
-blocks = METHODS["PM"].respond(counts)[0]
+methods: dict[str, Any] = dict(METHODS)
+blocks = methods["PM"].respond(counts)[0]
 flows = {
     "true motion": scene.flow(shape, 0.0),
-    "PF": METHODS["PF"].dense(*counts),
-    "DIS": METHODS["DIS"].dense(*counts),
+    "PF": methods["PF"].dense(*counts),
+    "DIS": methods["DIS"].dense(*counts),
     "PM, by blocks": zoom(blocks, (168 / len(blocks), 168 / blocks.shape[1], 1), order=0),
 }
 

@@ -24,7 +24,7 @@ for doubling_k in (8, 9, 10):
         )
         counts = expose_rate(dark, sensor, seed=0, sequence="dark").counts
         found.append(np.median(counts.mean(axis=0)) / 0.2)
-    at_reference = found[list(celsius).index(20)]
+    at_reference = found[np.flatnonzero(celsius == 20)[0]]
     law = at_reference * 2 ** ((celsius - 20) / doubling_k)
     (line,) = plt.semilogy(celsius, law, label=f"twice in {doubling_k} K")
     plt.semilogy(celsius, found, "o", color=line.get_color())
