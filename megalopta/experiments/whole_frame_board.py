@@ -20,7 +20,7 @@ from megalopta.flow.stimuli import draw_counts
 from megalopta.sensor.sampling import generator
 
 BLOCK_PX = 24
-PHOTONS_PER_PX = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
+PHOTONS_PER_PX: tuple[float, ...] = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
 _REPLICATES = 2000
 
 
@@ -31,6 +31,9 @@ class FrameErrors:
     detector: BlockDetector
     px: Floats
     """(scenes, draws, fluxes), px per frame"""
+
+    fluxes: tuple[float, ...] = PHOTONS_PER_PX
+    """Photons per pixel and frame"""
 
     @property
     def frames(self) -> int:
@@ -88,7 +91,10 @@ def frame_errors(
             for index, detector in enumerate(detectors):
                 errors[index, scene, draw, place] = median_error(detector, counts, clip)
         after_scene()
-    return [FrameErrors(*each) for each in zip(detectors, errors, strict=True)]
+    return [
+        FrameErrors(detector, px, tuple(fluxes))
+        for detector, px in zip(detectors, errors, strict=True)
+    ]
 
 
 def block_methods(frames: int) -> list[str]:

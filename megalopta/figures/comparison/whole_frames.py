@@ -29,22 +29,27 @@ from megalopta.figures import (
     method_style,
 )
 from megalopta.flow.detectors import Method
+from megalopta.progress import progress
 
 _LEAVES, _PANORAMAS = "Dead leaves, four motions", "Forests, a turning camera"
 _FRAMES, _PAIR = 8, 2
 
 
 def whole_frames(run: Run, methods: Sequence[Method] | None = None) -> Figure:
-    """Median endpoint errors on dead leaves and in forests; in quick form of fewer scenes."""
-    templates = natural_templates(run.cache)
+    """Median endpoint errors on dead leaves and in forests; in quick form less of everything."""
+    templates, fluxes = natural_templates(run.cache), PHOTONS_PER_PX
+    if run.is_quick:
+        templates, fluxes = dict(list(templates.items())[:2]), fluxes[::2]
     clips = {
         _LEAVES: list(leaves_clips(2 if run.is_quick else 6)),
         _PANORAMAS: list(panorama_clips(templates, headings=1 if run.is_quick else 2)),
     }
-    boards = {
-        kind: frame_errors(some, methods or methods_and_baselines(_FRAMES))
-        for kind, some in clips.items()
-    }
+    chosen = methods or methods_and_baselines(_FRAMES)
+    with progress("Measuring whole frames", sum(map(len, clips.values())), "scene") as advance:
+        boards = {
+            kind: frame_errors(some, chosen, fluxes, after_scene=advance)
+            for kind, some in clips.items()
+        }
     number = " and ".join(str(len(some)) for some in clips.values())
     size = " × ".join(map(str, clips[_LEAVES][0].light.shape[1:]))
     return Figure(
@@ -77,7 +82,7 @@ def _rows(kind: str, board: Sequence[FrameErrors]) -> list[Mapping[str, Cell]]:
             "high_px": high,
         }
         for each in board
-        for flux, mean, low, high in zip(PHOTONS_PER_PX, each.mean, *each.interval, strict=True)
+        for flux, mean, low, high in zip(each.fluxes, each.mean, *each.interval, strict=True)
     ]
 
 
@@ -87,7 +92,7 @@ def _best(board: Sequence[FrameErrors]) -> str:
         f"of {kind}, the least error has "
         + ", ".join(
             f"{min(some, key=lambda each: each.mean[place]).detector.name} at {flux:g}"
-            for place, flux in enumerate(PHOTONS_PER_PX)
+            for place, flux in enumerate(some[0].fluxes)
         )
         for kind, some in _by_frames(board).items()
         if some
@@ -121,7 +126,7 @@ def _draw_errors(axes: Axes, errors: FrameErrors) -> None:
     low, high = errors.interval
     name = errors.detector.name
     axes.errorbar(
-        PHOTONS_PER_PX,
+        errors.fluxes,
         errors.mean,
         yerr=(errors.mean - low, high - errors.mean),
         label=name,

@@ -87,7 +87,7 @@ def test_figure_is_drawn_with_an_interval_for_each_number(clip, monkeypatch, che
         figure.draw(canvas)
         canvas.draw_without_rendering()
     check_words(figure)
-    assert len(figure.rows) == 2 * 2 * 6
+    assert len(figure.rows) == 2 * 2 * 3
     assert all(low <= mean <= high for *_, mean, low, high in figure.rows)
     assert "of eight frames, the least error has PPM at 1" in figure.findings[0]
 

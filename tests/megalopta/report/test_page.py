@@ -26,7 +26,7 @@ from megalopta.stages import STAGES, Ledger, responses_path, run_all, run_stage
 
 from ..accessibility import needs_axe, violations
 
-SECTIONS = ("light", "motion", "detectors", "photons", "made")
+SECTIONS = ("light", "motion", "detectors", "photons", "words", "made")
 SENSOR = "spad_cam-1"
 CONFIGURATION = Configuration.model_validate(
     {
