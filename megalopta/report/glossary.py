@@ -8,7 +8,7 @@ GLOSSARY = {
     "Events": "detections that reach a pixel's counter, dark counts, afterpulses and crosstalk "
     "included, without what dead time loses.",
     "Reading": "what a counter shows, which may be full, wrap around or have an offset.",
-    "Shot noise": "scatter of photon counts about their mean, the root of it: no sensor has less.",
+    "Shot noise": "scatter of photon counts about their mean, the root of which it is.",
     "Dark counts": "detections without a photon, at a rate of its own in every pixel.",
     "Dead time": "time after a detection in which a pixel detects nothing.",
     "Saturated": "a full counter or integrator, whose reading is a lower bound.",
