@@ -127,7 +127,8 @@ def test_bursts_do_not_shift_times(emulated, tmp_path):
     # Frames that are sent at once come within 20 ms of their time, in 2 s: 1 %, but for a clock at
     # most LARGEST_DRIFT.
     assert abs(connection.rate - 1) <= 1e-3
-    np.testing.assert_allclose(np.diff(recording.times_s), 0.005, rtol=1.1e-3)
+    frames = np.diff(recording.sequence_number.astype(int))  # a busy machine may lose some
+    np.testing.assert_allclose(np.diff(recording.times_s) / frames, 0.005, rtol=1.1e-3)
 
 
 def test_unplugging_ten_times_loses_no_logged_byte(emulated, tmp_path):
