@@ -1,5 +1,7 @@
 """Picture of where methods change places: their errors over those of one, by group."""
 
+import itertools
+
 import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
@@ -27,7 +29,8 @@ def error_ratios(ranking: Ranking) -> Markup:
     shown = {}
     for speed, parallax, occlusion in zip(RANGES, compared[:half], compared[half:], strict=True):
         groups = (parallax.one, parallax.other, occlusion.other)
-        if any(ranking.order_of(fluxes[-1], each, first, others[0]) for each in groups):
+        pairs = itertools.product(groups, others)
+        if any(ranking.order_of(fluxes[-1], each, first, name) for each, name in pairs):
             shown[speed] = groups
     if not shown:
         return Markup()
