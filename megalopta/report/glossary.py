@@ -1,6 +1,8 @@
 """Words of the report, each in a sentence."""
 
-GLOSSARY = {
+from collections.abc import Collection
+
+_GLOSSARY = {
     "Radiance": "light that comes from a place in a direction, per area, solid angle and "
     "wavelength (W·m⁻²·sr⁻¹·nm⁻¹); no sensor has a part in it.",
     "Illuminance": "light on a level surface under the open sky as an eye weighs it (lux).",
@@ -11,7 +13,7 @@ GLOSSARY = {
     "Shot noise": "scatter of photon counts about their mean, the root of which it is.",
     "Dark counts": "detections without a photon, at a rate of its own in every pixel.",
     "Dead time": "time after a detection in which a pixel detects nothing.",
-    "Saturated": "a full counter or integrator, whose reading is a lower bound.",
+    "Saturated": "a full pixel, whose reading is a lower bound.",
     "Corrected": "readings after dark counts, dead time, counter, flat field and hot pixels were "
     "taken out.",
     "True motion": "where the point that a pixel's center sees goes from one frame to the next "
@@ -24,3 +26,11 @@ GLOSSARY = {
     "Standing error": "part of the rendered light's error that is the same in all frames and "
     "moves with the surfaces.",
 }
+
+_OF_COUNTERS = {"Events", "Reading", "Shot noise", "Dark counts", "Dead time", "Corrected"}
+
+
+def glossary(units: Collection[str]) -> dict[str, str]:
+    """Return what each word means, of those that sensors with these units ask for."""
+    left_out = set() if "counts" in units else _OF_COUNTERS
+    return {word: meaning for word, meaning in _GLOSSARY.items() if word not in left_out}

@@ -16,7 +16,7 @@ from megalopta.report.budget import exposed
 from megalopta.report.detectors import DetectorSection, detector_section, first_sentence
 from megalopta.report.device_cost import DeviceCost, device_costs
 from megalopta.report.footage import ReportFrames, read_footage
-from megalopta.report.glossary import GLOSSARY
+from megalopta.report.glossary import glossary
 from megalopta.report.images import data_uri, rgb_picture, stacked
 from megalopta.report.light import LightSection, light_section
 from megalopta.report.motion import MotionSection, motion_section
@@ -90,7 +90,7 @@ def page(dataset: Dataset) -> str:
         playback_hz=_playback_hz(settings, footage),
         methods=[_legend(name) for name in settings.methods],
         meanings=MEANINGS,
-        glossary=GLOSSARY,
+        glossary=glossary({sensor.unit for sensor in settings.sensors}),
         columns=_columns,
         visible=min(settings.render.bands_nm)[0] < _RED_END_NM,
         units=sorted({sensor.unit for sensor in settings.sensors}),
