@@ -25,7 +25,9 @@ for sigma_s in (0.0, 4e-9):
     )
     times = expose_events(light, sensor, seed=0, sequence="gated").time_s
     name = f"jitter {1e9 * sigma_s:g} ns"
-    plt.hist(1e9 * (times % PERIOD_S), 100, (0, 100), density=True, histtype="step", label=name)
+    plt.hist(
+        1e9 * (times % PERIOD_S), 100, range=(0, 100), density=True, histtype="step", label=name
+    )
     spread = max(1e9 * sigma_s, 1e-9)
     plt.plot(fine, (ndtr((fine - 40) / spread) - ndtr((fine - 60) / spread)) / 20, "k:", lw=1)
 plt.xlabel("time within the period of the gate (ns)")

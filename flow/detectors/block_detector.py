@@ -1,10 +1,12 @@
 """What detectors that give one velocity per block have in common."""
 
-from typing import Annotated, ClassVar, Literal
+from collections.abc import Callable
+from typing import Annotated, Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field
 
-from megalopta.flow.detectors.base import Detector
+from megalopta.flow.detectors.base import Detector, FloatArray, Frames, Responder
 from megalopta.flow.detectors.blocks import FEWEST_BLOCKS, BlockGrid, block_grid
 
 
@@ -26,6 +28,10 @@ class BlockDetector(Detector, frozen=True):
         """1: a pair of frames."""
         return 1
 
+    def scored(self, responses: FloatArray) -> FloatArray:
+        """Return the velocities of the blocks inside."""
+        return responses[:, 1:-1, 1:-1, :]
+
     def grid(self, shape: tuple[int, int]) -> BlockGrid:
         """Return where the blocks of a frame (H, W) lie.
 
@@ -35,3 +41,33 @@ class BlockDetector(Detector, frozen=True):
             When the frame is too small.
         """
         return block_grid(shape, self.block_px, self.fewest_blocks)
+
+    def over_window(
+        self,
+        grid: BlockGrid,
+        velocity: Callable[[list[Any], float], FloatArray],
+        prepared: Callable[[Frames], Any] = lambda frame: frame,
+    ) -> Responder:
+        """Return a responder that asks for the velocities of the newest frames, one by one.
+
+        Parameters
+        ----------
+        grid
+        velocity
+            Of the blocks, (rows × columns, 2) in any shape, from two to `memory_frames` + 1
+            prepared frames, the newest last, and the scale.
+        prepared
+            What is kept of a frame (H, W).
+        """
+        window: list[Any] = []
+
+        def respond(frames: Frames, scale: float) -> FloatArray:
+            velocities = []
+            for frame in frames:
+                window.append(prepared(frame))
+                del window[: -1 - self.memory_frames]
+                if len(window) > 1:
+                    velocities.append(velocity(window, scale))
+            return np.array(velocities).reshape(-1, grid.rows, grid.columns, 2)
+
+        return respond

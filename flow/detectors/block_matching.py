@@ -43,10 +43,6 @@ class BlockMatching(BlockDetector, frozen=True):
         radius = self.radius_px or thesis_radius_px(shape)
         return in_pairs(partial(_velocities, self.grid(shape), radius))
 
-    def scored(self, responses: FloatArray) -> FloatArray:
-        """Return the velocities of the blocks inside."""
-        return responses[:, 1:-1, 1:-1, :]
-
 
 def thesis_radius_px(shape: tuple[int, int]) -> int:
     """Return the search radius that grows with the shorter side N of the frame.

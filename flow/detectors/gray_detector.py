@@ -52,10 +52,6 @@ class GrayDetector(BlockDetector, frozen=True):
         grid = self.grid(shape)
         return in_pairs(partial(_velocities, grid, self._estimator(grid), self._prepared))
 
-    def scored(self, responses: FloatArray) -> FloatArray:
-        """Return the velocities of the blocks inside."""
-        return responses[:, 1:-1, 1:-1, :]
-
     def _prepared(self, pair: Frames) -> Frames:
         """Return a pair of frames as it is to be brought to gray levels."""
         if self.stretch == "anscombe":

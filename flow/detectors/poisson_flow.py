@@ -44,19 +44,6 @@ class PoissonFlow(BlockDetector, frozen=True):
     def start(self, shape: tuple[int, int]) -> Responder:
         """Return the estimator for frames (H, W); see `Detector.start`."""
         grid = self.grid(shape)
-        window: list[Frames] = []
-
-        def respond(frames: Frames, scale: float) -> FloatArray:
-            velocities = []
-            for frame in frames:
-                window.append(frame)
-                del window[: -1 - self.memory_frames]
-                if len(window) > 1:
-                    velocities.append(mean_over_blocks(self.dense(*window), grid))
-            return np.array(velocities).reshape(-1, grid.rows, grid.columns, 2)
-
-        return respond
-
-    def scored(self, responses: FloatArray) -> FloatArray:
-        """Return the velocities of the blocks inside."""
-        return responses[:, 1:-1, 1:-1, :]
+        return self.over_window(
+            grid, lambda window, scale: mean_over_blocks(self.dense(*window), grid)
+        )

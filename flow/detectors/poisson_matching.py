@@ -14,10 +14,9 @@ all equal, has no velocity (NaN).
 
 from typing import Annotated, ClassVar
 
-import numpy as np
 from pydantic import Field
 
-from megalopta.flow.detectors.base import FloatArray, Frames, Responder
+from megalopta.flow.detectors.base import FloatArray, Responder
 from megalopta.flow.detectors.block_detector import BlockDetector
 from megalopta.flow.detectors.block_matching import thesis_radius_px
 from megalopta.flow.detectors.block_pairs import BlockPairs
@@ -43,22 +42,11 @@ class PoissonMatching(BlockDetector, frozen=True):
     def start(self, shape: tuple[int, int]) -> Responder:
         """Return the search for frames (H, W); see `Detector.start`."""
         grid, radius = self.grid(shape), self.radius_px or thesis_radius_px(shape)
-        window: list[SmoothedFrame] = []
-
-        def respond(frames: Frames, scale: float) -> FloatArray:
-            velocities = []
-            for frame in frames:
-                window.append(SmoothedFrame(frame))
-                del window[: -1 - self.memory_frames]
-                if len(window) > 1:
-                    velocities.append(self._velocity(BlockPairs(window, grid, radius), radius))
-            return np.array(velocities).reshape(-1, grid.rows, grid.columns, 2)
-
-        return respond
-
-    def scored(self, responses: FloatArray) -> FloatArray:
-        """Return the velocities of the blocks inside."""
-        return responses[:, 1:-1, 1:-1, :]
+        return self.over_window(
+            grid,
+            lambda window, scale: self._velocity(BlockPairs(window, grid, radius), radius),
+            SmoothedFrame,
+        )
 
     def _velocity(self, pairs: BlockPairs, radius: int) -> FloatArray:
         """Return the velocities of the blocks, (blocks, 2), from the newest frames."""

@@ -6,14 +6,13 @@ middle of the frames, under the assumption that nothing has accelerated between 
 newest; at the start of a sequence there are fewer frames.
 """
 
-from typing import Annotated, ClassVar
-
-from pydantic import Field
+from typing import ClassVar
 
 from megalopta.flow.detectors.poisson_flow import PoissonFlow
+from megalopta.flow.detectors.pooled_frames import PooledFrames
 
 
-class PooledFlow(PoissonFlow, frozen=True):
+class PooledFlow(PooledFrames, PoissonFlow, frozen=True):
     """Dense flow by the likelihood of counts in several frames, averaged over blocks."""
 
     place: ClassVar[float] = 15
@@ -23,11 +22,3 @@ class PooledFlow(PoissonFlow, frozen=True):
 
     label: str = "Pooled Poisson flow"
     """Name in words"""
-
-    frames: Annotated[int, Field(ge=3, le=32)] = 8
-    """Frames that are taken to have one velocity, the newest included"""
-
-    @property
-    def memory_frames(self) -> int:
-        """The frames that are pooled with the newest."""
-        return self.frames - 1

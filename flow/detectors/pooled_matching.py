@@ -16,20 +16,20 @@ pair under the assumption that nothing has accelerated since the oldest frame; a
 sequence there are fewer frames to pool.
 """
 
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from pydantic import Field
 
 from megalopta.flow.detectors.base import FloatArray
 from megalopta.flow.detectors.block_pairs import BlockPairs
 from megalopta.flow.detectors.poisson_matching import PoissonMatching
+from megalopta.flow.detectors.pooled_frames import PooledFrames
 
 _REFINING_RADIUS_PX = 2
 """Largest error of an expected displacement; one at this edge is refused."""
 
 
-class PooledMatching(PoissonMatching, frozen=True):
+class PooledMatching(PooledFrames, PoissonMatching, frozen=True):
     """Velocity of each block by the likelihood of its counts in several frames."""
 
     place: ClassVar[float] = 13
@@ -39,14 +39,6 @@ class PooledMatching(PoissonMatching, frozen=True):
 
     label: str = "Pooled Poisson matching"
     """Name in words"""
-
-    frames: Annotated[int, Field(ge=3, le=32)] = 8
-    """Frames that are taken to have one velocity, the newest included"""
-
-    @property
-    def memory_frames(self) -> int:
-        """The frames that are pooled with the newest."""
-        return self.frames - 1
 
     def _velocity(self, pairs: BlockPairs, radius: int) -> FloatArray:
         velocities = pairs.neighbors(radius)

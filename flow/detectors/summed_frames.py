@@ -11,7 +11,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, SerializeAsAny
 
-from megalopta.flow.detectors.base import FloatArray, Frames, Responder
+from megalopta.flow.detectors.base import FloatArray, Responder
 from megalopta.flow.detectors.block_detector import BlockDetector
 
 
@@ -33,20 +33,13 @@ class SummedFrames(BlockDetector, frozen=True):
         """Return the method for frames (H, W); see `Detector.start`."""
         changes = {"block_px": self.block_px, "fewest_blocks": self.fewest_blocks}
         inner = self.method.model_copy(update=changes)
-        grid = inner.grid(shape)
-        window: list[Frames] = []
 
-        def respond(frames: Frames, scale: float) -> FloatArray:
-            velocities = []
-            for frame in frames:
-                window.append(frame.astype(np.float64))
-                del window[: -self.frames]
-                if half := len(window) // 2:
-                    sums = np.stack([sum(window[-2 * half : -half]), sum(window[-half:])])
-                    velocities.append(inner.respond(sums, scale)[-1] / half)
-            return np.array(velocities).reshape(-1, grid.rows, grid.columns, 2)
+        def velocity(window: list[FloatArray], scale: float) -> FloatArray:
+            half = len(window) // 2
+            sums = np.stack([sum(window[-2 * half : -half]), sum(window[-half:])])
+            return np.asarray(inner.respond(sums, scale)[-1] / half)
 
-        return respond
+        return self.over_window(inner.grid(shape), velocity, lambda frame: frame.astype(np.float64))
 
     def scored(self, responses: FloatArray) -> FloatArray:
         """Return what the method itself is scored by."""

@@ -59,7 +59,7 @@ def _run(options: Namespace) -> None:
     draws = options.draws or (_DRAWS_OF_ONE if len(pairs) == 1 else 1)
     methods = options.methods.split(",") if options.methods else None
     errors = errors_of_pairs(pairs, options.photons, methods, draws)
-    write_board(options.out, errors, options.photons)
+    write_board(options.out, errors)
     over = "scenes" if len(pairs) > 1 else "draws"
     table = Table(
         "method",

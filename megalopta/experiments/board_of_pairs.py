@@ -35,13 +35,13 @@ def errors_of_pairs(
             raise UserError(str(problem)) from None
 
 
-def write_board(path: Path, errors: Sequence[FrameErrors], fluxes: Sequence[float]) -> None:
+def write_board(path: Path, errors: Sequence[FrameErrors]) -> None:
     """Write a line for each method and flux, with its interval, as CSV."""
     text = io.StringIO()
     lines = csv.writer(text, lineterminator="\n")
     lines.writerow(("method", "frames", "photons_per_px", "median_epe_px", "low_px", "high_px"))
     for each in errors:
-        for flux, mean, low, high in zip(fluxes, each.mean, *each.interval, strict=True):
+        for flux, mean, low, high in zip(each.fluxes, each.mean, *each.interval, strict=True):
             numbers = (f"{value:.6g}" for value in (flux, mean, low, high))
             lines.writerow((each.detector.name, each.frames, *numbers))
     write_text(path, text.getvalue())

@@ -15,14 +15,12 @@ from megalopta.arrays import Floats
 from megalopta.errors import UserError
 from megalopta.experiments.whole_frame_scenes import Clip
 from megalopta.flow.files import read_flow
+from megalopta.scenes.spectra import decode_srgb
 from megalopta.scenes.stimuli import LUMINANCE_SHARES
 from megalopta.scoring import pictures_of, true_flows
 
 Files = tuple[Path, Path, Path]
 """First picture, second picture, flow"""
-
-_KNEE, _SLOPE, _OFFSET, _POWER = 0.04045, 12.92, 0.055, 2.4
-"""IEC 61966-2-1"""
 
 
 def pairs_below(folder: Path) -> dict[str, Files]:
@@ -74,21 +72,20 @@ def read_pair(name: str, files: Sequence[Path]) -> Clip:
 
 
 def _middlebury(folder: Path) -> Iterator[tuple[str, Files]]:
+    first_of: dict[str, Path] = {}
+    for path in sorted(folder.rglob("frame10.png")):
+        if path.with_name("frame11.png").exists():
+            first_of.setdefault(path.parent.name, path)
     for flow in sorted(folder.rglob("flow10.flo")):
-        name = flow.parent.name
-        for first in sorted(folder.rglob("frame10.png")):
-            second = first.with_name("frame11.png")
-            if first.parent.name == name and second.exists():
-                yield name, (first, second, flow)
-                break
+        if first := first_of.get(flow.parent.name):
+            yield flow.parent.name, (first, first.with_name("frame11.png"), flow)
 
 
 def _light(path: Path) -> Floats:
     """Return the luminance of a picture, (H, W), from 0 to 1."""
     try:
         with Image.open(path) as image:
-            coded = np.asarray(image.convert("RGB"), np.float64) / 255
+            coded = np.asarray(image.convert("RGB"))
     except (OSError, ValueError):
         raise UserError(f"{path} cannot be read as a picture; give PNG, or another") from None
-    curved = ((coded + _OFFSET) / (1 + _OFFSET)) ** _POWER
-    return np.asarray(np.where(coded <= _KNEE, coded / _SLOPE, curved) @ LUMINANCE_SHARES)
+    return np.asarray(decode_srgb(coded) @ LUMINANCE_SHARES)

@@ -2,6 +2,7 @@ from .airglow import AIRGLOW as AIRGLOW
 from .blackbody import planckian as planckian
 from .color import (
     Bands as Bands,
+    decode_srgb as decode_srgb,
     encode_srgb as encode_srgb,
     linear_srgb as linear_srgb,
 )

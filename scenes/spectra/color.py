@@ -74,3 +74,11 @@ def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.uint8]:
     bounded = np.clip(linear, 0, 1)
     curved = np.where(bounded <= 0.0031308, 12.92 * bounded, 1.055 * bounded ** (1 / 2.4) - 0.055)
     return np.asarray(curved * 255 + 0.5).astype(np.uint8)
+
+
+def decode_srgb(coded: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Linear values, 0 to 1, of 8-bit sRGB of any shape (IEC 61966-2-1)."""
+    curved = coded / 255
+    return np.asarray(
+        np.where(curved <= 0.04045, curved / 12.92, ((curved + 0.055) / 1.055) ** 2.4)
+    )

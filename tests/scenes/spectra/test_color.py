@@ -1,7 +1,12 @@
 import numpy as np
 
 from megalopta.scenes.spectra.blackbody import planckian
-from megalopta.scenes.spectra.color import encode_srgb, linear_srgb, matching_functions
+from megalopta.scenes.spectra.color import (
+    decode_srgb,
+    encode_srgb,
+    linear_srgb,
+    matching_functions,
+)
 from megalopta.scenes.spectra.photometry import luminous_efficiency
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
@@ -43,3 +48,8 @@ def test_srgb_curve_ends_at_black_and_white_and_is_monotonic():
     assert values[-1] == 255
     assert (np.diff(values) >= 0).all()
     assert encode_srgb(np.array(0.2140)) == 127  # sRGB's middle gray
+
+
+def test_decoded_srgb_is_coded_to_the_same_bytes():
+    coded = np.arange(256, dtype=np.uint8)
+    np.testing.assert_array_equal(encode_srgb(decode_srgb(coded)), coded)
