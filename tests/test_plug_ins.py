@@ -45,6 +45,7 @@ def with_plug_in(tmp_path_factory):
     return run
 
 
+@pytest.mark.slow
 def test_a_detector_of_another_package_stands_after_ours_and_is_measured_by_name(with_plug_in):
     code = """
 import json
@@ -63,6 +64,7 @@ print(json.dumps([list(METHODS), trial.methods, Configuration(methods=["CL"]).me
     assert (chosen, configured, measured) == (["CL", "LK"], ["CL"], ["CL"])
 
 
+@pytest.mark.slow
 def test_a_broken_plug_in_is_told_in_one_sentence_and_breaks_nothing(with_plug_in):
     done = with_plug_in("import megalopta.flow as flow; print(len(flow.METHODS))")
     assert int(done.stdout) == len(METHODS) + 1  # the one that works
@@ -72,6 +74,7 @@ def test_a_broken_plug_in_is_told_in_one_sentence_and_breaks_nothing(with_plug_i
     assert "missing (no_such_module:Detector) is left out: No module named" in told[1]
 
 
+@pytest.mark.slow
 def test_a_sensor_of_another_package_is_used_by_name_and_listed(with_plug_in):
     code = """
 from megalopta.config import load

@@ -49,6 +49,7 @@ def test_help_version_and_mistyped_words_take_less_than_a_second_of_cpu(words):
     assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("code", "absent"),
     [

@@ -40,6 +40,7 @@ def test_gray_sphere_has_its_albedo_times_the_environment(albedo):
     assert center == pytest.approx(albedo * LEVEL, rel=2e-3)  # 65 000 paths: σ below 0.05 %
 
 
+@pytest.mark.slow
 def test_white_open_box_vanishes_in_its_environment():
     box = trimesh.creation.box((2, 2, 2))
     box.update_faces(box.face_normals[:, 0] > -0.5)  # open toward the camera
@@ -48,6 +49,7 @@ def test_white_open_box_vanishes_in_its_environment():
     assert image.mean(dtype=np.float64) == pytest.approx(LEVEL, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_bands_sum_to_the_one_band_rendering_within_monte_carlo_error():
     leaf = Spectrum((400.0, 550.0, 700.0), (0.2, 0.9, 0.5))
     sphere = trimesh.creation.icosphere(subdivisions=3)

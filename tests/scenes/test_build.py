@@ -63,6 +63,7 @@ BROKEN = {
 }
 
 
+@pytest.mark.slow
 def test_broken_plug_ins_are_told_by_name_and_the_others_go_on(megalopta):
     settings = ("--scene.kind", "corridor", "--scene.width-m", "0")
     ran = megalopta("render", "demo", *settings, more="\n".join(BROKEN))

@@ -46,6 +46,7 @@ def test_intensity_of_a_flat_image_meets_the_closed_form(size, bits, expected):
     assert curve.thresholds[bits].flux == pytest.approx(expected, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["BM", "IIA", "EMD", "NDM", "NDS"])
 def test_search_finds_the_crossing_of_the_full_lattice(name):
     # Other frames, other draws, warmed up with noise instead of clean frames: the standard errors
@@ -157,6 +158,7 @@ def test_results_do_not_depend_on_the_company_of_methods():
         assert alone == tuple(curve for curve in together if curve.method == method.name)
 
 
+@pytest.mark.slow
 def test_interval_holds_the_truth_as_often_as_promised():
     # 40 seeds at 95 %: fewer than 29 have a probability of 4e-7.
     # The truth is the median of all; its own error is a sixth of that of one.

@@ -120,6 +120,7 @@ def test_seed_and_name_of_the_sequence_each_give_other_draws():
     assert results[0] == results[3]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["EMD", "BM"])
 def test_standard_error_is_the_scatter_between_seeds(name):
     # The frames of one draw depend on each other (the filters of EMD, the shared frame of two

@@ -143,6 +143,7 @@ def test_filters_that_take_each_frame_alone_remember_one():
     assert ElementaryMotionDetector(filter_step=1, output_step=1).memory_frames == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("detector", DETECTORS)
 def test_noise_reaches_its_strength_within_the_memory_of_its_power(detector):
     # mean |response| to noise on a still scene, after clean frames: the mean of 1.6e5 pixels, whose

@@ -33,6 +33,7 @@ def test_motion_without_noise_is_found_exactly(seed):
     np.testing.assert_allclose(found.rotation_deg, turn, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_noise_and_wrong_velocities_move_it_little():
     """Noise of 1 mrad, a tenth of the parallax, and one velocity in ten wrong by 3°."""
     errors = []

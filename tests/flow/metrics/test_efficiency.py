@@ -70,6 +70,7 @@ def test_flux_at_which_half_are_good_is_found_with_few_fluxes(exact):
     assert len(set(tried)) == len(tried) <= 6
 
 
+@pytest.mark.slow
 def test_interval_is_as_wide_as_the_scatter_between_sets_of_blocks():
     rng = np.random.default_rng(0)
 

@@ -37,6 +37,7 @@ def test_information_of_a_sine_has_its_closed_form():
     assert np.abs(information[[0, 1, 1], [1, 0, 1]]).max() < 1e-9 * information[0, 0]
 
 
+@pytest.mark.slow
 def test_maximum_likelihood_with_known_texture_reaches_the_bound():
     y, x = np.mgrid[:72, :72].astype(float)
     full = 400 * (

@@ -32,6 +32,7 @@ def test_one_black_frame_is_refused_only_where_it_is_to_be_scaled():
         divisors(np.zeros(3), "per_sequence")
 
 
+@pytest.mark.slow
 def test_counts_have_the_poisson_mean_and_variance():
     means = np.full((5, 100, 200), 7.3)
     counts = draw_counts(means, 0, "scene").astype(np.float64)
@@ -59,6 +60,7 @@ def test_seed_key_and_frame_each_give_another_draw():
     assert len({draw.tobytes() for draw in draws}) == 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mean", "dtype"), [(100, np.uint16), (1e5, np.uint32), (1e12, np.uint64)])
 def test_counts_have_the_narrowest_type_that_holds_them(mean, dtype):
     counts = draw_counts(np.full((1, 4, 4), float(mean)), 0, "scene")

@@ -10,6 +10,8 @@ import megalopta
 from megalopta.errors import UserError
 from megalopta.render import read_truth
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def opened(small_dataset):

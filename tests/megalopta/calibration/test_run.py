@@ -31,6 +31,8 @@ from megalopta.sensor import (
 from megalopta.sensor.calibrate import Kernel, Level, calibrate_device
 from megalopta.sensor.spad import draw_fixed_pattern
 
+pytestmark = pytest.mark.slow
+
 SHAPE = (8, 8)
 DARK_EXPOSURES_S = (1e-3, 3e-3, 0.01, 0.03, 0.1)
 LIGHTS_HZ = (2e8, 1e9, 4e9)

@@ -132,6 +132,7 @@ def files_named(root, pattern):
     return sorted(Path(root).rglob(pattern))
 
 
+@pytest.mark.slow
 def test_ctrl_c_leaves_whole_files_and_the_next_run_goes_on(run, tmp_path):
     out = tmp_path / "data"
     process = subprocess.Popen(

@@ -19,6 +19,8 @@ from megalopta.config import load, settings_of, to_yaml
 from megalopta.sensor import PRESETS
 from megalopta.stages import STAGES, run_stage
 
+pytestmark = pytest.mark.slow
+
 CPU_S, WALL_S = 10, 120
 """Longest a case may compute; and wait, which depends on what else the machine does."""
 

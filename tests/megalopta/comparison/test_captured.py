@@ -13,6 +13,8 @@ from megalopta.sensor.formats import write_binary_npy, write_spad512, write_tiff
 from megalopta.spadcam import Rendered
 from megalopta.stages import run_stage
 
+pytestmark = pytest.mark.slow
+
 LUX = 3e-4
 
 

@@ -1,11 +1,13 @@
 """Maps of the comparison report show what the tests saw."""
 
 import numpy as np
+import pytest
 
 from megalopta.comparison import write_comparison_report
 from megalopta.sensor.compare import CountedFrames, compare_recordings
 
 
+@pytest.mark.slow
 def test_a_row_that_differs_is_counted_and_both_maps_share_a_scale(tmp_path):
     rng = np.random.default_rng(3)
     one, other = rng.poisson(20.0, (2, 200, 8, 8)).astype(float)

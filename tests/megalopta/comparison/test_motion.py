@@ -12,6 +12,7 @@ from megalopta.sensor.compare import CountedFrames
 SENSOR = preset("spadcam")
 
 
+@pytest.mark.slow
 def test_a_camera_of_half_the_signal_responds_half_as_much(tmp_path):
     counts = record(5.0, SENSOR).counts // 2
     responses = plate_responses({5.0: CountedFrames(counts, 0.1)}, SENSOR, margin=0.05)
@@ -33,6 +34,7 @@ def test_a_recording_may_begin_anywhere():
     assert min(each.difference.p for each in responses) > 1e-6
 
 
+@pytest.mark.slow
 def test_passages_with_gaps_are_left_out():
     counts = record(5.0, SENSOR, seed=1).counts[:256]
     kept = np.delete(np.arange(256), 70)
@@ -46,6 +48,7 @@ def test_short_recordings_are_refused():
         plate_responses({5.0: CountedFrames(np.zeros((64, 16, 16)), 0.1)}, SENSOR, margin=0.05)
 
 
+@pytest.mark.slow
 def test_in_its_own_light_a_dimmer_bench_responds_like_its_model():
     light = BenchLight(open_photons=110.0, hidden_photons=20.0)
     frames = CountedFrames(record(5.0, SENSOR, light, seed=1).counts, 0.1)

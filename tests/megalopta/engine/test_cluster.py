@@ -39,6 +39,7 @@ def scheduler():
         yield cluster.scheduler_address
 
 
+@pytest.mark.slow
 def test_workers_that_die_are_replaced_and_their_job_is_done(tmp_path):
     outcomes = {each.index: each for each in run_jobs(Job(tmp_path), range(6), workers=1)}
     assert {index: each.problem for index, each in outcomes.items()} == {

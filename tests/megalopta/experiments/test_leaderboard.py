@@ -67,6 +67,7 @@ def test_frames_hold_one_photon_share_each_and_drift_to_the_right(clean):
 _SHOWN = ("IIA", "PM")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["leaderboard", "efficiency"])
 def test_figures_are_drawn_with_their_numbers(name, clean, monkeypatch, check_words):
     monkeypatch.setattr(figures_leaderboard, "sequences", lambda: clean[:2])

@@ -127,6 +127,7 @@ def colors(rows=251, columns=753, seed=0):
     return np.random.default_rng(seed).gamma(2, 0.1, size=(rows, columns, 3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("columns", "scale"), [(502, 1), (753, 2), (1004, 3)])
 def test_a_file_is_binned_to_251_rows_by_area(picture, columns, scale):
     values = colors(columns=columns)

@@ -122,6 +122,7 @@ def test_a_figure_is_found_by_its_name_and_under_no_other():
     )
 
 
+@pytest.mark.slow
 def test_a_figure_loads_no_other_chapter():
     code = (
         "import sys; from megalopta.figures.registry import find; find('fig-3.2'); "

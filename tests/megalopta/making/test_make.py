@@ -84,6 +84,7 @@ def test_a_folder_of_something_else_is_refused(small_plan, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]
 
 
+@pytest.mark.slow
 def test_a_sequence_that_fails_is_listed_and_retried_alone(copy, small_plan):
     # a plan that was checked hardly fails: something is put into the way of one sequence
     blocked = copy / ".making" / "000003"
@@ -101,6 +102,7 @@ def test_a_sequence_that_fails_is_listed_and_retried_alone(copy, small_plan):
     assert not check_tree(Tree(copy))
 
 
+@pytest.mark.slow
 def test_a_full_disk_stops_all_and_the_same_command_goes_on(small_plan, small_dataset, tmp_path):
     import resource
 
@@ -123,6 +125,7 @@ def test_an_unwritable_folder_is_told(small_plan, tmp_path):
         make(tmp_path / "data", small_plan)
 
 
+@pytest.mark.slow
 def test_what_is_damaged_is_found_and_made_again(copy, small_plan):
     (copy / "radiance/000001/frame_0002.exr").write_bytes(b"broken")
     (copy / "training/flow/000002/frame_0001.flo").unlink()
@@ -138,6 +141,7 @@ def test_what_is_damaged_is_found_and_made_again(copy, small_plan):
     assert not check_tree(Tree(copy))
 
 
+@pytest.mark.slow
 def test_new_light_on_old_frames(copy, small_dataset):
     words = ("dataset", "expose", copy, "--sensors", "ideal", "--light-levels", "0.5", "starlight")
     run(*words, "--repeats", "2")
@@ -176,6 +180,7 @@ def test_repeats_of_a_plan_are_of_one_device(small_plan, tmp_path):
     assert (first["counts"][:] != second["counts"][:]).any()
 
 
+@pytest.mark.slow
 def test_dry_run_tells_and_makes_nothing(small_plan, tmp_path, capsys):
     plan = tmp_path / "plan.yaml"
     plan.write_text(yaml.safe_dump(small_plan.model_dump(mode="json")))

@@ -21,6 +21,8 @@ from megalopta.ranking import (
 from megalopta.ranking.truth import SequenceTruth
 from megalopta.stages import run_stage
 
+pytestmark = pytest.mark.slow
+
 SETTINGS = {
     "camera.width": "60",
     "camera.height": "60",

@@ -26,6 +26,8 @@ from megalopta.stages import STAGES, Ledger, responses_path, run_all, run_stage
 
 from ..accessibility import needs_axe, violations
 
+pytestmark = pytest.mark.slow
+
 SECTIONS = ("light", "motion", "detectors", "photons", "words", "made")
 SENSOR = "spad_cam-1"
 CONFIGURATION = Configuration.model_validate(

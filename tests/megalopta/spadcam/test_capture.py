@@ -249,6 +249,7 @@ def command(*words):
 TIMES_S = [0.0, *(pytest.param(0.4 * step, marks=pytest.mark.slow) for step in range(1, 10))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("later_s", TIMES_S)
 def test_a_killed_capture_leaves_a_recording_that_opens(emulated, until, tmp_path, later_s):
     out = tmp_path / "a"

@@ -25,6 +25,8 @@ from megalopta.sensor import (
 from megalopta.stages.pipeline import run_all
 from megalopta.stages.sense import STAGE, light_scale, open_exposure
 
+pytestmark = pytest.mark.slow
+
 SMALL = {
     "name": "night",
     "camera.width": "24",

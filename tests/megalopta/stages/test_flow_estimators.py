@@ -12,6 +12,8 @@ from megalopta.stages.pipeline import run_stage
 
 from ..conftest import TINY
 
+pytestmark = pytest.mark.slow
+
 # TV-L1 takes as long as all others; tests/flow/detectors/test_estimators.py has it
 QUICK = [name for name in METHODS if name != "TV-L1"]
 

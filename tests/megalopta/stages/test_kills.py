@@ -23,6 +23,8 @@ from megalopta.stages.pipeline import run_all
 
 from ..conftest import TINY
 
+pytestmark = pytest.mark.slow
+
 IS_LONG = os.environ.get("MEGALOPTA_LONG") == "1"
 KILLS = 20 if IS_LONG else 1
 

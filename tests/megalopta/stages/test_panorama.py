@@ -65,6 +65,7 @@ def test_detectors_find_the_motion_of_a_panorama(finished):
     assert matching["truth"]["ideal"]["endpoint_error_px"] < 1
 
 
+@pytest.mark.slow
 def test_the_report_of_a_panorama_is_written(finished):
     report = write_report(finished).read_text("utf-8")
     assert "The cylindrical camera turns left" in report

@@ -138,6 +138,7 @@ def test_a_second_run_changes_no_byte(copy):
     assert content(copy.root) == before
 
 
+@pytest.mark.slow
 def test_an_interrupted_rendering_goes_on_to_the_same_bytes(copy, monkeypatch, tmp_path):
     write, calls = FrameWriter.write, []
 
@@ -202,6 +203,7 @@ def test_a_missing_file_makes_its_stage_unfinished(copy):
     assert content(copy.root) == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["radiance/grating/frame_0003.exr", "counts/grating/ideal-starlight.zarr/zarr.json"]
 )
@@ -255,6 +257,7 @@ def test_a_refused_first_stage_leaves_no_folder(tiny, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_what_a_killed_writer_left_is_swept_and_not_entered(copy):
     before = content(copy.root)
     Ledger(copy).forget("sense")
@@ -264,6 +267,7 @@ def test_what_a_killed_writer_left_is_swept_and_not_entered(copy):
     assert content(copy.root) == before
 
 
+@pytest.mark.slow
 def test_flow_goes_on_after_an_interruption(copy, monkeypatch):
     before = content(copy.root)
     Ledger(copy).forget("flow")
@@ -308,6 +312,7 @@ def _counting(function, calls, interrupted_at=None):
     return counted
 
 
+@pytest.mark.slow
 def test_flow_of_other_code_is_made_again_without_being_asked(copy, monkeypatch, capsys):
     other = dataclasses.replace(stage_flow.STAGE, model=lambda: "other code")
     monkeypatch.setitem(registry.STAGES, "flow", other)

@@ -12,6 +12,8 @@ from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_stage
 from megalopta.stages.sense import open_exposure, sense
 
+pytestmark = pytest.mark.slow
+
 LEVEL = 1e-5
 """Lux, some ten counts a pixel."""
 PRODUCTS = ["counts", "events_hdf5", "events_npz", "binary_npy", "tiff"]

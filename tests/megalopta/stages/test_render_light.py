@@ -85,6 +85,7 @@ def test_a_missing_panorama_is_a_users_mistake():
         parse("scene: {kind: panorama, file: gone.hdr}", "test")
 
 
+@pytest.mark.slow
 def test_frames_are_rendered_to_the_stated_error_and_say_so(yard, tmp_path):
     settings = load(
         "demo", {**SMALL, **FEW, "render.target_error": "0.02", "render.max_passes": "99"}

@@ -116,6 +116,7 @@ def test_a_leaf_over_black_ground_is_lit_above_and_dark_below(ground):
     assert below.max() < 1e-6 * 0.4e-9
 
 
+@pytest.mark.slow
 @vectorized
 def test_white_walls_under_an_even_sky_cannot_be_told_from_it():
     # The furnace: what a surface that absorbs nothing sends out is what comes in, after any number
@@ -131,6 +132,7 @@ def test_white_walls_under_an_even_sky_cannot_be_told_from_it():
     assert image.mean() == pytest.approx(1e-9, rel=0.01)
 
 
+@pytest.mark.slow
 @vectorized
 @pytest.mark.parametrize("pattern", [None, np.full((8, 8), 0.5, np.float32)], ids=["even", "half"])
 def test_glowing_walls_show_their_own_radiance_on_their_front_alone(pattern):
@@ -263,6 +265,7 @@ def test_seeds_of_baked_light_are_those_of_no_frame():
     assert not frames & {bake_seed(seed) for seed in range(20)}
 
 
+@pytest.mark.slow
 @vectorized
 def test_stored_light_gives_the_same_frames_without_another_bake(tmp_path, monkeypatch):
     scene = thicket(Lighting(SKY))
@@ -295,6 +298,7 @@ def test_stored_light_gives_the_same_frames_without_another_bake(tmp_path, monke
     assert len(list(tmp_path.glob("*.npz"))) == 2  # another error, another light
 
 
+@pytest.mark.slow
 @vectorized
 def test_a_moving_box_leaves_the_rest_baked():
     still = thicket(Lighting(SKY))

@@ -185,6 +185,7 @@ def analytic_flow(camera, trajectory, frame, other, distance_along):
     return np.stack([u, v], axis=-1), np.arctan(tangents)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "camera",
     [EquirectangularCamera(width=360, height=180), CYLINDER, SECTOR],

@@ -66,6 +66,7 @@ def test_a_blurred_edge_is_a_ramp_around_the_sharp_edge_of_mid_exposure():
     np.testing.assert_allclose(profile, ramp, atol=0.07)  # pixels are a quarter of the ramp wide
 
 
+@pytest.mark.slow
 def test_a_blurred_frame_is_the_mean_of_256_sharp_ones():
     few = SETTINGS.model_copy(update={"samples_per_pixel": 4})
     strobes = SceneRenderer(half_wall(), CAMERA, few)

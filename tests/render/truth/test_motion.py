@@ -134,6 +134,7 @@ def spin_at(time):
     return Rotation.from_rotvec(np.radians(90.0) * time * AXIS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("offset", [np.zeros(3), FAR], ids=["near", "1 km away"])
 def test_plane_sphere_and_moving_box_are_analytic_within_1e_4_px(offset):
     path, oracle = path_at(offset), Oracle(path_at(offset))

@@ -176,6 +176,7 @@ def test_no_flag_of_occlusion_by_the_box_of_a_row_is_wrong(truth, oracle):
         np.testing.assert_array_equal(flags.ravel()[mine], hidden)
 
 
+@pytest.mark.slow
 def test_whole_pixels_agree_with_their_centers_and_with_the_light(renderer, truth):
     found = truth.footprint
     for thing, least in ((1, 1000), (2, 60)):

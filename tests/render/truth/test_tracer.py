@@ -96,6 +96,7 @@ def test_flow_over_a_plane_is_analytic_within_1e_4_px(trajectory, ground):
         assert np.abs(error[seen]).max() < 1e-4
 
 
+@pytest.mark.slow
 def test_flow_over_a_sphere_is_analytic_within_1e_4_px():
     center, radius = np.array([6.0, 1.2, 0.8]), 2.0
     cap = sphere_cap(center, radius, np.asarray(BOTH.position_m))

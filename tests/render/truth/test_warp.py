@@ -49,6 +49,7 @@ def residual(first, second, flow):
     return (warped - first[inside]).std() / first.std()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scene", "trajectory"),
     [

@@ -118,6 +118,7 @@ def test_bark_and_ground_are_smooth_and_leaves_flat(scene):
             assert mesh.metadata["smooth"] == part.endswith(("bark", "ground", "rock"))
 
 
+@pytest.mark.slow
 def test_placements_turn_and_scale_without_distortion(scene):
     for placement in scene.placements:
         linear = placement.to_world[:3, :3]

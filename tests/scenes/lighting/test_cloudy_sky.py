@@ -12,6 +12,7 @@ from megalopta.scenes.world import Asset, Material, Placement, Scene
 WAVELENGTH_NM = 560.0
 
 
+@pytest.mark.slow
 def test_clouds_give_a_horizontal_plane_the_light_of_a_uniform_sky():
     pattern = clouds(3)
     rows, columns = pattern.shape
@@ -21,6 +22,7 @@ def test_clouds_give_a_horizontal_plane_the_light_of_a_uniform_sky():
     assert solid @ pattern.sum(axis=1) == pytest.approx(np.pi, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_clouds_go_around_without_a_seam():
     pattern = clouds(1).astype(float)
     steps = np.abs(np.diff(pattern, axis=1, append=pattern[:, :1])).max(axis=0)
@@ -37,6 +39,7 @@ def plate():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("disc_fraction", [0.0, 0.8])
 def test_a_plate_is_as_bright_as_under_the_uniform_sky_and_sun(disc_fraction):
     light = Light(level="daylight", disc_fraction=disc_fraction, disc_elevation_deg=50)

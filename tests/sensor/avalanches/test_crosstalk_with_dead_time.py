@@ -49,6 +49,7 @@ STRAIGHT = ((-1, 0), (1, 0), (0, -1), (0, 1))
 ALL = (*STRAIGHT, (-1, -1), (-1, 1), (1, -1), (1, 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["nonparalyzable", "paralyzable"])
 @pytest.mark.parametrize("neighbors", [STRAIGHT, ALL], ids=["4", "8"])
 def test_counts_of_coupled_pixels_are_those_of_the_plainest_simulation(kind, neighbors):
@@ -77,6 +78,7 @@ def test_counts_of_coupled_pixels_are_those_of_the_plainest_simulation(kind, nei
         assert abs(mean_z) < 6 and abs(variance_z) < 6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["nonparalyzable", "paralyzable"])
 def test_dark_neighbor_of_a_bright_pixel_counts_its_share_of_the_avalanches(kind):
     # Avalanches of the bright one are a dead time apart, so the dark one is always live, and its

@@ -31,6 +31,7 @@ def z_scores(counts, mean, variance):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("exposure_s", [3.3e-6, 20e-6])
 @pytest.mark.parametrize("start", ["live", "stationary"])
 @pytest.mark.parametrize("gate", GATES, ids=["long", "short", "open first"])

@@ -8,6 +8,7 @@ from megalopta.sensor.effects import AvalancheEffects, DeadTime
 from megalopta.sensor.sampling import generator
 
 
+@pytest.mark.slow
 def test_twilight_pulses_raise_the_rate_as_straka_found():
     # 7 % more counts at 50 per µs: 22 ns of dead time with twilight in its last 3.9 ns
     dead = DeadTime(kind="nonparalyzable", dead_time_s=22e-9, twilight_s=3.9e-9, start="stationary")

@@ -31,6 +31,7 @@ def covered(sensor, frames=400, shape=SHAPE):
     return shares, found
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_in_19_of_20_pixels():
     shares, found = covered(device(seed=21), frames=150, shape=(8, 8))
     # of 64 pixels at 95 %, 48 or fewer are covered with a chance of 7e-8
@@ -47,6 +48,7 @@ def test_intervals_hold_the_truth_over_20_devices():
     assert all(0.93 <= share <= 0.97 for share in mean.values()), mean
 
 
+@pytest.mark.slow
 def test_the_other_kind_of_dead_time_is_named():
     sensor = device(seed=5, kind="nonparalyzable")
     shape = (4, 4)
@@ -67,6 +69,7 @@ def test_steps_of_a_noisy_comb():
     assert np.sqrt(np.nanmean(z**2)) < 1.5
 
 
+@pytest.mark.slow
 def test_a_comb_that_noise_hides_is_left_to_photon_transfer():
     sensor = device(seed=7, read_noise_v=8e-3)
     found = calibrate_device(levels_of(sensor, 400, shape=(8, 8)), adc_of(sensor))
@@ -76,6 +79,7 @@ def test_a_comb_that_noise_hides_is_left_to_photon_transfer():
     assert np.median(found.step_v.value) == pytest.approx(0.01, rel=0.05)
 
 
+@pytest.mark.slow
 def test_hot_pixels_are_marked():
     sensor = device(seed=21)
     found = calibrate_device(levels_of(sensor, 60), adc_of(sensor), hot_times=5)

@@ -47,6 +47,7 @@ def test_the_curve_is_the_sum_of_its_steps():
     np.testing.assert_allclose(curve.numbers(steps, np.array(0.01)), numbers, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slope", [0.0, 0.05])
 def test_the_slope_of_the_step(slope):
     sensor = counting(step_slope=slope)
@@ -76,6 +77,7 @@ def test_afterpulses_of_dark_counts(carriers):
     assert not kernel.is_seen
 
 
+@pytest.mark.slow
 def test_noise_hides_afterpulses():
     sensor = counting(read_noise_v=2.2e-3)
     sensor = changed(sensor, afterpulsing=Afterpulsing(mean_carriers=0.05, delay_s=2e-5))

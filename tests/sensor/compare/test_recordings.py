@@ -28,6 +28,7 @@ def alarms(repeats, first):
     )
 
 
+@pytest.mark.slow
 def test_a_device_against_itself_raises_no_alarm():
     # at 1 %, all of 3 have a chance of 1e-6
     assert alarms(3, first=50) < 3
@@ -57,6 +58,7 @@ def test_a_fifth_more_is_named(name, changed, reference):
     assert found.alarms
 
 
+@pytest.mark.slow
 def test_doubled_crosstalk_is_named():
     more, less = (
         recorded(seed=seed, sensor=camera(crosstalk=share)) for seed, share in ((5, 0.1), (6, 0.05))
@@ -84,6 +86,7 @@ def test_another_order_of_pixels_is_named(words, move, reference, other):
     assert found.alarms
 
 
+@pytest.mark.slow
 def test_small_differences_are_equivalent_though_beyond_chance():
     levels = ((0.02, 0.0),)
     many = [

@@ -144,6 +144,7 @@ def test_estimate_lies_between_first_and_last_current():
     assert first < estimate_current(one) < last
 
 
+@pytest.mark.slow
 def test_pixels_computed_together_equal_pixels_computed_alone():
     rng = np.random.default_rng(0)
     biases, light = rng.uniform(-1e-3, 20e-3, 50), rng.uniform(0, 1e-12, 50)

@@ -7,6 +7,7 @@ from megalopta.sensor.sampling import generator
 TRAPS = Afterpulsing(mean_carriers=0.4, delay_s=1e-6)
 
 
+@pytest.mark.slow
 def test_number_of_carriers_is_poisson():
     rng = generator(0)
     draws = np.array([draw_carriers(rng, 0.7) for _ in range(100_000)])
@@ -14,6 +15,7 @@ def test_number_of_carriers_is_poisson():
     assert np.mean(draws == 0) == pytest.approx(np.exp(-0.7), abs=5 * 0.5 / np.sqrt(draws.size))
 
 
+@pytest.mark.slow
 def test_tabulated_delay_has_the_tabulated_distribution():
     delays, cumulative = np.array([0.0, 1.0, 5.0]), np.array([0.0, 0.8, 1.0])
     rng = generator(1)

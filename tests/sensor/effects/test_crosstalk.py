@@ -55,6 +55,7 @@ def test_mean_conserves_avalanches_away_from_the_edge(shares):
     assert total == pytest.approx(1 / 0.9, rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [(5, 7), (1, 9), (40, 3)])
 @pytest.mark.parametrize("shares", KERNELS)
 def test_moments_solve_their_linear_equations_edges_included(shares, shape):

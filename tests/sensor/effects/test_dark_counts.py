@@ -43,6 +43,7 @@ def test_variance_over_devices_matches_closed_form(dark_counts):
     assert abs(error) < 5 * squares.std() / np.sqrt(values.size)  # false alarm 6e-7
 
 
+@pytest.mark.slow
 def test_spadcam_pixels_have_the_measured_statistics():
     # dissertation §2.4.7; sampling error over a million pixels is below 0.005, the fit's below 0.01
     sensor = preset("spadcam")

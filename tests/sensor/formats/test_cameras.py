@@ -73,6 +73,7 @@ def test_any_flipped_byte_of_the_header_of_spc3_is_refused_or_harmless(tmp_path)
             assert "\n" not in str(problem)
 
 
+@pytest.mark.slow
 def test_swissspad2_half_frames(tmp_path):
     bits = draw(512, 256, 512)
     (tmp_path / "0.bin").write_bytes(np.packbits(bits, axis=2, bitorder="little").tobytes())

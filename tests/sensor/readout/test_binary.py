@@ -25,6 +25,7 @@ def test_chance_is_as_close_as_it_says():
     assert np.abs(error).max() < CHANCE_ERROR
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("p", [0.0, 1e-4, 0.3, 1 - 1e-4, 1.0])
 def test_ones_come_with_their_probability(p):
     mean = -np.log1p(-p) if p < 1 else np.inf
@@ -46,6 +47,7 @@ def test_packing_is_that_of_numpy_along_the_width_most_significant_bit_first():
     np.testing.assert_array_equal(packed, np.packbits(pattern.astype(np.uint8), axis=-1))
 
 
+@pytest.mark.slow
 def test_bits_agree_with_a_counter_of_one_bit():
     sensor = changed(
         IDEAL,

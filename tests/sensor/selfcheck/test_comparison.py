@@ -46,6 +46,8 @@ from megalopta.sensor.selfcheck.distances import GRID, Point, compare, measure
 from megalopta.sensor.selfcheck.measured import check_measured_maps
 from megalopta.sensor.selfcheck.optics import check_falloff, check_lens
 
+pytestmark = pytest.mark.slow
+
 COUNTING = counting_checks(arrivals=1e5)
 
 

@@ -53,6 +53,7 @@ def test_codes_of_light_in_parts_are_of_frames():
     np.testing.assert_array_equal(counts_of_codes(codes, sensor.counter, known)[0], exposure.counts)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("crosstalk", [0.0, 0.2])
 def test_frames_of_one_stream_are_as_random_as_those_of_their_own(crosstalk):
     counter = {"read_noise_v": 0, "adc_bits": 16, "leak_v_s": 0, "leak_sigma_v_s": 0}

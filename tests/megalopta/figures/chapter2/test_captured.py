@@ -14,6 +14,8 @@ from megalopta.figures.chapter2.estimate import Estimate, jackknifed
 from megalopta.sensor import changed, preset
 from megalopta.spadcam import EmulatedCamera, EmulatedPort, Faults, Plate, open_recording
 
+pytestmark = pytest.mark.slow
+
 SENSOR = preset("spadcam")
 NAMES = [f"fig-2.{number}" for number in range(14, 20)]
 

@@ -4,6 +4,7 @@ import pytest
 from megalopta.figures.reproduction import write_figure
 
 
+@pytest.mark.slow
 def test_figure_is_drawn_with_its_numbers(made, tmp_path, check_words):
     figure = made("fig-2.2")
     check_words(figure)

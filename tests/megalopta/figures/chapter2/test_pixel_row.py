@@ -9,6 +9,7 @@ from megalopta.figures.chapter2.pixel_row import (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["fig-2.9", "fig-2.10", "fig-2.11", "fig-2.12"])
 def test_figure_is_drawn_with_its_numbers(drawn, name):
     drawn(name)

@@ -269,6 +269,7 @@ def test_page_of_the_quick_form_says_so(tmp_path):
     assert "Quick form" in text
 
 
+@pytest.mark.slow
 def test_chapter_4_is_written_and_measured_once(tmp_path, monkeypatch):
     asked = []
 
@@ -307,6 +308,7 @@ def test_only_the_quick_form_says_so(name):
     assert "quick" not in whole.details
 
 
+@pytest.mark.slow
 def test_quick_figures_leave_whole_ones_as_they_are(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "run", lambda trials, *_: results(trials))
     monkeypatch.setattr(module, "pixels_of", pictures)
@@ -349,6 +351,7 @@ def test_synthetic_column_is_within_a_factor_of_2_2_of_the_printed_one(method, n
     assert 1 / 2.2 < found / PRINTED[method][0] < 2.2
 
 
+@pytest.mark.slow
 def test_natural_column_of_photographs_is_near_the_printed_one(tmp_path):
     # velocities in which methods need least: BM and IIA, BM, NDM and NDS
     sweep = PHOTOGRAPHED.model_copy(update={"values": (4, 8, 10)})
@@ -395,6 +398,7 @@ def test_printed_threshold_implies_the_information_at_which_ours_would_be_it():
     assert implied_information(seen, printed=40) == pytest.approx(0.5)
 
 
+@pytest.mark.slow
 def test_stars_of_the_information_lie_on_the_lines_of_their_methods():
     figure = drawn("natural-information", pixels=textured)
     rows = [dict(zip(figure.columns, row, strict=True)) for row in figure.rows]

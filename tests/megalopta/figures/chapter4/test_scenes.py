@@ -26,6 +26,7 @@ def templates(monkeypatch):
     return forests
 
 
+@pytest.mark.slow
 def test_forests_are_drawn_with_their_statistics(drawn, templates):
     figure = drawn("fig-4.3")
     rows = {

@@ -71,6 +71,7 @@ def test_threshold_of_a_method_that_takes_counts_is_half_of_its_response_to_brig
     )
 
 
+@pytest.mark.slow
 def test_figure_is_drawn(figure, tmp_path, check_words):
     check_words(figure)
     for path in write_figure(figure, tmp_path):
