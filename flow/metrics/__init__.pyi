@@ -50,3 +50,8 @@ from .translation_bound import (
     cramer_rao_covariance_along_x as cramer_rao_covariance_along_x,
     fisher_information as fisher_information,
 )
+from .unknown_texture import (
+    power_spectrum as power_spectrum,
+    unknown_texture_information as unknown_texture_information,
+    unknown_texture_photons as unknown_texture_photons,
+)

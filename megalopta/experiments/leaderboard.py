@@ -26,6 +26,8 @@ from megalopta.flow.metrics import (
     fisher_information,
     is_within,
     photons_for_half,
+    power_spectrum,
+    unknown_texture_photons,
     variance_efficiency,
 )
 from megalopta.flow.stimuli import MovingTemplate, draw_counts
@@ -67,6 +69,9 @@ class Entry:
 
     cut_bound_photons: float
     """What the bound of all pixels seen, block and margin, needs"""
+
+    unknown_bound_photons: float
+    """What the bound of the block's own pixels needs where the texture is not known"""
 
     ms_per_frame: float
     """CPU time of 240 × 240 px, in this process"""
@@ -110,6 +115,15 @@ def bound_along_x(information: Floats) -> float:
     return bound_photons(cramer_rao_covariance_along_x(information), SPEED_PX, LEVEL)
 
 
+def unknown_bound(clean: Floats, frames: int, margin_px: int = 0) -> float:
+    """Return `bound` where all that is known of the texture is the power spectrum of `clean`."""
+    newest = clean[:, -1]
+    pixels = (GRID.block_px + 2 * margin_px) ** 2
+    return unknown_texture_photons(
+        power_spectrum(newest), float(newest.mean()), pixels, frames, SPEED_PX, LEVEL
+    )
+
+
 def ranked(clean: Floats, methods: Iterable[Method]) -> list[Entry]:
     """Return the methods that give velocities, fewest photons first, on sequences (n, T, H, W)."""
     known, known_with_margin = information(clean), information(clean, MARGIN_PX)
@@ -134,6 +148,7 @@ def ranked(clean: Floats, methods: Iterable[Method]) -> list[Entry]:
             frames,
             bound(known, frames),
             bound(known_with_margin, frames),
+            unknown_bound(clean, frames),
             milliseconds_per_frame(detector, counts(_TIMING_FLUX)[0]),
         )
 

@@ -17,3 +17,4 @@ from .simulation import (
     simulate_events as simulate_events,
     simulate_frame as simulate_frame,
 )
+from .tables import NODES_PER_DECADE as NODES_PER_DECADE

@@ -124,7 +124,7 @@ def _law(mean: float) -> tuple[int, NDArray[np.float64]]:
     first, mode = int(max(mean - reach, 0)), int(mean)
     size = 2 ** int(mean + reach - first).bit_length()
     # P(n) is P(n − 1)·mean/n, from the most likely count on both ways
-    below = np.cumprod(np.arange(mode, first, -1) / max(mean, 1.0))[::-1]
+    below = np.cumprod(np.arange(mode, first, -1) / mean)[::-1]
     above = np.cumprod(mean / np.arange(mode + 1, first + size))
     law = np.concatenate((below, [1.0], above))
     return first, law / law.sum()

@@ -39,7 +39,13 @@ from megalopta.sensor.selfcheck.interplay import interplay_checks
 from megalopta.sensor.selfcheck.measured import check_measured_maps
 from megalopta.sensor.selfcheck.optics import check_falloff, check_lens, check_transmission
 from megalopta.sensor.selfcheck.parts import check_parts
-from megalopta.sensor.selfcheck.readings import check_few_events, reading_checks
+from megalopta.sensor.selfcheck.readings import (
+    check_few_events,
+    check_full_swing,
+    check_paralyzable_law,
+    check_tabulated_laws,
+    reading_checks,
+)
 from megalopta.sensor.selfcheck.stated import (
     check_stated_analog,
     check_stated_conversion,
@@ -55,6 +61,7 @@ from megalopta.sensor.selfcheck.terms import (
     check_frames,
     check_gate_and_jitter,
     check_light,
+    check_poisson_means,
 )
 
 _EFFECTS: dict[str, tuple[Check, ...]] = {
@@ -84,7 +91,7 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
         check_stated_analog,
         check_stated_conversion,
     ),
-    "frames": (check_frames, check_dim_light),
+    "frames": (check_frames, check_dim_light, check_poisson_means),
     "ctia": (
         check_ctia_discharge,
         check_ctia_noise,
@@ -93,7 +100,14 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
         check_leak_floor,
         check_gate_leak,
     ),
-    "readings": (check_few_events, *reading_checks(), *interplay_checks(20_000)),
+    "readings": (
+        check_few_events,
+        check_paralyzable_law,
+        check_tabulated_laws,
+        check_full_swing,
+        *reading_checks(),
+        *interplay_checks(20_000),
+    ),
     "correction": (
         check_correction,
         check_calibration,

@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from megalopta.sensor.avalanches import count_moments
+from megalopta.arrays import Floats
+from megalopta.sensor.avalanches import NODES_PER_DECADE, count_moments
 from megalopta.sensor.effects import Afterpulsing, AvalancheEffects, DeadTime, afterpulsing
 from megalopta.sensor.selfcheck.comparison import Row, exact_row
 
@@ -64,13 +65,15 @@ def check_tabulated_mean() -> Iterator[Row]:
 
     With delays of many dead times τ the counts n per second obey n = x/(1 + x·τ), x = r + p·n. What
     varies about that is 0.1 %, and the tables of one decade together are off by no more.
+
+    Between nodes the ratio to the moments without carriers is the cubic through four of them.
     """
     p, dead_s, dead_times = 0.3, 1e-6, 1000.0
     effects = AvalancheEffects(
         dead_time=DeadTime(kind="nonparalyzable", dead_time_s=dead_s, start="stationary"),
         afterpulsing=Afterpulsing(mean_carriers=p, delay_s=50 * dead_s),
     )
-    arrivals = 10 ** (2.5 + (np.arange(8) + 0.5) / 8)
+    arrivals = 10 ** (2.5 + (np.arange(8) + 0.5) / NODES_PER_DECADE)
     a = arrivals / dead_times
     # x·τ solves y² + (1 − a − p)·y − a = 0
     half = (a + p - 1) / 2
@@ -79,3 +82,22 @@ def check_tabulated_mean() -> Iterator[Row]:
     mean, _ = count_moments(arrivals[None] / exposure_s, exposure_s, effects)
     ratio = float((mean[0] / (dead_times * y / (1 + y))).mean())
     yield exact_row("afterpulsing, dead time", "mean of a decade over theory", 1.0, ratio, 0.005)
+    nodes = 10 ** (2.5 + np.arange(-1, 10) / NODES_PER_DECADE)
+    at_nodes, between = (
+        _ratios(each / exposure_s, exposure_s, effects) for each in (nodes, arrivals)
+    )
+    for quantity, known, found in zip(("mean", "variance"), at_nodes, between, strict=True):
+        cubics = [
+            np.polyval(np.polyfit(np.arange(-1, 3), known[k : k + 4], 3), 0.5) for k in range(8)
+        ]
+        off = float(np.abs(found / cubics - 1).max())
+        yield exact_row("afterpulsing, dead time", f"{quantity} between nodes", 0.0, off, 1e-9)
+
+
+def _ratios(rate_hz: Floats, exposure_s: float, effects: AvalancheEffects) -> list[Floats]:
+    """Mean and variance (n,) over those without carriers."""
+    plain = AvalancheEffects(dead_time=effects.dead_time)
+    with_carriers, without = (
+        count_moments(rate_hz[None], exposure_s, each) for each in (effects, plain)
+    )
+    return [one[0] / other[0] for one, other in zip(with_carriers, without, strict=True)]

@@ -4,11 +4,19 @@ from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
+from scipy.special import comb
+from scipy.stats import poisson
 
 from megalopta.arrays import Floats
 from megalopta.sensor import changed, event_moments
 from megalopta.sensor.counters import AnalogCounter, DigitalCounter
-from megalopta.sensor.ctia import CTIA_PRESETS, CtiaSensor, expose_photocurrent, volt_moments
+from megalopta.sensor.ctia import (
+    CTIA_PRESETS,
+    CtiaNoise,
+    CtiaSensor,
+    expose_photocurrent,
+    volt_moments,
+)
 from megalopta.sensor.effects import DeadTime
 from megalopta.sensor.selfcheck.comparison import Check, Row, exact_row
 from megalopta.sensor.spad import PRESETS, Sensor, expose_rate, reading_moments
@@ -19,6 +27,7 @@ _ANALOG = AnalogCounter(step_v=0.1, swing_v=1.6)
 _SPREAD = changed(
     _ANALOG, adc_bits=7, step_sigma_v=5e-3, leak_v_s=0.5, leak_sigma_v_s=0.05, offset_sigma_v=0.05
 )
+_FINE = AnalogCounter(step_v=0.03, step_sigma_v=6e-4, read_noise_v=1e-3, adc_bits=12)
 _DEAD = DeadTime(kind="nonparalyzable", dead_time_s=2e-3)
 _STRONG = DeadTime(kind="paralyzable", dead_time_s=2e-3)
 
@@ -106,6 +115,64 @@ def check_few_events() -> Iterator[Row]:
         yield exact_row("law of events", quantity, value, float(got.sum()), 1e-3 * value)
 
 
+def check_paralyzable_law() -> Iterator[Row]:
+    """Readings that stop at one to three counts, against the law of arrivals a dead time apart.
+
+    Of m arrivals in an exposure T, live at its start, those count that come more than τ after the
+    one before: with l = 1 − (n − 1 + j)·τ/T where that is positive,
+
+        P(n) = Σ_m e^(−x)·x^m/m! · C(m − 1, n − 1) · Σ_j (−1)^j·C(m − n, j)·l^m.
+    """
+    ideal = PRESETS["ideal"]
+    for x, dead in ((0.5, 0.1), (2.0, 0.04), (2.0, 0.3)):
+        sensor = changed(
+            ideal, dead_time=DeadTime(kind="paralyzable", dead_time_s=dead * ideal.exposure_s)
+        )
+        below = np.cumsum([np.exp(-x), *(_paralyzable_chance(n, x, dead) for n in (1, 2))])
+        for capacity in (1, 2, 3):
+            reached = 1 - below[:capacity]
+            mean = float(reached.sum())
+            square = float((2 * np.arange(capacity) + 1) @ reached)
+            found = reading_moments(
+                np.full((1, 1, 1), x / ideal.exposure_s),
+                changed(sensor, counter=DigitalCounter(capacity=capacity)),
+            )
+            for name, right, got in zip(
+                ("mean", "variance"), (mean, square - mean**2), found, strict=True
+            ):
+                quantity = f"{name}, {x:g} arrivals, τ/T {dead:g}, stops at {capacity}"
+                yield exact_row("paralyzable, law", quantity, right, float(got.sum()), 1e-6)
+
+
+def _paralyzable_chance(n: int, x: float, dead: float) -> float:
+    total = 0.0
+    for m in range(n, 40):
+        j = np.arange(m - n + 1)
+        left = np.maximum(1 - (n - 1 + j) * dead, 0.0) ** m
+        apart = comb(m - 1, n - 1) * np.sum((-1.0) ** j * comb(m - n, j) * left)
+        total += float(poisson.pmf(m, x) * apart)
+    return total
+
+
+def check_tabulated_laws() -> Iterator[Row]:
+    """Analog pixels that differ, half of them full: from a table of laws, and few one by one."""
+    sensor = changed(PRESETS["ideal"], counter=_FINE)
+    rate = np.full((1, 32, 32), 105 / sensor.exposure_s)
+    some = reading_moments(rate, sensor)
+    others = reading_moments(rate[:, :6, :6], sensor)
+    for name, one, other in zip(("mean", "variance"), some, others, strict=True):
+        off = float(np.abs(one[:, :6, :6] / other - 1).max())
+        yield exact_row("law of events", f"{name} from a table, largest error", 0.0, off, 1e-4)
+
+
+def check_full_swing() -> Iterator[Row]:
+    """A CTIA whose readings its noise takes to the end of the swing and back."""
+    noise = CtiaNoise(read_noise_v=0.02)
+    for name, share in (("below", 0.98), ("close to", 0.995)):
+        sensor = changed(CTIA_PRESETS["ctia_si"], noise=noise)
+        yield from _ctia_rows(f"reading, {name} full swing", sensor, 40_000, share)
+
+
 def _spad_rows(name: str, sensor: Sensor, arrivals: float, exposures: int) -> Iterator[Row]:
     rate = np.full((exposures // _SIDE**2, _SIDE, _SIDE), arrivals / sensor.exposure_s)
     counts = expose_rate(rate, sensor, seed=4, sequence=name).counts
@@ -113,10 +180,11 @@ def _spad_rows(name: str, sensor: Sensor, arrivals: float, exposures: int) -> It
     return _rows(name, sensor.unit, counts.astype(np.float64), mean, variance)
 
 
-def _ctia_rows(name: str, sensor: CtiaSensor, exposures: int) -> Iterator[Row]:
+def _ctia_rows(name: str, sensor: CtiaSensor, exposures: int, share: float = 0.3) -> Iterator[Row]:
+    """Two frames in which light alone takes pixels to a share of the swing and somewhat further."""
     side = int(exposures**0.5)
-    light = np.full((2, side, side), 0.3 * sensor.swing_v * sensor.capacitance_f)
-    light[1] *= 1.1
+    light = np.full((2, side, side), share * sensor.swing_v * sensor.capacitance_f)
+    light[1] *= 1.1 if share < 0.9 else 1.01
     light /= sensor.exposure_s
     volts = expose_photocurrent(light, sensor, seed=4, sequence=name, first_frame=9).volts
     return _rows(name, "V", volts, *volt_moments(light, sensor, first_frame=9))

@@ -29,13 +29,14 @@ from megalopta.sensor.effects import (
 )
 from megalopta.sensor.optics import band_efficiency, photon_flux
 from megalopta.sensor.readout import expose_binary, expose_events, histogram, unpack
-from megalopta.sensor.sampling import generator
+from megalopta.sensor.sampling import draw_poisson, generator
 from megalopta.sensor.selfcheck.comparison import (
     Row,
     exact_row,
     law_z,
     mean_row,
     variance_row,
+    worst_of_each,
 )
 from megalopta.sensor.spad import expose_rate, preset, without
 
@@ -202,6 +203,19 @@ def check_dim_light() -> Iterator[Row]:
     counts = expose_rate(rate, sensor, seed=5, sequence="dim").counts.astype(np.int64)
     yield mean_row("dim light", "counts", 0.05, counts)
     yield variance_row("dim light", "variance of counts", 0.05, counts)
+
+
+def check_poisson_means() -> Iterator[Row]:
+    """Means around each for which the Poisson law is tabulated, up to 16."""
+    means = (np.arange(256) + 0.02) / 16
+    counts = draw_poisson(generator(8, "means"), np.repeat(means, 200_000)).reshape(256, -1)
+    yield from worst_of_each(
+        (
+            mean_row("Poisson", "counts (worst mean)", float(mean), some),
+            variance_row("Poisson", "variance of counts (worst mean)", float(mean), some),
+        )
+        for mean, some in zip(means, counts, strict=True)
+    )
 
 
 def check_few_lost() -> Iterator[Row]:

@@ -1,6 +1,7 @@
 """The leaderboard of all velocity methods, and how near the two made for it come to the limit.
 
-Both bounds take the texture as known and no block as mistaken, which no method can at few photons.
+All bounds take no block as mistaken, which no method can at few photons. One takes the texture as
+known; the other knows its power spectrum alone, so that it says what two or eight frames can tell.
 Methods may draw on the margin of a block, so that the bound of the block alone does not limit them
 strictly; that of block and margin, in the table of numbers, does. The bound holds for unbiased
 methods: one that smooths over its neighbors or leans toward a fixed velocity can exceed an
@@ -28,11 +29,13 @@ from megalopta.experiments import (
     information,
     ranked,
     sequences,
+    unknown_bound,
 )
 from megalopta.figures import (
     BLACK,
     BLUE,
     GRAY,
+    GREEN,
     ORANGE,
     Cell,
     Figure,
@@ -58,6 +61,7 @@ def leaderboard(_: Run) -> Figure:
     known, seen = information(clean), information(clean, MARGIN_PX)
     entries = ranked(clean, METHODS)
     two, eight = bound(known, 2), bound(known, 8)
+    unknown = {frames: unknown_bound(clean, frames) for frames in (2, 8)}
 
     return Figure(
         name="leaderboard",
@@ -66,19 +70,21 @@ def leaderboard(_: Run) -> Figure:
             f"In {len(clean)} sequences of dead leaves of 240 × 240 px, which drift by "
             f"{SPEED_PX:.2f} px per frame, each method sees one block of {_BLOCK} with a margin of "
             f"{MARGIN_PX} px and nothing else; on whole frames and photographs, which this run "
-            "does not measure, the order reverses. Beside each bar (whiskers: 95 % of bootstraps; "
+            "does not measure, the order reverses. Green lines: the bound of as many frames where of the "
+            "texture nothing but its power spectrum is known. Beside each bar (whiskers: 95 % of bootstraps; "
             f"hatched: never below 25 % up to {format_flux(FLUXES[-1])} photons) stand its photons "
-            "per frame, the share of them that the bound of as many frames needs, and CPU time per "
-            "frame. "
+            "per frame, the share of them that the bound with known texture needs, and CPU time. "
             f"{frames_collected(entries)}"
         ),
-        draw=lambda canvas: _draw_board(canvas.subplots(), entries, {2: two, 8: eight}),
+        draw=lambda canvas: _draw_board(canvas.subplots(), entries, {2: two, 8: eight}, unknown),
         numbers=columns_of(_row(each, two) for each in entries),
         height_in=0.8 + 0.36 * len(entries),
         details={
             "bounds": {
                 "two_frames": two,
                 "eight_frames": eight,
+                "two_frames_unknown_texture": unknown[2],
+                "eight_frames_unknown_texture": unknown[8],
                 "two_frames_along_x_with_y_known": bound_along_x(known),
                 "two_frames_block_and_margin": bound(seen, 2),
                 "eight_frames_block_and_margin": bound(seen, 8),
@@ -98,6 +104,7 @@ def _row(entry: Entry, two_frame_bound: float) -> dict[str, Cell]:
         "high": entry.high,
         "bound_photons_per_frame": entry.bound_photons,
         "block_and_margin_bound_photons_per_frame": entry.cut_bound_photons,
+        "unknown_texture_bound_photons_per_frame": entry.unknown_bound_photons,
         "efficiency": entry.efficiency,
         "photons_over_two_frame_bound": entry.photons / two_frame_bound,
         "cpu_ms_per_frame": entry.ms_per_frame,
@@ -166,12 +173,19 @@ def _frames_of(names: Sequence[str]) -> str:
     return ", ".join(f"{METHODS[name].label} {METHODS[name].memory_frames + 1}" for name in names)
 
 
-def _draw_board(axes: Axes, entries: Sequence[Entry], bounds: Mapping[int, float]) -> None:
+def _draw_board(
+    axes: Axes,
+    entries: Sequence[Entry],
+    bounds: Mapping[int, float],
+    unknown: Mapping[int, float],
+) -> None:
     """Draw a bar for each method, and the bounds of two and eight frames."""
     for place, entry in enumerate(entries):
         _draw_entry(axes, entry, place)
-    for (frames, flux), dash in zip(bounds.items(), ("--", ":"), strict=True):
-        axes.axvline(flux, color=ORANGE, linestyle=dash, label=f"bound, {frames} frames")
+    for color, texture, fluxes in ((ORANGE, "known", bounds), (GREEN, "unknown", unknown)):
+        for (frames, flux), dash in zip(fluxes.items(), ("--", ":"), strict=True):
+            label = f"bound, texture {texture}, {frames} frames"
+            axes.axvline(flux, color=color, linestyle=dash, label=label)
     axes.set(xscale="log", xlim=(min(*bounds.values(), FLUXES[0]) / 1.6, 40 * FLUXES[-1]))
     axes.set_xticks(10.0 ** np.arange(3, round(math.log10(FLUXES[-1])) + 1))
     axes.minorticks_off()
