@@ -53,6 +53,11 @@ from .metrics.translation_bound import (
     cramer_rao_covariance as cramer_rao_covariance,
     fisher_information as fisher_information,
 )
+from .metrics.unknown_texture import (
+    power_spectrum as power_spectrum,
+    unknown_texture_information as unknown_texture_information,
+    unknown_texture_photons as unknown_texture_photons,
+)
 from .stimuli.moving_template import MovingTemplate as MovingTemplate
 from .stimuli.photons import draw_counts as draw_counts
 from .stimuli.resizing import resize as resize

@@ -30,6 +30,7 @@ from .leaderboard import (
     information as information,
     ranked as ranked,
     sequences as sequences,
+    unknown_bound as unknown_bound,
 )
 from .motion_bench import (
     FRAME_RATE_HZ as FRAME_RATE_HZ,
@@ -99,6 +100,11 @@ from .whole_frame_board import (
     FrameErrors as FrameErrors,
     block_methods as block_methods,
     frame_errors as frame_errors,
+)
+from .whole_frame_forests import (
+    MOVING_VIEWS as MOVING_VIEWS,
+    MovingView as MovingView,
+    forest_clips as forest_clips,
 )
 from .whole_frame_scenes import (
     Clip as Clip,

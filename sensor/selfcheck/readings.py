@@ -166,11 +166,29 @@ def check_tabulated_laws() -> Iterator[Row]:
 
 
 def check_full_swing() -> Iterator[Row]:
-    """A CTIA whose readings its noise takes to the end of the swing and back."""
-    noise = CtiaNoise(read_noise_v=0.02)
+    """A CTIA whose readings its noise takes to the end of the swing and back: ∫ min(v + σz, rail).
+
+    Drawn, and by a sum over the normal law of the noise.
+    """
+    ctia = changed(CTIA_PRESETS["ctia_si"], noise=CtiaNoise(read_noise_v=0.02))
+    still = CtiaNoise(photon_shot=False, dark_shot=False, reset=False)
+    z = np.linspace(-8, 8, 200_001)
+    weights = np.exp(-(z**2) / 2) / np.exp(-(z**2) / 2).sum()
     for name, share in (("below", 0.98), ("close to", 0.995)):
-        sensor = changed(CTIA_PRESETS["ctia_si"], noise=noise)
-        yield from _ctia_rows(f"reading, {name} full swing", sensor, 40_000, share)
+        term = f"reading, {name} full swing"
+        yield from _ctia_rows(term, ctia, 40_000, share)
+        light = np.full((1, 1, 1), share * ctia.swing_v * ctia.capacitance_f / ctia.exposure_s)
+        free = volt_moments(light, changed(ctia, noise=still))[0].item()
+        found = volt_moments(light, changed(ctia, noise=changed(still, read_noise_v=0.02)))
+        volts = np.minimum(free + 0.02 * z, ctia.swing_v)
+        mean = float(weights @ volts)
+        for quantity, right, got in zip(
+            ("mean (V)", "variance (V²)"),
+            (mean, float(weights @ (volts - mean) ** 2)),
+            found,
+            strict=True,
+        ):
+            yield exact_row(term, f"stated {quantity}", right, got.item(), 1e-6 * right)
 
 
 def _spad_rows(name: str, sensor: Sensor, arrivals: float, exposures: int) -> Iterator[Row]:

@@ -70,10 +70,10 @@ def leaderboard(_: Run) -> Figure:
             f"In {len(clean)} sequences of dead leaves of 240 × 240 px, which drift by "
             f"{SPEED_PX:.2f} px per frame, each method sees one block of {_BLOCK} with a margin of "
             f"{MARGIN_PX} px and nothing else; on whole frames and photographs, which this run "
-            "does not measure, the order reverses. Green lines: the bound of as many frames where of the "
-            "texture nothing but its power spectrum is known. Beside each bar (whiskers: 95 % of bootstraps; "
+            "does not measure, the order reverses. Beside each bar (whiskers: 95 % of bootstraps; "
             f"hatched: never below 25 % up to {format_flux(FLUXES[-1])} photons) stand its photons "
-            "per frame, the share of them that the bound with known texture needs, and CPU time. "
+            "per frame, the share of them that the bound of as many frames needs where the texture "
+            "is known (green: only its power spectrum is), and CPU time per frame. "
             f"{frames_collected(entries)}"
         ),
         draw=lambda canvas: _draw_board(canvas.subplots(), entries, {2: two, 8: eight}, unknown),

@@ -12,8 +12,10 @@ from matplotlib.figure import Figure as Canvas
 
 from megalopta.experiments import (
     BLOCK_PX,
+    MOVING_VIEWS,
     PHOTONS_PER_PX,
     FrameErrors,
+    forest_clips,
     frame_errors,
     leaves_clips,
     methods_and_baselines,
@@ -32,11 +34,15 @@ from megalopta.flow.detectors import Method
 from megalopta.progress import progress
 
 _LEAVES, _PANORAMAS = "Dead leaves, four motions", "Forests, a turning camera"
+_PARALLAX = "Forests, a flying camera"
 _FRAMES, _PAIR = 8, 2
 
 
 def whole_frames(run: Run, methods: Sequence[Method] | None = None) -> Figure:
-    """Median endpoint errors on dead leaves and in forests; in quick form less of everything."""
+    """Median endpoint errors on dead leaves and in forests; in quick form less of everything.
+
+    Forests past which a camera flies take minutes to render, so that quick form is without.
+    """
     templates, fluxes = natural_templates(run.cache), PHOTONS_PER_PX
     if run.is_quick:
         templates, fluxes = dict(list(templates.items())[:2]), fluxes[::2]
@@ -44,13 +50,19 @@ def whole_frames(run: Run, methods: Sequence[Method] | None = None) -> Figure:
         _LEAVES: list(leaves_clips(2 if run.is_quick else 6)),
         _PANORAMAS: list(panorama_clips(templates, headings=1 if run.is_quick else 2)),
     }
+    flicker = 0.0
+    if not run.is_quick:
+        with progress("Rendering moving views", len(MOVING_VIEWS) * _FRAMES, "frame") as advance:
+            flown = list(forest_clips(cache=run.cache, after_frame=advance))
+        clips[_PARALLAX] = [clip for clip, _ in flown]
+        flicker = max(noise for _, noise in flown)
     chosen = methods or methods_and_baselines(_FRAMES)
     with progress("Measuring whole frames", sum(map(len, clips.values())), "scene") as advance:
         boards = {
             kind: frame_errors(some, chosen, fluxes, after_scene=advance)
             for kind, some in clips.items()
         }
-    number = " and ".join(str(len(some)) for some in clips.values())
+    number = ", ".join(str(len(some)) for some in clips.values())
     size = " × ".join(map(str, clips[_LEAVES][0].light.shape[1:]))
     return Figure(
         name="whole-frames",
@@ -60,14 +72,22 @@ def whole_frames(run: Run, methods: Sequence[Method] | None = None) -> Figure:
             f"median over blocks of {BLOCK_PX} × {BLOCK_PX} px of the distance from their true "
             "mean velocity, of which the mean over scenes is drawn with what holds it in 95 % of "
             "bootstraps over scenes. On dead leaves the velocity is affine and differs in three "
-            "disks; forests are panoramas seen by a camera that only turns; √ is a "
-            "method that sees roots of counts, 4+4 one that sees sums of four frames."
+            "disks; forests are panoramas seen by a camera that only turns"
+            f"{_flown(flicker)}; √ is a method that sees roots of counts, 4+4 one that sees sums "
+            "of four frames."
         ),
         draw=partial(_draw_boards, boards=boards),
         numbers=columns_of(row for kind, board in boards.items() for row in _rows(kind, board)),
-        height_in=8.6,
+        height_in=2 + 3.3 * len(boards),
         findings=tuple(f"{kind}: {_best(board)}." for kind, board in boards.items()),
     )
+
+
+def _flown(flicker: float) -> str:
+    """Say what is seen with parallax, if anything is."""
+    if not flicker:
+        return ""
+    return f", or rendered with parallax, where up to {100 * flicker:.1f} % of a pixel flickers"
 
 
 def _rows(kind: str, board: Sequence[FrameErrors]) -> list[Mapping[str, Cell]]:
@@ -87,16 +107,23 @@ def _rows(kind: str, board: Sequence[FrameErrors]) -> list[Mapping[str, Cell]]:
 
 
 def _best(board: Sequence[FrameErrors]) -> str:
-    """Say which methods have the least error at each flux."""
+    """Say which methods have the least error at each flux, with those whose intervals reach it."""
     return "; ".join(
         f"of {kind}, the least error has "
         + ", ".join(
-            f"{min(some, key=lambda each: each.mean[place]).detector.name} at {flux:g}"
-            for place, flux in enumerate(some[0].fluxes)
+            f"{_leaders(some, place)} at {flux:g}" for place, flux in enumerate(some[0].fluxes)
         )
         for kind, some in _by_frames(board).items()
         if some
     )
+
+
+def _leaders(board: Sequence[FrameErrors], place: int) -> str:
+    first, *others = sorted(board, key=lambda each: float(each.mean[place]))
+    level = [
+        each.detector.name for each in others if each.interval[0][place] <= first.interval[1][place]
+    ]
+    return first.detector.name + (f" (level with {', '.join(level)})" if level else "")
 
 
 def _by_frames(board: Sequence[FrameErrors]) -> dict[str, list[FrameErrors]]:
@@ -106,7 +133,9 @@ def _by_frames(board: Sequence[FrameErrors]) -> dict[str, list[FrameErrors]]:
 
 def _draw_boards(canvas: Canvas, boards: Mapping[str, Sequence[FrameErrors]]) -> None:
     """Draw a row of panels for each kind of scenes, a column for each number of frames."""
-    panels = canvas.subplots(len(boards) + 1, 2, sharex=True, height_ratios=(1, 1, 0.42))
+    panels = canvas.subplots(
+        len(boards) + 1, 2, sharex=True, height_ratios=(*[1] * len(boards), 0.42)
+    )
     for row, (kind, board) in zip(panels, boards.items(), strict=False):
         for axes, (frames, some) in zip(row, _by_frames(board).items(), strict=True):
             for each in some:
