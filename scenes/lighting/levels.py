@@ -2,7 +2,7 @@
 
 Each has an illuminance, after the dissertation, §1.1, and what is stronger than the night sky makes
 up what airglow and starlight leave. Four of five parts of the light of sun or moon come from its
-disc, 0.53° wide. The moonless forest floor is what Kelber et al. (2006, Biology Letters 2, 83) give
+disc, 0.53° wide. The moonless forest floor is what Kelber et al. (2006, Behav. Ecol. 17, 63) give
 for the dimmest light that *Megalopta* flies in, 1e-4 cd/m² of a white surface: for scenes that hold
 no trees, and for readings. A forest shades itself; give it `starlight`.
 """
