@@ -23,7 +23,7 @@ from megalopta.config.model import Configuration, load
 from megalopta.render import RenderNoise, RunningMean, SceneRenderer, frame_seed
 from megalopta.render.baking.light import BakedLight
 from megalopta.scenes.build import build_scene
-from megalopta.scenes.lighting.levels import LEVELS
+from megalopta.scenes.lighting import LEVELS
 
 _REFERENCE = 32
 

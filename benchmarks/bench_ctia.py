@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from megalopta.scenes.spectra.airglow import AIRGLOW
+from megalopta.scenes.spectra.airglow import MOONLESS_ZENITH
 from megalopta.sensor import CtiaSensor, ctia_preset, expose_ctia, expose_photocurrent, photocurrent
 from megalopta.sensor.ctia.photodiode import ELEMENTARY_CHARGE_C
 from megalopta.sensor.sampling.streams import generator
@@ -40,7 +40,7 @@ def ratio(ours: Callable[[], object], reference: Callable[[], object]) -> float:
 
 def night() -> np.ndarray:
     """Radiance (T, H, W, B)."""
-    means = [AIRGLOW(np.linspace(*band, 1025)).mean() for band in BANDS_NM]
+    means = [MOONLESS_ZENITH(np.linspace(*band, 1025)).mean() for band in BANDS_NM]
     strength = np.random.default_rng(0).uniform(0.5, 1.5, (*SHAPE, 1))
     return np.asarray(strength * means, np.float32)
 

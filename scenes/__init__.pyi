@@ -12,7 +12,7 @@ from .cameras.panoramic import (
 from .cameras.perspective import PerspectiveCamera as PerspectiveCamera
 from .forest.description import Forest as Forest
 from .forest.sway import Wind as Wind
-from .lighting.levels import Light as Light
+from .lighting.light import Light as Light
 from .moving_objects import MovingObject as MovingObject
 from .shutter import Shutter as Shutter
 from .stimuli.grating import Grating as Grating

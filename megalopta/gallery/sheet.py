@@ -80,13 +80,14 @@ def _cells(
     }
     settings = Configuration.model_validate(values)
     scene = build(settings)
-    rendered: dict[float, tuple[Configuration, NDArray[np.float32]]] = {}
+    rendered: dict[str, tuple[Configuration, NDArray[np.float32]]] = {}
     for level, light in LEVELS.items():
-        # Levels that share their directions of light differ by a factor in each band.
-        if light.disc_fraction not in rendered:
+        # Under an even sky levels differ by a factor in each band; a disc has a share in each.
+        directions = level if light.disc else "sky"
+        if directions not in rendered:
             lit = _under(settings, level)
-            rendered[light.disc_fraction] = lit, _radiance(lit, scene)
-        lit, radiance = rendered[light.disc_fraction]
+            rendered[directions] = lit, _radiance(lit, scene)
+        lit, radiance = rendered[directions]
         yield _cell(name, level, lit, radiance * light_scale(lit, level).astype(np.float32))
         advance()
 

@@ -42,6 +42,11 @@ class Pilot:
         light.bake(np.flatnonzero(seen).astype(np.uint32))
         light.smooth()
 
+    @property
+    def rays(self) -> int:
+        """Of a frame, those that are looked along at once."""
+        return len(range(0, self._camera.width * self._camera.height, self._step))
+
     def standing_error(self, look: Callable[[Any], list[Any]]) -> float:
         """RMS of the standing error over the mean radiance, of pixels of surfaces alone.
 

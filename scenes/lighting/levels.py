@@ -1,28 +1,43 @@
-"""Outdoor light in absolute units: named levels from daylight to an overcast night, or any lux.
+"""Light levels by name, from daylight to an overcast night: sums of the lights that there are.
 
-The level fixes what an unshaded horizontal plane receives. A share of it comes from the disc of sun
-or moon, 0.53° wide, the rest from a uniform sky; both have a Planckian spectrum. Levels after the
-dissertation, §1.1; color temperatures are typical measured values. Real skies have gradients and
-clouds, which this model leaves out.
-
-Moon and airglow have spectra of their own in place of a Planckian. Use `airglow` for a moonless sky
-beyond 900 nm, where it is twenty times as bright as `starlight` says.
+Each has an illuminance, after the dissertation, §1.1, and what is stronger than the night sky makes
+up what airglow and starlight leave. Four of five parts of the light of sun or moon come from its
+disc, 0.53° wide. The moonless forest floor is what Kelber et al. (2006, Behav. Ecol. 17, 63) give
+for the dimmest light that *Megalopta* flies in, 1e-4 cd/m² of a white surface: for scenes that hold
+no trees, and for readings. A forest shades itself; give it `starlight`.
 """
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Literal, get_args
+from typing import Literal, get_args
 
-from pydantic import Field, model_validator
-
-from megalopta.record import Record
-from megalopta.scenes.spectra import AIRGLOW, MOONLIGHT, Spectrum, luminous, planckian
-from megalopta.scenes.world import Lighting, Sun
+from megalopta.scenes.lighting.components import (
+    AIRGLOW_SKY,
+    DAY,
+    FAINT_STARS,
+    FULL,
+    QUARTER,
+    STARS,
+    TWILIT_SKY,
+    Component,
+    overcast,
+)
+from megalopta.scenes.spectra import Spectrum, total
 
 LevelName = Literal[
-    "daylight", "twilight", "full_moon", "quarter_moon", "starlight", "airglow", "overcast_night"
+    "daylight",
+    "twilight",
+    "full_moon",
+    "quarter_moon",
+    "starlight",
+    "airglow",
+    "moonless_forest_floor",
+    "overcast_night",
 ]
+
+DISC_FRACTION = 0.8
+"""Share of the light of sun or moon that comes from the disc."""
 
 
 @dataclass(frozen=True)
@@ -31,87 +46,66 @@ class Level:
 
     illuminance_lux: float
     """On an unshaded horizontal plane."""
-    shape: Spectrum
-    """Of sky and disc, in any unit."""
-    disc_fraction: float
-    """Share of the illuminance that comes from the disc of sun or moon."""
+    components: tuple[Component, ...]
+    """The lights that make it up; they give the illuminance together."""
 
     def spectrum(self) -> Spectrum:
         """Irradiance of an unshaded horizontal plane, W·m⁻²·nm⁻¹."""
-        return self.shape.scaled(self.illuminance_lux / luminous(self.shape))
+        return total([each.irradiance for each in self.components])
 
+    @property
+    def disc(self) -> Component | None:
+        """The light of the disc of sun or moon, where there is one."""
+        return next((each for each in self.components if each.is_disc), None)
+
+    @property
+    def disc_fraction(self) -> float:
+        """Share of the illuminance that comes from the disc of sun or moon."""
+        return self.disc.illuminance_lux / self.illuminance_lux if self.disc else 0.0
+
+
+def shared(lights: tuple[Component, Component], lux: float, disc_fraction: float) -> Level:
+    """Disc and sky of sun or moon that give an illuminance together."""
+    disc, sky = lights
+    parts = (disc.giving(lux * disc_fraction), sky.giving(lux * (1 - disc_fraction)))
+    return Level(lux, tuple(each for each in parts if max(each.irradiance.values)))
+
+
+def scaled(illuminance_lux: float, components: tuple[Component, ...]) -> Level:
+    """Lights made stronger or weaker alike until they give an illuminance."""
+    factor = illuminance_lux / sum(each.illuminance_lux for each in components)
+    return Level(illuminance_lux, tuple(each.scaled(factor) for each in components))
+
+
+def _above_night(illuminance_lux: float, *lights: Component) -> Level:
+    """Lights that give what the night sky leaves, disc and sky by their share."""
+    rest = illuminance_lux - sum(each.illuminance_lux for each in _NIGHT)
+    if len(lights) == 2:
+        parts = shared((lights[0], lights[1]), rest, DISC_FRACTION).components
+    else:
+        parts = (lights[0].giving(rest),)
+    return Level(illuminance_lux, (*parts, *_NIGHT))
+
+
+_STARLIGHT_LUX = 1e-3
+_NIGHT = (AIRGLOW_SKY, STARS.giving(_STARLIGHT_LUX - AIRGLOW_SKY.illuminance_lux))
+"""A moonless sky; its stars are four fifths as bright as published."""
+_DARKEST = (AIRGLOW_SKY, FAINT_STARS)
 
 LEVELS: Mapping[str, Level] = {
-    "daylight": Level(1e5, planckian(6500), 0.8),
-    "twilight": Level(1.0, planckian(9000), 0.0),
-    "full_moon": Level(0.25, MOONLIGHT, 0.8),
-    "quarter_moon": Level(1e-2, MOONLIGHT, 0.8),
-    "starlight": Level(1e-3, planckian(4500), 0.0),
-    # three digits, for people to read: 0.02 % off the table
-    "airglow": Level(round(math.pi * luminous(AIRGLOW), 6), AIRGLOW, 0.0),
-    "overcast_night": Level(1e-4, planckian(4500), 0.0),
+    "daylight": shared(DAY, 1e5, DISC_FRACTION),
+    "twilight": _above_night(1.0, TWILIT_SKY),
+    "full_moon": _above_night(0.25, *FULL),
+    "quarter_moon": _above_night(1e-2, *QUARTER),
+    "starlight": Level(_STARLIGHT_LUX, _NIGHT),
+    # three digits, for people to read: 0.03 % off the table
+    "airglow": scaled(8.19e-4, _DARKEST),
+    "moonless_forest_floor": scaled(math.pi * 1e-4, _NIGHT),
+    "overcast_night": scaled(1e-4, (overcast(_NIGHT),)),
 }
 
 DIMMEST_LUX, BRIGHTEST_LUX = 1e-12, 1e9
 """Beyond all that there is outdoors, by eight and four orders of magnitude."""
-
-
-class Light(Record, frozen=True):
-    """The light outside: a named level, any part of which can be overridden."""
-
-    level: LevelName = "twilight"
-    """Named light level: sets illuminance, color and the share of the disc."""
-
-    illuminance_lux: Annotated[float, Field(ge=DIMMEST_LUX, le=BRIGHTEST_LUX)] | None = None
-    """Illuminance of an unshaded horizontal plane (lux); None takes the level's."""
-
-    color_temperature_k: Annotated[float, Field(ge=1000, le=40000)] | None = None
-    """Temperature of the Planckian spectrum (K); None takes the level's. Not for airglow."""
-
-    disc_fraction: Annotated[float, Field(ge=0, le=1)] | None = None
-    """Share of the illuminance from the disc of sun or moon; None takes the level's."""
-
-    disc_azimuth_deg: float = 120.0
-    """Direction of the disc, counterclockwise from +x (degrees)."""
-
-    disc_elevation_deg: Annotated[float, Field(gt=0, le=90)] = 50.0
-    """Height of the disc above the horizon (degrees)."""
-
-    @model_validator(mode="after")
-    def _airglow_keeps_its_spectrum(self) -> "Light":
-        for field in ("color_temperature_k", "disc_fraction"):
-            if self.level == "airglow" and getattr(self, field) is not None:
-                raise ValueError(
-                    f"{field} {getattr(self, field):g}: level 'airglow' has a spectrum of its own "
-                    "and no disc; leave it out, or choose another level"
-                )
-        return self
-
-    def resolved(self) -> Level:
-        """The level with all overrides applied."""
-        named, temperature_k = LEVELS[self.level], self.color_temperature_k
-        return Level(
-            _first(self.illuminance_lux, named.illuminance_lux),
-            named.shape if temperature_k is None else planckian(temperature_k),
-            _first(self.disc_fraction, named.disc_fraction),
-        )
-
-    def lighting(self) -> Lighting:
-        """Sky radiance and disc irradiance that give the level's illuminance."""
-        level = self.resolved()
-        horizontal = level.spectrum()
-        elevation = math.radians(self.disc_elevation_deg)
-        azimuth = math.radians(self.disc_azimuth_deg)
-        direction = (
-            math.cos(elevation) * math.cos(azimuth),
-            math.cos(elevation) * math.sin(azimuth),
-            math.sin(elevation),
-        )
-        facing = horizontal.scaled(level.disc_fraction / math.sin(elevation))
-        return Lighting(
-            sky=horizontal.scaled((1 - level.disc_fraction) / math.pi),
-            sun=Sun(direction, facing) if level.disc_fraction else None,
-        )
 
 
 def illuminance_of(level: str | float) -> float:
@@ -132,7 +126,3 @@ def illuminance_of(level: str | float) -> float:
             f"light level {level:g} lux: give between {DIMMEST_LUX:g} and {BRIGHTEST_LUX:g} lux"
         )
     return float(level)
-
-
-def _first(override: float | None, named: float) -> float:
-    return named if override is None else override

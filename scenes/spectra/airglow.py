@@ -1,4 +1,4 @@
-"""Airglow: the light of the moonless night sky, 0.37 to 1.8 µm, in absolute units.
+"""The moonless night sky, 0.37 to 1.8 µm, in absolute units, and what of it is airglow.
 
 On a moonless night most of the short-wave infrared comes from hydroxyl some 87 km up (the Meinel
 bands) and from molecular oxygen (1.27 µm). From 0.89 µm on the table is the radiance of the zenith
@@ -13,7 +13,7 @@ seen from the ground, in means over 20 nm, put together from published figures:
 - oxygen: what is then missing at 1.17 to 1.33 µm from 16.5 mag·arcsec⁻² in J (same sources,
   3.129e-9 W·m⁻²·µm⁻¹), all of it at 1.26 to 1.28 µm. It comes to 11 kilorayleigh.
 
-Below, where stars and zodiacal light have the larger part, it is five broad bands: 22.3, 22.6,
+Below, where stars and zodiacal light have a part, it is five broad bands: 22.3, 22.6,
 21.6, 20.9 and 19.7 mag·arcsec⁻² in U, B, V, R and I, the mean over Paranal (Patat 2003, A&A 400,
 1183), at the effective wavelengths and zero points of Bessell et al. (1998, A&A 333, 231). That
 makes 0.8 mlux, and 117 µW/m² at 0.9 to 1.7 µm, on a horizontal plane.
@@ -22,14 +22,20 @@ Checks that were not put in: the OH(4-2) band then has 78 kilorayleigh, and 80 i
 lines, at 1.1913 µm, 4.5e-9 W·m⁻²·sr⁻¹·nm⁻¹ were measured (Nguyen et al. 2016, arXiv:1510.07567),
 where the 590 photons make 4.2e-9.
 
+Airglow is what is left of it without 75 S10 of zodiacal light and scattered starlight (Benn and
+Ellison 1998, La Palma Technical Note 115; bright stars and the Milky Way were avoided). That is 220
+S10 at V, where they give 145 to 270, from the least to the most active sun; the table was measured
+near the most.
+
 How far to trust it: a mean over 100 nm or more is good to some 20 % for a usual sky, as far as its
 sources agree; a single value of the table is not, for lines fall to one side or the other of an
 edge. Real airglow changes by a factor of two within a night, grows toward the horizon by up to a
-factor of six (van Rhijn) and has moving waves; here it is the same everywhere. Clouds are left out.
-Beyond its ends the table is constant and means nothing.
+factor of six (van Rhijn) and has moving waves; here it is the same everywhere. Beyond its ends the
+table is constant and means nothing.
 """
 
 from megalopta.scenes.spectra.spectrum import Spectrum
+from megalopta.scenes.spectra.starlight import S10, STARLIGHT, V_NM
 
 # nm, nW·cm⁻²·sr⁻¹·µm⁻¹
 _VISIBLE = ((366.0, 0.214), (438.0, 0.245), (545.0, 0.354), (641.0, 0.404), (798.0, 0.632))
@@ -48,10 +54,26 @@ _RADIANCE = (
 _SI = 1e-8
 """From nW·cm⁻²·sr⁻¹·µm⁻¹ to W·m⁻²·sr⁻¹·nm⁻¹."""
 
-_INFRARED = tuple((_FIRST_NM + _STEP_NM * step, value) for step, value in enumerate(_RADIANCE))
+# A mean holds from edge to edge, but for 1 nm: linear between middles, light would leave bands.
+_HALF_NM = _STEP_NM / 2 - 0.5
+_INFRARED = tuple(
+    (_FIRST_NM + _STEP_NM * step + side, value)
+    for step, value in enumerate(_RADIANCE)
+    for side in (-_HALF_NM, _HALF_NM)
+)
 
-AIRGLOW = Spectrum(
+MOONLESS_ZENITH = Spectrum(
     tuple(wavelength for wavelength, _ in _VISIBLE + _INFRARED),
     tuple(_SI * value for _, value in _VISIBLE + _INFRARED),
 )
-"""Radiance of the moonless zenith, W·m⁻²·sr⁻¹·nm⁻¹."""
+"""Radiance of the moonless zenith, away from the Milky Way, W·m⁻²·sr⁻¹·nm⁻¹."""
+
+FAINT_STARLIGHT = STARLIGHT.scaled(75 * S10 / float(STARLIGHT(V_NM)))
+"""What of it comes from beyond the atmosphere, W·m⁻²·sr⁻¹·nm⁻¹."""
+
+_GRID_NM = sorted({*MOONLESS_ZENITH.wavelengths_nm, *FAINT_STARLIGHT.wavelengths_nm})
+AIRGLOW = Spectrum(
+    tuple(_GRID_NM),
+    tuple((MOONLESS_ZENITH(_GRID_NM) - FAINT_STARLIGHT(_GRID_NM)).tolist()),
+)
+"""Radiance of airglow at the zenith, W·m⁻²·sr⁻¹·nm⁻¹."""

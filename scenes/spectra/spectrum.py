@@ -1,5 +1,6 @@
 """A piecewise linear function of wavelength, constant beyond its ends."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,3 +40,10 @@ class Spectrum:
 def flat(value: float) -> Spectrum:
     """Return the spectrum that is `value` at every wavelength."""
     return Spectrum((550.0,), (value,))
+
+
+def total(spectra: Sequence[Spectrum]) -> Spectrum:
+    """Return the sum of spectra, exact at all wavelengths; of none it is 0."""
+    wavelengths = sorted({each for spectrum in spectra for each in spectrum.wavelengths_nm})
+    values = sum((spectrum(wavelengths) for spectrum in spectra), np.zeros(len(wavelengths)))
+    return Spectrum(tuple(wavelengths), tuple(map(float, values))) if spectra else flat(0.0)

@@ -12,7 +12,7 @@ from megalopta.config.model import built_in_names
 from megalopta.dataset import read_radiance_frames, read_truth_frames
 from megalopta.errors import UserError
 from megalopta.report import write_report
-from megalopta.scenes.spectra import AIRGLOW
+from megalopta.scenes.spectra import MOONLESS_ZENITH
 from megalopta.sensor import (
     CtiaSensor,
     DacBias,
@@ -65,7 +65,7 @@ def test_radiance_of_the_open_sky_is_that_of_airglow(night):
     # away from branches, which a pixel's single path may hit although its center does not
     open_sky = binary_erosion(nothing, np.ones((1, 3, 3)))
     assert open_sky.sum() > 100
-    expected = [AIRGLOW(np.linspace(*band, 20001)).mean() for band in bands]
+    expected = [MOONLESS_ZENITH(np.linspace(*band, 20001)).mean() for band in bands]
     seen = radiance[open_sky].astype(np.float64)
     error = seen.std(axis=0) / np.sqrt(len(seen))
     assert (np.abs(seen.mean(axis=0) - expected) < 5 * error).all()  # false alarm 2e-6 of 4 bands
@@ -123,7 +123,7 @@ def test_levels_change_the_spectrum_between_moon_and_airglow():
     grids = [np.linspace(*band, 20001) for band in bands]
     rendered = np.array([moon(grid).mean() for grid in grids])
     relit = rendered * light_scale(settings, "airglow")
-    expected = [math.pi * AIRGLOW(grid).mean() for grid in grids]
+    expected = [math.pi * MOONLESS_ZENITH(grid).mean() for grid in grids]
     np.testing.assert_allclose(relit, expected, rtol=1e-3)  # of three digits in lux
 
 

@@ -4,8 +4,8 @@ import trimesh
 
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.scenes import PerspectiveCamera, Trajectory
+from megalopta.scenes.lighting import Light
 from megalopta.scenes.lighting.cloudy_sky import DOME_M, LOWEST_DEG, clouds, under_clouds
-from megalopta.scenes.lighting.levels import Light
 from megalopta.scenes.spectra import flat
 from megalopta.scenes.world import Asset, Material, Placement, Scene
 

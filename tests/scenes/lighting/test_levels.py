@@ -2,59 +2,126 @@ import math
 
 import numpy as np
 import pytest
-from scipy.constants import sigma
 
-from megalopta.scenes.lighting.levels import LEVELS, Light, illuminance_of
-from megalopta.scenes.spectra import Spectrum, flat, luminous, luminous_efficiency, planckian
+from megalopta.scenes.lighting import LEVELS, SOURCES, illuminance_of
+from megalopta.scenes.spectra import luminous
+
+LUX = {
+    "daylight": 1e5,
+    "twilight": 1.0,
+    "full_moon": 0.25,
+    "quarter_moon": 1e-2,
+    "starlight": 1e-3,
+    "airglow": 8.19e-4,
+    "moonless_forest_floor": math.pi * 1e-4,  # 1e-4 cd/m² of white: Kelber et al. 2006
+    "overcast_night": 1e-4,
+}
+BANDS = ((400, 700), (700, 900), (900, 1100), (1100, 1400), (1400, 1700))
+
+# W/m² and lux: ASTM G173-03 (direct) and SPCTRL2 (sky) at all of their wavelengths
+SUN, SUN_LUX = np.array((374.8, 191.2, 113.9, 82.69, 53.03)), 97.13e3
+SKY, SKY_LUX = np.array((56.54, 10.7, 4.119, 2.173, 0.9256)), 12.67e3
+# Kieffer and Stone (2005), by the middle of a band's light; over the mean that the eye sees
+FULL = np.interp(
+    (545, 795, 1010, 1225, 1570),
+    (441.6, 549.1, 665.1, 865.3, 1059.5, 1243.2, 1538.7, 1633.6),
+    (0.81, 1.00, 1.23, 1.38, 1.52, 1.62, 1.90, 1.92),
+)
+QUARTER = 1 + 1.39 * (np.array((545, 795, 1010, 1225, 1570)) - 550) / 1000
+
+
+def irradiance(level):
+    spectrum = LEVELS[level].spectrum()
+    grids = [np.linspace(*band, 3001) for band in BANDS]
+    return np.array([np.trapezoid(spectrum(grid), grid) for grid in grids])
+
+
+def published(light, lux, reflectance=1.0):
+    """W/m² in the bands, as bright as the eye sees 1 lux, of a published spectrum and its lux."""
+    return light * reflectance / lux
+
+
+def night(level):
+    """Published radiance of the moonless sky at B, V, R, I and H, W·m⁻²·sr⁻¹·nm⁻¹, and the level's."""
+    photometry = (  # Patat (2003) and Cuby et al. (2000), zero points of Bessell et al. and Cohen
+        ((438, 438), 22.6, 6.32e-8),
+        ((545, 545), 21.6, 3.631e-8),
+        ((641, 641), 20.9, 2.177e-8),
+        ((798, 798), 19.7, 1.126e-8),
+        ((1510, 1790), 14.4, 1.133e-9),
+    )
+    arcsec2_sr = math.radians(1 / 3600) ** 2
+    sky = [zero / 1000 * 10 ** (-0.4 * each) / arcsec2_sr for _, each, zero in photometry]
+    spectrum = LEVELS[level].spectrum()
+    seen = [spectrum(np.linspace(*band, 2801)).mean() / math.pi for band, _, _ in photometry]
+    return np.array(sky), np.array(seen)
 
 
 @pytest.mark.parametrize("level", LEVELS)
-def test_sky_and_disc_together_give_the_named_illuminance(level):
-    lighting = Light(level=level).lighting()
-    lux = math.pi * luminous(lighting.sky)
-    if lighting.sun:
-        lux += luminous(lighting.sun.irradiance) * lighting.sun.direction[2]
-    assert lux == pytest.approx(LEVELS[level].illuminance_lux, rel=1e-12)
+def test_components_add_up_to_the_named_illuminance(level):
+    lux = sum(each.illuminance_lux for each in LEVELS[level].components)
+    assert lux == pytest.approx(LUX[level], rel=0.02)
+    assert lux == pytest.approx(luminous(LEVELS[level].spectrum()), rel=1e-9)
+    assert lux == pytest.approx(illuminance_of(level), rel=1e-9)
 
 
-def test_overrides_replace_parts_of_a_level():
-    light = Light(level="full_moon", illuminance_lux=3.0, disc_fraction=0.0)
-    assert light.lighting().sun is None
-    assert math.pi * luminous(light.lighting().sky) == pytest.approx(3.0)
+@pytest.mark.parametrize("level", LEVELS)
+def test_every_component_names_its_source(level):
+    assert all(SOURCES[each.name] for each in LEVELS[level].components)
 
 
-def test_airglow_can_be_stronger_but_not_of_another_color():
-    usual, strong = (
-        Light(level="airglow", illuminance_lux=lux).lighting().sky(1600.0)
-        for lux in (None, 1.638e-3)
-    )
-    assert strong == pytest.approx(2 * usual, rel=1e-9)
-    for field, value in (("color_temperature_k", 4000.0), ("disc_fraction", 0.5)):
-        with pytest.raises(ValueError, match=f"{field} .*spectrum of its own"):
-            Light.model_validate({"level": "airglow", field: value})
+def test_daylight_is_the_published_sun_and_sky_in_five_bands():
+    expected = 0.8e5 * published(SUN, SUN_LUX) + 0.2e5 * published(SKY, SKY_LUX)
+    np.testing.assert_allclose(irradiance("daylight"), expected, rtol=0.05)
 
 
-def test_disc_direction_is_a_unit_vector_toward_azimuth_and_elevation():
-    sun = Light(level="daylight", disc_azimuth_deg=90, disc_elevation_deg=30).lighting().sun
-    np.testing.assert_allclose(sun.direction, [0, math.cos(math.pi / 6), 0.5], atol=1e-12)
+@pytest.mark.parametrize(
+    ("level", "lux", "disc"), [("full_moon", 0.25, FULL), ("quarter_moon", 0.01, QUARTER)]
+)
+def test_moonlit_nights_are_the_published_moon_and_night_sky_in_five_bands(level, lux, disc):
+    moon = lux - 1e-3
+    expected = 0.8 * moon * published(SUN, SUN_LUX, disc / disc[0])
+    expected += 0.2 * moon * published(SKY, SKY_LUX, disc / disc[0])
+    expected += irradiance("starlight")  # which has a test of its own
+    np.testing.assert_allclose(irradiance(level), expected, rtol=0.05)
 
 
-def test_integral_of_luminous_efficiency_is_the_cie_value():
-    grid = np.arange(360.0, 831.0)
-    # 106.857 nm is the integral of the CIE's 1 nm table.
-    assert np.trapezoid(luminous_efficiency(grid), grid) == pytest.approx(106.857, rel=1e-4)
+def test_dark_sky_is_the_published_one_in_five_bands():
+    sky, seen = night("airglow")
+    np.testing.assert_allclose(seen, sky, rtol=0.05)
 
 
-def test_planckian_peaks_by_wiens_law_and_falls_like_stefan_boltzmann_predicts():
-    spectrum = planckian(5000)
-    peak = spectrum.wavelengths_nm[int(np.argmax(spectrum.values))]
-    assert peak == pytest.approx(2.897771955e6 / 5000, abs=10)  # grid step
-    # Tables of the black body: 0.9142 of the total lies below λT = 10 000 µm·K, 0.0128 below 1500.
-    grid = np.linspace(300, 2000, 20001)
-    scale = 2 * math.pi * 6.62607015e-34 * 299792458**2
-    at_peak = scale / (peak * 1e-9) ** 5 / math.expm1(0.01438776877 / (peak * 1e-9 * 5000))
-    total = np.trapezoid(spectrum(grid), grid) * 1e-9 * at_peak
-    assert total / (sigma * 5000**4) == pytest.approx(0.9142 - 0.0128, abs=2e-3)
+def test_starry_sky_is_the_dark_one_and_what_else_there_is_of_starlight():
+    sky, seen = night("starlight")
+    # 201 S10 at V for all of the sky, of which 75 are in the dark one; less what the air takes, and
+    # a fifth that the named illuminance leaves out
+    s10 = 3.631e-11 * 10 ** (-0.4 * 27.78) / math.radians(1 / 3600) ** 2
+    more = (201 * 0.87 * 0.8 - 75) * s10 * np.array((0.9, 1.0, 1.0, 0.8, 0.25))
+    np.testing.assert_allclose(seen, sky + more, rtol=0.05)
+
+
+def test_moonless_forest_floor_is_a_white_surface_of_kelber():
+    assert illuminance_of("moonless_forest_floor") / math.pi == pytest.approx(1e-4)
+
+
+def test_twilight_is_the_published_zenith_in_five_bands():
+    # Patat et al. (2006) with the sun 6.4° below the horizon, at B, V, R and I, over that at V; and
+    # at 1.25 µm sunlight of the ground times λ⁻⁴ from I: 82.69 / 191.2 W/m² over 300 and 200 nm
+    magnitudes = np.array((13.735, 13.853, 13.469, 12.866))
+    zero_points = np.array((6.32, 3.631, 2.177, 1.126))
+    expected = zero_points * 10 ** (-0.4 * (magnitudes - 13.853)) / 3.631
+    spectrum = LEVELS["twilight"].spectrum()
+    seen = spectrum(np.array((438.0, 545, 641, 798))) / spectrum(545.0)
+    np.testing.assert_allclose(seen, expected, rtol=0.05)
+    infrared = expected[3] * (0.44 / 1.09) * (1250 / 798) ** -4
+    assert spectrum(1250.0) / spectrum(545.0) == pytest.approx(infrared, rel=0.1)
+
+
+def test_an_overcast_night_is_a_dark_night_less_its_infrared():
+    clear, overcast = (irradiance(each) for each in ("starlight", "overcast_night"))
+    ratio = overcast / clear / 0.1
+    assert ratio[0] == pytest.approx(1, abs=0.02)
+    assert (np.diff(ratio) <= 1e-3).all() and 0.4 < ratio[-1] < 0.7
 
 
 def test_levels_are_named_or_given_in_lux():
@@ -64,21 +131,3 @@ def test_levels_are_named_or_given_in_lux():
         illuminance_of("dusk")
     with pytest.raises(ValueError, match="lux: give between 1e-12 and 1e.09 lux"):
         illuminance_of(-1.0)
-
-
-@pytest.mark.parametrize("lux", [1e308, 1e-300, 0, -1])
-def test_light_beyond_sense_is_refused(lux):
-    with pytest.raises(ValueError, match="illuminance_lux"):
-        Light(illuminance_lux=lux)
-
-
-def test_spectrum_is_constant_beyond_its_ends_and_refuses_nonsense():
-    spectrum = Spectrum((400.0, 500.0), (1.0, 3.0))
-    np.testing.assert_allclose(spectrum([300, 450, 900]), [1, 2, 3])
-    assert flat(0.3)(123.0) == 0.3
-    with pytest.raises(ValueError, match="must increase"):
-        Spectrum((500.0, 400.0), (1.0, 1.0))
-    with pytest.raises(ValueError, match="non-negative"):
-        Spectrum((400.0, 500.0), (1.0, -1.0))
-    with pytest.raises(ValueError, match="one value per wavelength"):
-        Spectrum((400.0, 500.0), (1.0,))

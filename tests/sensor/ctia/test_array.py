@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta.scenes.spectra import AIRGLOW
+from megalopta.scenes.spectra import MOONLESS_ZENITH
 from megalopta.sensor.ctia.array import (
     electron_moments,
     expose_ctia,
@@ -33,7 +33,7 @@ QUIET = ctia_preset("ctia_ingaas_quiet")
 
 
 def night(frames=2, rows=6, columns=8):
-    means = [AIRGLOW(np.linspace(*band, 400)).mean() for band in BANDS]
+    means = [MOONLESS_ZENITH(np.linspace(*band, 400)).mean() for band in BANDS]
     return np.broadcast_to(means, (frames, rows, columns, 2))
 
 

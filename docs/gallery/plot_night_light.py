@@ -1,0 +1,30 @@
+"""
+Lights that add
+===============
+
+What an open plane gets on a twilit evening, under a quarter moon and on a moonless night: the sum
+(gray) and its parts. The moon rules what the eye sees, airglow what an InGaAs array sees.
+Theory: :doc:`/theory/outdoor-light`.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from megalopta.scenes.lighting import LEVELS
+
+grid = np.arange(400, 1701)
+figure, axes = plt.subplots(1, 3, figsize=(11, 3.8), sharey=True, layout="constrained")
+colors = {"twilight": "tab:red", "moon": "tab:orange", "moonlit sky": "tab:blue"}
+colors |= {"airglow": "tab:green", "starlight": "tab:purple"}
+for axis, name in zip(axes, ("twilight", "quarter_moon", "starlight"), strict=True):
+    level = LEVELS[name]
+    axis.semilogy(grid, level.spectrum()(grid), color="black", linewidth=3, alpha=0.3)
+    for part in level.components:
+        label = f"{part.name}, {part.illuminance_lux:.2g} lux"
+        axis.semilogy(grid, part.irradiance(grid), color=colors[part.name], label=label)
+    axis.set_title(f"{name.replace('_', ' ')}, {level.illuminance_lux:g} lux")
+    axis.set_xlabel("wavelength (nm)")
+    axis.legend(loc="lower left", fontsize="small")
+axes[0].set_ylim(1e-12, 1e-4)
+axes[0].set_ylabel("irradiance (W·m⁻²·nm⁻¹)")
+plt.show()
