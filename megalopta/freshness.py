@@ -11,9 +11,9 @@ from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 
-RENDER_MODEL = 1
+RENDER_MODEL = 2
 """Of radiance: plants, ground, light, cameras, sampling; not of where code stands."""
-BAKE_MODEL = 4
+BAKE_MODEL = 5
 """Of baked light, of frames that an exposure or a shutter blurs, and of the stated error."""
 TRUTH_MODEL = 3
 """Of ground truth and of pictures, which panoramas have not: what else the render stage writes."""

@@ -3,7 +3,7 @@
 Every spectral quantity is handed over as it is (spectral variants apply no color conversion).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from megalopta.render import mi
 from megalopta.render.loading.meshes import MergedMesh
-from megalopta.scenes.spectra import Spectrum
-from megalopta.scenes.world import Emission, Lighting, Material, Scene
+from megalopta.scenes.spectra import Spectrum, flat
+from megalopta.scenes.world import Emission, Lighting, Material, Scene, Texture
 
 # Mitsuba's spectra are zero beyond their table; ours go on at the end values.
 _SPECTRUM_LIMITS_NM = (100.0, 4000.0)
@@ -121,15 +121,54 @@ def _mesh(name: str, mesh: MergedMesh, materials: Mapping[str, Material]) -> Any
 def _bsdf(material: Material) -> dict[str, Any]:
     if material.emission:
         return {"type": "diffuse", "reflectance": {"type": "spectrum", "value": 0.0}}
-    diffuse = {"type": "diffuse", "reflectance": _spectrum(material.reflectance)}
-    if material.texture:
-        diffuse = {
-            "type": "blendbsdf",
-            "weight": bitmap(material.texture.weight),
-            "first": diffuse,
-            "second": {"type": "diffuse", "reflectance": _spectrum(material.texture.reflectance)},
-        }
-    return {"type": "twosided", "surface": diffuse}
+    if not material.transmits:
+        return _reflecting(material, 1.0)
+    # Mitsuba has no surface that scatters evenly to both sides. Half of one that reflects twice as
+    # much and half of one that transmits twice as much are just that; values above 1 do no harm.
+    return {
+        "type": "blendbsdf",
+        "weight": 0.5,
+        "first": _reflecting(material, 2.0),
+        "second": _transmitting(material, 2.0),
+    }
+
+
+def _reflecting(material: Material, factor: float) -> dict[str, Any]:
+    def diffuse(spectrum: Spectrum) -> dict[str, Any]:
+        return {"type": "diffuse", "reflectance": _spectrum(spectrum.scaled(factor))}
+
+    texture = material.texture
+    second = texture.reflectance if texture else None
+    return {"type": "twosided", "surface": _mixed(diffuse, texture, material.reflectance, second)}
+
+
+def _transmitting(material: Material, factor: float) -> dict[str, Any]:
+    def thin(spectrum: Spectrum | None) -> dict[str, Any]:
+        color = _spectrum((spectrum or flat(0.0)).scaled(factor))
+        # With 2 all of the diffuse light goes to the other side, and evenly.
+        return {"type": "principledthin", "base_color": color, "diff_trans": 2.0, "spec_trans": 0.0}
+
+    texture = material.texture
+    second = texture.transmittance if texture else None
+    return _mixed(thin, texture, material.transmittance, second)
+
+
+def _mixed(
+    surface: Callable[[Any], dict[str, Any]],
+    texture: Texture | None,
+    first: Spectrum | None,
+    second: Spectrum | None,
+) -> dict[str, Any]:
+    """Surfaces of two spectra, of the first alone where there is no texture."""
+    if texture is None:
+        return surface(first)
+    weight = bitmap(texture.weight)
+    return {
+        "type": "blendbsdf",
+        "weight": weight,
+        "first": surface(first),
+        "second": surface(second),
+    }
 
 
 def _emission(emission: Emission) -> dict[str, Any]:
