@@ -6,6 +6,10 @@ from .color import (
     encode_srgb as encode_srgb,
     linear_srgb as linear_srgb,
 )
+from .leaves import (
+    Leaf as Leaf,
+    leaf_of as leaf_of,
+)
 from .moonlight import MOONLIGHT as MOONLIGHT
 from .photometry import (
     MAXIMUM_EFFICACY_LM_W as MAXIMUM_EFFICACY_LM_W,

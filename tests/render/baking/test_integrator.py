@@ -161,7 +161,7 @@ def thicket(lighting):
     ground = trimesh.Trimesh(ground.vertices, [[0, 1, 2], [0, 2, 3]], process=False)
     return scene_of(
         lighting,
-        leaf=(Material(LEAF), leaves),
+        leaf=(Material(LEAF, transmittance=LEAF), leaves),
         trunk=(bark, trunk),
         ground=(Material(flat(0.3)), ground),
     )
