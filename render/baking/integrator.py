@@ -107,7 +107,7 @@ class BakedLightIntegrator:
         pilot = Pilot(loaded, self._finder, self._light, camera, poses, seed)
         # Any point of the sun's disc will do.
         sampler = mi.load_dict({"type": "independent"})
-        sampler.seed(seed, camera.width * camera.height)
+        sampler.seed(seed, pilot.rays)
         found = pilot.standing_error(
             lambda rays: self._at_rest(
                 loaded, self._finder.look(loaded, rays), mi.Float(0.5), sampler

@@ -33,7 +33,10 @@ class Pilot:
         seed: int,
     ) -> None:
         self._camera, self._seed = camera, seed
-        self._step = max(camera.width * camera.height // _PIXELS, 1)
+        pixels = camera.width * camera.height
+        self._step = max(pixels // _PIXELS, 1)
+        self.rays = -(-pixels // self._step)
+        """How many are looked at together."""
         self._frames = poses[np.linspace(0, len(poses) - 1, _FRAMES).round().astype(int)]
         seen = sum(
             survey(loaded, finder, light.cells, camera, pose[None], seed, _RAYS, self._step)
