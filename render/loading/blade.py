@@ -20,7 +20,7 @@ def blade() -> str:
     Parameters of the plugin: `reflectance_0` and `transmittance_0` where the texture `weight` is 0,
     `reflectance_1` and `transmittance_1` where it is 1.
     """
-    return _registered(mi.variant())
+    return _registered(str(mi.variant()))
 
 
 @cache
@@ -64,7 +64,7 @@ def _registered(variant: str) -> str:
             same = first < chance
             to = mi.warp.square_to_cosine_hemisphere(second)
             to.z = dr.select(same == (point.wi.z > 0), to.z, -to.z)
-            sample = dr.zeros(mi.BSDFSample3f)
+            sample: Any = dr.zeros(mi.BSDFSample3f)
             sample.wo, sample.eta = to, 1.0
             sample.pdf = dr.abs(to.z) / dr.pi * dr.select(same, chance, 1 - chance)
             kinds = +flags.DiffuseReflection, +flags.DiffuseTransmission

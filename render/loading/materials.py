@@ -24,7 +24,8 @@ def bsdf(material: Material) -> dict[str, Any]:
         return {"type": "diffuse", "reflectance": {"type": "spectrum", "value": 0.0}}
     if not material.transmits:
         return _reflecting(material, 1.0)
-    return _of_parts(material) if mi.variant().startswith("scalar") else _blade(material)
+    is_scalar = str(mi.variant()).startswith("scalar")
+    return _of_parts(material) if is_scalar else _blade(material)
 
 
 def _blade(material: Material) -> dict[str, Any]:
