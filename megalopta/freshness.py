@@ -17,7 +17,7 @@ BAKE_MODEL = 5
 """Of baked light, of frames that an exposure or a shutter blurs, and of the stated error."""
 TRUTH_MODEL = 3
 """Of ground truth and of pictures, which panoramas have not: what else the render stage writes."""
-SENSOR_MODEL = 5
+SENSOR_MODEL = 6
 """Of readings: effects, their order, random streams."""
 
 _LIBRARIES = ("numba", "numpy", "opencv-python-headless", "scikit-image", "scipy")

@@ -1,13 +1,14 @@
 """Light that arrives at clusters of cells, from two independent sets of rays.
 
 A diffuse surface with reflectance ρ under irradiance E sends out L = ρE/π in all directions, and
-E/π is the mean radiance that arrives from directions distributed as the cosine. Most of it comes
-straight from the sky, which is even: there the share of rays that nothing blocks is all that has to
-be found, and such rays are five times as quick as paths. Every eighth ray is followed as a path and
-brings the light of surfaces, bounces included; what comes straight from the disc of sun or moon is
-left to the frame, which knows where shadows fall to the pixel.
+E/π is the mean radiance that arrives from directions distributed as the cosine. Where light comes
+through, some of the rays leave from the other side (`scattering`). Most of it comes straight from
+the sky, which is even: there the share of rays that nothing blocks is all that has to be found, and
+such rays are five times as quick as paths. Every eighth ray is followed as a path and brings the
+light of surfaces, bounces included; what comes straight from the disc of sun or moon is left to the
+frame, which knows where shadows fall to the pixel.
 
-The two reflectances that a texture mixes have their band means of ρE/π apart, and not those of ρ
+The two spectra that a texture mixes have their band means of ρE/π apart, and not those of ρ
 and E: green leaves and green light go together within a band by several percent.
 
 Cell, position, direction and wavelength of the samples of a cluster follow additive recurrences
@@ -27,25 +28,17 @@ from megalopta.render import Bands, RenderSettings, dr, mi
 from megalopta.render.baking.cells import Cells
 from megalopta.render.baking.lanes import Lanes, Places
 from megalopta.render.baking.sampling import cell_sampler, hashed, recurrence
+from megalopta.render.baking.scattering import WAVELENGTHS, Scattering
 from megalopta.render.loading import MergedMesh
-from megalopta.scenes.spectra import Spectrum, flat
-from megalopta.scenes.world import Material, Scene
+from megalopta.scenes.spectra import flat
+from megalopta.scenes.world import Scene
 
 Integers = NDArray[np.int64]
 UInt32 = NDArray[np.uint32]
 
 STRIDE = 8
 """Rays for each that is followed as a path."""
-# Wavelengths in a band, of which each path takes one.
-_WAVELENGTHS = 2**8
-
-
-def reflectances(material: Material) -> tuple[Spectrum, Spectrum]:
-    """Reflectance of a material where its texture's weight is 0 and where it is 1."""
-    if material.emission:
-        return flat(0.0), flat(0.0)
-    first = material.reflectance
-    return first, material.texture.reflectance if material.texture else first
+_BELOW_ONE = 1 - 2**-24
 
 
 def wavelength_groups(bands_nm: Bands, place: Any) -> Iterator[tuple[int, int, Any]]:
@@ -81,47 +74,45 @@ class Gatherer:
         self._integrator = mi.load_dict({"type": "path", "max_depth": settings.max_depth - 1})
         self._sampler = cell_sampler()
         self._seed = dr.opaque(mi.UInt, seed)
-        spectra = [pair for mesh in meshes for pair in reflectances(scene.materials[mesh.material])]
-        self._reflectance = _in_bands(spectra, self._bands)
-        sky = scene.lighting.sky if scene.lighting else flat(0.0)
-        sees_sky = settings.max_depth > 1
-        places = (np.arange(_WAVELENGTHS) + 0.5) / _WAVELENGTHS
-        grids = [lower + (upper - lower) * places for lower, upper in self._bands]
-        self._under_sky = np.array(
-            [[np.mean(each(grid) * sky(grid)) * sees_sky for grid in grids] for each in spectra]
-        ).reshape(len(meshes), 2 * len(self._bands))
+        scattering = Scattering([scene.materials[mesh.material] for mesh in meshes], self._bands)
+        self._scattered = mi.Float(scattering.of_rays().astype(np.float32).ravel())
+        self._through = mi.Float(scattering.through.astype(np.float32))
+        # Paths of one segment end at the first surface.
+        lit = scene.lighting if settings.max_depth > 1 else None
+        sky = lit.sky if lit else flat(0.0)
+        self._under_sky, self._bright = scattering.under(sky), scattering.brightness(sky)
         # Without light from the sky all rays have to be followed.
         self._stride = STRIDE if self._under_sky.any() else 1
 
     def brightness(self, cell: UInt32) -> NDArray[np.float64]:
         """How bright the material of cells (C,) is under the sky, relative to the brightest."""
-        total = np.asarray(self._under_sky.sum(axis=1))
-        relative = total / total.max() if total.any() else np.ones(len(total))
-        return np.asarray(relative[self._cells.patches(cell).mesh])
+        return np.asarray(self._bright[self._cells.patches(cell).mesh])
 
     def leaving(
         self, leader: UInt32, cell: UInt32, shares: Integers, least: int
     ) -> NDArray[np.float64]:
-        """Radiance (C, 2 halves, 2·bands) that leaves clusters, first reflectance before second.
+        """Radiance (C, 2 halves, 2·bands) that leaves clusters, first spectrum before second.
 
         A cluster is seeded by its leader (C,), and its light gathered at its cells (C, n) evenly.
         Each half takes `least` rays, a multiple of STRIDE, for each of a cluster's shares (C,).
         """
         patches = self._cells.patches(cell.ravel())
         places = Places(patches, cell.shape[1])
-        in_view = np.array(self._in_view(leader, places, Lanes(shares, least)))
+        in_view = self._in_view(leader, places, Lanes(shares, least))
         mesh = patches.mesh[:: cell.shape[1]]
-        sky = in_view[:, None] * self._under_sky[np.repeat(mesh, 2)]
+        sky = np.einsum("cs,csk->ck", in_view, self._under_sky[np.repeat(mesh, 2)])
         followed = self._followed(leader, mesh, places, Lanes(shares, least // self._stride))
         return np.asarray(sky + followed).reshape(len(leader), 2, -1)
 
-    def _in_view(self, leader: UInt32, places: Places, lanes: Lanes) -> Any:
-        """Share (2C,) of the sky that is in view."""
+    def _in_view(self, leader: UInt32, places: Places, lanes: Lanes) -> NDArray[np.float64]:
+        """Share (2C, 2) of the rays that see the sky from this side, and from the other."""
         if not self._under_sky.any():
-            return np.zeros(2 * len(leader))
+            return np.zeros((2 * len(leader), 2))
         key, _ = self._keys(leader, lanes)
-        rays = self._rays(places, lanes, lanes.sample, key)
-        return lanes.means([dr.select(self._scene.ray_test(rays), 0.0, 1.0)])[:, 0]
+        rays, through = self._rays(places, lanes, lanes.sample, key)
+        seen = ~self._scene.ray_test(rays)
+        sides = seen & ~through, seen & through
+        return lanes.means([dr.select(side, 1.0, 0.0) for side in sides])
 
     def _followed(
         self, leader: UInt32, mesh: UInt32, places: Places, lanes: Lanes
@@ -130,13 +121,13 @@ class Gatherer:
         bands = len(self._bands)
         key, other = self._keys(leader, lanes)
         sample = lanes.sample * self._stride
-        rays = self._rays(places, lanes, sample, key)
+        rays, through = self._rays(places, lanes, sample, key)
         blocked = self._scene.ray_test(rays)
         # One wavelength in each of as many parts of the band as there are samples.
         samples = dr.maximum(lanes.samples, 1)  # 0 in what fills up LLVM's vectors
-        step = (lanes.sample * _WAVELENGTHS + other % _WAVELENGTHS) // samples
-        place = (mi.Float(step) + 0.5) / _WAVELENGTHS
-        of_mesh = lanes.of_cluster(mesh)
+        step = (lanes.sample * WAVELENGTHS + other % WAVELENGTHS) // samples
+        place = (mi.Float(step) + 0.5) / WAVELENGTHS
+        of_side = 2 * lanes.of_cluster(mesh) + dr.select(through, mi.UInt(1), mi.UInt(0))
         leaving: list[Any] = [None] * (2 * bands)
         for first, size, wavelengths in wavelength_groups(self._bands, place):
             rays.wavelengths = wavelengths
@@ -147,8 +138,8 @@ class Gatherer:
             for band in range(size):
                 light = dr.select(blocked, arriving[band], 0.0)
                 for column in (first + band, bands + first + band):
-                    entry = (of_mesh * (2 * bands) + column) * _WAVELENGTHS + step
-                    leaving[column] = light * dr.gather(mi.Float, self._reflectance, entry)
+                    entry = (of_side * (2 * bands) + column) * WAVELENGTHS + step
+                    leaving[column] = light * dr.gather(mi.Float, self._scattered, entry)
         return lanes.means(leaving)
 
     def _keys(self, leader: UInt32, lanes: Lanes) -> tuple[Any, Any]:
@@ -156,8 +147,11 @@ class Gatherer:
         of_leader, _ = hashed(lanes.of_cluster(leader), self._seed)
         return hashed(of_leader, lanes.half)
 
-    def _rays(self, places: Places, lanes: Lanes, sample: Any, key: Any) -> Any:
-        """Rays of samples, from cells of their clusters into cosine-distributed directions."""
+    def _rays(self, places: Places, lanes: Lanes, sample: Any, key: Any) -> tuple[Any, Any]:
+        """Rays of samples, from cells of their clusters into cosine-distributed directions.
+
+        And which of them leave from the other side, to bring the light that comes through.
+        """
         x, y, a, b, draw = recurrence(sample, key)
         drawn = mi.UInt(draw * places.draws) + lanes.cluster * places.draws
 
@@ -172,16 +166,9 @@ class Gatherer:
         hit.prim_uv = patch.barycentric(of, a, b)
         hit.shape = dr.gather(mi.ShapePtr, self._shapes, of(patch.mesh))
         point = hit.compute_surface_interaction(dr.zeros(mi.Ray3f), mi.RayFlags.All)
+        share = dr.gather(mi.Float, self._through, of(patch.mesh))
+        through = x < share
+        x = dr.minimum(dr.select(through, x / share, (x - share) / (1 - share)), _BELOW_ONE)
         upward = point.sh_frame.to_world(mi.warp.square_to_cosine_hemisphere(mi.Point2f(x, y)))
-        side = dr.select(of(patch.side) == 0, 1.0, -1.0)
-        return mi.RayDifferential3f(point.spawn_ray(side * upward))
-
-
-def _in_bands(spectra: Sequence[Spectrum], bands_nm: Bands) -> Any:
-    """Reflectance by spectrum, then band, then place in the band."""
-    place = (np.arange(_WAVELENGTHS) + 0.5) / _WAVELENGTHS
-    table = [
-        [spectrum(lower + (upper - lower) * place) for lower, upper in bands_nm]
-        for spectrum in spectra
-    ]
-    return mi.Float(np.ravel(table).astype(np.float32))
+        side = dr.select((of(patch.side) == 0) != through, 1.0, -1.0)
+        return mi.RayDifferential3f(point.spawn_ray(side * upward)), through

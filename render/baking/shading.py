@@ -7,7 +7,7 @@ import numpy as np
 
 from megalopta.render import Bands, dr, mi
 from megalopta.render.baking.cells import Sight
-from megalopta.render.baking.gathering import reflectances
+from megalopta.render.baking.scattering import scattered
 from megalopta.render.loading import DISC_POINTS, MergedMesh, bitmap
 from megalopta.scenes.world import Scene, Sun
 
@@ -16,7 +16,7 @@ _GRID = 2**10
 
 
 class Textures:
-    """Weights of the second reflectance on all meshes."""
+    """Weights of the second spectrum on all meshes."""
 
     def __init__(self, scene: Scene, meshes: Sequence[MergedMesh]) -> None:
         textures = [scene.materials[mesh.material].texture for mesh in meshes]
@@ -35,7 +35,7 @@ class Textures:
 
 
 class SunLight:
-    """Light that comes straight from the disc of sun or moon."""
+    """Light that comes straight from the disc of sun or moon, also through a surface."""
 
     def __init__(
         self, scene: Scene, meshes: Sequence[MergedMesh], sun: Sun, bands_nm: Bands
@@ -48,8 +48,9 @@ class SunLight:
         table = [
             [np.mean(spectrum(grid) * sun.irradiance(grid)) / np.pi for grid in grids]
             for mesh in meshes
-            for spectrum in reflectances(scene.materials[mesh.material])
+            for spectrum in scattered(scene.materials[mesh.material])
         ]
+        self._transmits = mi.Bool([scene.materials[mesh.material].transmits for mesh in meshes])
         self._facing = mi.Float(np.ravel(table).astype(np.float32))
 
     def radiance(self, loaded: Any, sight: Sight, weight: Any, disc: Any) -> list[Any]:
@@ -59,13 +60,15 @@ class SunLight:
         small that its center stands for the angle of all of it.
         """
         cosine = dr.dot(sight.point.sh_frame.n, self._center)
-        cosine = dr.select(sight.front, cosine, -cosine)
+        through = (cosine > 0) != sight.front
         place = dr.minimum(mi.UInt(disc * DISC_POINTS), DISC_POINTS - 1)
         toward = dr.gather(mi.Vector3f, self._points, place)
-        lit = sight.shaded & (cosine > 0)
+        lit = sight.shaded & (cosine != 0)
+        lit &= ~through | dr.gather(mi.Bool, self._transmits, sight.mesh, lit)
         lit &= ~loaded.ray_test(sight.point.spawn_ray(toward), lit)
-        cosine = dr.select(lit, cosine, 0.0)
-        row = sight.mesh * (2 * self._bands)
+        cosine = dr.select(lit, dr.abs(cosine), 0.0)
+        side = 2 * sight.mesh + dr.select(through, mi.UInt(1), mi.UInt(0))
+        row = side * (2 * self._bands)
         first, second = (
             [dr.gather(mi.Float, self._facing, row + k + band, lit) for band in range(self._bands)]
             for k in (0, self._bands)

@@ -36,13 +36,14 @@ def key_of(
     found.update(camera.model_dump_json().encode() + poses.tobytes())
     for mesh in meshes:
         material = scene.materials[mesh.material]
-        found.update(repr(material.reflectance).encode())
+        found.update(repr((material.reflectance, material.transmittance)).encode())
         if material.emission:
             found.update(repr(material.emission.radiance).encode())
             pattern = material.emission.pattern
             found.update(b"even" if pattern is None else pattern.tobytes())
         if material.texture:
-            found.update(repr(material.texture.reflectance).encode())
+            spectra = material.texture.reflectance, material.texture.transmittance
+            found.update(repr(spectra).encode())
             found.update(material.texture.weight.tobytes())
         for values in (mesh.vertices, mesh.faces, mesh.normals, mesh.uv):
             found.update(b"none" if values is None else np.ascontiguousarray(values).tobytes())

@@ -1,3 +1,4 @@
+from .materials import bitmap as bitmap
 from .meshes import (
     MergedMesh as MergedMesh,
     MovingMesh as MovingMesh,
@@ -6,7 +7,6 @@ from .meshes import (
 from .scene import (
     DISC_POINTS as DISC_POINTS,
     bare_mesh as bare_mesh,
-    bitmap as bitmap,
     gather as gather,
     load_scene as load_scene,
     move_meshes as move_meshes,

@@ -1,7 +1,4 @@
-"""Scene data to a loaded Mitsuba scene: materials, merged meshes and lights.
-
-Every spectral quantity is handed over as it is (spectral variants apply no color conversion).
-"""
+"""Scene data to a loaded Mitsuba scene: merged meshes, with their materials, and lights."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -10,12 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.render import mi
+from megalopta.render.loading.materials import bsdf, emission, spectrum
 from megalopta.render.loading.meshes import MergedMesh
-from megalopta.scenes.spectra import Spectrum
-from megalopta.scenes.world import Emission, Lighting, Material, Scene
-
-# Mitsuba's spectra are zero beyond their table; ours go on at the end values.
-_SPECTRUM_LIMITS_NM = (100.0, 4000.0)
+from megalopta.scenes.world import Lighting, Material, Scene
 
 # Points that stand for the disc of sun or moon: at 10 m they blur a shadow's edge in steps of 1 cm.
 # They cost no time, since a path looks at one of them.
@@ -35,9 +29,9 @@ def load_scene(scene: Scene, meshes: Sequence[MergedMesh]) -> Any:
 def _lights(lighting: Lighting) -> dict[str, Any]:
     lights: dict[str, Any] = {}
     if max(lighting.sky.values):
-        lights["sky"] = {"type": "constant", "radiance": _spectrum(lighting.sky)}
+        lights["sky"] = {"type": "constant", "radiance": spectrum(lighting.sky)}
     if lighting.sun:
-        irradiance = _spectrum(lighting.sun.irradiance.scaled(1 / DISC_POINTS))
+        irradiance = spectrum(lighting.sun.irradiance.scaled(1 / DISC_POINTS))
         for index, point in enumerate(lighting.sun.points(DISC_POINTS).tolist()):
             lights[f"sun_{index:02d}"] = {
                 "type": "directional",
@@ -96,9 +90,9 @@ def _mesh(name: str, mesh: MergedMesh, materials: Mapping[str, Material]) -> Any
     properties = mi.Properties()
     if material.emission:
         properties["mesh_emitter"] = mi.load_dict(
-            {"type": "area", "radiance": _emission(material.emission)}
+            {"type": "area", "radiance": emission(material.emission)}
         )
-    properties["mesh_bsdf"] = mi.load_dict(_bsdf(material))
+    properties["mesh_bsdf"] = mi.load_dict(bsdf(material))
     loaded = mi.Mesh(
         name,
         len(mesh.vertices),
@@ -116,42 +110,3 @@ def _mesh(name: str, mesh: MergedMesh, materials: Mapping[str, Material]) -> Any
         buffers["vertex_texcoords"] = mesh.uv.ravel()
     buffers.update()
     return loaded
-
-
-def _bsdf(material: Material) -> dict[str, Any]:
-    if material.emission:
-        return {"type": "diffuse", "reflectance": {"type": "spectrum", "value": 0.0}}
-    diffuse = {"type": "diffuse", "reflectance": _spectrum(material.reflectance)}
-    if material.texture:
-        diffuse = {
-            "type": "blendbsdf",
-            "weight": bitmap(material.texture.weight),
-            "first": diffuse,
-            "second": {"type": "diffuse", "reflectance": _spectrum(material.texture.reflectance)},
-        }
-    return {"type": "twosided", "surface": diffuse}
-
-
-def _emission(emission: Emission) -> dict[str, Any]:
-    if emission.pattern is None:
-        return {"type": "spectrum", "value": emission.radiance}
-    return bitmap(emission.pattern * np.float32(emission.radiance))
-
-
-def bitmap(values: NDArray[np.float32]) -> dict[str, Any]:
-    """Mitsuba texture of values (H, W) that tile the uv square, row 0 at v = 0."""
-    # Mitsuba's first row is v = 0, as ours; it takes no array that is read-only.
-    image = np.array(values[..., None], dtype=np.float32, order="C")
-    return {"type": "bitmap", "bitmap": mi.Bitmap(image), "raw": True, "wrap_mode": "repeat"}
-
-
-def _spectrum(spectrum: Spectrum) -> dict[str, Any]:
-    if not max(spectrum.values):
-        return {"type": "spectrum", "value": 0.0}  # a table without any mass is refused
-    first, last = _SPECTRUM_LIMITS_NM
-    table = [
-        (first, spectrum.values[0]),
-        *zip(spectrum.wavelengths_nm, spectrum.values, strict=True),
-        (last, spectrum.values[-1]),
-    ]
-    return {"type": "spectrum", "value": table}

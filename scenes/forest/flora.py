@@ -7,7 +7,7 @@ from typing import Any
 from megalopta import strict_yaml
 from megalopta.assets_gen.plants import Species
 from megalopta.scenes.forest.plants import Layer, Woody, by_name
-from megalopta.scenes.spectra import reflectance_of
+from megalopta.scenes.spectra import leaf_of, reflectance_of
 
 
 def _woody(name: str, entry: Mapping[str, Any]) -> Woody:
@@ -15,7 +15,8 @@ def _woody(name: str, entry: Mapping[str, Any]) -> Woody:
     scale = leaf.pop("scale", 1.0)
     leaf |= {length: scale * leaf[length] for length in ("length_m", "width_m")}
     shape = Species.model_validate({**entry["shape"], "foliage": leaf})
-    (light, dark), (shade, sun) = (map(reflectance_of, entry[organ]) for organ in ("bark", "leaf"))
+    light, dark = map(reflectance_of, entry["bark"])
+    shade, sun = map(leaf_of, entry["leaf"])
     layer = Layer(**entry["layer"]) if "layer" in entry else None
     return Woody(name, shape, (light, dark), (shade, sun), layer)
 

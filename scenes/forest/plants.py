@@ -14,10 +14,10 @@ import numpy as np
 from megalopta.assets_gen import Surface
 from megalopta.assets_gen.plants import Species, coarsened, grow_plant
 from megalopta.scenes.forest.stand import LodLevel
-from megalopta.scenes.spectra import Spectrum
+from megalopta.scenes.spectra import Leaf, Spectrum
 
 Spectra = tuple[Spectrum, Spectrum]
-"""Reflectances where a texture is 0 and where it is 1."""
+"""Reflectances, or transmittances, where a texture is 0 and where it is 1."""
 Organs = Mapping[str, Surface]
 
 
@@ -27,6 +27,15 @@ class Coat:
 
     spectra: Spectra
     texture: str
+    transmittances: Spectra | None = None
+    """None is opaque."""
+
+    @classmethod
+    def of_leaves(cls, dark: Leaf, light: Leaf, texture: str) -> "Coat":
+        """Leaves, which let light through."""
+        both = zip(dark, light, strict=True)
+        (reflectances, transmittances) = both
+        return cls(reflectances, texture, transmittances)
 
 
 @dataclass(frozen=True)
@@ -76,7 +85,7 @@ class Woody(Plant):
     shape: Species
     """What it is grown from."""
     bark: Spectra
-    leaf: Spectra
+    leaf: tuple[Leaf, Leaf]
     """Light and dark bark, dark and light leaf."""
     layer: Layer | None = None
     """Where it stands in the undergrowth."""
@@ -85,7 +94,7 @@ class Woody(Plant):
     def coats(self) -> Mapping[str, Coat]:
         """How bark and leaves look."""
         blade = self.shape.foliage.blade
-        return {"bark": Coat(self.bark, self.shape.bark), "leaf": Coat(self.leaf, blade)}
+        return {"bark": Coat(self.bark, self.shape.bark), "leaf": Coat.of_leaves(*self.leaf, blade)}
 
     def grow(self, lods: Sequence[LodLevel], rng: np.random.Generator) -> Iterator[Organs]:
         """One individual at each of some levels, all coarsened from one plant."""

@@ -64,6 +64,8 @@ def materials(seed: int, assets: Mapping[str, Asset]) -> dict[str, Material]:
     """Return the materials of all parts of the assets."""
     result = {}
     for part in sorted({part for asset in assets.values() for part in asset.parts}):
-        (first, second), pattern = _COATS[part].spectra, _COATS[part].texture
-        result[part] = Material(first, Texture(texture(seed, pattern), second))
+        coat = _COATS[part]
+        (first, second), (through, more) = coat.spectra, coat.transmittances or (None, None)
+        mixed = Texture(texture(seed, coat.texture), second, more)
+        result[part] = Material(first, mixed, transmittance=through)
     return result

@@ -20,7 +20,7 @@ from megalopta.assets_gen.plants import (
 from megalopta.scenes.forest.flora import BUSHES, TREES
 from megalopta.scenes.forest.plants import Coat, Layer, Lying, Organs, Plant, Small, by_name
 from megalopta.scenes.forest.stand import LodLevel
-from megalopta.scenes.spectra import reflectance_of
+from megalopta.scenes.spectra import leaf_of, reflectance_of
 
 Draw = Callable[[LodLevel, np.random.Generator], Organs]
 
@@ -57,18 +57,23 @@ def _coat(first: str, second: str, texture: str = "leaf") -> Coat:
     return Coat((reflectance_of(first), reflectance_of(second)), texture)
 
 
-_LEAF = _coat("leaf dark", "leaf light")
-_FERN = _coat("leaf dark * 1.1", "leaf light * 1.1")
-_BILBERRY = _coat("leaf dark * 0.9", "leaf light")
-_MOSSY_BARK = _coat("spruce bark dark * 1.5", "leaf light * 0.55", "mossy")
+def _leaf(dark: str, light: str) -> Coat:
+    return Coat.of_leaves(leaf_of(dark), leaf_of(light), "leaf")
+
+
+_HERB = _leaf("leaf dark", "young leaf dark")
+_FERN = _leaf("young leaf dark * 0.9", "young leaf light")
+_BILBERRY = _leaf("leaf dark * 0.9", "leaf light")
+_GRASS = _leaf("grass dark", "grass light")
+_MOSSY_BARK = _coat("spruce bark dark * 1.5", "moss * 0.8", "mossy")
 _PETAL = _coat("white petal * 0.75", "white petal")
 
 SMALL: Mapping[str, Small] = by_name(
     Small("fern", Layer(0.55, 30, 0.9), {"leaf": _FERN}, _leaves(grow_fern)),
     Small("bilberry", Layer(0.3, 22, 0.6), {"leaf": _BILBERRY}, _leaves(grow_bilberry)),
-    Small("grass", Layer(4.0, 30, 0.35), {"leaf": _coat("grass dark", "grass light")}, _grass),
-    Small("herb", Layer(1.4, 18, 0.3), {"leaf": _LEAF}, _leaves(grow_herbs)),
-    Small("flower", Layer(0.15, 18, 0.3), {"leaf": _LEAF, "petal": _PETAL}, _flower),
+    Small("grass", Layer(4.0, 30, 0.35), {"leaf": _GRASS}, _grass),
+    Small("herb", Layer(1.4, 18, 0.3), {"leaf": _HERB}, _leaves(grow_herbs)),
+    Small("flower", Layer(0.15, 18, 0.3), {"leaf": _HERB, "petal": _PETAL}, _flower),
     Lying(
         "litter", Layer(1.0, 9, 0.0), {"leaf": _coat("soil * 1.6", "litter")}, _leaves(strew_litter)
     ),
@@ -100,7 +105,7 @@ COVERS: Mapping[str, Coat] = MappingProxyType(
     {
         "litter": _coat("soil", "litter", "litter"),
         "meadow": _coat("grass dark * 0.8", "grass light * 0.85", "turf"),
-        "moss": _coat("soil * 0.5", "leaf light * 0.7", "turf"),
+        "moss": _coat("soil * 0.5", "moss", "turf"),
     }
 )
 """What covers the ground."""

@@ -10,6 +10,10 @@ from .color import (
     encode_srgb as encode_srgb,
     linear_srgb as linear_srgb,
 )
+from .leaves import (
+    Leaf as Leaf,
+    leaf_of as leaf_of,
+)
 from .moonlight import (
     FULL_MOON as FULL_MOON,
     QUARTER_MOON as QUARTER_MOON,

@@ -1,4 +1,9 @@
 from .hashed_file import HashedFile as HashedFile
+from .material import (
+    Emission as Emission,
+    Material as Material,
+    Texture as Texture,
+)
 from .motion import (
     Drift as Drift,
     Motion as Motion,
@@ -7,12 +12,9 @@ from .motion import (
 )
 from .scene import (
     Asset as Asset,
-    Emission as Emission,
     Environment as Environment,
     Lighting as Lighting,
-    Material as Material,
     Placement as Placement,
     Scene as Scene,
     Sun as Sun,
-    Texture as Texture,
 )

@@ -16,42 +16,11 @@ from numpy.typing import NDArray
 
 from megalopta.scenes.spectra import Spectrum
 from megalopta.scenes.world.hashed_file import HashedFile
+from megalopta.scenes.world.material import Material
 from megalopta.scenes.world.motion import Motion
 
 if TYPE_CHECKING:
     import trimesh
-
-
-@dataclass(frozen=True)
-class Texture:
-    """A second reflectance mixed in: (1 − w)·reflectance + w·texture.reflectance."""
-
-    weight: NDArray[np.float32]
-    """(H, W), 0 to 1: tiles over the uv square; row 0 is v = 0."""
-    reflectance: Spectrum
-    """Reached where the weight is 1."""
-
-
-@dataclass(frozen=True)
-class Material:
-    """A two-sided diffuse surface (Lambert), or one that emits."""
-
-    reflectance: Spectrum
-    """Diffuse reflectance, 0 to 1."""
-    texture: Texture | None = None
-    """Needs meshes with uv coordinates."""
-    emission: "Emission | None" = None
-    """Makes the surface a source; reflectance is then ignored."""
-
-
-@dataclass(frozen=True)
-class Emission:
-    """Radiance leaving a surface, the same at every wavelength: pattern(u, v) · radiance."""
-
-    radiance: float
-    """W·m⁻²·sr⁻¹·nm⁻¹ where the pattern is 1."""
-    pattern: NDArray[np.float32] | None = None
-    """(H, W): non-negative factor over the uv square; row 0 is v = 0. None means 1."""
 
 
 @dataclass(frozen=True)

@@ -94,6 +94,16 @@ def test_plane_under_the_sun_follows_the_cosine_law(ground):
 
 @vectorized
 @pytest.mark.slow
+def test_frames_that_are_too_large_to_be_looked_at_whole_are_baked_under_the_sun_too(ground):
+    light = Lighting(flat(0.0), Sun(SUN_DIRECTION, flat(1e-9)))
+    scene = scene_of(light, ground=(Material(flat(0.5)), ground))
+    camera = PerspectiveCamera(width=65, height=64, fov_deg=40)
+    image = renderer_of(scene, DOWN, camera=camera, bake_error=0.3).radiance(DOWN[0], 1)
+    np.testing.assert_allclose(image, 0.5e-9 * math.cos(1.0) / math.pi, 1e-4)
+
+
+@vectorized
+@pytest.mark.slow
 def test_texture_mixes_the_two_reflectances_by_its_weight_in_sky_and_sunlight(ground):
     ground.visual = trimesh.visual.TextureVisuals(uv=np.zeros((4, 2)))
     weight = np.full((4, 4), 0.25, np.float32)
@@ -161,7 +171,7 @@ def thicket(lighting):
     ground = trimesh.Trimesh(ground.vertices, [[0, 1, 2], [0, 2, 3]], process=False)
     return scene_of(
         lighting,
-        leaf=(Material(LEAF), leaves),
+        leaf=(Material(LEAF, transmittance=LEAF), leaves),
         trunk=(bark, trunk),
         ground=(Material(flat(0.3)), ground),
     )

@@ -1,0 +1,126 @@
+"""Materials to Mitsuba's surfaces, emitters, textures and spectra.
+
+Every spectral quantity is handed over as it is (spectral variants apply no color conversion).
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.render import mi
+from megalopta.render.loading.blade import blade
+from megalopta.scenes.spectra import Spectrum, flat
+from megalopta.scenes.world import Emission, Material, Texture
+
+# Mitsuba's spectra are zero beyond their table; ours go on at the end values.
+_SPECTRUM_LIMITS_NM = (100.0, 4000.0)
+
+
+def bsdf(material: Material) -> dict[str, Any]:
+    """Mitsuba surface of a material."""
+    if material.emission:
+        return {"type": "diffuse", "reflectance": {"type": "spectrum", "value": 0.0}}
+    if not material.transmits:
+        return _reflecting(material, 1.0)
+    is_scalar = str(mi.variant()).startswith("scalar")
+    return _of_parts(material) if is_scalar else _blade(material)
+
+
+def _blade(material: Material) -> dict[str, Any]:
+    spectra = {
+        name: spectrum(each or flat(0.0))
+        for name, each in {
+            "reflectance_0": material.reflectance,
+            "transmittance_0": material.transmittance,
+            "reflectance_1": material.texture and material.texture.reflectance,
+            "transmittance_1": material.texture and material.texture.transmittance,
+        }.items()
+    }
+    texture = material.texture
+    weight = bitmap(texture.weight) if texture else {"type": "uniform", "value": 0.0}
+    return {"type": blade(), **spectra, "weight": weight}
+
+
+def _of_parts(material: Material) -> dict[str, Any]:
+    """The same of Mitsuba's own surfaces, since scalar variants are slow with one in Python.
+
+    Half of one that reflects twice as much and half of one that transmits twice as much are just
+    that; values above 1 do no harm.
+    """
+    return {
+        "type": "blendbsdf",
+        "weight": 0.5,
+        "first": _reflecting(material, 2.0),
+        "second": _transmitting(material, 2.0),
+    }
+
+
+def _reflecting(material: Material, factor: float) -> dict[str, Any]:
+    def diffuse(of: Spectrum | None) -> dict[str, Any]:
+        return {"type": "diffuse", "reflectance": _scaled(of, factor)}
+
+    texture = material.texture
+    second = texture.reflectance if texture else None
+    return {"type": "twosided", "surface": _mixed(diffuse, texture, material.reflectance, second)}
+
+
+def _transmitting(material: Material, factor: float) -> dict[str, Any]:
+    def thin(of: Spectrum | None) -> dict[str, Any]:
+        # With 2 all of the diffuse light goes to the other side, and evenly.
+        lobes = {"diff_trans": 2.0, "spec_trans": 0.0}
+        return {"type": "principledthin", "base_color": _scaled(of, factor), **lobes}
+
+    texture = material.texture
+    second = texture.transmittance if texture else None
+    return _mixed(thin, texture, material.transmittance, second)
+
+
+def _mixed(
+    surface: Callable[[Spectrum | None], dict[str, Any]],
+    texture: Texture | None,
+    first: Spectrum | None,
+    second: Spectrum | None,
+) -> dict[str, Any]:
+    """Surfaces of two spectra, of the first alone where there is no texture."""
+    if texture is None:
+        return surface(first)
+    weight = bitmap(texture.weight)
+    return {
+        "type": "blendbsdf",
+        "weight": weight,
+        "first": surface(first),
+        "second": surface(second),
+    }
+
+
+def emission(of: Emission) -> dict[str, Any]:
+    """Mitsuba texture of the radiance that a surface sends out."""
+    if of.pattern is None:
+        return {"type": "spectrum", "value": of.radiance}
+    return bitmap(of.pattern * np.float32(of.radiance))
+
+
+def bitmap(values: NDArray[np.float32]) -> dict[str, Any]:
+    """Mitsuba texture of values (H, W) that tile the uv square, row 0 at v = 0."""
+    # Mitsuba's first row is v = 0, as ours; it takes no array that is read-only.
+    image = np.array(values[..., None], dtype=np.float32, order="C")
+    return {"type": "bitmap", "bitmap": mi.Bitmap(image), "raw": True, "wrap_mode": "repeat"}
+
+
+def _scaled(of: Spectrum | None, factor: float) -> dict[str, Any]:
+    return spectrum((of or flat(0.0)).scaled(factor))
+
+
+def spectrum(of: Spectrum) -> dict[str, Any]:
+    """Mitsuba spectrum, with ours' constant values beyond the ends."""
+    if not max(of.values):
+        return {"type": "spectrum", "value": 0.0}  # a table without any mass is refused
+    first, last = _SPECTRUM_LIMITS_NM
+    table = [
+        (first, of.values[0]),
+        *zip(of.wavelengths_nm, of.values, strict=True),
+        (last, of.values[-1]),
+    ]
+    return {"type": "spectrum", "value": table}
