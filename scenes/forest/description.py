@@ -15,7 +15,7 @@ from megalopta.assets_gen.ground import Terrain, ground_surface, make_terrain
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras import Camera
 from megalopta.scenes.forest.flora import BUSHES, TREES
-from megalopta.scenes.forest.leaf_area import in_leaf
+from megalopta.scenes.forest.leaf_area import RING_M, in_leaf
 from megalopta.scenes.forest.planting import FloatArray, Planting, dense_path, tree_positions
 from megalopta.scenes.forest.size import check_size
 from megalopta.scenes.forest.specimens import grow_specimens, materials, plant_assets
@@ -32,9 +32,9 @@ HORIZON_M = 160.0
 """The ground reaches this far beyond the stand (m)."""
 GROUND_STEP_M, GROUND_NEAR_M = 0.4, 10.0
 """Grid of the ground's mesh up to a distance from the path (m)."""
-PIXEL_RAD = 0.01
+PIXEL_RAD = 0.0065
 """Pixels for which the levels of detail are made (rad)."""
-FINER = 0.7, 1.6
+FINER = 0.7, 1.25
 """Least and largest factor on the distances of levels of detail for a camera's own pixels."""
 
 Positive = Annotated[float, Field(gt=0)]
@@ -131,6 +131,11 @@ class Forest(SceneDescription, frozen=True):
         """Its trees, without those of the belt."""
         return {"trees": self.trees}
 
+    @property
+    def canopy_ring_m(self) -> tuple[float, float]:
+        """Where its leaf-area index is met and measured: distances from the camera's path (m)."""
+        return self.clearance_m, self.clearance_m + RING_M
+
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """The forest around a camera's path, from which trunks keep clear, in the light."""
         detail = min(self.detail * _finer(camera), 1000.0)
@@ -184,7 +189,7 @@ def _grown(forest: Forest, placements: Sequence[Placement], path: cKDTree) -> di
     if forest.leaf_area_index is None:
         return plant_assets(forest.seed, grow())
     wanted = forest.leaf_area_index
-    specimens, share = in_leaf(wanted, grow, placements, path, forest.clearance_m)
+    specimens, share = in_leaf(wanted, grow, placements, path, forest.canopy_ring_m)
     return plant_assets(forest.seed, specimens, share)
 
 

@@ -46,9 +46,9 @@ def in_leaf(
     grow: Callable[[int], Specimens],
     placements: Sequence[Placement],
     path: cKDTree,
-    clearance_m: float,
+    ring_m: tuple[float, float],
 ) -> tuple[Specimens, float]:
-    """Return specimens and the share of leaves to keep for a leaf-area index around a path.
+    """Return specimens and the share of leaves to keep for a leaf-area index in a ring of a path.
 
     Parameters
     ----------
@@ -60,12 +60,11 @@ def in_leaf(
     ValueError
         If the stand cannot carry so many leaves.
     """
-    ring = clearance_m, clearance_m + RING_M
-    ground = ground_area(path, ring)
+    ground = ground_area(path, ring_m)
     reached = 0.0
     for fullness in FULLNESS:
         specimens = grow(fullness)
-        reached = _leaf_area(specimens, placements, path, ring) / ground
+        reached = _leaf_area(specimens, placements, path, ring_m) / ground
         if leaf_area_index <= reached:
             return specimens, leaf_area_index / reached
     raise ValueError(

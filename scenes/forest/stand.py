@@ -39,7 +39,7 @@ LODS = (
     LodLevel("far", 32.0, Detail(0.07, 8, 0.03, 0.12), 250, 10, 4),
     LodLevel("horizon", 60.0, Detail(0.16, 16, 0.05, 0.25), 90, 8, 8),
 )
-"""From fine to coarse, for pixels of a hundredth of a radian: a leaf is about a pixel wide."""
+"""From fine to coarse, for pixels of 0.0065 rad: a leaf is about a pixel wide."""
 
 HEIGHTS = (0.35, 0.55, 0.75, 0.9, 1.0, 1.0, 1.12, 1.25)
 """What share of its species' height each individual of a tree has reached."""
