@@ -11,7 +11,7 @@ from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 
-RENDER_MODEL = 1
+RENDER_MODEL = 2
 """Of radiance: plants, ground, light, cameras, sampling; not of where code stands."""
 BAKE_MODEL = 4
 """Of baked light, of frames that an exposure or a shutter blurs, and of the stated error."""

@@ -2,7 +2,7 @@ from .bands import Bands as Bands
 from .canopy import (
     Canopy as Canopy,
     gap_fraction as gap_fraction,
-    survey_canopy as survey_canopy,
+    measure_canopy as measure_canopy,
 )
 from .environment import read_picture as read_picture
 from .exr import (

@@ -7,17 +7,15 @@ index L and the mean projection G of a unit of leaf, one half where leaves face 
 (Beer–Lambert; Ross 1981, The radiation regime and architecture of plant stands).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from megalopta.render.illuminance import LightMeter
-from megalopta.render.loading import load_scene, merge
-from megalopta.render.mitsuba_loader import activate
+from megalopta.render.illuminance import meter_plates
+from megalopta.render.mitsuba_loader import mi
 from megalopta.render.truth import rays
-from megalopta.render.variant import choose_variant
 from megalopta.scenes.forest import floor_points, plant_area
 from megalopta.scenes.world import Scene
 
@@ -27,8 +25,9 @@ ZENITHS_DEG = (0.0, 30.0, 57.0, 75.0)
 """At 57 degrees leaves of any inclination project alike (degrees)."""
 HEIGHT_M = 1.0
 """Of the places where rays start, above the ground (m)."""
-_PLACES, _AZIMUTHS = 256, 64
-_METERS, _MAX_DEPTH = 48, 12
+_PLACES, _AZIMUTHS = 512, 64
+_PATHS_PX, _MAX_DEPTH = 160, 12
+"""Light paths are the square of the first."""
 
 
 @dataclass(frozen=True)
@@ -49,15 +48,17 @@ class Canopy:
     """Wood, by half its surface, over wood and leaves (1)."""
     gaps: dict[float, Share]
     """Gap fraction by zenith angle (degrees)."""
-    floor_light: Share
-    """Illuminance on the floor under the scene's sky, without sun and moon, over the open's (1)."""
+    floor_light: Share | None
+    """Illuminance on the floor over the open's (1); None in the light of sun or moon."""
 
     def __str__(self) -> str:
         """All of it in a sentence."""
         gaps = ", ".join(f"{_percent(gap)} at {angle:g}°" for angle, gap in self.gaps.items())
+        light = self.floor_light
+        floor = f"; {_percent(light)} of the sky's light comes to the floor" if light else ""
         return (
             f"Leaf-area index {self.leaf_area_index:.2f}, wood {self.wood_share:.0%} of the plant "
-            f"area; gaps {gaps}; {_percent(self.floor_light)} of the open sky's light on the floor."
+            f"area; gaps {gaps}{floor}."
         )
 
 
@@ -66,30 +67,28 @@ def _percent(share: Share) -> str:
     return f"{100 * share.value:.{digits}f} ± {100 * share.standard_error:.{digits}f} %"
 
 
-def survey_canopy(
-    scene: Scene, path_xy: ArrayLike, ring_m: tuple[float, float], seed: int = 0
+def measure_canopy(
+    loaded: Any, scene: Scene, path_xy: ArrayLike, ring_m: tuple[float, float], seed: int = 0
 ) -> Canopy:
     """Measure a forest as it is built.
 
     Parameters
     ----------
+    loaded
+        The scene as Mitsuba has it, at time 0, in the active variant.
     scene
-        The forest at time 0; its first object is the ground. It must be lit.
+        The forest; its first object is the ground.
     path_xy : (n, 2)
         Positions of the camera (m).
     ring_m
         Least and largest distance from the path at which it is measured (m).
     """
-    if scene.lighting is None:
-        raise ValueError("scene: no light to measure below the canopy; build it with a light")
-    activate(choose_variant())
     area = plant_area(scene, path_xy, ring_m)
     rng = np.random.default_rng(seed)
     points = floor_points(scene, path_xy, ring_m, HEIGHT_M, _PLACES, rng) - scene.origin_m
-    under_sky = replace(scene, lighting=replace(scene.lighting, sun=None))
-    loaded = load_scene(under_sky, merge(under_sky))
     gaps = {angle: gap_fraction(loaded, points, angle, rng) for angle in ZENITHS_DEG}
-    light = _floor_light(loaded, points[:_METERS])
+    has_even_sky = scene.lighting is not None and scene.lighting.sun is None
+    light = _floor_light(loaded, points) if has_even_sky else None
     return Canopy(area.leaf_area_index, area.wood_share, gaps, light)
 
 
@@ -108,18 +107,30 @@ def gap_fraction(
     azimuth = 2 * np.pi * (np.arange(azimuths) + turn).ravel() / azimuths
     zenith = np.radians(zenith_deg)
     level = np.sin(zenith)
-    along = [level * np.cos(azimuth), level * np.sin(azimuth), np.full(azimuth.shape, np.cos(zenith))]
-    limits = np.full(len(azimuth), np.finfo(np.float32).max)
+    along = [
+        level * np.cos(azimuth),
+        level * np.sin(azimuth),
+        np.full(azimuth.shape, np.cos(zenith)),
+    ]
+    limits = np.full(len(azimuth), float(np.finfo(np.float32).max))
     hit = rays.blocked(loaded, points.repeat(azimuths, axis=0), np.stack(along, axis=-1), limits)
     return _mean_of(1 - np.array(hit, dtype=float).reshape(len(points), azimuths).mean(axis=1))
 
 
 def _floor_light(loaded: Any, points: Float64) -> Share:
-    meter = LightMeter(loaded, None, _MAX_DEPTH)
-    above = points.mean(axis=0) + (0, 0, 1000.0)
-    sky = meter.measure(above, seed=0).lux
-    found = [meter.measure(point, seed=1 + n).lux / sky for n, point in enumerate(points)]
-    return _mean_of(np.array(found))
+    sky = (*points.mean(axis=0), 0, 0, 1000.0)
+    below, above = (_paths(loaded, where) for where in (points, sky[None]))
+    return Share(
+        float(below.mean() / above.mean()),
+        float(below.std() / np.sqrt(below.size) / above.mean()),
+    )
+
+
+def _paths(loaded: Any, points: Float64) -> Float64:
+    """Illuminance by single light paths from plates at points (n, 3); a path takes any plate."""
+    integrator = mi.load_dict({"type": "path", "max_depth": _MAX_DEPTH - 1})
+    plates = meter_plates(points, _PATHS_PX)
+    return np.array(integrator.render(loaded, plates.sensor(), seed=1), np.float64)
 
 
 def _mean_of(values: Float64) -> Share:

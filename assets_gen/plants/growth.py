@@ -29,6 +29,9 @@ class Plant:
     """(n,): radius at every node of the skeleton."""
     tubes: tuple[Surface, ...]
     """One closed tube per axis."""
+    twigs: FloatArray
+    """(a, s, 3): from base to tip, the axes that bear leaves; too thin to be drawn where they are
+    side twigs (m)."""
     leaves: Surface
 
     @property
@@ -49,7 +52,7 @@ def grow_plant(species: Species, rng: np.random.Generator, fullness: float = 1.0
     ]
     twigs = leaf_axes(skeleton.positions[branching.bearing], species.foliage, rng)
     foliage = species.foliage.model_copy(update={"per_m": fullness * species.foliage.per_m})
-    return Plant(species, branching, radii, tuple(tubes), place_leaves(twigs, foliage, rng))
+    return Plant(species, branching, radii, tuple(tubes), twigs, place_leaves(twigs, foliage, rng))
 
 
 def bark_around(

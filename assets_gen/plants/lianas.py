@@ -58,9 +58,7 @@ def _rope(
     return np.concatenate([holds[:1], *pieces])
 
 
-def _hanging(
-    low: FloatArray, high: FloatArray, sag: float, rng: np.random.Generator
-) -> FloatArray:
+def _hanging(low: FloatArray, high: FloatArray, sag: float, rng: np.random.Generator) -> FloatArray:
     """Return the nodes (k, 3) from one hold, which is left out, to the next: a slack rope."""
     span = float(np.linalg.norm(high - low))
     share = np.linspace(0, 1, 2 + int(span / STEP_M))[1:, None]

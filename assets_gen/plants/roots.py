@@ -22,7 +22,7 @@ def root_flare(
     first, second = rng.uniform(0, 2 * np.pi, 2)
     lobes = 0.6 + 0.3 * np.cos(3 * angle + first) + 0.25 * np.cos(5 * angle + second)
     decay = np.exp(-np.maximum(z, 0) / (2.2 * radius_m))
-    return 1 + flare * decay[:, None] * np.maximum(lobes, 0.1)
+    return np.asarray(1 + flare * decay[:, None] * np.maximum(lobes, 0.1))
 
 
 def buttress_flare(

@@ -201,7 +201,7 @@ def _checked_path(path_xy: ArrayLike) -> FloatArray:
 
 
 def _finer(camera: Camera) -> float:
-    """Return how much farther a camera tells leaves apart than one of `PIXEL_RAD`, within limits."""
+    """Return how much farther than with `PIXEL_RAD` a camera tells leaves apart, within limits."""
     return float(np.clip(PIXEL_RAD * camera.focal_length_px, *FINER))
 
 

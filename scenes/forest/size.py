@@ -45,7 +45,9 @@ def foreseen(forest: "Forest", path_m: float) -> tuple[float, float]:
     half = path_m / np.pi
     edge = float(np.sqrt(half**2 + (forest.trees / per_m2 + area(clearance_m)) / np.pi) - half)
     end = edge + BELT_M
-    begins = np.maximum(0, forest.detail**2 * np.array([o.beyond_m for o in LODS]) ** 2 - CROWN_M**2)
+    begins = np.maximum(
+        0, forest.detail**2 * np.array([o.beyond_m for o in LODS]) ** 2 - CROWN_M**2
+    )
     limits = [*np.minimum(np.sqrt(begins), end).tolist(), end]
     planted = [area(far) - area(clearance_m) if far > clearance_m else 0.0 for far in limits]
     counts = per_m2 * np.diff(planted)

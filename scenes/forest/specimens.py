@@ -57,7 +57,7 @@ def grow_specimens(seed: int, names: Iterable[str], fullness: int = 1) -> dict[s
         map(SPECIMENS.__getitem__, names),
         key=lambda each: (each.plant.name, each.number, LODS.index(each.lod)),
     )
-    found = {}
+    found: dict[str, Organs] = {}
     for (kind, number), group in groupby(ordered, lambda each: (each.plant.name, each.number)):
         individual, plant = list(group), PLANTS[kind]
         full = fullness if isinstance(plant, Woody) else 1
