@@ -1,4 +1,9 @@
 from .bands import Bands as Bands
+from .canopy import (
+    Canopy as Canopy,
+    gap_fraction as gap_fraction,
+    measure_canopy as measure_canopy,
+)
 from .environment import read_picture as read_picture
 from .exr import (
     read_attributes as read_attributes,

@@ -102,11 +102,19 @@ class LightMeter:
 
 
 def _plate(position: Float64) -> Any:
+    return meter_plates(position[None], _FILM_PX)
+
+
+def meter_plates(points: Float64, film_px: int) -> Any:
+    """Small horizontal plates at points (n, 3), m, as one shape with an irradiance meter (lux).
+
+    Its film has `film_px`² pixels of one light path each.
+    """
     weights = MAXIMUM_EFFICACY_LM_W * luminous_efficiency(_V_NM)
     film = {
         "type": "specfilm",
-        "width": _FILM_PX,
-        "height": _FILM_PX,
+        "width": film_px,
+        "height": film_px,
         "component_format": "float32",
         "rfilter": {"type": "box"},
         "lux": {
@@ -114,16 +122,19 @@ def _plate(position: Float64) -> Any:
             "value": list(zip(_V_NM.tolist(), weights.tolist(), strict=True)),
         },
     }
-    to_world = np.diag([_PLATE_M, _PLATE_M, 1, 1])
-    to_world[:3, 3] = position
-    return mi.load_dict(
+    properties = mi.Properties()
+    properties["meter"] = mi.load_dict(
         {
-            "type": "rectangle",
-            "to_world": mi.ScalarTransform4f(to_world.tolist()),
-            "meter": {
-                "type": "irradiancemeter",
-                "film": film,
-                "sampler": {"type": "independent", "sample_count": 1},
-            },
+            "type": "irradiancemeter",
+            "film": film,
+            "sampler": {"type": "independent", "sample_count": 1},
         }
     )
+    corners = _PLATE_M * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    plates = mi.Mesh("plates", 4 * len(points), 2 * len(points), props=properties)
+    buffers = mi.traverse(plates)
+    buffers["vertex_positions"] = (points[:, None] + corners).astype(np.float32).ravel()
+    first = 4 * np.arange(len(points))[:, None, None]
+    buffers["faces"] = (first + np.array([[0, 1, 2], [0, 2, 3]])).astype(np.uint32).ravel()
+    buffers.update()
+    return plates

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from megalopta.render.baking import BakedLightIntegrator, path_tracing_reason
+from megalopta.render.canopy import Canopy, measure_canopy
 from megalopta.render.environment import EnvironmentView
 from megalopta.render.illuminance import LightSurvey
 from megalopta.render.loading import load_scene, merge
@@ -69,7 +70,7 @@ class SceneRenderer:
         activate(self.variant)
         meshes = merge(scene)
         loaded = load_scene(scene, meshes)
-        self._scene = scene
+        self._scene, self._loaded = scene, loaded
         geometry = Geometry(meshes, loaded)
         self._tracer = TruthTracer(scene, geometry, camera, settings.truth_rays)
         reason = path_tracing_reason(scene, self.variant.name, poses, settings)
@@ -145,6 +146,10 @@ class SceneRenderer:
     def light_survey(self, positions: NDArray[np.float64]) -> LightSurvey | None:
         """Illuminance above and below camera positions (N, 3); None where only surfaces emit."""
         return self._view.light_survey(positions)
+
+    def canopy(self, poses: NDArray[np.float64], ring_m: tuple[float, float]) -> Canopy:
+        """Plant area, gaps and floor light of a forest in a ring around poses (N, 4, 4)."""
+        return measure_canopy(self._loaded, self._scene, poses[:, :2, 3], ring_m)
 
     def truth(
         self, poses: NDArray[np.float64], frame: int, times_s: ArrayLike | None = None

@@ -37,6 +37,11 @@ class SceneDescription(Record, frozen=True):
         """How many there are of what, for the report."""
         return {}
 
+    @property
+    def canopy_ring_m(self) -> tuple[float, float] | None:
+        """Distances from the camera's path between which its canopy is measured; None without."""
+        return None
+
     @abstractmethod
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """The scene around a camera on its way, lit from outside or by itself.

@@ -1,3 +1,4 @@
+from .ages import aged as aged
 from .bark import (
     furrowed_bark as furrowed_bark,
     papery_bark as papery_bark,
@@ -13,6 +14,7 @@ from .detail import (
     Detail as Detail,
     coarsened as coarsened,
     merged_leaves as merged_leaves,
+    some_leaves as some_leaves,
 )
 from .foliage import ATLAS_TILES as ATLAS_TILES
 from .growth import grow_plant as grow_plant

@@ -31,13 +31,6 @@ class Branching:
     """(a, s): node indices, from base to tip, of the twigs that bear leaves; all have s nodes."""
 
 
-def grow_axes(species: Species, rng: np.random.Generator) -> Branching:
-    """Return the axes of one plant; the stem's foot is at the origin."""
-    if isinstance(species.growth, Whorled):
-        return _grow_whorled(species, species.growth, rng)
-    return _grow_colonized(species, species.growth, rng)
-
-
 def outward(azimuth: FloatArray) -> FloatArray:
     """Return horizontal unit vectors (n, 3)."""
     return np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=-1)
@@ -66,7 +59,8 @@ def stem_axis(
     return np.stack([waves @ np.cos(azimuth), waves @ np.sin(azimuth), z], axis=-1)
 
 
-def _grow_colonized(species: Species, growth: Colonized, rng: np.random.Generator) -> Branching:
+def grow_colonized(species: Species, growth: Colonized, rng: np.random.Generator) -> Branching:
+    """Return the axes of a broad-leaved tree or bush, which fills its crown."""
     first_azimuth = rng.uniform(0, 2 * np.pi)
     skeleton = Skeleton(np.empty((0, 3)), np.empty(0, dtype=np.intp))
     buds: list[IndexArray] = []
@@ -152,7 +146,8 @@ def _shoot_bearers(
     return bearers, is_tip[bearers]
 
 
-def _grow_whorled(species: Species, growth: Whorled, rng: np.random.Generator) -> Branching:
+def grow_whorled(species: Species, growth: Whorled, rng: np.random.Generator) -> Branching:
+    """Return the axes of a spruce or fir: tiers of branches around a straight leader."""
     axis = stem_axis(species.height_m, species.wander, growth.spacing_m / 2, rng)
     stem = Skeleton(axis, np.arange(-1, len(axis) - 1))
     bearers, azimuth = _whorl_buds(species, growth, axis[:, 2], rng)

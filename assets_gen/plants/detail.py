@@ -19,8 +19,10 @@ from megalopta.assets_gen.plants.skeleton import IndexArray, axes
 class Detail:
     """How coarsely a plant is drawn."""
 
+    leaf_m2: float
+    """Neighboring leaves are merged until one has about this area (m²)."""
     merged: int
-    """Leaves, and twigs, that are merged into one."""
+    """Twigs that are merged into one."""
     thinnest_m: float
     """Branches of a smaller radius at their base are twigs (m)."""
     chord_m: float
@@ -29,7 +31,13 @@ class Detail:
 
 def coarsened(plant: Plant, detail: Detail, rng: np.random.Generator) -> tuple[Surface, Surface]:
     """Return wood and leaves of a plant drawn coarsely."""
-    return _wood(plant, detail, rng), merged_leaves(plant.leaves, detail.merged, rng)
+    wood = plant.wood if detail.thinnest_m == 0 else _wood(plant, detail, rng)
+    return wood, merged_leaves(plant.leaves, _leaves_in(detail.leaf_m2, plant.leaves), rng)
+
+
+def _leaves_in(area_m2: float, leaves: Surface) -> int:
+    """Return how many average leaves have an area, 1 at least."""
+    return max(round(area_m2 * len(leaves.faces) / 2 / leaves.area), 1)
 
 
 def _wood(plant: Plant, detail: Detail, rng: np.random.Generator) -> Surface:
@@ -93,3 +101,20 @@ def leaf_areas(corners: FloatArray) -> FloatArray:
     diagonal = corners[:, 2] - corners[:, 0]
     halves = [np.cross(corners[:, side] - corners[:, 0], diagonal) for side in (1, 3)]
     return np.asarray(sum(np.linalg.norm(half, axis=-1) / 2 for half in halves))
+
+
+def some_leaves(leaves: Surface, share: float, rng: np.random.Generator) -> Surface:
+    """Return a share of the leaves, drawn at random; a smaller share is part of a larger one.
+
+    Leaves have two triangles each or, where they are merged, one.
+    """
+    corners = 4 if len(leaves.vertices) == 2 * len(leaves.faces) else 3
+    count = len(leaves.vertices) // corners
+    kept = np.sort(rng.permutation(count)[: round(share * count)])
+    faces = leaves.faces.reshape(count, -1)[0]
+    first = corners * np.arange(len(kept))[:, None]
+    return Surface(
+        leaves.vertices.reshape(count, -1)[kept].reshape(-1, 3),
+        (first + faces).reshape(-1, 3),
+        leaves.uv.reshape(count, -1)[kept].reshape(-1, 2),
+    )

@@ -11,9 +11,28 @@ ATLAS_TILES = 8
 """Leaf textures hold this many leaves in a row and in a column; every leaf shows one of them."""
 
 
+def leaf_axes(axes: FloatArray, foliage: Foliage, rng: np.random.Generator) -> FloatArray:
+    """Return the side twigs (t, 2, 3) along axes (a, s, 3) (m), or the axes where there are none.
+
+    Twigs stand as leaves would; one goes on from the end of each axis.
+    """
+    if foliage.twigs is None:
+        return axes
+    twigs = foliage.twigs
+    axis, share, rank = _attachments(axes, foliage.bare, twigs.per_m)
+    base, ahead = _along(axes, axis, share)
+    turn = np.radians(foliage.divergence_deg) * rank + rng.normal(0, 0.4, len(rank))
+    angle = np.where(share < 1, np.radians(twigs.angle_deg), 0.1)[:, None]
+    toward = np.cos(angle) * ahead + np.sin(angle) * sideways(ahead, turn) - twigs.droop * UP
+    toward = unit(toward + rng.normal(0, 0.15, toward.shape))
+    length = twigs.length_m * (1 - 0.5 * share) * rng.uniform(0.6, 1.3, len(share))
+    return np.stack([base, base + length[:, None] * toward], axis=1)
+
+
 def place_leaves(axes: FloatArray, foliage: Foliage, rng: np.random.Generator) -> Surface:
     """Return the leaves along bearing twigs `axes` (a, s, 3) (m), from base to tip of each twig."""
-    axis, share, rank = _attachments(axes, foliage)
+    bare = 0.0 if foliage.twigs else foliage.bare
+    axis, share, rank = _attachments(axes, bare, foliage.per_m)
     base, ahead = _along(axes, axis, share)
     turn = np.radians(foliage.divergence_deg) * rank + rng.normal(0, 0.25, len(rank))
     direction = _leaf_directions(ahead, turn, foliage, rng)
@@ -22,13 +41,15 @@ def place_leaves(axes: FloatArray, foliage: Foliage, rng: np.random.Generator) -
     return blades(base, direction, normal, size, foliage, rng)
 
 
-def _attachments(axes: FloatArray, foliage: Foliage) -> tuple[IndexArray, FloatArray, IndexArray]:
+def _attachments(
+    axes: FloatArray, bare: float, per_m: float
+) -> tuple[IndexArray, FloatArray, IndexArray]:
     """Return for every leaf its axis, its place along it (share of the length) and its rank."""
     length = np.linalg.norm(np.diff(axes, axis=1), axis=2).sum(axis=1)
-    count = np.maximum(np.round(length * (1 - foliage.bare) * foliage.per_m), 2).astype(np.intp)
+    count = np.maximum(np.round(length * (1 - bare) * per_m), 2).astype(np.intp)
     axis = np.repeat(np.arange(len(axes)), count)
     rank = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    share = foliage.bare + (1 - foliage.bare) * (rank + 0.5) / count[axis]
+    share = bare + (1 - bare) * (rank + 0.5) / count[axis]
     return axis, np.where(rank == count[axis] - 1, 1.0, share), rank
 
 

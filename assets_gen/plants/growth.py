@@ -6,8 +6,10 @@ import numpy as np
 
 from megalopta.assets_gen import FloatArray, Surface, join
 from megalopta.assets_gen.plants.bark import TILE_M
-from megalopta.assets_gen.plants.branching import Branching, grow_axes
-from megalopta.assets_gen.plants.foliage import place_leaves
+from megalopta.assets_gen.plants.branching import Branching
+from megalopta.assets_gen.plants.foliage import leaf_axes, place_leaves
+from megalopta.assets_gen.plants.forms import grow_axes
+from megalopta.assets_gen.plants.roots import BUTTRESSED_SIDES, buttress_flare, root_flare
 from megalopta.assets_gen.plants.skeleton import IndexArray, Skeleton, axes, pipe_radii
 from megalopta.assets_gen.plants.species import Species
 from megalopta.assets_gen.plants.tube import sweep
@@ -27,6 +29,9 @@ class Plant:
     """(n,): radius at every node of the skeleton."""
     tubes: tuple[Surface, ...]
     """One closed tube per axis."""
+    twigs: FloatArray
+    """(a, s, 3): from base to tip, the axes that bear leaves; too thin to be drawn where they are
+    side twigs (m)."""
     leaves: Surface
 
     @property
@@ -35,8 +40,8 @@ class Plant:
         return join(self.tubes)
 
 
-def grow_plant(species: Species, rng: np.random.Generator) -> Plant:
-    """Return one individual of a species."""
+def grow_plant(species: Species, rng: np.random.Generator, fullness: float = 1.0) -> Plant:
+    """Return one individual of a species, with `fullness` times its leaves on the same wood."""
     branching = grow_axes(species, rng)
     skeleton = branching.skeleton
     reference = min(BREAST_HEIGHT_M, species.height_m / 3)
@@ -45,8 +50,9 @@ def grow_plant(species: Species, rng: np.random.Generator) -> Plant:
         bark_around(species, skeleton, radii, nodes, species.chord_m, rng)
         for nodes in axes(skeleton, radii)
     ]
-    leaves = place_leaves(skeleton.positions[branching.bearing], species.foliage, rng)
-    return Plant(species, branching, radii, tuple(tubes), leaves)
+    twigs = leaf_axes(skeleton.positions[branching.bearing], species.foliage, rng)
+    foliage = species.foliage.model_copy(update={"per_m": fullness * species.foliage.per_m})
+    return Plant(species, branching, radii, tuple(tubes), twigs, place_leaves(twigs, foliage, rng))
 
 
 def bark_around(
@@ -65,10 +71,13 @@ def bark_around(
     positions, radius = skeleton.positions[nodes], radii_m[nodes]
     if not is_stem:
         radius[0] = radius[1]  # the first node lies inside the bearing axis and has its radius
-    sides = _sides(radius[0], chord_m)
+    walls = species.buttresses if is_stem else None
+    sides = BUTTRESSED_SIDES if walls else _sides(radius[0], chord_m)
     profile = np.repeat(radius[:, None] * _as_wide_as_a_circle(sides), sides, axis=1)
     if is_stem:
         profile *= root_flare(positions[:, 2], sides, radius[0], species.flare, rng)
+    if walls:
+        profile *= buttress_flare(positions[:, 2], sides, walls, rng)
     outline = np.column_stack([positions, profile.max(axis=1)])
     kept = simplified(outline, chord_m * (STEM_FINENESS if is_stem else 1))
     origin = rng.random(2)
@@ -86,16 +95,6 @@ def _as_wide_as_a_circle(sides: int) -> float:
     By Cauchy's formula convex outlines of one circumference are equally wide on average.
     """
     return float(np.pi / (sides * np.sin(np.pi / sides)))
-
-
-def root_flare(
-    z: FloatArray, sides: int, radius_m: float, flare: float, rng: np.random.Generator
-) -> FloatArray:
-    """Return the factor (k, sides) by which the stem widens into roots near the ground."""
-    angle = 2 * np.pi * np.arange(sides) / sides
-    lobes = 0.65 + 0.35 * np.cos(3 * angle + rng.uniform(0, 2 * np.pi))
-    decay = np.exp(-np.maximum(z, 0) / (2.2 * radius_m))
-    return 1 + flare * decay[:, None] * lobes
 
 
 def simplified(points: FloatArray, tolerance: float) -> IndexArray:

@@ -60,6 +60,58 @@ class Whorled(Record, frozen=True):
     """How far a branch sags at its middle, as a share of its length."""
 
 
+class Fronded(Record, frozen=True):
+    """A tuft of fronds at the end of each stem: palms and tree ferns."""
+
+    kind: Literal["fronded"] = "fronded"
+    """Growth by fronds."""
+    fronds: Annotated[int, Field(gt=0)]
+    """Fronds of one stem (count)."""
+    frond_m: Positive
+    """Length of the longest frond (m)."""
+    raised_deg: tuple[Annotated[float, Field(ge=-90, le=90)], Angle]
+    """Elevation at which the oldest and the youngest frond leave the stem (degrees)."""
+    bend: float
+    """How far a frond bends down toward its tip: 1 is by about a right angle (1)."""
+
+
+class Climbing(Record, frozen=True):
+    """Ropes that hang and climb between the ground and the crowns: lianas."""
+
+    kind: Literal["climbing"] = "climbing"
+    """Growth by ropes."""
+    reach_m: Positive
+    """Largest way of a rope to the side (m)."""
+    shoots: Annotated[int, Field(gt=0)]
+    """Leafy twigs of one rope (count)."""
+    shoot_m: Positive
+    """Length of a leafy twig (m)."""
+
+
+class Buttresses(Record, frozen=True):
+    """Thin walls of wood that run from the stem out along its roots."""
+
+    count: Annotated[int, Field(ge=2, le=8)]
+    """Walls around the stem (count)."""
+    height_m: Positive
+    """Height where they have fallen to 1/e of their reach (m)."""
+    reach: Positive
+    """How far they reach at the ground, as a share of the stem's radius there."""
+
+
+class Twigs(Record, frozen=True):
+    """Side twigs, too thin to be drawn, that carry the leaves in clumps."""
+
+    per_m: Positive
+    """Twigs per meter of the axis that bears them (1/m)."""
+    length_m: Positive
+    """Length of one twig (m)."""
+    angle_deg: Angle
+    """Angle between axis and twig (degrees)."""
+    droop: float
+    """Downward pull on the twig's direction (1)."""
+
+
 class Foliage(Record, frozen=True):
     """Leaves, or sprays of needles, along the twigs that bear them."""
 
@@ -87,6 +139,8 @@ class Foliage(Record, frozen=True):
     """Size of the leaf at the twig's end relative to that at its base."""
     blade: Literal["leaf", "needles"]
     """Texture drawn on the polygon."""
+    twigs: Twigs | None = None
+    """Side twigs that bear the leaves; null where the axes bear them themselves."""
 
 
 class Species(Record, frozen=True):
@@ -110,7 +164,9 @@ class Species(Record, frozen=True):
     """Branches that bend and taper less than this are drawn straight (m)."""
     crown: Crown
     """Shape of the crown."""
-    growth: Annotated[Colonized | Whorled, Field(discriminator="kind")]
+    buttresses: Buttresses | None = None
+    """Walls at the foot of the stem; null where it has none."""
+    growth: Annotated[Colonized | Whorled | Fronded | Climbing, Field(discriminator="kind")]
     """How the crown is filled with branches."""
     foliage: Foliage
     """Leaves or needles."""

@@ -80,7 +80,7 @@ def page(dataset: Dataset) -> str:
         dataset=dataset,
         configuration=settings,
         title=title(settings),
-        lead=lead(settings),
+        lead=lead(settings, record),
         facts=facts(settings, record, sections.motion),
         sections=sections,
         radiance_film=_radiance_film(footage),

@@ -33,17 +33,22 @@ def title(configuration: Configuration) -> str:
     return f"{name[0].upper()}{name[1:]}, {_span(levels)}"
 
 
-def lead(configuration: Configuration) -> str:
-    """What the camera saw and what was done with it."""
+def lead(configuration: Configuration, record: Mapping[str, Any]) -> str:
+    """What the camera saw and what was done with it; `record` is that of the scene."""
     sensors = enumerate_words([sensor.name for sensor in configuration.sensors])
     levels = plural(len(configuration.light_levels), "light level")
     return (
-        f"{configuration.scene.describe()} The {configuration.camera} "
+        f"{configuration.scene.describe()} {_canopy(record)}The {configuration.camera} "
         f"{configuration.trajectory}. Every frame is "
         "rendered as spectral radiance, together with its exact motion. The light becomes "
         f"{_readings(configuration)} on {sensors} at {levels}, and motion detectors try to read "
         "the motion back."
     )
+
+
+def _canopy(record: Mapping[str, Any]) -> str:
+    """What was measured of the forest, if it is one."""
+    return f"{record['canopy']} " if record.get("canopy") else ""
 
 
 def facts(settings: Configuration, record: Mapping[str, Any], motion: MotionSection) -> list[Fact]:

@@ -56,6 +56,7 @@ def render(dataset: Dataset) -> None:
         record: dict[str, Any] = {
             **writer.record(),
             "illuminance": writer.illuminance(),
+            "canopy": writer.canopy(),
             "monte_carlo": noise_record(dataset, writer.samples_per_pixel),
         }
         files.write_json(dataset.scene_record, record)
@@ -186,6 +187,11 @@ class FrameWriter:
             truth = self._renderer.shutter_truth(path, shutter, index)
             file = dataset.exposed_truth(index)
             write_truth(file, truth, self._origin_m, {**self._view(index), **times})
+
+    def canopy(self) -> str | None:
+        """Measured leaf area, gaps and floor light in a sentence; None of what is no forest."""
+        ring = self._dataset.configuration.scene.canopy_ring_m
+        return str(self._renderer.canopy(self._poses, ring)) if ring else None
 
     def illuminance(self) -> dict[str, Any] | None:
         """Measured lux in the open and below the camera's path; None for a scene that glows."""

@@ -1,3 +1,8 @@
+from .canopy import (
+    PlantArea as PlantArea,
+    floor_points as floor_points,
+    plant_area as plant_area,
+)
 from .description import (
     Forest as Forest,
     build_forest as build_forest,

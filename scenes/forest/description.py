@@ -1,7 +1,8 @@
 """A forest around a camera's path, as scene data."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -14,9 +15,10 @@ from megalopta.assets_gen.ground import Terrain, ground_surface, make_terrain
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras import Camera
 from megalopta.scenes.forest.flora import BUSHES, TREES
+from megalopta.scenes.forest.leaf_area import RING_M, in_leaf
 from megalopta.scenes.forest.planting import FloatArray, Planting, dense_path, tree_positions
 from megalopta.scenes.forest.size import check_size
-from megalopta.scenes.forest.specimens import materials, plant_assets
+from megalopta.scenes.forest.specimens import grow_specimens, materials, plant_assets
 from megalopta.scenes.forest.stand import PRESETS
 from megalopta.scenes.forest.sway import Wind, swaying
 from megalopta.scenes.forest.undergrowth import LAYERS
@@ -30,6 +32,10 @@ HORIZON_M = 160.0
 """The ground reaches this far beyond the stand (m)."""
 GROUND_STEP_M, GROUND_NEAR_M = 0.4, 10.0
 """Grid of the ground's mesh up to a distance from the path (m)."""
+PIXEL_RAD = 0.0065
+"""Pixels for which the levels of detail are made (rad)."""
+FINER = 0.7, 1.25
+"""Least and largest factor on the distances of levels of detail for a camera's own pixels."""
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -40,8 +46,9 @@ class Forest(SceneDescription, frozen=True):
 
     kind: Literal["forest"] = "forest"
     """Which scene this is."""
-    preset: Literal["open", "dense", "understorey", "clearing"] | None = None
-    """Named forest, open, dense, understorey or clearing: sets every field that is not given."""
+    preset: Literal["open", "dense", "understorey", "clearing", "rainforest"] | None = None
+    """Named forest, open, dense, understorey, clearing or rainforest: sets every field that is not
+    given."""
     seed: Annotated[int, Field(ge=0)] = 1
     """Which forest: every seed grows another one."""
     trees: Annotated[int, Field(gt=0, le=1_000_000)] = 150
@@ -52,8 +59,14 @@ class Forest(SceneDescription, frozen=True):
         default={"beech": 0.45, "birch": 0.25, "spruce": 0.3},
         description=f"Share of each species, of {', '.join(TREES)}; relative to the sum (1).",
     )
-    height_spread: Annotated[float, Field(ge=0, le=0.3)] = 0.15
-    """Standard deviation of tree height over the species' mean; cut at twice this (1)."""
+    leaf_area_index: Annotated[float, Field(gt=0, le=12)] | None = None
+    """One-sided area of the leaves of trees, bushes and climbers over the ground's, within 20 m of
+    where trunks may stand beside the path; null is what grows (m²/m²)."""
+    age_spread: Annotated[float, Field(ge=0, le=1)] = 0.25
+    """Standard deviation of the heights that trees have reached at their age, over the species'
+    mean, in classes from 0.35 to 1.25 of it (1)."""
+    height_spread: Annotated[float, Field(ge=0, le=0.3)] = 0.1
+    """Standard deviation of tree height over the mean of its class; cut at twice this (1)."""
     undergrowth: Annotated[float, Field(ge=0, le=4)] = 1.0
     """Factor on all densities of undergrowth_per_m2 (1)."""
     undergrowth_per_m2: dict[str, NotNegative] = Field(
@@ -68,7 +81,8 @@ class Forest(SceneDescription, frozen=True):
     relief_m: Annotated[float, Field(ge=0, le=3)] = 0.6
     """Root mean square height of the rolling land beside the path (m)."""
     detail: Annotated[float, Field(gt=0, le=1000)] = 1.0
-    """Factor on the distances beyond which plants are drawn coarser; 1000 draws all in full."""
+    """Factor on the distances beyond which plants are drawn coarser, which follow the camera's
+    pixels; 1000 draws all in full."""
 
     @model_validator(mode="before")
     @classmethod
@@ -117,9 +131,16 @@ class Forest(SceneDescription, frozen=True):
         """Its trees, without those of the belt."""
         return {"trees": self.trees}
 
+    @property
+    def canopy_ring_m(self) -> tuple[float, float]:
+        """Where its leaf-area index is met and measured: distances from the camera's path (m)."""
+        return self.clearance_m, self.clearance_m + RING_M
+
     def build(self, light: Light, camera: Camera, trajectory: Path) -> Scene:
         """The forest around a camera's path, from which trunks keep clear, in the light."""
-        return replace(build_forest(self, trajectory.poses()[:, :2, 3]), lighting=light.lighting())
+        detail = min(self.detail * _finer(camera), 1000.0)
+        drawn = self.model_copy(update={"detail": detail})
+        return replace(build_forest(drawn, trajectory.poses()[:, :2, 3]), lighting=light.lighting())
 
     def describe(self) -> str:
         """A sentence for the report."""
@@ -151,15 +172,25 @@ def build_forest(forest: Forest, path_xy: ArrayLike) -> Scene:
     planting = Planting(forest.seed, path, terrain, forest.detail)
     placements = (
         Placement("ground", "ground", np.eye(4)),
-        *planting.trees(forest.mix, forest.height_spread, trees),
-        *planting.thicket(edge_m),
+        *planting.trees(forest.mix, forest.age_spread, forest.height_spread, trees),
+        *planting.thicket(forest.densities_per_m2, edge_m),
         *planting.undergrowth(forest.densities_per_m2, edge_m),
     )
-    assets = plant_assets(forest.seed, {placement.asset for placement in placements[1:]})
+    assets = _grown(forest, placements, path)
     assets["ground"] = _ground_asset(forest.ground, terrain, path, edge_m)
     if forest.wind:
         placements = tuple(swaying(placements, assets, {*TREES, *BUSHES}, forest.wind))
     return Scene(materials(forest.seed, assets), assets, placements)
+
+
+def _grown(forest: Forest, placements: Sequence[Placement], path: cKDTree) -> dict[str, Asset]:
+    """Return the plants' assets, which carry the leaves that the forest asks for."""
+    grow = partial(grow_specimens, forest.seed, {placement.asset for placement in placements[1:]})
+    if forest.leaf_area_index is None:
+        return plant_assets(forest.seed, grow())
+    wanted = forest.leaf_area_index
+    specimens, share = in_leaf(wanted, grow, placements, path, forest.canopy_ring_m)
+    return plant_assets(forest.seed, specimens, share)
 
 
 def _checked_path(path_xy: ArrayLike) -> FloatArray:
@@ -167,6 +198,11 @@ def _checked_path(path_xy: ArrayLike) -> FloatArray:
     if path.ndim != 2 or path.shape[1] != 2 or not len(path) or not np.all(np.isfinite(path)):
         raise ValueError(f"path_xy: shape {path.shape}; give finite positions of shape (n, 2)")
     return path
+
+
+def _finer(camera: Camera) -> float:
+    """Return how much farther than with `PIXEL_RAD` a camera tells leaves apart, within limits."""
+    return float(np.clip(PIXEL_RAD * camera.focal_length_px, *FINER))
 
 
 def _ground_asset(cover: str, terrain: Terrain, path: cKDTree, edge_m: float) -> Asset:

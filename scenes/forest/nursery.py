@@ -23,12 +23,18 @@ _MOST_BYTES = 2 * 10**9
 _FIELDS = tuple(each.name for each in fields(Surface))
 
 
-def grown(seed: int, plant: Plant, number: int, lods: Sequence[LodLevel]) -> list[Organs]:
-    """Return the organs of an individual at each of some levels of detail."""
-    store = _store("plant", seed, plant.name, number, *(lod.name for lod in lods))
+def grown(
+    seed: int, plant: Plant, number: int, lods: Sequence[LodLevel], fullness: int = 1
+) -> list[Organs]:
+    """Return the organs of an individual at each of some levels of detail.
+
+    What is woody bears `fullness` times its species' leaves.
+    """
+    store = _store("plant", seed, plant.name, number, fullness, *(lod.name for lod in lods))
     if kept := store.read():
         return _organs(kept, len(lods))
-    found = list(plant.grow(lods, generator(seed, "plant", plant.name, number)))
+    rng = generator(seed, "plant", plant.name, number)
+    found = list(plant.individual(number).grow(lods, rng, fullness))
     store.write(dict(_arrays(found)))
     return found
 

@@ -2,8 +2,8 @@
 
 Trees are planted as a Poisson-disk pattern at the stand's density; the ones nearest the path are
 the stand. Behind them a belt of more trees, bushes and saplings on rising ground closes the
-horizon. Undergrowth grows in patches. How coarsely a plant is drawn depends on its distance from
-the whole path, so nothing changes shape while the camera moves.
+horizon. Undergrowth grows in patches. How coarsely a plant is drawn depends on how far its lowest
+leaves are from the whole path, so nothing changes shape while the camera moves.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,10 +17,10 @@ from scipy.spatial.transform import Rotation
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.ground import Terrain, distance_to, poisson_disk
 from megalopta.assets_gen.patterns import plane_waves
-from megalopta.scenes.forest.flora import TREES
+from megalopta.scenes.forest.flora import BUSHES, TREES
 from megalopta.scenes.forest.plants import Plant
 from megalopta.scenes.forest.specimens import INDIVIDUALS, Specimen
-from megalopta.scenes.forest.stand import LODS
+from megalopta.scenes.forest.stand import HEIGHTS, LODS
 from megalopta.scenes.forest.undergrowth import LAYERS, PLANTS
 from megalopta.scenes.world import Placement
 
@@ -35,7 +35,11 @@ BELT_M = 16.0
 THICKET_PER_M2 = 0.14
 """Bushes and saplings of the belt (1/m²)."""
 THICKET: Mapping[str, float] = {"young spruce": 0.45, "hazel": 0.35, "young beech": 0.2}
-"""Their kinds and shares."""
+"""Their kinds and shares where no bush stands in the undergrowth."""
+CLOSING_M = 6.0
+"""Bushes that are higher do not close the view, as lianas (m)."""
+EYE_M = 1.5
+"""Height from which the camera looks at leaves, roughly (m)."""
 SLOPE_STEP_M = 1.5
 """The slope under what lies is that between points this far apart in front and behind."""
 
@@ -99,9 +103,9 @@ class Planting:
     """Factor on the distances where plants get coarser."""
 
     def trees(
-        self, mix: Mapping[str, float], height_spread: float, points: FloatArray
+        self, mix: Mapping[str, float], age_spread: float, height_spread: float, points: FloatArray
     ) -> Iterator[Placement]:
-        """Put a tree on every point (n, 2), its species drawn from the mix."""
+        """Put a tree on every point (n, 2), its species drawn from the mix, of any age."""
         rng = generator(self.seed, "trees")
         names = sorted(mix)
         shares = np.array([mix[name] for name in names])
@@ -109,14 +113,20 @@ class Planting:
             TREES[names[i]] for i in rng.choice(len(names), len(points), p=shares / shares.sum())
         ]
         deviation = rng.standard_normal(len(points)).clip(-2, 2)
-        return self._place(plants, points, 1 + height_spread * deviation, rng)
+        shares = _shares_of_ages(age_spread)
+        return self._place(plants, points, 1 + height_spread * deviation, rng, shares)
 
-    def thicket(self, edge_m: float) -> Iterator[Placement]:
-        """Close the view between the trunks around a stand that reaches to `edge_m`."""
+    def thicket(self, per_m2: Mapping[str, float], edge_m: float) -> Iterator[Placement]:
+        """Close the view between the trunks around a stand that reaches to `edge_m`.
+
+        With bushes in the shares that they have in the undergrowth.
+        """
         rng = generator(self.seed, "thicket")
         ring = (edge_m - 7, edge_m + BELT_M)
         points = _strewn(self.path, ring, ring[1], THICKET_PER_M2, 0.6, rng)
-        kinds = rng.choice(list(THICKET), len(points), p=list(THICKET.values())).tolist()
+        shares = _closing(per_m2) or THICKET
+        weights = np.array(list(shares.values()))
+        kinds = rng.choice(list(shares), len(points), p=weights / weights.sum()).tolist()
         plants = [PLANTS[kind] for kind in kinds]
         return self._place(plants, points, 0.5 + 1.9 * rng.random(len(points)) ** 1.5, rng)
 
@@ -136,11 +146,19 @@ class Planting:
         points: FloatArray,
         scales: FloatArray,
         rng: np.random.Generator,
+        shares: FloatArray | None = None,
     ) -> Iterator[Placement]:
-        """Put one plant per point (n, 2) on the ground, turned at random, leaning slightly."""
+        """Put one plant per point (n, 2) on the ground, turned at random, leaning slightly.
+
+        Its individual is drawn with the shares given, by default evenly.
+        """
         finer = np.array([plant.detail_distance for plant in plants])
+        lowest = np.array([plant.leaves_from_m for plant in plants]) * scales - EYE_M
+        away = np.hypot(distance_to(self.path, points), np.maximum(lowest, 0))
         limits = [level.beyond_m * self.detail for level in LODS[1:]]
-        levels = np.searchsorted(limits, distance_to(self.path, points) / finer)
+        levels = np.searchsorted(limits, away / finer)
+        kinds = INDIVIDUALS if shares is None else len(shares)
+        numbers = rng.choice(kinds, len(points), p=shares).tolist()
         heights, slopes = self.terrain.height(points), self._slopes(points)
         turns = _random_turns(len(points), rng)
         for index, plant in enumerate(plants):
@@ -148,7 +166,7 @@ class Planting:
             to_world = np.eye(4)
             to_world[:3, :3] = scales[index] * turn
             to_world[:3, 3] = (*points[index], heights[index])
-            specimen = Specimen(plant, int(rng.integers(INDIVIDUALS)), LODS[levels[index]])
+            specimen = Specimen(plant, numbers[index], LODS[levels[index]])
             yield Placement(specimen.name, plant.name, to_world)
 
     def _slopes(self, points: FloatArray) -> FloatArray:
@@ -162,6 +180,19 @@ class Planting:
         across = np.column_stack([rise[:, 1:], -rise[:, :1], np.zeros(len(points))])
         angle = -np.arctan(steep) / np.maximum(steep, 1e-12)
         return Rotation.from_rotvec(-angle * across).as_matrix()
+
+
+def _closing(per_m2: Mapping[str, float]) -> dict[str, float]:
+    """Return the densities of bushes that close the view."""
+    low = {name for name, bush in BUSHES.items() if bush.shape.height_m < CLOSING_M}
+    return {name: density for name, density in per_m2.items() if name in low and density > 0}
+
+
+def _shares_of_ages(spread: float) -> FloatArray:
+    """Return the shares (n,) of the classes of height: a normal distribution around the mean."""
+    away = (np.array(HEIGHTS) - 1) / max(spread, 1e-3)
+    shares = np.exp(-(away**2) / 2)
+    return np.asarray(shares / shares.sum())
 
 
 def _random_turns(count: int, rng: np.random.Generator) -> FloatArray:

@@ -5,15 +5,15 @@ Stones, logs and fallen leaves are plants here too.
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import ClassVar, TypeVar
 
 import numpy as np
 
 from megalopta.assets_gen import Surface
-from megalopta.assets_gen.plants import Species, coarsened, grow_plant
-from megalopta.scenes.forest.stand import LodLevel
+from megalopta.assets_gen.plants import Species, aged, coarsened, grow_plant
+from megalopta.scenes.forest.stand import HEIGHTS, LodLevel
 from megalopta.scenes.spectra import Leaf, Spectrum
 
 Spectra = tuple[Spectrum, Spectrum]
@@ -70,8 +70,22 @@ class Plant(ABC):
         """How each organ looks."""
 
     @abstractmethod
-    def grow(self, lods: Sequence[LodLevel], rng: np.random.Generator) -> Iterator[Organs]:
-        """One individual's organs at each of some levels of detail."""
+    def grow(
+        self, lods: Sequence[LodLevel], rng: np.random.Generator, fullness: int = 1
+    ) -> Iterator[Organs]:
+        """One individual's organs at each of some levels of detail.
+
+        What is woody bears `fullness` times its leaves.
+        """
+
+    def individual(self, number: int) -> "Plant":
+        """What an individual is grown as: trees are of several ages."""
+        return self
+
+    @property
+    def leaves_from_m(self) -> float:
+        """Height of the lowest leaves above the ground (m)."""
+        return 0.0
 
     def part(self, organ: str) -> str:
         """Name of an organ's material, such as "beech bark"."""
@@ -96,11 +110,22 @@ class Woody(Plant):
         blade = self.shape.foliage.blade
         return {"bark": Coat(self.bark, self.shape.bark), "leaf": Coat.of_leaves(*self.leaf, blade)}
 
-    def grow(self, lods: Sequence[LodLevel], rng: np.random.Generator) -> Iterator[Organs]:
+    def individual(self, number: int) -> "Woody":
+        """A tree of the height that individuals of this number have reached."""
+        return self if self.layer else replace(self, shape=aged(self.shape, HEIGHTS[number]))
+
+    @property
+    def leaves_from_m(self) -> float:
+        """Height of the lowest branches (m)."""
+        return self.shape.crown.base * self.shape.height_m
+
+    def grow(
+        self, lods: Sequence[LodLevel], rng: np.random.Generator, fullness: int = 1
+    ) -> Iterator[Organs]:
         """One individual at each of some levels, all coarsened from one plant."""
-        plant = grow_plant(self.shape, rng)
+        plant = grow_plant(self.shape, rng, fullness)
         for lod in lods:
-            is_full = lod.detail.merged == 1
+            is_full = lod.detail.leaf_m2 == 0
             wood, leaves = (
                 (plant.wood, plant.leaves) if is_full else coarsened(plant, lod.detail, rng)
             )
@@ -124,7 +149,9 @@ class Small(Plant):
         """How each organ looks."""
         return self.looks
 
-    def grow(self, lods: Sequence[LodLevel], rng: np.random.Generator) -> Iterator[Organs]:
+    def grow(
+        self, lods: Sequence[LodLevel], rng: np.random.Generator, fullness: int = 1
+    ) -> Iterator[Organs]:
         """One individual at each of some levels."""
         key = int(rng.integers(2**63))
         for lod in lods:

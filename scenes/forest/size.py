@@ -11,8 +11,12 @@ from megalopta.scenes.forest.undergrowth import LAYERS
 if TYPE_CHECKING:
     from megalopta.scenes.forest.description import Forest
 
-SMALL_TRIANGLES = 100
+SMALL_TRIANGLES = 80
 """Of an average plant of the undergrowth, roughly."""
+TREE_LEAF_M2, LEAF_M2 = 45.0, 0.004
+"""Leaves of a tree where no leaf-area index is asked for, and one leaf, roughly (m²)."""
+CROWN_M = 5.0
+"""Height of the lowest leaves above the camera, roughly (m)."""
 CLUMPED = 0.5
 """Share of the undergrowth that is left between its gaps."""
 MOST_TRIANGLES = 40e6
@@ -41,12 +45,18 @@ def foreseen(forest: "Forest", path_m: float) -> tuple[float, float]:
     half = path_m / np.pi
     edge = float(np.sqrt(half**2 + (forest.trees / per_m2 + area(clearance_m)) / np.pi) - half)
     end = edge + BELT_M
-    limits = [min(level.beyond_m * forest.detail, end) for level in LODS] + [end]
+    begins = np.maximum(
+        0, forest.detail**2 * np.array([o.beyond_m for o in LODS]) ** 2 - CROWN_M**2
+    )
+    limits = [*np.minimum(np.sqrt(begins), end).tolist(), end]
     planted = [area(far) - area(clearance_m) if far > clearance_m else 0.0 for far in limits]
     counts = per_m2 * np.diff(planted)
-    triangles = np.array([level.triangles for level in LODS])
+    leaf_m2 = (forest.leaf_area_index or TREE_LEAF_M2 * per_m2) / per_m2
+    merged = np.array([max(level.detail.leaf_m2, LEAF_M2) for level in LODS])
+    leaves = leaf_m2 / merged * np.where(np.arange(len(LODS)) > 0, 1, 2)
+    triangles = np.array([level.wood_triangles for level in LODS]) + leaves
     bushes = THICKET_PER_M2 * (area(end) - area(edge - 7))
-    bush = triangles[np.searchsorted(limits[1:-1], edge)] / 4
+    bush = triangles[np.searchsorted(limits[1:-1], edge)] / 8
     small = CLUMPED * sum(
         density * area(min(LAYERS[kind].reach_m, edge))
         for kind, density in forest.densities_per_m2.items()

@@ -9,14 +9,17 @@ from itertools import groupby, product
 from types import MappingProxyType
 from typing import NamedTuple
 
+from megalopta.assets_gen import generator
+from megalopta.assets_gen.plants import some_leaves
 from megalopta.scenes.forest.nursery import grown, texture
-from megalopta.scenes.forest.plants import Plant
-from megalopta.scenes.forest.stand import LODS, LodLevel
+from megalopta.scenes.forest.plants import Organs, Plant, Woody
+from megalopta.scenes.forest.stand import HEIGHTS, LODS, LodLevel
 from megalopta.scenes.forest.undergrowth import COVERS, PLANTS
 from megalopta.scenes.world import Asset, Material, Texture
 
 INDIVIDUALS = 5
-"""Distinct grown plants of each kind; turned, leaning and scaled, they do not look repeated."""
+"""Distinct grown plants of each kind; turned, leaning and scaled, they do not look repeated. Trees
+have as many as there are classes of height."""
 
 
 class Specimen(NamedTuple):
@@ -32,31 +35,48 @@ class Specimen(NamedTuple):
         return f"{self.plant.name} {self.number} {self.lod.name}"
 
 
-_SPECIMENS = MappingProxyType(
+SPECIMENS = MappingProxyType(
     {
         each.name: each
-        for each in map(Specimen._make, product(PLANTS.values(), range(INDIVIDUALS), LODS))
+        for each in map(Specimen._make, product(PLANTS.values(), range(len(HEIGHTS)), LODS))
     }
 )
+"""Every specimen by its name."""
 _COATS = MappingProxyType(
     {plant.part(organ): coat for plant in PLANTS.values() for organ, coat in plant.coats.items()}
     | {f"{cover} ground": coat for cover, coat in COVERS.items()}
 )
 
 
-def plant_assets(seed: int, names: Iterable[str]) -> dict[str, Asset]:
-    """Grow the named specimens; every individual grows once, whatever its levels of detail."""
+def grow_specimens(seed: int, names: Iterable[str], fullness: int = 1) -> dict[str, Organs]:
+    """Grow the named specimens; every individual grows once, whatever its levels of detail.
+
+    Trees and bushes bear `fullness` times their leaves.
+    """
     ordered = sorted(
-        map(_SPECIMENS.__getitem__, names),
+        map(SPECIMENS.__getitem__, names),
         key=lambda each: (each.plant.name, each.number, LODS.index(each.lod)),
     )
-    assets = {}
+    found: dict[str, Organs] = {}
     for (kind, number), group in groupby(ordered, lambda each: (each.plant.name, each.number)):
-        individual = list(group)
-        levels = grown(seed, PLANTS[kind], number, [each.lod for each in individual])
-        for specimen, organs in zip(individual, levels, strict=True):
-            parts = {PLANTS[kind].part(organ): each.to_mesh() for organ, each in organs.items()}
-            assets[specimen.name] = Asset(parts)
+        individual, plant = list(group), PLANTS[kind]
+        full = fullness if isinstance(plant, Woody) else 1
+        levels = grown(seed, plant, number, [each.lod for each in individual], full)
+        found.update(zip((each.name for each in individual), levels, strict=True))
+    return found
+
+
+def plant_assets(
+    seed: int, specimens: Mapping[str, Organs], leaf_share: float = 1.0
+) -> dict[str, Asset]:
+    """Return the assets of grown specimens; trees and bushes keep a share of their leaves."""
+    assets = {}
+    for name, organs in specimens.items():
+        plant = SPECIMENS[name].plant
+        if isinstance(plant, Woody) and leaf_share < 1:
+            rng = generator(seed, "leaf share", name)
+            organs = {**organs, "leaf": some_leaves(organs["leaf"], leaf_share, rng)}
+        assets[name] = Asset({plant.part(organ): each.to_mesh() for organ, each in organs.items()})
     return assets
 
 

@@ -24,21 +24,22 @@ class LodLevel:
     beyond_m: float
     """Distance from the path where it begins (m)."""
     detail: Detail
-    triangles: int
-    """Of a tree, roughly; bushes have a fourth."""
+    wood_triangles: int
+    """Of a tree's wood, roughly; bushes have a fourth."""
     sides: int
     """Of rocks; logs have half as many."""
-
-    @property
-    def merged_small(self) -> int:
-        """Leaves of small plants that are drawn as one."""
-        return min(self.detail.merged, 8)
+    merged_small: int
+    """Leaves of small plants that are drawn as one."""
 
 
 LODS = (
-    LodLevel("near", 0.0, Detail(merged=1, thinnest_m=0.0, chord_m=0.0), 7500, 28),
-    LodLevel("middle", 33.0, Detail(merged=2, thinnest_m=0.008, chord_m=0.06), 2700, 14),
-    LodLevel("far", 60.0, Detail(merged=4, thinnest_m=0.012, chord_m=0.1), 1500, 10),
-    LodLevel("horizon", 96.0, Detail(merged=10, thinnest_m=0.025, chord_m=0.2), 600, 8),
+    LodLevel("near", 0.0, Detail(0.0, 1, 0.0, 0.0), 4000, 28, 1),
+    LodLevel("close", 8.0, Detail(0.009, 3, 0.006, 0.04), 1600, 20, 1),
+    LodLevel("middle", 16.0, Detail(0.026, 5, 0.015, 0.07), 600, 14, 2),
+    LodLevel("far", 32.0, Detail(0.07, 8, 0.03, 0.12), 250, 10, 4),
+    LodLevel("horizon", 60.0, Detail(0.16, 16, 0.05, 0.25), 90, 8, 8),
 )
-"""From fine to coarse."""
+"""From fine to coarse, for pixels of 0.0065 rad: a leaf is about a pixel wide."""
+
+HEIGHTS = (0.35, 0.55, 0.75, 0.9, 1.0, 1.0, 1.12, 1.25)
+"""What share of its species' height each individual of a tree has reached."""

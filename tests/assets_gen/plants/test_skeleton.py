@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta.assets_gen.plants.branching import grow_axes
+from megalopta.assets_gen.plants.forms import grow_axes
 from megalopta.assets_gen.plants.skeleton import Skeleton, axes, pipe_areas, pipe_radii, smoothed
 from megalopta.scenes.forest.flora import TREES
 

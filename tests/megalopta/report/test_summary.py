@@ -70,17 +70,22 @@ def test_one_light_is_no_span():
     ],
 )
 def test_the_lead_tells_how_the_camera_moves(trajectory, words):
-    assert words in lead(configured(trajectory=trajectory))
+    assert words in lead(configured(trajectory=trajectory), {})
 
 
 def test_the_lead_names_a_camera_that_is_no_pinhole():
     panorama = configured(camera={"kind": "cylindrical"})
-    assert "The cylindrical camera stands still." in lead(panorama)
+    assert "The cylindrical camera stands still." in lead(panorama, {})
 
 
 def test_the_lead_tells_what_stands_there():
-    assert "150 trees (beech, birch and spruce)" in lead(configured())
-    assert "sine grating of contrast 0.9" in lead(configured(scene={"kind": "grating"}))
+    assert "150 trees (beech, birch and spruce)" in lead(configured(), {})
+    assert "sine grating of contrast 0.9" in lead(configured(scene={"kind": "grating"}), {})
+
+
+def test_the_lead_tells_what_was_measured_of_a_canopy():
+    record = {"canopy": "Leaf-area index 4.99."}
+    assert "per hectare. Leaf-area index 4.99. The" in lead(configured(), record)
 
 
 def test_objects_and_triangles_are_told_where_the_renderer_noted_them():

@@ -14,7 +14,7 @@ from megalopta.scenes.forest.description import Forest, build_forest
 from megalopta.scenes.forest.flora import TREES
 from megalopta.scenes.forest.planting import BELT_M, REGULARITY, THICKET, tree_positions
 from megalopta.scenes.forest.size import foreseen
-from megalopta.scenes.forest.specimens import materials, plant_assets
+from megalopta.scenes.forest.specimens import grow_specimens, materials, plant_assets
 from megalopta.scenes.forest.stand import LODS, PRESETS
 from megalopta.scenes.forest.undergrowth import LAYERS
 
@@ -88,7 +88,7 @@ def test_another_seed_gives_other_places_trees_and_bark():
     path = cKDTree(dense(PATH))
     places = [tree_positions(seed, 40, 900, 1.2, path)[0] for seed in (0, 1)]
     assert not np.isin(*places).any()
-    grown = [plant_assets(seed, ["birch 0 far"]) for seed in (0, 1)]
+    grown = [plant_assets(seed, grow_specimens(seed, ["birch 0 far"])) for seed in (0, 1)]
     shapes = [assets["birch 0 far"].parts["birch bark"].vertices for assets in grown]
     assert not np.array_equal(*shapes)
     barks = [materials(s, a)["birch bark"].texture.weight for s, a in enumerate(grown)]
@@ -221,7 +221,9 @@ def test_detail_falls_with_distance_from_the_whole_path_and_nowhere_else(scene):
     path = cKDTree(dense(PATH))
     for placement in scene.placements[1:]:
         if placement.kind in TREES:
-            distance = path.query(placement.to_world[:2, 3])[0]
+            scale = np.cbrt(np.linalg.det(placement.to_world[:3, :3]))
+            leaves = TREES[placement.kind].leaves_from_m * scale - EYE_M
+            distance = np.hypot(path.query(placement.to_world[:2, 3])[0], max(leaves, 0))
             name = placement.asset.rsplit(" ", 1)[1]
             expected = [level.name for level in LODS if level.beyond_m < distance]
             assert (
@@ -257,7 +259,7 @@ def test_presets_set_what_is_not_given(name):
     ["open", *(pytest.param(name, marks=pytest.mark.slow) for name in PRESETS if name != "open")],
 )
 def test_presets_grow_what_they_name(name):
-    # as many trees as will have every kind of the mix among them
+    # As many trees as will have every kind of the mix among them.
     forest = Forest(preset=name, trees=150, undergrowth=0.02, detail=0.05)
     scene = build_forest(forest, PATH)
     kinds = Counter(placement.kind for placement in scene.placements)
@@ -298,13 +300,17 @@ def test_without_undergrowth_around_one_place_only_one_species_and_the_belt_are_
         ("mix", {}, "sum to 0"),
         ("mix", {"beech": 0}, "sum to 0"),
         ("mix", {"beech": -1}, "greater than or equal to 0"),
-        ("mix", {"palm": 1}, r"no species \['palm'\]; choose from \['aspen'"),
+        ("mix", {"larch": 1}, r"no species \['larch'\]; choose from \['aspen'"),
         ("undergrowth", np.nan, "finite"),
-        ("undergrowth_per_m2", {"palm": 1}, r"no kind \['palm'\]; choose from \['bilberry'"),
+        ("undergrowth_per_m2", {"larch": 1}, r"no kind \['larch'\]; choose from \['bilberry'"),
         ("undergrowth_per_m2", {"fern": 1e6}, r"make about 1\.\de\+09 plants of .* lower one"),
-        ("preset", "jungle", "'open', 'dense', 'understorey' or 'clearing'"),
+        ("preset", "jungle", "'dense', 'understorey', 'clearing' or 'rainforest'"),
         ("trees", 10**9, "less than or equal to 1000000"),
         ("density_per_ha", 1e9, "less than or equal to 10000"),
+        ("leaf_area_index", 0, "greater than 0"),
+        ("leaf_area_index", 50, "less than or equal to 12"),
+        ("age_spread", -0.1, "greater than or equal to 0"),
+        ("age_spread", 2, "less than or equal to 1"),
         ("relief_m", 1e9, "less than or equal to 3"),
         ("clearance_m", 1e9, "less than or equal to 100"),
         ("detail", 1e9, "less than or equal to 1000"),
