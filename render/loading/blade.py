@@ -4,8 +4,8 @@ The bidirectional scattering function of a leaf in nearly all radiative transfer
 ρ/π toward the side that the light comes from and τ/π toward the other, at any angles. A path goes
 on to either side with a chance in proportion to ρ and τ, their means over its wavelengths.
 
-Mitsuba has none. What it has can be blended to the same (`materials`), at half the speed in
-vectorized variants.
+Mitsuba has none. What it has can be blended to the same (`materials`), at two thirds of the
+speed in vectorized variants.
 """
 
 from functools import cache

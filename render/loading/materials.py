@@ -16,6 +16,7 @@ from megalopta.scenes.world import Emission, Material, Texture
 
 # Mitsuba's spectra are zero beyond their table; ours go on at the end values.
 _SPECTRUM_LIMITS_NM = (100.0, 4000.0)
+_LEAST_SHARE = 0.1
 
 
 def bsdf(material: Material) -> dict[str, Any]:
@@ -46,15 +47,23 @@ def _blade(material: Material) -> dict[str, Any]:
 def _of_parts(material: Material) -> dict[str, Any]:
     """The same of Mitsuba's own surfaces, since scalar variants are slow with one in Python.
 
-    Half of one that reflects twice as much and half of one that transmits twice as much are just
-    that; values above 1 do no harm.
+    A share of one that reflects that much more and the rest of one that transmits that much more
+    are just that; values above 1 do no harm. Paths go on to either side by these shares.
     """
+    through = _mean(material.transmittance) / (
+        _mean(material.transmittance) + _mean(material.reflectance) or 1.0
+    )
+    through = min(max(through, _LEAST_SHARE), 1 - _LEAST_SHARE)
     return {
         "type": "blendbsdf",
-        "weight": 0.5,
-        "first": _reflecting(material, 2.0),
-        "second": _transmitting(material, 2.0),
+        "weight": through,
+        "first": _reflecting(material, 1 / (1 - through)),
+        "second": _transmitting(material, 1 / through),
     }
+
+
+def _mean(of: Spectrum | None) -> float:
+    return float(of(np.arange(400, 1700)).mean()) if of else 0.0
 
 
 def _reflecting(material: Material, factor: float) -> dict[str, Any]:
