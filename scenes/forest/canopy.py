@@ -92,8 +92,7 @@ def floor_points(
         away = distance_to(path, thrown)
         kept = np.concatenate([kept, thrown[(away >= ring_m[0]) & (away < ring_m[1])]])
     (ground,) = scene.assets[scene.placements[0].asset].parts.values()
-    vertices = ground.vertices[distance_to(path, ground.vertices[:, :2]) < ring_m[1] + WIDEST_M]
-    height = griddata(vertices[:, :2], vertices[:, 2], kept[:count])
+    height = griddata(ground.vertices[:, :2], ground.vertices[:, 2], kept[:count])
     return np.column_stack([kept[:count], height + height_m])
 
 
