@@ -40,8 +40,9 @@ class PlantArea:
 
     @property
     def wood_share(self) -> float:
-        """Wood over all plant area (1)."""
-        return self.wood_area_index / (self.leaf_area_index + self.wood_area_index)
+        """Wood over all plant area, 0 where nothing grows (1)."""
+        whole = self.leaf_area_index + self.wood_area_index
+        return self.wood_area_index / whole if whole else 0.0
 
 
 def plant_area(scene: Scene, path_xy: ArrayLike, ring_m: tuple[float, float]) -> PlantArea:
