@@ -118,7 +118,7 @@ def gap_fraction(
 
 
 def _floor_light(loaded: Any, points: Float64) -> Share:
-    sky = (*points.mean(axis=0), 0, 0, 1000.0)
+    sky = points.mean(axis=0) + np.array([0.0, 0.0, 1000.0])
     below, above = (_paths(loaded, where) for where in (points, sky[None]))
     return Share(
         float(below.mean() / above.mean()),

@@ -29,6 +29,8 @@ class Cell:
     """The radiance (H, W, 3), exposed and white-balanced for its own light"""
     counts: NDArray[np.integer | np.floating]
     """Of a sensor, in one exposure (H, W)"""
+    canopy: str = ""
+    """What a forest holds and lets through, measured; empty where that is not told"""
 
     @property
     def light(self) -> str:

@@ -80,15 +80,16 @@ def _cells(
     }
     settings = Configuration.model_validate(values)
     scene = build(settings)
-    rendered: dict[str, tuple[Configuration, NDArray[np.float32]]] = {}
+    rendered: dict[str, tuple[Configuration, NDArray[np.float32], str]] = {}
     for level, light in LEVELS.items():
         # Under an even sky levels differ by a factor in each band; a disc has a share in each.
         directions = level if light.disc else "sky"
         if directions not in rendered:
             lit = _under(settings, level)
-            rendered[directions] = lit, _radiance(lit, scene)
-        lit, radiance = rendered[directions]
-        yield _cell(name, level, lit, radiance * light_scale(lit, level).astype(np.float32))
+            rendered[directions] = lit, *_radiance(lit, scene)
+        lit, radiance, canopy = rendered[directions]
+        scaled = radiance * light_scale(lit, level).astype(np.float32)
+        yield replace(_cell(name, level, lit, scaled), canopy=canopy)
         advance()
 
 
@@ -97,12 +98,18 @@ def _under(settings: Configuration, level: str) -> Configuration:
     return settings.model_copy(update={"light": light})
 
 
-def _radiance(lit: Configuration, scene: Scene) -> NDArray[np.float32]:
-    """First frame (H, W, B) of a scene under the light of a configuration."""
+def _radiance(lit: Configuration, scene: Scene) -> tuple[NDArray[np.float32], str]:
+    """First frame (H, W, B) of a scene under the light of a configuration, and of its canopy.
+
+    A canopy is measured under an even sky; else, and without one, nothing is told.
+    """
     # What glows by itself is as bright as the light of its level, so it is built for each.
     scene = replace(scene, lighting=lit.light.lighting()) if scene.lighting else build(lit)
     renderer = SceneRenderer(scene, lit.camera, lit.render)
-    return renderer.radiance(lit.trajectory.poses()[0], frame_seed(lit.seed, 0))
+    poses, ring = lit.trajectory.poses(), lit.scene.canopy_ring_m
+    has_disc = bool(scene.lighting and scene.lighting.sun)
+    canopy = str(renderer.canopy(poses, ring)) if ring and not has_disc else ""
+    return renderer.radiance(poses[0], frame_seed(lit.seed, 0)), canopy
 
 
 def _cell(name: str, level: str, lit: Configuration, radiance: NDArray[np.float32]) -> Cell:

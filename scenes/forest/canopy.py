@@ -40,8 +40,9 @@ class PlantArea:
 
     @property
     def wood_share(self) -> float:
-        """Wood over all plant area (1)."""
-        return self.wood_area_index / (self.leaf_area_index + self.wood_area_index)
+        """Wood over all plant area, 0 where nothing grows (1)."""
+        whole = self.leaf_area_index + self.wood_area_index
+        return self.wood_area_index / whole if whole else 0.0
 
 
 def plant_area(scene: Scene, path_xy: ArrayLike, ring_m: tuple[float, float]) -> PlantArea:
@@ -92,8 +93,7 @@ def floor_points(
         away = distance_to(path, thrown)
         kept = np.concatenate([kept, thrown[(away >= ring_m[0]) & (away < ring_m[1])]])
     (ground,) = scene.assets[scene.placements[0].asset].parts.values()
-    vertices = ground.vertices[distance_to(path, ground.vertices[:, :2]) < ring_m[1] + WIDEST_M]
-    height = griddata(vertices[:, :2], vertices[:, 2], kept[:count])
+    height = griddata(ground.vertices[:, :2], ground.vertices[:, 2], kept[:count])
     return np.column_stack([kept[:count], height + height_m])
 
 
