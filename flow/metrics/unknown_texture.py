@@ -26,7 +26,7 @@ from scipy.optimize import brentq
 from megalopta.flow.detectors import FloatArray
 from megalopta.flow.metrics.translation_bound import median_endpoint_error
 
-_FLUXES = 1e-6, 1e15
+_LOG_FLUXES = math.log(1e-6), math.log(1e15)
 
 
 def power_spectrum(images: FloatArray) -> FloatArray:
@@ -96,11 +96,12 @@ def unknown_texture_photons(
     def excess(log_flux: float) -> float:
         flux = math.exp(log_flux)
         information = unknown_texture_information(spectrum * flux**2, noise * flux, pixels, frames)
-        return math.log(median_endpoint_error(np.linalg.inv(information)) / (level * speed))
+        least = np.asarray(np.linalg.inv(information), np.float64)
+        return math.log(median_endpoint_error(least) / (level * speed))
 
     if np.linalg.matrix_rank(unknown_texture_information(spectrum, noise, pixels)) < 2:
         return math.inf
-    return math.exp(brentq(excess, *map(math.log, _FLUXES)))
+    return math.exp(brentq(excess, *_LOG_FLUXES))
 
 
 def _hann(size: int) -> FloatArray:

@@ -6,7 +6,6 @@ them; what flickers is stated. Clips are kept in the cache folder.
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -15,12 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.array_store import ArrayStore
+from megalopta.arrays import Floats
 from megalopta.experiments.panorama_recipes import LUMINANCE_BAND_NM
 from megalopta.experiments.whole_frame_scenes import FRAMES, SHAPE, Clip
 from megalopta.folders import cache_folder
 from megalopta.freshness import BAKE_MODEL, RENDER_MODEL, TRUTH_MODEL, digest
 from megalopta.record import Record
-from megalopta.render import RenderSettings, SceneRenderer, frame_seed, render_once
+from megalopta.render import (
+    MeasuredPass,
+    RenderSettings,
+    SceneRenderer,
+    frame_seed,
+    render_once,
+)
 from megalopta.scenes import Forest, Light, PerspectiveCamera, Trajectory, build_scene
 
 _MIDDLE = FRAMES // 2 - 1
@@ -116,13 +122,16 @@ def _rendered(view: MovingView, after_frame: Callable[[], object]) -> dict[str, 
     renderer = SceneRenderer(scene, view.camera, view.settings, poses)
     light, flicker = [], 0.0
     for index, pose in enumerate(poses):
-        seeds = partial(frame_seed, 0, index)
-        image, noise = render_once(
-            lambda number, pose=pose, seeds=seeds: renderer.radiance(pose, seeds(number)),
-            (lambda number, pose=pose, seeds=seeds: renderer.measured(pose, seeds(number)))
-            if index == _MIDDLE
-            else None,
-        )
+
+        def render_pass(
+            number: int, pose: Floats = pose, index: int = index
+        ) -> NDArray[np.float32]:
+            return renderer.radiance(pose, frame_seed(0, index, number))
+
+        def measure_pass(number: int, pose: Floats = pose, index: int = index) -> MeasuredPass:
+            return renderer.measured(pose, frame_seed(0, index, number))
+
+        image, noise = render_once(render_pass, measure_pass if index == _MIDDLE else None)
         if noise and noise.surface:
             flicker = (noise.surface.rms**2 - noise.surface.standing**2) ** 0.5
         light.append(image[..., 0])
