@@ -117,13 +117,6 @@ def expected_counts(
     return moments(rate_hz, exposure_s, dead_time)[0]
 
 
-def variance_counts(
-    rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime
-) -> NDArray[np.float64]:
-    """Exact variance of the number of counts in one exposure; as `moments`."""
-    return moments(rate_hz, exposure_s, dead_time)[1]
-
-
 def moments(
     rate_hz: ArrayLike, exposure_s: float, dead_time: DeadTime, scale: ArrayLike = 1.0
 ) -> tuple[Floats, Floats]:

@@ -16,7 +16,7 @@ from megalopta.sensor.effects.dead_time import (
     DeadTime,
     draw_counts,
     expected_counts,
-    variance_counts,
+    moments,
 )
 from megalopta.sensor.sampling import generator
 
@@ -33,7 +33,7 @@ def law(kind, dead_time_s=1.0):
 def mean_and_variance(kind, a, arrivals):
     """Closed forms for r·τ = a and r·T = arrivals, in units of the dead time."""
     arguments = [a], arrivals / a, law(kind)
-    return expected_counts(*arguments)[0], variance_counts(*arguments)[0]
+    return expected_counts(*arguments)[0], moments(*arguments)[1][0]
 
 
 @cache
@@ -186,9 +186,7 @@ def test_exposure_shorter_than_the_dead_time_counts_at_most_once():
     for kind in ("nonparalyzable", "paralyzable"):
         mean = expected_counts(rate, 0.9, law(kind))
         np.testing.assert_allclose(mean, 1 - np.exp(-0.9 * rate), rtol=1e-12)
-        np.testing.assert_allclose(
-            variance_counts(rate, 0.9, law(kind)), mean * (1 - mean), rtol=1e-9
-        )
+        np.testing.assert_allclose(moments(rate, 0.9, law(kind))[1], mean * (1 - mean), rtol=1e-9)
 
 
 def stationary(kind):
@@ -223,7 +221,7 @@ def test_stationary_nonparalyzable_moments_are_those_of_the_exact_law(a, dead_ti
     mean = a / (1 + a) * dead_times
     assert expected_counts(*law_of)[0] == pytest.approx(mean, rel=1e-12)
     variance = (p * (n - mean) ** 2).sum()
-    assert variance_counts(*law_of)[0] == pytest.approx(variance, rel=1e-6, abs=1e-9)
+    assert moments(*law_of)[1][0] == pytest.approx(variance, rel=1e-6, abs=1e-9)
 
 
 @pytest.mark.parametrize(("a", "arrivals"), [(0.05, 3.0), (0.02, 40.0), (1.0, 60.0), (5.0, 90.0)])
@@ -239,7 +237,7 @@ def test_stationary_nonparalyzable_draws_follow_the_exact_law(a, arrivals):
 def test_stationary_paralyzable_draws_have_the_closed_form_moments(a, dead_times):
     law_of = np.full(DRAWS, a), dead_times, stationary("paralyzable")
     counts = draw_counts(generator(5), *law_of)
-    mean, variance = expected_counts(*law_of)[0], variance_counts(*law_of)[0]
+    mean, variance = expected_counts(*law_of)[0], moments(*law_of)[1][0]
     assert mean == pytest.approx(a * dead_times * np.exp(-a), rel=1e-12)
     assert abs(counts.mean() - mean) < 5 * np.sqrt(variance / DRAWS)
     squares = (counts - mean) ** 2
@@ -272,14 +270,14 @@ def test_counts_are_poisson_where_dead_time_is_negligible(kind):
     rate, exposure = np.array([0.3, 20.0, 1e3]), 0.1
     dead_time = law(kind, 1e-15)
     np.testing.assert_allclose(expected_counts(rate, exposure, dead_time), rate * exposure)
-    np.testing.assert_allclose(variance_counts(rate, exposure, dead_time), rate * exposure)
+    np.testing.assert_allclose(moments(rate, exposure, dead_time)[1], rate * exposure)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_arrivals_give_no_counts_and_no_variance(kind):
     dark = np.zeros((2, 3))
     assert np.all(expected_counts(dark, 1.0, law(kind)) == 0)
-    assert np.all(variance_counts(dark, 1.0, law(kind)) == 0)
+    assert np.all(moments(dark, 1.0, law(kind))[1] == 0)
     assert np.all(draw_counts(generator(0), dark, 1.0, law(kind)) == 0)
 
 
