@@ -62,6 +62,7 @@ from megalopta.sensor.selfcheck.terms import (
     check_gate_and_jitter,
     check_light,
     check_poisson_means,
+    check_rare_bits,
 )
 
 _EFFECTS: dict[str, tuple[Check, ...]] = {
@@ -91,7 +92,7 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
         check_stated_analog,
         check_stated_conversion,
     ),
-    "frames": (check_frames, check_dim_light, check_poisson_means),
+    "frames": (check_frames, check_dim_light, check_poisson_means, check_rare_bits),
     "ctia": (
         check_ctia_discharge,
         check_ctia_noise,

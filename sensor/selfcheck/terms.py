@@ -205,6 +205,18 @@ def check_dim_light() -> Iterator[Row]:
     yield variance_row("dim light", "variance of counts", 0.05, counts)
 
 
+def check_rare_bits() -> Iterator[Row]:
+    """Binary frames of so little light that the last bits of a chance count."""
+    sensor, mean, side = preset("ideal"), 2e-5, 1000
+    packed = expose_binary(
+        np.full((100, side, side), mean / sensor.exposure_s), sensor, seed=2, sequence="rare"
+    )
+    ones, bits = int(np.bitwise_count(packed).sum(dtype=np.int64)), 100 * side**2
+    chance = -np.expm1(-mean)
+    z = (ones - bits * chance) / (bits * chance) ** 0.5
+    yield Row("binary frames", "part of ones, rare", float(chance), ones / bits, float(z))
+
+
 def check_poisson_means() -> Iterator[Row]:
     """Means around each for which the Poisson law is tabulated, up to 16."""
     means = (np.arange(256) + 0.02) / 16
