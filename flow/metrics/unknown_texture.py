@@ -80,7 +80,8 @@ def unknown_texture_photons(
     Parameters
     ----------
     spectrum, noise
-        At one photon per frame; they grow as the square of the flux and as the flux.
+        (H, W) and a number, at one photon per frame; they grow as the square of the flux and as
+        the flux.
     pixels, frames
         As for `unknown_texture_information`.
     speed : float

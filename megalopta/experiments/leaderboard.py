@@ -116,7 +116,7 @@ def bound_along_x(information: Floats) -> float:
 
 
 def unknown_bound(clean: Floats, frames: int, margin_px: int = 0) -> float:
-    """Return `bound` where all that is known of the texture is the power spectrum of `clean`."""
+    """Return `bound` where only the power spectrum of `clean`, (n, T, H, W), is known."""
     newest = clean[:, -1]
     pixels = (GRID.block_px + 2 * margin_px) ** 2
     return unknown_texture_photons(

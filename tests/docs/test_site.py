@@ -32,7 +32,7 @@ def test_every_field_of_every_model_has_its_row(settings_page):
 def test_a_row_gives_meaning_default_range_and_unit(settings_page):
     row = settings_page[settings_page.index("``height_spread``") :].splitlines()[:5]
     assert "Standard deviation of tree height" in row[1]
-    assert [cell.strip(" -") for cell in row[2:4]] == ["``0.15``", "number ≥ 0, ≤ 0.3"]
+    assert [cell.strip(" -") for cell in row[2:4]] == ["``0.1``", "number ≥ 0, ≤ 0.3"]
     frame_rate = settings_page[settings_page.index("``frame_rate_hz``") :].splitlines()[4]
     assert frame_rate.strip(" -") == "Hz"
 
