@@ -32,7 +32,7 @@ CASES = [
 @cache
 def forest(preset):
     """A small forest; every level lights the same."""
-    scene = Forest(preset=preset, seed=PRESETS.index(preset), trees=60)
+    scene = Forest(preset=preset, seed=PRESETS.index(preset), trees=80)
     return build_scene(scene, Light(), CAMERA, PATH)
 
 
