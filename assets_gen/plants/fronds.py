@@ -28,12 +28,11 @@ def grow_fronded(species: Species, growth: Fronded, rng: np.random.Generator) ->
         axis = stem_axis(max(height, 0.6), species.wander, STEM_STEP_M, rng)
         if species.stems > 1:
             axis += CLUMP_M * outward(np.array([stem * GOLDEN_ANGLE]))
-        first = len(skeleton.positions)
-        nodes = first + np.arange(len(axis))
-        skeleton = skeleton.extended(axis, np.where(nodes > first, nodes - 1, -1))
+        skeleton = skeleton.with_chain(axis)
         along = axis[-1] + _fronds(growth, rng)
-        own = nodes[-1] + 1 + np.arange(growth.fronds * NODES).reshape(growth.fronds, NODES)
-        foot = np.full((growth.fronds, 1), nodes[-1])
+        end = len(skeleton.positions) - 1
+        own = end + 1 + np.arange(growth.fronds * NODES).reshape(growth.fronds, NODES)
+        foot = np.full((growth.fronds, 1), end)
         bearing.append(np.concatenate([foot, own], axis=1))
         skeleton = skeleton.extended(along.reshape(-1, 3), bearing[-1][:, :-1].ravel())
     return Branching(skeleton, np.concatenate(bearing))

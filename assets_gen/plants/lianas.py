@@ -30,8 +30,7 @@ def grow_climbing(species: Species, growth: Climbing, rng: np.random.Generator) 
     for rope in range(species.stems):
         line = _rope(species, growth, rope * GOLDEN_ANGLE + rng.normal(0, 0.4), rng)
         first = len(skeleton.positions)
-        nodes = first + np.arange(len(line))
-        skeleton = skeleton.extended(line, np.where(nodes > first, nodes - 1, -1))
+        skeleton = skeleton.with_chain(line)
         bearers = np.sort(rng.integers(len(line) // 2, len(line), growth.shoots)) + first
         ahead = unit(skeleton.internodes()[bearers])
         toward = sideways(ahead, rng.uniform(0, 2 * np.pi, len(bearers))) - 0.4 * UP

@@ -42,6 +42,12 @@ class Skeleton:
             np.concatenate([self.positions, positions]), np.concatenate([self.parents, parents])
         )
 
+    def with_chain(self, positions: FloatArray) -> "Skeleton":
+        """Return the skeleton with one more root and the nodes (n, 3) that follow it in a row."""
+        parents = len(self.positions) + np.arange(-1, len(positions) - 1)
+        parents[0] = -1
+        return self.extended(positions, parents)
+
 
 def sum_toward_root(skeleton: Skeleton, values: FloatArray) -> FloatArray:
     """Return for every node the sum of `values` (n,) over itself and all that grew from it."""

@@ -51,7 +51,7 @@ from .translation_bound import (
     fisher_information as fisher_information,
 )
 from .unknown_texture import (
-    power_spectrum as power_spectrum,
+    texture_spectrum as texture_spectrum,
     unknown_texture_information as unknown_texture_information,
     unknown_texture_photons as unknown_texture_photons,
 )

@@ -29,14 +29,14 @@ from megalopta.flow.metrics.translation_bound import median_endpoint_error
 _LOG_FLUXES = math.log(1e-6), math.log(1e15)
 
 
-def power_spectrum(images: FloatArray) -> FloatArray:
+def texture_spectrum(images: FloatArray) -> FloatArray:
     """Return the mean power spectrum (H, W) of images (n, H, W), in their unit squared.
 
     Frequencies are in the order of `numpy.fft.fft2`; white noise of variance σ² has σ² everywhere.
     A Hann window keeps the borders out.
     """
     rows, columns = images.shape[1:]
-    window = np.outer(_hann(rows), _hann(columns))
+    window = np.outer(np.hanning(rows + 2)[1:-1], np.hanning(columns + 2)[1:-1])
     window /= np.sqrt(np.sum(window**2))
     centered = images - images.mean(axis=(1, 2), keepdims=True)
     return np.asarray(np.mean(np.abs(np.fft.fft2(centered * window)) ** 2, axis=0))
@@ -103,7 +103,3 @@ def unknown_texture_photons(
     if np.linalg.matrix_rank(unknown_texture_information(spectrum, noise, pixels)) < 2:
         return math.inf
     return math.exp(brentq(excess, *_LOG_FLUXES))
-
-
-def _hann(size: int) -> FloatArray:
-    return np.asarray(np.sin(np.pi * (np.arange(size) + 0.5) / size) ** 2)

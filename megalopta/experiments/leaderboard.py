@@ -26,7 +26,7 @@ from megalopta.flow.metrics import (
     fisher_information,
     is_within,
     photons_for_half,
-    power_spectrum,
+    texture_spectrum,
     unknown_texture_photons,
     variance_efficiency,
 )
@@ -115,12 +115,11 @@ def bound_along_x(information: Floats) -> float:
     return bound_photons(cramer_rao_covariance_along_x(information), SPEED_PX, LEVEL)
 
 
-def unknown_bound(clean: Floats, frames: int, margin_px: int = 0) -> float:
+def unknown_bound(clean: Floats, frames: int) -> float:
     """Return `bound` where only the power spectrum of `clean`, (n, T, H, W), is known."""
     newest = clean[:, -1]
-    pixels = (GRID.block_px + 2 * margin_px) ** 2
     return unknown_texture_photons(
-        power_spectrum(newest), float(newest.mean()), pixels, frames, SPEED_PX, LEVEL
+        texture_spectrum(newest), float(newest.mean()), GRID.block_px**2, frames, SPEED_PX, LEVEL
     )
 
 
@@ -148,11 +147,14 @@ def ranked(clean: Floats, methods: Iterable[Method]) -> list[Entry]:
             frames,
             bound(known, frames),
             bound(known_with_margin, frames),
-            unknown_bound(clean, frames),
+            unknown[frames],
             milliseconds_per_frame(detector, counts(_TIMING_FLUX)[0]),
         )
 
-    entries = [entry(each) for each in map(method, methods) if isinstance(each, BlockDetector)]
+    detectors = [each for each in map(method, methods) if isinstance(each, BlockDetector)]
+    frame_counts = {each.memory_frames + 1 for each in detectors}
+    unknown = {frames: unknown_bound(clean, frames) for frames in frame_counts}
+    entries = [entry(each) for each in detectors]
     return sorted(entries, key=lambda each: (each.photons, each.detector.name))
 
 

@@ -78,7 +78,7 @@ def leaderboard(_: Run) -> Figure:
         ),
         draw=lambda canvas: _draw_board(canvas.subplots(), entries, {2: two, 8: eight}, unknown),
         numbers=columns_of(_row(each, two) for each in entries),
-        height_in=0.8 + 0.36 * len(entries),
+        height_in=1.1 + 0.36 * len(entries),
         details={
             "bounds": {
                 "two_frames": two,
@@ -190,7 +190,7 @@ def _draw_board(
     axes.set_xticks(10.0 ** np.arange(3, round(math.log10(FLUXES[-1])) + 1))
     axes.minorticks_off()
     axes.set_yticks(range(len(entries)), [_label(each) for each in entries])
-    axes.set_ylim(len(entries) - 0.4, -1.6)
+    axes.set_ylim(len(entries) - 0.4, -2.3)
     axes.grid(visible=False, axis="y")
     axes.set_xlabel("Photons per frame for a median error of 25 %")
     axes.legend(loc="upper right", ncols=2, frameon=True, framealpha=1, edgecolor="none")

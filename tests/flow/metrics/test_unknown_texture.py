@@ -5,7 +5,7 @@ import pytest
 
 from megalopta.assets_gen import generator
 from megalopta.flow.metrics.unknown_texture import (
-    power_spectrum,
+    texture_spectrum,
     unknown_texture_information,
     unknown_texture_photons,
 )
@@ -59,7 +59,7 @@ def test_bright_texture_costs_nothing_to_learn():
 
 def test_spectrum_of_white_noise_is_its_variance():
     noise = generator(2, "white").normal(0, 3, (400, 16, 20))
-    spectrum = power_spectrum(noise)
+    spectrum = texture_spectrum(noise)
     # 4 · 10⁵ draws, some three quarters of them lost to the window: 0.5 % of 9, five times
     assert spectrum.mean() == pytest.approx(9, rel=0.025)
     # each frequency over 400 images: 5 %, or 7 % of real ones, six times
