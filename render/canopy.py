@@ -49,7 +49,7 @@ class Canopy:
     gaps: dict[float, Share]
     """Gap fraction by zenith angle (degrees)."""
     floor_light: Share | None
-    """Illuminance on the floor over the open's (1); None in the light of sun or moon."""
+    """Illuminance on the floor over the open's (1); None but under an even sky."""
 
     def __str__(self) -> str:
         """All of it in a sentence."""
@@ -87,7 +87,7 @@ def measure_canopy(
     rng = np.random.default_rng(seed)
     points = floor_points(scene, path_xy, ring_m, HEIGHT_M, _PLACES, rng) - scene.origin_m
     gaps = {angle: gap_fraction(loaded, points, angle, rng) for angle in ZENITHS_DEG}
-    has_even_sky = scene.lighting is not None and scene.lighting.sun is None
+    has_even_sky = scene.lighting is not None and scene.lighting.is_even
     light = _floor_light(loaded, points) if has_even_sky else None
     return Canopy(area.leaf_area_index, area.wood_share, gaps, light)
 

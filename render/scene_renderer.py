@@ -19,6 +19,7 @@ from megalopta.render.noise import MeasuredPass
 from megalopta.render.path_tracing import PathIntegrator
 from megalopta.render.settings import RenderSettings, bake_seed, instant_seed
 from megalopta.render.surface_view import Integrator, SurfaceView
+from megalopta.render.surroundings import under_panorama
 from megalopta.render.truth import Flow, Geometry, Instant, Rolling, Truth, TruthTracer
 from megalopta.render.variant import Variant, choose_variant
 from megalopta.render.views import Exposure, View
@@ -68,6 +69,7 @@ class SceneRenderer:
         self.camera = camera
         self.variant: Variant = choose_variant(settings.backend)
         activate(self.variant)
+        scene = under_panorama(scene)
         meshes = merge(scene)
         loaded = load_scene(scene, meshes)
         self._scene, self._loaded = scene, loaded

@@ -28,6 +28,11 @@ class SceneDescription(Record, frozen=True):
     """Whether light goes from surface to surface, which takes most of the time of rendering."""
 
     @property
+    def is_lit_from_outside(self) -> bool:
+        """Whether sky, sun or moon light its surfaces."""
+        return self.has_bounces and not self.is_self_luminous
+
+    @property
     def is_moving(self) -> bool:
         """Whether anything in it moves."""
         return False

@@ -15,8 +15,7 @@ from megalopta.arrays import Floats
 from megalopta.errors import UserError
 from megalopta.experiments.whole_frame_scenes import Clip
 from megalopta.flow.files import read_flow
-from megalopta.scenes.spectra import decode_srgb
-from megalopta.scenes.stimuli import LUMINANCE_SHARES
+from megalopta.scenes.spectra import LUMINANCE_SHARES, decode_srgb
 from megalopta.scoring import pictures_of, true_flows
 
 Files = tuple[Path, Path, Path]

@@ -34,7 +34,7 @@ from megalopta.render import (
     read_radiance,
     write_radiance,
 )
-from megalopta.scenes.stimuli import LUMINANCE_SHARES
+from megalopta.scenes.spectra import LUMINANCE_SHARES
 
 SHIPPED = Path(__file__).with_name("data") / "panoramas"
 RECIPE = "configurationSha256"

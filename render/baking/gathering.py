@@ -3,8 +3,8 @@
 A diffuse surface with reflectance ρ under irradiance E sends out L = ρE/π in all directions, and
 E/π is the mean radiance that arrives from directions distributed as the cosine. Where light comes
 through, some of the rays leave from the other side (`scattering`). Most of it comes straight from
-the sky, which is even: there the share of rays that nothing blocks is all that has to be found, and
-such rays are five times as quick as paths. Every eighth ray is followed as a path and brings the
+the sky: there only what a ray sees of the sky that nothing blocks has to be found, and such rays
+are five times as quick as paths. Every eighth ray is followed as a path and brings the
 light of surfaces, bounces included; what comes straight from the disc of sun or moon is left to the
 frame, which knows where shadows fall to the pixel.
 
@@ -29,7 +29,7 @@ from megalopta.render.baking.cells import Cells
 from megalopta.render.baking.lanes import Lanes, Places
 from megalopta.render.baking.sampling import cell_sampler, hashed, recurrence
 from megalopta.render.baking.scattering import WAVELENGTHS, Scattering
-from megalopta.render.loading import MergedMesh
+from megalopta.render.loading import MergedMesh, SkyPatterns
 from megalopta.scenes.spectra import flat
 from megalopta.scenes.world import Scene
 
@@ -79,8 +79,11 @@ class Gatherer:
         self._through = mi.Float(scattering.through.astype(np.float32))
         # Paths of one segment end at the first surface.
         lit = scene.lighting if settings.max_depth > 1 else None
-        sky = lit.sky if lit else flat(0.0)
-        self._under_sky, self._bright = scattering.under(sky), scattering.brightness(sky)
+        patterns = lit.patterns if lit else ()
+        self._patterns = SkyPatterns(patterns)
+        skies = [lit.sky if lit else flat(0.0), *(each.radiance for each in patterns)]
+        self._under_sky = scattering.under(skies)
+        self._bright = scattering.brightness(lit.mean_sky() if lit else flat(0.0))
         # Without light from the sky all rays have to be followed.
         self._stride = STRIDE if self._under_sky.any() else 1
 
@@ -100,19 +103,25 @@ class Gatherer:
         places = Places(patches, cell.shape[1])
         in_view = self._in_view(leader, places, Lanes(shares, least))
         mesh = patches.mesh[:: cell.shape[1]]
-        sky = np.einsum("cs,csk->ck", in_view, self._under_sky[np.repeat(mesh, 2)])
+        sky = np.einsum("cst,cstk->ck", in_view, self._under_sky[np.repeat(mesh, 2)])
         followed = self._followed(leader, mesh, places, Lanes(shares, least // self._stride))
         return np.asarray(sky + followed).reshape(len(leader), 2, -1)
 
     def _in_view(self, leader: UInt32, places: Places, lanes: Lanes) -> NDArray[np.float64]:
-        """Share (2C, 2) of the rays that see the sky from this side, and from the other."""
+        """Share (2C, 2, S) of the rays that see the sky from this side, and from the other.
+
+        Of the even sky; then times each pattern where they see it.
+        """
+        skies = self._under_sky.shape[2]
         if not self._under_sky.any():
-            return np.zeros((2 * len(leader), 2))
+            return np.zeros((2 * len(leader), 2, skies))
         key, _ = self._keys(leader, lanes)
         rays, through = self._rays(places, lanes, lanes.sample, key)
         seen = ~self._scene.ray_test(rays)
         sides = seen & ~through, seen & through
-        return lanes.means([dr.select(side, 1.0, 0.0) for side in sides])
+        bright = [mi.Float(1.0), *self._patterns.toward(rays.d, seen)]
+        parts = [dr.select(side, value, 0.0) for side in sides for value in bright]
+        return lanes.means(parts).reshape(-1, 2, skies)
 
     def _followed(
         self, leader: UInt32, mesh: UInt32, places: Places, lanes: Lanes

@@ -54,12 +54,13 @@ class Scattering:
         """What a ray counts (M, 2 sides, 2 spectra, B, WAVELENGTHS) of the light that it brings."""
         return np.asarray(self._table * self._weight[:, :, None, None, None])
 
-    def under(self, sky: Spectrum) -> Floats:
-        """Radiance (M, 2 sides, 2 spectra · B) that each side's share of the sky in view brings.
+    def under(self, skies: Sequence[Spectrum]) -> Floats:
+        """Radiance (M, 2 sides, S, 2 spectra · B) that each side's share of S skies brings.
 
         Divided by the share of rays that the side gets.
         """
-        return np.asarray(self._under(sky) * self._weight[:, :, None])
+        each = [self._under(sky) * self._weight[:, :, None] for sky in skies]
+        return np.stack(each, axis=2)
 
     def brightness(self, sky: Spectrum) -> Floats:
         """How bright (M,) materials are under the sky, relative to the brightest; 1 in the dark."""

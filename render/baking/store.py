@@ -33,6 +33,8 @@ def key_of(
     found.update(
         repr((RENDER_MODEL, BAKE_MODEL, mi.variant(), seed, settled, scene.lighting)).encode()
     )
+    for sky in scene.lighting.patterns if scene.lighting else ():
+        found.update(sky.pattern.tobytes())
     found.update(camera.model_dump_json().encode() + poses.tobytes())
     for mesh in meshes:
         material = scene.materials[mesh.material]

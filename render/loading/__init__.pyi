@@ -13,3 +13,4 @@ from .scene import (
     part_of_scene as part_of_scene,
 )
 from .shapes import MeshIndex as MeshIndex
+from .sky import SkyPatterns as SkyPatterns

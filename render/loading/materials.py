@@ -50,8 +50,8 @@ def _of_parts(material: Material) -> dict[str, Any]:
     A share of one that reflects that much more and the rest of one that transmits that much more
     are just that; values above 1 do no harm. Paths go on to either side by these shares.
     """
-    through = _mean(material.transmittance) / (
-        _mean(material.transmittance) + _mean(material.reflectance) or 1.0
+    through = mean(material.transmittance) / (
+        mean(material.transmittance) + mean(material.reflectance) or 1.0
     )
     through = min(max(through, _LEAST_SHARE), 1 - _LEAST_SHARE)
     return {
@@ -62,7 +62,8 @@ def _of_parts(material: Material) -> dict[str, Any]:
     }
 
 
-def _mean(of: Spectrum | None) -> float:
+def mean(of: Spectrum | None) -> float:
+    """Mean from 400 to 1700 nm, for chances; 0 of nothing."""
     return float(of(np.arange(400, 1700)).mean()) if of else 0.0
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from megalopta.render import mi
 from megalopta.render.loading.materials import bsdf, emission, spectrum
 from megalopta.render.loading.meshes import MergedMesh
+from megalopta.render.loading.sky import uneven_sky
 from megalopta.scenes.world import Lighting, Material, Scene
 
 # Points that stand for the disc of sun or moon: at 10 m they blur a shadow's edge in steps of 1 cm.
@@ -28,7 +29,9 @@ def load_scene(scene: Scene, meshes: Sequence[MergedMesh]) -> Any:
 
 def _lights(lighting: Lighting) -> dict[str, Any]:
     lights: dict[str, Any] = {}
-    if max(lighting.sky.values):
+    if lighting.patterns:
+        lights["sky"] = uneven_sky(lighting)
+    elif max(lighting.sky.values):
         lights["sky"] = {"type": "constant", "radiance": spectrum(lighting.sky)}
     if lighting.sun:
         irradiance = spectrum(lighting.sun.irradiance.scaled(1 / DISC_POINTS))

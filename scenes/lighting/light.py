@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+import numpy as np
+from pydantic import Field, field_validator, model_validator
 
 from megalopta.record import Record
-from megalopta.scenes.lighting.components import ComponentName, overcast
+from megalopta.scenes.lighting.components import Component, ComponentName, overcast
 from megalopta.scenes.lighting.levels import (
     BRIGHTEST_LUX,
     DIMMEST_LUX,
@@ -17,8 +18,9 @@ from megalopta.scenes.lighting.levels import (
     scaled,
     shared,
 )
-from megalopta.scenes.spectra import overcast_share, planckian, total
-from megalopta.scenes.world import Lighting, Sun
+from megalopta.scenes.lighting.sky_shapes import sky_shape
+from megalopta.scenes.spectra import flat, overcast_share, planckian, primaries, total
+from megalopta.scenes.world import Environment, HashedFile, Lighting, SkyPattern, Sun
 
 _OF_ONE_SOURCE: Mapping[ComponentName, ComponentName] = {"sun": "daylit sky", "moon": "moonlit sky"}
 
@@ -49,7 +51,38 @@ class Light(Record, frozen=True):
 
     cloud_cover: Annotated[float, Field(ge=0, le=1)] | None = None
     """Share of the sky that clouds cover (0 to 1). They hide the disc for as much of its light, and
-    let through less, and less of the infrared; the sky stays even. None is a clear sky."""
+    let through less, and less of the infrared; they have no shape. None is a clear sky."""
+
+    sky: Literal["even", "natural"] = "even"
+    """How the sky's light is spread: even, the same from all directions, or natural, as clear,
+    overcast, twilit and starry skies have it. For scenes that are lit from outside."""
+
+    panorama: HashedFile | None = None
+    """HDR, EXR (linear sRGB) or PNG (sRGB) file of an equirectangular picture, 2:1, that lights the
+    scene in place of sky and disc, at the level's illuminance and with white of its spectrum: the
+    path, relative to the folder that the program runs in. For scenes that are lit from outside."""
+
+    panorama_turn_deg: float = 0.0
+    """Turns the panorama counterclockwise seen from above (degrees); at 0 its center lies toward
+    +x."""
+
+    @field_validator("panorama")
+    @classmethod
+    def _is_named_as_a_picture(cls, file: HashedFile | None) -> HashedFile | None:
+        if file and not file.path.lower().endswith((".hdr", ".exr", ".png")):
+            raise ValueError(f"{file.path} is no HDR, EXR or PNG file; give one of these")
+        return file
+
+    @model_validator(mode="after")
+    def _has_one_sky(self) -> "Light":
+        if self.panorama:
+            for name, usual in ("sky", "even"), ("disc_fraction", None):
+                if getattr(self, name) != usual:
+                    raise ValueError(
+                        f"{name} {getattr(self, name)!r}: a panorama has a sky and a disc of its "
+                        f"own; leave out {name} or panorama"
+                    )
+        return self
 
     @model_validator(mode="after")
     def _fits_the_level(self) -> "Light":
@@ -86,9 +119,18 @@ class Light(Record, frozen=True):
             level = scaled(self.illuminance_lux, level.components)
         return level
 
+    @property
+    def lights_from_outside_alone(self) -> bool:
+        """Whether it asks for a sky that only scenes lit from outside have."""
+        return self.panorama is not None or self.sky != "even"
+
     def lighting(self) -> Lighting:
-        """Sky radiance and disc irradiance that give the level's illuminance."""
+        """What shines on a scene from outside, as bright as the level."""
         level = self.resolved()
+        if self.panorama:
+            spectra, lux = primaries(level.spectrum()), level.illuminance_lux
+            picture = Environment(self.panorama, self.panorama_turn_deg, spectra, lux)
+            return Lighting(flat(0.0), panorama=picture)
         elevation = math.radians(self.disc_elevation_deg)
         azimuth = math.radians(self.disc_azimuth_deg)
         direction = (
@@ -96,9 +138,17 @@ class Light(Record, frozen=True):
             math.cos(elevation) * math.sin(azimuth),
             math.sin(elevation),
         )
-        sky = total([each.irradiance for each in level.components if not each.is_disc])
         facing = level.disc and level.disc.irradiance.scaled(1 / math.sin(elevation))
-        return Lighting(sky=sky.scaled(1 / math.pi), sun=Sun(direction, facing) if facing else None)
+        sun = Sun(direction, facing) if facing else None
+        parts = [each for each in level.components if not each.is_disc]
+        if self.sky == "even":
+            return Lighting(total([each.irradiance for each in parts]).scaled(1 / math.pi), sun)
+        return Lighting(flat(0.0), sun, tuple(map(self._spread, parts)))
+
+    def _spread(self, light: Component) -> SkyPattern:
+        """A light of the sky as it is spread over it."""
+        shape = sky_shape(light.name, self.disc_azimuth_deg, self.disc_elevation_deg)
+        return SkyPattern(light.irradiance.scaled(1 / math.pi), shape.astype(np.float32))
 
 
 def _with_disc(level: Level, fraction: float) -> Level:

@@ -28,6 +28,10 @@ from .photometry import (
     luminous as luminous,
     luminous_efficiency as luminous_efficiency,
 )
+from .primaries import (
+    LUMINANCE_SHARES as LUMINANCE_SHARES,
+    primaries as primaries,
+)
 from .reflectance import reflectance_of as reflectance_of
 from .spectrum import (
     Spectrum as Spectrum,

@@ -3,8 +3,5 @@ from .grating import (
     sky_radiance as sky_radiance,
 )
 from .motion_bench import MotionBench as MotionBench
-from .panorama import (
-    LUMINANCE_SHARES as LUMINANCE_SHARES,
-    Panorama as Panorama,
-)
+from .panorama import Panorama as Panorama
 from .plane import Plane as Plane

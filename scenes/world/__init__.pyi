@@ -16,5 +16,6 @@ from .scene import (
     Lighting as Lighting,
     Placement as Placement,
     Scene as Scene,
+    SkyPattern as SkyPattern,
     Sun as Sun,
 )

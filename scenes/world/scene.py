@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.scenes.spectra import Spectrum
+from megalopta.scenes.spectra import Spectrum, total
 from megalopta.scenes.world.hashed_file import HashedFile
 from megalopta.scenes.world.material import Material
 from megalopta.scenes.world.motion import Motion
@@ -76,17 +76,25 @@ class Sun:
 
 
 @dataclass(frozen=True)
-class Lighting:
-    """Light from outside the scene: a uniform sky and, perhaps, a disc."""
+class SkyPattern:
+    """Light from all around that is not alike in all directions."""
 
-    sky: Spectrum
-    """Radiance of the sky, the same from every direction, W·m⁻²·sr⁻¹·nm⁻¹."""
-    sun: Sun | None = None
+    radiance: Spectrum
+    """Where the pattern is 1, W·m⁻²·sr⁻¹·nm⁻¹."""
+    pattern: NDArray[np.float32]
+    """(H, 2·H), not negative: an equirectangular picture, its center column in direction +x,
+    azimuth growing to the left, row 0 at the zenith."""
+
+    def mean(self) -> Spectrum:
+        """Mean radiance over all directions, W·m⁻²·sr⁻¹·nm⁻¹."""
+        rows = self.pattern.mean(axis=1, dtype=np.float64)
+        weight = np.sin(np.pi * (np.arange(len(rows)) + 0.5) / len(rows))
+        return self.radiance.scaled(float(np.average(rows, weights=weight)))
 
 
 @dataclass(frozen=True)
 class Environment:
-    """A photographed panorama at infinity, seen in place of a uniform sky."""
+    """A photographed panorama at infinity, in place of a sky."""
 
     file: HashedFile
     """Equirectangular picture in linear sRGB (HDR, EXR) or sRGB-coded (PNG): its center column lies
@@ -97,6 +105,28 @@ class Environment:
     """(red, green, blue): spectrum of one unit of each primary, in any unit."""
     illuminance_lux: float
     """That its upper half gives to a horizontal plane."""
+
+
+@dataclass(frozen=True)
+class Lighting:
+    """Light from outside the scene: an even sky, what is added to it, and perhaps a disc."""
+
+    sky: Spectrum
+    """Radiance of the even sky, the same from every direction, W·m⁻²·sr⁻¹·nm⁻¹."""
+    sun: Sun | None = None
+    patterns: tuple[SkyPattern, ...] = ()
+    """What shines besides, from some directions more than from others."""
+    panorama: Environment | None = None
+    """A picture that shines besides; the renderer reads it and makes patterns and disc of it."""
+
+    @property
+    def is_even(self) -> bool:
+        """Whether light comes from all directions alike."""
+        return not (self.sun or self.patterns or self.panorama)
+
+    def mean_sky(self) -> Spectrum:
+        """Mean radiance of sky and patterns over all directions, W·m⁻²·sr⁻¹·nm⁻¹."""
+        return total([self.sky, *(each.mean() for each in self.patterns)])
 
 
 @dataclass(frozen=True)
@@ -115,13 +145,13 @@ class Scene:
     """(x, y, z): a point near the camera. The renderer's coordinates are relative to it, so that
     they are precise also far from the world's origin."""
     environment: Environment | None = None
-    """Stands alone: it lights no objects."""
+    """Seen alone, without noise; one that lights objects is in the lighting."""
 
     def __post_init__(self) -> None:
         """Refuse dangling names and objects before a panorama."""
         if self.environment and (self.placements or self.lighting):
             raise ValueError(
-                "scene: an environment lights no objects; leave out placements and lighting"
+                "scene: an environment is seen alone; let Lighting.panorama light the objects"
             )
         for placement in self.placements:
             if placement.asset not in self.assets:

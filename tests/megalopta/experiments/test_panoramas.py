@@ -12,8 +12,7 @@ from megalopta.experiments.panorama_recipes import (
 from megalopta.experiments.panoramas import natural_templates, panorama_file, template_from_file
 from megalopta.render import RenderNoise
 from megalopta.scenes import Forest, Light
-from megalopta.scenes.spectra import encode_srgb
-from megalopta.scenes.stimuli import LUMINANCE_SHARES
+from megalopta.scenes.spectra import LUMINANCE_SHARES, encode_srgb
 
 NOISE = RenderNoise(2, 0.1, 0.1, (1.0,), ((0.01,),))
 

@@ -1,0 +1,145 @@
+"""An uneven sky inside Mitsuba: patterns that add, each with a spectrum of its own.
+
+Mitsuba's own picture of surroundings has three colors between 360 and 830 nm, and a scene takes no
+two. Here the radiance from a direction is that of the even sky plus, for every pattern, its
+spectrum times what the picture is there, read bilinearly. Paths look for it where it is bright: a
+texel is drawn with a chance in proportion to its brightest neighbor, over solid angle.
+"""
+
+from collections.abc import Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
+
+from megalopta.render import dr, mi
+from megalopta.render.loading.materials import bitmap, mean, spectrum
+from megalopta.scenes.world import Lighting, SkyPattern
+
+_DISTANCE_M = 1e6
+"""Of the points that stand for directions."""
+_LEAST_SINE = 1e-6
+
+
+class SkyPatterns:
+    """The patterns of a sky, to be read along directions."""
+
+    def __init__(self, patterns: Sequence[SkyPattern]) -> None:
+        self._textures = [mi.load_dict(bitmap(each.pattern)) for each in patterns]
+        self._rows = [len(each.pattern) for each in patterns]
+
+    def toward(self, direction: Any, active: Any) -> list[Any]:
+        """Value of each pattern in directions."""
+        return [
+            read(texture, rows, place_of(direction), active)
+            for texture, rows in zip(self._textures, self._rows, strict=True)
+        ]
+
+
+def place_of(direction: Any) -> Any:
+    """Where in a pattern a direction lies, (u, v) from 0 to 1."""
+    azimuth = dr.atan2(direction.y, direction.x)
+    return mi.Point2f(0.5 - azimuth / dr.two_pi, dr.safe_acos(direction.z) / dr.pi)
+
+
+def read(texture: Any, rows: int, place: Any, active: Any) -> Any:
+    """Value of a pattern; beyond its last rows it stays as there, and does not go round."""
+    half = 0.5 / rows
+    at = _zeros(mi.SurfaceInteraction3f)
+    at.uv = mi.Point2f(place.x, dr.clip(place.y, half, 1 - half))
+    return texture.eval_1(at, active)
+
+
+def _chances(lighting: Lighting) -> NDArray[np.float32]:
+    """How often texels (H, 2·H) are looked at, in any unit."""
+    rows = max(len(each.pattern) for each in lighting.patterns)
+    chance = np.full((rows, 2 * rows), mean(lighting.sky))
+    for each in lighting.patterns:
+        factor = -(-rows // len(each.pattern))
+        near = maximum_filter(each.pattern, 3, mode=("nearest", "wrap")) * mean(each.radiance)
+        chance += np.kron(near, np.ones((factor, factor)))[:rows, : 2 * rows]
+    sine = np.sin(np.pi * (np.arange(rows) + 0.5) / rows)
+    return np.asarray(chance * sine[:, None] / chance.max(), np.float32)
+
+
+def _is_scalar() -> bool:
+    return str(mi.variant()).startswith("scalar")
+
+
+def _zeros(kind: Any) -> Any:
+    return kind() if _is_scalar() else dr.zeros(kind)
+
+
+def uneven_sky(lighting: Lighting) -> Any:
+    """Mitsuba emitter of a lighting with patterns, in the active variant."""
+    return _class_of(str(mi.variant()))(lighting)
+
+
+@cache
+def _class_of(variant: str) -> Any:
+    class UnevenSky(mi.Emitter):
+        def __init__(self, lighting: Lighting) -> None:
+            super().__init__(mi.Properties())
+            self.m_flags = mi.EmitterFlags.Infinite | mi.EmitterFlags.SpatiallyVarying
+            chances = _chances(lighting)
+            self.texels = mi.DiscreteDistribution2D(chances)
+            self.rows, self.columns = chances.shape
+            self.even = mi.load_dict(spectrum(lighting.sky))
+            self.spectra = [mi.load_dict(spectrum(each.radiance)) for each in lighting.patterns]
+            self.patterns = SkyPatterns(lighting.patterns)
+
+        def toward(self, at: Any, direction: Any, active: Any) -> Any:
+            """Radiance from a direction, at the wavelengths of a point."""
+            point = _zeros(mi.SurfaceInteraction3f)
+            point.wavelengths = at.wavelengths
+            found = self.even.eval(point, active)
+            values = self.patterns.toward(direction, active)
+            for color, value in zip(self.spectra, values, strict=True):
+                found += color.eval(point, active) * value
+            return dr.select(active, found, 0.0)
+
+        def chance(self, direction: Any, active: Any) -> Any:
+            """Density of a direction, over solid angle."""
+            place = place_of(direction)
+            column = dr.minimum(mi.UInt32(place.x * self.columns), self.columns - 1)
+            row = dr.minimum(mi.UInt32(place.y * self.rows), self.rows - 1)
+            return self.texels.pdf(mi.Point2u(column, row), active) * self.texels_per(direction.z)
+
+        def texels_per(self, z: Any) -> Any:
+            """Texels per solid angle, at directions of this z."""
+            sine = dr.maximum(dr.safe_sqrt(1 - z * z), _LEAST_SINE)
+            return self.rows * self.columns / (2 * dr.pi**2 * sine)
+
+        def eval(self, si: Any, active: Any = True) -> Any:
+            return self.toward(si, -si.wi, active)
+
+        def sample_direction(self, it: Any, sample: Any, active: Any = True) -> Any:
+            texel, chance, within = self.texels.sample(sample, active)
+            azimuth = dr.pi - dr.two_pi * (texel.x + within.x) / self.columns
+            sine, z = dr.sincos(dr.pi * (texel.y + within.y) / self.rows)
+            found = _zeros(mi.DirectionSample3f)
+            found.d = mi.Vector3f(sine * dr.cos(azimuth), sine * dr.sin(azimuth), z)
+            found.p = it.p + _DISTANCE_M * found.d
+            found.n = -found.d
+            found.dist, found.time, found.delta = _DISTANCE_M, it.time, False
+            found.pdf = chance * self.texels_per(z)
+            found.emitter = self if _is_scalar() else mi.EmitterPtr(self)
+            active = active & (found.pdf > 0)
+            weight = dr.select(active, dr.rcp(found.pdf), 0.0)
+            return found, self.toward(it, found.d, active) * weight
+
+        def pdf_direction(self, it: Any, ds: Any, active: Any = True) -> Any:
+            return self.chance(ds.d, active)
+
+        def eval_direction(self, it: Any, ds: Any, active: Any = True) -> Any:
+            return self.toward(it, ds.d, active)
+
+        def bbox(self) -> Any:
+            return mi.ScalarBoundingBox3f()
+
+        def to_string(self) -> str:
+            return "UnevenSky[]"
+
+    return UnevenSky
