@@ -2,6 +2,7 @@ import math
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from megalopta.scenes.lighting import LEVELS, Light
 from megalopta.scenes.spectra import luminous, planckian
@@ -101,3 +102,13 @@ def test_disc_direction_is_a_unit_vector_toward_azimuth_and_elevation():
 def test_light_beyond_sense_is_refused(lux):
     with pytest.raises(ValueError, match="illuminance_lux"):
         Light(illuminance_lux=lux)
+
+
+def test_a_panorama_has_sky_and_disc_of_its_own(picture):
+    path = str(picture(np.ones((8, 16, 3))))
+    with pytest.raises(ValidationError, match=r"sky 'natural': a panorama has a sky and a disc"):
+        Light(panorama=path, sky="natural")
+    with pytest.raises(ValidationError, match=r"disc_fraction 0\.5: a panorama has a sky"):
+        Light(level="daylight", panorama=path, disc_fraction=0.5)
+    with pytest.raises(ValidationError, match=r"a\.jpg is no HDR, EXR or PNG file"):
+        Light(panorama={"path": "a.jpg", "sha256": "0" * 64})

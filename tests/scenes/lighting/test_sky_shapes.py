@@ -1,0 +1,96 @@
+"""The natural sky against published figures and closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+
+from megalopta.scenes.lighting import LEVELS, Light
+from megalopta.scenes.lighting.sky_shapes import GALACTIC_POLE, ROWS, SHAPES, sky_shape
+from megalopta.scenes.lighting.twilight_sky import twilight_sky
+from megalopta.scenes.spectra import luminous
+
+ZENITH, AHEAD = 0, ROWS  # row of the zenith, column of azimuth 0
+
+
+def on_a_plane(pattern):
+    """Irradiance of a horizontal plane, by fine sums at the texels' centers."""
+    polar = np.pi * (np.arange(ROWS) + 0.5) / ROWS
+    weight = np.where(polar < np.pi / 2, np.cos(polar) * np.sin(polar), 0)
+    return pattern.mean(axis=1) @ weight * 2 * np.pi * np.pi / ROWS
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_every_light_gives_a_plane_what_an_even_sky_gives(name):
+    # Texels are 2° wide: the sum over their centers is good to (π/90)²/6.
+    assert on_a_plane(sky_shape(name, 30, 40)) == pytest.approx(np.pi, rel=1e-3)
+
+
+@pytest.mark.parametrize("level", [name for name in LEVELS if name != "twilight"])
+def test_a_natural_sky_is_as_bright_as_the_even_one(level):
+    natural, even = (Light(level=level, sky=sky).lighting() for sky in ("natural", "even"))
+    shares = [
+        on_a_plane(each.pattern) / np.pi * luminous(each.radiance) for each in natural.patterns
+    ]
+    assert sum(shares) == pytest.approx(luminous(even.sky), rel=1e-3)
+    assert natural.sun == even.sun
+
+
+def test_an_overcast_sky_is_three_times_as_bright_at_the_zenith_as_at_the_horizon():
+    # Moon and Spencer's 1 : 3, which type 1 of the standard keeps within some percent.
+    sky = sky_shape("clouds", 0, 40)
+    assert sky[ZENITH].mean() / sky[ROWS // 2 - 1].mean() == pytest.approx(3, rel=0.03)
+
+
+def test_a_clear_sky_is_brightest_around_the_sun_and_darkest_away_from_it():
+    sky = sky_shape("daylit sky", 90, 40)[: ROWS // 2]
+    row, column = np.unravel_index(sky.argmax(), sky.shape)
+    assert 40 - 8 <= 90 - 180 / ROWS * (row + 0.5) <= 40  # the horizon draws it down
+    assert 180 - 180 / ROWS * (column + 0.5) == pytest.approx(90, abs=180 / ROWS)
+    # Of all standard skies: the darkest point lies across the zenith, some 90° from the sun.
+    row, column = np.unravel_index(sky.argmin(), sky.shape)
+    assert 180 - 180 / ROWS * (column + 0.5) == pytest.approx(-90, abs=180 / ROWS)
+    assert 90 - 180 / ROWS * (row + 0.5) + 40 == pytest.approx(90, abs=25)
+
+
+def test_airglow_grows_toward_the_horizon_as_its_layer_does():
+    # By hand: X = 1/√(1 − 0.96·sin²60°) = 1.8898 and X·10^(−0.4·0.172·0.8898) = 1.6413 at 60°.
+    glow = sky_shape("airglow", 0, 40).mean(axis=1)
+    polar = 180 / ROWS * (np.arange(ROWS) + 0.5)
+    assert np.interp(60, polar, glow) / glow[0] == pytest.approx(1.6413, rel=2e-3)
+
+
+def test_the_milky_way_is_three_times_as_bright_as_the_mean_of_the_stars():
+    # ∫₀¹ dx / (x + 0.15) = ln(1.15/0.15) is the mean over the sphere of what is 1/0.15 in the plane.
+    plane_over_mean = (1 / 0.15) / math.log(1.15 / 0.15)
+    assert plane_over_mean == pytest.approx(3.3, abs=0.05)
+    sky = sky_shape("starlight", 0, 40)
+    across = np.array([-GALACTIC_POLE[2], 0, GALACTIC_POLE[0]])  # the band's highest point
+    polar = math.degrees(math.acos(across[2]))
+    assert polar == pytest.approx(30)
+    row = int(polar / 180 * ROWS)
+    assert sky[row].argmax() in (0, 2 * ROWS - 1)  # azimuth 180°, the picture's edge
+    assert sky[row].max() / sky[row, AHEAD] > 3
+
+
+def test_twilight_on_a_plane_is_what_almanacs_say_of_a_zenith_as_measured():
+    """3.4 lux at a depth of 6° (Seidelmann 1992), a tenth of that for every 2.2° on.
+
+    The zenith at 6.4° gives 1.07 lux if all of the sky were as it is (docs/theory).
+    """
+    count = 4000
+    radius = np.sqrt((np.arange(count) + 0.5) / count)
+    angle = np.arange(count) * np.pi * (3 - np.sqrt(5))
+    directions = np.stack(
+        [radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - radius**2)], axis=-1
+    )
+    lux = 1.07 * twilight_sky(directions, 0.0).mean()
+    # Tables differ by a third; the share that was scattered more than once is known to a fifth.
+    assert lux == pytest.approx(3.4 * 10 ** (-0.4 / 2.2), rel=0.35)
+
+
+def test_twilight_is_brightest_over_the_place_where_the_sun_went_down():
+    sky = sky_shape("twilight", -60, 40)[: ROWS // 2]
+    _, column = np.unravel_index(sky.argmax(), sky.shape)
+    assert 180 - 180 / ROWS * (column + 0.5) == pytest.approx(-60, abs=180 / ROWS)
+    assert sky.max() > 10 * sky[ZENITH].mean()
