@@ -49,9 +49,14 @@ class Cell:
 
     @property
     def counts_image(self) -> Image.Image:
-        """The counts, from black to the brightest hundredth."""
-        values = np.asarray(self.counts, dtype=np.float64)
-        return gray_scale(max(float(np.percentile(values, 99)), 1.0)).picture(values)
+        """The counts."""
+        return gray_counts(self.counts)
+
+
+def gray_counts(counts: NDArray[np.integer | np.floating]) -> Image.Image:
+    """Counts (H, W) as a picture, from black to the brightest hundredth."""
+    values = np.asarray(counts, dtype=np.float64)
+    return gray_scale(max(float(np.percentile(values, 99)), 1.0)).picture(values)
 
 
 def write_sheet(path: Path, cells: Sequence[Cell]) -> None:
