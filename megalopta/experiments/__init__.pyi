@@ -71,6 +71,11 @@ from .passages import (
     cut_passages as cut_passages,
     cut_rest as cut_rest,
 )
+from .rainforest_floor import (
+    FLOOR_BANDS_NM as FLOOR_BANDS_NM,
+    FLOOR_LIGHT as FLOOR_LIGHT,
+    floor_passes as floor_passes,
+)
 from .runner import (
     Results as Results,
     run as run,
