@@ -95,29 +95,28 @@ def _figure(run: Run) -> Figure:
 
     def draw(canvas: Canvas) -> None:
         above, left, right = canvas.subplots(1, 3)
-        above.semilogy(middle, sky, color=GRAY, label="open sky, mean")
+        above.semilogy(middle, sky, color=GRAY, label="open sky")
         above.semilogy(middle, radiance, color=BLACK, marker="o", label="floor")
         above.set(xlabel="Wavelength (nm)", ylabel="Radiance (W/m²/sr/nm)")
         for each, kind, color in zip(seen, _KINDS, (BLUE, ORANGE), strict=True):
             shown = np.where(each.events > 0, each.events, np.nan)
             left.semilogy(middle, shown, color=color, marker="o", label=kind)
             left.axhline(each.dark, color=color, linestyle=":")
-        left.set(
-            xlabel="Wavelength (nm)", ylabel=f"Events per pixel in {EXPOSURE_S:g} s and 100 nm"
-        )
+        left.set(xlabel="Wavelength (nm)", ylabel="Events per pixel")
         right.errorbar(middle, sharp, error, color=BLACK, marker="o")
         right.set(xlabel="Wavelength (nm)", ylabel="Contrast of neighbors", ylim=(0, None))
-        for axes in (above, left):
-            axes.legend(loc="lower right", fontsize="small")
+        above.legend(loc="upper left", fontsize="small")
+        left.legend(loc="upper left", bbox_to_anchor=(0, 0.93), fontsize="small")
 
     return Figure(
         title="The floor of a rain forest by starlight, seen by silicon and by InGaAs",
         caption=(
             f"Forest `rainforest` under a natural starlit sky, {size} × {size} px of 60°, in bands "
             "of 100 nm; leaves absorb little beyond 700 nm, so more of the infrared comes down. "
-            f"Events of the presets {DEVICES[0]} and {DEVICES[1]} with their own lens, pixel and "
-            "efficiency, of which dotted lines are those in the dark. Contrast is the root mean "
-            "square difference of neighbors along rows over the mean, without rendering noise."
+            f"Events in {EXPOSURE_S:g} s and a band are of the presets {DEVICES[0]} and "
+            f"{DEVICES[1]}, with lens, pixel and efficiency of their own; dotted lines are those "
+            "in the dark. Contrast is the root mean square difference of neighbors along rows "
+            "over the mean, without rendering noise."
         ),
         draw=draw,
         numbers={
