@@ -18,7 +18,7 @@ from megalopta.render.loading import DISC_POINTS
 from megalopta.render.mitsuba_loader import mi
 from megalopta.render.truth import rays
 from megalopta.scenes.spectra import MAXIMUM_EFFICACY_LM_W, luminous, luminous_efficiency
-from megalopta.scenes.world import Sun
+from megalopta.scenes.world import Lighting
 
 Float64 = NDArray[np.float64]
 
@@ -26,8 +26,8 @@ _PLATE_M = 0.01
 # Above what lies below the camera: clear of it, below the blades of grass.
 _CLEARANCE_M = 0.02
 # The meter's film has one pixel for each light path: sums of several in one pixel would depend on
-# the order in which threads come to it.
-_FILM_PX = 64
+# the order in which threads come to it. An even sky needs fewer.
+_FILM_PX, _UNEVEN_FILM_PX = 64, 320
 _V_NM = np.arange(380.0, 771.0, 10.0)
 
 
@@ -57,9 +57,10 @@ class LightMeter:
     `max_depth` is that of the frames: 2 or more to light anything.
     """
 
-    def __init__(self, scene: Any, sun: Sun | None, max_depth: int) -> None:
+    def __init__(self, scene: Any, lighting: Lighting, max_depth: int) -> None:
         self._scene = scene
-        self._sun = sun if max_depth > 1 else None
+        self._sun = lighting.sun if max_depth > 1 else None
+        self._film_px = _UNEVEN_FILM_PX if lighting.patterns else _FILM_PX
         self._integrator = mi.load_dict({"type": "path", "max_depth": max_depth - 1})
 
     def survey(self, positions: Float64) -> LightSurvey:
@@ -72,7 +73,9 @@ class LightMeter:
 
     def measure(self, position: Float64, seed: int) -> Illuminance:
         """Illuminance of a horizontal plane at a position (3,), m."""
-        plate = _plate(position)  # must live as long as its sensor, which does not hold it
+        plate = meter_plates(
+            position[None], self._film_px
+        )  # must live as long as its sensor, which does not hold it
         meter = plate.sensor()
         lux = np.array(self._integrator.render(self._scene, meter, seed=seed), np.float64)
         return Illuminance(
@@ -99,10 +102,6 @@ class LightMeter:
         hidden = rays.is_hidden(self._scene, position, toward, np.full(DISC_POINTS, np.inf))
         cosine = np.where(hidden, 0, np.maximum(toward[:, 2], 0)).mean()
         return float(luminous(self._sun.irradiance) * cosine)
-
-
-def _plate(position: Float64) -> Any:
-    return meter_plates(position[None], _FILM_PX)
 
 
 def meter_plates(points: Float64, film_px: int) -> Any:

@@ -97,7 +97,7 @@ class SurfaceView:
         lighting = self._scene.lighting
         if lighting is None:
             return None
-        meter = LightMeter(self._loaded, lighting.sun, self._settings.max_depth)
+        meter = LightMeter(self._loaded, lighting, self._settings.max_depth)
         return meter.survey(positions - self._scene.origin_m)
 
     def _exposed(

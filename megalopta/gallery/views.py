@@ -4,7 +4,7 @@ With a photographed panorama there are two more: the photograph through the same
 forest in its light.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -98,7 +98,12 @@ def of_photograph(panorama: Path, turn_deg: float = 0.0) -> tuple[View, View]:
     )
 
 
-def write_views(out: Path, panorama: Path | None = None, samples_per_pixel: int = SAMPLES) -> Path:
+def write_views(
+    out: Path,
+    panorama: Path | None = None,
+    views: Sequence[View] = VIEWS,
+    samples_per_pixel: int = SAMPLES,
+) -> Path:
     """Render the views into a folder; returns their page, views.html, beside views.jpg.
 
     Raises
@@ -108,7 +113,7 @@ def write_views(out: Path, panorama: Path | None = None, samples_per_pixel: int 
     ValueError
         When the panorama cannot be read as a picture.
     """
-    views = [*(of_photograph(panorama) if panorama else ()), *VIEWS]
+    views = [*(of_photograph(panorama) if panorama else ()), *views]
     settings = [_settings(view, samples_per_pixel) for view in views]
     pictures: list[Picture] = []
     with progress("Rendering views", len(views), "view") as advance:
@@ -147,18 +152,26 @@ def _pictures(view: View, settings: Configuration) -> Iterator[Picture]:
         yield Picture(told, np.asarray(gray_counts(counts).convert("RGB")))
 
 
-def write_sheet(path: Path, pictures: list[Picture]) -> None:
-    """Write all pictures as one JPEG, two in a row, with their titles."""
-    height = max(each.image.shape[0] for each in pictures)
-    width = max(each.image.shape[1] for each in pictures)
-    rows = -(-len(pictures) // 2)
-    whole = 2 * (width + _GAP) + _GAP, rows * (height + _LINE + _GAP) + _GAP
-    sheet = Image.new("RGB", whole, (255, 255, 255))
-    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(14)
-    for index, each in enumerate(pictures):
-        left = _GAP + index % 2 * (width + _GAP)
-        top = _GAP + index // 2 * (height + _LINE + _GAP)
-        sheet.paste(Image.fromarray(each.image), (left, top))
-        draw.text((left, top + height + 2), each.title, (26, 26, 26), font)
+def write_sheet(path: Path, pictures: Sequence[Picture]) -> None:
+    """Write all pictures as one JPEG, two in a row, wider ones alone, with their titles."""
+    width = min(each.image.shape[1] for each in pictures)
+    rows: list[list[tuple[str, Image.Image]]] = []
+    for each in pictures:
+        image, is_wide = Image.fromarray(each.image), each.image.shape[1] > width
+        if is_wide:
+            whole = 2 * width + _GAP
+            image = image.resize((whole, round(whole * image.height / image.width)))
+        if is_wide or not rows or len(rows[-1]) == 2 or rows[-1][0][1].width > width:
+            rows.append([])
+        rows[-1].append((each.title, image))
+    height = sum(row[0][1].height + _LINE + _GAP for row in rows) + _GAP
+    sheet = Image.new("RGB", (2 * (width + _GAP) + _GAP, height), (255, 255, 255))
+    draw, font, top = ImageDraw.Draw(sheet), ImageFont.load_default(14), _GAP
+    for row in rows:
+        for column, (title, image) in enumerate(row):
+            left = _GAP + column * (width + _GAP)
+            sheet.paste(image, (left, top))
+            draw.text((left, top + image.height + 2), title, (26, 26, 26), font)
+        top += row[0][1].height + _LINE + _GAP
     with atomic_write(path) as temporary:
         sheet.save(temporary, "JPEG", quality=88)

@@ -249,7 +249,10 @@ def _all_poses(settings: Configuration) -> NDArray[np.float64]:
 def _say_illuminance(light: Mapping[str, Any] | None) -> None:
     if not light:
         return
-    text = f"{light['requested_lux']:.4g} lux requested, {light['unshaded_lux']:.3g} measured"
+    text = f"{light['requested_lux']:.4g} lux requested, {light['unshaded_lux']:.3g}"
+    if light["unshaded_standard_error_lux"] > 5e-3 * light["unshaded_lux"]:
+        text += f" ± {light['unshaded_standard_error_lux']:.1g}"
+    text += " measured"
     ground = [point["lux"] for point in light["ground"]]
     if ground:
         text += (

@@ -116,7 +116,7 @@ def test_meter_and_frames_agree_in_an_integrating_sphere():
     renderer = SceneRenderer(scene, camera, settings)
     radiance = renderer.radiance(look_down.poses()[0], seed=3).mean(dtype=np.float64)
     below = renderer.light_survey(np.array([[1.3, 0.7, 0]])).ground[0].position_m
-    meter = LightMeter(load_scene(scene, merge(scene)), None, max_depth)
+    meter = LightMeter(load_scene(scene, merge(scene)), scene.lighting, max_depth)
     lux = [meter.measure(np.array(below), seed).lux for seed in range(784)]
     # A path brings 1 ± 1.3 in units of the mean: 3.2 million of them know it to 0.07 % (σ), two such
     # means differ by 0.1 %, and by 0.5 % once in two million times. A bounce too many is 6 % or
