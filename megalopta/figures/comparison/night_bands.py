@@ -81,7 +81,7 @@ def seen_by(passes: tuple[Reals, Reals], sensor: ImageSensor) -> Seen:
 
 def _figure(run: Run) -> Figure:
     passes = floor_passes(24, 64) if run.is_quick else floor_passes()
-    seen = [seen_by(passes, IMAGE_SENSORS[name]) for name in DEVICES]
+    spad, ctia = (seen_by(passes, IMAGE_SENSORS[name]) for name in DEVICES)
     middle = np.array(FLOOR_BANDS_NM).mean(axis=1)
     radiance = passes[0].mean(axis=(0, 1), dtype=np.float64)
     sky = np.array(
@@ -98,7 +98,7 @@ def _figure(run: Run) -> Figure:
         above.semilogy(middle, sky, color=GRAY, label="open sky")
         above.semilogy(middle, radiance, color=BLACK, marker="o", label="floor")
         above.set(xlabel="Wavelength (nm)", ylabel="Radiance (W/m²/sr/nm)")
-        for each, kind, color in zip(seen, _KINDS, (BLUE, ORANGE), strict=True):
+        for each, kind, color in zip((spad, ctia), _KINDS, (BLUE, ORANGE), strict=True):
             shown = np.where(each.events > 0, each.events, np.nan)
             left.semilogy(middle, shown, color=color, marker="o", label=kind)
             left.axhline(each.dark, color=color, linestyle=":")
@@ -125,15 +125,16 @@ def _figure(run: Run) -> Figure:
             "floor_radiance_W_m2_sr_nm": radiance,
             "contrast": sharp,
             "contrast_error": error,
-            "spad_events": seen[0].events,
-            "ctia_electrons": seen[1].events,
+            "spad_events": spad.events,
+            "ctia_electrons": ctia.events,
         },
         printed={
-            "events of light per pixel": tuple(f"{each.events.sum():.3g}" for each in seen),
-            "events in the dark": tuple(f"{each.dark:.3g}" for each in seen),
-            "noise of a reading": tuple(f"{each.noise:.3g}" for each in seen),
-            f"least error of {BLOCK_PX} × {BLOCK_PX} px, two frames": tuple(
-                f"{each.error_px:.2g} px" for each in seen
+            "events of light per pixel": (f"{spad.events.sum():.3g}", f"{ctia.events.sum():.3g}"),
+            "events in the dark": (f"{spad.dark:.3g}", f"{ctia.dark:.3g}"),
+            "noise of a reading": (f"{spad.noise:.3g}", f"{ctia.noise:.3g}"),
+            f"least error of {BLOCK_PX} × {BLOCK_PX} px, two frames": (
+                f"{spad.error_px:.2g} px",
+                f"{ctia.error_px:.2g} px",
             ),
         },
         printed_by=_KINDS,

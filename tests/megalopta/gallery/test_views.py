@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from skimage.io import imread
 
-from megalopta.cli.main import main
+from megalopta.cli import main
 from megalopta.config import Configuration
 from megalopta.gallery import views, write_views
 from megalopta.scenes.forest import PRESETS
