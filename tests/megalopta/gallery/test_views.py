@@ -45,6 +45,6 @@ def test_what_is_no_panorama_is_refused_before_anything_is_rendered(tmp_path, ca
         (["--views", "--panorama", str(tmp_path / "bad.hdr")], "cannot be read as a picture"),
     ):
         with pytest.raises(SystemExit, match="2"):
-            main(["gallery", *options, "--out", str(tmp_path / "out")])
+            main.main(["gallery", *options, "--out", str(tmp_path / "out")])
         assert message in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
