@@ -57,9 +57,9 @@ def _chances(lighting: Lighting) -> NDArray[np.float32]:
     rows = max(len(each.pattern) for each in lighting.patterns)
     chance = np.full((rows, 2 * rows), mean(lighting.sky))
     for each in lighting.patterns:
-        factor = -(-rows // len(each.pattern))
         near = maximum_filter(each.pattern, 3, mode=("nearest", "wrap")) * mean(each.radiance)
-        chance += np.kron(near, np.ones((factor, factor)))[:rows, : 2 * rows]
+        of_row, of_column = (np.arange(n) * len(near) // rows for n in (rows, 2 * rows))
+        chance += near[of_row][:, of_column]
     sine = np.sin(np.pi * (np.arange(rows) + 0.5) / rows)
     return np.asarray(chance * sine[:, None] / chance.max(), np.float32)
 
