@@ -265,9 +265,9 @@ def test_paths_are_traced_where_baking_is_not_asked_for_or_cannot_pay(ground):
         reason(still, frames=4)
         == "100 samples per pixel in all frames are too few to pay for baking"
     )
-    # Half of the path tracer's work at equal error: 1.9 r + 0.9 = 8, rays per sample.
-    assert cost_reason(373, 100) == ""
-    assert "baking would take 50% of the work" in cost_reason(374, 100)
+    # Half of the path tracer's work at equal error: 2.1 r + 1.3 = 4.25, rays per sample.
+    assert cost_reason(140, 100) == ""
+    assert "baking would take 50% of the work" in cost_reason(141, 100)
     assert "vectorized" in reason(still, "scalar_spectral", integrator="baked")
     assert "no surface" in reason(dataclasses.replace(still, placements=()))
 
