@@ -13,7 +13,7 @@ from pathlib import Path
 
 RENDER_MODEL = 2
 """Of radiance: plants, ground, light, cameras, sampling; not of where code stands."""
-BAKE_MODEL = 5
+BAKE_MODEL = 6
 """Of baked light, of frames that an exposure or a shutter blurs, and of the stated error."""
 TRUTH_MODEL = 3
 """Of ground truth and of pictures, which panoramas have not: what else the render stage writes."""

@@ -7,15 +7,15 @@ from megalopta.render import RenderSettings
 from megalopta.render.baking.moving import MOST_OBJECTS
 from megalopta.scenes.world import Scene
 
-_FEWEST_SAMPLES = 400
-"""Per pixel in a whole sequence. The demo's forest takes some 3000 rays for each pixel of a frame,
-and baking pays from 3.7 rays per sample on downward: with far fewer samples there is no need to
-look."""
+_FEWEST_SAMPLES = 2000
+"""Per pixel in a whole sequence. Forests take 4000 rays and more for each pixel of a frame, and
+baking pays from 1.4 rays per sample on downward: with fewer samples there is no need to look."""
 # In units of a fifth of a path: a ray of the bake, of which each eighth is followed, and a sample
-# of a baked frame. A path tracer's frames have the RMS error of baked ones with 3.2 times the
-# samples. From CPU-seconds and errors of the demo's frames (benchmarks/bench_baked.py measures the
-# same for other sizes).
-PATH, BAKE, SAMPLE, _AT_EQUAL_ERROR = 5.0, 1.9, 0.9, 3.2
+# of a baked frame, of which one in twenty-five is a path. From CPU-seconds of 1000 trees with
+# leaves that let light through, 120 px (benchmarks/bench_baked.py measures the same for other
+# sizes). A path tracer's frames have the RMS error of baked ones with 1.35 times the samples there,
+# with 2.2 times in an open forest by day: most noise is of leaves smaller than pixels.
+PATH, BAKE, SAMPLE, _AT_EQUAL_ERROR = 5.0, 2.1, 1.3, 1.7
 
 
 def path_tracing_reason(

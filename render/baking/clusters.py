@@ -79,11 +79,6 @@ class Clusters:
         first = np.concatenate([[0], ends, [len(cell)]]) if len(cell) else np.zeros(1)
         return cls(cell[order], first.astype(np.int64), np.cumsum(seen[order], dtype=np.int64))
 
-    @classmethod
-    def single(cls, cell: UInt32) -> "Clusters":
-        """Each cell (N,) alone."""
-        return cls(cell, np.arange(len(cell) + 1), np.arange(1, len(cell) + 1))
-
     def __len__(self) -> int:
         return len(self.first) - 1
 

@@ -3,12 +3,12 @@
 Every sample of a pixel looks up what its surface sends out (`light`), weighs the two reflectances
 by the surface's texture, and, where there is a sun or moon, sends one more ray there: shadow edges
 are as sharp as those of the path tracer. What glows, sky included, is seen as it is. Cells that the
-survey of the sequence did not meet are computed when a frame first sees them, so only what the
-camera sees is baked. Of objects that move, and of what is near them, paths are traced.
+survey of the sequence did not meet have no light that would be right for them alone: there, for
+objects that move, and for what is near these, paths are traced.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.render import RenderSettings, dr, mi
-from megalopta.render.baking.cells import CellFinder, Cells, Sight
+from megalopta.render.baking.cells import CellFinder, Cells
 from megalopta.render.baking.choice import BAKE, SAMPLE, cost_reason
 from megalopta.render.baking.clusters import Voxels
 from megalopta.render.baking.comparison import compared, pixels_to_compare
 from megalopta.render.baking.gathering import Gatherer, wavelength_groups
 from megalopta.render.baking.light import BakedLight
 from megalopta.render.baking.moving import Neighborhood
+from megalopta.render.baking.paths import Paths
 from megalopta.render.baking.pilot import Pilot
 from megalopta.render.baking.shading import SunLight, Textures
 from megalopta.render.baking.store import NAMES, key_of, light_store
@@ -37,6 +38,21 @@ _PILOT_DENSITY = 1.0
 # The error falls as this power of the rays: of independent rays it would be 0.5, but the more there
 # are the less clusters share. 20 trees, 32 px: from 7.5 to 2.5 % where 0.5 would give 1.9 %.
 _DECAY = 0.42
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What N rays find, of each band: light of what glows, baked light, a draw of its error.
+
+    `sky` is 1 where they meet nothing. Where surfaces have no baked light paths are to be traced.
+    """
+
+    emitted: list[Any]
+    light: list[Any]
+    standing: list[Any]
+    sky: Any
+    baked: Any
+    traced: Any
 
 
 class BakedLightIntegrator:
@@ -66,7 +82,7 @@ class BakedLightIntegrator:
         folder: Path | None = None,
     ) -> None:
         self._bands = settings.bands_nm
-        self._path = mi.load_dict({"type": "path", "max_depth": settings.max_depth})
+        self._paths = Paths(settings)
         self._moving, whole = Neighborhood(meshes), loaded
         if self._moving:
             meshes = [mesh for mesh in meshes if not isinstance(mesh, MovingMesh)]
@@ -108,11 +124,7 @@ class BakedLightIntegrator:
         # Any point of the sun's disc will do.
         sampler = mi.load_dict({"type": "independent"})
         sampler.seed(seed, pilot.rays)
-        found = pilot.standing_error(
-            lambda rays: self._at_rest(
-                loaded, self._finder.look(loaded, rays), mi.Float(0.5), sampler
-            )
-        )
+        found = pilot.standing_error(lambda rays: self._seen(loaded, rays, mi.Float(0.5), sampler))
         density = self._light.density_for((error / found) ** (0.5 / _DECAY)) if found else 1.0
         # Anew in any case: the frames of the pilot met cells that the survey did not.
         self._light.begin(density)
@@ -140,9 +152,9 @@ class BakedLightIntegrator:
 
     def _off(self, scene: Any, ray: Any, place: Any, sampler: Any) -> list[Any]:
         """How far baked light of each band is from that of paths."""
-        seen = self._seen(scene, ray, place, sampler)
-        paths = self._traced(scene, ray, place, sampler, mi.Bool(True))
-        return [a - b for a, b in zip(seen, paths, strict=False)]
+        found = self._look(scene, ray, place, sampler)
+        paths = self._paths.radiance(scene, ray, place, sampler, found.baked)
+        return [a - b for a, b in zip(found.light, paths, strict=True)]
 
     def _seen(self, scene: Any, ray: Any, place: Any, sampler: Any) -> list[Any]:
         """Radiance of each band along rays, a draw of its standing error, and whether it is sky.
@@ -150,38 +162,29 @@ class BakedLightIntegrator:
         `place` is that of the wavelength in its band. The sampler chooses the point of the sun's
         disc, and paths.
         """
+        found = self._look(scene, ray, place, sampler)
+        paths = self._paths.radiance(scene, ray, place, sampler, found.traced)
+        parts = zip(found.emitted, found.light, paths, strict=True)
+        return [*(sum(each) for each in parts), *found.standing, found.sky]
+
+    def _look(self, scene: Any, ray: Any, place: Any, sampler: Any) -> "_Found":
         sight = self._finder.look(scene, ray)
-        if not self._moving:
-            return self._at_rest(scene, sight, place, sampler)
-        traced = sight.moving | (sight.shaded & self._moving.holds(sight.point.p))
-        rest = replace(sight, shaded=sight.shaded & ~traced)
-        seen = self._at_rest(scene, rest, place, sampler)
-        paths = self._traced(scene, ray, place, sampler, traced)
-        seen[: len(paths)] = [a + b for a, b in zip(seen, paths, strict=False)]
-        return seen
-
-    def _at_rest(self, scene: Any, sight: Sight, place: Any, sampler: Any) -> list[Any]:
-        """The same of surfaces whose light is baked, and of what glows."""
+        rest = sight.shaded & ~self._moving.holds(sight.point.p)
         weight = self._textures.weight(sight)
-        seen = self._emitted(scene, sight.point, place)
+        direct = [mi.Float(0.0)] * len(self._bands)
         if self._sun:
-            direct = self._sun.radiance(scene, sight, weight, sampler.next_1d())
-            seen = [a + b for a, b in zip(seen, direct, strict=True)]
-        dr.eval(sight.cell, sight.shaded, weight, seen)
-        self._light.bake_missing(sight.cell, sight.shaded)
-        baked = self._light.radiance(sight.cell, weight, sight.shaded)
-        standing = self._light.standing(sight.cell, weight, sight.shaded)
-        seen = [a + b for a, b in zip(seen, baked, strict=True)]
-        return [*seen, *standing, dr.select(sight.point.is_valid(), 0.0, 1.0)]
-
-    def _traced(self, scene: Any, ray: Any, place: Any, sampler: Any, active: Any) -> list[Any]:
-        """Radiance of each band along rays that paths are traced for."""
-        paths, rays = [], mi.RayDifferential3f(ray)
-        for _, size, wavelengths in wavelength_groups(self._bands, place):
-            rays.wavelengths = wavelengths
-            values, _, _ = self._path.sample(scene, sampler, rays, None, active)
-            paths += [dr.select(active, values[band], 0.0) for band in range(size)]
-        return paths
+            part = replace(sight, shaded=rest)
+            direct = self._sun.radiance(scene, part, weight, sampler.next_1d())
+        emitted = self._emitted(scene, sight.point, place)
+        sky = dr.select(sight.point.is_valid(), 0.0, 1.0)
+        surface = sight.moving | sight.shaded
+        # Or the rays would be traced again for each of them.
+        dr.eval(sight.cell, rest, weight, direct, emitted, sky, surface, ray.o, ray.d)
+        baked = self._light.find(sight.cell, rest)
+        light = self._light.radiance(sight.cell, weight, baked)
+        light = [a + dr.select(baked, b, 0.0) for a, b in zip(light, direct, strict=True)]
+        standing = self._light.standing(sight.cell, weight, baked)
+        return _Found(emitted, light, standing, sky, baked, surface & ~baked)
 
     def _emitted(self, scene: Any, point: Any, place: Any) -> list[Any]:
         """What sky and glowing surfaces send out themselves."""

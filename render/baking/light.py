@@ -18,7 +18,7 @@ from megalopta.render.baking.gathering import STRIDE, Gatherer
 from megalopta.render.baking.smoothing import smoothed
 from megalopta.render.baking.table import Table
 
-NOT_BAKED = 2**32 - 1
+NOT_BAKED, NOT_SURVEYED = 2**32 - 1, 2**32 - 2
 LEAST_RAYS = 2 * STRIDE
 """Fewest rays of a cluster, both halves together."""
 _MOST_RAYS = 2**14
@@ -28,8 +28,6 @@ _MOST_RAYS = 2**14
 RAYS_AT_ONCE = 2**20
 # Voxels in which clusters are smoothed, over those of clusters: 2² times as wide.
 OCTAVES = 2
-# And those whose mean stands for what only a frame met, not the survey.
-_WIDER = OCTAVES, 2 * OCTAVES
 
 UInt32 = NDArray[np.uint32]
 
@@ -61,7 +59,6 @@ class BakedLight:
         self._row = dr.full(mi.UInt, NOT_BAKED, self.cells)
         self._row_of = np.full(len(self._clusters), NOT_BAKED, np.uint32)
         self._table = Table(4 * self._bands)
-        self._around: dict[int, tuple[NDArray[np.uint64], UInt32]] = {}
 
     def _shares_at(self, density: float) -> NDArray[np.int64]:
         """Rays of each cluster, over the fewest."""
@@ -100,71 +97,41 @@ class BakedLight:
         rows, neighbors = self._table.rows()[self._row_of[known]], self._neighbors[known]
         better = smoothed(rows, neighbors, self._shares[known], self._clusters.seen[known])
         self._table.write(better, self._row_of[known])
-        self._add_means()
 
-    def _add_means(self) -> None:
-        """Rows of what clusters have in the mean that lie in one wider voxel."""
-        known = np.flatnonzero(self._row_of != NOT_BAKED)
-        weight, rows = self._shares[known], self._table.rows()[self._row_of[known]]
-        leaders = self._clusters.leaders[known]
-        self._around = {}
-        for octaves in _WIDER:
-            keys, group = np.unique(self._voxels.keys(leaders, octaves), return_inverse=True)
-            sums = np.stack([np.bincount(group, weight * column) for column in rows.T], axis=1)
-            first = self._table.count
-            self._table.put(sums / np.bincount(group, weight)[:, None])
-            self._around[octaves] = keys, np.arange(first, self._table.count, dtype=np.uint32)
-
-    def bake_missing(self, cell: Any, active: Any) -> None:
-        """Compute the light of those cells (N,) that have none yet."""
-        lanes: Any = dr.compress(
-            active & (dr.gather(mi.UInt, self._row, cell, active) == NOT_BAKED)
-        )
+    def find(self, cell: Any, active: Any) -> Any:
+        """Which cells (N,) have light, once that of clusters without has been computed."""
+        row = dr.gather(mi.UInt, self._row, cell, active)
+        lanes: Any = dr.compress(active & (row == NOT_BAKED))
         if dr.width(lanes):
             self.bake(np.unique(np.array(dr.gather(mi.UInt, cell, lanes))))
+        return active & (dr.gather(mi.UInt, self._row, cell, active) < NOT_SURVEYED)
 
     def bake(self, cell: UInt32) -> None:
-        """Give cells (N,) the light of their cluster.
-
-        Where there is none they get the mean of its neighbors, or light of their own.
-        """
+        """Give cells (N,) the light of their cluster, where the survey met one."""
         if not len(cell):
             return
         cluster = _place(self._keys, self._voxels.keys(cell))
-        self._bake(np.unique(cluster[cluster >= 0]))
-        self._point(cell[cluster >= 0], self._row_of[cluster[cluster >= 0]])
-        cell = cell[cluster < 0]
-        for octaves, (keys, rows) in self._around.items():
-            around = _place(keys, self._voxels.keys(cell, octaves))
-            self._point(cell[around >= 0], rows[around[around >= 0]])
-            cell = cell[around < 0]
-        alone = Clusters.single(cell)
-        if len(alone):
-            rows = self._computed(alone, np.arange(len(alone)), np.ones(len(alone), np.int64))
-            self._point(alone.members, rows)
+        found = cluster >= 0
+        self._bake(np.unique(cluster[found]))
+        row = np.full(len(cell), NOT_SURVEYED, np.uint32)
+        row[found] = self._row_of[cluster[found]]
+        self._point(cell, row)
 
     def _bake(self, chosen: NDArray[np.int64]) -> None:
         """Compute the light of chosen clusters that have none."""
         chosen = chosen[self._row_of[chosen] == NOT_BAKED]
         if not len(chosen):
             return
-        rows = self._computed(self._clusters, chosen, self._shares[chosen])
-        self._row_of[chosen] = rows
-        members, owner = self._clusters.of_members(chosen)
-        self._point(members, rows[owner])
-
-    def _computed(
-        self, clusters: Clusters, chosen: NDArray[np.int64], shares: NDArray[np.int64]
-    ) -> UInt32:
-        """Put the light of chosen clusters (C,) into the table; its rows (C,)."""
-        first = self._table.count
+        first, shares = self._table.count, self._shares[chosen]
         for launch in _launches(shares):
             part = chosen[launch]
-            leaders, cells = clusters.leaders[part], clusters.draws(part)
+            leaders, cells = self._clusters.leaders[part], self._clusters.draws(part)
             halves = self._gatherer.leaving(leaders, cells, shares[launch], LEAST_RAYS // 2)
             apart = (halves[:, 0] - halves[:, 1]) / 2
             self._table.put(np.concatenate([halves.mean(axis=1), apart], axis=1))
-        return np.arange(first, self._table.count, dtype=np.uint32)
+        self._row_of[chosen] = np.arange(first, self._table.count, dtype=np.uint32)
+        members, owner = self._clusters.of_members(chosen)
+        self._point(members, self._row_of[chosen][owner])
 
     def radiance(self, cell: Any, weight: Any, active: Any) -> list[Any]:
         """Radiance of each band leaving cells (N,) where the texture's weight is (N,)."""
@@ -191,7 +158,6 @@ class BakedLight:
         self._row_of = np.arange(self._table.count, dtype=np.uint32)
         members, owner = self._clusters.of_members(np.arange(self._table.count))
         self._point(members, self._row_of[owner])
-        self._add_means()
 
     def _mixed(self, column: int, cell: Any, weight: Any, active: Any) -> list[Any]:
         row = dr.gather(mi.UInt, self._row, cell, active)

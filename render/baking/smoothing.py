@@ -3,8 +3,8 @@
 In a voxel some pixels wide the light of clusters that face the same way varies by τ², and what is
 known of each by its noise v. Of a cluster's distance from their mean the part τ²/(τ² + v) is kept,
 which has the least mean square error (James and Stein, 1961): where light is even the clusters
-share their samples, and where shadows fall each keeps its own. What that takes of true contrast is
-part of the error that is stated (`comparison`).
+share their samples, and where shadows fall each keeps its own. Half differences then stand for the
+whole error, with what is taken of true contrast.
 """
 
 import numpy as np
@@ -38,5 +38,8 @@ def smoothed(
     contrast = np.maximum(spread * count / np.maximum(count - 1, 1), 0)[group]
     kept = np.where(contrast + noise > 0, contrast / np.maximum(contrast + noise, 1e-300), 1.0)
     kept = np.where(count[group] > 1, kept, 1.0)[:, None]
+    # The least mean square error is v·kept: the part of the noise that is kept, and of the contrast
+    # that is not. Half differences are to have it as theirs.
+    kept = np.concatenate([np.tile(kept, n), np.tile(np.sqrt(kept), n)], axis=1)
     means = np.stack([total(rays * column) / weight for column in rows.T], axis=1)
     return np.asarray(means[group] + kept * (rows - means[group]))

@@ -11,8 +11,9 @@ from megalopta.render import dr, mi
 from megalopta.render.baking.cells import CellFinder, pixel_angle
 from megalopta.scenes.cameras import Camera
 
-VIEWS = 256
-"""Rays per pixel over the whole sequence, however long."""
+VIEWS = 512
+"""Rays per pixel over the whole sequence, however long. One in twenty of a frame meets what these
+did not."""
 
 
 def views(

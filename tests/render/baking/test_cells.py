@@ -141,12 +141,12 @@ def test_rays_find_the_cell_that_holds_the_point_they_hit():
 
 @vectorized
 @pytest.mark.parametrize("frames", [1, 7, 1000])
-def test_a_survey_counts_256_rays_per_pixel_however_long_the_sequence(frames):
+def test_a_survey_counts_512_rays_per_pixel_however_long_the_sequence(frames):
     activate(choose_variant())
     floor = triangle_mesh([[[-900, -900, 0], [900, -900, 0], [0, 900, 0]]])
     loaded = load_scene(THING, [floor])
     down = Trajectory(frames=frames, position_m=(0, 0, 2), look_at_m=(0, 0, 0), up=(1, 0, 0))
     cells = Cells.of([floor], CAMERA, down.poses()[:, :3, 3])
     seen = survey(loaded, CellFinder(cells, loaded), cells.count, CAMERA, down.poses(), 0)
-    assert seen.sum() == 256 * CAMERA.width * CAMERA.height
+    assert seen.sum() == 512 * CAMERA.width * CAMERA.height
     assert not seen[cells.count // 2 :].any()  # the back

@@ -1,6 +1,7 @@
 """Baked light against closed forms and against the path tracer."""
 
 import dataclasses
+import functools
 import math
 
 import numpy as np
@@ -10,6 +11,7 @@ import trimesh
 from megalopta.render.baking import light as bake, table
 from megalopta.render.baking.choice import cost_reason, path_tracing_reason
 from megalopta.render.baking.gathering import Gatherer
+from megalopta.render.baking.visibility import survey
 from megalopta.render.scatter import RunningMean
 from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.sensors import primary
@@ -263,9 +265,9 @@ def test_paths_are_traced_where_baking_is_not_asked_for_or_cannot_pay(ground):
         reason(still, frames=4)
         == "100 samples per pixel in all frames are too few to pay for baking"
     )
-    # Half of the path tracer's work at equal error: 1.9 r + 0.9 = 8, rays per sample.
-    assert cost_reason(373, 100) == ""
-    assert "baking would take 50% of the work" in cost_reason(374, 100)
+    # Half of the path tracer's work at equal error: 2.1 r + 1.3 = 4.25, rays per sample.
+    assert cost_reason(140, 100) == ""
+    assert "baking would take 50% of the work" in cost_reason(141, 100)
     assert "vectorized" in reason(still, "scalar_spectral", integrator="baked")
     assert "no surface" in reason(dataclasses.replace(still, placements=()))
 
@@ -308,6 +310,35 @@ def test_stored_light_gives_the_same_frames_without_another_bake(tmp_path, monke
     assert len(list(tmp_path.glob("*.npz"))) == 2  # another error, another light
 
 
+def least_standing(tracer, light, part, time=0.0):
+    """Standing error of a part of the image, relative to its light, less five standard errors."""
+    paths, quick = (
+        np.array([each.radiance(ORBIT[1], seed, time)[..., 0] for seed in range(6)], float)
+        for each in (tracer, light)
+    )
+    differences = quick - paths
+    noise = differences.var(axis=0, ddof=1) / len(differences)
+    squares = (differences.mean(axis=0) ** 2 - noise)[part]
+    error = 5 * squares.std() / math.sqrt(squares.size)
+    return math.sqrt(max(squares.mean() - error, 0)) / paths.mean(axis=0)[part].mean()
+
+
+@pytest.mark.slow
+@vectorized
+def test_paths_are_traced_of_what_the_survey_did_not_meet(monkeypatch):
+    few = functools.partial(survey, count=1, step=2)
+    monkeypatch.setattr("megalopta.render.baking.integrator.survey", few)
+    common = {"samples_per_pixel": 64, "max_depth": 3, "bands_nm": BANDS[:1], "bake_error": 0.05}
+    scene = thicket(Lighting(SKY, Sun(SUN_DIRECTION, flat(2e-8))))
+    tracer, light = (
+        renderer_of(scene, ORBIT, integrator=name, **common) for name in ("path", "baked")
+    )
+    part = light.measured(ORBIT[1], 0)
+    # Without their light surfaces would be half as bright.
+    assert least_standing(tracer, light, part.sky == 0) < 1.25 * 0.05
+    assert (part.standing[part.sky == 0] == 0).mean() > 0.1
+
+
 @pytest.mark.slow
 @vectorized
 def test_a_moving_box_leaves_the_rest_baked():
@@ -328,17 +359,7 @@ def test_a_moving_box_leaves_the_rest_baked():
         for name in ("path", "baked")
     )
     assert light.integrator == "baked"
-    paths, quick = (
-        np.array([each.radiance(ORBIT[1], seed, 0.4)[..., 0] for seed in range(6)], float)
-        for each in (tracer, light)
-    )
     part = light.measured(ORBIT[1], 0, 0.4)
-    surfaces = part.sky == 0
-    differences = quick - paths
-    noise = differences.var(axis=0, ddof=1) / len(differences)
-    squares = (differences.mean(axis=0) ** 2 - noise)[surfaces]
-    level = paths.mean(axis=0)[surfaces].mean()
-    error = 5 * squares.std() / math.sqrt(squares.size)
-    assert math.sqrt(max(squares.mean() - error, 0)) / level < 1.25 * 0.05
+    assert least_standing(tracer, light, part.sky == 0, 0.4) < 1.25 * 0.05
     # The box itself is there, and its paths are traced.
-    assert 0 < np.mean((part.standing == 0).all(axis=-1) & surfaces) < 0.5
+    assert 0 < np.mean((part.standing == 0).all(axis=-1) & (part.sky == 0)) < 0.5
