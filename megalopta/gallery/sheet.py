@@ -37,7 +37,9 @@ _TURNING = {
 SCENES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
         **{
-            f"{preset} forest": {"scene": {"kind": "forest", "preset": preset}}
+            "rain forest" if preset == "rainforest" else f"{preset} forest": {
+                "scene": {"kind": "forest", "preset": preset}
+            }
             for preset in PRESETS
         },
         "grating": {"scene": {"kind": "grating"}, **_TURNING},

@@ -74,8 +74,8 @@ def level_title(level: LightLevel) -> str:
 
 
 def lux(illuminance_lux: float) -> str:
-    """An illuminance: "10 lux", "0.001 lux"."""
-    return f"{illuminance_lux:g}\u00a0lux"
+    """An illuminance, to three digits: "10 lux", "0.000314 lux"."""
+    return f"{float(f'{illuminance_lux:.3g}'):g}\u00a0lux"
 
 
 def enumerate_words(words: Sequence[str]) -> str:
