@@ -35,6 +35,11 @@ from megalopta.sensor.selfcheck.ctia_bias import (
     check_trimming,
 )
 from megalopta.sensor.selfcheck.device import check_device, check_operation
+from megalopta.sensor.selfcheck.drawn import (
+    check_certain_neighbor,
+    check_drawn_dead_time,
+    check_skewness,
+)
 from megalopta.sensor.selfcheck.interplay import interplay_checks
 from megalopta.sensor.selfcheck.measured import check_measured_maps
 from megalopta.sensor.selfcheck.optics import check_falloff, check_lens, check_transmission
@@ -46,12 +51,14 @@ from megalopta.sensor.selfcheck.readings import (
     check_tabulated_laws,
     reading_checks,
 )
+from megalopta.sensor.selfcheck.sheets import check_sheets, check_table_devices
 from megalopta.sensor.selfcheck.stated import (
     check_stated_analog,
     check_stated_conversion,
     check_stated_crosstalk,
     check_stated_dead_time,
 )
+from megalopta.sensor.selfcheck.stated_paralyzable import check_stated_paralyzable
 from megalopta.sensor.selfcheck.terms import (
     check_afterpulsing,
     check_counters,
@@ -67,8 +74,21 @@ from megalopta.sensor.selfcheck.terms import (
 
 _EFFECTS: dict[str, tuple[Check, ...]] = {
     "light": (check_light, check_lens, check_falloff, check_transmission),
-    "device": (check_device, check_operation, check_measured_maps),
-    "dead-time": (check_stated_dead_time, check_few_lost, check_dead_time_ends),
+    "device": (
+        check_device,
+        check_operation,
+        check_measured_maps,
+        check_sheets,
+        check_table_devices,
+    ),
+    "dead-time": (
+        check_stated_dead_time,
+        check_stated_paralyzable,
+        check_few_lost,
+        check_drawn_dead_time,
+        check_skewness,
+        check_dead_time_ends,
+    ),
     "afterpulsing": (
         check_afterpulsing,
         check_stated_afterpulsing,
@@ -81,6 +101,7 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
         check_stated_crosstalk,
         check_measured_crosstalk,
         check_dark_neighbor,
+        check_certain_neighbor,
     ),
     "combinations": (check_combinations, check_maps),
     "gate": (check_gate_and_jitter, check_gated_bits),
