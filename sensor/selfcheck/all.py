@@ -3,6 +3,7 @@
 from megalopta.sensor.selfcheck.analog import check_analog, check_codes
 from megalopta.sensor.selfcheck.between import check_sub_frames
 from megalopta.sensor.selfcheck.binary import check_gated_bits
+from megalopta.sensor.selfcheck.calibration import check_bad_pixels, check_calibration
 from megalopta.sensor.selfcheck.carriers import (
     check_delayed_afterpulsing,
     check_stated_afterpulsing,
@@ -20,7 +21,6 @@ from megalopta.sensor.selfcheck.combinations import (
 from megalopta.sensor.selfcheck.comparison import Check
 from megalopta.sensor.selfcheck.correction import (
     check_ambiguity,
-    check_calibration,
     check_correction,
     check_curvature,
     check_filling,
@@ -133,6 +133,7 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
     "correction": (
         check_correction,
         check_calibration,
+        check_bad_pixels,
         check_curvature,
         check_propagation,
         check_filling,
