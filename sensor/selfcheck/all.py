@@ -1,6 +1,6 @@
 """Checks of every effect, by groups that can be run alone, in the order of the table."""
 
-from megalopta.sensor.selfcheck.analog import check_analog, check_codes
+from megalopta.sensor.selfcheck.analog import check_analog, check_codes, check_silent_readings
 from megalopta.sensor.selfcheck.between import check_sub_frames
 from megalopta.sensor.selfcheck.binary import check_gated_bits
 from megalopta.sensor.selfcheck.calibration import check_bad_pixels, check_calibration
@@ -34,7 +34,7 @@ from megalopta.sensor.selfcheck.ctia_bias import (
     check_pulse_loop,
     check_trimming,
 )
-from megalopta.sensor.selfcheck.device import check_device, check_operation
+from megalopta.sensor.selfcheck.device import check_bias_laws, check_device, check_operation
 from megalopta.sensor.selfcheck.drawn import (
     check_certain_neighbor,
     check_drawn_dead_time,
@@ -77,6 +77,7 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
     "device": (
         check_device,
         check_operation,
+        check_bias_laws,
         check_measured_maps,
         check_sheets,
         check_table_devices,
@@ -110,6 +111,7 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
         check_counters,
         check_analog,
         check_codes,
+        check_silent_readings,
         check_stated_analog,
         check_stated_conversion,
     ),
