@@ -38,6 +38,7 @@ from megalopta.sensor.selfcheck.device import check_bias_laws, check_device, che
 from megalopta.sensor.selfcheck.drawn import (
     check_certain_neighbor,
     check_drawn_dead_time,
+    check_near_normal,
     check_skewness,
 )
 from megalopta.sensor.selfcheck.interplay import interplay_checks
@@ -115,7 +116,13 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
         check_stated_analog,
         check_stated_conversion,
     ),
-    "frames": (check_frames, check_dim_light, check_poisson_means, check_rare_bits),
+    "frames": (
+        check_frames,
+        check_dim_light,
+        check_poisson_means,
+        check_near_normal,
+        check_rare_bits,
+    ),
     "ctia": (
         check_ctia_discharge,
         check_ctia_noise,

@@ -10,7 +10,7 @@ from itertools import product
 
 import numpy as np
 from scipy.special import gammainc
-from scipy.stats import chi2, norm
+from scipy.stats import chi2, norm, poisson
 
 from megalopta.arrays import Floats
 from megalopta.sensor.avalanches import draw_counts
@@ -23,6 +23,7 @@ from megalopta.sensor.effects import (
     paralyzable,
 )
 from megalopta.sensor.sampling import generator
+from megalopta.sensor.sampling import poisson as poisson_draws
 from megalopta.sensor.selfcheck.comparison import (
     Counts,
     Row,
@@ -70,6 +71,23 @@ def check_skewness() -> Iterator[Row]:
         quantity = f"third cumulant, r·τ {a:g}, {counts:g} counts"
         # the law for long exposures, and numbers rounded to counts
         yield exact_row("paralyzable dead time", quantity, expected, found, 2e-3 * expected)
+
+
+def check_near_normal() -> Iterator[Row]:
+    """Large Poisson counts, drawn from normal numbers z: what is accepted of all z is the law."""
+    mean = 3000.0
+    z = np.linspace(-7, 7, 700_001)
+    counts = np.array([poisson_draws.near_normal_count(each, mean) for each in z])
+    chances = [poisson_draws.acceptance(n, mean, at) for n, at in zip(counts, z, strict=True)]
+    accepted = np.exp(-(z**2) / 2) / (2 * np.pi) ** 0.5 * np.array(chances) * (z[1] - z[0])
+    n = np.arange(2800, 3200)
+    found = np.bincount(counts, accepted, minlength=n[-1] + 1)[n]
+    # some 900 of these z make one count, one more or less
+    off = found / (mean**0.5 * poisson.pmf(n, mean)) - 1
+    yield exact_row("Poisson, near normal", "mean error of a chance", 0.0, off.mean(), 1e-6)
+    slope = float(np.polyfit((n - mean) / mean**0.5, off, 1)[0])
+    yield exact_row("Poisson, near normal", "its slope over a σ", 0.0, slope, 1e-6)
+    yield exact_row("Poisson, near normal", "its largest", 0.0, float(np.abs(off).max()), 3e-3)
 
 
 def check_certain_neighbor() -> Iterator[Row]:
