@@ -256,7 +256,7 @@ def near_normal_count(z: float, mean: float) -> int:
     """Return the integer nearest to the quantile of a normal number."""
     sigma = math.sqrt(mean)
     quantile = mean + sigma * z + (z * z - 1) / 6 + (z - z**3) / (72 * sigma)
-    return int(math.floor(quantile + 0.5))
+    return math.floor(quantile + 0.5)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]

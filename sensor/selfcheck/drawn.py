@@ -22,8 +22,7 @@ from megalopta.sensor.effects import (
     dead_time,
     paralyzable,
 )
-from megalopta.sensor.sampling import generator
-from megalopta.sensor.sampling import poisson as poisson_draws
+from megalopta.sensor.sampling import generator, poisson as poisson_draws
 from megalopta.sensor.selfcheck.comparison import (
     Counts,
     Row,
