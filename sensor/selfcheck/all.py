@@ -42,7 +42,7 @@ from megalopta.sensor.selfcheck.drawn import (
     check_skewness,
 )
 from megalopta.sensor.selfcheck.interplay import interplay_checks
-from megalopta.sensor.selfcheck.measured import check_measured_maps
+from megalopta.sensor.selfcheck.measured import check_measured_maps, check_windows
 from megalopta.sensor.selfcheck.optics import check_falloff, check_lens, check_transmission
 from megalopta.sensor.selfcheck.parts import check_parts
 from megalopta.sensor.selfcheck.readings import (
@@ -80,6 +80,7 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
         check_operation,
         check_bias_laws,
         check_measured_maps,
+        check_windows,
         check_sheets,
         check_table_devices,
     ),
