@@ -19,8 +19,14 @@ from megalopta.sensor.spad import event_moments, preset
 
 _STEPS_OF_MS = 500
 # period, width, phase, dead time, exposure, ms: closed for longer and for less than a dead time,
-# several periods to one, no gate
-_CASES = ((17, 11, 4, 5, 100), (17, 14, 15, 7, 60), (3, 2, 1, 8, 70), (0, 0, 0, 3, 40))
+# several periods to one, no gate; the exposure ends in an open window and outside
+_CASES = (
+    (17, 11, 4, 5, 97),
+    (17, 11, 4, 5, 100),
+    (17, 14, 15, 7, 60),
+    (3, 2, 1, 8, 70),
+    (0, 0, 0, 3, 40),
+)
 
 
 def check_stated_paralyzable() -> Iterator[Row]:
@@ -39,7 +45,7 @@ def check_stated_paralyzable() -> Iterator[Row]:
         found = event_moments(np.full((1, 1, 1), rate), sensor)
         term = f"paralyzable, gate {width} of {period} ms" if period else "paralyzable, no gate"
         for name, right, got in zip(("mean", "variance"), expected, found, strict=True):
-            quantity = f"{name}, τ {dead} ms, {rate:g} Hz, {start}"
+            quantity = f"{name}, τ {dead} of {exposure} ms, {rate:g} Hz, {start}"
             yield exact_row(term, quantity, right, got.item(), 1e-6 * right)
 
 
