@@ -27,7 +27,7 @@ from megalopta.sensor.selfcheck.correction import (
     check_propagation,
 )
 from megalopta.sensor.selfcheck.counting import counting_checks
-from megalopta.sensor.selfcheck.ctia import check_ctia_discharge, check_ctia_noise
+from megalopta.sensor.selfcheck.ctia import check_ctia_discharge, check_ctia_noise, check_ctia_times
 from megalopta.sensor.selfcheck.ctia_bias import (
     check_gate_leak,
     check_leak_floor,
@@ -126,6 +126,7 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
     ),
     "ctia": (
         check_ctia_discharge,
+        check_ctia_times,
         check_ctia_noise,
         check_trimming,
         check_pulse_loop,

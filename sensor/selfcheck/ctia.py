@@ -22,6 +22,8 @@ from megalopta.sensor.ctia import (
     Photodiode,
     Pixel,
     discharge,
+    discharge_time,
+    estimate_current,
     expose_photocurrent,
     noise_current,
     reading_electrons,
@@ -40,6 +42,7 @@ def check_ctia_discharge() -> Iterator[Row]:
     """Output after part of a discharge: straight, bent by a poor amplifier, held at its rail."""
     junction = Photodiode(saturation_current_a=_JUNCTION_A)
     both = Photodiode(saturation_current_a=_JUNCTION_A, shunt_ohm=_SHUNT_OHM)
+    dim = Photodiode(saturation_current_a=_JUNCTION_A, shunt_ohm=1e9)
     # name, pixel, photocurrent (A), time (s), tolerance (V)
     cases = (
         ("junction, 130 dB", Pixel(junction, 1e-11, _SWING_V, 10**6.5, 5e-3), 1e-11, 0.5, 1e-7),
@@ -53,11 +56,35 @@ def check_ctia_discharge() -> Iterator[Row]:
             1.03,
             3e-6,
         ),
+        (
+            "forward start in light, leaking gate",
+            Pixel(dim, 1e-11, _SWING_V, 1e5, -0.05, 1e-3),
+            1e-10,
+            35.0,
+            1e-5,
+        ),
     )
     for name, pixel, light_a, time_s, tolerance in cases:
         measured = float(discharge(pixel, light_a, time_s))
         expected = _integrated(pixel, light_a, time_s)
         yield exact_row("CTIA discharge", f"{name} (V)", expected, measured, tolerance)
+
+
+def check_ctia_times() -> Iterator[Row]:
+    """Time of a discharge, and the current estimated from it, against the discharge over time."""
+    junction = Photodiode(saturation_current_a=_JUNCTION_A, ideality=1.5)
+    shunted = changed(junction, shunt_ohm=1e9)
+    for name, diode, gain in (("junction", junction, 100.0), ("shunt", shunted, 1e3)):
+        pixel = Pixel(diode, 1e-13, _SWING_V, gain, 5e-3, 1e-3)
+        light = np.array([0.0, 1e-12, 1e-10])
+        shares = np.array([[0.1], [0.5], [0.9], [1.0]])
+        times = discharge_time(pixel, light, shares * _SWING_V)
+        found = discharge(pixel, light, times) / _SWING_V
+        off = float(np.abs(found / shares - 1).max())
+        yield exact_row("CTIA discharge", f"{name}, largest error of times", 0.0, off, 1e-8)
+        expected = 1e-13 * 0.8 * _SWING_V / (times[2] - times[0])
+        off = float(np.abs(estimate_current(pixel, light) / expected - 1).max())
+        yield exact_row("CTIA discharge", f"{name}, largest error of a current", 0.0, off, 1e-9)
 
 
 def check_ctia_noise() -> Iterator[Row]:
