@@ -27,7 +27,12 @@ from megalopta.sensor.selfcheck.correction import (
     check_propagation,
 )
 from megalopta.sensor.selfcheck.counting import counting_checks
-from megalopta.sensor.selfcheck.ctia import check_ctia_discharge, check_ctia_noise, check_ctia_times
+from megalopta.sensor.selfcheck.ctia import (
+    check_ctia_discharge,
+    check_ctia_noise,
+    check_ctia_pattern,
+    check_ctia_times,
+)
 from megalopta.sensor.selfcheck.ctia_bias import (
     check_gate_leak,
     check_leak_floor,
@@ -45,6 +50,7 @@ from megalopta.sensor.selfcheck.interplay import interplay_checks
 from megalopta.sensor.selfcheck.measured import check_measured_maps, check_windows
 from megalopta.sensor.selfcheck.optics import check_falloff, check_lens, check_transmission
 from megalopta.sensor.selfcheck.parts import check_parts
+from megalopta.sensor.selfcheck.placed import check_adc, check_places
 from megalopta.sensor.selfcheck.readings import (
     check_few_events,
     check_full_swing,
@@ -118,6 +124,8 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
         check_stated_conversion,
     ),
     "frames": (
+        check_places,
+        check_adc,
         check_frames,
         check_dim_light,
         check_poisson_means,
@@ -128,6 +136,7 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
         check_ctia_discharge,
         check_ctia_times,
         check_ctia_noise,
+        check_ctia_pattern,
         check_trimming,
         check_pulse_loop,
         check_leak_floor,

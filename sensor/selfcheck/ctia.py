@@ -21,11 +21,13 @@ from megalopta.sensor.ctia import (
     FixedBias,
     Photodiode,
     Pixel,
+    ctia_preset,
     discharge,
     discharge_time,
     estimate_current,
     expose_photocurrent,
     noise_current,
+    pixels,
     reading_electrons,
 )
 from megalopta.sensor.optics import Efficiency
@@ -122,6 +124,19 @@ def check_ctia_noise() -> Iterator[Row]:
     yield variance_row(
         "CTIA reset noise", "variance (µV²), k·T/C", k * _KELVIN / farad * 1e12, microvolts
     )
+
+
+def check_ctia_pattern() -> Iterator[Row]:
+    """How the pixels of an array differ: offsets, gains in decibels, dark currents."""
+    sensor = changed(ctia_preset("ctia_si"), bias=FixedBias(reverse_bias_v=5e-3), dark_sigma=0.3)
+    found = pixels(sensor, (300, 300))
+    for name, mean, sigma, values in (
+        ("bias (mV)", 18.7 + 5, 10.0, 1e3 * np.asarray(found.bias_v)),
+        ("gain (dB)", 130.0, 3.4, 20 * np.log10(found.gain)),
+        ("dark current, factor", 1.0, 0.3, np.asarray(found.dark_scale)),
+    ):
+        yield mean_row("CTIA pixels", f"mean {name}", mean, values)
+        yield variance_row("CTIA pixels", f"variance, {name}", sigma**2, values)
 
 
 def _electrons(diode: Photodiode, bias_v: float, light_a: float, noise: CtiaNoise) -> Floats:
