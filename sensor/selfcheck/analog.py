@@ -87,8 +87,8 @@ def check_silent_readings() -> Iterator[Row]:
         pixels = analog_pixels(counter, events.shape, _EXPOSURE_S, 3)
         counts, _ = read_analog(generator(9), events, counter, pixels, _EXPOSURE_S)
         flat = AnalogPixels(*(each.ravel() for each in pixels))
-        certain = np.ones((events.size, 1))
-        mean, variance = counter_moments(counter, flat, _EXPOSURE_S, events.ravel(), certain)
+        first, certain = events.ravel().astype(np.float64), np.ones((events.size, 1))
+        mean, variance = counter_moments(counter, flat, _EXPOSURE_S, first, certain)
         off = float(np.abs(mean - counts.ravel()).max())
         term = f"analog counter, {name}"
         yield exact_row(term, "largest error of a reading without noise", 0.0, off, 1e-9)

@@ -122,13 +122,13 @@ def _light(dead: DeadTime, a: float, counts: float) -> tuple[float, float]:
 
 
 def _law_z(drawn: Counts, x: float, a: float) -> float:
-    """Pearson's test against the exact law, bins of 20 or more, as the z of its probability."""
+    """Pearson's test against the exact law, bins of about 40, as the z of its probability."""
     n = np.arange(drawn.max() + 2)
     reached: Floats = gammainc(n[1:], np.maximum(x - (n[1:] - 1) * a, 0.0))
     due = drawn.size * -np.diff(reached, prepend=1.0, append=0.0)
     found = np.bincount(drawn.ravel(), minlength=due.size)
     bins = (np.cumsum(due) // 40).astype(np.int64)
-    due, found = (np.bincount(bins, each) for each in (due, found))
-    enough = due > 0
-    statistic = ((found - due)[enough] ** 2 / due[enough]).sum()
+    expected, drawn_of = (np.bincount(bins, each) for each in (due, found))
+    enough = expected > 0
+    statistic = ((drawn_of - expected)[enough] ** 2 / expected[enough]).sum()
     return float(norm.isf(max(chi2.sf(statistic, enough.sum() - 1), 1e-300)))

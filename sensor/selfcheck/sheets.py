@@ -57,7 +57,13 @@ _FIGURES = {
         "bias.efficiency_scale_v": 0.2,
         "bias.dark_efold_v": 0.12,
         "bias.breakdown_sigma_v": 0.042,
+        "dark_counts.bulk_mean_hz_um2": 0.765,
+        "dark_counts.bulk_sigma_hz_um2": 0.2,
+        "dark_counts.hot_fraction": 0.276,
+        "dark_counts.hot_mean_hz_um2": 4.0,
+        "dark_counts.hot_sigma_hz_um2": 0.2,
         "dead_time.dead_time_s": 1e-6,
+        "temperature.dcr_doubling_k": 9.0,
         "counter.step_v": 10e-3,
         "counter.swing_v": 3.2,
         "counter.supply_v": 3.3,
@@ -66,7 +72,15 @@ _FIGURES = {
         "counter.read_noise_v": 1e-3,
         "counter.adc_bits": 12,
     },
-    "array-12x4": {"dead_time.dead_time_s": 120e-9},
+    "array-12x4": {
+        "dark_counts.hot_fraction": 1.0,
+        "dark_counts.hot_mean_hz_um2": 0.26,
+        "dark_counts.hot_sigma_hz_um2": 0.79,
+        "dead_time.dead_time_s": 120e-9,
+        "crosstalk.mean_fired_neighbors": 4.82e-3,
+        "crosstalk.diagonal": 162 / 1030,
+        "crosstalk.distance_two": 13 / 1030,
+    },
     **dict.fromkeys(CTIA_PRESETS, _CTIA),
 }
 # diode, reverse bias (V), dark current (A) there and its last digit
@@ -93,9 +107,9 @@ def check_sheets() -> Iterator[Row]:
     for name, expected in _PIXELS.items():
         sensor = sensors[name]
         area, center = _area_and_center(sensor.efficiency)
-        found = (sensor.pitch_m, sensor.fill_factor, sensor.exposure_s, area, center)
+        pixel = (sensor.pitch_m, sensor.fill_factor, sensor.exposure_s, area, center)
         lens = (sensor.lens.f_number, sensor.lens.transmission)
-        yield _row(name, "pixel and efficiency", expected, found)
+        yield _row(name, "pixel and efficiency", expected, pixel)
         yield _row(name, "lens", (_F_NUMBER, _TRANSMISSION), lens)
     for name, figures in _FIGURES.items():
         found = tuple(_field(sensors[name], path) for path in figures)
