@@ -2,7 +2,7 @@
 
 from megalopta.sensor.selfcheck.analog import check_analog, check_codes, check_silent_readings
 from megalopta.sensor.selfcheck.between import check_sub_frames
-from megalopta.sensor.selfcheck.binary import check_gated_bits
+from megalopta.sensor.selfcheck.binary import check_chance, check_gated_bits
 from megalopta.sensor.selfcheck.calibration import check_bad_pixels, check_calibration
 from megalopta.sensor.selfcheck.carriers import (
     check_delayed_afterpulsing,
@@ -113,7 +113,7 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
         check_certain_neighbor,
     ),
     "combinations": (check_combinations, check_maps),
-    "gate": (check_gate_and_jitter, check_gated_bits),
+    "gate": (check_gate_and_jitter, check_gated_bits, check_chance),
     "changing-light": (check_parts, check_running_frames, check_sub_frames),
     "counters": (
         check_counters,
