@@ -215,7 +215,7 @@ def check_rare_bits() -> Iterator[Row]:
     for mean in (8e-6, 2e-5):
         half_hz = mean / 2 / ideal.exposure_s
         sensor = changed(ideal, dark_counts=DarkCounts(bulk_mean_hz_um2=half_hz / 3600))
-        rate = np.full((100, side, side), half_hz)
+        rate = np.broadcast_to(half_hz, (100, side, side))
         packed = expose_binary(rate, sensor, seed=2, sequence="rare")
         ones, bits = int(np.bitwise_count(packed).sum(dtype=np.int64)), 100 * side**2
         chance = float(-np.expm1(-mean))
