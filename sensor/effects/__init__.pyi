@@ -3,6 +3,7 @@ from . import (
     crosstalk as crosstalk,
     dead_time as dead_time,
     gated_paralyzable as gated_paralyzable,
+    paralyzable as paralyzable,
 )
 from .afterpulsing import (
     Afterpulsing as Afterpulsing,

@@ -1,3 +1,4 @@
+from . import chance as chance
 from .binary import (
     check_binary as check_binary,
     expose_binary as expose_binary,

@@ -11,7 +11,7 @@ From 2048 on, a normal number z becomes the nearest integer n to its quantile of
 
     y(z) = m + √m·z + (z² − 1)/6 + (z − z³)/(72·√m)
 
-and is accepted with a chance proportional to m·P(n)·y′(z)/φ(z), which for |z| < 8 lies between
+and is accepted with a chance proportional to √m·P(n)·y′(z)/φ(z), which for |z| < 8 lies between
 √m − |z|/2 − 0.3 and √m + 4.6: it need seldom be evaluated. Beyond, where it may be more, a draw
 comes once in 10¹⁵.
 """
@@ -245,16 +245,23 @@ def _near_normal(rng: np.random.Generator, mean: float) -> int:
     sigma = math.sqrt(mean)
     while True:
         z = rng.standard_normal()
-        quantile = mean + sigma * z + (z * z - 1) / 6 + (z - z**3) / (72 * sigma)
-        n = math.floor(quantile + 0.5)
+        n = near_normal_count(z, mean)
         chance = rng.random() * (sigma + _HIGH)
-        if chance <= sigma - _LOW - abs(z) / 2 or chance <= _quotient(n, mean, z):
+        if chance <= sigma - _LOW - abs(z) / 2 or chance <= acceptance(n, mean, z):
             return int(n)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _quotient(n: float, mean: float, z: float) -> float:
-    """m·P(n)·y′(z)/φ(z), with Stirling's series for the factorial."""
+def near_normal_count(z: float, mean: float) -> int:
+    """Return the integer nearest to the quantile of a normal number."""
+    sigma = math.sqrt(mean)
+    quantile = mean + sigma * z + (z * z - 1) / 6 + (z - z**3) / (72 * sigma)
+    return math.floor(quantile + 0.5)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def acceptance(n: float, mean: float, z: float) -> float:
+    """√m·P(n)·y′(z)/φ(z), with Stirling's series for the factorial."""
     sigma, d = math.sqrt(mean), (mean - n) / n
     log = n * (math.log1p(d) - d) - (1 - 1 / (30 * n * n)) / (12 * n) + z * z / 2
     return math.exp(log) * math.sqrt(mean / n) * (sigma + z / 3 + (1 - 3 * z * z) / (72 * sigma))

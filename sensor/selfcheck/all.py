@@ -1,8 +1,9 @@
 """Checks of every effect, by groups that can be run alone, in the order of the table."""
 
-from megalopta.sensor.selfcheck.analog import check_analog, check_codes
+from megalopta.sensor.selfcheck.analog import check_analog, check_codes, check_silent_readings
 from megalopta.sensor.selfcheck.between import check_sub_frames
-from megalopta.sensor.selfcheck.binary import check_gated_bits
+from megalopta.sensor.selfcheck.binary import check_chance, check_gated_bits
+from megalopta.sensor.selfcheck.calibration import check_bad_pixels, check_calibration
 from megalopta.sensor.selfcheck.carriers import (
     check_delayed_afterpulsing,
     check_stated_afterpulsing,
@@ -20,25 +21,36 @@ from megalopta.sensor.selfcheck.combinations import (
 from megalopta.sensor.selfcheck.comparison import Check
 from megalopta.sensor.selfcheck.correction import (
     check_ambiguity,
-    check_calibration,
     check_correction,
     check_curvature,
     check_filling,
     check_propagation,
 )
 from megalopta.sensor.selfcheck.counting import counting_checks
-from megalopta.sensor.selfcheck.ctia import check_ctia_discharge, check_ctia_noise
+from megalopta.sensor.selfcheck.ctia import (
+    check_ctia_discharge,
+    check_ctia_noise,
+    check_ctia_pattern,
+    check_ctia_times,
+)
 from megalopta.sensor.selfcheck.ctia_bias import (
     check_gate_leak,
     check_leak_floor,
     check_pulse_loop,
     check_trimming,
 )
-from megalopta.sensor.selfcheck.device import check_device, check_operation
+from megalopta.sensor.selfcheck.device import check_bias_laws, check_device, check_operation
+from megalopta.sensor.selfcheck.drawn import (
+    check_certain_neighbor,
+    check_drawn_dead_time,
+    check_near_normal,
+    check_skewness,
+)
 from megalopta.sensor.selfcheck.interplay import interplay_checks
-from megalopta.sensor.selfcheck.measured import check_measured_maps
+from megalopta.sensor.selfcheck.measured import check_measured_maps, check_windows
 from megalopta.sensor.selfcheck.optics import check_falloff, check_lens, check_transmission
 from megalopta.sensor.selfcheck.parts import check_parts
+from megalopta.sensor.selfcheck.placed import check_adc, check_places
 from megalopta.sensor.selfcheck.readings import (
     check_few_events,
     check_full_swing,
@@ -46,12 +58,14 @@ from megalopta.sensor.selfcheck.readings import (
     check_tabulated_laws,
     reading_checks,
 )
+from megalopta.sensor.selfcheck.sheets import check_sheets, check_table_devices
 from megalopta.sensor.selfcheck.stated import (
     check_stated_analog,
     check_stated_conversion,
     check_stated_crosstalk,
     check_stated_dead_time,
 )
+from megalopta.sensor.selfcheck.stated_paralyzable import check_stated_paralyzable
 from megalopta.sensor.selfcheck.terms import (
     check_afterpulsing,
     check_counters,
@@ -67,8 +81,23 @@ from megalopta.sensor.selfcheck.terms import (
 
 _EFFECTS: dict[str, tuple[Check, ...]] = {
     "light": (check_light, check_lens, check_falloff, check_transmission),
-    "device": (check_device, check_operation, check_measured_maps),
-    "dead-time": (check_stated_dead_time, check_few_lost, check_dead_time_ends),
+    "device": (
+        check_device,
+        check_operation,
+        check_bias_laws,
+        check_measured_maps,
+        check_windows,
+        check_sheets,
+        check_table_devices,
+    ),
+    "dead-time": (
+        check_stated_dead_time,
+        check_stated_paralyzable,
+        check_few_lost,
+        check_drawn_dead_time,
+        check_skewness,
+        check_dead_time_ends,
+    ),
     "afterpulsing": (
         check_afterpulsing,
         check_stated_afterpulsing,
@@ -81,21 +110,33 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
         check_stated_crosstalk,
         check_measured_crosstalk,
         check_dark_neighbor,
+        check_certain_neighbor,
     ),
     "combinations": (check_combinations, check_maps),
-    "gate": (check_gate_and_jitter, check_gated_bits),
+    "gate": (check_gate_and_jitter, check_gated_bits, check_chance),
     "changing-light": (check_parts, check_running_frames, check_sub_frames),
     "counters": (
         check_counters,
         check_analog,
         check_codes,
+        check_silent_readings,
         check_stated_analog,
         check_stated_conversion,
     ),
-    "frames": (check_frames, check_dim_light, check_poisson_means, check_rare_bits),
+    "frames": (
+        check_places,
+        check_adc,
+        check_frames,
+        check_dim_light,
+        check_poisson_means,
+        check_near_normal,
+        check_rare_bits,
+    ),
     "ctia": (
         check_ctia_discharge,
+        check_ctia_times,
         check_ctia_noise,
+        check_ctia_pattern,
         check_trimming,
         check_pulse_loop,
         check_leak_floor,
@@ -112,6 +153,7 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
     "correction": (
         check_correction,
         check_calibration,
+        check_bad_pixels,
         check_curvature,
         check_propagation,
         check_filling,

@@ -10,8 +10,11 @@ from megalopta.arrays import Floats
 from megalopta.sensor import changed
 from megalopta.sensor.counters import (
     AnalogCounter,
+    AnalogPixels,
     analog_pixels,
+    counter_moments,
     counts_of_codes,
+    read_analog,
     sample_analog,
 )
 from megalopta.sensor.sampling import generator
@@ -66,6 +69,31 @@ def check_codes() -> Iterator[Row]:
     yield exact_row(term, "share misread", 0.0, wrong, 1e-9)
     full = float((events >= capacity).mean())
     yield exact_row(term, "share full", full, float(is_full.mean()), 1e-9)
+
+
+def check_silent_readings() -> Iterator[Row]:
+    """Readings without noise, as drawn and as stated: outputs beyond both ends of a coarse ADC."""
+    uneven = changed(
+        AnalogCounter(step_v=0.1, swing_v=3.3, supply_v=3.3, adc_bits=6),
+        **{"step_sigma_v": 5e-3, "leak_v_s": 1.0, "leak_sigma_v_s": 0.1, "offset_sigma_v": 0.2},
+    )
+    events = generator(6).integers(0, 60, (_SIDE, _SIDE))
+    for name, counter in (
+        ("calibrated", uneven),
+        ("calibrated, shrinking steps", changed(uneven, step_slope=0.5)),
+        ("uncalibrated", changed(uneven, calibrated=False)),
+        ("no ADC", changed(uneven, adc_bits=None)),
+    ):
+        pixels = analog_pixels(counter, events.shape, _EXPOSURE_S, 3)
+        counts, _ = read_analog(generator(9), events, counter, pixels, _EXPOSURE_S)
+        flat = AnalogPixels(*(each.ravel() for each in pixels))
+        first, certain = events.ravel().astype(np.float64), np.ones((events.size, 1))
+        mean, variance = counter_moments(counter, flat, _EXPOSURE_S, first, certain)
+        off = float(np.abs(mean - counts.ravel()).max())
+        term = f"analog counter, {name}"
+        yield exact_row(term, "largest error of a reading without noise", 0.0, off, 1e-9)
+        largest = float(variance.max())
+        yield exact_row(term, "its largest variance", 0.0, largest, 1e-9)
 
 
 def _volts(counter: AnalogCounter, events: NDArray[np.integer[Any]]) -> Floats:

@@ -5,15 +5,12 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.special import gammainc
 
-from megalopta.arrays import Floats
 from megalopta.sensor import changed
 from megalopta.sensor.correct import (
     Calibration,
     ResponseCurve,
-    calibrate,
     correct,
     filled_in,
-    hot_pixels,
     response_curve,
     simulated_calibration,
 )
@@ -40,36 +37,6 @@ def check_correction() -> Iterator[Row]:
         calibration = simulated_calibration(sensor, _SHAPE, frames=1600)
         for share in (0.5, 0.8):
             yield from _corrected_rows(f"{term}, {share:.0%}", sensor, calibration, share)
-
-
-def check_calibration() -> Iterator[Row]:
-    """Dark and gain of many pixels, from ten frames each by NumPy, against what they were."""
-    rng, side, frames, even = np.random.default_rng(31), 200, 10, 400.0
-    gain = rng.uniform(0.7, 1.3, (side, side))
-    dark = rng.uniform(20.0, 60.0, (side, side))
-    found = calibrate(
-        rng.poisson(dark, (frames, side, side)),
-        rng.poisson(dark + even * gain, (frames, side, side)),
-        _IDEAL,
-        flat_detections=even,
-    )
-    yield from _estimate_rows("calibrated dark", found.dark - dark, found.dark_variance)
-    yield from _estimate_rows("calibrated gain", found.gain - gain, found.gain_variance)
-    hot = dark.copy()
-    hot[::10, ::10] *= 12.6  # from 252 to 756, where ten times the median is near 400
-    limit = 10 * float(np.median(hot))
-    share = float(hot_pixels(hot, 10.0).mean())
-    yield exact_row("hot pixels", "share", float((hot > limit).mean()), share, 1e-9)
-    dead = gain.copy()
-    dead[::10, ::10] = np.linspace(0.05, 0.35, 400).reshape(20, 20)
-    marked = calibrate(
-        np.zeros((2, side, side)),
-        np.broadcast_to(even * dead, (2, side, side)),
-        _IDEAL,
-        flat_detections=even,
-    )
-    expected = float((dead < 0.2 * np.median(dead)).mean())
-    yield exact_row("dead pixels", "share", expected, float(marked.bad.mean()), 1e-9)
 
 
 def check_propagation() -> Iterator[Row]:
@@ -175,15 +142,3 @@ def _corrected_rows(
     own = found.mean(axis=0) - (known / calibration.gain**2)[good]
     drawn = float(mean.var(axis=0).sum() / own.sum())
     yield exact_row(term, "drawn variance over stated", 1, drawn, _VARIANCE_TOLERANCE)
-
-
-def _estimate_rows(term: str, error: Floats, variance: Floats) -> Iterator[Row]:
-    """Errors of independent estimates: no mean, and the variance that is stated."""
-    sigma = float(np.sqrt(variance.mean() / error.size))
-    z = float(error.mean()) / sigma
-    yield Row(term, "mean error", 0.0, float(error.mean()), z)
-    # squares of errors, and variances that are estimates themselves
-    excess = error**2 - variance
-    z = float(excess.mean() / (excess.std() / excess.size**0.5))
-    stated, found = float(variance.mean()), float((error**2).mean())
-    yield Row(term, "variance of the estimate", stated, found, z)

@@ -21,9 +21,13 @@ from megalopta.sensor.ctia import (
     FixedBias,
     Photodiode,
     Pixel,
+    ctia_preset,
     discharge,
+    discharge_time,
+    estimate_current,
     expose_photocurrent,
     noise_current,
+    pixels,
     reading_electrons,
 )
 from megalopta.sensor.optics import Efficiency
@@ -53,11 +57,42 @@ def check_ctia_discharge() -> Iterator[Row]:
             1.03,
             3e-6,
         ),
+        *(
+            (
+                f"forward start in light, {kind}",
+                Pixel(diode, 1e-11, _SWING_V, 1e5, -0.15, 1e-3),
+                1e-10,
+                seconds,
+                1e-5,
+            )
+            for kind, diode, seconds in (
+                ("junction", junction, 134.0),
+                ("shunt", Photodiode(shunt_ohm=1e9), 56.0),
+                ("both", changed(junction, shunt_ohm=1e9), 136.5),
+            )
+        ),
     )
     for name, pixel, light_a, time_s, tolerance in cases:
         measured = float(discharge(pixel, light_a, time_s))
         expected = _integrated(pixel, light_a, time_s)
         yield exact_row("CTIA discharge", f"{name} (V)", expected, measured, tolerance)
+
+
+def check_ctia_times() -> Iterator[Row]:
+    """Time of a discharge, and the current estimated from it, against the discharge over time."""
+    junction = Photodiode(saturation_current_a=_JUNCTION_A, ideality=1.5)
+    shunted = changed(junction, shunt_ohm=1e9)
+    for name, diode, gain in (("junction", junction, 100.0), ("shunt", shunted, 1e3)):
+        pixel = Pixel(diode, 1e-13, _SWING_V, gain, 5e-3, 1e-3)
+        light = np.array([0.0, 1e-12, 1e-10])
+        shares = np.array([[0.1], [0.5], [0.9], [1.0]])
+        times = discharge_time(pixel, light, shares * _SWING_V)
+        found = discharge(pixel, light, times) / _SWING_V
+        off = float(np.abs(found / shares - 1).max())
+        yield exact_row("CTIA discharge", f"{name}, largest error of times", 0.0, off, 1e-8)
+        expected = 1e-13 * 0.8 * _SWING_V / (times[2] - times[0])
+        off = float(np.abs(estimate_current(pixel, light) / expected - 1).max())
+        yield exact_row("CTIA discharge", f"{name}, largest error of a current", 0.0, off, 1e-9)
 
 
 def check_ctia_noise() -> Iterator[Row]:
@@ -95,6 +130,19 @@ def check_ctia_noise() -> Iterator[Row]:
     yield variance_row(
         "CTIA reset noise", "variance (µV²), k·T/C", k * _KELVIN / farad * 1e12, microvolts
     )
+
+
+def check_ctia_pattern() -> Iterator[Row]:
+    """How the pixels of an array differ: offsets, gains in decibels, dark currents."""
+    sensor = changed(ctia_preset("ctia_si"), bias=FixedBias(reverse_bias_v=5e-3), dark_sigma=0.3)
+    found = pixels(sensor, (300, 300))
+    for name, mean, sigma, values in (
+        ("bias (mV)", 18.7 + 5, 10.0, 1e3 * np.asarray(found.bias_v)),
+        ("gain (dB)", 130.0, 3.4, 20 * np.log10(found.gain)),
+        ("dark current, factor", 1.0, 0.3, np.asarray(found.dark_scale)),
+    ):
+        yield mean_row("CTIA pixels", f"mean {name}", mean, values)
+        yield variance_row("CTIA pixels", f"variance, {name}", sigma**2, values)
 
 
 def _electrons(diode: Photodiode, bias_v: float, light_a: float, noise: CtiaNoise) -> Floats:

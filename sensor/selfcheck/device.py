@@ -10,6 +10,7 @@ from megalopta.arrays import Floats
 from megalopta.sensor import changed
 from megalopta.sensor.effects import (
     Afterpulsing,
+    AvalancheMaps,
     Crosstalk,
     DarkCounts,
     DeadTime,
@@ -19,6 +20,7 @@ from megalopta.sensor.effects import (
     dark_count_rate,
     mean_density,
 )
+from megalopta.sensor.optics import Efficiency
 from megalopta.sensor.selfcheck.comparison import Row, exact_row, mean_row, variance_row
 from megalopta.sensor.spad import draw_fixed_pattern, preset
 
@@ -107,6 +109,42 @@ def check_operation() -> Iterator[Row]:
     for field, factors in zip(maps._fields, maps, strict=True):
         yield mean_row(f"{field} mismatch", "mean factor", 1.0, factors)
         yield variance_row(f"{field} mismatch", "variance of factors", 0.04, factors)
+
+
+def check_bias_laws() -> Iterator[Row]:
+    """Even pixels at biases below the onset, at the reference, where it holds, and above."""
+    onset, scale, efold, reference, slopes = 0.9, 0.2, 0.12, 1.2, (1.0, 2.5)
+    even = changed(
+        preset("ideal"),
+        efficiency=Efficiency(wavelengths_nm=(400, 700), values=(0.5, 0.5)),
+        bias={"onset_v": onset, "reference_v": reference, "efficiency_scale_v": scale},
+        dark_counts=DarkCounts(bulk_mean_hz_um2=0.5),
+        afterpulsing=Afterpulsing(mean_carriers=0.1),
+        crosstalk=Crosstalk(mean_fired_neighbors=0.1),
+    )
+    steep = {"dark_efold_v": efold, "afterpulsing_slope": slopes[0], "crosstalk_slope": slopes[1]}
+    full = -np.expm1(-(reference - onset) / scale)
+    for excess in (0.7, 1.0, reference, 1.5):
+        above = float(excess > onset)
+        pattern = draw_fixed_pattern(changed(even, bias=steep | {"excess_v": excess}), (1, 1))
+        rise = excess / reference - 1
+        # no map where nothing differs from what the fields say
+        maps = pattern.avalanches or AvalancheMaps.alike((1, 1))
+        laws = (
+            ("efficiency", -np.expm1(-above * (excess - onset) / scale) / full),
+            ("dark counts (Hz)", 0.5 * 3600 * above * np.exp((excess - reference) / efold)),
+            ("afterpulsing", max(1 + slopes[0] * rise, 0.0)),
+            ("crosstalk", max(1 + slopes[1] * rise, 0.0)),
+        )
+        found = (
+            pattern.efficiency_factor,
+            pattern.dark_counts_hz,
+            maps.afterpulsing,
+            maps.crosstalk,
+        )
+        for (quantity, right), got in zip(laws, found, strict=True):
+            term = f"bias, {excess:g} V"
+            yield exact_row(term, quantity, float(right), got.item(), 1e-9 * (1 + float(right)))
 
 
 def _check_bias() -> Iterator[Row]:

@@ -14,20 +14,26 @@ from scipy.stats import chi2, norm
 
 from megalopta.arrays import Floats
 from megalopta.sensor import changed
-from megalopta.sensor.effects import Bias
+from megalopta.sensor.counters import AnalogCounter
+from megalopta.sensor.effects import Afterpulsing, Bias, Crosstalk, DeadTime
 from megalopta.sensor.sampling import generator
-from megalopta.sensor.selfcheck.comparison import Row
+from megalopta.sensor.selfcheck.comparison import Row, exact_row
 from megalopta.sensor.spad import (
     MapFile,
     MeasuredMaps,
     Sensor,
     detection_rate,
+    draw_fixed_pattern,
     expose,
     preset,
     without,
 )
 
 _PIXELS, _FRAMES = (6, 8), 400
+_MAPS = (
+    *("dark_counts", "efficiency", "dead_time", "afterpulsing", "crosstalk"),
+    *("step", "leak", "offset"),
+)
 _BANDS_NM = [(440.0, 460.0)]
 _BIAS = Bias(efficiency_scale_v=0.3, dark_efold_v=0.1, breakdown_sigma_v=0.05)
 
@@ -57,6 +63,38 @@ def check_measured_maps() -> Iterator[Row]:
             expected = _FRAMES * sensor.exposure_s * rate_hz
             z = _poisson_z(expected, counts.sum(0, dtype=np.int64))
             yield Row("measured maps", f"all pixels at {excess_v:g} V, as z", 0.0, z, z)
+
+
+def check_windows() -> Iterator[Row]:
+    """Every map, larger than the image: what pixels in the corner and in the middle of it have."""
+    rng = generator(12, "windows")
+    large = {name: rng.uniform(0.01, 0.1, (11, 15)) for name in _MAPS}
+    plain = changed(
+        _plain_spadcam(),
+        counter=AnalogCounter(step_v=0.05),
+        dead_time=DeadTime(kind="nonparalyzable", dead_time_s=1e-7),
+        afterpulsing=Afterpulsing(mean_carriers=0.1),
+        crosstalk=Crosstalk(mean_fired_neighbors=0.1),
+    )
+    with TemporaryDirectory() as folder:
+        files = {name: _saved(Path(folder, f"{name}.npy"), each) for name, each in large.items()}
+        for fit, top, left in (("top_left", 0, 0), ("center", 2, 3)):
+            maps = MeasuredMaps.model_validate(files | {"fit": fit})
+            pattern = draw_fixed_pattern(changed(plain, measured=maps), _PIXELS)
+            assert pattern.counters is not None and pattern.avalanches is not None
+            found = {
+                "dark_counts": pattern.dark_counts_hz,
+                "efficiency": pattern.efficiency_factor,
+                "step": pattern.counters.step_v,
+                "leak": pattern.counters.leaked_v / plain.exposure_s,
+                "offset": pattern.counters.offset_v,
+                **pattern.avalanches._asdict(),
+            }
+            for name, values in found.items():
+                window = large[name][top : top + _PIXELS[0], left : left + _PIXELS[1]]
+                off = float(np.abs(values / window - 1).max())
+                quantity = f"{name}, largest error"
+                yield exact_row(f"measured maps, {fit}", quantity, 0.0, off, 1e-12)
 
 
 def _saved(path: Path, values: Floats) -> MapFile:

@@ -99,20 +99,24 @@ def reading_checks(exposures: int = 40_000) -> tuple[Check, ...]:
 
 
 def check_few_events() -> Iterator[Row]:
-    """Events nearly as regular as a clock, which no counter cuts: readings have their moments."""
+    """Events more regular than chance, which no counter cuts: readings have their moments.
+
+    From three nearly as regular as a clock to forty that are nearly Poisson.
+    """
     ideal = PRESETS["ideal"]
-    dead_s = ideal.exposure_s / 3.3
-    sensor = changed(
-        ideal,
-        dead_time=DeadTime(kind="nonparalyzable", dead_time_s=dead_s, twilight_s=dead_s / 100),
-    )
-    rate = np.full((1, 1, 1), 5 / dead_s)
-    expected = event_moments(rate, sensor)
-    found = reading_moments(rate, changed(sensor, counter=DigitalCounter(capacity=5)))
-    for name, right, got in zip(("mean", "variance"), expected, found, strict=True):
-        value = float(right.sum())
-        quantity = f"{name} of readings of 3 events"
-        yield exact_row("law of events", quantity, value, float(got.sum()), 1e-3 * value)
+    for dead_times, a, capacity in ((3.3, 5.0, 5), (30.0, 2.0, 35), (200.0, 0.25, 90)):
+        dead_s = ideal.exposure_s / dead_times
+        sensor = changed(
+            ideal,
+            dead_time=DeadTime(kind="nonparalyzable", dead_time_s=dead_s, twilight_s=dead_s / 100),
+        )
+        rate = np.full((1, 1, 1), a / dead_s)
+        expected = event_moments(rate, sensor)
+        found = reading_moments(rate, changed(sensor, counter=DigitalCounter(capacity=capacity)))
+        for name, right, got in zip(("mean", "variance"), expected, found, strict=True):
+            value = float(right.sum())
+            quantity = f"{name} of readings of {expected[0].item():.0f} events"
+            yield exact_row("law of events", quantity, value, float(got.sum()), 1e-6 * value)
 
 
 def check_paralyzable_law() -> Iterator[Row]:

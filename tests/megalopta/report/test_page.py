@@ -198,6 +198,19 @@ def test_saturated_readings_are_told(copied_lean):
     assert "Full counters (20 counts)" in text
 
 
+def test_what_the_device_and_the_normalization_do_is_shown(tmp_path):
+    benchmark = LEAN.benchmark.model_copy(update={"both_normalizations": True})
+    changed = LEAN.model_copy(update={"correct": True, "benchmark": benchmark})
+    shown = read(write_report(run_all(tmp_path / "costs", changed)))
+    for form in ("raw", "corrected", "perfect"):
+        assert f"Frame of {SENSOR} at 0.5\N{NO-BREAK SPACE}lux, {form}" in shown.values("alt")
+    for name in ("against itself", "raw against perfect", "corrected against perfect"):
+        assert name in shown.text
+    assert f"Noise, device and correction on {SENSOR}" in shown.values("aria-label")
+    for name in ("every frame", "the mean frame"):
+        assert f"24 × 20, {name}" in shown.text
+
+
 def test_dark_counts_of_the_benchmark_grow_with_the_area_of_its_pixels(page):
     # 0.1 per pixel of 36 × 30 is 0.225 on a pixel of 24 × 20.
     assert "0.23 at 24 × 20 px and 0.1 at 36 × 30 px" in page.text
