@@ -182,7 +182,7 @@ class Configuration(Record, frozen=True):
         if len(set(names)) < len(names):
             raise ValueError(f"sensors {names}: give each sensor a name of its own")
         self._check_shutter(1 / self.trajectory.frame_rate_hz)
-        if self.light.lights_from_outside_alone and not self.scene.is_lit_from_outside:
+        if self.light.asks_for_a_sky and not self.scene.is_lit_from_outside:
             raise ValueError(
                 f"light.{'panorama' if self.light.panorama else 'sky'}: a scene of kind "
                 f"{self.scene.kind!r} has its own light; leave it out, or take a forest"

@@ -120,7 +120,7 @@ class Light(Record, frozen=True):
         return level
 
     @property
-    def lights_from_outside_alone(self) -> bool:
+    def asks_for_a_sky(self) -> bool:
         """Whether it asks for a sky that only scenes lit from outside have."""
         return self.panorama is not None or self.sky != "even"
 
