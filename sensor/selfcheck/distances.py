@@ -2,9 +2,9 @@
 
 `python -m megalopta.sensor.selfcheck.distances` goes through the kinds of dead time, live and
 stationary start, with and without afterpulsing, r·τ of 0.01, 0.1, 1 and 5 and mean counts of 1, 30
-and 300, with a million exposures or more at each point. It takes all cores for about 20 minutes;
-`--all` adds the four points with 45 000 arrivals an exposure (paralyzable, r·τ = 5, 300 counts),
-about 40 more.
+and 300, with a million exposures or more at each point. It takes all cores, for some three hours of
+processor time; `--all` adds the four points with 45 000 arrivals an exposure (paralyzable,
+r·τ = 5, 300 counts), which are six times as many in all.
 
 Two samples of one law differ by chance. Of n and m exposures with standard deviation σ, the
 distance of the histograms is then on average near
