@@ -73,9 +73,8 @@ class LightMeter:
 
     def measure(self, position: Float64, seed: int) -> Illuminance:
         """Illuminance of a horizontal plane at a position (3,), m."""
-        plate = meter_plates(
-            position[None], self._film_px
-        )  # must live as long as its sensor, which does not hold it
+        # Must live as long as its sensor, which does not hold it.
+        plate = meter_plates(position[None], self._film_px)
         meter = plate.sensor()
         lux = np.array(self._integrator.render(self._scene, meter, seed=seed), np.float64)
         return Illuminance(

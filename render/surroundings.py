@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 
 from megalopta.render.environment import Floats, horizontal, load_panorama
 from megalopta.scenes.spectra import luminous, total
-from megalopta.scenes.world import Environment, Lighting, Scene, SkyPattern, Sun
+from megalopta.scenes.world import (
+    Environment,
+    Lighting,
+    Scene,
+    SkyPattern,
+    Sun,
+    pattern_directions,
+)
 
 DISC_DEG, RING_DEG = 3.0, 6.0
 """Angles from the brightest pixel: what belongs to the disc, and to the sky around it (degrees)."""
@@ -77,7 +84,7 @@ def without_disc(
     rows, columns = picture.shape[:2]
     bright = picture[: rows // 2] @ weights
     row, column = np.unravel_index(int(bright.argmax()), bright.shape)
-    toward = directions(rows, columns)
+    toward = pattern_directions(rows)
     cosine = np.einsum("ijk,k->ij", toward, toward[row, column])
     disc = cosine > np.cos(np.radians(DISC_DEG))
     ring = ~disc & (cosine > np.cos(np.radians(RING_DEG)))
@@ -94,17 +101,6 @@ def without_disc(
     left = picture.copy()
     left[disc] = np.minimum(picture[disc], around)
     return left, tuple(center.tolist()), irradiance
-
-
-def directions(rows: int, columns: int) -> NDArray[np.float64]:
-    """Unit vectors (H, W, 3) toward the centers of an equirectangular picture's pixels."""
-    polar = np.pi * (np.arange(rows) + 0.5) / rows
-    azimuth = np.pi - 2 * np.pi * (np.arange(columns) + 0.5) / columns
-    level = np.sin(polar)
-    up = np.repeat(np.cos(polar)[:, None], columns, axis=1)
-    return np.stack(
-        [np.outer(level, np.cos(azimuth)), np.outer(level, np.sin(azimuth)), up], axis=-1
-    )
 
 
 def solid_angles(rows: int, columns: int) -> NDArray[np.float64]:

@@ -32,8 +32,9 @@ class SkyPatterns:
 
     def toward(self, direction: Any, active: Any) -> list[Any]:
         """Value of each pattern in directions."""
+        place = place_of(direction)
         return [
-            read(texture, rows, place_of(direction), active)
+            read(texture, rows, place, active)
             for texture, rows in zip(self._textures, self._rows, strict=True)
         ]
 

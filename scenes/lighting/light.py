@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from megalopta.record import Record
 from megalopta.scenes.lighting.components import Component, ComponentName, overcast
@@ -20,7 +20,7 @@ from megalopta.scenes.lighting.levels import (
 )
 from megalopta.scenes.lighting.sky_shapes import sky_shape
 from megalopta.scenes.spectra import flat, overcast_share, planckian, primaries, total
-from megalopta.scenes.world import Environment, HashedFile, Lighting, SkyPattern, Sun
+from megalopta.scenes.world import Environment, Lighting, PictureFile, SkyPattern, Sun
 
 _OF_ONE_SOURCE: Mapping[ComponentName, ComponentName] = {"sun": "daylit sky", "moon": "moonlit sky"}
 
@@ -57,7 +57,7 @@ class Light(Record, frozen=True):
     """How the sky's light is spread: even, the same from all directions, or natural, as clear,
     overcast, twilit and starry skies have it. For scenes that are lit from outside."""
 
-    panorama: HashedFile | None = None
+    panorama: PictureFile | None = None
     """HDR, EXR (linear sRGB) or PNG (sRGB) file of an equirectangular picture, 2:1, that lights the
     scene in place of sky and disc, at the level's illuminance and with white of its spectrum: the
     path, relative to the folder that the program runs in. For scenes that are lit from outside."""
@@ -65,13 +65,6 @@ class Light(Record, frozen=True):
     panorama_turn_deg: float = 0.0
     """Turns the panorama counterclockwise seen from above (degrees); at 0 its center lies toward
     +x."""
-
-    @field_validator("panorama")
-    @classmethod
-    def _is_named_as_a_picture(cls, file: HashedFile | None) -> HashedFile | None:
-        if file and not file.path.lower().endswith((".hdr", ".exr", ".png")):
-            raise ValueError(f"{file.path} is no HDR, EXR or PNG file; give one of these")
-        return file
 
     @model_validator(mode="after")
     def _has_one_sky(self) -> "Light":

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from megalopta.scenes.lighting.components import ComponentName
 from megalopta.scenes.lighting.twilight_sky import twilight_sky
+from megalopta.scenes.world import pattern_directions
 
 Floats = NDArray[np.float64]
 Shape = Callable[[Floats, Floats], Floats]
@@ -41,11 +42,7 @@ def sky_shape(name: ComponentName, disc_azimuth_deg: float, disc_elevation_deg: 
     level = math.cos(elevation)
     disc = np.array([level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)])
     upper = ROWS // 2
-    polar = np.pi * (np.arange(upper) + 0.5) / ROWS
-    around = np.pi - np.pi * (np.arange(2 * ROWS) + 0.5) / ROWS
-    up = np.repeat(np.cos(polar), 2 * ROWS)
-    along = np.outer(np.sin(polar), np.cos(around)), np.outer(np.sin(polar), np.sin(around))
-    directions = np.stack([*(each.ravel() for each in along), up], axis=-1)
+    directions = pattern_directions(ROWS)[:upper].reshape(-1, 3)
     values = SHAPES[name](directions, disc).reshape(upper, 2 * ROWS)
     edges = np.sin(np.pi * np.arange(upper + 1) / ROWS) ** 2
     values = values / np.average(values.mean(axis=1), weights=np.diff(edges))

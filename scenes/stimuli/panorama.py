@@ -12,14 +12,12 @@ the disc's angles have no effect. Spectra are those of three primaries of the li
 from pathlib import PurePath
 from typing import Literal
 
-from pydantic import field_validator
-
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras import Camera
 from megalopta.scenes.lighting import Light
 from megalopta.scenes.spectra import primaries
 from megalopta.scenes.trajectories import Path
-from megalopta.scenes.world import Environment, HashedFile, Scene
+from megalopta.scenes.world import Environment, PictureFile, Scene
 
 
 class Panorama(SceneDescription, frozen=True):
@@ -28,20 +26,13 @@ class Panorama(SceneDescription, frozen=True):
     kind: Literal["panorama"] = "panorama"
     """Which scene this is."""
 
-    file: HashedFile
+    file: PictureFile
     """HDR, EXR (linear sRGB) or PNG (sRGB) file: the path, relative to the folder that the program
     runs in."""
 
     turn_deg: float = 0.0
     """Turns the picture counterclockwise seen from above (degrees); at 0 its center lies toward
     +x."""
-
-    @field_validator("file")
-    @classmethod
-    def _is_named_as_a_picture(cls, file: HashedFile) -> HashedFile:
-        if not file.path.lower().endswith((".hdr", ".exr", ".png")):
-            raise ValueError(f"{file.path} is no HDR, EXR or PNG file; give one of these")
-        return file
 
     has_bounces = False
 

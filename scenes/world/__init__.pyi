@@ -1,4 +1,7 @@
-from .hashed_file import HashedFile as HashedFile
+from .hashed_file import (
+    HashedFile as HashedFile,
+    PictureFile as PictureFile,
+)
 from .material import (
     Emission as Emission,
     Material as Material,
@@ -18,4 +21,5 @@ from .scene import (
     Scene as Scene,
     SkyPattern as SkyPattern,
     Sun as Sun,
+    pattern_directions as pattern_directions,
 )

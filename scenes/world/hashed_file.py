@@ -8,7 +8,7 @@ import hashlib
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from megalopta.record import Record
 
@@ -45,6 +45,16 @@ class HashedFile(Record, frozen=True):
                 f"{self.path} has changed since it was first used; restore it, or name it anew"
             )
         return content
+
+
+def _named_as_a_picture(file: HashedFile) -> HashedFile:
+    if not file.path.lower().endswith((".hdr", ".exr", ".png")):
+        raise ValueError(f"{file.path} is no HDR, EXR or PNG file; give one of these")
+    return file
+
+
+PictureFile = Annotated[HashedFile, AfterValidator(_named_as_a_picture)]
+"""An HDR, EXR or PNG file by its name."""
 
 
 def _content(path: str) -> bytes:

@@ -92,6 +92,17 @@ class SkyPattern:
         return self.radiance.scaled(float(np.average(rows, weights=weight)))
 
 
+def pattern_directions(rows: int) -> NDArray[np.float64]:
+    """Unit vectors (H, 2·H, 3) toward the centers of a pattern's texels."""
+    polar = np.pi * (np.arange(rows) + 0.5) / rows
+    azimuth = np.pi - np.pi * (np.arange(2 * rows) + 0.5) / rows
+    level = np.sin(polar)
+    up = np.repeat(np.cos(polar)[:, None], 2 * rows, axis=1)
+    return np.stack(
+        [np.outer(level, np.cos(azimuth)), np.outer(level, np.sin(azimuth)), up], axis=-1
+    )
+
+
 @dataclass(frozen=True)
 class Environment:
     """A photographed panorama at infinity, in place of a sky."""

@@ -9,7 +9,6 @@ from scipy.ndimage import gaussian_filter
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.render.environment import horizontal
 from megalopta.render.surroundings import (
-    directions,
     solid_angles,
     turned,
     under_panorama,
@@ -18,7 +17,7 @@ from megalopta.render.surroundings import (
 from megalopta.scenes import Panorama, PerspectiveCamera, Trajectory
 from megalopta.scenes.lighting import Light
 from megalopta.scenes.spectra import flat
-from megalopta.scenes.world import Asset, Material, Placement, Scene
+from megalopta.scenes.world import Asset, Material, Placement, Scene, pattern_directions
 
 from .conftest import quad
 
@@ -40,7 +39,7 @@ def with_sun(azimuth_deg, elevation_deg, irradiance):
     rows, columns = picture.shape[:2]
     a, h = math.radians(azimuth_deg), math.radians(elevation_deg)
     toward = np.array([math.cos(h) * math.cos(a), math.cos(h) * math.sin(a), math.sin(h)])
-    angle = np.degrees(np.arccos(np.clip(directions(rows, columns) @ toward, -1, 1)))
+    angle = np.degrees(np.arccos(np.clip(pattern_directions(rows) @ toward, -1, 1)))
     disc = np.exp(-((angle / 0.5) ** 2))
     disc /= (disc * solid_angles(rows, columns)[:, None]).sum()
     return picture + (disc[..., None] * irradiance).astype(np.float32), toward

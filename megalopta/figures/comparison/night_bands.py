@@ -84,12 +84,8 @@ def _figure(run: Run) -> Figure:
     spad, ctia = (seen_by(passes, IMAGE_SENSORS[name]) for name in DEVICES)
     middle = np.array(FLOOR_BANDS_NM).mean(axis=1)
     radiance = passes[0].mean(axis=(0, 1), dtype=np.float64)
-    sky = np.array(
-        [
-            FLOOR_LIGHT.resolved().spectrum()(np.linspace(*band, 101)).mean() / np.pi
-            for band in FLOOR_BANDS_NM
-        ]
-    )
+    light = FLOOR_LIGHT.resolved().spectrum()
+    sky = np.array([light(np.linspace(*band, 101)).mean() / np.pi for band in FLOOR_BANDS_NM])
     sharp, error = contrast(*passes)
     size = len(passes[0])
 

@@ -10,11 +10,18 @@ import numpy as np
 import pytest
 
 from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.render.surroundings import directions
 from megalopta.render.variant import choose_variant
 from megalopta.scenes import PerspectiveCamera, Trajectory
 from megalopta.scenes.spectra import Spectrum, flat
-from megalopta.scenes.world import Asset, Lighting, Material, Placement, Scene, SkyPattern
+from megalopta.scenes.world import (
+    Asset,
+    Lighting,
+    Material,
+    Placement,
+    Scene,
+    SkyPattern,
+    pattern_directions,
+)
 
 from ..conftest import quad
 
@@ -26,7 +33,7 @@ BANDS = ((500.0, 600.0), (1400.0, 1500.0))
 ROWS = 90
 RED, BLUE = Spectrum((500.0, 1500.0), (1e-9, 3e-9)), Spectrum((500.0, 1500.0), (4e-9, 2e-9))
 IN_BANDS = [[each(np.linspace(*band, 1001)).mean() for band in BANDS] for each in (RED, BLUE)]
-ALONG_X, UPWARD = (1 + directions(ROWS, 2 * ROWS)[..., axis] for axis in (0, 2))
+ALONG_X, UPWARD = (1 + pattern_directions(ROWS)[..., axis] for axis in (0, 2))
 SKY = Lighting(
     flat(1e-9),
     patterns=(
@@ -98,7 +105,7 @@ def test_a_small_bright_patch_lights_a_plane_as_its_direction_says():
     found = rendered(scene, poses).mean(dtype=np.float64)
     # The picture read bilinearly, by fine sums.
     fine = 16
-    toward = directions(fine * ROWS, 2 * fine * ROWS)
+    toward = pattern_directions(fine * ROWS)
     place = np.arange(fine * ROWS) / fine
     rows = np.maximum(0, 1 - np.abs(place[:, None] + 0.5 / fine - 0.5 - np.arange(14, 17)))
     columns = np.arange(2 * fine * ROWS) / fine
