@@ -14,7 +14,7 @@ import numpy as np
 from megalopta.flow.benchmark.settings import SearchSettings
 from megalopta.flow.detectors import Detector, FloatArray, Frames
 from megalopta.flow.metrics import ErrorSums, combine, error_sums
-from megalopta.flow.stimuli import MovingTemplate, draw_counts, narrowest, summed
+from megalopta.flow.stimuli import MovingTemplate, draw_in_one, narrowest, summed
 
 
 class ShortSequences:
@@ -68,12 +68,9 @@ class ShortSequences:
         if len(self._counts.get(name, ())) < frames:
             drawn = frames + self.settings.summed_frames - 1
             light = self._light[phase][self._before : self._before + drawn]
-            means = light * flux + self.dark_counts
-            # One random stream for all frames: fewer of them are the first of these.
-            strip = means.reshape(1, -1, means.shape[-1])
-            counts = draw_counts(strip, self.seed, *self.key, f"{flux:.6g}", phase, repeat)
-            pooled = summed(counts.reshape(means.shape), self.settings.summed_frames)
-            self._counts[name] = narrowest(pooled)
+            drawn_of = *self.key, f"{flux:.6g}", phase, repeat
+            counts = draw_in_one(light, flux, self.dark_counts, self.seed, *drawn_of)
+            self._counts[name] = narrowest(summed(counts, self.settings.summed_frames))
         return self._counts[name][:frames]
 
 

@@ -14,6 +14,7 @@ from .photons import (
     Normalization as Normalization,
     divisors as divisors,
     draw_counts as draw_counts,
+    draw_in_one as draw_in_one,
     frame_light as frame_light,
     narrowest as narrowest,
 )

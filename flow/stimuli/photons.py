@@ -10,12 +10,13 @@ of the frame, so the counts of a frame do not depend on how the sequence is cut.
 are drawn independently of each other.
 """
 
+import math
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.sensor.sampling import draw_poisson, generator
+from megalopta.sensor.sampling import fill_poisson, generator, word_streams
 
 _LARGEST_MEAN = 9e18
 Counts = NDArray[np.unsignedinteger[Any]]
@@ -78,6 +79,8 @@ def draw_counts(
 ) -> Counts:
     """Return Poisson counts of the given means, as uint16, uint32 or uint64, whichever suffices.
 
+    Every frame has a random stream of its own.
+
     Parameters
     ----------
     means : (n, H, W)
@@ -94,21 +97,65 @@ def draw_counts(
     ValueError
         When a mean is negative, not a number or above 9e18.
     """
-    if not (means.min(initial=0) >= 0 and means.max(initial=0) <= _LARGEST_MEAN):
+    largest = means.max(initial=0)
+    if not (means.min(initial=0) >= 0 and largest <= _LARGEST_MEAN):
         raise ValueError(
-            f"means from {means.min():g} to {means.max():g}: give mean counts from 0 to"
+            f"means from {means.min():g} to {largest:g}: give mean counts from 0 to"
             f" {_LARGEST_MEAN:g}"
         )
-    counts = np.empty(means.shape, np.int64)
+    counts = _room(means.shape, float(largest))
     for index, mean in enumerate(means):
         rng = generator(seed, "photons", *key, first_frame + index)
-        counts[index] = draw_poisson(rng, mean.ravel()).reshape(mean.shape)
-    return narrowest(counts)
+        _fill(rng, mean, 0.0, 1.0, counts[index])
+    return counts
+
+
+def draw_in_one(
+    light: NDArray[np.float64], flux: float, dark_counts: float, seed: int, *key: str | int
+) -> Counts:
+    """Return counts of means flux·light + dark_counts, from one random stream, as `draw_counts`.
+
+    Of fewer frames they are the first of those of more.
+
+    Parameters
+    ----------
+    light : (n, H, W)
+        Finite, 0 or more: unchecked.
+    flux : float
+        Photons per unit of light, above 0.
+    dark_counts : float
+        Per pixel.
+    seed, *key
+        As for `draw_counts`.
+    """
+    counts = _room(light.shape, float(light.max()) * flux + dark_counts)
+    _fill(generator(seed, "photons", *key, 0), light, dark_counts / flux, flux, counts)
+    return counts
 
 
 def narrowest(counts: NDArray[np.integer[Any]]) -> Counts:
     """Return counts of any shape as uint16, uint32 or uint64, whichever suffices."""
-    largest = int(counts.max(initial=0))
-    if largest < 2**16:
-        return counts.astype(np.uint16, copy=False)
-    return counts.astype(np.uint32 if largest < 2**32 else np.uint64, copy=False)
+    return counts.astype(_type_of(int(counts.max(initial=0))), copy=False)
+
+
+def _type_of(largest: float) -> type[np.unsignedinteger[Any]]:
+    kinds = (np.uint16, np.uint32)
+    return next((kind for kind in kinds if largest <= np.iinfo(kind).max), np.uint64)
+
+
+def _room(shape: tuple[int, ...], largest_mean: float) -> Counts:
+    """Return an array whose type holds all counts: beyond 40 deviations is less than 10⁻²⁰⁰."""
+    most = largest_mean + 40 * math.sqrt(largest_mean) + 100
+    return np.empty(shape, _type_of(most))
+
+
+def _fill(
+    rng: np.random.Generator,
+    light: NDArray[np.float64],
+    more: float,
+    factor: float,
+    counts: Counts,
+) -> None:
+    most = min(int(np.iinfo(counts.dtype).max), int(np.iinfo(np.int64).max))
+    source = rng, word_streams(rng)
+    fill_poisson(source, light.ravel(), np.array([more]), factor, counts.reshape(-1), most)

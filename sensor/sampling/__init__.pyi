@@ -1,5 +1,5 @@
 from . import (
-    poisson as poisson,
+    near_normal as near_normal,
     streams as streams,
 )
 from .poisson import (

@@ -7,13 +7,7 @@ the number of arrivals of a process of rate one that runs on from draw to draw, 
 subtraction as long as nothing arrives. Whether any mean has a multiple of 1/16 is asked of a frame
 and not of each pixel, which in dim light a processor would guess wrong every other time.
 
-From 2048 on, a normal number z becomes the nearest integer n to its quantile of Cornish and Fisher,
-
-    y(z) = m + √m·z + (z² − 1)/6 + (z − z³)/(72·√m)
-
-and is accepted with a chance proportional to √m·P(n)·y′(z)/φ(z), which for |z| < 8 lies between
-√m − |z|/2 − 0.3 and √m + 4.6: it need seldom be evaluated. Beyond, where it may be more, a draw
-comes once in 10¹⁵.
+From 2048 on, counts come of normal numbers (`near_normal`).
 """
 
 import math
@@ -24,15 +18,17 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from megalopta.sensor.sampling.words import LANES, fill_words, word_streams
+from megalopta.sensor.sampling.near_normal import is_accepted, near_normal, near_normal_count
+from megalopta.sensor.sampling.normals import EDGES, quick_normal, slow_normal
+from megalopta.sensor.sampling.words import LANES, fill_words, uniform, word_streams
 
 _COARSE, _FINE = 16.0, 1 / 16
 """Powers of two: sums are exact. The finer, the rarer an arrival, the larger its table."""
-_FINE_PER_COARSE = 8
+_FINE_PER_COARSE = np.uint64(8)
 """Binary digits of a mean in units of the fine step that are below the coarse one."""
 _LARGEST_MEAN = 2048.0
 """Of the tables"""
-_COARSE_TABLES = int(_LARGEST_MEAN / _COARSE)
+_COARSE_TABLES = np.uint64(_LARGEST_MEAN / _COARSE)
 _TAIL = 8.0
 """Standard deviations of a table on each side, and counts beyond them; what is farther out is less
 likely than the rounding of a random word."""
@@ -41,27 +37,20 @@ _TAIL_COUNTS = 20
 _CHANCE = np.uint64(2**48 - 1)
 _ALIAS_BITS, _ALIAS = np.uint64(16), np.uint64(2**16 - 1)
 _ROWS_OF_WORDS = 64
+_ONE, _TWO, _ALL = np.uint64(1), np.uint64(2), ~np.uint64(0)
 _NO_MORE = np.zeros(1)
 _NO_MORE.flags.writeable = (
     False  # as dark counts of a device are, for which `_draw` is compiled anyway
 )
 _MOST = int(np.iinfo(np.int64).max)
 
-_LOW, _HIGH = 0.3, 4.6
-"""Of the bounds above; 0.2 and 4.52 are found at a mean of 1024, less at larger ones."""
-
 
 class _Tables(NamedTuple):
     """Alias tables of the multiples of the coarse step, then of the fine one."""
 
-    start: NDArray[np.int64]
-    """Of each table, its first cell"""
-
-    shift: NDArray[np.uint64]
-    """Of each table, what moves the leading bits of a word, which choose the cell, to its end"""
-
-    first: NDArray[np.int64]
-    """Of each table, the count of its first cell"""
+    heads: NDArray[np.uint64]
+    """Of each table: its first cell; what moves the leading bits of a word, which choose the cell,
+    to its end; the count of its first cell"""
 
     cells: NDArray[np.uint64]
     """Chance of a cell's own count in 48 bits, and the cell that stands for the rest in 16"""
@@ -99,10 +88,9 @@ def fill_poisson(
 
     The source is a generator and the `word_streams` drawn from it.
     """
-    rng, streams = source
     rates = means, _NO_MORE if more is None else more, factor
-    if _draw(streams, *rates, _tables(), counts, most):
-        _draw_large(rng, *rates, counts, most)
+    if _draw(source[1], *rates, _tables(), counts, most):
+        _draw_large(source, *rates, EDGES, counts, most)
 
 
 @cache
@@ -110,10 +98,9 @@ def _tables() -> _Tables:
     multiples = np.arange(0, _LARGEST_MEAN, _COARSE), np.arange(0, _COARSE, _FINE)
     laws = [_law(mean) for mean in np.concatenate(multiples)]
     sizes = np.array([law.size for _, law in laws])
+    starts, shifts = np.cumsum(sizes) - sizes, [65 - int(size).bit_length() for size in sizes]
     return _Tables(
-        np.cumsum(sizes) - sizes,
-        np.array([65 - int(size).bit_length() for size in sizes], np.uint64),
-        np.array([first for first, _ in laws]),
+        np.column_stack((starts, shifts, [first for first, _ in laws])).astype(np.uint64),
         np.concatenate([_alias_cells(law) for _, law in laws]),
     )
 
@@ -159,39 +146,40 @@ def _draw(
     most: int,
 ) -> bool:
     """Draw where the tables reach; whether there are larger means."""
-    each = -1 if more.size > 1 else 0  # bits of the index that count in `more`
+    # all indices are unsigned: Python's negative ones would cost a comparison each
+    each = _ALL if more.size > 1 else np.uint64(0)  # bits of the index that count in `more`
     has_fine = _any_reaches(means, more, _FINE / factor)
     has_large = False
     words = np.empty((_ROWS_OF_WORDS, LANES), np.uint64)
-    word, used = words.reshape(-1), 1
+    word, used, size = words.reshape(-1), _ONE, np.uint64(words.size)
     fill_words(streams, words)
     to_next_arrival = _wait(word[0])
     for index in range(means.size):
-        if used > word.size - 2:
+        if used + _ONE >= size:
             fill_words(streams, words)
-            used = 0
+            used = np.uint64(0)
         mean = (means[index] + more[index & each]) * factor
         if mean >= _LARGEST_MEAN:
             has_large = True
             continue
-        steps = int(mean / _FINE)
-        count, coarse = 0, steps >> _FINE_PER_COARSE
+        steps = np.uint64(mean / _FINE)
+        count, coarse = np.uint64(0), steps >> _FINE_PER_COARSE
         if coarse:
             count = _multiple(word[used], coarse, tables)
-            used += 1
+            used += _ONE
         if has_fine:
             fine = steps - (coarse << _FINE_PER_COARSE)
             count += _multiple(word[used], _COARSE_TABLES + fine, tables)
-            used += 1
-        to_next_arrival -= mean - steps * _FINE
+            used += _ONE
+        to_next_arrival -= mean - float(steps) * _FINE
         while to_next_arrival < 0:
-            if used == word.size:
+            if used == size:
                 fill_words(streams, words)
-                used = 0
+                used = np.uint64(0)
             to_next_arrival += _wait(word[used])
-            used += 1
-            count += 1
-        counts[index] = min(count, most)
+            used += _ONE
+            count += _ONE
+        counts[index] = min(np.int64(count), most)
     return has_large
 
 
@@ -209,59 +197,50 @@ def _any_reaches(means: NDArray[np.float64], more: NDArray[np.float64], least: f
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _wait(word: np.uint64) -> float:
-    """Exponential wait for the next arrival, from a word: −log of a number within (0, 1)."""
-    return -math.log((float(word >> np.uint64(11)) + 0.5) * 2.0**-53)
+    """Exponential wait for the next arrival, from a word."""
+    return -math.log(uniform(word))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _multiple(word: np.uint64, table: np.uint64, tables: _Tables) -> np.uint64:
+    """Count of one table, from a word."""
+    head = tables.heads[table]
+    column = word >> head[1]
+    cell = tables.cells[head[0] + column]
+    # no branch, which a processor would guess wrong half of the time
+    is_own = np.uint64((word & _CHANCE) < (cell >> _ALIAS_BITS))
+    alias = cell & _ALIAS
+    return head[2] + alias + is_own * (column - alias)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _draw_large(
-    rng: np.random.Generator,
+    source: tuple[np.random.Generator, NDArray[np.uint64]],
     means: NDArray[np.float64],
     more: NDArray[np.float64],
     factor: float,
+    edges: NDArray[np.float64],
     counts: NDArray[np.integer[Any]],
     most: int,
 ) -> None:
-    each = -1 if more.size > 1 else 0
+    """Draw where the tables do not reach."""
+    rng, streams = source
+    each = _ALL if more.size > 1 else np.uint64(0)
+    words = np.empty((_ROWS_OF_WORDS, LANES), np.uint64)
+    word, size = words.reshape(-1), np.uint64(words.size)
+    used = size
     for index in range(means.size):
         mean = (means[index] + more[index & each]) * factor
-        if mean >= _LARGEST_MEAN:
-            counts[index] = min(_near_normal(rng, mean), most)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _multiple(word: np.uint64, table: int, tables: _Tables) -> int:
-    """Count of one table, from a word."""
-    column = word >> tables.shift[table]
-    cell = tables.cells[tables.start[table] + np.int64(column)]
-    # no branch, which a processor would guess wrong half of the time
-    is_own = np.uint64((word & _CHANCE) < (cell >> _ALIAS_BITS))
-    alias = cell & _ALIAS
-    return int(tables.first[table] + np.int64(alias + is_own * (column - alias)))
-
-
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _near_normal(rng: np.random.Generator, mean: float) -> int:
-    sigma = math.sqrt(mean)
-    while True:
-        z = rng.standard_normal()
+        if mean < _LARGEST_MEAN:
+            continue
+        if used == size:
+            fill_words(streams, words)
+            used = np.uint64(0)
+        z = quick_normal(word[used], edges)
+        if math.isnan(z):
+            z = slow_normal(word[used], edges, rng)
         n = near_normal_count(z, mean)
-        chance = rng.random() * (sigma + _HIGH)
-        if chance <= sigma - _LOW - abs(z) / 2 or chance <= acceptance(n, mean, z):
-            return int(n)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def near_normal_count(z: float, mean: float) -> int:
-    """Return the integer nearest to the quantile of a normal number."""
-    sigma = math.sqrt(mean)
-    quantile = mean + sigma * z + (z * z - 1) / 6 + (z - z**3) / (72 * sigma)
-    return math.floor(quantile + 0.5)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def acceptance(n: float, mean: float, z: float) -> float:
-    """√m·P(n)·y′(z)/φ(z), with Stirling's series for the factorial."""
-    sigma, d = math.sqrt(mean), (mean - n) / n
-    log = n * (math.log1p(d) - d) - (1 - 1 / (30 * n * n)) / (12 * n) + z * z / 2
-    return math.exp(log) * math.sqrt(mean / n) * (sigma + z / 3 + (1 - 3 * z * z) / (72 * sigma))
+        if not is_accepted(n, mean, z, uniform(word[used + _ONE])):
+            n = near_normal(rng, mean)
+        counts[index] = min(n, most)
+        used += _TWO

@@ -35,3 +35,9 @@ def fill_words(state: NDArray[np.uint64], words: NDArray[np.uint64]) -> None:
             c[lane] = ((c[lane] << np.uint64(24)) | (c[lane] >> np.uint64(40))) + word
             words[step, lane] = word
     state[0], state[1], state[2], state[3] = a, b, c, counter
+
+
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def uniform(word: np.uint64) -> float:
+    """Return a number within (0, 1) of a random word."""
+    return (float(word >> np.uint64(11)) + 0.5) * 2.0**-53

@@ -22,7 +22,7 @@ from megalopta.sensor.effects import (
     dead_time,
     paralyzable,
 )
-from megalopta.sensor.sampling import generator, poisson as poisson_draws
+from megalopta.sensor.sampling import generator, near_normal
 from megalopta.sensor.selfcheck.comparison import (
     Counts,
     Row,
@@ -76,8 +76,8 @@ def check_near_normal() -> Iterator[Row]:
     """Large Poisson counts, drawn from normal numbers z: what is accepted of all z is the law."""
     mean = 3000.0
     z = np.linspace(-7, 7, 700_001)
-    counts = np.array([poisson_draws.near_normal_count(each, mean) for each in z])
-    chances = [poisson_draws.acceptance(n, mean, at) for n, at in zip(counts, z, strict=True)]
+    counts = np.array([near_normal.near_normal_count(each, mean) for each in z])
+    chances = [near_normal.acceptance(n, mean, at) for n, at in zip(counts, z, strict=True)]
     accepted = np.exp(-(z**2) / 2) / (2 * np.pi) ** 0.5 * np.array(chances) * (z[1] - z[0])
     n = np.arange(2800, 3200)
     found = np.bincount(counts, accepted, minlength=n[-1] + 1)[n]
