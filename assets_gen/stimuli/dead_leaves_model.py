@@ -6,7 +6,10 @@ falls as a power of the frequency (Lee, Mumford and Huang, Int. J. Comput. Visio
 Disks are laid from the front to the back, so each paints only what is still bare.
 """
 
+import math
+
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 _SAMPLES = 3
@@ -40,21 +43,22 @@ def dead_leaves(
     while bare:
         # the inverse of the cumulative distribution of r⁻³
         radius = (largest**-2 + rng.random() * (smallest**-2 - largest**-2)) ** -0.5
-        bare -= paint_leaf(image, rng.random(2) * fine, radius, rng.uniform(*values))
+        center = rng.random(2) * fine
+        bare -= paint_leaf(image, (center[0], center[1]), radius, rng.uniform(*values))
     return np.asarray(image.reshape(shape[0], _SAMPLES, shape[1], _SAMPLES).mean(axis=(1, 3)))
 
 
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def paint_leaf(
-    image: NDArray[np.float64], center: NDArray[np.float64], radius: float, value: float
+    image: NDArray[np.float64], center: tuple[float, float], radius: float, value: float
 ) -> int:
     """Paint what is bare (0) of a disk on a torus; return how many samples that were."""
+    (height, width), (row, column), painted = image.shape, center, 0
     # samples lie at the middle of their squares
-    reach = [np.arange(np.ceil(at - radius - 0.5), at + radius - 0.5) for at in center]
-    squares = [(along + 0.5 - at) ** 2 for along, at in zip(reach, center, strict=True)]
-    rows, columns = (
-        along.astype(np.intp) % side for along, side in zip(reach, image.shape, strict=True)
-    )
-    window = np.ix_(rows, columns)
-    seen = (np.add.outer(*squares) < radius**2) & (image[window] == 0)
-    image[window] = np.where(seen, value, image[window])
-    return int(seen.sum())
+    for y in range(math.ceil(row - radius - 0.5), math.ceil(row + radius - 0.5)):
+        for x in range(math.ceil(column - radius - 0.5), math.ceil(column + radius - 0.5)):
+            seen = (y + 0.5 - row) ** 2 + (x + 0.5 - column) ** 2 < radius**2
+            if seen and image[y % height, x % width] == 0:
+                image[y % height, x % width] = value
+                painted += 1
+    return painted

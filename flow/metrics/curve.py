@@ -8,7 +8,8 @@ each other and added up over the blocks: (repeats − 1) · blocks degrees of fr
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, Self
+from functools import cache
+from typing import Any
 
 import numpy as np
 from pydantic import PositiveInt, TypeAdapter
@@ -50,8 +51,8 @@ class ErrorCurve:
         fields["thresholds"] = {f"N_{bits}b": each for bits, each in fields["thresholds"].items()}
         return fields
 
-    @classmethod
-    def from_dict(cls, fields: Mapping[str, Any]) -> Self:
+    @staticmethod
+    def from_dict(fields: Mapping[str, Any]) -> "ErrorCurve":
         """Return the curve that `to_dict` wrote.
 
         Raises
@@ -67,10 +68,16 @@ class ErrorCurve:
             name.removeprefix("N_").removesuffix("b"): each
             for name, each in fields["thresholds"].items()
         }
-        curve = TypeAdapter(cls).validate_python({**fields, **errors, "thresholds": thresholds})
+        curve = _reader().validate_python({**fields, **errors, "thresholds": thresholds})
         if not len(curve.fluxes) == len(curve.errors) == len(curve.standard_errors):
             raise ValueError(f"errors of {curve.method} are not as many as its fluxes")
         return curve
+
+
+@cache
+def _reader() -> TypeAdapter[ErrorCurve]:
+    """Made once, which takes as long as reading many curves."""
+    return TypeAdapter(ErrorCurve)
 
 
 def error_curve(

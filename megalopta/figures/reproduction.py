@@ -11,6 +11,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+
 from megalopta.errors import UserError
 from megalopta.experiments import Sweep, Trial, pixels_of, run
 from megalopta.figures.picture import Cell, Figure
@@ -106,11 +109,17 @@ def write_figure(figure: Figure, out: Path) -> list[Path]:
         head = [("", *figure.printed_by)] if table else []
         canvas = new_canvas(figure.title, figure.caption, figure.height_in, head + table)
         figure.draw(canvas)
-        canvas.draw_without_rendering()
+        if layout := canvas.get_layout_engine():
+            layout.execute(canvas)
         canvas.set_layout_engine("none")  # laid out once is enough for both pictures
-        for path, undated in ((png, {}), (svg, {"Date": None})):
-            with atomic_write(path) as temporary:
-                canvas.savefig(temporary, metadata={"Title": figure.title, **undated})
+        title = {"Title": figure.title}
+        # `savefig` would draw each twice, to see where things lie
+        pixels: Any = FigureCanvasAgg(canvas)
+        with atomic_write(png) as temporary:
+            pixels.print_png(temporary, metadata=title)
+        lines: Any = FigureCanvasSVG(canvas)
+        with atomic_write(svg) as temporary:
+            lines.print_svg(temporary, metadata={**title, "Date": None})
     with atomic_write(numbers) as part, part.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerows([figure.columns, *([_cell(each) for each in row] for row in figure.rows)])

@@ -33,7 +33,7 @@ def near_normal(rng: np.random.Generator, mean: float) -> int:
         z = rng.standard_normal()
         n = near_normal_count(z, mean)
         if is_accepted(n, mean, z, rng.random()):
-            return n
+            return int(n)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]

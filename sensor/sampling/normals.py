@@ -39,7 +39,7 @@ def quick_normal(word: np.uint64, edges: NDArray[np.float64]) -> float:
     """
     layer = word & _LAYER
     z = _place(word) * edges[layer]
-    return z if abs(z) < edges[layer + np.uint64(1)] else math.nan
+    return float(z) if abs(z) < edges[layer + np.uint64(1)] else math.nan
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
@@ -55,7 +55,7 @@ def slow_normal(word: np.uint64, edges: NDArray[np.float64], rng: np.random.Gene
     lower = math.exp(-(edges[layer] ** 2) / 2)
     upper = math.exp(-(edges[layer + np.uint64(1)] ** 2) / 2)
     if lower + (upper - lower) * rng.random() < math.exp(-z * z / 2):
-        return z
+        return float(z)
     return rng.standard_normal()
 
 

@@ -179,7 +179,7 @@ def _draw(
             to_next_arrival += _wait(word[used])
             used += _ONE
             count += _ONE
-        counts[index] = min(np.int64(count), most)
+        counts[index] = min(int(np.int64(count)), most)
     return has_large
 
 
@@ -210,7 +210,7 @@ def _multiple(word: np.uint64, table: np.uint64, tables: _Tables) -> np.uint64:
     # no branch, which a processor would guess wrong half of the time
     is_own = np.uint64((word & _CHANCE) < (cell >> _ALIAS_BITS))
     alias = cell & _ALIAS
-    return head[2] + alias + is_own * (column - alias)
+    return np.uint64(head[2] + alias + is_own * (column - alias))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]

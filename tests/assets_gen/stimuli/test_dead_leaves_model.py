@@ -33,7 +33,7 @@ def test_covariance_is_that_of_the_first_leaf_to_cover_either_of_two_points():
 def test_leaf_over_the_corner_is_the_same_leaf_on_the_other_sides():
     middle, corner = np.zeros((40, 60)), np.zeros((40, 60))
     painted = [
-        paint_leaf(image, np.array(center), 9.3, 0.5)
+        paint_leaf(image, tuple(center), 9.3, 0.5)
         for image, center in ((middle, (20.2, 30.4)), (corner, (0.2, 0.4)))
     ]
     assert painted[0] == painted[1] == pytest.approx(np.pi * 9.3**2, rel=0.03)
@@ -42,9 +42,9 @@ def test_leaf_over_the_corner_is_the_same_leaf_on_the_other_sides():
 
 def test_leaves_in_front_are_not_painted_over():
     image = np.zeros((30, 30))
-    paint_leaf(image, np.array([15.0, 15.0]), 5.0, 0.4)
+    paint_leaf(image, (15.0, 15.0), 5.0, 0.4)
     front = image > 0
-    paint_leaf(image, np.array([17.0, 17.0]), 8.0, 0.9)
+    paint_leaf(image, (17.0, 17.0), 8.0, 0.9)
     assert np.all(image[front] == 0.4)
 
 
