@@ -1,0 +1,167 @@
+"""Burst alignment (BA): patches of sums of frames, aligned from coarse to fine.
+
+So bursts of photographs, and of the binary frames of SPADs, are aligned before they are merged
+(Hasinoff et al., ACM Trans. Graph. 35(6), 2016; Ma et al., ibid. 39(4), 2020). Frames are added up
+to four sums. Each patch of one in the middle is looked for in the others by the least absolute
+difference: in frames binned by 8 × 8 px first, then in finer ones around twice the shift that it,
+or one of its four neighbors, had before. A parabola through the differences refines the last. The
+velocity is the slope of the shifts over time. Smoothing of the field of shifts, and merging, which
+Ma et al. go on with, are left out.
+"""
+
+from collections.abc import Iterator
+from typing import Annotated, ClassVar
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from pydantic import Field
+
+from megalopta.flow.detectors.base import FloatArray, Responder
+from megalopta.flow.detectors.blocks import BlockGrid, block_sums
+from megalopta.flow.detectors.pooled_frames import PooledFrames
+from megalopta.flow.detectors.shift_cost import parabola_minimum
+
+_SUMS = 4
+_NEIGHBORS = (0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)
+
+
+class BurstAlignment(PooledFrames, frozen=True):
+    """Velocity of each block by alignment of sums of frames."""
+
+    place: ClassVar[float] = 11.5
+
+    name: str = "BA"
+    """Short name"""
+
+    label: str = "Burst alignment"
+    """Name in words"""
+
+    levels: Annotated[int, Field(ge=1, le=6)] = 4
+    """Levels of the pyramid, each binned by 2 × 2 px more; fewer where a block would not fit"""
+
+    radius_px: Annotated[int, Field(ge=1)] = 4
+    """Largest shift searched at the coarsest level (its px)"""
+
+    finer_radius_px: Annotated[int, Field(ge=1)] = 2
+    """Largest change of the shift at the others"""
+
+    def start(self, shape: tuple[int, int]) -> Responder:
+        """Return the estimator for frames (H, W); see `Detector.start`."""
+        grid = self.grid(shape)
+        return self.over_window(
+            grid,
+            lambda window, scale: self._velocities(window, grid),
+            lambda frame: frame.astype(np.float64),
+        )
+
+    def _velocities(self, window: list[FloatArray], grid: BlockGrid) -> FloatArray:
+        """Return the velocities of the blocks, (blocks, 2)."""
+        each = max(1, len(window) // _SUMS)
+        count = len(window) // each
+        sums = np.reshape(window[-each * count :], (count, each, *grid.shape)).sum(axis=1)
+        middle = (count - 1) // 2
+        times = each * (np.arange(count) - middle)
+        slope = sum(
+            time * self._shifts(sums[middle], other, grid)
+            for time, other in zip(times, sums, strict=True)
+            if time
+        )
+        seen = block_sums(sums[middle], grid).reshape(-1, 1) > 0
+        return np.where(seen, slope / (times @ times), np.nan)
+
+    def _shifts(self, reference: FloatArray, other: FloatArray, grid: BlockGrid) -> FloatArray:
+        """Return how far the content of each block is displaced in another frame, (blocks, 2)."""
+        pyramid = list(_levels(reference, other, grid.block_px, self.levels))
+        shifts = np.zeros((grid.rows, grid.columns, 2), np.int64)
+        around = np.empty((grid.rows * grid.columns, 3, 3))
+        for level in reversed(range(len(pyramid))):
+            radius = self.finer_radius_px if level < len(pyramid) - 1 else self.radius_px
+            corners = _corners(grid, level, pyramid[level][0].shape)
+            guesses = 2 * np.stack([_moved(shifts, *by) for by in _NEIGHBORS], axis=2)
+            found = shifts.reshape(-1, 2)
+            guesses = guesses.reshape(len(found), -1, 2)
+            _search(*pyramid[level], corners, grid.block_px, guesses, radius, found, around)
+        return np.asarray(found + parabola_minimum(around))
+
+
+def _levels(
+    reference: FloatArray, other: FloatArray, block_px: int, most: int
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield both frames, each time binned by 2 × 2 px more, as long as a block fits."""
+    pair = np.stack((reference, other))
+    for _ in range(most):
+        yield pair[0], pair[1]
+        height, width = (side // 2 for side in pair.shape[1:])
+        if min(height, width) < block_px:
+            return
+        even = pair[:, : 2 * height, : 2 * width]
+        pair = even.reshape(2, height, 2, width, 2).sum(axis=(2, 4))
+
+
+def _corners(grid: BlockGrid, level: int, shape: tuple[int, ...]) -> NDArray[np.int64]:
+    """Return the upper left corners, (blocks, 2), of patches in the middle of blocks."""
+    along = []
+    for first, number, side in zip(
+        (grid.top, grid.left), (grid.rows, grid.columns), shape, strict=True
+    ):
+        middles = (first + grid.block_px * (np.arange(number) + 0.5)) / 2**level
+        corner = np.floor(middles - grid.block_px / 2).astype(np.int64)
+        along.append(np.clip(corner, 0, side - grid.block_px))
+    return np.stack(np.meshgrid(*along, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def _moved(field: NDArray[np.int64], down: int, right: int) -> NDArray[np.int64]:
+    """Return a field (rows, columns, 2) of what a neighbor has; that of the edge is its own."""
+    rows = np.clip(np.arange(field.shape[0]) + down, 0, field.shape[0] - 1)
+    columns = np.clip(np.arange(field.shape[1]) + right, 0, field.shape[1] - 1)
+    return field[np.ix_(rows, columns)]
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc"})  # type: ignore[untyped-decorator]
+def _difference(
+    reference: FloatArray, other: FloatArray, row: int, column: int, size: int, dx: int, dy: int
+) -> float:
+    """Sum of absolute differences of a patch and one displaced; infinite outside of the frame."""
+    top, left = row + dy, column + dx
+    if top < 0 or left < 0 or top + size > other.shape[0] or left + size > other.shape[1]:
+        return np.inf
+    total = 0.0
+    for y in range(size):
+        here = reference[row + y, column : column + size]
+        there = other[top + y, left : left + size]
+        for x in range(size):
+            total += abs(here[x] - there[x])
+    return total
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _search(
+    reference: FloatArray,
+    other: FloatArray,
+    corners: NDArray[np.int64],
+    size: int,
+    guesses: NDArray[np.int64],
+    radius: int,
+    shifts: NDArray[np.int64],
+    around: FloatArray,
+) -> None:
+    """Fill in the best shifts (x, y) of patches, and the differences around them, (n, 3, 3)."""
+    for patch in range(len(corners)):
+        row, column = corners[patch, 0], corners[patch, 1]
+        least, guess_x, guess_y = np.inf, 0, 0
+        for guess in guesses[patch]:
+            difference = _difference(reference, other, row, column, size, guess[0], guess[1])
+            if difference < least:
+                least, guess_x, guess_y = difference, guess[0], guess[1]
+        best_x, best_y = guess_x, guess_y
+        for dy in range(guess_y - radius, guess_y + radius + 1):
+            for dx in range(guess_x - radius, guess_x + radius + 1):
+                difference = _difference(reference, other, row, column, size, dx, dy)
+                if difference < least:
+                    least, best_x, best_y = difference, dx, dy
+        shifts[patch, 0], shifts[patch, 1] = best_x, best_y
+        for i in range(3):
+            for j in range(3):
+                dx, dy = best_x + j - 1, best_y + i - 1
+                around[patch, i, j] = _difference(reference, other, row, column, size, dx, dy)

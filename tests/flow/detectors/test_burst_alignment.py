@@ -1,0 +1,45 @@
+"""Burst alignment on motion that is known."""
+
+import numpy as np
+import pytest
+
+from megalopta.flow.detectors.burst_alignment import BurstAlignment
+
+from ..textures import drifting_texture
+
+
+def test_whole_shifts_beyond_the_search_of_one_level_are_exact():
+    # 7 px per frame are 14 px between the sums of one frame each, the search reaches 2 px
+    frames = drifting_texture((-7.0, 4.0), 4, (144, 144), blur_px=3.0)
+    found = BurstAlignment(frames=4, block_px=24).respond(1e4 * (3 + frames))[-1, 1:-1, 1:-1]
+    np.testing.assert_allclose(found, np.broadcast_to((-7, 4), found.shape), atol=0.05)
+
+
+def test_fractions_of_a_pixel_are_told_on_smooth_texture():
+    frames = 1e4 * (3 + drifting_texture((0.6, -0.3), 8, (96, 96), blur_px=2.0))
+    newest = BurstAlignment(block_px=16).respond(frames)[-1, 1:-1, 1:-1]
+    # a parabola through absolute differences is off by less than 0.1 px over four frames
+    np.testing.assert_allclose(newest.mean(axis=(0, 1)), (0.6, -0.3), atol=0.03)
+
+
+def test_velocities_do_not_depend_on_brightness():
+    counts = np.random.default_rng(0).poisson(9.0, (8, 60, 60)).astype(np.uint16)
+    detector = BurstAlignment()
+    np.testing.assert_array_equal(detector.respond(counts), detector.respond(4 * counts))
+
+
+def test_blocks_without_photons_have_no_velocity():
+    counts = np.random.default_rng(0).poisson(9.0, (8, 60, 60)).astype(np.uint16)
+    counts[:, :30] = 0
+    velocities = BurstAlignment().respond(counts)
+    assert np.isnan(velocities[:, :5]).all()
+    assert np.isfinite(velocities[:, 5:]).all()
+
+
+@pytest.mark.parametrize("levels", [1, 6])
+def test_levels_end_where_a_block_no_longer_fits(levels):
+    frames = drifting_texture((1.0, 0.0), 8, (40, 52), blur_px=1.5)
+    found = BurstAlignment(levels=levels, block_px=12).respond(1e3 * (3 + frames))
+    assert found.shape == (7, 3, 4, 2)
+    # of the blocks inside, in which nothing leaves the frame
+    np.testing.assert_allclose(found[-1, 1, 1:3].mean(axis=0), (1, 0), atol=0.05)
