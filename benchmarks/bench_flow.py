@@ -1,10 +1,12 @@
 """Block matching against its NumPy form; the correlation detectors against drawing photons.
 
-One thread, medians, reference and subject in the same run. Of a trial of Chapter 4, the share that
-is spent in drawing photons, which is the floor, and from a few trials what the whole chapter takes.
+One thread, medians, reference and subject in the same run. Of some trials of Chapter 4, where the
+time goes, and how far drawing photons is from the random words that it takes.
 `numpy_block_matching` is also the independent implementation that the tests compare with.
 """
 
+import cProfile
+import pstats
 import statistics
 import time
 from collections import Counter
@@ -16,12 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from megalopta.experiments.thesis_sweeps import POOLING, SWEEPS
-from megalopta.experiments.trial import GratingTemplate, Trial, measure
+from megalopta.experiments import pixels_of
+from megalopta.experiments.thesis_sweeps import SWEEPS
+from megalopta.experiments.trial import Trial, measure
 from megalopta.flow.benchmark import short_sequences
 from megalopta.flow.detectors.base import FloatArray
 from megalopta.flow.detectors.registry import method
-from megalopta.flow.stimuli.photons import draw_counts
+from megalopta.flow.stimuli.photons import draw_counts, draw_in_one
+from megalopta.sensor.sampling import LANES, fill_words, word_streams
 
 FRAMES = 16
 
@@ -91,51 +95,58 @@ def compare(size: int) -> None:
     print(f"  EMD + NDM + NDS: {correlators / drawing:.3f} × NumPy's draw of the same frame")
 
 
-def seconds_of(trial: Trial) -> tuple[float, float]:
-    """Time of a trial on the grating, and of drawing photons in it."""
-    drawing = 0.0
+def chapter(every: int = 16) -> None:
+    """Measure some trials of Chapter 4, and say where their time goes, and what the floor is."""
+    trials = sorted({trial for sweep in SWEEPS.values() for trial in sweep.trials}, key=_size_first)
+    some = trials[::every]
+    pixels = pixels_of(each.template for each in some)
+    measure(some[0], pixels[some[0].template], "benchmark")  # compiles
+    drawn = 0
 
-    def timed(*arguments: Any) -> Any:
-        nonlocal drawing
-        start = time.thread_time()
-        counts = draw_counts(*arguments)
-        drawing += time.thread_time() - start
-        return counts
+    def counted(light: FloatArray, *arguments: Any) -> Any:
+        nonlocal drawn
+        drawn += light.size
+        return draw_in_one(light, *arguments)
 
-    pixels = GratingTemplate().pixels()
-    with patch.object(short_sequences, "draw_counts", timed):
-        start = time.thread_time()
-        measure(trial, pixels, "benchmark")
-        return time.thread_time() - start, drawing
+    profile = cProfile.Profile(time.process_time)
+    with patch.object(short_sequences, "draw_in_one", counted), profile:
+        for each in some:
+            measure(each, pixels[each.template], "benchmark")
+    spent: Counter[str] = Counter()
+    for (file, _, _), (_, _, own, _, _) in pstats.Stats(profile).stats.items():  # type: ignore[attr-defined]
+        spent[next((what for part, what in _PARTS.items() if part in file), "the rest")] += own
+    total = sum(spent.values())
+    print(f"Chapter 4: {len(some)} of {len(trials)} trials, {total:.1f} s of CPU")
+    for what, seconds in spent.most_common():
+        print(f"  {what:<37}{seconds / total:6.0%}")
+    words = np.empty((1024, LANES), np.uint64)
+    state = word_streams(np.random.default_rng(0))
+    fill_words(state, words)
+    start = time.process_time()
+    for _ in range(1000):
+        fill_words(state, words)
+    word_ns = (time.process_time() - start) * 1e6 / words.size
+    ours_ns = 1e9 * spent["drawing photons"] / drawn
+    print(
+        f"  a photon count takes {ours_ns:.1f} ns; the floor, two random words, {2 * word_ns:.1f}"
+    )
 
 
-def floor() -> None:
-    """One trial of each size that the sweeps over frequency and contrast have."""
-    total = np.zeros(2)
-    for size in POOLING:
-        methods, search = ("EMD", "NDM", "NDS"), SWEEPS["fig-4.5"].trial.search
-        trial = Trial(size=size, methods=methods, search=search)
-        seconds_of(trial)
-        whole, drawing = np.median([seconds_of(trial) for _ in range(5)], axis=0)
-        total += whole, drawing
-        print(f"  {size:3d} × {size:3d}: {whole:.3f} s, {drawing / whole:.0%} drawing")
-    whole, drawing = total
-    print(f"  together: {whole:.3f} s, {drawing / whole:.0%} drawing")
+_PARTS = {
+    "sensor/sampling": "drawing photons",
+    "block_matching": "block matching",
+    "correlation": "EMD, NDM, NDS",
+    "image_interpolation": "image interpolation",
+    "dufunc": "closed form of IM",
+    "response_error": "errors",
+}
 
 
-def chapter() -> None:
-    """Two threads share the trials of all figures; natural ones need up to twice the fluxes."""
-    trials = {trial for sweep in SWEEPS.values() for trial in sweep.trials}
-    seconds = 0.0
-    for (size, kind), number in Counter((each.size, each.template.kind) for each in trials).items():
-        spent, _ = seconds_of(Trial(size=size, search=SWEEPS["fig-4.5"].trial.search))
-        seconds += number * spent * (1.5 if kind == "panorama" else 1.0)
-    print(f"Chapter 4: {len(trials)} trials, about {seconds / 2:.0f} s on two cores")
+def _size_first(trial: Trial) -> tuple[Any, ...]:
+    return trial.size, trial.model_dump_json()
 
 
 if __name__ == "__main__":
     for size in (60, 240):
         compare(size)
-    print("trials of EMD, NDM and NDS")
-    floor()
     chapter()

@@ -1,3 +1,8 @@
+from .log_statistics import (
+    PASSES as PASSES,
+    LogStatistics as LogStatistics,
+    log_statistics as log_statistics,
+)
 from .moving_layers import (
     Layer as Layer,
     MovingLayers as MovingLayers,

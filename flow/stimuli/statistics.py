@@ -72,6 +72,15 @@ def power_spectrum(template: Floats) -> tuple[Floats, Floats]:
     window = np.hanning(rows + 2)[1:-1, np.newaxis]
     centered = template / template.mean() - 1
     power = np.abs(np.fft.rfft2(centered * window)) ** 2 / (columns * np.sum(window**2))
+    return ring_means(power, columns)
+
+
+def ring_means(power: Floats, columns: int) -> tuple[Floats, Floats]:
+    """Radial frequencies (cycles/px), (N,), and means over their rings of what belongs to them.
+
+    `power` is (H, W//2 + 1) in the order of `numpy.fft.rfft2` of an image of so many columns.
+    """
+    rows = len(power)
     radius = np.hypot(np.fft.fftfreq(rows)[:, np.newaxis], np.fft.rfftfreq(columns))
     edges = np.geomspace(2 / min(rows, columns), 0.5, _RINGS + 1)
     ring = np.digitize(radius.ravel(), edges) - 1

@@ -17,24 +17,34 @@ def declare(verbs: Verbs) -> None:
         help="render larger views of the forests under natural skies instead, views.html",
     )
     verb.add_argument(
+        "--statistics",
+        action="store_true",
+        help="measure statistics of views of the forests instead, image-statistics.png",
+    )
+    verb.add_argument(
         "--panorama",
         type=Path,
         metavar="FILE",
-        help="with --views: a photographed panorama (HDR, EXR or PNG, 2:1), shown beside a forest "
-        "in its light",
+        help="a photographed panorama (HDR, EXR or PNG, 2:1); with --views shown beside a forest "
+        "in its light, with --statistics measured beside them",
     )
     add_out(verb, "out/gallery")
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.gallery import write_gallery, write_views
+    from megalopta.gallery import write_gallery, write_statistics, write_views
 
-    if not options.views:
-        if options.panorama:
-            raise UserError("gallery: --panorama goes with --views; give both, or neither")
-        print(write_gallery(options.out))
-        return
+    if options.views and options.statistics:
+        raise UserError("gallery: --views and --statistics are two things; give one")
+    if options.panorama and not (options.views or options.statistics):
+        raise UserError("gallery: --panorama goes with --views or --statistics; give one")
     try:
-        print(write_views(options.out, options.panorama))
+        if options.views:
+            print(write_views(options.out, options.panorama))
+        elif options.statistics:
+            photographs = [options.panorama] if options.panorama else []
+            print(*write_statistics(options.out, photographs), sep="\n")
+        else:
+            print(write_gallery(options.out))
     except ValueError as problem:  # a panorama that is none
         raise UserError(str(problem)) from None

@@ -79,11 +79,11 @@ MOVING_VIEWS: Mapping[str, MovingView] = MappingProxyType(
     {
         "open, sideways": _view("open", (0, 0.08, 0), 0.0, disc_fraction=0.0),
         "understorey, forward": _view("understorey", (0.12, 0.02, 0), 0.1, disc_fraction=0.3),
-        "dense, around a tree": _view("dense", (0, -0.1, 0), 0.7, disc_fraction=0.0),
+        "open, around a tree": _view("open", (0, -0.1, 0), 0.7, disc_fraction=0.3),
         "clearing, up and across": _view("clearing", (0, 0.1, 0.06), -0.4, disc_fraction=0.3),
     }
 )
-"""By name: four densities, four kinds of motion."""
+"""By name: three densities, four kinds of motion. The light of a dense forest would take hours."""
 
 
 def forest_clips(

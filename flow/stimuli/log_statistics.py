@@ -1,0 +1,100 @@
+"""Statistics of the logarithm of light: what a view looks like whatever its exposure.
+
+Ratios of light are what surfaces tell, and the logarithm of natural scenes has much in common from
+scene to scene (Ruderman and Bialek, Phys. Rev. Lett. 73, 814, 1994; Huang and Mumford, CVPR 1999).
+
+A rendering has noise, which looks like texture. Of independent renderings of one view, products of
+values from different ones have that of the view itself as their mean: moments are made of those, a
+variance of two of them, a fourth moment of four. A photograph stands for all of its renderings.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from megalopta.arrays import Floats
+from megalopta.flow.stimuli.statistics import ring_means
+
+PASSES = 4
+"""Independent renderings that moments up to the fourth are made of."""
+
+_DARKEST = 1e-4
+"""Of the mean light: what is darker counts as this, since no path of light reached it"""
+
+_FIT_CYCLES_PER_PX = (0.02, 0.3)
+
+
+@dataclass(frozen=True)
+class LogStatistics:
+    """Of the natural logarithm of light."""
+
+    contrast: float
+    """Standard deviation"""
+
+    skewness: float
+
+    kurtosis: float
+    """Fourth moment over the squared second; 3 where normal"""
+
+    gradient_contrast: float
+    """Root mean square of differences of neighbors along rows"""
+
+    gradient_kurtosis: float
+    """Of these differences; 3 where normal"""
+
+    neighbor_correlation: float
+    """Of neighbors along rows"""
+
+    spectrum_slope: float
+    """Exponent of the power over the radial frequency, 0.02 to 0.3 cycles/px"""
+
+
+def log_statistics(passes: Sequence[Floats]) -> LogStatistics:
+    """Return the statistics of a view from four independent renderings (H, W) of it.
+
+    Of a picture without noise give it four times.
+
+    Raises
+    ------
+    ValueError
+        When there are not four, of one shape, of finite light above 0 on the whole.
+    """
+    light = np.asarray(passes, np.float64)
+    if light.ndim != 3 or len(light) != PASSES or not np.isfinite(light).all() or light.min() < 0:
+        raise ValueError(f"passes of shape {light.shape}: give {PASSES} (H, W) of light, 0 or more")
+    if not light.any(axis=(1, 2)).all():
+        raise ValueError("a pass is black: there is no logarithm of no light")
+    logs = np.log(np.maximum(light, _DARKEST * light.mean()))
+    logs -= logs.mean(axis=(1, 2), keepdims=True)
+    steps = np.diff(logs, axis=2)
+    variance, of_step = _moment(logs, 2), _moment(steps, 2)
+    # (a − b)² of neighbors is twice the variance less twice their product
+    beside = (_moment(logs[..., :-1], 2) + _moment(logs[..., 1:], 2)) / 2
+    return LogStatistics(
+        contrast=variance**0.5,
+        skewness=_moment(logs, 3) / variance**1.5,
+        kurtosis=_moment(logs, 4) / variance**2,
+        gradient_contrast=of_step**0.5,
+        gradient_kurtosis=_moment(steps, 4) / of_step**2,
+        neighbor_correlation=1 - of_step / (2 * beside),
+        spectrum_slope=_slope(logs),
+    )
+
+
+def _moment(values: Floats, order: int) -> float:
+    """Mean product of so many different passes, over all ways to choose them."""
+    chosen = combinations(values, order)
+    return float(np.mean([np.mean(np.prod(each, axis=0)) for each in chosen]))
+
+
+def _slope(logs: Floats) -> float:
+    rows, columns = logs.shape[1:]
+    window = np.outer(np.hanning(rows + 2)[1:-1], np.hanning(columns + 2)[1:-1])
+    spectra = np.fft.rfft2(logs * window)
+    pairs = [(a * b.conj()).real for a, b in combinations(spectra, 2)]
+    frequency, power = ring_means(np.mean(pairs, axis=0), columns)
+    lower, upper = _FIT_CYCLES_PER_PX
+    fitted = (frequency >= lower) & (frequency <= upper) & (power > 0)
+    return float(np.polyfit(np.log(frequency[fitted]), np.log(power[fitted]), 1)[0])

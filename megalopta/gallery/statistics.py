@@ -1,0 +1,154 @@
+"""Statistics of views of forests beside those of photographs.
+
+Every preset is seen in four directions by a camera of 75° and 0.3° per pixel, as is each
+photographed panorama. Of each statistic stand the mean over the views and its standard error.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import fields
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure as Canvas
+from matplotlib.ticker import MaxNLocator
+
+from megalopta.arrays import Floats
+from megalopta.config import Configuration, validated
+from megalopta.figures import BLUE, ORANGE, Cell, Figure, columns_of, write_figure
+from megalopta.flow.stimuli import PASSES, LogStatistics, log_statistics
+from megalopta.progress import progress
+from megalopta.render import SceneRenderer, frame_seed
+from megalopta.stages import build
+
+PRESETS = "open", "clearing", "dense", "understorey", "rainforest"
+SAMPLES = 16
+"""Per pixel and pass"""
+
+DIRECTIONS = 4
+_SIDE_PX, _FOV_DEG, _EYE_M = 250, 75.0, 1.6
+_TITLES = {
+    "contrast": "standard deviation",
+    "skewness": "skewness",
+    "kurtosis": "kurtosis",
+    "neighbor_correlation": "correlation",
+    "gradient_contrast": "σ of differences",
+    "gradient_kurtosis": "their kurtosis",
+    "spectrum_slope": "exponent of power",
+}
+_ALIKE = 1.3
+"""Factor within which a statistic is near that of a photograph"""
+
+
+def write_statistics(
+    out: Path, panoramas: Sequence[Path] = (), samples_per_pixel: int = SAMPLES
+) -> list[Path]:
+    """Render the views and write image-statistics.png, .svg, .csv and .json into a folder.
+
+    Parameters
+    ----------
+    out
+    panoramas
+        Photographs all around: HDR, EXR or PNG files, 2:1.
+    samples_per_pixel : int
+        Light paths of each of four renderings of a view.
+
+    Raises
+    ------
+    UserError, ValueError
+        When there is no such panorama, or it cannot be read.
+    """
+    scenes = {each.stem: {"kind": "panorama", "file": str(each)} for each in panoramas}
+    scenes |= {preset: {"kind": "forest", "preset": preset} for preset in PRESETS}
+    settings = {name: _settings(name, scene, samples_per_pixel) for name, scene in scenes.items()}
+    found: dict[str, list[LogStatistics]] = {}
+    with progress("Rendering views", len(scenes) * DIRECTIONS * PASSES, "picture") as advance:
+        for name, each in settings.items():
+            found[name] = []
+            for passes in _views(each):
+                found[name].append(log_statistics(passes))
+                advance(PASSES)
+    out.mkdir(parents=True, exist_ok=True)
+    return write_figure(_figure(found, len(panoramas)), out)
+
+
+def _settings(name: str, scene: dict[str, str], samples_per_pixel: int) -> Configuration:
+    values = {
+        "scene": scene,
+        "light": {"level": "daylight", "sky": "natural", "disc_azimuth_deg": 150},
+        "camera": {"width": _SIDE_PX, "height": _SIDE_PX, "fov_deg": _FOV_DEG},
+        "trajectory": {
+            "frames": DIRECTIONS,
+            "position_m": [0, 0, _EYE_M],
+            "look_at_m": [10, 0, _EYE_M],
+            "frame_rate_hz": 1,
+            "rotation_deg_s": 360 / DIRECTIONS,
+        },
+        "render": {
+            "samples_per_pixel": samples_per_pixel,
+            "integrator": "path",
+            "bands_nm": [[507, 614]],
+        },
+    }
+    if scene["kind"] == "panorama":
+        values["light"] = {"level": "daylight"}
+    return validated(Configuration, values, name)
+
+
+def _views(settings: Configuration) -> Iterator[list[Floats]]:
+    """Yield the independent renderings of each view, (H, W) each."""
+    renderer = SceneRenderer(build(settings), settings.camera, settings.render)
+    for index, pose in enumerate(settings.trajectory.poses()):
+        yield [
+            renderer.radiance(pose, frame_seed(settings.seed, index, number))[..., 0].astype(float)
+            for number in range(PASSES)
+        ]
+
+
+def _figure(found: dict[str, list[LogStatistics]], photographs: int) -> Figure:
+    rows = [_row(name, each) for name, each in found.items()]
+    shaded = f"; shaded, within a factor of {_ALIKE:g} of a photograph" if photographs else ""
+    return Figure(
+        name="image-statistics",
+        title="Statistics of the logarithm of light in views of forests",
+        caption=(
+            f"Mean and standard error over {DIRECTIONS} views of {_FOV_DEG:g}° at "
+            f"{_FOV_DEG / _SIDE_PX:g}° per pixel from {_EYE_M:g} m, in daylight{shaded}. "
+            "Differences and correlation are those of neighbors along rows, the exponent that of "
+            "the power over the radial frequency; a normal distribution has a kurtosis of 3. "
+            f"Noise of rendering is taken out by products of {PASSES} independent renderings."
+        ),
+        draw=partial(_draw, rows=rows, photographs=photographs),
+        numbers=columns_of(rows),
+        height_in=1.6 + 0.44 * len(rows),
+    )
+
+
+def _row(name: str, views: Sequence[LogStatistics]) -> dict[str, Cell]:
+    row: dict[str, Cell] = {"scene": name}
+    for field in fields(LogStatistics):
+        values = np.array([getattr(each, field.name) for each in views])
+        row[field.name] = float(values.mean())
+        row[f"{field.name}_error"] = float(values.std(ddof=1) / len(values) ** 0.5)
+    return row
+
+
+def _draw(canvas: Canvas, rows: Sequence[dict[str, Any]], photographs: int) -> None:
+    """Draw a panel for each statistic, a line for each scene."""
+    panels = canvas.subplots(2, 4, sharey=True).ravel()
+    panels[-1].set_axis_off()
+    names = [row["scene"] for row in rows]
+    for axes, (name, title) in zip(panels, _TITLES.items(), strict=False):
+        for place, row in enumerate(rows):
+            is_photograph = place < photographs
+            value, color = row[name], ORANGE if is_photograph else BLUE
+            axes.errorbar(value, place, xerr=row[f"{name}_error"], fmt="o", color=color)
+            if is_photograph:
+                most = 1.0 if name == "neighbor_correlation" else np.inf
+                alike = value / _ALIKE, min(value * _ALIKE, most)
+                axes.axvspan(*alike, color=color, alpha=0.15, linewidth=0)
+        axes.set_title(title, fontsize=10)
+        axes.set_yticks(range(len(rows)), names)
+        axes.xaxis.set_major_locator(MaxNLocator(3))
+    panels[0].set_ylim(len(rows) - 0.5, -0.5)
