@@ -24,8 +24,9 @@ demo: install
 # All cores; a file stays on one, as its tests share what is costly.
 PYTEST := $(BIN)/python -m pytest --numprocesses auto --dist loadfile
 
+# A test that hangs ends its process after five minutes, with the lines where every thread stands.
 test: lint types
-	$(PYTEST) -m 'not slow'
+	$(PYTEST) -m 'not slow' -o faulthandler_timeout=300 -o faulthandler_exit_on_timeout=true
 
 test-slow: install
 	$(PYTEST) -m slow

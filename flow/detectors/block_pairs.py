@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from megalopta.flow.detectors.base import FloatArray
 from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.detectors.shift_cost import add_costs, least_cost, parabola_minimum
-from megalopta.flow.detectors.shot_noise_blur import SmoothedFrame, blur_levels
+from megalopta.flow.detectors.shot_noise_blur import SmoothedFrame, blur_levels, texture_over_noise
 
 
 class BlockPairs:
@@ -28,7 +28,9 @@ class BlockPairs:
         self._window = window
         self._grid = grid
         moments = np.sum([frame.moments(grid, margin_px) for frame in window], axis=0)
-        self._levels = blur_levels(moments, len(window)).ravel()
+        self.texture_over_noise = texture_over_noise(moments, len(window)).ravel()
+        """Of each block, that of all frames together"""
+        self._levels = blur_levels(self.texture_over_noise)
         rows = grid.top + grid.block_px * np.arange(grid.rows)
         columns = grid.left + grid.block_px * np.arange(grid.columns)
         self._corners = np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1).reshape(-1, 2)

@@ -82,8 +82,8 @@ def block_moments(counts: NDArray[np.float32], grid: BlockGrid, margin_px: int) 
     return np.stack((pixels, *(_window_sums(each, y, x) for each in (exact, exact**2))))
 
 
-def blur_levels(moments: FloatArray, frames: int) -> NDArray[np.intp]:
-    """Return which of `BLURS_PX` suits each block.
+def texture_over_noise(moments: FloatArray, frames: int) -> FloatArray:
+    """Return n·q/2 of each block: texture over the shot noise of all frames, 1 of two at q = 1.
 
     Parameters
     ----------
@@ -95,7 +95,12 @@ def blur_levels(moments: FloatArray, frames: int) -> NDArray[np.intp]:
     pixels, total, squares = moments
     with np.errstate(invalid="ignore", divide="ignore"):
         excess = np.nan_to_num((squares - total**2 / pixels) / total - 1)
-    wanted = _BLUR_AT_EQUALITY_PX * (np.maximum(excess, _FAINTEST) * frames / 2) ** (-1 / 3)
+    return np.asarray(np.maximum(excess, _FAINTEST) * frames / 2)
+
+
+def blur_levels(ratios: FloatArray) -> NDArray[np.intp]:
+    """Return which of `BLURS_PX` suits each block of a `texture_over_noise`."""
+    wanted = _BLUR_AT_EQUALITY_PX * ratios ** (-1 / 3)
     steps = np.log(wanted)[..., np.newaxis] - np.log(BLURS_PX)
     return np.asarray(np.abs(steps).argmin(axis=-1))
 

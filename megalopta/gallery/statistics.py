@@ -27,7 +27,10 @@ SAMPLES = 16
 """Per pixel and pass"""
 
 DIRECTIONS = 4
-_SIDE_PX, _FOV_DEG, _EYE_M = 250, 75.0, 1.6
+SIDE_PX = 250
+"""Of a view: 0.3° per pixel"""
+
+_FOV_DEG, _EYE_M = 75.0, 1.6
 _TITLES = {
     "contrast": "standard deviation",
     "skewness": "skewness",
@@ -42,7 +45,11 @@ _ALIKE = 1.3
 
 
 def write_statistics(
-    out: Path, panoramas: Sequence[Path] = (), samples_per_pixel: int = SAMPLES
+    out: Path,
+    panoramas: Sequence[Path] = (),
+    samples_per_pixel: int = SAMPLES,
+    presets: Sequence[str] = PRESETS,
+    side_px: int = SIDE_PX,
 ) -> list[Path]:
     """Render the views and write image-statistics.png, .svg, .csv and .json into a folder.
 
@@ -53,6 +60,10 @@ def write_statistics(
         Photographs all around: HDR, EXR or PNG files, 2:1.
     samples_per_pixel : int
         Light paths of each of four renderings of a view.
+    presets
+        Names of forests.
+    side_px : int
+        Of a view of 75°; statistics depend on the angle that a pixel sees.
 
     Raises
     ------
@@ -60,8 +71,10 @@ def write_statistics(
         When there is no such panorama, or it cannot be read.
     """
     scenes = {each.stem: {"kind": "panorama", "file": str(each)} for each in panoramas}
-    scenes |= {preset: {"kind": "forest", "preset": preset} for preset in PRESETS}
-    settings = {name: _settings(name, scene, samples_per_pixel) for name, scene in scenes.items()}
+    scenes |= {preset: {"kind": "forest", "preset": preset} for preset in presets}
+    settings = {
+        name: _settings(name, scene, samples_per_pixel, side_px) for name, scene in scenes.items()
+    }
     found: dict[str, list[LogStatistics]] = {}
     with progress("Rendering views", len(scenes) * DIRECTIONS * PASSES, "picture") as advance:
         for name, each in settings.items():
@@ -70,14 +83,16 @@ def write_statistics(
                 found[name].append(log_statistics(passes))
                 advance(PASSES)
     out.mkdir(parents=True, exist_ok=True)
-    return write_figure(_figure(found, len(panoramas)), out)
+    return write_figure(_figure(found, len(panoramas), side_px), out)
 
 
-def _settings(name: str, scene: dict[str, str], samples_per_pixel: int) -> Configuration:
+def _settings(
+    name: str, scene: dict[str, str], samples_per_pixel: int, side_px: int
+) -> Configuration:
     values = {
         "scene": scene,
         "light": {"level": "daylight", "sky": "natural", "disc_azimuth_deg": 150},
-        "camera": {"width": _SIDE_PX, "height": _SIDE_PX, "fov_deg": _FOV_DEG},
+        "camera": {"width": side_px, "height": side_px, "fov_deg": _FOV_DEG},
         "trajectory": {
             "frames": DIRECTIONS,
             "position_m": [0, 0, _EYE_M],
@@ -106,7 +121,7 @@ def _views(settings: Configuration) -> Iterator[list[Floats]]:
         ]
 
 
-def _figure(found: dict[str, list[LogStatistics]], photographs: int) -> Figure:
+def _figure(found: dict[str, list[LogStatistics]], photographs: int, side_px: int) -> Figure:
     rows = [_row(name, each) for name, each in found.items()]
     shaded = f"; shaded, within a factor of {_ALIKE:g} of a photograph" if photographs else ""
     return Figure(
@@ -114,7 +129,7 @@ def _figure(found: dict[str, list[LogStatistics]], photographs: int) -> Figure:
         title="Statistics of the logarithm of light in views of forests",
         caption=(
             f"Mean and standard error over {DIRECTIONS} views of {_FOV_DEG:g}° at "
-            f"{_FOV_DEG / _SIDE_PX:g}° per pixel from {_EYE_M:g} m, in daylight{shaded}. "
+            f"{_FOV_DEG / side_px:g}° per pixel from {_EYE_M:g} m, in daylight{shaded}. "
             "Differences and correlation are those of neighbors along rows, the exponent that of "
             "the power over the radial frequency; a normal distribution has a kurtosis of 3. "
             f"Noise of rendering is taken out by products of {PASSES} independent renderings."

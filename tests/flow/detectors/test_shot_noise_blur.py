@@ -7,12 +7,17 @@ from megalopta.flow.detectors.shot_noise_blur import (
     SmoothedFrame,
     block_moments,
     blur_levels,
+    texture_over_noise,
 )
 
 
 def moments(dispersion, pixels=1000.0, mean=2.0):
     """Sums of counts whose variance is `dispersion` times their mean."""
     return np.array([pixels, pixels * mean, pixels * (dispersion * mean + mean**2)])
+
+
+def level(dispersion, frames):
+    return int(blur_levels(texture_over_noise(moments(dispersion), frames)))
 
 
 def test_moments_are_sums_over_blocks_and_margins_inside_the_frame():
@@ -26,18 +31,18 @@ def test_moments_are_sums_over_blocks_and_margins_inside_the_frame():
 
 
 def test_blur_falls_as_texture_rises_over_shot_noise():
-    levels = [int(blur_levels(moments(1 + q), 2)) for q in (0.0, 0.03, 0.08, 0.25, 1.0, 100.0)]
+    levels = [level(1 + q, 2) for q in (0.0, 0.03, 0.08, 0.25, 1.0, 100.0)]
     assert [BLURS_PX[level] for level in levels] == [2.0, 2.0, 1.4, 1.0, 0.7, 0.7]
 
 
 def test_four_times_the_frames_count_as_four_times_the_texture():
     for q in np.geomspace(0.01, 1, 20):
-        assert blur_levels(moments(1 + q), 8) == blur_levels(moments(1 + 4 * q), 2)
+        assert level(1 + q, 8) == level(1 + 4 * q, 2)
 
 
 @pytest.mark.parametrize("sums", [[100.0, 0.0, 0.0], [100.0, 200.0, 600.0]])
 def test_darkness_and_pure_shot_noise_get_the_widest_blur(sums):
-    assert blur_levels(np.array(sums), 2) == len(BLURS_PX) - 1
+    assert blur_levels(texture_over_noise(np.array(sums), 2)) == len(BLURS_PX) - 1
 
 
 @pytest.mark.parametrize("level", range(len(BLURS_PX)))

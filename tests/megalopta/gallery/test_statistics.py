@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 
 from megalopta.cli import main
-from megalopta.gallery import statistics, write_statistics
+from megalopta.gallery import write_statistics
 
 
 @pytest.mark.slow
-def test_a_photograph_is_measured_beside_forests(picture, tmp_path, monkeypatch):
-    monkeypatch.setattr(statistics, "PRESETS", ("open",))
-    monkeypatch.setattr(statistics, "_SIDE_PX", 24)
+def test_a_photograph_is_measured_beside_forests(picture, tmp_path):
     path = picture(np.random.default_rng(0).random((32, 64, 3)))
-    paths = write_statistics(tmp_path / "out", [path], 1)
+    paths = write_statistics(tmp_path / "out", [path], 1, ["open"], 24)
     assert [each.suffix for each in paths] == [".png", ".svg", ".csv", ".json"]
     photograph, forest = csv.DictReader(paths[2].read_text().splitlines())
     assert (photograph["scene"], forest["scene"]) == (path.stem, "open")

@@ -1,0 +1,72 @@
+"""Agreement of all pairs of frames: its score against the likelihood, and motion that is known."""
+
+import math
+
+import numpy as np
+import pytest
+
+from megalopta.flow.detectors.all_pairs import Patches, add_up_pairs, agreed_velocities, pair_weight
+from megalopta.flow.detectors.blocks import block_grid
+
+from ..textures import drifting_texture
+
+GRID = block_grid((76, 76), 24)
+MARGIN_PX = 7
+
+
+def patches(frames, grid=GRID):
+    return [Patches(each, grid, MARGIN_PX) for each in frames]
+
+
+@pytest.mark.parametrize("velocity", [(2.3, -1.6), (-4.0, 0.0), (0.4, 5.2)])
+@pytest.mark.parametrize("count", [2, 3, 8])
+def test_bright_texture_tells_its_velocity(velocity, count):
+    texture = drifting_texture(velocity, count, (76, 76), blur_px=1.0)
+    frames = 1e4 * (3 + texture / texture.std() / 3)
+    found = agreed_velocities(patches(frames), 7)[4]  # of the block in the middle
+    # Correlations interpolated linearly peak where a displacement is whole: half a pixel over the
+    # longest baseline, and a tenth for what enters and leaves the patch (its largest of 12: .09).
+    np.testing.assert_allclose(found, velocity, atol=0.5 / (count - 1) + 0.1)
+
+
+def test_score_is_the_weighted_power_of_the_sum_of_aligned_frames():
+    # Parseval: Σ_ω W·|Σ_t y_t(ω)·exp(iω·v·t)|² is 2·Σ over pairs + what does not depend on v. At
+    # whole velocities the interpolation is exact, and below 38/7 px all pairs overlap.
+    counts = np.random.default_rng(0).poisson(3.0, (8, 38, 38))
+    seen = patches(counts, block_grid((38, 38), 24, 1))
+    size = seen[0].spectra.shape[1]
+    full = np.array([np.fft.fft2(each - each.mean(), (size, size)) for each in counts])
+    weight = np.abs(np.random.default_rng(1).normal(size=(size, size)))
+    weight = (weight + np.roll(weight[::-1, ::-1], 1, axis=(0, 1))) / 2  # of a real filter
+    crosses = [
+        sum(a.spectra[0].conj() * b.spectra[0] for a, b in zip(seen, seen[k:], strict=False))
+        for k in range(1, 8)
+    ]
+    half = weight[:, : size // 2 + 1]
+    correlations = np.fft.irfft2(np.stack(crosses) * half, (size, size)).astype(np.float32)
+    scores = np.zeros((57, 57))
+    add_up_pairs(correlations, seen[0].side, scores)
+    omega_y, omega_x = np.meshgrid(*[2 * np.pi * np.fft.fftfreq(size)] * 2, indexing="ij")
+    alone = np.sum(weight * np.sum(np.abs(full) ** 2, axis=0))
+    for x, y in ((0, 0), (3, 0), (-2, 1), (5, -5)):
+        turned = sum(
+            frame * np.exp(1j * t * (omega_x * x + omega_y * y)) for t, frame in enumerate(full)
+        )
+        expected = (np.sum(weight * np.abs(turned) ** 2) - alone) / 2 / size**2
+        # single precision, of terms that cancel
+        scale = alone / size**2
+        assert scores[28 + 4 * y, 28 + 4 * x] == pytest.approx(expected, abs=1e-4 * scale)
+
+
+def test_weight_is_that_of_wiener_where_texture_is_strong_and_of_correlation_where_it_is_weak():
+    strong = pair_weight(64, 1e9, 2.0, 8)
+    np.testing.assert_allclose(strong, 1 / (8 * 2.0), rtol=1e-3)
+    weak = pair_weight(64, 1e-9, 2.0, 8)
+    omega = 2 * math.pi * np.fft.rfftfreq(64)
+    expected = ((omega[6] ** 2 + 0.02) / (omega[13] ** 2 + 0.02)) ** 1.3
+    assert weak[0, 13] / weak[0, 6] == pytest.approx(expected, rel=1e-5)  # of single precision
+
+
+def test_blocks_without_photons_have_no_velocity():
+    frames = np.zeros((3, 76, 76), np.uint16)
+    assert np.isnan(agreed_velocities(patches(frames), 7)).all()
