@@ -7,9 +7,8 @@ constant (the texture integrated out; `flow.metrics.unknown_texture`),
     ½·Σ_ω S/(N·(N + n·S))·|Σ_t y_t(ω)·exp(iω·v·t)|²
 
 whose part that depends on v is a sum over pairs of frames: their correlation, filtered, at the
-displacement v·k of frames k apart. Patterns of light in which no pair of neighbors shows more than
-noise are told so, as far as the search goes. N is the mean count, S falls with the frequency from
-the counts' excess variance.
+displacement v·k of frames k apart. So frames count together of which no two alone show more than
+noise. N is the mean count, S falls with the frequency from the counts' excess variance.
 
 Pairs overlap less the farther they are displaced, and tell as much less. Neither the edge of a
 patch nor texture that is no Gaussian process enters, which costs precision where photons abound.
@@ -69,6 +68,8 @@ class Patches:
 def agreed_velocities(frames: Sequence[Patches], radius_px: int) -> FloatArray:
     """Return the most likely velocity (x, y) of each patch, (patches, 2), px per frame.
 
+    NaN where all are as likely: fewer than two of its frames show any pattern.
+
     Parameters
     ----------
     frames
@@ -91,7 +92,8 @@ def agreed_velocities(frames: Sequence[Patches], radius_px: int) -> FloatArray:
         ]
         correlations = irfft2(np.stack(crosses) * weight, (size, size))
         add_up_pairs(correlations, frames[0].side, scores)
-        velocities[patch] = _peak(scores)
+        if np.ptp(scores) > 0:
+            velocities[patch] = _peak(scores)
     return velocities
 
 

@@ -44,6 +44,13 @@ class BlockGrid:
         """First pixel column of the first block."""
         return self.shape[1] % self.block_px // 2
 
+    @property
+    def centers(self) -> NDArray[np.float64]:
+        """Image coordinates (rows, columns, 2), x and y, of the middles of the blocks."""
+        rows, columns = np.mgrid[: self.rows, : self.columns]
+        corner = np.array([self.left, self.top])
+        return corner + self.block_px * (np.stack((columns, rows), axis=-1) + 0.5)
+
 
 def block_grid(
     shape: tuple[int, int], block_px: int | None = None, fewest_blocks: int = FEWEST_BLOCKS

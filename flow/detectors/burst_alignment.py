@@ -1,12 +1,12 @@
 """Burst alignment (BA): patches of sums of frames, aligned from coarse to fine.
 
 So bursts of photographs, and of the binary frames of SPADs, are aligned before they are merged
-(Hasinoff et al., ACM Trans. Graph. 35(6), 2016; Ma et al., ibid. 39(4), 2020). Frames are added up
-to four sums. Each patch of one in the middle is looked for in the others by the least absolute
-difference: in frames binned by 8 × 8 px first, then in finer ones around twice the shift that it,
-or one of its four neighbors, had before. A parabola through the differences refines the last. The
-velocity is the slope of the shifts over time. Smoothing of the field of shifts, and merging, which
-Ma et al. go on with, are left out.
+(Hasinoff et al., ACM Trans. Graph. 35(6), 2016; Ma et al., ibid. 39(4), 2020). Eight frames are
+added up to four sums of two; of fewer than eight each stands for itself. Each patch of one in the
+middle is looked for in the others by the least absolute difference: in frames binned by 8 × 8 px
+first, then in finer ones around twice the shift that it, or one of its four neighbors, had before.
+A parabola through the differences refines the last. The velocity is the slope of the shifts over
+time. Smoothing of the field of shifts, and merging, which Ma et al. go on with, are left out.
 """
 
 from collections.abc import Iterator

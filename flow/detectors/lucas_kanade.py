@@ -45,7 +45,7 @@ class LucasKanade(GrayDetector, frozen=True):
         import cv2
 
         side = max(_SMALLEST_WINDOW_PX, round(self.window_blocks * grid.block_px))
-        centers = _centers(grid)
+        centers = (grid.centers.reshape(-1, 2) - 0.5).astype(np.float32)
 
         def estimate(pair: FloatArray) -> FloatArray:
             first, second = eight_bits(pair)
@@ -62,11 +62,3 @@ class LucasKanade(GrayDetector, frozen=True):
             return moved.reshape(grid.rows, grid.columns, 2).astype(np.float64)
 
         return estimate
-
-
-def _centers(grid: BlockGrid) -> np.ndarray[tuple[int, int], np.dtype[np.float32]]:
-    """Return the center (x, y) of each block, (blocks, 2), the first pixel's center at (0, 0)."""
-    half = (grid.block_px - 1) / 2
-    x = grid.left + half + grid.block_px * np.arange(grid.columns)
-    y = grid.top + half + grid.block_px * np.arange(grid.rows)
-    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2).astype(np.float32)

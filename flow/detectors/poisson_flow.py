@@ -1,6 +1,6 @@
 """Poisson flow (PF): the flow of a whole frame by the likelihood of its counts, and smoothness.
 
-All blocks share their evidence (`likelihood_flow`), where Poisson matching asks each alone. A
+All blocks share their evidence (`flow.likelihood`), where Poisson matching asks each alone. A
 block's velocity is the mean of the flow over it.
 """
 
@@ -12,7 +12,7 @@ from pydantic import Field
 from megalopta.flow.detectors.base import FloatArray, Frames, Responder
 from megalopta.flow.detectors.block_detector import BlockDetector
 from megalopta.flow.detectors.dense_detector import mean_over_blocks
-from megalopta.flow.detectors.likelihood_flow import likelihood_flow
+from megalopta.flow.likelihood import likelihood_flow
 
 
 class PoissonFlow(BlockDetector, frozen=True):

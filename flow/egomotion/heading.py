@@ -18,6 +18,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from megalopta.flow.detectors import FloatArray
+from megalopta.scenes.cameras import Camera
 
 _TRIED = 400
 _TRIED_ON = 400
@@ -63,6 +64,24 @@ def camera_motion(directions: FloatArray, moved: FloatArray) -> CameraMotion:
     found = min((_refined(t, d, e) for t in _promising(d, e)), key=lambda each: each[2])
     heading, rotation, _ = found
     return CameraMotion(np.degrees(rotation), heading * _sign(heading, rotation, d, e))
+
+
+def motion_of_flow(camera: Camera, points: FloatArray, flow: FloatArray) -> CameraMotion:
+    """Return the rotation and heading of the camera that fit a flow best.
+
+    Parameters
+    ----------
+    camera
+    points, flow : (..., 2)
+        Image coordinates, and how far what is seen there moves (px); NaN is left out.
+
+    Raises
+    ------
+    ValueError
+        As by `camera_motion`.
+    """
+    first, second = camera.toward(points), camera.toward(points + flow)
+    return camera_motion(first.reshape(-1, 3), second.reshape(-1, 3))
 
 
 def _promising(d: FloatArray, e: FloatArray) -> FloatArray:

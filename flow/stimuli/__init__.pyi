@@ -2,6 +2,7 @@ from .log_statistics import (
     PASSES as PASSES,
     LogStatistics as LogStatistics,
     log_statistics as log_statistics,
+    unlit_share as unlit_share,
 )
 from .moving_layers import (
     Layer as Layer,

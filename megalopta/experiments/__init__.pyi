@@ -17,6 +17,16 @@ from .detection import (
     Detection as Detection,
     detections as detections,
 )
+from .forest_flight import (
+    FLIGHT_DRAWS as FLIGHT_DRAWS,
+    FLIGHT_FLUXES as FLIGHT_FLUXES,
+    FLIGHTS as FLIGHTS,
+    MotionErrors as MotionErrors,
+    flight_errors as flight_errors,
+    forest_flight as forest_flight,
+    forest_flights as forest_flights,
+    together as together,
+)
 from .leaderboard import (
     EFFICIENCY_FLUXES as EFFICIENCY_FLUXES,
     FLUXES as FLUXES,

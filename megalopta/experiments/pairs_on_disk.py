@@ -55,7 +55,10 @@ def read_pair(name: str, files: Sequence[Path]) -> Clip:
     first, second, truth = files
     try:
         flow = read_flow(truth).astype(np.float64)
-    except (ValueError, OSError) as problem:
+    except OSError as problem:
+        reason = (problem.strerror or str(problem)).lower()
+        raise UserError(f"{truth} cannot be read ({reason}); give a file of true flow") from None
+    except ValueError as problem:
         raise UserError(str(problem)) from None
     frames = [_light(path) for path in (first, second)]
     for path, frame in zip((first, second), frames, strict=True):

@@ -27,12 +27,16 @@ from megalopta.render import (
     frame_seed,
     render_once,
 )
-from megalopta.scenes import Forest, Light, PerspectiveCamera, Trajectory, build_scene
+from megalopta.scenes import CameraPath, Forest, Light, PerspectiveCamera, Trajectory, build_scene
 
-_MIDDLE = FRAMES // 2 - 1
 _MOST_BYTES = 10**8
 """Of all clips; one takes 5 MB."""
 _ARRAYS = "light", "flow", "noise"
+
+
+VIEW_SETTINGS = RenderSettings(
+    samples_per_pixel=64, bands_nm=(LUMINANCE_BAND_NM,), integrator="baked", bake_error=0.06
+)
 
 
 class MovingView(Record, frozen=True):
@@ -44,15 +48,13 @@ class MovingView(Record, frozen=True):
     light: Light
     """What lights it; clips have mean 1."""
 
-    trajectory: Trajectory
+    trajectory: CameraPath
     """Where the camera is in each frame."""
 
     camera: PerspectiveCamera = PerspectiveCamera(width=SHAPE[1], height=SHAPE[0], fov_deg=60)
     """What sees it."""
 
-    settings: RenderSettings = RenderSettings(
-        samples_per_pixel=64, bands_nm=(LUMINANCE_BAND_NM,), integrator="baked", bake_error=0.06
-    )
+    settings: RenderSettings = VIEW_SETTINGS
     """How it is rendered."""
 
 
@@ -96,7 +98,7 @@ def forest_clips(
     Parameters
     ----------
     views
-        Of `FRAMES` frames each.
+        Of an even number of frames each.
     cache
         Folder for what is rendered; by default the user's.
     after_frame
@@ -110,7 +112,7 @@ def forest_clips(
             kept = _rendered(view, after_frame)
             store.write(kept)
         else:
-            for _ in range(FRAMES):
+            for _ in range(view.trajectory.frames):
                 after_frame()
         yield Clip(name, kept["light"], kept["flow"]), float(kept["noise"])
 
@@ -120,7 +122,7 @@ def _rendered(view: MovingView, after_frame: Callable[[], object]) -> dict[str, 
     scene = build_scene(view.forest, view.light, view.camera, view.trajectory)
     poses = view.trajectory.poses()
     renderer = SceneRenderer(scene, view.camera, view.settings, poses)
-    light, flicker = [], 0.0
+    light, flicker, middle = [], 0.0, len(poses) // 2 - 1
     for index, pose in enumerate(poses):
 
         def render_pass(
@@ -131,11 +133,11 @@ def _rendered(view: MovingView, after_frame: Callable[[], object]) -> dict[str, 
         def measure_pass(number: int, pose: Floats = pose, index: int = index) -> MeasuredPass:
             return renderer.measured(pose, frame_seed(0, index, number))
 
-        image, noise = render_once(render_pass, measure_pass if index == _MIDDLE else None)
+        image, noise = render_once(render_pass, measure_pass if index == middle else None)
         if noise and noise.surface:
             flicker = (noise.surface.rms**2 - noise.surface.standing**2) ** 0.5
         light.append(image[..., 0])
         after_frame()
     frames = np.array(light, np.float64)
-    flow = renderer.flow(poses, _MIDDLE, _MIDDLE + 1).displacement
+    flow = renderer.flow(poses, middle, middle + 1).displacement
     return {"light": frames / frames.mean(), "flow": flow, "noise": np.array(flicker)}

@@ -1,7 +1,8 @@
 """Statistics of views of forests beside those of photographs.
 
 Every preset is seen in four directions by a camera of 75° and 0.3° per pixel, as is each
-photographed panorama. Of each statistic stand the mean over the views and its standard error.
+photographed panorama. Of each statistic stand the mean over the views and its standard error. What
+a lens would do to the forests is shown by a Gaussian blur of their light.
 """
 
 from collections.abc import Iterator, Sequence
@@ -13,22 +14,26 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
+from scipy.ndimage import gaussian_filter
 
 from megalopta.arrays import Floats
 from megalopta.config import Configuration, validated
 from megalopta.figures import BLUE, ORANGE, Cell, Figure, columns_of, write_figure
-from megalopta.flow.stimuli import PASSES, LogStatistics, log_statistics
+from megalopta.flow.stimuli import PASSES, LogStatistics, log_statistics, unlit_share
 from megalopta.progress import progress
 from megalopta.render import SceneRenderer, frame_seed
 from megalopta.stages import build
 
 PRESETS = "open", "clearing", "dense", "understorey", "rainforest"
-SAMPLES = 16
+SAMPLES = 32
 """Per pixel and pass"""
 
 DIRECTIONS = 4
 SIDE_PX = 250
 """Of a view: 0.3° per pixel"""
+
+BLUR_PX = 0.7
+"""Standard deviation of a lens's blur"""
 
 _FOV_DEG, _EYE_M = 75.0, 1.6
 _TITLES = {
@@ -59,7 +64,7 @@ def write_statistics(
     panoramas
         Photographs all around: HDR, EXR or PNG files, 2:1.
     samples_per_pixel : int
-        Light paths of each of four renderings of a view.
+        Light paths of each of eight renderings of a view.
     presets
         Names of forests.
     side_px : int
@@ -76,14 +81,20 @@ def write_statistics(
         name: _settings(name, scene, samples_per_pixel, side_px) for name, scene in scenes.items()
     }
     found: dict[str, list[LogStatistics]] = {}
+    blurred: dict[str, list[LogStatistics]] = {}
+    unlit = 0.0
     with progress("Rendering views", len(scenes) * DIRECTIONS * PASSES, "picture") as advance:
         for name, each in settings.items():
-            found[name] = []
             for passes in _views(each):
-                found[name].append(log_statistics(passes))
+                found.setdefault(name, []).append(log_statistics(passes))
+                if name in presets:
+                    softer = [gaussian_filter(light, BLUR_PX) for light in passes]
+                    name_blurred = f"{name}, blurred"
+                    blurred.setdefault(name_blurred, []).append(log_statistics(softer))
+                    unlit = max(unlit, unlit_share(passes))
                 advance(PASSES)
     out.mkdir(parents=True, exist_ok=True)
-    return write_figure(_figure(found, len(panoramas), side_px), out)
+    return write_figure(_figure(found | blurred, len(panoramas), side_px, unlit), out)
 
 
 def _settings(
@@ -121,7 +132,9 @@ def _views(settings: Configuration) -> Iterator[list[Floats]]:
         ]
 
 
-def _figure(found: dict[str, list[LogStatistics]], photographs: int, side_px: int) -> Figure:
+def _figure(
+    found: dict[str, list[LogStatistics]], photographs: int, side_px: int, unlit: float
+) -> Figure:
     rows = [_row(name, each) for name, each in found.items()]
     shaded = f"; shaded, within a factor of {_ALIKE:g} of a photograph" if photographs else ""
     return Figure(
@@ -129,10 +142,12 @@ def _figure(found: dict[str, list[LogStatistics]], photographs: int, side_px: in
         title="Statistics of the logarithm of light in views of forests",
         caption=(
             f"Mean and standard error over {DIRECTIONS} views of {_FOV_DEG:g}° at "
-            f"{_FOV_DEG / side_px:g}° per pixel from {_EYE_M:g} m, in daylight{shaded}. "
-            "Differences and correlation are those of neighbors along rows, the exponent that of "
-            "the power over the radial frequency; a normal distribution has a kurtosis of 3. "
-            f"Noise of rendering is taken out by products of {PASSES} independent renderings."
+            f"{_FOV_DEG / side_px:g}° per pixel from {_EYE_M:g} m, in daylight{shaded} (of the "
+            "correlation, its distance from 1); blurred, by "
+            f"{BLUR_PX:g} px as a lens does. Differences and correlation are those of neighbors "
+            "along rows, the exponent that of the power over the radial frequency. Noise is taken "
+            f"out by products of {PASSES} renderings, of whose pixels at most "
+            f"{100 * unlit:.2g} % met no light."
         ),
         draw=partial(_draw, rows=rows, photographs=photographs),
         numbers=columns_of(rows),
@@ -160,8 +175,8 @@ def _draw(canvas: Canvas, rows: Sequence[dict[str, Any]], photographs: int) -> N
             value, color = row[name], ORANGE if is_photograph else BLUE
             axes.errorbar(value, place, xerr=row[f"{name}_error"], fmt="o", color=color)
             if is_photograph:
-                most = 1.0 if name == "neighbor_correlation" else np.inf
-                alike = value / _ALIKE, min(value * _ALIKE, most)
+                base = 1 if name == "neighbor_correlation" else 0
+                alike = (base + (value - base) * factor for factor in (1 / _ALIKE, _ALIKE))
                 axes.axvspan(*alike, color=color, alpha=0.15, linewidth=0)
         axes.set_title(title, fontsize=10)
         axes.set_yticks(range(len(rows)), names)

@@ -1,16 +1,23 @@
-"""The camera's rotation and heading from velocities, against its true path."""
+"""The camera's rotation and heading, from velocities or from photons, against its true path."""
 
-from typing import Literal, NamedTuple
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.ndimage import map_coordinates
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from megalopta.arrays import Floats
 from megalopta.dataset import Dataset
 from megalopta.flow.detectors import BlockGrid
-from megalopta.flow.egomotion import camera_motion
+from megalopta.flow.egomotion import CameraMotion, likely_camera_motion, motion_of_flow
 from megalopta.scenes.cameras import Camera
+
+LIKELIHOODS: Mapping[str, int] = MappingProxyType(
+    {"likelihood, 2 frames": 2, "likelihood, 8 frames": 8}
+)
+"""Names of the motion under which counts are most likely, and how many frames it is told from"""
 
 _STILL_M = 1e-9
 
@@ -25,8 +32,32 @@ class CameraErrors(NamedTuple):
     """Angle between the estimated and the true direction of translation"""
 
 
-def camera_errors(dataset: Dataset, grid: BlockGrid, velocities: Floats, pair: int) -> CameraErrors:
-    """Return the errors of the motion between a frame and the next.
+def chosen_pairs(frames: int, count: int) -> NDArray[np.intp]:
+    """Return so many pairs, by their first frames, spread over a sequence of so many frames.
+
+    All have the frames around them that the likelihood sees, if the sequence is long enough.
+    """
+    most = max(LIKELIHOODS.values())
+    before = most // 2 - 1 if frames >= most else 0
+    return np.unique(np.linspace(before, frames - 2 - before, count).astype(int))
+
+
+def likely_motion(
+    camera: Camera, counts: NDArray[Any], frames: int, pair: int
+) -> tuple[float, ...]:
+    """Return rotation and heading, (6,), most likely in so many frames around a pair, or NaN."""
+    start = pair - (frames // 2 - 1)
+    window = counts[max(start, 0) : start + frames]
+    if len(window) < frames or not np.ptp(window):
+        return (np.nan,) * 6
+    found = likely_camera_motion(window, camera)
+    return *found.rotation_deg, *found.heading
+
+
+def errors_of_flow(
+    dataset: Dataset, grid: BlockGrid, velocities: Floats, pair: int
+) -> CameraErrors:
+    """Return the errors of the motion that fits the flow of a pair best.
 
     Parameters
     ----------
@@ -38,44 +69,27 @@ def camera_errors(dataset: Dataset, grid: BlockGrid, velocities: Floats, pair: i
     pair : int
         Number of its first frame.
     """
+    camera = dataset.configuration.camera
+    inside = np.s_[1:-1, 1:-1]
+    scale = np.array([camera.width / grid.shape[1], camera.height / grid.shape[0]])
+    try:
+        found = motion_of_flow(camera, grid.centers[inside] * scale, velocities[inside])
+    except ValueError:  # too few blocks have a velocity
+        return CameraErrors(np.nan, np.nan)
+    return errors_of_motion(dataset, found, pair)
+
+
+def errors_of_motion(dataset: Dataset, found: CameraMotion, pair: int) -> CameraErrors:
+    """Return the errors of a motion between a frame and the next."""
+    if np.isnan(found.rotation_deg).any():
+        return CameraErrors(np.nan, np.nan)
     poses = dataset.configuration.trajectory.poses()[pair : pair + 2]
     turn = poses[0, :3, :3].T @ poses[1, :3, :3]
     way = poses[0, :3, :3].T @ (poses[1, :3, 3] - poses[0, :3, 3])
-    centers = _centers(dataset.configuration.camera, grid)
-    inside = velocities[1:-1, 1:-1].reshape(-1, 2)
-    try:
-        found = camera_motion(
-            _directions(dataset.configuration.camera, centers),
-            _directions(dataset.configuration.camera, centers + inside),
-        )
-    except ValueError:  # too few blocks have a velocity
-        return CameraErrors(np.nan, np.nan)
     left = Rotation.from_rotvec(found.rotation_deg, degrees=True).inv() * Rotation.from_matrix(turn)
     length = float(np.linalg.norm(way))
     heading = np.nan if length < _STILL_M else _angle_deg(found.heading, way / length)
     return CameraErrors(float(np.degrees(left.magnitude())), heading)
-
-
-def _centers(camera: Camera, grid: BlockGrid) -> Floats:
-    """Middles of the blocks inside, (n, 2) in px of the full image."""
-    rows, columns = np.meshgrid(
-        np.arange(1, grid.rows - 1), np.arange(1, grid.columns - 1), indexing="ij"
-    )
-    x = (grid.left + (columns.ravel() + 0.5) * grid.block_px) * camera.width / grid.shape[1]
-    y = (grid.top + (rows.ravel() + 0.5) * grid.block_px) * camera.height / grid.shape[0]
-    return np.column_stack((x, y))
-
-
-def _directions(camera: Camera, points: Floats) -> Floats:
-    """Unit vectors (n, 3) through image coordinates, NaN outside of the image."""
-    at = np.nan_to_num(points[:, ::-1].T - 0.5, nan=-1e9)
-    mode: Literal["grid-wrap", "constant"] = "grid-wrap" if camera.wraps else "constant"
-    each = [
-        map_coordinates(axis, at, order=1, mode=mode, cval=np.nan)
-        for axis in np.moveaxis(camera.directions(), -1, 0)
-    ]
-    found = np.stack(each, axis=-1)
-    return np.asarray(found / np.linalg.norm(found, axis=-1, keepdims=True))
 
 
 def _angle_deg(first: Floats, second: Floats) -> float:

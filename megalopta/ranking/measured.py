@@ -2,14 +2,22 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from megalopta.arrays import Floats
 from megalopta.dataset import Dataset
 from megalopta.flow.detectors import BlockDetector, BlockGrid
+from megalopta.flow.egomotion import CameraMotion
 from megalopta.flow.metrics import combine, error_sums
-from megalopta.ranking.camera_motion import CameraErrors, camera_errors
+from megalopta.ranking.camera_motion import (
+    LIKELIHOODS,
+    CameraErrors,
+    chosen_pairs,
+    errors_of_flow,
+    errors_of_motion,
+)
 from megalopta.ranking.errors import STILL, Sums, endpoint_errors, pair_sums
 from megalopta.ranking.methods import Methods
 from megalopta.ranking.pooling import Pooling
@@ -58,6 +66,8 @@ def measured(
     sums: dict[tuple[Pooling, float, str, str], Sums] = {}
     consistency: dict[tuple[Pooling, float, str], float] = {}
     camera: dict[tuple[float, str], list[CameraErrors]] = {}
+    frames_there = dataset.configuration.trajectory.frames
+    pairs = chosen_pairs(frames_there, settings.camera_pairs).tolist()
     shown: dict[str, dict[float, Floats]] = {name: {} for name in methods}
     true: dict[str, Floats] = {}
     for pixels in settings.pixels_pooled:
@@ -79,12 +89,21 @@ def measured(
                         sums[pooling, flux, group, name] = pair_sums(errors, among)
                     consistency[pooling, flux, name] = _consistency(method, ideal, noisy)
                     if pooling == Pooling(1, 1):
-                        camera[flux, name] = _camera(dataset, grid, noisy[0], settings.camera_pairs)
+                        camera[flux, name] = [
+                            errors_of_flow(dataset, grid, noisy[0][pair], pair) for pair in pairs
+                        ]
                     if pooling == settings.finest:
                         middle = len(truth.velocities) // 2
                         true[name] = truth.velocities[middle]
                         shown[name][flux] = noisy[0][middle, 1:-1, 1:-1]
                 _add_references(sums, truths, velocities, pooling, flux)
+    if pairs:
+        for flux, name in product(settings.fluxes, LIKELIHOODS):
+            found = velocities.likely_motions(Drawn(Pooling(1, 1), flux, 0), name, pairs)
+            camera[flux, name] = [
+                errors_of_motion(dataset, CameraMotion(each[:3], each[3:]), pair)
+                for pair, each in zip(pairs, found, strict=True)
+            ]
     example = Example(next(iter(true.values())), shown)
     return Part(velocities.photons_per_lux_s, sums, consistency, camera, yaw, example)
 
@@ -111,10 +130,3 @@ def _consistency(detector: BlockDetector, ideal: Floats, noisy: Sequence[Floats]
         for each in noisy
     ]
     return float(np.mean(found))
-
-
-def _camera(
-    dataset: Dataset, grid: BlockGrid, velocities: Floats, count: int
-) -> list[CameraErrors]:
-    pairs = np.unique(np.linspace(0, len(velocities) - 1, count).astype(int)) if count else ()
-    return [camera_errors(dataset, grid, velocities[pair], int(pair)) for pair in pairs]

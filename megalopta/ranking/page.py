@@ -10,6 +10,7 @@ from markupsafe import Markup
 
 from megalopta import files
 from megalopta.pages import UNDEFINED, Section, number, percent, write_sections
+from megalopta.ranking.camera_motion import LIKELIHOODS
 from megalopta.ranking.changes import changes
 from megalopta.ranking.charts import atlas, error_curves, flow_fields, pooling_grid
 from megalopta.ranking.findings import findings, summary
@@ -128,10 +129,12 @@ def _camera(ranking: Ranking) -> Section:
 
     return Section(
         "The camera's motion",
-        "From the velocities of all blocks of a pair of frames: angle between the estimated and "
-        "the true rotation, and between the estimated and the true direction of translation "
-        f"(medians of {ranking.settings.camera_pairs} pairs of each sequence).",
-        *_by_photons(ranking, cell),
+        "From the velocities of all blocks of a pair of frames, or as the motion under which the "
+        "counts of two frames, or of eight around the pair, are most likely: angle between the "
+        "estimated and the true rotation, and between the estimated and the true direction of "
+        f"translation (medians of up to {ranking.settings.camera_pairs} pairs of each sequence; "
+        "eight frames take a sequence as long).",
+        *_by_photons(ranking, cell, (*ranking.settings.methods, *LIKELIHOODS)),
     )
 
 

@@ -71,7 +71,7 @@ class Consistency(_Case, frozen=True):
 
 
 class CameraMotionError(Record, frozen=True):
-    """Of the camera's motion from velocities without pooling, medians over pairs of frames."""
+    """Of the camera's motion, without pooling, medians over pairs of frames."""
 
     photons_per_frame: PositiveFloat
     method: str

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from megalopta.dataset import Dataset
 from megalopta.progress import progress
+from megalopta.ranking.camera_motion import LIKELIHOODS
 from megalopta.ranking.measured import Example, grid_of, measured
 from megalopta.ranking.methods import Methods
 from megalopta.ranking.record import Ranking
@@ -27,7 +28,8 @@ def rank_methods(
     for dataset in datasets:
         _check(dataset, settings, methods)
     wide = directional_methods(methods, settings.wide_field)
-    clips = len(methods) * sum(1 for _ in draws(settings)) + 2 * len(wide) * len(settings.fluxes)
+    each_flux = 2 * len(wide) + (len(LIKELIHOODS) if settings.camera_pairs else 0)
+    clips = len(methods) * sum(1 for _ in draws(settings)) + each_flux * len(settings.fluxes)
     with progress("Ranking methods", len(datasets) * clips, "clip") as advance:
         parts = []
         for dataset in datasets:

@@ -5,13 +5,14 @@ see the same draws. The light itself, at the same number of photons but without 
 the velocities that a method is compared with itself by.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache, cached_property
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from zipfile import BadZipFile
 
 import numpy as np
+from numpy.typing import NDArray
 
 from megalopta import files
 from megalopta.arrays import Floats
@@ -20,6 +21,7 @@ from megalopta.flow.detectors import BlockGrid, Detector
 from megalopta.flow.metrics import cramer_rao_covariance, fisher_information
 from megalopta.flow.stimuli import draw_counts
 from megalopta.freshness import code_digest, digest
+from megalopta.ranking.camera_motion import LIKELIHOODS, likely_motion
 from megalopta.ranking.methods import identity
 from megalopta.ranking.pooling import Pooling
 from megalopta.ranking.settings import RankingSettings
@@ -66,15 +68,18 @@ class Velocities:
 
         Of a method without velocities its responses (T, H, W).
         """
-        what = digest(self._frames, identity(method), repr(drawn), repr(self._settings.seed))
-        kept = self._folder / _model() / f"{what}.npy"
-        found = _read(kept)
-        if found is None:
-            found = self._measured(method, drawn)
-            with files.atomic_write(kept) as temporary:
-                np.save(temporary, found, allow_pickle=False)
-        self._advance(1)
-        return found.astype(np.float64)
+        return self._kept(drawn, identity(method), lambda: self._measured(method, drawn))
+
+    def likely_motions(self, drawn: Drawn, name: str, pairs: Sequence[int]) -> Floats:
+        """Rotations (°) and headings of the camera, (pairs, 6), most likely around each pair."""
+        camera = self._dataset.configuration.camera
+
+        def measured() -> Floats:
+            counts = self._frames_of(drawn, self._means(drawn))
+            found = [likely_motion(camera, counts, LIKELIHOODS[name], pair) for pair in pairs]
+            return np.array(found)
+
+        return self._kept(drawn, f"{name}: {camera!r} {list(pairs)}", measured)
 
     @property
     def photons_per_lux_s(self) -> float:
@@ -92,17 +97,31 @@ class Velocities:
         trace = np.trace(np.array(least), axis1=-2, axis2=-1)[:, 1:-1, 1:-1]
         return np.asarray(np.sqrt(np.pi / 4 * trace) * pooling.pixels / pooling.frames)
 
+    def _kept(self, drawn: Drawn, name: str, measure: Callable[[], Floats]) -> Floats:
+        """Return what was measured of a draw, now or earlier."""
+        what = digest(self._frames, name, repr(drawn), repr(self._settings.seed))
+        kept = self._folder / _model() / f"{what}.npy"
+        found = _read(kept)
+        if found is None:
+            found = measure().astype(np.float32)
+            with files.atomic_write(kept) as temporary:
+                np.save(temporary, found, allow_pickle=False)
+        self._advance(1)
+        return found.astype(np.float64)
+
     def _measured(self, method: Detector, drawn: Drawn) -> Floats:
-        light, pooling = self._light_at(drawn.pooling), drawn.pooling
-        means = light * (drawn.flux * pooling.frames)
-        frames = (
-            means
-            if drawn.repeat is None
-            else draw_counts(means, self._settings.seed, self._dataset.sequence, *map(str, drawn))
-        )
-        found = method.respond(frames, 1 / means.mean())
-        to_full = pooling.pixels / pooling.frames if method.gives == "velocity" else 1.0
-        return (found * to_full).astype(np.float32)
+        pooling, means = drawn.pooling, self._means(drawn)
+        found = method.respond(self._frames_of(drawn, means), 1 / means.mean())
+        return found * (pooling.pixels / pooling.frames if method.gives == "velocity" else 1.0)
+
+    def _frames_of(self, drawn: Drawn, means: Floats) -> NDArray[Any]:
+        """Counts (T, H, W) of a draw, or their means."""
+        if drawn.repeat is None:
+            return means
+        return draw_counts(means, self._settings.seed, self._dataset.sequence, *map(str, drawn))
+
+    def _means(self, drawn: Drawn) -> Floats:
+        return self._light_at(drawn.pooling) * (drawn.flux * drawn.pooling.frames)
 
     def _light_at(self, pooling: Pooling) -> Floats:
         """Share of the photons of a mean frame on each pixel of pooled frames."""
@@ -158,4 +177,5 @@ def _read(path: Path) -> Floats | None:
 
 @cache
 def _model() -> str:
-    return code_digest("megalopta.flow", "megalopta.sensor.sampling", __name__)[:12]
+    used = "megalopta.flow", "megalopta.sensor.sampling", "megalopta.scenes.cameras"
+    return code_digest(*used, "megalopta.ranking.camera_motion", __name__)[:12]

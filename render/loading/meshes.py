@@ -8,13 +8,15 @@ What moves has meshes of its own, after those at rest, whose vertices follow fro
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from megalopta.scenes.world import Material, Motion, Placement, Scene
+
+if TYPE_CHECKING:
+    import trimesh
 
 Float32 = NDArray[np.float32]
 
@@ -88,7 +90,7 @@ class _Member(NamedTuple):
 
     object_id: int
     placement: Placement
-    mesh: trimesh.Trimesh
+    mesh: "trimesh.Trimesh"
 
     def vertices(self) -> NDArray[np.float64]:
         to_world = self.placement.to_world

@@ -35,6 +35,9 @@ from megalopta.progress import progress
 
 _LEAVES, _PANORAMAS = "Dead leaves, four motions", "Forests, a turning camera"
 _PARALLAX = "Forests, a flying camera"
+_DRAWS = {_LEAVES: 1, _PANORAMAS: 1, _PARALLAX: 3}
+"""Of the photons of each scene: there are few flights"""
+
 _FRAMES, _PAIR = 8, 2
 
 
@@ -59,7 +62,7 @@ def whole_frames(run: Run, methods: Sequence[Method] | None = None) -> Figure:
     chosen = methods or methods_and_baselines(_FRAMES)
     with progress("Measuring whole frames", sum(map(len, clips.values())), "scene") as advance:
         boards = {
-            kind: frame_errors(some, chosen, fluxes, after_scene=advance)
+            kind: frame_errors(some, chosen, fluxes, _DRAWS[kind], advance)
             for kind, some in clips.items()
         }
     number = ", ".join(str(len(some)) for some in clips.values())
@@ -87,7 +90,10 @@ def _flown(flicker: float) -> str:
     """Say what is seen with parallax, if anything is."""
     if not flicker:
         return ""
-    return f", or rendered with parallax, where up to {100 * flicker:.1f} % of a pixel flickers"
+    return (
+        f", or rendered with parallax ({_DRAWS[_PARALLAX]} draws of photons each), where up to "
+        f"{100 * flicker:.1f} % of a pixel flickers"
+    )
 
 
 def _rows(kind: str, board: Sequence[FrameErrors]) -> list[Mapping[str, Cell]]:

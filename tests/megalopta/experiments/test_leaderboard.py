@@ -71,7 +71,7 @@ _SHOWN = ("IIA", "PM")
 @pytest.mark.parametrize("name", ["leaderboard", "efficiency"])
 def test_figures_are_drawn_with_their_numbers(name, clean, monkeypatch, check_words):
     monkeypatch.setattr(figures_leaderboard, "sequences", lambda: clean[:2])
-    monkeypatch.setattr(figures_leaderboard, "OURS", ("PM",))
+    monkeypatch.setattr(figures_leaderboard, "MATCHING", ("PM",))
     monkeypatch.setattr(figures_leaderboard, "EFFICIENCY_FLUXES", (1e6, 1e7))
     monkeypatch.setattr(figures_leaderboard, "DRAWS", 3)
     monkeypatch.setattr(figures_leaderboard, "METHODS", {each: METHODS[each] for each in _SHOWN})
@@ -96,10 +96,11 @@ def test_figures_are_drawn_with_their_numbers(name, clean, monkeypatch, check_wo
 def test_caption_tells_which_methods_collect_more_than_two_frames(entries):
     found = figures_leaderboard.frames_collected(list(entries.values()))
     total = format_flux(8 * entries["PPM"].photons)
-    assert found.startswith(f"Pooled Poisson matching collects 8 frames ({total} photons in total)")
-    assert "Poisson matching collects 2" not in found
+    sentence = f"Methods see two frames, but Pooled Poisson matching 8 ({total} photons in total)"
+    assert found.startswith(sentence)
+    assert "Poisson matching 2" not in found
     without = [entries["PM"], entries["BM"]]
-    assert figures_leaderboard.frames_collected(without) == "All methods collect two frames."
+    assert figures_leaderboard.frames_collected(without) == "All methods see two frames."
 
 
 def test_information_of_a_block_is_that_of_its_sum_and_a_margin_adds_that_of_its_pixels(clean):

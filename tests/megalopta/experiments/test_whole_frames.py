@@ -198,3 +198,5 @@ def test_mistakes_are_told_in_a_sentence(clip, tmp_path, capsys):
     assert "give pictures and flow of one size" in words
     assert "cannot be read as a picture" in run(capsys, truth, small, truth)[1]
     assert "no such folder" in run(capsys, tmp_path / "elsewhere")[1]
+    words = run(capsys, picture, picture, tmp_path / "none.flo")[1]
+    assert "none.flo cannot be read (no such file or directory); give a file of true flow" in words

@@ -14,8 +14,10 @@ def test_a_photograph_is_measured_beside_forests(picture, tmp_path):
     path = picture(np.random.default_rng(0).random((32, 64, 3)))
     paths = write_statistics(tmp_path / "out", [path], 1, ["open"], 24)
     assert [each.suffix for each in paths] == [".png", ".svg", ".csv", ".json"]
-    photograph, forest = csv.DictReader(paths[2].read_text().splitlines())
+    photograph, forest, blurred = csv.DictReader(paths[2].read_text().splitlines())
     assert (photograph["scene"], forest["scene"]) == (path.stem, "open")
+    assert blurred["scene"] == "open, blurred"
+    assert float(blurred["gradient_contrast"]) < float(forest["gradient_contrast"])
     assert all(np.isfinite(float(value)) for value in list(photograph.values())[1:])
 
 

@@ -193,6 +193,18 @@ def test_words_count_how_many_comparisons_there_were(ranked):
     assert findings(with_blocks(ranked, one + more))[0].startswith("No change")
 
 
+def test_the_likelihood_tells_the_rotation_better_than_blocks(ranked):
+    found = {
+        (each.photons_per_frame, each.method): each.rotation_deg
+        for each in read_ranking(ranked).camera
+    }
+    # It turns by 1.5° per frame, a pixel sees 1°. Counts of eight frames know it to .01° at 1e8.
+    assert found[1e8, "likelihood, 8 frames"] < 0.05
+    assert found[1e8, "likelihood, 2 frames"] < found[1e8, "DIS"] < found[1e8, "BM"]
+    assert found[1e3, "likelihood, 8 frames"] < found[1e3, "BM"]
+    assert "likelihood, 8 frames" in (ranked / "ranking.html").read_text()
+
+
 def test_words_say_of_what_they_hold(ranked):
     ranking = with_blocks(ranked, [])
     assert findings(ranking)[-1].startswith("This holds for this sequence alone")

@@ -10,15 +10,13 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import splu
 
-from megalopta.flow.detectors.base import FloatArray
+from megalopta.arrays import Floats
 
 _LEAST = 1e-9
 """Evidence for the velocity 0 at every node, so that there is an answer without photons"""
 
 
-def most_likely(
-    information: FloatArray, slope: FloatArray, springs: tuple[FloatArray, FloatArray]
-) -> FloatArray:
+def most_likely(information: Floats, slope: Floats, springs: tuple[Floats, Floats]) -> Floats:
     """Return the velocities u, (2, n, m), of least ½Σuᵀ·A·u − bᵀ·u + ½Σw·|u − u'|².
 
     Parameters
@@ -32,7 +30,8 @@ def most_likely(
     """
     shape = slope.shape[1:]
     nodes = int(np.prod(shape))
-    first, second, stiffness = _links(shape, springs)
+    first, second = links(shape)
+    stiffness = np.concatenate([spring.ravel() for spring in springs])
     ends = np.concatenate((first, second))
     pull = np.bincount(ends, np.concatenate((stiffness, stiffness)), nodes) + _LEAST
     xx, xy, yy = information.reshape(3, nodes)
@@ -49,11 +48,9 @@ def most_likely(
     return np.asarray(factors.solve(slope.ravel())).reshape(2, *shape)
 
 
-def _links(
-    shape: tuple[int, ...], springs: tuple[FloatArray, FloatArray]
-) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
-    """Return both nodes of all links, and their stiffness, (links,)."""
+def links(shape: tuple[int, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return both nodes of all links of a grid, (links,) each: to the right, then downward."""
     index = np.arange(int(np.prod(shape))).reshape(shape)
     first = np.concatenate((index[:, :-1].ravel(), index[:-1].ravel()))
     second = np.concatenate((index[:, 1:].ravel(), index[1:].ravel()))
-    return first, second, np.concatenate([spring.ravel() for spring in springs])
+    return first, second

@@ -1,0 +1,294 @@
+"""The camera's motion under which the counts of several frames are most likely.
+
+A camera that turns by ω + s·α and goes by t from frame s to the next sees a point in direction d,
+at distance 1/ρ, at time s in the direction
+
+    R(s·ω + s(s − 1)/2·α)ᵀ(d − s·ρ·t)
+
+so one likelihood of all counts (`flow.likelihood`) has as its parameters ω, α, the direction of t,
+and ρ|t| at nodes 4 px apart, which is never negative. Without α, a turn that changes from frame to
+frame passes for going forward, past things whose distances are made up for it. Neighbors are
+charged for flow that differs through ρ as those of Poisson flow are, though less, so that a place
+without texture takes its distance from its neighbors. Gauss–Newton steps eliminate ρ by sparse
+factorization and leave eight equations.
+
+There are several maxima: going to the left passes for turning to the left. So the search starts
+from the heading that fits Poisson flow best (`heading`), from its opposite, and from both ways
+along each axis of the camera, each with the rotation and distances that fit Poisson flow; the two
+most likely after three steps go on.
+
+The heading is taken to be steady, and the scene not to move. Frames of a full panorama are not
+continued across its seam. Without translation the rotation is found, and the heading means nothing.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import map_coordinates
+from scipy.sparse import coo_array
+from scipy.sparse.linalg import splu
+from scipy.spatial.transform import Rotation
+
+from megalopta.flow.detectors import FloatArray, Frames
+from megalopta.flow.egomotion.heading import CameraMotion, motion_of_flow
+from megalopta.flow.likelihood import (
+    NODE_PX,
+    Level,
+    charge_of,
+    evidence,
+    finer,
+    level_of,
+    likelihood_flow,
+    links,
+    stiffness,
+    times_from_reference,
+    to_nodes,
+)
+from megalopta.scenes.cameras import Camera
+
+_SMOOTHNESS, _NEARNESS_SMOOTHNESS = 0.2, 0.02
+"""That of Poisson flow, and what the nearness is charged in its stead. Set on other forests: what
+parallax a smooth nearness cannot show passes for rotation, by a tenth of it where light is low."""
+
+_FIRST_STEPS, _STEPS = 3, 6
+_GOING_ON = 2
+_FITS, _LEAST_LEFT_PX = 8, 0.05
+_LONGEST_STEP_PX = 1.0
+_RIDGE = 1e-2
+_DAMPING = 1e-6
+_SMALL = 1e-5
+_PATTERN = np.array([0, 0, 0, 0, 0, 1, 1, 1])
+"""In time, of what ω, the direction of t, and α do"""
+
+_SMALLEST_PX = 12
+_NOWHERE = -1e6
+"""Place (px) of what a camera does not see"""
+
+
+class _Motion(NamedTuple):
+    turn: FloatArray
+    """ω (3,), radians per frame, in the axes of the camera"""
+    change: FloatArray
+    """α (3,), radians per frame and frame"""
+    heading: FloatArray
+    """t/|t| (3,)"""
+    nearness: FloatArray
+    """ρ|t| at nodes, (n, m)"""
+
+
+def likely_camera_motion(counts: Frames, camera: Camera) -> CameraMotion:
+    """Return the camera's rotation and heading under which counts are most likely.
+
+    Parameters
+    ----------
+    counts : (T, H, W)
+        Frames of one steady motion, two or more.
+    camera : Camera
+        That saw them.
+
+    Returns
+    -------
+    CameraMotion
+        Per frame, in the axes of the camera at the frame before the middle.
+
+    Raises
+    ------
+    ValueError
+        When frames have another size than the camera, or fewer than 12 pixels along a side, there
+        is only one, or they hold no counts, or all the same.
+    """
+    if counts.shape[1:] != (camera.height, camera.width) or len(counts) < 2:
+        raise ValueError(
+            f"counts of shape {counts.shape}: give two or more frames of the camera's"
+            f" {camera.height} × {camera.width} px"
+        )
+    if min(counts.shape[1:]) < _SMALLEST_PX:
+        raise ValueError(
+            f"frames of {camera.height} × {camera.width} px: give {_SMALLEST_PX} px along each side"
+        )
+    if not (np.isfinite(counts).all() and counts.min() >= 0):
+        raise ValueError("frames hold negative or non-finite values: give counts, 0 or more")
+    if not np.ptp(counts):
+        raise ValueError("frames show nothing: all pixels are alike")
+    search = _Search.of(counts, camera)
+    starts = sorted((search.steps(each, _FIRST_STEPS) for each in search.starts()), key=_misfit)
+    _, best = min((search.steps(each, _STEPS) for _, each in starts[:_GOING_ON]), key=_misfit)
+    return CameraMotion(np.degrees(best.turn), best.heading)
+
+
+def _misfit(found: tuple[float, _Motion]) -> float:
+    return found[0]
+
+
+@dataclass(frozen=True)
+class _Search:
+    """What does not change while the motion is looked for."""
+
+    camera: Camera
+    level: Level
+    times: FloatArray
+    charge: float
+    flow: FloatArray
+    """Poisson flow at nodes, (n, m, 2)"""
+    centers: FloatArray
+    """Image coordinates of the nodes, (n, m, 2)"""
+    seen: FloatArray
+    """Directions of the pixels, (H, W, 3)"""
+    turning: FloatArray
+    """Flow of a turn about each axis, (n, m, 2, 3), px"""
+    going: FloatArray
+    """Flow of going along each axis past points at distance 1, (n, m, 2, 3), px"""
+
+    @classmethod
+    def of(cls, counts: Frames, camera: Camera) -> "_Search":
+        sides = [
+            np.minimum(NODE_PX * (np.arange(-(-side // NODE_PX)) + 0.5), side - 0.5)
+            for side in counts.shape[1:]
+        ]
+        y, x = np.meshgrid(*sides, indexing="ij")
+        centers = np.stack((x, y), axis=-1)
+        seen = camera.toward(centers)
+        dense = likelihood_flow(counts, _SMOOTHNESS)
+        flow = [
+            map_coordinates(along, (y - 0.5, x - 0.5), order=1, mode="nearest")
+            for along in np.moveaxis(dense, -1, 0)
+        ]
+        return cls(
+            camera,
+            level_of(counts.astype(np.float64)),
+            times_from_reference(len(counts)),
+            charge_of(counts, _NEARNESS_SMOOTHNESS),
+            np.stack(flow, axis=-1),
+            centers,
+            camera.directions(),
+            _flows(camera, centers, seen, [np.cross(seen, axis) for axis in np.eye(3)]),
+            _flows(camera, centers, seen, [-axis for axis in np.eye(3)]),
+        )
+
+    def starts(self) -> list[_Motion]:
+        """Return motions near which one may be the most likely."""
+        headings = [sign * axis for axis in np.eye(3) for sign in (1, -1)]
+        try:
+            found = motion_of_flow(self.camera, self.centers, self.flow).heading
+        except ValueError:  # too few nodes: the axes are all there is
+            return [self._fitted(each) for each in headings]
+        return [self._fitted(each) for each in (found, -found, *headings)]
+
+    def _fitted(self, heading: FloatArray) -> _Motion:
+        """Return the turn and nearness that leave least of the Poisson flow, in the L1 norm."""
+        along = self.going @ heading
+        power = (along**2).sum(axis=-1)
+        power = power + _RIDGE * power.mean()
+        nearness, weight = np.zeros(power.shape), np.ones(power.shape)
+        for _ in range(_FITS):
+            root = np.sqrt(weight)[..., np.newaxis]
+            left = root * (self.flow - nearness[..., np.newaxis] * along)
+            rows = (root[..., np.newaxis] * self.turning).reshape(-1, 3)
+            turn = np.linalg.lstsq(rows, left.ravel(), rcond=None)[0]
+            left = self.flow - self.turning @ turn
+            nearness = np.maximum((left * along).sum(axis=-1) / power, 0)
+            rest = np.linalg.norm(left - nearness[..., np.newaxis] * along, axis=-1)
+            weight = 1 / np.maximum(rest, _LEAST_LEFT_PX)
+        return _Motion(np.asarray(turn, np.float64), np.zeros(3), heading, nearness)
+
+    def steps(self, motion: _Motion, count: int) -> tuple[float, _Motion]:
+        """Return the motion after so many steps; before the last, how unlikely it was."""
+        for _ in range(count):
+            misfit, motion = self._step(motion)
+        return misfit, motion
+
+    def _step(self, motion: _Motion) -> tuple[float, _Motion]:
+        """Return how unlikely a motion is, and a better one."""
+        heading, nearness = motion.heading, motion.nearness
+        near = finer(nearness[np.newaxis], self.level.roots.shape[1:], NODE_PX)[0]
+        patterns = _patterns(self.times)
+        turns = patterns.T @ np.stack((motion.turn, motion.change))
+        places = (
+            self._places(heading, near, time, turn)
+            for time, turn in zip(self.times, turns, strict=True)
+        )
+        found = evidence(self.level, patterns, places)
+        xx, xy, yy = to_nodes(found.information)
+        information = np.stack((np.stack((xx, xy), -1), np.stack((xy, yy), -1)), -2)
+        slopes = np.stack([np.moveaxis(to_nodes(each), 0, -1) for each in found.slope])
+        # how the flow changes with the eight parameters, and with the nearness
+        sideways = np.linalg.svd(heading[np.newaxis])[2][1:].T
+        going = nearness[..., np.newaxis, np.newaxis] * (self.going @ sideways)
+        eight = np.concatenate((self.turning, going, self.turning), axis=-1)
+        along = self.going @ heading
+        scale = float(np.sqrt((along**2).sum(axis=-1).mean()))  # px of flow for a nearness of 1
+        charged, held = self._prior(nearness, scale)
+        weighed = information @ eight
+        products = found.products[np.ix_(_PATTERN, _PATTERN)]
+        eight_eight = products * np.einsum("nmki,nmkj->ij", eight, weighed)
+        eight_near = products[0] * np.einsum("nmki,nmk->nmi", weighed, along).reshape(-1, 8)
+        near_near = products[0, 0] * np.einsum("nmk,nmkl,nml->nm", along, information, along)
+        to_eight = np.einsum("nmki,inmk->i", eight, slopes[_PATTERN])
+        to_near = (along * slopes[0]).sum(axis=-1).ravel() - held @ nearness.ravel()
+        diagonal, nodes = near_near.ravel() + _DAMPING * scale**2, np.arange(nearness.size)
+        matrix = held + coo_array((diagonal, (nodes, nodes)))
+        change, step = _solved(eight_eight, eight_near, matrix, to_eight, to_near)
+        longest = _LONGEST_STEP_PX / scale
+        nearer = nearness + np.clip(step.reshape(nearness.shape), -longest, longest)
+        way = heading + sideways @ change[3:5]
+        length = np.linalg.norm(way)
+        misfit = 2 * self.level.noise * (len(self.times) - 1) * found.misfit * near.size
+        return misfit + charged, _Motion(
+            motion.turn + change[:3],
+            motion.change + change[5:],
+            way / length,
+            np.maximum(nearer, 0) * length,
+        )
+
+    def _places(
+        self, heading: FloatArray, near: FloatArray, time: float, turn: FloatArray
+    ) -> FloatArray:
+        """Where at a time is seen what the frame of reference shows at its pixels, (2, H, W)."""
+        points = self.seen - time * near[..., np.newaxis] * heading
+        turned = Rotation.from_rotvec(-turn).apply(points.reshape(-1, 3))
+        image = self.camera.project(turned.reshape(points.shape)) - 0.5
+        return np.nan_to_num(np.moveaxis(image[..., ::-1], -1, 0), nan=_NOWHERE)
+
+    def _prior(self, nearness: FloatArray, scale: float) -> tuple[float, coo_array]:
+        """Return what the nearness is charged for its gradient, and the stiffness of its links.
+
+        The stiffness (nodes, nodes) makes of a charge that grows as the gradient a quadratic form.
+        """
+        first, second = links(nearness.shape)
+        change = scale * (nearness.ravel()[second] - nearness.ravel()[first])
+        springs = stiffness(self.charge, change**2)
+        rows = np.concatenate((first, second, first, second))
+        columns = np.concatenate((first, second, second, first))
+        values = scale**2 * np.concatenate((springs, springs, -springs, -springs))
+        held = coo_array((values, (rows, columns)), shape=(nearness.size,) * 2)
+        return float((springs * change**2).sum()), held
+
+
+def _solved(
+    eight_eight: FloatArray,
+    eight_near: FloatArray,
+    near_near: coo_array,
+    to_eight: FloatArray,
+    to_near: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the steps of eight parameters and of the nearness, the latter eliminated."""
+    factors = splu(near_near.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    solved = factors.solve(np.column_stack((to_near, eight_near)))
+    left = eight_eight - eight_near.T @ solved[:, 1:]
+    left += np.diag(_DAMPING * np.diag(eight_eight) + np.finfo(float).tiny)
+    change = np.asarray(np.linalg.solve(left, to_eight - eight_near.T @ solved[:, 0]), np.float64)
+    return change, solved[:, 0] - solved[:, 1:] @ change
+
+
+def _patterns(times: FloatArray) -> FloatArray:
+    """Return by how much ω and α have turned the camera, (2, n)."""
+    return np.stack((times, times * (times - 1) / 2))
+
+
+def _flows(
+    camera: Camera, centers: FloatArray, seen: FloatArray, changes: list[FloatArray]
+) -> FloatArray:
+    """Return the flow of each change of the directions seen, (n, m, 2, changes), px."""
+    flows = [camera.displacement(seen + _SMALL * each, centers) / _SMALL for each in changes]
+    return np.nan_to_num(np.stack(flows, axis=-1))

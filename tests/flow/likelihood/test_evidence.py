@@ -1,0 +1,95 @@
+"""Evidence of aligned frames: its slope, its noise, and sums over nodes."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import map_coordinates
+
+from megalopta.flow.likelihood import NODE_PX, evidence, finer, level_of, levels, to_nodes
+
+from ..textures import drifting_texture
+
+SHAPE = (60, 72)
+TIMES = np.arange(4.0) - 1
+STEADY = TIMES[np.newaxis]
+PATTERNS = np.stack((TIMES, TIMES * (TIMES - 1) / 2))
+"""A velocity, and its change from frame to frame"""
+
+
+def frames(photons, velocity=(1.2, -0.7), seed=0, blur_px=2.0):
+    texture = drifting_texture(velocity, 4, SHAPE, blur_px=blur_px, seed=seed)
+    light = (1 + 0.3 * texture / texture.std()).clip(0.05)
+    return np.random.default_rng(seed).poisson(photons * light).astype(float)
+
+
+def places(velocity, change=(0, 0)):
+    pixels = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float)
+    moved = PATTERNS.T @ np.array((velocity[::-1], change[::-1]))
+    return [pixels + each[:, np.newaxis, np.newaxis] for each in moved]
+
+
+def squares(level, motion, inside):
+    """Twice the squared differences of the roots, aligned, from their mean."""
+    aligned = np.stack(
+        [
+            map_coordinates(splines, where, order=3, mode="nearest", prefilter=False)
+            for splines, where in zip(level.splines, places(*motion), strict=True)
+        ]
+    )
+    return 2 * ((aligned - aligned.mean(axis=0)) ** 2).sum(axis=0)[inside].sum()
+
+
+@pytest.mark.parametrize("pattern", [0, 1])
+def test_slope_is_that_of_the_squared_differences(pattern):
+    level = level_of(frames(3000, blur_px=4.0))
+    at = np.array([[1.2, -0.7], [0, 0]])
+    at[pattern] += (-0.03, 0.02)
+    found = evidence(level, PATTERNS, places(*at))
+    inside = np.zeros(SHAPE, bool)
+    inside[8:-8, 8:-8] = True
+    assert found.misfit < 2  # so that all evidence counts whole
+    for axis in range(2):
+        step = np.zeros((2, 2))
+        step[pattern, axis] = 0.01
+        rise = squares(level, at + step, inside) - squares(level, at - step, inside)
+        # A difference of pixels is the gradient of a wave of 2π·4 px to 1 %. That of the mean leaves
+        # out what the noise of each frame shares with its own gradient.
+        slope = found.slope[pattern, axis][inside].sum()
+        assert slope == pytest.approx(-rise / 0.02, rel=0.08)
+
+
+def test_aligned_frames_differ_by_their_noise():
+    found = evidence(level_of(frames(50)), STEADY, places((1.2, -0.7)))
+    # roots of means of 50 have a quarter of a photon's variance to 1 %, interpolation takes some
+    assert found.misfit == pytest.approx(1, abs=0.15)
+    wrong = evidence(level_of(frames(50)), STEADY, places((-1.2, 0.7)))
+    assert wrong.misfit > 2
+
+
+def test_what_leaves_the_frame_is_no_evidence():
+    found = evidence(level_of(frames(30)), STEADY, places((5.0, 0.0)))
+    columns = np.abs(found.information).sum(axis=(0, 1))
+    assert (columns[:5] == 0).all() and (columns[-10:] == 0).all() and columns[20] > 0
+    nothing = evidence(level_of(frames(30)), STEADY, places((100.0, 0.0)))
+    assert nothing.misfit == np.inf and not nothing.slope.any()
+
+
+def test_levels_keep_all_photons_of_whole_bins():
+    counts = frames(5)[:, :48, :64]
+    sizes = [(level.roots.shape[1:], level.bins) for level in levels(counts)]
+    assert sizes == [((12, 16), 4), ((24, 32), 2), ((48, 64), 1)]
+
+
+def test_nodes_hold_the_sums_of_their_squares():
+    pixels = np.random.default_rng(0).random((3, 10, 14))
+    nodes = to_nodes(pixels)
+    assert nodes.shape == (3, 3, 4)
+    np.testing.assert_allclose(nodes.sum(axis=(1, 2)), pixels.sum(axis=(1, 2)))
+    np.testing.assert_allclose(nodes[:, 0, 0], pixels[:, :4, :4].sum(axis=(1, 2)))
+
+
+def test_a_slope_known_at_nodes_is_that_slope_between_them():
+    y, x = np.mgrid[:5, :6].astype(float)
+    fine = finer(np.stack((2 * x, y - x)), (20, 24), NODE_PX)
+    pixel_y, pixel_x = (np.mgrid[:20, :24] + 0.5) / NODE_PX - 0.5
+    inside = np.s_[:, 2:-2, 2:-2]
+    np.testing.assert_allclose(fine[inside], np.stack((2 * pixel_x, pixel_y - pixel_x))[inside])
