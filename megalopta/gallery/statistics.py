@@ -5,7 +5,7 @@ photographed panorama. Of each statistic stand the mean over the views and its s
 a lens would do to the forests is shown by a Gaussian blur of their light.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields
 from functools import partial
 from pathlib import Path
@@ -25,7 +25,7 @@ from megalopta.render import SceneRenderer, frame_seed
 from megalopta.stages import build
 
 PRESETS = "open", "clearing", "dense", "understorey", "rainforest"
-SAMPLES = 32
+SAMPLES = 36
 """Per pixel and pass"""
 
 DIRECTIONS = 4
@@ -85,14 +85,13 @@ def write_statistics(
     unlit = 0.0
     with progress("Rendering views", len(scenes) * DIRECTIONS * PASSES, "picture") as advance:
         for name, each in settings.items():
-            for passes in _views(each):
+            for passes in _views(each, advance):
                 found.setdefault(name, []).append(log_statistics(passes))
                 if name in presets:
                     softer = [gaussian_filter(light, BLUR_PX) for light in passes]
                     name_blurred = f"{name}, blurred"
                     blurred.setdefault(name_blurred, []).append(log_statistics(softer))
                     unlit = max(unlit, unlit_share(passes))
-                advance(PASSES)
     out.mkdir(parents=True, exist_ok=True)
     return write_figure(_figure(found | blurred, len(panoramas), side_px, unlit), out)
 
@@ -122,14 +121,16 @@ def _settings(
     return validated(Configuration, values, name)
 
 
-def _views(settings: Configuration) -> Iterator[list[Floats]]:
+def _views(settings: Configuration, advance: Callable[[int], None]) -> Iterator[list[Floats]]:
     """Yield the independent renderings of each view, (H, W) each."""
     renderer = SceneRenderer(build(settings), settings.camera, settings.render)
     for index, pose in enumerate(settings.trajectory.poses()):
-        yield [
-            renderer.radiance(pose, frame_seed(settings.seed, index, number))[..., 0].astype(float)
-            for number in range(PASSES)
-        ]
+        passes = []
+        for number in range(PASSES):
+            light = renderer.radiance(pose, frame_seed(settings.seed, index, number))[..., 0]
+            passes.append(light.astype(float))
+            advance(1)
+        yield passes
 
 
 def _figure(

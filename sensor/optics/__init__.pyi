@@ -9,6 +9,7 @@ from .efficiency_file import (
 )
 from .lens import (
     Lens as Lens,
+    blurred as blurred,
     check_bands as check_bands,
     falloff as falloff,
     image_irradiance as image_irradiance,

@@ -9,7 +9,8 @@ and photons arrive at ∫ E(λ)·λ/(h·c) dλ per second and square meter. Radi
 over each band; inside a band the spectrum is taken as flat, for which the integral is exact. The
 lens transmits all wavelengths alike, or what a curve says, such as that of a filter before it. The
 cosine-fourth falloff is off unless the lens is told the horizontal field of view of the camera: a
-rendered pinhole image has no vignetting of its own, and most users want none.
+rendered pinhole image has no vignetting of its own, and most users want none. Nor does it blur; a
+lens spreads a point as a Gaussian of the standard deviation that it is given.
 
 Source: dissertation §2.4.5. Check figure: 17.5 nW over 100 mm² at 450 nm is 396.4
 photons·µm⁻²·s⁻¹, printed as 396.
@@ -20,7 +21,9 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
+from scipy.ndimage import gaussian_filter
 
+from megalopta.arrays import Floats
 from megalopta.sensor.effects import Effect, Stage
 from megalopta.sensor.optics.transmission import Transmission
 
@@ -42,6 +45,9 @@ class Lens(Effect, frozen=True):
     """Fraction that passes by wavelength, on top of `transmission`; none: all of it."""
     falloff_fov_deg: Annotated[float, Field(gt=0, lt=180)] | None = None
     """Horizontal field of view (degrees) for cosine-fourth falloff; none: no falloff."""
+    blur_m: Annotated[float, Field(ge=0, le=0.01)] = 0.0
+    """Standard deviation of a point's light on the die, a Gaussian along rows and columns (m): 0,
+    sharp, or at least half a pixel. Diffraction alone: about 0.45 times wavelength and f-number."""
 
     @property
     def is_on(self) -> bool:
@@ -67,6 +73,23 @@ def falloff(lens: Lens, shape: tuple[int, int]) -> NDArray[np.float64]:
     y = (np.arange(rows)[:, None] + 0.5 - rows / 2) * pixel
     x = (np.arange(columns) + 0.5 - columns / 2) * pixel
     return np.asarray((1 + x**2 + y**2) ** -2.0)
+
+
+def blurred(images: Floats, blur_px: float) -> Floats:
+    """Return images (n, H, W) with the light of every pixel spread as a lens spreads a point's.
+
+    Beyond the border the scene is taken to go on as at its outermost pixel. Where edges are sharper
+    than pixels, how their light lies within a pixel is not known: images of dead leaves come out
+    with errors of 10, 4, 2 and 0.7 % of their contrast (RMS) at 0.5, 0.7, 1 and 1.5 px.
+
+    Parameters
+    ----------
+    images : (n, H, W)
+        In any unit.
+    blur_px : float
+        Standard deviation of the Gaussian along rows and along columns, px; 0 changes nothing.
+    """
+    return gaussian_filter(images, blur_px, axes=(1, 2), mode="nearest") if blur_px else images
 
 
 def photon_flux(irradiance: ArrayLike, bands_nm: ArrayLike) -> NDArray[np.float64]:

@@ -1,15 +1,25 @@
 """From the radiance of a scene to the photons that the pixels of any image sensor detect."""
 
-from typing import Annotated
+from typing import Annotated, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, model_validator
 
 from megalopta.arrays import Floats
 from megalopta.sensor.effects import MOST_ARRIVALS
 from megalopta.sensor.optics.efficiency import Efficiency, band_efficiency, band_transmission
-from megalopta.sensor.optics.lens import Lens, check_bands, falloff, image_irradiance, photon_flux
+from megalopta.sensor.optics.lens import (
+    Lens,
+    blurred,
+    check_bands,
+    falloff,
+    image_irradiance,
+    photon_flux,
+)
+
+BLUR_PX = 0.5, 100.0
+"""Least and largest blur of a lens that is not sharp, px."""
 
 
 class PixelOptics(
@@ -33,6 +43,16 @@ class PixelOptics(
     """The lens in front of it."""
     efficiency: Efficiency
     """Photon detection probability (PDP) of the light-sensitive area over wavelength."""
+
+    @model_validator(mode="after")
+    def _check_blur(self) -> Self:
+        least, most = (limit * self.pitch_m for limit in BLUR_PX)
+        if self.lens.blur_m and not least <= self.lens.blur_m <= most:
+            raise ValueError(
+                f"lens.blur_m: {self.lens.blur_m:g} m; pixels of {self.pitch_m:g} m show blur from "
+                f"{least:.3g} m, half a pixel, to {most:.3g} m; give 0 for a sharp lens"
+            )
+        return self
 
     @property
     def pixel_area_m2(self) -> float:
@@ -88,7 +108,8 @@ def _sum_over_bands(radiance: ArrayLike, weights: Floats, sensor: PixelOptics) -
     # band by band rather than as a matrix product, whose rounding depends on the number of frames
     for band, weight in enumerate(weights):
         total += weight * radiance[..., band]
-    return total * falloff(sensor.lens, (rows, columns))
+    on_die = blurred(total, sensor.lens.blur_m / sensor.pitch_m)
+    return on_die * falloff(sensor.lens, (rows, columns))
 
 
 def _check_radiance(radiance: ArrayLike, bands: int) -> NDArray[np.floating]:

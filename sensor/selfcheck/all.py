@@ -48,7 +48,12 @@ from megalopta.sensor.selfcheck.drawn import (
 )
 from megalopta.sensor.selfcheck.interplay import interplay_checks
 from megalopta.sensor.selfcheck.measured import check_measured_maps, check_windows
-from megalopta.sensor.selfcheck.optics import check_falloff, check_lens, check_transmission
+from megalopta.sensor.selfcheck.optics import (
+    check_blur,
+    check_falloff,
+    check_lens,
+    check_transmission,
+)
 from megalopta.sensor.selfcheck.parts import check_parts
 from megalopta.sensor.selfcheck.placed import check_adc, check_places
 from megalopta.sensor.selfcheck.readings import (
@@ -80,7 +85,7 @@ from megalopta.sensor.selfcheck.terms import (
 )
 
 _EFFECTS: dict[str, tuple[Check, ...]] = {
-    "light": (check_light, check_lens, check_falloff, check_transmission),
+    "light": (check_light, check_lens, check_falloff, check_transmission, check_blur),
     "device": (
         check_device,
         check_operation,

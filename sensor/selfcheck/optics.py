@@ -6,6 +6,7 @@ cos θ = f/|p − s|. Both laws of `optics` follow from this: π/(4·N² + 1) on
 the pupil is narrow.
 """
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -87,6 +88,32 @@ def check_falloff() -> Iterator[Row]:
         yield exact_row(
             "cos⁴ falloff", f"{name} over middle", _seen_pupil(f_number, *at) / axis, measured, 3e-4
         )
+
+
+def check_blur() -> Iterator[Row]:
+    """A point and a grating through a lens that blurs by so many pixels."""
+    point = np.zeros((1, 81, 81, 1))
+    point[:, 40, 40] = 1.0
+    places = np.arange(81) - 40.0
+    grating = 1 + np.cos(2 * np.pi * np.arange(96) / 16) * np.ones((1, 3, 96))
+    for blur_px in (1.0, 3.0):
+        sensor = _sensor(Lens(f_number=4.0, blur_m=blur_px * 10e-6))
+        spot = detection_rate(point, [(400, 700)], sensor)[0]
+        bars = detection_rate(grating[..., np.newaxis], [(400, 700)], sensor)[0, 1, 32:64]
+        quantities = {
+            "variance of a point (px²)": (
+                blur_px**2,
+                float(places**2 @ spot.sum(axis=1) / spot.sum()),
+            ),
+            "contrast left of 16 px": (
+                math.exp(-2 * (math.pi * blur_px / 16) ** 2),
+                float(np.ptp(bars) / (bars.max() + bars.min())),
+            ),
+        }
+        for name, (expected, measured) in quantities.items():
+            # tails end at four standard deviations, with a thousandth of the variance
+            tolerance = 2e-3 * expected
+            yield exact_row("blur", f"{name} at {blur_px:g} px", expected, measured, tolerance)
 
 
 def _sensor(lens: Lens) -> Sensor:

@@ -2,7 +2,15 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from megalopta.sensor.optics.lens import Lens, check_bands, falloff, image_irradiance, photon_flux
+from megalopta.sensor import PRESETS, changed, detection_rate, photon_rate
+from megalopta.sensor.optics.lens import (
+    Lens,
+    blurred,
+    check_bands,
+    falloff,
+    image_irradiance,
+    photon_flux,
+)
 
 
 def test_check_beam_gives_396_photons_per_square_micrometer_and_second():
@@ -95,3 +103,54 @@ def test_irradiance_without_a_value_for_each_band_is_refused():
 def test_impossible_lens_is_refused(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         Lens(**wrong)
+
+
+def test_a_lens_is_sharp_unless_it_is_told_to_blur():
+    images = np.arange(12.0).reshape(1, 3, 4)
+    assert blurred(images, 0.0) is images
+
+
+def test_blur_spreads_a_point_by_its_standard_deviation_and_keeps_its_light():
+    image = np.zeros((2, 61, 81))
+    image[:, 30, 40] = 1.0
+    spread = blurred(image, 2.0)
+    assert spread.sum(axis=(1, 2)) == pytest.approx(1.0, rel=1e-12)
+    for axis, middle in ((1, 30), (2, 40)):
+        places = np.arange(image.shape[axis]) - middle
+        profile = spread[0].sum(axis=2 - axis)
+        # tails beyond 4 σ, with a thousandth of the variance, are left out
+        assert profile @ places**2 == pytest.approx(4.0, rel=2e-3)
+
+
+def test_blur_of_pixels_is_that_of_the_finer_image_within_what_is_stated():
+    # edges at random places: the same lens on an image of eightfold resolution
+    rng, fold, side = np.random.default_rng(5), 8, 96
+    fine = np.zeros((side * fold, side * fold))
+    for _ in range(300):
+        (top, left), size = rng.integers(0, side * fold, 2), rng.integers(4, 20 * fold, 2)
+        fine[top : top + size[0], left : left + size[1]] = rng.random()
+    inner = slice(12, -12)
+
+    def pooled(image):
+        return image.reshape(side, fold, side, fold).mean(axis=(1, 3))
+
+    for blur_px, stated in ((0.5, 0.12), (1.0, 0.025), (1.5, 0.01)):
+        true = pooled(blurred(fine[np.newaxis], blur_px * fold)[0])[inner, inner]
+        coarse = blurred(pooled(fine)[np.newaxis], blur_px)[0, inner, inner]
+        assert (coarse - true).std() < stated * true.std()
+
+
+def test_photons_and_detections_are_those_of_the_blurred_light():
+    sensor = PRESETS["ideal"]
+    soft = changed(sensor, lens=sensor.lens.model_copy(update={"blur_m": 2 * sensor.pitch_m}))
+    light = np.random.default_rng(2).random((2, 20, 30, 1))
+    for rate in (photon_rate, detection_rate):
+        sharp = rate(light, [(500, 600)], sensor)
+        np.testing.assert_allclose(rate(light, [(500, 600)], soft), blurred(sharp, 2.0), rtol=1e-9)
+
+
+@pytest.mark.parametrize("pixels", [0.3, 101])
+def test_blur_that_pixels_cannot_show_is_refused(pixels):
+    sensor = PRESETS["ideal"]
+    with pytest.raises(ValueError, match=r"lens\.blur_m: .* m; pixels of .* m show blur from"):
+        changed(sensor, lens=Lens(blur_m=pixels * sensor.pitch_m))
