@@ -23,12 +23,14 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
+    asked = configuration(options)  # refused before the rest is loaded
+
     from megalopta.flow.detectors import METHODS
     from megalopta.ranking import FOLDER, run_ranking
     from megalopta.report import write_report
     from megalopta.stages import run_all
 
-    dataset = run_all(options.out, configuration(options), options.redo)
+    dataset = run_all(options.out, asked, options.redo)
     if any(METHODS[name].gives == "velocity" for name in dataset.configuration.methods):
         run_ranking(dataset.root, dataset.root / FOLDER, _RANKED)
     print(write_report(dataset))
