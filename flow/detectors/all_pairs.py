@@ -26,7 +26,7 @@ from megalopta.flow.detectors.base import FloatArray, Frames
 from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.detectors.shift_cost import parabola_minimum
 
-_STEPS_PER_PX = 4
+_STEPS_PER_PX = 2
 """Velocities tried, before interpolation"""
 
 _SLOPE, _LARGEST_PATTERN = 2.6, 0.02

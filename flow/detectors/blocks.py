@@ -45,6 +45,12 @@ class BlockGrid:
         return self.shape[1] % self.block_px // 2
 
     @property
+    def corners(self) -> NDArray[np.int64]:
+        """First pixel row and column of each block, (blocks, 2), row by row."""
+        places = np.mgrid[: self.rows, : self.columns].reshape(2, -1).T
+        return np.array([self.top, self.left]) + self.block_px * places
+
+    @property
     def centers(self) -> NDArray[np.float64]:
         """Image coordinates (rows, columns, 2), x and y, of the middles of the blocks."""
         rows, columns = np.mgrid[: self.rows, : self.columns]

@@ -16,10 +16,10 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from megalopta.flow.detectors.base import FloatArray, Responder
+from megalopta.flow.detectors.base import Responder
 from megalopta.flow.detectors.block_detector import BlockDetector
 from megalopta.flow.detectors.block_matching import thesis_radius_px
-from megalopta.flow.detectors.block_pairs import BlockPairs
+from megalopta.flow.detectors.block_pairs import neighbor_shifts
 from megalopta.flow.detectors.shot_noise_blur import SmoothedFrame
 
 
@@ -43,11 +43,5 @@ class PoissonMatching(BlockDetector, frozen=True):
         """Return the search for frames (H, W); see `Detector.start`."""
         grid, radius = self.grid(shape), self.radius_px or thesis_radius_px(shape)
         return self.over_window(
-            grid,
-            lambda window, scale: self._velocity(BlockPairs(window, grid, radius), radius),
-            SmoothedFrame,
+            grid, lambda window, scale: neighbor_shifts(window, grid, radius), SmoothedFrame
         )
-
-    def _velocity(self, pairs: BlockPairs, radius: int) -> FloatArray:
-        """Return the velocities of the blocks, (blocks, 2), from the newest frames."""
-        return pairs.neighbors(radius)

@@ -9,7 +9,7 @@ noise is smaller.
 The minimum is refined by the parabola through its 3 × 3 neighborhood, which is meant for frames
 smoothed by at least 0.7 px; on sharper ones it draws velocities toward whole pixels. A neighborhood
 in which only one frame's part moves sees another strip of texture on either side, which tilts the
-parabola: the costs around the minimum are to be those of both frames' parts (`BlockPairs`).
+parabola: the costs around the minimum are to be those of both frames' parts (`neighbor_shifts`).
 """
 
 import numpy as np

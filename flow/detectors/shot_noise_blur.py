@@ -17,9 +17,11 @@ Edges lie between plain areas, where differences are all noise. So each pixel is
 the variance of the smoothed roots around it: texture over texture plus noise, no less than a fifth.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, uniform_filter
+from scipy.ndimage import gaussian_filter, spline_filter, uniform_filter
 
 from megalopta.flow.detectors.base import FloatArray, Frames
 from megalopta.flow.detectors.blocks import BlockGrid
@@ -46,6 +48,7 @@ class SmoothedFrame:
     def __init__(self, counts: Frames) -> None:
         self._counts = counts.astype(np.float32)
         self._roots: dict[int, NDArray[np.float32]] = {}
+        self._splines: dict[int, NDArray[np.float32]] = {}
         self._weights: dict[int, NDArray[np.float32]] = {}
         self._moments: dict[tuple[BlockGrid, int], FloatArray] = {}
 
@@ -61,6 +64,12 @@ class SmoothedFrame:
             self._roots[level] = np.sqrt(_smooth(self._counts, level))
         return self._roots[level]
 
+    def splines(self, level: int) -> NDArray[np.float32]:
+        """Return the coefficients of cubic splines through `roots`, (H, W)."""
+        if level not in self._splines:
+            self._splines[level] = spline_filter(self.roots(level), 3, output=np.float32)
+        return self._splines[level]
+
     def weights(self, level: int) -> NDArray[np.float32]:
         """Return how much texture there is around each pixel of `roots`, from 0.2 to 1, (H, W)."""
         if level not in self._weights:
@@ -71,6 +80,14 @@ class SmoothedFrame:
             share = texture / (texture + _ROOT_NOISE[level])
             self._weights[level] = np.float32(_LEAST_WEIGHT) + (1 - _LEAST_WEIGHT) * share
         return self._weights[level]
+
+
+def suited_levels(
+    window: Sequence[SmoothedFrame], grid: BlockGrid, margin_px: int
+) -> NDArray[np.intp]:
+    """Return which of `BLURS_PX` suits each block, (blocks,), judged with a margin around it."""
+    moments = np.sum([frame.moments(grid, margin_px) for frame in window], axis=0)
+    return blur_levels(texture_over_noise(moments, len(window)).ravel())
 
 
 def block_moments(counts: NDArray[np.float32], grid: BlockGrid, margin_px: int) -> FloatArray:

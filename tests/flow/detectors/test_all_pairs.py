@@ -44,7 +44,7 @@ def test_score_is_the_weighted_power_of_the_sum_of_aligned_frames():
     ]
     half = weight[:, : size // 2 + 1]
     correlations = np.fft.irfft2(np.stack(crosses) * half, (size, size)).astype(np.float32)
-    scores = np.zeros((57, 57))
+    scores = np.zeros((29, 29))
     add_up_pairs(correlations, seen[0].side, scores)
     omega_y, omega_x = np.meshgrid(*[2 * np.pi * np.fft.fftfreq(size)] * 2, indexing="ij")
     alone = np.sum(weight * np.sum(np.abs(full) ** 2, axis=0))
@@ -55,7 +55,7 @@ def test_score_is_the_weighted_power_of_the_sum_of_aligned_frames():
         expected = (np.sum(weight * np.abs(turned) ** 2) - alone) / 2 / size**2
         # single precision, of terms that cancel
         scale = alone / size**2
-        assert scores[28 + 4 * y, 28 + 4 * x] == pytest.approx(expected, abs=1e-4 * scale)
+        assert scores[14 + 2 * y, 14 + 2 * x] == pytest.approx(expected, abs=1e-4 * scale)
 
 
 def test_weight_is_that_of_wiener_where_texture_is_strong_and_of_correlation_where_it_is_weak():

@@ -5,7 +5,7 @@ import pytest
 
 from megalopta.assets_gen.stimuli import dead_leaves
 from megalopta.flow.detectors.poisson_matching import PoissonMatching
-from megalopta.flow.detectors.pooled_matching import PooledMatching, baselines
+from megalopta.flow.detectors.pooled_matching import PooledMatching
 
 BOTH = [PoissonMatching(), PooledMatching()]
 SIZE = 120
@@ -74,9 +74,3 @@ def test_pooling_forgets_what_is_older_than_its_frames(leaves):
     counts = drifting(leaves, (2, 1), 100)
     newest = PooledMatching(frames=4).respond(counts[4:])[-1]
     np.testing.assert_array_equal(PooledMatching(frames=4).respond(counts)[-1], newest)
-
-
-@pytest.mark.parametrize("frames", range(3, 17))
-def test_longest_baseline_tells_most_about_a_velocity(frames):
-    weights = {k: (frames - k) * k**2 for k in range(1, frames)}
-    assert weights[baselines(frames)[-1]] == max(weights.values())
