@@ -48,7 +48,7 @@ class BlockGrid:
     def corners(self) -> NDArray[np.int64]:
         """First pixel row and column of each block, (blocks, 2), row by row."""
         places = np.mgrid[: self.rows, : self.columns].reshape(2, -1).T
-        return np.array([self.top, self.left]) + self.block_px * places
+        return np.asarray(np.array([self.top, self.left]) + self.block_px * places)
 
     @property
     def centers(self) -> NDArray[np.float64]:
