@@ -1,3 +1,4 @@
+from .haze import Haze as Haze
 from .hashed_file import (
     HashedFile as HashedFile,
     PictureFile as PictureFile,
