@@ -29,9 +29,7 @@ class PathIntegrator:
         self._integrator = mi.load_dict({"type": kind, "max_depth": depth})
 
     def move_to(self, time_s: float) -> None:
-        """Take notice of shapes that have moved."""
-        if self._air:
-            self._air.scene.parameters_changed([])
+        """Nothing is kept that depends on the time."""
 
     def render(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
         """Radiance (H, W, B) that a sensor sees, W·m⁻²·sr⁻¹·nm⁻¹.

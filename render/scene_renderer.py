@@ -84,7 +84,7 @@ class SceneRenderer:
             )
         else:
             places = np.zeros((0, 3)) if poses is None else self._local(poses)[:, :3, 3]
-            air = fill(scene, scene.haze, loaded, places) if scene.haze else None
+            air = fill(scene, scene.haze, loaded, meshes, places) if scene.haze else None
             integrator: Integrator = PathIntegrator(settings.max_depth, air)
             if poses is not None and not reason:
                 local, its_seed = self._local(poses), bake_seed(seed)

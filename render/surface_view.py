@@ -64,11 +64,10 @@ class SurfaceView:
         if time_s == self._time_s or not self._moving:
             return
         normals = {index: mesh.normals_at(time_s) for index, mesh in self._moving.items()}
-        move_meshes(
-            self._loaded,
-            {index: mesh.vertices_at(time_s) for index, mesh in self._moving.items()},
-            {index: each for index, each in normals.items() if each is not None},
-        )
+        vertices = {index: mesh.vertices_at(time_s) for index, mesh in self._moving.items()}
+        turned = {index: each for index, each in normals.items() if each is not None}
+        for scene in [self._loaded, *([self._air.scene] if self._air else [])]:
+            move_meshes(scene, vertices, turned)
         self._integrator.move_to(time_s)
         self._time_s = time_s
 

@@ -5,6 +5,7 @@ scene without it nothing is between camera and surface, as truth has it. The box
 it is. What lights the scene shines from outside, through the haze.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +14,8 @@ from numpy.typing import NDArray
 
 from megalopta.render import mi
 from megalopta.render.loading.materials import spectrum
-from megalopta.render.loading.scene import part_of_scene
+from megalopta.render.loading.meshes import MergedMesh
+from megalopta.render.loading.scene import load_scene, part_of_scene
 from megalopta.scenes.spectra import flat
 from megalopta.scenes.world import Haze, Scene
 
@@ -47,11 +49,16 @@ class Air:
         return np.asarray(np.exp(-self.extinction_per_m * ends.min(axis=1)))
 
 
-def fill(scene: Scene, haze: Haze, loaded: Any, positions: Float64) -> Air:
-    """Fill a loaded scene with haze, in a box that holds positions (..., 3) too, m."""
+def fill(
+    scene: Scene, haze: Haze, loaded: Any, meshes: Sequence[MergedMesh], positions: Float64
+) -> Air:
+    """Fill a loaded scene of meshes with haze, in a box that holds positions (N, 3) too, m.
+
+    Shapes that move are loaded again: of two scenes that share one, only the first is told.
+    """
     box = loaded.bbox()
     corners = np.array([box.min, box.max], np.float64)
-    points = np.concatenate([corners, positions.reshape(-1, 3)])
+    points = np.concatenate([corners, positions])
     low, high = points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M
     medium = mi.load_dict(
         {
@@ -68,7 +75,8 @@ def fill(scene: Scene, haze: Haze, loaded: Any, positions: Float64) -> Air:
         "bsdf": {"type": "null"},
         "interior": medium,
     }
-    whole = part_of_scene(scene, [*loaded.shapes(), mi.load_dict(walls)])
+    shapes = load_scene(scene, meshes).shapes() if scene.is_moving else loaded.shapes()
+    whole = part_of_scene(scene, [*shapes, mi.load_dict(walls)])
     return Air(whole, medium, haze.extinction_per_m, low, high)
 
 
