@@ -43,7 +43,7 @@ vectorized = pytest.mark.skipif(
 
 def wall(distance_m, half_m):
     corners = half_m * np.array([[0, 1, -1], [0, -1, -1], [0, -1, 1], [0, 1, 1]])
-    return quad(corners + [distance_m, 0, 0])
+    return quad(corners + np.array([distance_m, 0, 0]))
 
 
 def scene_of(mesh, material, haze, sky=LEVEL, motion=None):
@@ -68,20 +68,20 @@ def mean(rendering):
     return rendering.radiance(POSES[0], 1).mean(axis=(0, 1), dtype=np.float64)
 
 
-@pytest.mark.parametrize(("share", "tolerance"), [(0.25, 0.01), (1.0, 0.05)])
+@pytest.mark.parametrize(("share", "tolerance"), [(0.25, 0.004), (1.0, 0.025)])
 def test_what_glows_fades_exponentially_to_two_percent_at_the_visibility(share, tolerance):
     haze = Haze(visibility_m=40, albedo=0)
     board = scene_of(wall(40 * share, 5), Material(flat(0), None, Emission(LEVEL)), haze, sky=0)
-    # Of a million paths a share T escapes, known to √((1 − T) / T / 5e5) in each band.
+    # Of half a million paths in each band a share T escapes: 0.05 and 0.3 % (σ) when stratified.
     assert mean(renderer(board)) == pytest.approx(LEVEL * 0.02**share, rel=tolerance)
 
 
 def test_black_object_stands_out_by_its_transmittance_as_koschmieder_found():
-    """So small that it takes no light from the haze."""
+    """The share that it takes of its surround's light adds 0.002."""
     target = scene_of(wall(50, 0.05), Material(flat(0)), Haze(visibility_m=100))
     found = mean(renderer(target, fov_deg=0.08, samples=64, width=32))
-    # 65 000 paths of one half of the sky's light (σ): 0.002 of it.
-    assert 1 - found / LEVEL == pytest.approx(math.sqrt(0.02), abs=0.015)
+    # 65 000 paths: 0.001 (σ).
+    assert 1 - found / LEVEL == pytest.approx(math.sqrt(0.02), abs=0.008)
 
 
 @pytest.mark.parametrize("asymmetry", [-0.6, 0.0, 0.6])
@@ -92,7 +92,8 @@ def test_light_scattered_once_is_that_of_a_quadrature(asymmetry):
     view = renderer(scene_of(wall(distance, half), Material(flat(0)), haze), 0.5, samples=100)
     found = mean(view)
     expected = LEVEL * albedo * scattered_once(distance, half, haze.extinction_per_m, asymmetry)
-    assert found == pytest.approx(expected, rel=0.02)
+    # 410 000 paths: 0.2 % (σ).
+    assert found == pytest.approx(expected, rel=0.015)
 
 
 def scattered_once(distance, half, extinction, g):
@@ -131,14 +132,15 @@ CAMERAS = [
 def test_nothing_is_seen_where_droplets_and_surfaces_scatter_all_of_an_even_light(
     camera, exposure_s
 ):
-    """The box is three optical depths thick: a path of 66 events is one in 10⁴."""
+    """Paths of 66 hits and scatterings at most miss nothing that 1000 would find."""
     scene = scene_of(SPHERE, Material(flat(1)), Haze(visibility_m=10))
     rendering = renderer(scene, samples=64, camera=camera)
     if exposure_s:
         image = rendering.exposed(AHEAD, Shutter(exposure_s=exposure_s), 0, 1)
     else:
         image = rendering.radiance(POSES[0], 1)
-    assert image.mean(axis=(0, 1), dtype=np.float64) == pytest.approx(LEVEL, rel=0.02)
+    # 16 000 paths or more in each band: 0.2 % (σ).
+    assert image.mean(axis=(0, 1), dtype=np.float64) == pytest.approx(LEVEL, rel=0.012)
 
 
 def test_truth_and_sky_are_those_of_clear_air():
@@ -202,8 +204,7 @@ def test_scalar_and_vectorized_variants_agree_on_leaves_in_haze_under_a_natural_
     haze = Haze(visibility_m=20, albedo=0.9, asymmetry=0.3)
     scene = replace(scene_of(SPHERE, leaf, haze), lighting=light)
     views = (
-        renderer(scene, 40, samples=25, width=8, backend=backend)
-        for backend in ("auto", "scalar")
+        renderer(scene, 40, samples=25, width=8, backend=backend) for backend in ("auto", "scalar")
     )
     means = [[view.radiance(POSES[0], seed).mean() for seed in range(16)] for view in views]
     error = math.hypot(*(np.std(each, ddof=1) / 4 for each in means))
