@@ -5,6 +5,9 @@ weighted with V(λ). These paths meet everything but the disc of sun or moon, wh
 visibility rays toward points of the disc. The light has as many bounces as in the frames, so that
 the meter and the frames miss the same light: at a surface, frames have spent one segment of their
 longest path on the way from the camera.
+
+In haze, light is measured as it arrives through it, and what is above everything is above the haze:
+there the meter reads the illuminance that was asked for.
 """
 
 import math
@@ -14,8 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.render.loading import DISC_POINTS
+from megalopta.render.loading import DISC_POINTS, Air
 from megalopta.render.mitsuba_loader import mi
+from megalopta.render.path_tracing import PathIntegrator
 from megalopta.render.truth import rays
 from megalopta.scenes.spectra import MAXIMUM_EFFICACY_LM_W, luminous, luminous_efficiency
 from megalopta.scenes.world import Lighting
@@ -46,7 +50,7 @@ class LightSurvey:
     """What a scene gets, in the open and below a camera's path."""
 
     unshaded: Illuminance
-    """Above everything."""
+    """Above everything, haze too."""
     ground: tuple[Illuminance, ...]
     """Just above what lies below the camera; empty where nothing does."""
 
@@ -54,20 +58,23 @@ class LightSurvey:
 class LightMeter:
     """Measures in a scene that is loaded in the active variant, a spectral one.
 
-    `max_depth` is that of the frames: 2 or more to light anything.
+    `max_depth` is that of the frames: 2 or more to light anything. `air` is the scene's haze.
     """
 
-    def __init__(self, scene: Any, lighting: Lighting, max_depth: int) -> None:
-        self._scene = scene
-        self._sun = lighting.sun if max_depth > 1 else None
-        self._film_px = _UNEVEN_FILM_PX if lighting.patterns else _FILM_PX
-        self._integrator = mi.load_dict({"type": "path", "max_depth": max_depth - 1})
+    def __init__(
+        self, scene: Any, lighting: Lighting, max_depth: int, air: Air | None = None
+    ) -> None:
+        self._scene, self._lighting, self._max_depth, self._air = scene, lighting, max_depth, air
+        self._sun = lighting.sun if max_depth > 1 or air else None
+        self._film_px = _UNEVEN_FILM_PX if lighting.patterns or air else _FILM_PX
+        self._integrator = PathIntegrator(max_depth - 1, air)
 
     def survey(self, positions: Float64) -> LightSurvey:
         """Measure above and below camera positions (N, 3), m."""
         below = [point for each in positions if (point := self._below(each)) is not None]
+        above_haze = LightMeter(self._scene, self._lighting, self._max_depth)
         return LightSurvey(
-            self.measure(self._above_all(positions.mean(axis=0)), seed=0),
+            above_haze.measure(self._above_all(positions.mean(axis=0)), seed=0),
             tuple(self.measure(point, seed=1 + index) for index, point in enumerate(below)),
         )
 
@@ -75,8 +82,8 @@ class LightMeter:
         """Illuminance of a horizontal plane at a position (3,), m."""
         # Must live as long as its sensor, which does not hold it.
         plate = meter_plates(position[None], self._film_px)
-        meter = plate.sensor()
-        lux = np.array(self._integrator.render(self._scene, meter, seed=seed), np.float64)
+        paths = self._integrator.render(self._scene, plate.sensor(), seed=seed, spp=1)
+        lux = paths.astype(np.float64)
         return Illuminance(
             tuple(position.tolist()),
             float(lux.mean()) + self._from_disc(position),
@@ -99,7 +106,8 @@ class LightMeter:
             return 0.0
         toward = self._sun.points(DISC_POINTS)
         hidden = rays.is_hidden(self._scene, position, toward, np.full(DISC_POINTS, np.inf))
-        cosine = np.where(hidden, 0, np.maximum(toward[:, 2], 0)).mean()
+        unmet = self._air.transmittance(position, toward) if self._air else np.ones(DISC_POINTS)
+        cosine = np.where(hidden, 0, unmet * np.maximum(toward[:, 2], 0)).mean()
         return float(luminous(self._sun.irradiance) * cosine)
 
 

@@ -6,18 +6,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.render.loading import Air
 from megalopta.render.mitsuba_loader import dr, mi
 from megalopta.render.sensors import pixel_means
 
+SCATTERINGS = 64
+"""What the longest path of clear air grows by in haze: of 80 trees in fog of 50 m visibility, 16
+more miss 0.2 % of the light in the visible and 1.6 % where leaves are bright, 32 miss 0.01 %; of
+10 m, 64 miss some 3 % where leaves are bright."""
 # Rays per pixel that look for the sky in scalar variants, where each takes 10 µs.
 _SCALAR_RAYS = 4
 
 
 class PathIntegrator:
-    """Frames of which every path is traced."""
+    """Frames of which every path is traced, in clear air or through haze.
 
-    def __init__(self, max_depth: int) -> None:
-        self._integrator = mi.load_dict({"type": "path", "max_depth": max_depth})
+    In haze, scatterings by droplets count as hits of surfaces do.
+    """
+
+    def __init__(self, max_depth: int, air: Air | None = None) -> None:
+        self._air = air
+        kind, depth = ("volpath", max_depth + SCATTERINGS) if air else ("path", max_depth)
+        self._integrator = mi.load_dict({"type": kind, "max_depth": depth})
 
     def move_to(self, time_s: float) -> None:
         """Nothing is kept that depends on the time."""
@@ -26,8 +36,12 @@ class PathIntegrator:
         """Radiance (H, W, B) that a sensor sees, W·m⁻²·sr⁻¹·nm⁻¹.
 
         The integrator is called itself: `mi.render` wraps it for differentiation, and that wrapper
-        turns Ctrl-C into a RuntimeError.
+        turns Ctrl-C into a RuntimeError. In haze its scene is that of the air.
         """
+        if self._air:
+            scene = self._air.scene
+            if sensor.get_medium() is None:  # it takes one only once
+                sensor.set_medium(self._air.medium)
         return np.array(self._integrator.render(scene, sensor, seed=seed, spp=spp), np.float32)
 
     def measured(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:

@@ -13,7 +13,7 @@ from megalopta.render.baking import BakedLightIntegrator, path_tracing_reason
 from megalopta.render.canopy import Canopy, measure_canopy
 from megalopta.render.environment import EnvironmentView
 from megalopta.render.illuminance import LightSurvey
-from megalopta.render.loading import load_scene, merge
+from megalopta.render.loading import fill, load_scene, merge
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.path_tracing import PathIntegrator
@@ -38,7 +38,8 @@ class SceneRenderer:
     Parameters
     ----------
     poses : (T, 4, 4), optional
-        Where the camera will come; light is baked for these. Without them paths are traced.
+        Where the camera will come; light is baked for these, and haze reaches so far. Without them
+        paths are traced.
     seed : int
         Seed of the sequence, for what its frames share.
     light_folder : pathlib.Path, optional
@@ -82,7 +83,9 @@ class SceneRenderer:
                 scene.environment, camera, settings.bands_nm, settings.samples_per_pixel
             )
         else:
-            integrator: Integrator = PathIntegrator(settings.max_depth)
+            places = np.zeros((0, 3)) if poses is None else self._local(poses)[:, :3, 3]
+            air = fill(scene, scene.haze, loaded, meshes, places) if scene.haze else None
+            integrator: Integrator = PathIntegrator(settings.max_depth, air)
             if poses is not None and not reason:
                 local, its_seed = self._local(poses), bake_seed(seed)
                 baked = BakedLightIntegrator(
@@ -90,7 +93,7 @@ class SceneRenderer:
                 )
                 reason = baked.reason
                 integrator = integrator if reason else baked
-            self._view = SurfaceView(scene, meshes, loaded, camera, settings, integrator)
+            self._view = SurfaceView(scene, meshes, loaded, camera, settings, integrator, air)
         self.integrator = f"path ({reason})" if reason else "baked"
         self.samples_per_pixel = self._view.samples_per_pixel
 

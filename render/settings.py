@@ -23,7 +23,8 @@ class RenderSettings(Record, frozen=True):
     """Longest path in surface hits plus one: 2 is direct light, each more one bounce. In the demo's
     forest 3, 4 and 5 miss 0.2, 0.01 and 0.00 % of the light of a typical pixel in the visible, 4, 1
     and 0.3 % at 0.9 to 1.7 µm where leaves are bright, for 1.8, 2.4 and 2.6 times the work of 2
-    (benchmarks/bench_sampler.py)."""
+    (benchmarks/bench_sampler.py). In haze a scattering counts as a hit, and 64 more are allowed:
+    enough down to a visibility of 20 m; denser fog takes more."""
 
     bands_nm: Annotated[tuple[tuple[float, float], ...], Field(min_length=1)] = (
         (400, 475),
@@ -51,7 +52,7 @@ class RenderSettings(Record, frozen=True):
     """path traces every path of every frame; baked computes the light on each surface once, which
     all views share, and traces paths for objects that move and what is near them; auto bakes where
     frames of the same error on surfaces then cost half. Scalar variants, and scenes where more than
-    16 objects move, always take path."""
+    16 objects move, always take path; in haze auto does, and baked is refused."""
 
     bake_error: Annotated[float, Field(gt=0, lt=1)] = 0.022
     """Noise of baked light, which stands on surfaces in all frames alike: RMS over pixels without

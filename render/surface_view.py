@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.render.illuminance import LightMeter, LightSurvey
-from megalopta.render.loading import MergedMesh, MovingMesh, move_meshes
+from megalopta.render.loading import Air, MergedMesh, MovingMesh, move_meshes
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.sensors import Film
 from megalopta.render.settings import RenderSettings
@@ -44,9 +44,10 @@ class SurfaceView:
         camera: Camera,
         settings: RenderSettings,
         integrator: Integrator,
+        air: Air | None = None,
     ) -> None:
         self._scene, self._loaded, self._integrator = scene, loaded, integrator
-        self._camera, self._settings = camera, settings
+        self._camera, self._settings, self._air = camera, settings, air
         self._moving = {
             index: mesh for index, mesh in enumerate(meshes) if isinstance(mesh, MovingMesh)
         }
@@ -63,25 +64,27 @@ class SurfaceView:
         if time_s == self._time_s or not self._moving:
             return
         normals = {index: mesh.normals_at(time_s) for index, mesh in self._moving.items()}
-        move_meshes(
-            self._loaded,
-            {index: mesh.vertices_at(time_s) for index, mesh in self._moving.items()},
-            {index: each for index, each in normals.items() if each is not None},
-        )
+        vertices = {index: mesh.vertices_at(time_s) for index, mesh in self._moving.items()}
+        turned = {index: each for index, each in normals.items() if each is not None}
+        for scene in [self._loaded, *([self._air.scene] if self._air else [])]:
+            move_meshes(scene, vertices, turned)
         self._integrator.move_to(time_s)
         self._time_s = time_s
 
     def radiance(self, pose: NDArray[np.float64], seed: int) -> NDArray[np.float32]:
         """Radiance (H, W, B) from a pose (4, 4).
 
-        Raises FloatingPointError when Mitsuba returns a value that is not finite.
+        Raises FloatingPointError when Mitsuba returns a value that is not finite, and ValueError
+        where the pose is outside of the haze.
         """
         film = self._film(1)
+        self._check(pose)
         return _finite(film.expose(self._integrator.render, self._loaded, pose, seed))
 
     def measured(self, pose: NDArray[np.float64], seed: int) -> MeasuredPass:
         """The same, with what its error is known by."""
         film = self._film(1)
+        self._check(pose)
         return self._parts(film.expose(self._integrator.measured, self._loaded, pose, seed))
 
     def exposed(self, exposure: Exposure) -> NDArray[np.float32]:
@@ -97,7 +100,7 @@ class SurfaceView:
         lighting = self._scene.lighting
         if lighting is None:
             return None
-        meter = LightMeter(self._loaded, lighting, self._settings.max_depth)
+        meter = LightMeter(self._loaded, lighting, self._settings.max_depth, self._air)
         return meter.survey(positions - self._scene.origin_m)
 
     def _exposed(
@@ -110,9 +113,18 @@ class SurfaceView:
         for part in exposure.parts:
             times = part.row_times_s
             self.move_to(times[0])
+            self._check(part.poses)
             before = (lambda row, at=times: self.move_to(at[row])) if row_by_row else None
             images.append(film.expose(trace, self._loaded, part.poses, part.seed, before))
         return np.asarray(np.mean(images, axis=0, dtype=np.float64), dtype=np.float32)
+
+    def _check(self, poses: NDArray[np.float64]) -> None:
+        """Refuse poses (..., 4, 4) from which paths would not start in the haze."""
+        if self._air and not self._air.holds(poses[..., :3, 3]):
+            raise ValueError(
+                "the camera looks from outside of the haze, which reaches to the poses that were "
+                "foreseen; give SceneRenderer all poses"
+            )
 
     def _film(self, instants: int, is_exposed: bool = False, row_by_row: bool = False) -> Film:
         """The film of one instant; all instants share the samples of a sharp frame."""

@@ -38,6 +38,11 @@ class SceneDescription(Record, frozen=True):
         return False
 
     @property
+    def is_hazy(self) -> bool:
+        """Whether droplets in the air scatter light."""
+        return False
+
+    @property
     def counts(self) -> Mapping[str, int]:
         """How many there are of what, for the report."""
         return {}

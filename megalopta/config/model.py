@@ -187,6 +187,11 @@ class Configuration(Record, frozen=True):
                 f"light.{'panorama' if self.light.panorama else 'sky'}: a scene of kind "
                 f"{self.scene.kind!r} has its own light; leave it out, or take a forest"
             )
+        if self.scene.is_hazy and self.render.integrator == "baked":
+            raise ValueError(
+                "render.integrator 'baked': baked light knows no haze; use 'auto' or 'path', or "
+                "leave out scene.haze"
+            )
         return self
 
     def _check_shutter(self, period_s: float) -> None:

@@ -78,7 +78,7 @@ def to_yaml(record: BaseModel) -> str:
 
 
 def put(values: Any, path: str, value: Any) -> None:
-    """Set a value inside nested mappings and lists.
+    """Set a value inside nested mappings and lists; a null on the way becomes a mapping.
 
     A new `kind` or `preset` starts its mapping afresh; a single value for a list makes a list of
     one.
@@ -136,6 +136,8 @@ def _child(values: Any, step: str, path: str) -> Any:
     if isinstance(values, list) and step.isdecimal() and int(step) < len(values):
         return values[int(step)]
     if isinstance(values, dict) and step in values:
+        if values[step] is None:
+            values[step] = {}
         return values[step]
     entries = range(len(values)) if isinstance(values, list) else values
     known = list(map(str, entries)) if isinstance(values, dict | list) else []

@@ -25,6 +25,8 @@ WORTH_TELLING_S, WORTH_TELLING_BYTES = 300.0, 1e9
 
 _SAMPLES_PER_S = 1e5
 """Light paths of a forest, all bounces included."""
+_HAZE_WORK = 3.0
+"""Times as much work a light path is in haze."""
 _DIRECT_SAMPLES_PER_S = 1e6
 """Light paths of a scene that only glows, and points of a panorama."""
 _FRAME_S = 0.1
@@ -158,6 +160,7 @@ def _render(settings: Configuration) -> Estimate:
     times = passes if shutter.is_instant else 2 * passes
     samples = float(frames * pixels * settings.render.samples_per_pixel * times)
     per_s = _SAMPLES_PER_S if settings.scene.has_bounces else _DIRECT_SAMPLES_PER_S
+    work = samples * (_HAZE_WORK if settings.scene.is_hazy else 1)
     truths = 2 if shutter.readout_s else 1
     radiances = 1 if shutter.is_instant else 2
     per_pixel = bands * _BAND_BYTES * radiances + _TRUTH_BYTES * truths + _TRAINING_BYTES
@@ -167,7 +170,7 @@ def _render(settings: Configuration) -> Estimate:
         samples,
         disk_bytes=frames * pixels * per_pixel,
         memory_bytes=pixels * (_RENDERED_BYTES + 16 * bands) + frames * _POSE_BYTES,
-        seconds=frames * _FRAME_S * radiances + samples / per_s,
+        seconds=frames * _FRAME_S * radiances + work / per_s,
     )
 
 

@@ -24,9 +24,21 @@ def path_tracing_reason(
     """Why frames are rendered by path tracing; empty where their light is baked.
 
     Poses (T, 4, 4) are those of the sequence, where it is known.
+
+    Raises
+    ------
+    ValueError
+        Where light is to be baked in haze.
     """
+    if scene.haze and settings.integrator == "baked":
+        raise ValueError(
+            "integrator 'baked': baked light knows surfaces alone, and haze scatters light between "
+            "them; use 'auto' or 'path'"
+        )
     if settings.integrator == "path":
         return "as asked"
+    if scene.haze:
+        return "baked light knows no haze"
     if variant.startswith("scalar"):
         return "baking needs a vectorized variant"
     if not scene.placements:

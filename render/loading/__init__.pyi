@@ -1,3 +1,7 @@
+from .air import (
+    Air as Air,
+    fill as fill,
+)
 from .materials import bitmap as bitmap
 from .meshes import (
     MergedMesh as MergedMesh,

@@ -24,7 +24,7 @@ from megalopta.scenes.forest.sway import Wind, swaying
 from megalopta.scenes.forest.undergrowth import LAYERS
 from megalopta.scenes.lighting import Light
 from megalopta.scenes.trajectories import Path
-from megalopta.scenes.world import Asset, Placement, Scene
+from megalopta.scenes.world import Asset, Haze, Placement, Scene
 
 RIM_WIDTH_M, RIM_HEIGHT_M = 22.0, 7.0
 """Behind the stand the land rises over this width by this height (m)."""
@@ -92,6 +92,8 @@ class Forest(SceneDescription, frozen=True):
 
     wind: Wind | None = None
     """Wind that makes trees and bushes sway; null is calm."""
+    haze: Haze | None = None
+    """Mist or fog between the trees and just above them, by its visibility_m; null is clear air."""
 
     @field_validator("mix")
     @classmethod
@@ -127,6 +129,11 @@ class Forest(SceneDescription, frozen=True):
         return self.wind is not None
 
     @property
+    def is_hazy(self) -> bool:
+        """Whether there is mist or fog."""
+        return self.haze is not None
+
+    @property
     def counts(self) -> dict[str, int]:
         """Its trees, without those of the belt."""
         return {"trees": self.trees}
@@ -140,13 +147,16 @@ class Forest(SceneDescription, frozen=True):
         """The forest around a camera's path, from which trunks keep clear, in the light."""
         detail = min(self.detail * _finer(camera), 1000.0)
         drawn = self.model_copy(update={"detail": detail})
-        return replace(build_forest(drawn, trajectory.poses()[:, :2, 3]), lighting=light.lighting())
+        stand = build_forest(drawn, trajectory.poses()[:, :2, 3])
+        return replace(stand, lighting=light.lighting(), haze=self.haze)
 
     def describe(self) -> str:
         """A sentence for the report."""
         *others, last = [name for name, share in self.mix.items() if share > 0]
         species = f"{', '.join(others)} and {last}" if others else last
-        return f"A forest of {self.trees:,} trees ({species}), {self.density_per_ha:g} per hectare."
+        haze = f", in haze with a visibility of {self.haze.visibility_m:g} m" if self.haze else ""
+        stand = f"A forest of {self.trees:,} trees ({species}), {self.density_per_ha:g} per hectare"
+        return f"{stand}{haze}."
 
 
 def build_forest(forest: Forest, path_xy: ArrayLike) -> Scene:

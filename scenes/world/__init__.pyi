@@ -2,6 +2,7 @@ from .hashed_file import (
     HashedFile as HashedFile,
     PictureFile as PictureFile,
 )
+from .haze import Haze as Haze
 from .material import (
     Emission as Emission,
     Material as Material,

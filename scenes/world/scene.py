@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from megalopta.scenes.spectra import Spectrum, total
 from megalopta.scenes.world.hashed_file import HashedFile
+from megalopta.scenes.world.haze import Haze
 from megalopta.scenes.world.material import Material
 from megalopta.scenes.world.motion import Motion
 
@@ -157,12 +158,18 @@ class Scene:
     they are precise also far from the world's origin."""
     environment: Environment | None = None
     """Seen alone, without noise; one that lights objects is in the lighting."""
+    haze: Haze | None = None
+    """Fills a box around all objects and the camera; None is clear air."""
 
     def __post_init__(self) -> None:
-        """Refuse dangling names and objects before a panorama."""
+        """Refuse dangling names, objects before a panorama and haze around nothing."""
         if self.environment and (self.placements or self.lighting):
             raise ValueError(
                 "scene: an environment is seen alone; let Lighting.panorama light the objects"
+            )
+        if self.haze and not self.placements:
+            raise ValueError(
+                "scene: haze fills the space around objects, and there is none; leave it out"
             )
         for placement in self.placements:
             if placement.asset not in self.assets:

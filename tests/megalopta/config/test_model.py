@@ -8,6 +8,7 @@ from megalopta.config.model import built_in_names, differences, load, parse
 from megalopta.config.yaml_model import to_yaml
 from megalopta.errors import UserError
 from megalopta.scenes.forest import Forest
+from megalopta.scenes.world import Haze
 
 
 @pytest.mark.parametrize("name", built_in_names())
@@ -24,6 +25,11 @@ def test_overrides_reach_nested_fields_and_list_items():
     assert changed.scene.trees == 120
     assert changed.sensors[0].exposure_s == 0.05
     assert changed.light_levels == ("starlight", 0.5)
+
+
+def test_an_override_reaches_into_what_is_absent():
+    hazy = load("demo", {"scene.haze.visibility_m": "99", "render.integrator": "auto"})
+    assert hazy.scene.haze == Haze(visibility_m=99)
 
 
 def test_a_single_value_for_a_list_makes_a_list_of_one():
@@ -134,6 +140,8 @@ def test_missing_map_and_missing_device_are_named(measured):
         ("camera: {kind: equirectangular, fov: 90}", r"camera\.fov: unknown key; did you mean 'fov_deg'"),
         ("light: {sky: cloudy}", r"light\.sky: .*'even' or 'natural', got 'cloudy'"),
         ("{scene: {kind: grating}, light: {sky: natural}}", r"light\.sky: a scene of kind 'grating' has its own light"),
+        ("{scene: {kind: forest, haze: {visibility_m: 99}}, render: {integrator: baked}}", "integrator 'baked': baked light knows no haze; use 'auto' or 'path'"),
+        ("scene: {kind: forest, haze: {}}", r"scene\.haze\.visibility_m: missing; give a value"),
         ("light: {panorama: none.hdr}", r"light\.panorama: none\.hdr cannot be read \(no such file"),
         ("light_levels: [dusk]", "'dusk' is unknown: use one of daylight"),
         ("light_levels: [starlight, starlight]", "each level once"),

@@ -98,6 +98,13 @@ def test_work_grows_with_the_frames_and_memory_does_not():
         assert second.memory_bytes == pytest.approx(first.memory_bytes, rel=1e-3)
 
 
+def test_haze_takes_three_times_the_work():
+    clear = {"render.integrator": "path", "render.samples_per_pixel": "10000"}
+    hazy = {**clear, "scene.haze.visibility_m": "100"}
+    first, second = (estimate.estimate(load("demo", each), "render") for each in (clear, hazy))
+    assert second.seconds == pytest.approx(3 * first.seconds, rel=1e-2)
+
+
 def test_a_sweep_of_months_is_refused_and_one_of_minutes_announced(capsys):
     trial = {"search": {"repeats": 100_000, "phases": 251}}
     with pytest.raises(UserError, match=r"sweep: 4 trials would take about .* days"):

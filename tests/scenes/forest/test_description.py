@@ -315,11 +315,18 @@ def test_without_undergrowth_around_one_place_only_one_species_and_the_belt_are_
         ("clearance_m", 1e9, "less than or equal to 100"),
         ("detail", 1e9, "less than or equal to 1000"),
         ("fog", 1, "not permitted"),
+        ("haze", {"visibility_m": 0}, "greater than or equal to 1"),
     ],
 )
 def test_impossible_forests_are_refused(field, value, message):
     with pytest.raises(ValidationError, match=message):
         Forest.model_validate({field: value})
+
+
+def test_report_tells_of_the_haze():
+    hazy = Forest.model_validate({"haze": {"visibility_m": 250}})
+    assert hazy.describe().endswith("per hectare, in haze with a visibility of 250 m.")
+    assert "haze" not in Forest().describe()
 
 
 @pytest.mark.parametrize("path", [np.zeros((3, 3)), np.zeros((0, 2)), [[0, np.nan]], [1.0, 2.0]])

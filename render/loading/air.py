@@ -1,0 +1,84 @@
+"""Haze as Mitsuba has it: a homogeneous medium in a box around all surfaces and the camera.
+
+Paths that meet droplets are traced in a scene of its own, of the same shapes and the box; in the
+scene without it nothing is between camera and surface, as truth has it. The box lets light pass as
+it is. What lights the scene shines from outside, through the haze.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.render import mi
+from megalopta.render.loading.materials import spectrum
+from megalopta.render.loading.meshes import MergedMesh
+from megalopta.render.loading.scene import load_scene, part_of_scene
+from megalopta.scenes.spectra import flat
+from megalopta.scenes.world import Haze, Scene
+
+Float64 = NDArray[np.float64]
+
+MARGIN_M = 1.0
+"""Of the box, beyond surfaces and camera."""
+
+
+@dataclass(frozen=True)
+class Air:
+    """The haze of a scene, and the scene in it."""
+
+    scene: Any
+    """The surfaces and the box."""
+    medium: Any
+    """For sensors in the box to start in."""
+    extinction_per_m: float
+    low: Float64
+    high: Float64
+    """(3,): corners of the box, m."""
+
+    def holds(self, points: Float64) -> bool:
+        """Whether points (..., 3), m, are all in the box."""
+        return bool(((points > self.low) & (points < self.high)).all())
+
+    def transmittance(self, point: Float64, toward: Float64) -> Float64:
+        """Share (N,) of what comes from unit directions (N, 3) that reaches a point (3,) unmet."""
+        with np.errstate(divide="ignore"):
+            ends = np.maximum((self.low - point) / toward, (self.high - point) / toward)
+        return np.asarray(np.exp(-self.extinction_per_m * ends.min(axis=1)))
+
+
+def fill(
+    scene: Scene, haze: Haze, loaded: Any, meshes: Sequence[MergedMesh], positions: Float64
+) -> Air:
+    """Fill a loaded scene of meshes with haze, in a box that holds positions (N, 3) too, m.
+
+    Shapes that move are loaded again: of two scenes that share one, only the first is told.
+    """
+    box = loaded.bbox()
+    corners = np.array([box.min, box.max], np.float64)
+    points = np.concatenate([corners, positions])
+    low, high = points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M
+    medium = mi.load_dict(
+        {
+            "type": "homogeneous",
+            "sigma_t": _everywhere(haze.extinction_per_m),
+            "albedo": _everywhere(haze.albedo),
+            "phase": {"type": "hg", "g": haze.asymmetry},
+        }
+    )
+    place = mi.ScalarTransform4f().translate(((low + high) / 2).tolist())
+    walls = {
+        "type": "cube",
+        "to_world": place.scale(((high - low) / 2).tolist()),
+        "bsdf": {"type": "null"},
+        "interior": medium,
+    }
+    shapes = load_scene(scene, meshes).shapes() if scene.is_moving else loaded.shapes()
+    whole = part_of_scene(scene, [*shapes, mi.load_dict(walls)])
+    return Air(whole, medium, haze.extinction_per_m, low, high)
+
+
+def _everywhere(value: float) -> dict[str, Any]:
+    return {"type": "constvolume", "value": spectrum(flat(value))}
