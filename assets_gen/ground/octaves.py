@@ -8,7 +8,7 @@ import numpy as np
 from megalopta.assets_gen import FloatArray
 from megalopta.assets_gen.patterns import PlaneWaves, plane_waves
 
-WAVES = 28
+WAVES = 56
 """Plane waves of a band."""
 SAMPLED = 2.0, 3.5
 """A band is absent where a mesh has fewer points on its shortest wave than the first, and whole

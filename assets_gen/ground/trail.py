@@ -22,6 +22,8 @@ SUNK_M = 0.06
 """How deep feet have worn it (m)."""
 MARGIN_M = 1.0
 """The margin is uneven up to this far from where it would be straight (m)."""
+FRINGE_M = 0.09
+"""Root mean square depth to which its margins fray (m)."""
 SHOULDER_M = 0.35
 """Width of its flanks (m)."""
 
@@ -35,7 +37,8 @@ class Trail:
     half_m: float
     """Half of its mean width (m)."""
     margin: PlaneWaves
-    """Unevenness of its margins (m)."""
+    fringe: PlaneWaves
+    """Unevenness of its margins, and how far they fray (m)."""
 
     def inside(self, points: FloatArray) -> FloatArray:
         """Return how far points (n, 2) are from the margin (m): positive on the path."""
@@ -44,6 +47,13 @@ class Trail:
         near = away < self.half_m + MARGIN_M
         inside[near] += self.margin(points[near])
         return inside
+
+    def covers(self, points: FloatArray) -> NDArray[np.bool_]:
+        """Return where there is bare soil, at points (n, 2) (m)."""
+        inside = self.inside(points)
+        near = np.abs(inside) < MARGIN_M
+        inside[near] += self.fringe(points[near])
+        return inside > 0
 
     def clear_of(
         self, points: FloatArray, from_middle_m: float, from_margin_m: float
@@ -88,8 +98,12 @@ def make_trail(
         for place, direction in ((path_xy[0], start), (path_xy[-1], end))
     )
     line = np.concatenate([behind[::-1], path_xy, ahead])
-    uneven = 0.13 * width_m**0.5
-    return Trail(cKDTree(line), width_m / 2, plane_waves((0.35, 4.0), uneven, 32, rng))
+    return Trail(
+        cKDTree(line),
+        width_m / 2,
+        margin=plane_waves((0.5, 4.0), 0.12 * width_m**0.5, 40, rng),
+        fringe=plane_waves((0.12, 0.6), FRINGE_M, 40, rng),
+    )
 
 
 def _direction(points: FloatArray, heading: FloatArray) -> FloatArray:

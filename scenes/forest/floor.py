@@ -36,7 +36,7 @@ COARSEST, WIDEST = 0.1, 2.0
 """Least and largest factor on that distance, whatever the forest's detail."""
 MOSS_RING_M = 10.0
 """The share of moss is met up to this distance from the camera's path (m)."""
-BUMPS = (((0.45, 1.3), 0.78), ((0.2, 0.45), 0.5), ((0.11, 0.2), 0.375))
+BUMPS = (((0.45, 1.3), 0.85), ((0.2, 0.45), 0.47), ((0.11, 0.2), 0.22))
 """Wavelengths of bumps and hollows (m) and their part of the relief."""
 TRODDEN_RELIEF, FLANK_M = 0.35, 0.25
 """Bumps and hollows of the path against those beside it, and how soon they change (m)."""
@@ -103,10 +103,11 @@ def make_floor(
     mesh = triangulated(land.path, fine, edge_m + HORIZON_M, generator(forest.seed, "floor"))
     distance = distance_to(land.path, mesh.points)
     to_centers = distance[mesh.faces].mean(axis=1)
-    trodden = _inside(trail, mesh.centers) > 0
+    none = np.zeros(len(mesh.faces), dtype=bool)
+    trodden = trail.covers(mesh.centers) if trail else none
     rough = make_octaves(BUMPS, forest.floor_relief_m, generator(forest.seed, "unevenness"))
     bumps = rough(mesh.points, fine.step(distance))
-    mossy = np.zeros(len(trodden), dtype=bool)
+    mossy = none
     if forest.moss_share:
         moss = make_moss(trees, generator(forest.seed, "moss"))
         favor = moss.favor(mesh.centers, fine.step(to_centers))
@@ -126,10 +127,6 @@ def make_floor(
     for chosen, share in (mossy, ON_MOSS), (trodden, ON_PATH):
         leaves[mesh.faces[chosen]] = share
     return Floor(mesh, heights, land.uv(mesh.points), shown, leaves)
-
-
-def _inside(trail: Trail | None, points: FloatArray) -> FloatArray:
-    return trail.inside(points) if trail else np.full(len(points), -np.inf)
 
 
 def _vertex_normals(vertices: FloatArray, faces: NDArray[np.int64]) -> FloatArray:
