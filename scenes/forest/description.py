@@ -41,6 +41,8 @@ PIXEL_RAD = 0.0065
 """Pixels for which the levels of detail are made (rad)."""
 FINER = 0.7, 1.25
 """Least and largest factor on the distances of levels of detail for a camera's own pixels."""
+NARROWEST_M = 0.2
+"""Of a trodden path (m)."""
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -134,6 +136,11 @@ class Forest(SceneDescription, frozen=True):
             raise ValueError(
                 f"moss_share {self.moss_share:g} adds patches to a ground that is all moss; set "
                 "ground to litter or meadow, or moss_share to 0"
+            )
+        if 0 < self.path_width_m < NARROWEST_M:
+            raise ValueError(
+                f"path_width_m {self.path_width_m:g} is no path; give {NARROWEST_M:g} or more, or "
+                "0 for none"
             )
         if self.path_width_m > 2 * self.clearance_m:
             raise ValueError(

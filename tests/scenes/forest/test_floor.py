@@ -233,6 +233,7 @@ def test_the_size_of_a_forest_with_a_floor_is_foreseen(scene):
         ({"moss_share": 1.0}, "less than or equal to 0.95"),
         ({"moss_share": 0.3, "ground": "moss"}, r"moss_share 0.3 adds patches .* set ground to"),
         ({"path_width_m": 3.0}, r"path_width_m 3 is wider than the 2.4 m .* raise clearance_m"),
+        ({"path_width_m": 0.01}, "path_width_m 0.01 is no path; give 0.2 or more, or 0 for none"),
         ({"path_width_m": -1.0}, "greater than or equal to 0"),
         ({"floor_relief_m": 1.0}, "less than or equal to 0.2"),
         ({"bark_relief": 9.0}, "less than or equal to 3"),
