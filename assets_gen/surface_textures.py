@@ -12,6 +12,8 @@ from megalopta.assets_gen.plants import (
     ATLAS_TILES,
     furrowed_bark,
     papery_bark,
+    plated_bark,
+    ridged_bark,
     scaly_bark,
     smooth_bark,
 )
@@ -45,6 +47,31 @@ def turf_texture(rng: np.random.Generator) -> NDArray[np.float32]:
     grain = tileable_noise(GROUND_SHAPE, size, (0.01, 0.06), 0.4, rng)
     turf = np.where(np.isnan(blades), -0.9 + 0.4 * grain, 0.3 + blades)
     return to_weight(turf + 0.4 * patches)
+
+
+def moss_texture(rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return a tileable carpet of moss: soft cushions, dark gaps, few leaves; 1 is bright."""
+    size, area_m2 = (GROUND_TILE_M, GROUND_TILE_M), GROUND_TILE_M**2
+    cushions = tileable_noise(GROUND_SHAPE, size, (0.04, 0.35), 0.9, rng)
+    patches = tileable_noise(GROUND_SHAPE, size, (0.3, 2.5), 1.0, rng)
+    grain = tileable_noise(GROUND_SHAPE, size, (0.01, 0.05), 0.2, rng)
+    leaves = strew(GROUND_SHAPE, size, int(9 * area_m2), (0.035, 0.09), 0.5, 0.0, 3.0, rng)
+    moss = 0.4 * cushions + 0.35 * patches + 0.3 * grain + 0.1
+    return to_weight(np.where(np.isnan(leaves), moss, leaves - 1.4))
+
+
+def trodden_texture(rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return a tileable path of bare soil with pebbles and bits of leaves; 1 is bright."""
+    size, area_m2 = (GROUND_TILE_M, GROUND_TILE_M), GROUND_TILE_M**2
+    crumbs = strew(GROUND_SHAPE, size, int(500 * area_m2), (0.012, 0.05), 0.55, 0.0, 3.0, rng)
+    pebbles = strew(GROUND_SHAPE, size, int(40 * area_m2), (0.015, 0.06), 0.8, 0.0, 3.0, rng)
+    twigs = strew(GROUND_SHAPE, size, int(10 * area_m2), (0.08, 0.3), 0.05, 0.0, 3.0, rng)
+    damp = tileable_noise(GROUND_SHAPE, size, (0.2, 2.5), 1.0, rng)
+    grain = tileable_noise(GROUND_SHAPE, size, (0.01, 0.15), 0.6, rng)
+    soil = 0.6 * damp + 0.3 * grain - 0.65
+    soil = np.where(np.isnan(crumbs), soil, soil + 1.1 * crumbs + 0.1)
+    soil = np.where(np.isnan(pebbles), soil, 0.5 + pebbles)
+    return to_weight(np.where(np.isnan(twigs), soil, 0.9 * twigs - 0.6))
 
 
 def _leaf_coordinates() -> tuple[FloatArray, FloatArray]:
@@ -100,10 +127,14 @@ TEXTURES: Mapping[str, Callable[[np.random.Generator], NDArray[np.float32]]] = M
         "smooth": smooth_bark,
         "papery": papery_bark,
         "scaly": scaly_bark,
+        "ridged": ridged_bark,
+        "plated": plated_bark,
         "leaf": leaf_texture,
         "needles": needle_texture,
         "litter": litter_texture,
         "turf": turf_texture,
+        "moss": moss_texture,
+        "trodden": trodden_texture,
         "stone": stone_texture,
         "mossy": mossy_texture,
     }

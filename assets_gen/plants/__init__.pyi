@@ -2,6 +2,8 @@ from .ages import aged as aged
 from .bark import (
     furrowed_bark as furrowed_bark,
     papery_bark as papery_bark,
+    plated_bark as plated_bark,
+    ridged_bark as ridged_bark,
     scaly_bark as scaly_bark,
     smooth_bark as smooth_bark,
 )
@@ -17,9 +19,11 @@ from .detail import (
     some_leaves as some_leaves,
 )
 from .foliage import ATLAS_TILES as ATLAS_TILES
+from .furrows import Furrows as Furrows
 from .growth import grow_plant as grow_plant
 from .logs import grow_log as grow_log
 from .species import (
+    BarkRelief as BarkRelief,
     Colonized as Colonized,
     Crown as Crown,
     Foliage as Foliage,

@@ -5,7 +5,7 @@ similarity gives radius ∝ height^1.5, McMahon 1973, Science 179:1201), and num
 the crown's surface. The young keep their lower branches.
 """
 
-from megalopta.assets_gen.plants.species import Colonized, Fronded, Species
+from megalopta.assets_gen.plants.species import BarkRelief, Colonized, Fronded, Species
 
 FEWEST_POINTS, FEWEST_SHOOTS, FEWEST_SCAFFOLD = 30, 30, 6
 
@@ -26,8 +26,15 @@ def aged(species: Species, share: float) -> Species:
                 }
             ),
             "growth": _growth(species, share),
+            "relief": _relief(species, share),
         }
     )
+
+
+def _relief(species: Species, share: float) -> BarkRelief | None:
+    if species.relief is None:
+        return None
+    return species.relief.model_copy(update={"depth_m": share**1.5 * species.relief.depth_m})
 
 
 def _growth(species: Species, share: float) -> object:

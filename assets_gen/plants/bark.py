@@ -50,26 +50,65 @@ def papery_bark(rng: np.random.Generator) -> NDArray[np.float32]:
     return to_weight(np.maximum(shade, dark))
 
 
-def scaly_bark(rng: np.random.Generator) -> NDArray[np.float32]:
-    """Return spruce-like bark (H, W): small plates of different shade between dark cracks."""
+def _plates(
+    centers: FloatArray, squeeze: float, warp_m: FloatArray
+) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Return how far texels are from the border of their plate (m), and which plate is theirs.
+
+    Plates lie around centers (n, 2) (m), and are as many times taller than wide as `squeeze` is
+    less than 1; `warp_m` (H, W, 2) makes their borders ragged.
+    """
     rows, columns = SHAPE
     size = np.array(TILE_M[::-1])
-    centers = rng.random((1500, 2)) * size
     v, u = np.meshgrid(
         (np.arange(rows) + 0.5) / rows, (np.arange(columns) + 0.5) / columns, indexing="ij"
     )
-    warp = np.stack([_noise((0.02, 0.2), 1.0, rng, 1.0) for _ in range(2)], axis=-1)
-    texels = (np.stack([v, u], axis=-1) * size + 0.006 * warp) % size
+    texels = (np.stack([v, u], axis=-1) * size + warp_m) % size
     # Plates are taller than wide: measure distances on a squeezed torus.
-    squeeze = np.array([0.6, 1.0])
-    tree = cKDTree(centers * squeeze, boxsize=size * squeeze)
-    distance, plate = tree.query(texels.reshape(-1, 2) * squeeze % (size * squeeze), k=2)
-    gap = np.diff(distance, axis=-1).reshape(SHAPE)
-    shade = rng.normal(0, 0.45, len(centers))[np.asarray(plate)[:, 0]].reshape(SHAPE)
+    squeezed = np.array([squeeze, 1.0])
+    tree = cKDTree(centers * squeezed, boxsize=size * squeezed)
+    distance, plate = tree.query(texels.reshape(-1, 2) * squeezed % (size * squeezed), k=2)
+    return np.diff(distance, axis=-1).reshape(SHAPE), np.asarray(plate)[:, 0].reshape(SHAPE)
+
+
+def scaly_bark(rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return spruce-like bark (H, W): small plates of different shade between dark cracks."""
+    centers = rng.random((1500, 2)) * np.array(TILE_M[::-1])
+    warp = np.stack([_noise((0.02, 0.2), 1.0, rng, 1.0) for _ in range(2)], axis=-1)
+    gap, plate = _plates(centers, 0.6, 0.006 * warp)
+    shade = rng.normal(0, 0.45, len(centers))[plate]
     cracks = 1.9 * np.exp(-gap / 0.0035)
     broad = 0.35 * _noise((0.1, 0.8), 1.2, rng, 2.0)
     grain = 0.25 * _noise((0.0035, 0.03), 0.4, rng, 1.5)
     return to_weight(cracks - 0.55 + shade + broad + grain)
+
+
+def ridged_bark(rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return oak-like bark (H, W) to be carved: long ragged ridges between broad furrows."""
+    return _carvable(190, 0.2, 0.012, (0.25, 3.0), rng)
+
+
+def plated_bark(rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return pine-like bark (H, W) to be carved: large flaky plates between broad cracks."""
+    return _carvable(330, 0.5, 0.008, (0.4, 1.2), rng)
+
+
+def _carvable(
+    count: int,
+    squeeze: float,
+    furrow_m: float,
+    flakes: tuple[float, float],
+    rng: np.random.Generator,
+) -> NDArray[np.float32]:
+    """Return plates between furrows of some width, with flakes of a contrast and a stretch."""
+    centers = rng.random((count, 2)) * np.array(TILE_M[::-1])
+    along, across = (_noise((0.02, 0.25), 0.9, rng, 2.0) for _ in range(2))
+    gap, plate = _plates(centers, squeeze, np.stack([0.03 * along, 0.009 * across], axis=-1))
+    furrows = 1.7 * np.exp(-((gap / furrow_m) ** 2))
+    shade = rng.normal(0, 0.2, count)[plate] + 0.3 * _noise((0.1, 0.8), 1.2, rng, 2.0)
+    chips = flakes[0] * _noise((0.008, 0.06), 0.8, rng, flakes[1])
+    grain = 0.2 * _noise((0.0035, 0.02), 0.4, rng, 2.0)
+    return to_weight(furrows - 0.75 + shade + chips + grain)
 
 
 def furrowed_bark(rng: np.random.Generator) -> NDArray[np.float32]:

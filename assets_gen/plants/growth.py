@@ -9,6 +9,7 @@ from megalopta.assets_gen.plants.bark import TILE_M
 from megalopta.assets_gen.plants.branching import Branching
 from megalopta.assets_gen.plants.foliage import leaf_axes, place_leaves
 from megalopta.assets_gen.plants.forms import grow_axes
+from megalopta.assets_gen.plants.furrows import Furrows
 from megalopta.assets_gen.plants.roots import BUTTRESSED_SIDES, buttress_flare, root_flare
 from megalopta.assets_gen.plants.skeleton import IndexArray, Skeleton, axes, pipe_radii
 from megalopta.assets_gen.plants.species import Species
@@ -40,14 +41,22 @@ class Plant:
         return join(self.tubes)
 
 
-def grow_plant(species: Species, rng: np.random.Generator, fullness: float = 1.0) -> Plant:
-    """Return one individual of a species, with `fullness` times its leaves on the same wood."""
+def grow_plant(
+    species: Species,
+    rng: np.random.Generator,
+    fullness: float = 1.0,
+    furrows: Furrows | None = None,
+) -> Plant:
+    """Return one individual of a species, with `fullness` times its leaves on the same wood.
+
+    Furrows are carved into its stems.
+    """
     branching = grow_axes(species, rng)
     skeleton = branching.skeleton
     reference = min(BREAST_HEIGHT_M, species.height_m / 3)
     radii = pipe_radii(skeleton, species.disused_share, species.radius_m, reference)
     tubes = [
-        bark_around(species, skeleton, radii, nodes, species.chord_m, rng)
+        bark_around(species, skeleton, radii, nodes, species.chord_m, rng, furrows)
         for nodes in axes(skeleton, radii)
     ]
     twigs = leaf_axes(skeleton.positions[branching.bearing], species.foliage, rng)
@@ -62,10 +71,12 @@ def bark_around(
     nodes: IndexArray,
     chord_m: float,
     rng: np.random.Generator,
+    furrows: Furrows | None = None,
 ) -> Surface:
     """Return the tube around one axis, with no more rings and sides than `chord_m` asks for.
 
-    However few its sides, it is as wide on average as the round branch that it stands for.
+    A stem may have furrows, which take more. However few its sides, it is as wide on average as the
+    round branch that it stands for.
     """
     is_stem = skeleton.parents[nodes[0]] < 0
     positions, radius = skeleton.positions[nodes], radii_m[nodes]
@@ -81,7 +92,10 @@ def bark_around(
     outline = np.column_stack([positions, profile.max(axis=1)])
     kept = simplified(outline, chord_m * (STEM_FINENESS if is_stem else 1))
     origin = rng.random(2)
-    return sweep(positions[kept], profile[kept][:-1], TILE_M, origin, whole_tiles=is_stem)
+    axis, rings = positions[kept], profile[kept][:-1]
+    if is_stem and furrows:
+        axis, rings = furrows.carved(axis, rings, TILE_M, origin)
+    return sweep(axis, rings, TILE_M, origin, whole_tiles=is_stem)
 
 
 def _sides(radius_m: float, chord_m: float) -> int:

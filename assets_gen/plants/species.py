@@ -143,6 +143,15 @@ class Foliage(Record, frozen=True):
     """Side twigs that bear the leaves; null where the axes bear them themselves."""
 
 
+class BarkRelief(Record, frozen=True):
+    """Furrows in the bark of a stem."""
+
+    pattern: Literal["papery", "plated", "ridged", "scaly"]
+    """Pattern of the bark where it is carved."""
+    depth_m: Annotated[float, Field(gt=0, le=0.1)]
+    """Typical depth of the furrows of a grown stem (m)."""
+
+
 class Species(Record, frozen=True):
     """Everything that is needed to grow one kind of tree or bush."""
 
@@ -160,6 +169,8 @@ class Species(Record, frozen=True):
     """Widening of the stem at the ground as a share of its radius."""
     bark: Literal["furrowed", "papery", "scaly", "smooth"]
     """Pattern of the bark."""
+    relief: BarkRelief | None = None
+    """What is carved into the bark of a stem; null is smooth."""
     chord_m: Positive = 0.05
     """Branches that bend and taper less than this are drawn straight (m)."""
     crown: Crown

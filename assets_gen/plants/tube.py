@@ -63,14 +63,15 @@ def sweep(
     return Surface(
         np.concatenate([_seamed(grid), axis[-1:]]),
         tube_faces(rings, sides),
-        _tube_uv(axis, profile, tile_m, whole_tiles) + uv_origin,
+        tube_uv(axis, profile, tile_m, whole_tiles) + uv_origin,
         np.concatenate([_seamed(_grid_normals(grid, axis)), unit(axis[-1:] - axis[-2:-1])]),
     )
 
 
-def _tube_uv(
+def tube_uv(
     axis: FloatArray, profile: FloatArray, tile_m: tuple[float, float], whole_tiles: bool
 ) -> FloatArray:
+    """Return the texture coordinates of all vertices of a tube, from (0, 0) at its base on."""
     around = 2 * np.pi * profile[0].mean() / tile_m[0]
     turns = max(round(around), 1) if whole_tiles else around
     steps = np.linalg.norm(axis[1:] - axis[:-1], axis=1)

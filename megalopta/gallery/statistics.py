@@ -24,7 +24,7 @@ from megalopta.progress import progress
 from megalopta.render import SceneRenderer, frame_seed
 from megalopta.stages import build
 
-PRESETS = "open", "clearing", "dense", "understorey", "rainforest"
+PRESETS = "open", "clearing", "dense", "understorey", "rainforest", "trail"
 SAMPLES = 36
 """Per pixel and pass"""
 

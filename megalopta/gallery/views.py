@@ -29,6 +29,7 @@ SAMPLES = 64
 _CAMERA = {"width": 360, "height": 240, "fov_deg": 75}
 _AHEAD = {"frames": 2, "look_at_m": [10, 0, 2.4]}
 _FLOOR = {"frames": 2, "look_at_m": [6, 0, 1.0]}
+_TRAIL = {"frames": 2, "position_m": [0, 0, 1.6], "look_at_m": [10, 0, 0.6]}
 _LOW = {"frames": 2, "position_m": [0, 0, 0.7], "look_at_m": [2.5, 0.6, 0.35]}
 _NOON = {"level": "daylight", "sky": "natural", "disc_azimuth_deg": 150}
 _GAP, _LINE = 8, 20
@@ -70,6 +71,7 @@ VIEWS = (
         _forest("rainforest", {"level": "starlight", "sky": "natural"}, _FLOOR),
         exposure_s=0.1,
     ),
+    View("A trail through a mixed wood at noon", _forest("trail", _NOON, _TRAIL)),
     View(
         "Close to the ground",
         {

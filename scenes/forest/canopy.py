@@ -23,6 +23,8 @@ Float64 = NDArray[np.float64]
 
 WIDEST_M = 9.0
 """No plant reaches farther sideways from its foot than this (m)."""
+AROUND_M = 10.0
+"""The ground's mesh is looked at so much farther out than the places whose height is asked (m)."""
 _LEAVES, _WOOD = (
     frozenset(plant.part(organ) for plant in PLANTS.values() if isinstance(plant, Woody))
     for organ in ("leaf", "bark")
@@ -92,8 +94,11 @@ def floor_points(
         thrown = rng.uniform(low, high, (4 * count, 2))
         away = distance_to(path, thrown)
         kept = np.concatenate([kept, thrown[(away >= ring_m[0]) & (away < ring_m[1])]])
-    (ground,) = scene.assets[scene.placements[0].asset].parts.values()
-    height = griddata(ground.vertices[:, :2], ground.vertices[:, 2], kept[:count])
+    parts = scene.assets[scene.placements[0].asset].parts.values()
+    # Corners where two covers meet belong to both; those far away are as good as none.
+    corners = np.unique(np.concatenate([mesh.vertices for mesh in parts]), axis=0)
+    corners = corners[distance_to(path, corners[:, :2]) < ring_m[1] + AROUND_M]
+    height = griddata(corners[:, :2], corners[:, 2], kept[:count])
     return np.column_stack([kept[:count], height + height_m])
 
 

@@ -10,15 +10,26 @@ from numpy.typing import ArrayLike
 from pydantic import Field, field_validator, model_validator
 from scipy.spatial import cKDTree
 
-from megalopta.assets_gen import generator
-from megalopta.assets_gen.ground import Terrain, ground_surface, make_terrain
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras import Camera
+from megalopta.scenes.forest.floor import make_floor, trail_of
 from megalopta.scenes.forest.flora import BUSHES, TREES
+from megalopta.scenes.forest.ground import even_ground, make_land
 from megalopta.scenes.forest.leaf_area import RING_M, in_leaf
-from megalopta.scenes.forest.planting import FloatArray, Planting, dense_path, tree_positions
+from megalopta.scenes.forest.litter import laid
+from megalopta.scenes.forest.planting import (
+    FloatArray,
+    Planting,
+    dense_path,
+    tree_positions,
+)
 from megalopta.scenes.forest.size import check_size
-from megalopta.scenes.forest.specimens import grow_specimens, materials, plant_assets
+from megalopta.scenes.forest.specimens import (
+    SPECIMENS,
+    grow_specimens,
+    materials,
+    plant_assets,
+)
 from megalopta.scenes.forest.stand import PRESETS
 from megalopta.scenes.forest.sway import Wind, swaying
 from megalopta.scenes.forest.undergrowth import LAYERS
@@ -26,16 +37,12 @@ from megalopta.scenes.lighting import Light
 from megalopta.scenes.trajectories import Path
 from megalopta.scenes.world import Asset, Haze, Placement, Scene
 
-RIM_WIDTH_M, RIM_HEIGHT_M = 22.0, 7.0
-"""Behind the stand the land rises over this width by this height (m)."""
-HORIZON_M = 160.0
-"""The ground reaches this far beyond the stand (m)."""
-GROUND_STEP_M, GROUND_NEAR_M = 0.4, 10.0
-"""Grid of the ground's mesh up to a distance from the path (m)."""
 PIXEL_RAD = 0.0065
 """Pixels for which the levels of detail are made (rad)."""
 FINER = 0.7, 1.25
 """Least and largest factor on the distances of levels of detail for a camera's own pixels."""
+NARROWEST_M = 0.2
+"""Of a trodden path (m)."""
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -46,9 +53,9 @@ class Forest(SceneDescription, frozen=True):
 
     kind: Literal["forest"] = "forest"
     """Which scene this is."""
-    preset: Literal["open", "dense", "understorey", "clearing", "rainforest"] | None = None
-    """Named forest, open, dense, understorey, clearing or rainforest: sets every field that is not
-    given."""
+    preset: Literal["open", "dense", "understorey", "clearing", "rainforest", "trail"] | None = None
+    """Named forest, open, dense, understorey, clearing, rainforest or trail: sets every field that
+    is not given."""
     seed: Annotated[int, Field(ge=0)] = 1
     """Which forest: every seed grows another one."""
     trees: Annotated[int, Field(gt=0, le=1_000_000)] = 150
@@ -80,6 +87,18 @@ class Forest(SceneDescription, frozen=True):
     """What covers the ground between the plants: litter, meadow or moss."""
     relief_m: Annotated[float, Field(ge=0, le=3)] = 0.6
     """Root mean square height of the rolling land beside the path (m)."""
+    floor_relief_m: Annotated[float, Field(ge=0, le=0.2)] = 0.0
+    """Root mean square height of bumps and hollows of the floor, a hand to a stride wide; 0 leaves
+    it smooth (m)."""
+    moss_share: Annotated[float, Field(ge=0, le=0.95)] = 0.0
+    """Share of the ground that patches of moss cover, within 10 m of the camera's path and off a
+    trodden path (1)."""
+    path_width_m: Annotated[float, Field(ge=0, le=5)] = 0.0
+    """Mean width of a trodden path of bare soil that follows the camera's and goes on beyond its
+    ends; 0 is none (m)."""
+    bark_relief: Annotated[float, Field(ge=0, le=3)] = 0.0
+    """Depth of the furrows in the bark of near stems over their species' typical depth; 0 is
+    smooth (1)."""
     detail: Annotated[float, Field(gt=0, le=1000)] = 1.0
     """Factor on the distances beyond which plants are drawn coarser, which follow the camera's
     pixels; 1000 draws all in full."""
@@ -114,9 +133,33 @@ class Forest(SceneDescription, frozen=True):
         return densities
 
     @model_validator(mode="after")
+    def _check_floor(self) -> "Forest":
+        if self.moss_share and self.ground == "moss":
+            raise ValueError(
+                f"moss_share {self.moss_share:g} adds patches to a ground that is all moss; set "
+                "ground to litter or meadow, or moss_share to 0"
+            )
+        if 0 < self.path_width_m < NARROWEST_M:
+            raise ValueError(
+                f"path_width_m {self.path_width_m:g} is no path; give {NARROWEST_M:g} or more, or "
+                "0 for none"
+            )
+        if self.path_width_m > 2 * self.clearance_m:
+            raise ValueError(
+                f"path_width_m {self.path_width_m:g} is wider than the {2 * self.clearance_m:g} m "
+                "between trunks along it; narrow it, or raise clearance_m to half of it"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _check_size(self) -> "Forest":
         check_size(self, 0.0)
         return self
+
+    @property
+    def has_floor(self) -> bool:
+        """Whether its ground is more than an even cover."""
+        return bool(self.floor_relief_m or self.moss_share or self.path_width_m)
 
     @property
     def densities_per_m2(self) -> dict[str, float]:
@@ -147,7 +190,8 @@ class Forest(SceneDescription, frozen=True):
         """The forest around a camera's path, from which trunks keep clear, in the light."""
         detail = min(self.detail * _finer(camera), 1000.0)
         drawn = self.model_copy(update={"detail": detail})
-        stand = build_forest(drawn, trajectory.poses()[:, :2, 3])
+        poses = trajectory.poses()
+        stand = build_forest(drawn, poses[:, :2, 3], poses[0, :2, 2])
         return replace(stand, lighting=light.lighting(), haze=self.haze)
 
     def describe(self) -> str:
@@ -159,11 +203,12 @@ class Forest(SceneDescription, frozen=True):
         return f"{stand}{haze}."
 
 
-def build_forest(forest: Forest, path_xy: ArrayLike) -> Scene:
+def build_forest(forest: Forest, path_xy: ArrayLike, heading: ArrayLike = (1.0, 0.0)) -> Scene:
     """Return the forest around a path of camera positions (n, 2) (m), without light.
 
     Trunks keep `clearance_m` from the line through them, and the ground along it is level, at
     height 0, but for a few centimeters. Placements are named by species, "ground" is the first.
+    A trodden path follows the camera, or the heading (2,) where the camera stays in place.
 
     Raises
     ------
@@ -172,30 +217,36 @@ def build_forest(forest: Forest, path_xy: ArrayLike) -> Scene:
     """
     path_points = _checked_path(path_xy)
     check_size(forest, float(np.linalg.norm(np.diff(path_points, axis=0), axis=1).sum()))
-    path = cKDTree(dense_path(path_points))
-    trees, edge_m = tree_positions(
-        forest.seed, forest.trees, forest.density_per_ha, forest.clearance_m, path
-    )
-    rim_m = (edge_m, edge_m + RIM_WIDTH_M)
-    rng = generator(forest.seed, "terrain")
-    terrain = make_terrain(path, forest.relief_m, rim_m, RIM_HEIGHT_M, rng)
-    planting = Planting(forest.seed, path, terrain, forest.detail)
-    placements = (
+    way = dense_path(path_points)
+    path = cKDTree(way)
+    stand = forest.trees, forest.density_per_ha, forest.clearance_m
+    trail = trail_of(forest, way, np.asarray(heading, dtype=float))
+    trees, edge_m = tree_positions(forest.seed, *stand, path, trail)
+    land = make_land(forest.seed, path, forest.relief_m, edge_m)
+    floor = make_floor(forest, land, trail, trees, edge_m) if forest.has_floor else None
+    height = floor.height if floor else land.height
+    planting = Planting(forest.seed, path, height, forest.detail, trail)
+    placements: tuple[Placement, ...] = (
         Placement("ground", "ground", np.eye(4)),
         *planting.trees(forest.mix, forest.age_spread, forest.height_spread, trees),
         *planting.thicket(forest.densities_per_m2, edge_m),
         *planting.undergrowth(forest.densities_per_m2, edge_m),
     )
-    assets = _grown(forest, placements, path)
-    assets["ground"] = _ground_asset(forest.ground, terrain, path, edge_m)
+    litter: dict[str, Asset] = {}
+    if floor:
+        placements, litter = laid(forest.seed, placements, floor)
+    assets = _grown(forest, placements, path) | litter
+    assets["ground"] = floor.asset() if floor else even_ground(forest.ground, land, edge_m)
     if forest.wind:
         placements = tuple(swaying(placements, assets, {*TREES, *BUSHES}, forest.wind))
-    return Scene(materials(forest.seed, assets), assets, placements)
+    surfaces = materials(forest.seed, assets, has_furrows=forest.bark_relief > 0)
+    return Scene(surfaces, assets, placements)
 
 
 def _grown(forest: Forest, placements: Sequence[Placement], path: cKDTree) -> dict[str, Asset]:
     """Return the plants' assets, which carry the leaves that the forest asks for."""
-    grow = partial(grow_specimens, forest.seed, {placement.asset for placement in placements[1:]})
+    names = {placement.asset for placement in placements} & SPECIMENS.keys()
+    grow = partial(grow_specimens, forest.seed, names, bark_relief=forest.bark_relief)
     if forest.leaf_area_index is None:
         return plant_assets(forest.seed, grow())
     wanted = forest.leaf_area_index
@@ -213,9 +264,3 @@ def _checked_path(path_xy: ArrayLike) -> FloatArray:
 def _finer(camera: Camera) -> float:
     """Return how much farther than with `PIXEL_RAD` a camera tells leaves apart, within limits."""
     return float(np.clip(PIXEL_RAD * camera.focal_length_px, *FINER))
-
-
-def _ground_asset(cover: str, terrain: Terrain, path: cKDTree, edge_m: float) -> Asset:
-    low, high = path.mins - GROUND_NEAR_M, path.maxes + GROUND_NEAR_M
-    surface = ground_surface(terrain, low, high, GROUND_STEP_M, edge_m + HORIZON_M)
-    return Asset({f"{cover} ground": surface.to_mesh()})

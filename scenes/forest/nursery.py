@@ -16,7 +16,7 @@ from megalopta.array_store import ArrayStore
 from megalopta.assets_gen import TEXTURES, Surface, generator
 from megalopta.folders import cache_folder
 from megalopta.freshness import code_digest, digest
-from megalopta.scenes.forest.plants import Organs, Plant
+from megalopta.scenes.forest.plants import Organs, Plant, Woody
 from megalopta.scenes.forest.stand import LodLevel
 
 _MOST_BYTES = 2 * 10**9
@@ -24,17 +24,27 @@ _FIELDS = tuple(each.name for each in fields(Surface))
 
 
 def grown(
-    seed: int, plant: Plant, number: int, lods: Sequence[LodLevel], fullness: int = 1
+    seed: int,
+    plant: Plant,
+    number: int,
+    lods: Sequence[LodLevel],
+    fullness: int = 1,
+    bark_relief: float = 0.0,
 ) -> list[Organs]:
     """Return the organs of an individual at each of some levels of detail.
 
-    What is woody bears `fullness` times its species' leaves.
+    What is woody bears `fullness` times its species' leaves, and furrows `bark_relief` times as
+    deep as its species'.
     """
-    store = _store("plant", seed, plant.name, number, fullness, *(lod.name for lod in lods))
+    levels = (lod.name for lod in lods)
+    store = _store("plant", seed, plant.name, number, fullness, str(bark_relief), *levels)
     if kept := store.read():
         return _organs(kept, len(lods))
     rng = generator(seed, "plant", plant.name, number)
-    found = list(plant.individual(number).grow(lods, rng, fullness))
+    individual = plant.individual(number)
+    if bark_relief and isinstance(individual, Woody) and (relief := individual.shape.relief):
+        individual = individual.carved(bark_relief, texture(seed, relief.pattern))
+    found = list(individual.grow(lods, rng, fullness))
     store.write(dict(_arrays(found)))
     return found
 

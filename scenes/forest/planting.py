@@ -6,7 +6,7 @@ horizon. Undergrowth grows in patches. How coarsely a plant is drawn depends on 
 leaves are from the whole path, so nothing changes shape while the camera moves.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,13 +15,13 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from megalopta.assets_gen import generator
-from megalopta.assets_gen.ground import Terrain, distance_to, poisson_disk
+from megalopta.assets_gen.ground import Trail, distance_to, poisson_disk
 from megalopta.assets_gen.patterns import plane_waves
 from megalopta.scenes.forest.flora import BUSHES, TREES
 from megalopta.scenes.forest.plants import Plant
 from megalopta.scenes.forest.specimens import INDIVIDUALS, Specimen
 from megalopta.scenes.forest.stand import HEIGHTS, LODS
-from megalopta.scenes.forest.undergrowth import LAYERS, PLANTS
+from megalopta.scenes.forest.undergrowth import LAYERS, LITTER, PLANTS
 from megalopta.scenes.world import Placement
 
 FloatArray = NDArray[np.float64]
@@ -32,6 +32,8 @@ LEAST_DEPTH_M = 8.0
 """The stand reaches at least this far beyond the clearance on all sides."""
 BELT_M = 16.0
 """Width of the belt of trees, bushes and saplings around the stand (m)."""
+TRUNK_M, SMALL_M = 0.35, 0.1
+"""Least distance of the middle of a trunk, of a small plant from the margin of a trodden path."""
 THICKET_PER_M2 = 0.14
 """Bushes and saplings of the belt (1/m²)."""
 THICKET: Mapping[str, float] = {"young spruce": 0.45, "hazel": 0.35, "young beech": 0.2}
@@ -52,17 +54,30 @@ def dense_path(path_xy: FloatArray) -> FloatArray:
     return np.stack([np.interp(every, place, path_xy[:, i]) for i in range(2)], axis=-1)
 
 
+def planted_reach(trees: int, density_per_ha: float, clearance_m: float) -> float:
+    """Return a distance from the path beyond which no tree is planted (m)."""
+    return float(np.sqrt(trees / (density_per_ha / 1e4) / np.pi) + clearance_m + BELT_M)
+
+
 def tree_positions(
-    seed: int, trees: int, density_per_ha: float, clearance_m: float, path: cKDTree
+    seed: int,
+    trees: int,
+    density_per_ha: float,
+    clearance_m: float,
+    path: cKDTree,
+    trail: Trail | None = None,
 ) -> tuple[FloatArray, float]:
     """Return where trees stand (n, 2), nearest to the path first, and the stand's reach (m).
 
-    The first `trees` are the stand; behind them it goes on for the width of the belt.
+    The first `trees` are the stand; behind them it goes on for the width of the belt. None stands
+    on a trodden path.
     """
     density_per_m2 = density_per_ha / 1e4
-    reach = np.sqrt(trees / density_per_m2 / np.pi) + clearance_m + BELT_M
+    reach = planted_reach(trees, density_per_ha, clearance_m)
     rng = generator(seed, "planting")
     planted = _strewn(path, (clearance_m, np.inf), reach, density_per_m2, REGULARITY, rng)
+    if trail:
+        planted = planted[trail.clear_of(planted, 0.0, TRUNK_M)]
     distance = distance_to(path, planted)
     order = np.argsort(distance, kind="stable")
     edge_m = float(distance[order[trees - 1]])
@@ -98,9 +113,12 @@ class Planting:
     seed: int
     path: cKDTree
     """Points of the camera's path (m)."""
-    terrain: Terrain
+    height: Callable[[FloatArray], FloatArray]
+    """Of the ground (m) at points (n, 2) (m)."""
     detail: float
     """Factor on the distances where plants get coarser."""
+    trail: Trail | None = None
+    """A trodden path, on which nothing but litter lies."""
 
     def trees(
         self, mix: Mapping[str, float], age_spread: float, height_spread: float, points: FloatArray
@@ -124,6 +142,7 @@ class Planting:
         rng = generator(self.seed, "thicket")
         ring = (edge_m - 7, edge_m + BELT_M)
         points = _strewn(self.path, ring, ring[1], THICKET_PER_M2, 0.6, rng)
+        points = self._beside_trail(points, 0.0)
         shares = _closing(per_m2) or THICKET
         weights = np.array(list(shares.values()))
         kinds = rng.choice(list(shares), len(points), p=weights / weights.sum()).tolist()
@@ -137,8 +156,16 @@ class Planting:
             ring = (layer.clearance_m, min(layer.reach_m, edge_m - 2))
             if density > 0:
                 points = _clumped(_strewn(self.path, ring, ring[1], density, 0.6, rng), rng)
+                if kind != LITTER:
+                    points = self._beside_trail(points, layer.clearance_m)
                 scales = rng.uniform(*layer.scale, len(points))
                 yield from self._place([PLANTS[kind]] * len(points), points, scales, rng)
+
+    def _beside_trail(self, points: FloatArray, from_middle_m: float) -> FloatArray:
+        """Return those of some points (n, 2) that are not on the trodden path."""
+        if self.trail is None:
+            return points
+        return np.asarray(points[self.trail.clear_of(points, from_middle_m, SMALL_M)])
 
     def _place(
         self,
@@ -159,7 +186,7 @@ class Planting:
         levels = np.searchsorted(limits, away / finer)
         kinds = INDIVIDUALS if shares is None else len(shares)
         numbers = rng.choice(kinds, len(points), p=shares).tolist()
-        heights, slopes = self.terrain.height(points), self._slopes(points)
+        heights, slopes = self.height(points), self._slopes(points)
         turns = _random_turns(len(points), rng)
         for index, plant in enumerate(plants):
             turn = slopes[index] @ turns[index] if plant.lies else turns[index]
@@ -173,7 +200,7 @@ class Planting:
         """Return rotations (n, 3, 3) that tilt the vertical to the ground's normal."""
         steps = SLOPE_STEP_M * np.eye(2)
         rise = np.stack(
-            [self.terrain.height(points + s) - self.terrain.height(points - s) for s in steps],
+            [self.height(points + s) - self.height(points - s) for s in steps],
             axis=-1,
         ) / (2 * SLOPE_STEP_M)
         steep = np.linalg.norm(rise, axis=-1, keepdims=True)

@@ -10,9 +10,10 @@ from types import MappingProxyType
 from typing import ClassVar, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from megalopta.assets_gen import Surface
-from megalopta.assets_gen.plants import Species, aged, coarsened, grow_plant
+from megalopta.assets_gen.plants import Furrows, Species, aged, coarsened, grow_plant
 from megalopta.scenes.forest.stand import HEIGHTS, LodLevel
 from megalopta.scenes.spectra import Leaf, Spectrum
 
@@ -103,12 +104,28 @@ class Woody(Plant):
     """Light and dark bark, dark and light leaf."""
     layer: Layer | None = None
     """Where it stands in the undergrowth."""
+    furrows: Furrows | None = None
+    """Relief of its bark, drawn in full detail only; None is smooth."""
 
     @property
     def coats(self) -> Mapping[str, Coat]:
         """How bark and leaves look."""
         blade = self.shape.foliage.blade
         return {"bark": Coat(self.bark, self.shape.bark), "leaf": Coat.of_leaves(*self.leaf, blade)}
+
+    @property
+    def carved_bark(self) -> Coat | None:
+        """How bark with furrows looks; None where it has none."""
+        relief = self.shape.relief
+        return Coat(self.bark, relief.pattern) if relief else None
+
+    def carved(self, depth: float, pattern: NDArray[np.float32]) -> "Woody":
+        """The same with furrows where the pattern (H, W) of its relief is dark.
+
+        They are `depth` times as deep as its species' are.
+        """
+        relief = self.shape.relief
+        return replace(self, furrows=Furrows(pattern, depth * relief.depth_m)) if relief else self
 
     def individual(self, number: int) -> "Woody":
         """A tree of the height that individuals of this number have reached."""
@@ -123,7 +140,7 @@ class Woody(Plant):
         self, lods: Sequence[LodLevel], rng: np.random.Generator, fullness: int = 1
     ) -> Iterator[Organs]:
         """One individual at each of some levels, all coarsened from one plant."""
-        plant = grow_plant(self.shape, rng, fullness)
+        plant = grow_plant(self.shape, rng, fullness, self.furrows)
         for lod in lods:
             is_full = lod.detail.leaf_m2 == 0
             wood, leaves = (

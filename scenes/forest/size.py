@@ -4,6 +4,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from megalopta.scenes.forest.floor import fineness
+from megalopta.scenes.forest.flora import TREES
+from megalopta.scenes.forest.ground import HORIZON_M
 from megalopta.scenes.forest.planting import BELT_M, THICKET_PER_M2
 from megalopta.scenes.forest.stand import LODS
 from megalopta.scenes.forest.undergrowth import LAYERS
@@ -13,6 +16,8 @@ if TYPE_CHECKING:
 
 SMALL_TRIANGLES = 80
 """Of an average plant of the undergrowth, roughly."""
+CARVED_TRIANGLES = 20_000
+"""Of the furrows of a stem, roughly."""
 TREE_LEAF_M2, LEAF_M2 = 45.0, 0.004
 """Leaves of a tree where no leaf-area index is asked for, and one leaf, roughly (m²)."""
 CROWN_M = 5.0
@@ -62,4 +67,9 @@ def foreseen(forest: "Forest", path_m: float) -> tuple[float, float]:
         for kind, density in forest.densities_per_m2.items()
     )
     total = counts @ triangles + bushes * bush + small * SMALL_TRIANGLES
+    if forest.has_floor:
+        total += fineness(forest.detail).triangles(path_m, edge + HORIZON_M)
+    if forest.bark_relief:
+        rough = sum(share for name, share in forest.mix.items() if TREES[name].shape.relief)
+        total += counts[0] * CARVED_TRIANGLES * rough / sum(forest.mix.values())
     return float(counts.sum() + bushes + small), float(total)

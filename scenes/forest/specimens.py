@@ -46,12 +46,22 @@ _COATS = MappingProxyType(
     {plant.part(organ): coat for plant in PLANTS.values() for organ, coat in plant.coats.items()}
     | {f"{cover} ground": coat for cover, coat in COVERS.items()}
 )
+_CARVED = MappingProxyType(
+    {
+        plant.part("bark"): plant.carved_bark
+        for plant in PLANTS.values()
+        if isinstance(plant, Woody) and plant.carved_bark
+    }
+)
 
 
-def grow_specimens(seed: int, names: Iterable[str], fullness: int = 1) -> dict[str, Organs]:
+def grow_specimens(
+    seed: int, names: Iterable[str], fullness: int = 1, bark_relief: float = 0.0
+) -> dict[str, Organs]:
     """Grow the named specimens; every individual grows once, whatever its levels of detail.
 
-    Trees and bushes bear `fullness` times their leaves.
+    Trees and bushes bear `fullness` times their leaves, and furrows `bark_relief` times as deep as
+    their species'.
     """
     ordered = sorted(
         map(SPECIMENS.__getitem__, names),
@@ -61,7 +71,8 @@ def grow_specimens(seed: int, names: Iterable[str], fullness: int = 1) -> dict[s
     for (kind, number), group in groupby(ordered, lambda each: (each.plant.name, each.number)):
         individual, plant = list(group), PLANTS[kind]
         full = fullness if isinstance(plant, Woody) else 1
-        levels = grown(seed, plant, number, [each.lod for each in individual], full)
+        lods = [each.lod for each in individual]
+        levels = grown(seed, plant, number, lods, full, bark_relief)
         found.update(zip((each.name for each in individual), levels, strict=True))
     return found
 
@@ -80,11 +91,13 @@ def plant_assets(
     return assets
 
 
-def materials(seed: int, assets: Mapping[str, Asset]) -> dict[str, Material]:
-    """Return the materials of all parts of the assets."""
+def materials(
+    seed: int, assets: Mapping[str, Asset], has_furrows: bool = False
+) -> dict[str, Material]:
+    """Return the materials of all parts of the assets, bark with furrows or without."""
     result = {}
     for part in sorted({part for asset in assets.values() for part in asset.parts}):
-        coat = _COATS[part]
+        coat = (has_furrows and _CARVED.get(part)) or _COATS[part]
         (first, second), (through, more) = coat.spectra, coat.transmittances or (None, None)
         mixed = Texture(texture(seed, coat.texture), second, more)
         result[part] = Material(first, mixed, transmittance=through)

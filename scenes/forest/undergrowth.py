@@ -22,6 +22,9 @@ from megalopta.scenes.forest.plants import Coat, Layer, Lying, Organs, Plant, Sm
 from megalopta.scenes.forest.stand import LodLevel
 from megalopta.scenes.spectra import leaf_of, reflectance_of
 
+LITTER = "litter"
+"""The kind of small plant that is loose fallen leaves."""
+
 Draw = Callable[[LodLevel, np.random.Generator], Organs]
 
 
@@ -75,7 +78,7 @@ SMALL: Mapping[str, Small] = by_name(
     Small("herb", Layer(1.4, 18, 0.3), {"leaf": _HERB}, _leaves(grow_herbs)),
     Small("flower", Layer(0.15, 18, 0.3), {"leaf": _HERB, "petal": _PETAL}, _flower),
     Lying(
-        "litter", Layer(1.0, 9, 0.0), {"leaf": _coat("soil * 1.6", "litter")}, _leaves(strew_litter)
+        LITTER, Layer(1.0, 9, 0.0), {"leaf": _coat("soil * 1.6", "litter")}, _leaves(strew_litter)
     ),
     Lying(
         "log",
@@ -106,6 +109,8 @@ COVERS: Mapping[str, Coat] = MappingProxyType(
         "litter": _coat("soil", "litter", "litter"),
         "meadow": _coat("grass dark * 0.8", "grass light * 0.85", "turf"),
         "moss": _coat("soil * 0.5", "moss", "turf"),
+        "moss patch": _coat("moss * 0.2", "moss * 0.9", "moss"),
+        "trodden": _coat("soil * 0.9", "litter * 0.7", "trodden"),
     }
 )
-"""What covers the ground."""
+"""What covers the ground: all of it, or patches and a path."""

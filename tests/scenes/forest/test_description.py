@@ -304,7 +304,7 @@ def test_without_undergrowth_around_one_place_only_one_species_and_the_belt_are_
         ("undergrowth", np.nan, "finite"),
         ("undergrowth_per_m2", {"larch": 1}, r"no kind \['larch'\]; choose from \['bilberry'"),
         ("undergrowth_per_m2", {"fern": 1e6}, r"make about 1\.\de\+09 plants of .* lower one"),
-        ("preset", "jungle", "'dense', 'understorey', 'clearing' or 'rainforest'"),
+        ("preset", "jungle", "'dense', 'understorey', 'clearing', 'rainforest' or 'trail'"),
         ("trees", 10**9, "less than or equal to 1000000"),
         ("density_per_ha", 1e9, "less than or equal to 10000"),
         ("leaf_area_index", 0, "greater than 0"),

@@ -1,0 +1,77 @@
+"""Bark with relief: furrows carved into a stem where its painted bark is dark.
+
+Shape and paint come from one pattern, so that what is deep is dark. Radii change about their mean,
+which stays.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter, map_coordinates
+
+from megalopta.assets_gen import FloatArray
+from megalopta.assets_gen.plants.tube import tube_uv
+
+GRAIN_M = (0.012, 0.035)
+"""Steps of the carved mesh around and along the stem (m)."""
+SIDES = 24, 112
+"""Fewest and most sides of a carved stem."""
+CARVED_M = 2.5, 4.0
+"""Furrows begin to fade at the first height, and end at the second (m)."""
+DEEPEST = 0.25
+"""Furrows are no deeper than this share of the stem's radius."""
+
+
+@dataclass(frozen=True)
+class Furrows:
+    """Furrows of one kind of bark."""
+
+    pattern: NDArray[np.float32]
+    """(H, W): 0 on ridges to 1 in furrows, over one tile of the bark's texture."""
+    depth_m: float
+    """From ridge to furrow (m)."""
+
+    def carved(
+        self,
+        axis: FloatArray,
+        profile: FloatArray,
+        tile_m: tuple[float, float],
+        uv_origin: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return axis (l, 3) and profile (l - 1, sides) of a stem as `sweep` takes them, carved.
+
+        Parameters
+        ----------
+        axis, profile
+            Of the smooth stem, as `sweep` takes them.
+        tile_m, uv_origin
+            What its texture is laid with; it takes whole tiles around.
+        """
+        radius = float(profile.mean(axis=1).max())
+        sides = int(np.clip(np.ceil(2 * np.pi * radius / GRAIN_M[0]), *SIDES))
+        axis, profile = _refined(axis, profile, sides)
+        u, v = np.moveaxis(tube_uv(axis, profile, tile_m, whole_tiles=True)[:-1], -1, 0)
+        place = np.stack([v, u]).reshape(2, -1, sides + 1)[..., :-1] + uv_origin[::-1, None, None]
+        steps = np.array(GRAIN_M[::-1]) / tile_m[::-1] * self.pattern.shape
+        smooth = gaussian_filter(self.pattern.astype(float), steps / 3, mode="wrap")
+        texels = place * np.array(smooth.shape)[:, None, None] - 0.5
+        depth = map_coordinates(smooth, texels, order=1, mode="grid-wrap") - smooth.mean()
+        z = axis[:-1, 2]
+        shown = np.clip((CARVED_M[1] - z) / (CARVED_M[1] - CARVED_M[0]), 0, 1) * (z > -0.1)
+        most = min(self.depth_m, DEEPEST * radius)
+        return axis, profile - most * shown[:, None] * depth
+
+
+def _refined(axis: FloatArray, profile: FloatArray, sides: int) -> tuple[FloatArray, FloatArray]:
+    """Return axis and profile with more rings, where furrows are, and other sides."""
+    z = axis[:, 2]
+    place = np.arange(len(axis), dtype=float)
+    top = min(CARVED_M[1], z[-2])
+    at = np.interp(np.arange(z[0], top, GRAIN_M[1]), z, place)
+    at = np.union1d(at.round(6), place)
+    fine = np.stack([np.interp(at, place, axis[:, i]) for i in range(3)], axis=-1)
+    before = np.fft.rfft(profile, axis=1) / profile.shape[1]
+    around = np.fft.irfft(before, sides, axis=1) * sides
+    rings = np.stack([np.interp(at[:-1], place[:-1], column) for column in around.T], axis=-1)
+    return fine, rings

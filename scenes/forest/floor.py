@@ -1,0 +1,140 @@
+"""The forest's floor near to: a trodden path, patches of moss, bumps and hollows.
+
+A forest that asks for none of these has a grid of even cover for its ground (`description`).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.assets_gen import FloatArray, Surface, generator, unit
+from megalopta.assets_gen.ground import (
+    Fineness,
+    Terrain,
+    Trail,
+    Triangulation,
+    cut_at,
+    distance_to,
+    make_moss,
+    make_octaves,
+    make_trail,
+    triangulated,
+)
+from megalopta.scenes.forest.ground import HORIZON_M
+from megalopta.scenes.forest.planting import planted_reach
+from megalopta.scenes.world import Asset
+
+if TYPE_CHECKING:
+    from megalopta.scenes.forest.description import Forest
+
+FINEST_M, NEAR_M = 0.032, 2.5
+"""Step of the floor's mesh, and up to which distance from the path (m)."""
+COARSEST, WIDEST = 0.1, 2.0
+"""Least and largest factor on that distance, whatever the forest's detail."""
+MOSS_RING_M = 10.0
+"""The share of moss is met up to this distance from the camera's path (m)."""
+BUMPS = (((0.45, 1.3), 0.85), ((0.2, 0.45), 0.47), ((0.11, 0.2), 0.22))
+"""Wavelengths of bumps and hollows (m) and their part of the relief."""
+TRODDEN_RELIEF, FLANK_M = 0.35, 0.25
+"""Bumps and hollows of the path against those beside it, and how soon they change (m)."""
+ON_PATH, ON_MOSS = 0.15, 0.3
+"""Share of the litter that is left on a trodden path and on moss."""
+CUSHION = 1.2
+"""How much higher moss stands than the litter around, in units of the floor's relief."""
+
+
+def fineness(detail: float) -> Fineness:
+    """Return how fine the mesh is at a forest's detail."""
+    return Fineness(FINEST_M, NEAR_M * float(np.clip(detail, COARSEST, WIDEST)))
+
+
+@dataclass(frozen=True)
+class Floor:
+    """The ground as it is drawn, and where it is trodden."""
+
+    mesh: Triangulation
+    heights: FloatArray
+    """(n,): of the mesh's points (m)."""
+    uv: FloatArray
+    """(n, 2): texture coordinates of the points."""
+    covers: Mapping[str, NDArray[np.bool_]]
+    """Which triangles (m,) each cover has."""
+    leaves: FloatArray
+    """(n,): share of the litter that has stayed at the points (1)."""
+
+    def height(self, points: FloatArray) -> FloatArray:
+        """Return the height of the mesh (m) at points (n, 2) (m)."""
+        return self.mesh.interpolated(self.heights, points)
+
+    def litter(self, points: FloatArray) -> FloatArray:
+        """Return which share of the litter has stayed at points (n, 2) (1)."""
+        return self.mesh.interpolated(self.leaves, points)
+
+    def asset(self) -> Asset:
+        """Return the ground with a part for each cover; light does not tell where these meet."""
+        vertices = np.column_stack([self.mesh.points, self.heights])
+        normals = _vertex_normals(vertices, self.mesh.faces)
+        parts = {}
+        for cover, chosen in self.covers.items():
+            used, faces = np.unique(self.mesh.faces[chosen], return_inverse=True)
+            surface = Surface(vertices[used], faces.reshape(-1, 3), self.uv[used], normals[used])
+            parts[f"{cover} ground"] = surface.to_mesh()
+        return Asset(parts)
+
+
+def trail_of(forest: "Forest", way: FloatArray, heading: FloatArray) -> Trail | None:
+    """Return the path that a forest asks for, along the way (n, 2) of a camera."""
+    if not forest.path_width_m:
+        return None
+    stand = forest.trees, forest.density_per_ha, forest.clearance_m
+    reach_m = planted_reach(*stand) + HORIZON_M
+    rng = generator(forest.seed, "trail")
+    return make_trail(way, heading, forest.path_width_m, reach_m, rng)
+
+
+def make_floor(
+    forest: "Forest", land: Terrain, trail: Trail | None, trees: FloatArray, edge_m: float
+) -> Floor:
+    """Return the floor of a forest with trees at (n, 2), the stand up to a distance (m)."""
+    fine = fineness(forest.detail)
+    mesh = triangulated(land.path, fine, edge_m + HORIZON_M, generator(forest.seed, "floor"))
+    distance = distance_to(land.path, mesh.points)
+    to_centers = distance[mesh.faces].mean(axis=1)
+    none = np.zeros(len(mesh.faces), dtype=bool)
+    trodden = trail.covers(mesh.centers) if trail else none
+    rough = make_octaves(BUMPS, forest.floor_relief_m, generator(forest.seed, "unevenness"))
+    bumps = rough(mesh.points, fine.step(distance))
+    mossy = none
+    if forest.moss_share:
+        moss = make_moss(trees, generator(forest.seed, "moss"))
+        favor = moss.favor(mesh.centers, fine.step(to_centers))
+        near = (to_centers < MOSS_RING_M) & ~trodden
+        limit = cut_at(favor, mesh.areas, near, forest.moss_share)
+        mossy = (favor > limit) & ~trodden
+        thick = np.tanh(np.maximum(moss.favor(mesh.points, fine.step(distance)) - limit, 0))
+        bumps += CUSHION * forest.floor_relief_m * thick
+    heights = land.height(mesh.points) + bumps
+    if trail:
+        inside = trail.inside(mesh.points)
+        worn = np.clip(inside / FLANK_M + 0.5, 0, 1)
+        heights -= (1 - TRODDEN_RELIEF) * worn * bumps + trail.sunk(inside)
+    covers = {forest.ground: ~(trodden | mossy), "moss patch": mossy, "trodden": trodden}
+    shown = {cover: chosen for cover, chosen in covers.items() if chosen.any()}
+    leaves = np.ones(len(heights))
+    for chosen, share in (mossy, ON_MOSS), (trodden, ON_PATH):
+        leaves[mesh.faces[chosen]] = share
+    return Floor(mesh, heights, land.uv(mesh.points), shown, leaves)
+
+
+def _vertex_normals(vertices: FloatArray, faces: NDArray[np.int64]) -> FloatArray:
+    """Return unit normals (n, 3), those of the faces around weighted by their area."""
+    a, b, c = vertices[faces].swapaxes(0, 1)
+    across = np.cross(b - a, c - a)
+    total = np.zeros_like(vertices)
+    for corner in range(3):
+        for axis in range(3):
+            total[:, axis] += np.bincount(faces[:, corner], across[:, axis], len(vertices))
+    return unit(total)

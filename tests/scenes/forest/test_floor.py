@@ -1,0 +1,244 @@
+"""A trodden path, moss, bumps and bark with relief in a forest."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from scipy.spatial import cKDTree
+
+from megalopta.assets_gen.ground import distance_to
+from megalopta.scenes.forest.canopy import floor_points
+from megalopta.scenes.forest.description import Forest, build_forest
+from megalopta.scenes.forest.floor import (
+    FINEST_M,
+    MOSS_RING_M,
+    ON_MOSS,
+    ON_PATH,
+    make_floor,
+    trail_of,
+)
+from megalopta.scenes.forest.flora import TREES
+from megalopta.scenes.forest.ground import make_land
+from megalopta.scenes.forest.litter import laid
+from megalopta.scenes.forest.planting import dense_path
+from megalopta.scenes.forest.size import foreseen
+from megalopta.scenes.forest.specimens import grow_specimens
+from megalopta.scenes.forest.undergrowth import LAYERS
+from megalopta.scenes.world import Placement
+
+PATH = np.stack([np.linspace(-1, 2, 7), np.linspace(0, 1, 7)], axis=-1)
+WAY = cKDTree(dense_path(PATH))
+NEAR = ["oak 4 near", "beech 4 near"]
+ROUGH = Forest(
+    seed=5,
+    trees=60,
+    density_per_ha=900,
+    mix={"oak": 1, "spruce": 1},
+    undergrowth_per_m2={"litter": 1.0, "fern": 0.3, "herb": 0.5, "young beech": 0.05, "log": 0.02},
+    detail=0.2,
+    floor_relief_m=0.04,
+    moss_share=0.35,
+    path_width_m=1.0,
+    bark_relief=1.0,
+)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return build_forest(ROUGH, PATH)
+
+
+@pytest.fixture(scope="module")
+def ground(scene):
+    """Corners, triangles and cover of each triangle of the ground, all parts as one."""
+    corners, faces, covers, first = [], [], [], 0
+    for cover, mesh in scene.assets["ground"].parts.items():
+        corners.append(mesh.vertices)
+        faces.append(mesh.faces + first)
+        covers += [cover] * len(mesh.faces)
+        first += len(mesh.vertices)
+    return np.concatenate(corners), np.concatenate(faces), np.array(covers)
+
+
+def plan_areas(corners, faces):
+    a, b, c = corners[faces][..., :2].swapaxes(0, 1)
+    (ux, uy), (vx, vy) = (b - a).T, (c - a).T
+    return np.abs(ux * vy - uy * vx) / 2
+
+
+def mesh_height(ground, places):
+    """Height of the ground by a ray down through every triangle near a place."""
+    corners, faces, _ = ground
+    triangles = corners[faces]
+    tree = cKDTree(triangles[..., :2].mean(axis=1))
+    found = []
+    for place in places:
+        nearest = triangles[tree.query(place, k=30)[1]]
+        edges = np.stack([nearest[:, 1] - nearest[:, 0], nearest[:, 2] - nearest[:, 0]], axis=-1)
+        weight = np.linalg.solve(edges[:, :2], (place - nearest[:, 0, :2])[..., None])[..., 0]
+        inside = (weight >= -1e-9).all(axis=1) & (weight.sum(axis=1) <= 1 + 1e-9)
+        chosen = int(inside.argmax())
+        assert inside.any()
+        found.append(nearest[chosen, 0, 2] + edges[chosen, 2] @ weight[chosen])
+    return np.array(found)
+
+
+def test_relief_of_bark_moves_nothing_else():
+    smooth = grow_specimens(5, NEAR)
+    rough = grow_specimens(5, NEAR, bark_relief=1.0)
+    for name, organs in smooth.items():
+        np.testing.assert_array_equal(organs["leaf"].vertices, rough[name]["leaf"].vertices)
+        bark, carved = organs["bark"], rough[name]["bark"]
+        assert (len(carved.faces) > len(bark.faces) + 10_000) == (name == "oak 4 near")
+        assert carved.area == pytest.approx(bark.area, rel=0.12)
+
+
+def test_moss_covers_the_share_asked_for(ground):
+    corners, faces, covers = ground
+    areas = plan_areas(corners, faces)
+    away = distance_to(WAY, corners[faces][..., :2].mean(axis=1))
+    near = (away < MOSS_RING_M) & (covers != "trodden ground")
+    share = areas[near & (covers == "moss patch ground")].sum() / areas[near].sum()
+    # To some triangles: the ring is cut by the distance of their middles or of their corners.
+    assert share == pytest.approx(ROUGH.moss_share, abs=0.01)
+
+
+def test_the_path_is_as_wide_as_asked_for_and_lies_under_the_camera(ground):
+    corners, faces, covers = ground
+    trodden = covers == "trodden ground"
+    middles = corners[faces][..., :2].mean(axis=1)
+    along = (middles - PATH[0]) @ (PATH[-1] - PATH[0]) / np.sum((PATH[-1] - PATH[0]) ** 2)
+    beside = (along > 0) & (along < 1) & (distance_to(WAY, middles) < 2)
+    area = plan_areas(corners, faces[trodden & beside]).sum()
+    # One trail of 3 m: margins of 0.13 m rms in waves up to 4 m on both sides.
+    width = area / np.linalg.norm(PATH[-1] - PATH[0])
+    assert width == pytest.approx(ROUGH.path_width_m, abs=0.35)
+    nearest = cKDTree(middles).query(PATH)[1]
+    assert trodden[nearest].all()
+
+
+def test_nothing_but_litter_is_on_the_path(scene):
+    trail = trail_of(ROUGH, dense_path(PATH), np.array([1.0, 0.0]))
+    growing = [p for p in scene.placements[1:] if p.kind != "litter"]
+    inside = trail.inside(np.array([p.to_world[:2, 3] for p in growing]))
+    assert inside.max() < 0
+    assert {p.kind for p in growing} >= {"oak", "spruce", "fern", "herb", "young beech"}
+
+
+def test_litter_lies_on_the_mesh(scene, ground):
+    leaves = [
+        scene.assets[each.asset].parts["litter leaf"].vertices @ each.to_world[:3, :3].T
+        + each.to_world[:3, 3]
+        for each in scene.placements
+        if each.kind == "litter"
+    ]
+    places = np.concatenate(leaves)
+    above = places[:, 2] - mesh_height(ground, places[:, :2])
+    # Drawn coarsely a few merged leaves are a quarter of a meter long.
+    assert above.min() > 0.001 - 1e-9 and above.max() < 0.2
+
+
+def test_litter_is_thinner_on_the_path_and_on_moss():
+    land = make_land(5, WAY, 0.6, 20.0)
+    trail = trail_of(ROUGH, dense_path(PATH), np.array([1.0, 0.0]))
+    floor = make_floor(ROUGH, land, trail, np.zeros((1, 2)), 20.0)
+    spots = np.random.default_rng(1).uniform(-3, 3, (300, 2))
+    strewn = []
+    for spot in spots:
+        to_world = np.eye(4)
+        to_world[:2, 3] = spot
+        strewn.append(Placement("litter 0 near", "litter", to_world))
+
+    def counts(floor):
+        placements, assets = laid(5, strewn, floor)
+        bases = np.concatenate(
+            [
+                assets[p.asset].parts["litter leaf"].vertices[::4] + p.to_world[:3, 3]
+                for p in placements
+            ]
+        )[:, :2]
+        share = floor_kept.litter(bases)
+        return [(np.abs(share - kept) < 1e-9).sum() for kept in (1.0, ON_PATH, ON_MOSS)]
+
+    floor_kept = floor
+    all_of_them = counts(replace(floor, leaves=np.ones_like(floor.leaves)))
+    left = counts(floor)
+    for before, after, share in zip(all_of_them, left, (1.0, ON_PATH, ON_MOSS), strict=True):
+        # Whether a leaf stays is drawn at its middle, counted at its base: 3 % of them differ.
+        # Five standard deviations of a binomial count.
+        assert before > 500
+        assert after / before == pytest.approx(
+            share, abs=0.03 + 5 * np.sqrt(share * (1 - share) / before)
+        )
+
+
+def test_plants_stand_on_the_mesh(scene, ground):
+    standing = [
+        p.to_world[:3, 3] for p in scene.placements[1:] if p.kind in {*TREES, *LAYERS} - {"litter"}
+    ]
+    feet = np.array(standing)[:400]
+    np.testing.assert_allclose(feet[:, 2], mesh_height(ground, feet[:, :2]), atol=1e-9)
+
+
+def test_bumps_have_the_height_asked_for():
+    land = make_land(2, WAY, 0.6, 20.0)
+    flat, rough = (
+        make_floor(
+            Forest(seed=2, floor_relief_m=relief, detail=0.6), land, None, np.zeros((1, 2)), 20.0
+        )
+        for relief in (0.0, 0.05)
+    )
+    np.testing.assert_array_equal(flat.heights, land.height(flat.mesh.points))
+    bumps = (rough.heights - flat.heights)[distance_to(WAY, flat.mesh.points) < 1.5]
+    # Some 17 m² hold about 30 of the longest waves, half of the variance: 9 % standard error.
+    assert bumps.std() == pytest.approx(0.05, rel=0.45)
+    assert abs(bumps.mean()) < 0.02
+
+
+def test_the_ground_is_one_object_whose_parts_meet(scene, ground):
+    assert [p.kind for p in scene.placements].count("ground") == 1
+    corners, faces, covers = ground
+    assert set(covers) == {"litter ground", "moss patch ground", "trodden ground"}
+    _, welded = np.unique(corners, axis=0, return_inverse=True)
+    joined = welded.reshape(-1)[faces]
+    edges = np.sort(joined[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    _, times = np.unique(edges, axis=0, return_counts=True)
+    assert times.max() == 2  # no crack between covers, no triangle twice
+    normals = np.concatenate(
+        [mesh.vertex_normals for mesh in scene.assets["ground"].parts.values()]
+    )
+    order = np.argsort(welded.reshape(-1), kind="stable")
+    same = np.diff(welded.reshape(-1)[order]) == 0
+    np.testing.assert_allclose(normals[order][1:][same], normals[order][:-1][same], atol=1e-12)
+    assert normals[:, 2].min() > 0
+
+
+def test_places_above_the_floor_are_found_on_all_of_its_parts(scene, ground):
+    places = floor_points(scene, PATH, (0.0, 6.0), 1.0, 100, np.random.default_rng(0))
+    np.testing.assert_allclose(places[:, 2] - 1, mesh_height(ground, places[:, :2]), atol=1e-6)
+
+
+def test_the_size_of_a_forest_with_a_floor_is_foreseen(scene):
+    plants, triangles = foreseen(ROUGH, np.linalg.norm(PATH[-1] - PATH[0]))
+    assert 0.5 < scene.triangle_count / triangles < 2
+    assert 0.5 < len(scene.placements) / plants < 2
+    _, long_path = foreseen(ROUGH, 1000.0)
+    assert long_path > 2 * 1000 * 2 * 0.5 / FINEST_M**2
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"moss_share": 1.0}, "less than or equal to 0.95"),
+        ({"moss_share": 0.3, "ground": "moss"}, r"moss_share 0.3 adds patches .* set ground to"),
+        ({"path_width_m": 3.0}, r"path_width_m 3 is wider than the 2.4 m .* raise clearance_m"),
+        ({"path_width_m": 0.01}, "path_width_m 0.01 is no path; give 0.2 or more, or 0 for none"),
+        ({"path_width_m": -1.0}, "greater than or equal to 0"),
+        ({"floor_relief_m": 1.0}, "less than or equal to 0.2"),
+        ({"bark_relief": 9.0}, "less than or equal to 3"),
+    ],
+)
+def test_impossible_floors_are_refused(values, message):
+    with pytest.raises(ValidationError, match=message):
+        Forest.model_validate(values)
