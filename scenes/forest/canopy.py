@@ -23,8 +23,6 @@ Float64 = NDArray[np.float64]
 
 WIDEST_M = 9.0
 """No plant reaches farther sideways from its foot than this (m)."""
-AROUND_M = 10.0
-"""The ground's mesh is looked at so much farther out than the places whose height is asked (m)."""
 _LEAVES, _WOOD = (
     frozenset(plant.part(organ) for plant in PLANTS.values() if isinstance(plant, Woody))
     for organ in ("leaf", "bark")
@@ -95,9 +93,8 @@ def floor_points(
         away = distance_to(path, thrown)
         kept = np.concatenate([kept, thrown[(away >= ring_m[0]) & (away < ring_m[1])]])
     parts = scene.assets[scene.placements[0].asset].parts.values()
-    # Corners where two covers meet belong to both; those far away are as good as none.
+    # Corners where two covers meet belong to both.
     corners = np.unique(np.concatenate([mesh.vertices for mesh in parts]), axis=0)
-    corners = corners[distance_to(path, corners[:, :2]) < ring_m[1] + AROUND_M]
     height = griddata(corners[:, :2], corners[:, 2], kept[:count])
     return np.column_stack([kept[:count], height + height_m])
 
