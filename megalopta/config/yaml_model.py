@@ -78,10 +78,10 @@ def to_yaml(record: BaseModel) -> str:
 
 
 def put(values: Any, path: str, value: Any) -> None:
-    """Set a value inside nested mappings and lists; a null on the way becomes a mapping.
+    """Set a value inside nested mappings and lists.
 
-    A new `kind` or `preset` starts its mapping afresh; a single value for a list makes a list of
-    one.
+    A null on the way becomes a mapping, as does what a mapping with a `kind` or `preset` lacks: a
+    new one of these starts it afresh. A single value for a list makes a list of one.
 
     Raises
     ------
@@ -135,8 +135,8 @@ def _keep_only(values: dict[str, Any], key: str) -> None:
 def _child(values: Any, step: str, path: str) -> Any:
     if isinstance(values, list) and step.isdecimal() and int(step) < len(values):
         return values[int(step)]
-    if isinstance(values, dict) and step in values:
-        if values[step] is None:
+    if isinstance(values, dict) and (step in values or values.keys() & {"kind", "preset"}):
+        if values.get(step) is None:
             values[step] = {}
         return values[step]
     entries = range(len(values)) if isinstance(values, list) else values

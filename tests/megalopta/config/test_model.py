@@ -30,6 +30,12 @@ def test_overrides_reach_nested_fields_and_list_items():
 def test_an_override_reaches_into_what_is_absent():
     hazy = load("demo", {"scene.haze.visibility_m": "99", "render.integrator": "auto"})
     assert hazy.scene.haze == Haze(visibility_m=99)
+    trail = load(
+        "demo",
+        {"scene.haze.visibility_m": "99", "scene.preset": "trail", "render.integrator": "auto"},
+    )
+    assert trail.scene.haze == Haze(visibility_m=99)
+    assert trail.scene.path_width_m > 0
 
 
 def test_a_single_value_for_a_list_makes_a_list_of_one():
@@ -178,6 +184,8 @@ def test_an_override_of_nothing_says_what_there_is():
         load("demo", {"sensors.7.name": "x"})
     with pytest.raises(UserError, match="unknown key; did you mean 'trees'"):
         load("demo", {"scene.treess": "3"})
+    with pytest.raises(UserError, match=r"scene\.hase: unknown key; did you mean 'haze'"):
+        load("demo", {"scene.hase.visibility_m": "3"})
 
 
 def test_differences_name_every_changed_leaf():
