@@ -32,6 +32,9 @@ _FLOOR = {"frames": 2, "look_at_m": [6, 0, 1.0]}
 _TRAIL = {"frames": 2, "position_m": [0, 0, 1.6], "look_at_m": [10, 0, 0.6]}
 _LOW = {"frames": 2, "position_m": [0, 0, 0.7], "look_at_m": [2.5, 0.6, 0.35]}
 _NOON = {"level": "daylight", "sky": "natural", "disc_azimuth_deg": 150}
+_CLOUDY = {"level": "daylight", "sky": "natural", "cloud_cover": 1.0}
+_FOG_M = 60.0
+"""Visibility"""
 _GAP, _LINE = 8, 20
 
 
@@ -44,6 +47,8 @@ class View:
     """Of a configuration."""
     exposure_s: float | None = None
     """Of an ideal sensor whose counts are shown, too."""
+    work: int = 1
+    """Times the samples of other views: light in fog is noisy."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +64,10 @@ def _forest(preset: str, light: Mapping[str, Any], path: Mapping[str, Any]) -> d
     return {"scene": {"kind": "forest", "preset": preset}, "light": light, "trajectory": path}
 
 
+def _foggy(parts: Mapping[str, Any]) -> dict[str, Any]:
+    return {**parts, "scene": {**parts["scene"], "haze": {"visibility_m": _FOG_M}}}
+
+
 VIEWS = (
     View("A clearing at noon", _forest("clearing", _NOON, _AHEAD)),
     View(
@@ -72,6 +81,7 @@ VIEWS = (
         exposure_s=0.1,
     ),
     View("A trail through a mixed wood at noon", _forest("trail", _NOON, _TRAIL)),
+    View("The same in fog, under a cloud", _foggy(_forest("trail", _CLOUDY, _TRAIL)), work=4),
     View(
         "Close to the ground",
         {
@@ -116,7 +126,7 @@ def write_views(
         When the panorama cannot be read as a picture.
     """
     views = [*(of_photograph(panorama) if panorama else ()), *views]
-    settings = [_settings(view, samples_per_pixel) for view in views]
+    settings = [_settings(view, samples_per_pixel * view.work) for view in views]
     pictures: list[Picture] = []
     with progress("Rendering views", len(views), "view") as advance:
         for view, each in zip(views, settings, strict=True):
