@@ -53,15 +53,14 @@ class Patches:
         cut = np.zeros((grid.rows * grid.columns, size, size), np.float32)
         self.moments = np.empty((3, len(cut)))
         """Sums of 1, counts and squared counts"""
-        for patch, (row, column) in zip(cut, np.ndindex(grid.rows, grid.columns), strict=True):
-            top, left = grid.top + row * grid.block_px, grid.left + column * grid.block_px
+        for index, (top, left) in enumerate(grid.corners):
             rows, columns = (
                 slice(max(first - margin_px, 0), first + grid.block_px + margin_px)
                 for first in (top, left)
             )
             seen = counts[rows, columns].astype(np.float64)
-            self.moments[:, row * grid.columns + column] = seen.size, seen.sum(), np.sum(seen**2)
-            patch[: seen.shape[0], : seen.shape[1]] = seen - seen.mean()
+            self.moments[:, index] = seen.size, seen.sum(), np.sum(seen**2)
+            cut[index, : seen.shape[0], : seen.shape[1]] = seen - seen.mean()
         self.spectra: NDArray[np.complex64] = rfft2(cut)
 
 

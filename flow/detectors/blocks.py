@@ -53,9 +53,8 @@ class BlockGrid:
     @property
     def centers(self) -> NDArray[np.float64]:
         """Image coordinates (rows, columns, 2), x and y, of the middles of the blocks."""
-        rows, columns = np.mgrid[: self.rows, : self.columns]
-        corner = np.array([self.left, self.top])
-        return corner + self.block_px * (np.stack((columns, rows), axis=-1) + 0.5)
+        first = self.corners.reshape(self.rows, self.columns, 2)[..., ::-1]
+        return np.ascontiguousarray(first, np.float64) + self.block_px / 2
 
 
 def block_grid(
