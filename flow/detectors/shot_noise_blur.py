@@ -1,23 +1,12 @@
-"""How much to smooth counts before matching them, read from the counts themselves.
-
-Where a texture of power spectrum S meets shot noise of variance N (the mean count), the most
-likely shift between two frames is that of greatest correlation after a filter S/(S + N/2); over n
-frames that agree, after S/(S + N/n). Both pass what is stronger than the noise. Natural textures
-have edges, so S falls about as f⁻³ from a height that the excess of the counts' variance over
-their mean measures. With
-
-    q = (variance − mean)/mean          (index of dispersion − 1: texture over shot noise)
-
-S/N goes as q·f⁻³, the cutoff as (n·q)^(1/3), and the width of the filter in pixels as its inverse.
-Its shape hardly matters, so it is a Gaussian. Its constant was fitted on dead leaves and on one
-photographed forest at 10⁴ to 10⁶ photons per frame of 240 × 240 px; the best width is so broad an
-optimum that a step of √2 changes errors by a few percent.
+"""Frames smoothed as much as their counts ask for (`likelihood.suited_blur_px`), block by block.
 
 Edges lie between plain areas, where differences are all noise. So each pixel is weighed as well, by
 the variance of the smoothed roots around it: texture over texture plus noise, no less than a fifth.
 """
 
 from collections.abc import Sequence
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,16 +14,11 @@ from scipy.ndimage import gaussian_filter, spline_filter, uniform_filter
 
 from megalopta.flow.detectors.base import FloatArray, Frames
 from megalopta.flow.detectors.blocks import BlockGrid
+from megalopta.flow.likelihood import root_noise, suited_blur_px
 
 BLURS_PX = (0.7, 1.0, 1.4, 2.0)
 """Standard deviations to choose from. Less than 0.7 px leaves too little to interpolate between
 pixels, more than 2 px reaches far out of a block."""
-
-_BLUR_AT_EQUALITY_PX = 0.6
-"""Best standard deviation for two frames with as much texture as shot noise, q = 1."""
-
-_FAINTEST = 1e-6
-"""Smaller q are raised to this: no texture was seen, the largest blur is right."""
 
 _NEIGHBORHOOD_BLURS = 12
 """Side of the square in which a pixel's texture is judged, in standard deviations of the blur."""
@@ -87,7 +71,7 @@ def suited_levels(
 ) -> NDArray[np.intp]:
     """Return which of `BLURS_PX` suits each block, (blocks,), judged with a margin around it."""
     moments = np.sum([frame.moments(grid, margin_px) for frame in window], axis=0)
-    return blur_levels(texture_over_noise(moments, len(window)).ravel())
+    return blur_levels(moments, len(window)).ravel()
 
 
 def block_moments(counts: NDArray[np.float32], grid: BlockGrid, margin_px: int) -> FloatArray:
@@ -99,8 +83,8 @@ def block_moments(counts: NDArray[np.float32], grid: BlockGrid, margin_px: int) 
     return np.stack((pixels, *(_window_sums(each, y, x) for each in (exact, exact**2))))
 
 
-def texture_over_noise(moments: FloatArray, frames: int) -> FloatArray:
-    """Return n·q/2 of each block: texture over the shot noise of all frames, 1 of two at q = 1.
+def blur_levels(moments: FloatArray, frames: int) -> NDArray[np.intp]:
+    """Return which of `BLURS_PX` suits each block.
 
     Parameters
     ----------
@@ -112,29 +96,17 @@ def texture_over_noise(moments: FloatArray, frames: int) -> FloatArray:
     pixels, total, squares = moments
     with np.errstate(invalid="ignore", divide="ignore"):
         excess = np.nan_to_num((squares - total**2 / pixels) / total - 1)
-    return np.asarray(np.maximum(excess, _FAINTEST) * frames / 2)
-
-
-def blur_levels(ratios: FloatArray) -> NDArray[np.intp]:
-    """Return which of `BLURS_PX` suits each block of a `texture_over_noise`."""
-    wanted = _BLUR_AT_EQUALITY_PX * ratios ** (-1 / 3)
-    steps = np.log(wanted)[..., np.newaxis] - np.log(BLURS_PX)
+    steps = np.log(suited_blur_px(excess, frames))[..., np.newaxis] - np.log(BLURS_PX)
     return np.asarray(np.abs(steps).argmin(axis=-1))
 
 
-def _smooth(counts: NDArray[np.float32], level: int) -> NDArray[np.float32]:
+def _smooth(counts: NDArray[Any], level: int) -> NDArray[Any]:
     return np.asarray(gaussian_filter(counts, BLURS_PX[level], mode="reflect", truncate=3.0))
 
 
-def _root_noise(level: int) -> np.float32:
-    """Return the variance that shot noise gives to the roots, at any brightness."""
-    impulse = np.zeros((31, 31), np.float32)
-    impulse[15, 15] = 1
-    # that of a root is a quarter of the variance over the mean
-    return np.float32((_smooth(impulse, level) ** 2).sum() / 4)
-
-
-_ROOT_NOISE = tuple(_root_noise(level) for level in range(len(BLURS_PX)))
+_ROOT_NOISE = [
+    np.float32(root_noise(partial(_smooth, level=level))) for level in range(len(BLURS_PX))
+]
 
 
 def _windows(length: int, start: int, size: int, number: int, margin: int) -> NDArray[np.int64]:

@@ -15,3 +15,4 @@ from .evidence import (
     to_nodes as to_nodes,
 )
 from .node_system import links as links, most_likely as most_likely
+from .shot_noise import root_noise as root_noise, suited_blur_px as suited_blur_px

@@ -2,7 +2,7 @@
 
 Frames are binned by 2 × 2 px again and again, which keeps their counts Poisson. Roots of the counts
 have the same noise everywhere (`flow.detectors.shift_cost`); smoothed as much as the counts ask for
-(`flow.detectors.shot_noise_blur`) and aligned by a motion, their squared differences from their
+(`shot_noise`) and aligned by a motion, their squared differences from their
 mean are the log-likelihood of that motion. The gradient is that of the mean of the aligned frames:
 noise in it is then independent of noise in their differences, and draws no velocity toward 0.
 
@@ -11,19 +11,22 @@ counts less in proportion.
 """
 
 from collections.abc import Iterable, Iterator
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
 
 from megalopta.arrays import Floats
+from megalopta.flow.likelihood.shot_noise import root_noise, suited_blur_px
 
 NODE_PX = 4
 """Distance of the nodes at which a motion is known"""
 
 _SMALLEST_LEVEL_PX = 12
-_BLURS_PX, _BLUR_AT_EQUALITY_PX = (0.7, 2.5), 0.6
-_FAINTEST = 1e-6
+_BLURS_PX = 0.7, 2.5
+"""Least and most"""
+
 _AGREEMENT_PX = 2.0
 """Standard deviation of the neighborhood in which aligned frames are compared"""
 
@@ -74,10 +77,11 @@ def levels(counts: Floats) -> Iterator[Level]:
 
 def level_of(frames: Floats, bins: int = 1) -> Level:
     """Return frames (n, H, W) of so many bins as roots and splines."""
-    blur = _blur_px(frames)
-    roots = np.sqrt(np.stack([gaussian_filter(frame, blur) for frame in frames]))
+    excess = frames.var(axis=(1, 2)).mean() / frames.mean() - 1
+    smooth = partial(gaussian_filter, sigma=suited_blur_px(excess, len(frames)).clip(*_BLURS_PX))
+    roots = np.sqrt(np.stack([smooth(frame) for frame in frames]))
     splines = np.stack([spline_filter(root, 3, mode="nearest") for root in roots])
-    return Level(roots, splines, _root_noise(blur), bins)
+    return Level(roots, splines, root_noise(smooth), bins)
 
 
 def evidence(level: Level, patterns: Floats, places: Iterable[Floats]) -> Evidence:
@@ -132,17 +136,3 @@ def to_nodes(pixels: Floats) -> Floats:
     missing = [(0, 0), (0, rows * NODE_PX - shape[0]), (0, columns * NODE_PX - shape[1])]
     whole = np.pad(pixels, missing).reshape(count, rows, NODE_PX, columns, NODE_PX)
     return np.asarray(whole.sum(axis=(2, 4)))
-
-
-def _blur_px(frames: Floats) -> float:
-    """Return how much to smooth: the less texture to noise, the more (`shot_noise_blur`)."""
-    excess = frames.var(axis=(1, 2)).mean() / frames.mean() - 1
-    wanted = _BLUR_AT_EQUALITY_PX * (max(excess, _FAINTEST) * len(frames) / 2) ** (-1 / 3)
-    return float(np.clip(wanted, *_BLURS_PX))
-
-
-def _root_noise(blur_px: float) -> float:
-    """Return the variance that shot noise gives to the roots, at any brightness."""
-    impulse = np.zeros((31, 31))
-    impulse[15, 15] = 1
-    return float((gaussian_filter(impulse, blur_px) ** 2).sum() / 4)

@@ -7,7 +7,6 @@ from megalopta.flow.detectors.shot_noise_blur import (
     SmoothedFrame,
     block_moments,
     blur_levels,
-    texture_over_noise,
 )
 
 
@@ -17,7 +16,7 @@ def moments(dispersion, pixels=1000.0, mean=2.0):
 
 
 def level(dispersion, frames):
-    return int(blur_levels(texture_over_noise(moments(dispersion), frames)))
+    return int(blur_levels(moments(dispersion), frames))
 
 
 def test_moments_are_sums_over_blocks_and_margins_inside_the_frame():
@@ -42,7 +41,7 @@ def test_four_times_the_frames_count_as_four_times_the_texture():
 
 @pytest.mark.parametrize("sums", [[100.0, 0.0, 0.0], [100.0, 200.0, 600.0]])
 def test_darkness_and_pure_shot_noise_get_the_widest_blur(sums):
-    assert blur_levels(texture_over_noise(np.array(sums), 2)) == len(BLURS_PX) - 1
+    assert blur_levels(np.array(sums), 2) == len(BLURS_PX) - 1
 
 
 @pytest.mark.parametrize("level", range(len(BLURS_PX)))
