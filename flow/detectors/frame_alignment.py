@@ -96,8 +96,38 @@ def _step(
     """Return a Gauss–Newton step (x, y) of a block's velocity; NaN from NaN."""
     if not (math.isfinite(vx) and math.isfinite(vy)):
         return math.nan, math.nan
+    sums = _sums_over_frames(splines, corner, size, vx, vy)
+    xx = xy = yy = along_x = along_y = 0.0
+    for row in range(size):
+        for column in range(size):
+            count, times, squares, total, moment, gx, gy = sums[:, row, column]
+            if count < 2:
+                continue
+            weight = weights[corner[0] + row, corner[1] + column]
+            gx, gy = gx / count, gy / count
+            spread = weight * (squares - times * times / count)
+            drift = weight * (moment - times * total / count)
+            xx += spread * gx * gx
+            xy += spread * gx * gy
+            yy += spread * gy * gy
+            along_x += drift * gx
+            along_y += drift * gy
+    determinant = xx * yy - xy * xy
+    return (
+        (xy * along_y - yy * along_x) / determinant,
+        (xy * along_x - xx * along_y) / determinant,
+    )
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _sums_over_frames(
+    splines: NDArray[np.float32], corner: NDArray[np.int64], size: int, vx: float, vy: float
+) -> NDArray[np.float32]:
+    """Return what each pixel of a block adds up to over the frames laid over one another.
+
+    1, t, t², f, t·f and the gradient, over the frames in which it lies: (7, size, size).
+    """
     frames, height, width = splines.shape
-    # Of each pixel, over the frames in which it lies: 1, t, t², f, t·f and the gradient
     sums = np.zeros((7, size, size), np.float32)
     lines = np.empty((2, size + 3, size), np.float32)
     for frame in range(frames):
@@ -131,26 +161,7 @@ def _step(
                 sums[4, row, column] += t * value
                 sums[5, row, column] += gx
                 sums[6, row, column] += gy
-    xx = xy = yy = along_x = along_y = 0.0
-    for row in range(size):
-        for column in range(size):
-            count, times, squares, total, moment, gx, gy = sums[:, row, column]
-            if count < 2:
-                continue
-            weight = weights[corner[0] + row, corner[1] + column]
-            gx, gy = gx / count, gy / count
-            spread = weight * (squares - times * times / count)
-            drift = weight * (moment - times * total / count)
-            xx += spread * gx * gx
-            xy += spread * gx * gy
-            yy += spread * gy * gy
-            along_x += drift * gx
-            along_y += drift * gy
-    determinant = xx * yy - xy * xy
-    return (
-        (xy * along_y - yy * along_x) / determinant,
-        (xy * along_x - xx * along_y) / determinant,
-    )
+    return sums
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
