@@ -71,6 +71,9 @@ class EnvironmentView:
         """The same; no pixel is told to show the sky."""
         return _without_error(self.exposed(exposure))
 
+    def light_left_out(self, pose: NDArray[np.float64]) -> None:
+        """None: light comes without a hit."""
+
     def light_survey(self, positions: NDArray[np.float64]) -> LightSurvey:
         """Illuminance, measured along rays like those of the pixels, the same everywhere."""
         colors = look_up(self._rgb, cosine_directions(_METER_RAYS), self._turn)

@@ -152,6 +152,13 @@ class SceneRenderer:
         """Illuminance above and below camera positions (N, 3); None where only surfaces emit."""
         return self._view.light_survey(positions)
 
+    def light_left_out(self, pose: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Share of the light of surfaces, by band, that takes more hits than paths may have, (B,).
+
+        Seen from a pose (4, 4); None before a panorama.
+        """
+        return self._view.light_left_out(self._local(pose))
+
     def canopy(self, poses: NDArray[np.float64], ring_m: tuple[float, float]) -> Canopy:
         """Plant area, gaps and floor light of a forest in a ring around poses (N, 4, 4)."""
         return measure_canopy(self._loaded, self._scene, poses[:, :2, 3], ring_m)

@@ -9,12 +9,16 @@ from numpy.typing import NDArray
 
 from megalopta.render.illuminance import LightMeter, LightSurvey
 from megalopta.render.loading import Air, MergedMesh, MovingMesh, move_meshes
+from megalopta.render.longer_paths import share_left_out
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.sensors import Film
 from megalopta.render.settings import RenderSettings
 from megalopta.render.views import Exposure
 from megalopta.scenes.cameras import Camera
 from megalopta.scenes.world import Scene
+
+_PATHS = 2**15
+"""By which is known what longer ones would bring, but one a pixel"""
 
 
 class Integrator(Protocol):
@@ -102,6 +106,17 @@ class SurfaceView:
             return None
         meter = LightMeter(self._loaded, lighting, self._settings.max_depth, self._air)
         return meter.survey(positions - self._scene.origin_m)
+
+    def light_left_out(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Share of the light of surfaces, by band, that takes more hits than paths may have, (B,).
+
+        Of moving objects where they were put last.
+        """
+        wanted = math.ceil(_PATHS / (self._camera.width * self._camera.height))
+        samples = min(wanted, self._settings.samples_per_pixel)
+        self._check(pose)
+        film = Film(self._camera, self._settings, samples)
+        return share_left_out(self._loaded, film, pose, self._settings.max_depth, self._air)
 
     def _exposed(
         self, trace: Callable[..., NDArray[np.float32]], exposure: Exposure

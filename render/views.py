@@ -81,5 +81,8 @@ class View(Protocol):
     def exposed_measured(self, exposure: Exposure) -> MeasuredPass:
         """The same, with what its error is known by."""
 
+    def light_left_out(self, pose: Floats) -> Floats | None:
+        """Share of the light of surfaces, by band, that takes too many hits; None without any."""
+
     def light_survey(self, positions: Floats) -> LightSurvey | None:
         """Illuminance above and below camera positions (N, 3) in the world, if light has any."""

@@ -35,7 +35,11 @@ _ARRAYS = "light", "flow", "noise"
 
 
 VIEW_SETTINGS = RenderSettings(
-    samples_per_pixel=64, bands_nm=(LUMINANCE_BAND_NM,), integrator="baked", bake_error=0.06
+    samples_per_pixel=64,
+    max_depth=4,
+    bands_nm=(LUMINANCE_BAND_NM,),
+    integrator="baked",
+    bake_error=0.06,
 )
 
 

@@ -57,6 +57,7 @@ class _Scene(TypedDict):
     integrator: NotRequired[str]
     illuminance: NotRequired[_Illuminance | None]
     monte_carlo: NotRequired[_MonteCarlo | None]
+    light_left_out: NotRequired[list[FiniteFloat] | None]
 
 
 _FLOW = TypeAdapter(list[FlowRecord])

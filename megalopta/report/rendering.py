@@ -5,13 +5,15 @@ render stage measures how much, on pixels without sky where there are any: `mont
 scene record.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from megalopta.pages import number, percent
 
 _CAUTION = 0.1
+_LITTLE = 1e-3
+"""Of the light of surfaces: not worth a sentence"""
 
 
 @dataclass(frozen=True)
@@ -25,7 +27,8 @@ class RenderNoise:
     photons: str
     """Photons per pixel that are as noisy"""
     surfaces: str
-    """What of it stands on surfaces, fakes their texture and is in the sky; empty if not known."""
+    """What of it stands on surfaces, fakes their texture and is in the sky, and what light is left
+    out; empty if not known"""
     caution: bool
     """Whether there is so much of it that the reader should be warned."""
 
@@ -40,7 +43,8 @@ def render_noise(record: Mapping[str, Any]) -> RenderNoise | None:
         percent(relative),
         percent(measured["rms_over_mean"]),
         number(measured["equivalent_photons_per_pixel"]),
-        _surfaces(measured.get("surface"), measured.get("sky")),
+        _surfaces(measured.get("surface"), measured.get("sky"))
+        + _left_out(record.get("light_left_out")),
         relative > _CAUTION,
     )
 
@@ -62,3 +66,12 @@ def _surfaces(surface: Mapping[str, Any] | None, sky: Mapping[str, Any] | None) 
     if sky:
         text += f" In the sky it is {percent(sky['rms'])} of the sky's light."
     return text
+
+
+def _left_out(shares: Sequence[float] | None) -> str:
+    if not shares or max(shares) < _LITTLE:
+        return ""
+    return (
+        f" Light that takes more hits than paths may have is left out: {percent(max(shares))} of "
+        "that of surfaces in the band that loses most."
+    )

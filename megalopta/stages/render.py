@@ -1,7 +1,7 @@
 """The render stage: scene to radiance and ground truth of every frame, on disk."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -36,6 +36,8 @@ from megalopta.stages.declaration import Stage
 
 # Points below the camera's path where the illuminance is measured.
 _LIGHT_METERS = 9
+_MUCH_LEFT_OUT = 0.01
+"""Of the light of surfaces, in any band"""
 
 
 def render(dataset: Dataset) -> None:
@@ -57,10 +59,12 @@ def render(dataset: Dataset) -> None:
             **writer.record(),
             "illuminance": writer.illuminance(),
             "canopy": writer.canopy(),
+            "light_left_out": writer.light_left_out(),
             "monte_carlo": noise_record(dataset, writer.samples_per_pixel),
         }
         files.write_json(dataset.scene_record, record)
         _say_illuminance(record["illuminance"])
+        _say_left_out(dataset.configuration, record["light_left_out"])
         _say_noise(dataset.configuration, record["monte_carlo"])
     _write_previews(dataset)
 
@@ -206,6 +210,11 @@ class FrameWriter:
             "ground": [asdict(point) for point in survey.ground],
         }
 
+    def light_left_out(self) -> list[float] | None:
+        """Share of the light of surfaces, by band, that takes more hits than paths may have."""
+        share = self._renderer.light_left_out(self._poses[len(self._poses) // 2])
+        return None if share is None else share.tolist()
+
     def _radiance(self, index: int) -> tuple[NDArray[np.float32], RenderNoise | None]:
         seed, renderer = self._dataset.configuration.seed, self._renderer
         pose, time = self._poses[index], float(self._times_s[index])
@@ -260,6 +269,17 @@ def _say_illuminance(light: Mapping[str, Any] | None) -> None:
             f"({min(ground):.2g} to {max(ground):.2g} along its path)"
         )
     say(f"render: {text}")
+
+
+def _say_left_out(settings: Configuration, shares: Sequence[float] | None) -> None:
+    if not shares or max(shares) < _MUCH_LEFT_OUT:
+        return
+    low, high = settings.render.bands_nm[int(np.argmax(shares))]
+    say(
+        f"render: {max(shares):.1%} of the light of surfaces at {low:g} to {high:g} nm takes more "
+        f"hits than render.max_depth {settings.render.max_depth} allows, and is left out; 16 are "
+        "enough in forests"
+    )
 
 
 def _say_noise(settings: Configuration, noise: Mapping[str, Any] | None) -> None:

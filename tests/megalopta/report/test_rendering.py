@@ -51,3 +51,11 @@ def test_what_stands_on_surfaces_and_what_is_in_the_sky_is_told_apart():
     assert "makes 4.0 % of the squared differences" in text
     assert "2.0 % (RMS) is that of baked light" in text
     assert "In the sky it is 0.10 % of the sky's light" in text
+
+
+@pytest.mark.parametrize(
+    ("shares", "told"), [([0.01, 0.3], True), ([0.0, 5e-4], False), (None, False)]
+)
+def test_light_that_is_left_out_is_told(shares, told):
+    text = render_noise({**measured(0.05), "light_left_out": shares}).surfaces
+    assert ("30\u00a0% of that of surfaces in the band that loses most" in text) == told
