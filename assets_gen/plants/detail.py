@@ -47,7 +47,7 @@ def _wood(plant: Plant, detail: Detail, rng: np.random.Generator) -> Surface:
     base = np.array([radii[axis[1]] for axis in nodes])
     is_stem = np.array([skeleton.parents[axis[0]] < 0 for axis in nodes])
     thin = np.flatnonzero(~is_stem & (base < detail.thinnest_m))
-    area = np.array([tube.area for tube in plant.tubes])
+    area = plant.tube_areas
     widening = np.where(np.isin(np.arange(len(nodes)), thin), 0.0, 1.0)
     if len(thin):
         chosen, factor = _one_of_each(area[thin], detail.merged, rng)

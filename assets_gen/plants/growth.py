@@ -1,10 +1,11 @@
 """A whole tree or bush: bark around its axes, leaves on its twigs."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from megalopta.assets_gen import FloatArray, Surface, join
+from megalopta.assets_gen import FloatArray, Surface, join, lengths
 from megalopta.assets_gen.plants.bark import TILE_M
 from megalopta.assets_gen.plants.branching import Branching
 from megalopta.assets_gen.plants.foliage import leaf_axes, place_leaves
@@ -34,6 +35,12 @@ class Plant:
     """(a, s, 3): from base to tip, the axes that bear leaves; too thin to be drawn where they are
     side twigs (m)."""
     leaves: Surface
+
+    @cached_property
+    def tube_areas(self) -> FloatArray:
+        """Area (a,) of each tube (m²)."""
+        ends = np.cumsum([len(tube.faces) for tube in self.tubes])
+        return np.array([part.sum() for part in np.split(self.wood.face_areas, ends[:-1])])
 
     @property
     def wood(self) -> Surface:
@@ -121,8 +128,8 @@ def simplified(points: FloatArray, tolerance: float) -> IndexArray:
             continue
         chord = points[high] - points[low]
         inner = points[low + 1 : high] - points[low]
-        share = np.clip(inner @ chord / max(chord @ chord, 1e-12), 0, 1)
-        error = np.linalg.norm(inner - share[:, None] * chord, axis=1)
+        share = (inner @ chord / max(chord @ chord, 1e-12)).clip(0, 1)
+        error = lengths(inner - share[:, None] * chord)
         worst = int(error.argmax())
         if error[worst] > tolerance:
             keep.add(low + 1 + worst)
