@@ -29,6 +29,8 @@ class Plant:
     branching: Branching
     radii_m: FloatArray
     """(n,): radius at every node of the skeleton."""
+    axes: list[IndexArray]
+    """Nodes of the skeleton along each axis, from base to tip."""
     tubes: tuple[Surface, ...]
     """One closed tube per axis."""
     twigs: FloatArray
@@ -62,13 +64,15 @@ def grow_plant(
     skeleton = branching.skeleton
     reference = min(BREAST_HEIGHT_M, species.height_m / 3)
     radii = pipe_radii(skeleton, species.disused_share, species.radius_m, reference)
-    tubes = [
+    along = axes(skeleton, radii)
+    tubes = tuple(
         bark_around(species, skeleton, radii, nodes, species.chord_m, rng, furrows)
-        for nodes in axes(skeleton, radii)
-    ]
+        for nodes in along
+    )
     twigs = leaf_axes(skeleton.positions[branching.bearing], species.foliage, rng)
     foliage = species.foliage.model_copy(update={"per_m": fullness * species.foliage.per_m})
-    return Plant(species, branching, radii, tuple(tubes), twigs, place_leaves(twigs, foliage, rng))
+    leaves = place_leaves(twigs, foliage, rng)
+    return Plant(species, branching, radii, along, tubes, twigs, leaves)
 
 
 def bark_around(

@@ -14,13 +14,15 @@ from numpy.typing import NDArray
 
 from megalopta.assets_gen import FloatArray, Surface, cross, grid_faces, lengths, unit
 
+_AXES = np.eye(3)
+
 
 def rotation_minimizing_frames(axis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return tangents, normals and binormals, each (k, 3), along a polyline `axis` (k, 3)."""
     steps = axis[1:] - axis[:-1]
     headings = unit(steps)
     tangents = unit(np.concatenate([headings[:1], headings[:-1] + headings[1:], headings[-1:]]))
-    helper = np.eye(3)[abs(tangents[0]).argmin()]
+    helper = _AXES[abs(tangents[0]).argmin()]
     normals = [unit(cross(tangents[0], helper))]
     for i, step in enumerate(steps):
         second = tangents[i + 1] - _reflected(tangents[i], step)
@@ -75,7 +77,7 @@ def tube_uv(
 ) -> FloatArray:
     """Return the texture coordinates of all vertices of a tube, from (0, 0) at its base on."""
     rings, sides = profile.shape
-    around = 2 * np.pi * profile[0].mean() / tile_m[0]
+    around = 2 * np.pi * (np.add.reduce(profile[0]) / sides) / tile_m[0]
     turns = max(round(around), 1) if whole_tiles else around
     length = np.zeros(rings + 1)
     np.cumsum(lengths(axis[1:] - axis[:-1]), out=length[1:])
@@ -94,8 +96,8 @@ def _seamed(grid: FloatArray) -> FloatArray:
 
 
 def _grid_normals(grid: FloatArray, axis: FloatArray) -> FloatArray:
-    tip = np.broadcast_to(axis[-1], (1, *grid.shape[1:]))
-    rows = np.concatenate([grid[:1], grid, tip])
+    rows = np.empty((len(grid) + 2, *grid.shape[1:]))
+    rows[0], rows[1:-1], rows[-1] = grid[0], grid, axis[-1]
     columns = np.concatenate([grid[:, -1:], grid, grid[:, :1]], axis=1)
     return unit(cross(columns[:, 2:] - columns[:, :-2], rows[2:] - rows[:-2]))
 
