@@ -18,8 +18,13 @@ if TYPE_CHECKING:
     from megalopta.scenes.forest.description import Forest
 
 FIELDS = {
-    *("seed", "detail", "ground", "relief_m"),
-    *("floor_relief_m", "moss_share", "path_width_m"),
+    "seed",
+    "detail",
+    "ground",
+    "relief_m",
+    "floor_relief_m",
+    "moss_share",
+    "path_width_m",
 }
 """Of the forest, that its floor depends on."""
 _COVER = "cover "
