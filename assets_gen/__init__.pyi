@@ -6,6 +6,7 @@ from .surface import (
     grid_corners as grid_corners,
     grid_faces as grid_faces,
     join as join,
+    lengths as lengths,
     unit as unit,
 )
 from .surface_textures import TEXTURES as TEXTURES

@@ -30,9 +30,12 @@ def poisson_disk(
     return kept[:count]
 
 
-def distance_to(points: cKDTree, places: FloatArray) -> FloatArray:
-    """Return the distance (n,) from each place (n, d) to the nearest of the points."""
-    distance, _ = points.query(places)
+def distance_to(points: cKDTree, places: FloatArray, within: float = np.inf) -> FloatArray:
+    """Return the distance (n,) from each place (n, d) to the nearest of the points.
+
+    It is infinite where none is nearer than `within`.
+    """
+    distance, _ = points.query(places, distance_upper_bound=within)
     return np.asarray(distance)
 
 

@@ -41,8 +41,11 @@ class Trail:
     """Unevenness of its margins, and how far they fray (m)."""
 
     def inside(self, points: FloatArray) -> FloatArray:
-        """Return how far points (n, 2) are from the margin (m): positive on the path."""
-        away = distance_to(self.line, points)
+        """Return how far points (n, 2) are from the margin (m): positive on the path.
+
+        It is minus infinity farther out than its margins reach, where nobody asks for more.
+        """
+        away = distance_to(self.line, points, self.half_m + 2 * MARGIN_M)
         inside = self.half_m - away
         near = away < self.half_m + MARGIN_M
         inside[near] += self.margin(points[near])

@@ -12,7 +12,7 @@ import numpy as np
 
 from megalopta.assets_gen import FloatArray, Surface, join
 from megalopta.assets_gen.plants.growth import Plant, bark_around
-from megalopta.assets_gen.plants.skeleton import IndexArray, axes
+from megalopta.assets_gen.plants.skeleton import IndexArray
 
 
 @dataclass(frozen=True)
@@ -43,11 +43,11 @@ def _leaves_in(area_m2: float, leaves: Surface) -> int:
 def _wood(plant: Plant, detail: Detail, rng: np.random.Generator) -> Surface:
     """Return stems and branches drawn straighter, and a few thick twigs instead of many thin."""
     skeleton, radii = plant.branching.skeleton, plant.radii_m
-    nodes = axes(skeleton, radii)
+    nodes = plant.axes
     base = np.array([radii[axis[1]] for axis in nodes])
     is_stem = np.array([skeleton.parents[axis[0]] < 0 for axis in nodes])
     thin = np.flatnonzero(~is_stem & (base < detail.thinnest_m))
-    area = np.array([tube.area for tube in plant.tubes])
+    area = plant.tube_areas
     widening = np.where(np.isin(np.arange(len(nodes)), thin), 0.0, 1.0)
     if len(thin):
         chosen, factor = _one_of_each(area[thin], detail.merged, rng)

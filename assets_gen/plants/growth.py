@@ -1,10 +1,11 @@
 """A whole tree or bush: bark around its axes, leaves on its twigs."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from megalopta.assets_gen import FloatArray, Surface, join
+from megalopta.assets_gen import FloatArray, Surface, join, lengths
 from megalopta.assets_gen.plants.bark import TILE_M
 from megalopta.assets_gen.plants.branching import Branching
 from megalopta.assets_gen.plants.foliage import leaf_axes, place_leaves
@@ -28,12 +29,20 @@ class Plant:
     branching: Branching
     radii_m: FloatArray
     """(n,): radius at every node of the skeleton."""
+    axes: list[IndexArray]
+    """Nodes of the skeleton along each axis, from base to tip."""
     tubes: tuple[Surface, ...]
     """One closed tube per axis."""
     twigs: FloatArray
     """(a, s, 3): from base to tip, the axes that bear leaves; too thin to be drawn where they are
     side twigs (m)."""
     leaves: Surface
+
+    @cached_property
+    def tube_areas(self) -> FloatArray:
+        """Area (a,) of each tube (m²)."""
+        ends = np.cumsum([len(tube.faces) for tube in self.tubes])
+        return np.array([part.sum() for part in np.split(self.wood.face_areas, ends[:-1])])
 
     @property
     def wood(self) -> Surface:
@@ -55,13 +64,15 @@ def grow_plant(
     skeleton = branching.skeleton
     reference = min(BREAST_HEIGHT_M, species.height_m / 3)
     radii = pipe_radii(skeleton, species.disused_share, species.radius_m, reference)
-    tubes = [
+    along = axes(skeleton, radii)
+    tubes = tuple(
         bark_around(species, skeleton, radii, nodes, species.chord_m, rng, furrows)
-        for nodes in axes(skeleton, radii)
-    ]
+        for nodes in along
+    )
     twigs = leaf_axes(skeleton.positions[branching.bearing], species.foliage, rng)
     foliage = species.foliage.model_copy(update={"per_m": fullness * species.foliage.per_m})
-    return Plant(species, branching, radii, tuple(tubes), twigs, place_leaves(twigs, foliage, rng))
+    leaves = place_leaves(twigs, foliage, rng)
+    return Plant(species, branching, radii, along, tubes, twigs, leaves)
 
 
 def bark_around(
@@ -121,8 +132,8 @@ def simplified(points: FloatArray, tolerance: float) -> IndexArray:
             continue
         chord = points[high] - points[low]
         inner = points[low + 1 : high] - points[low]
-        share = np.clip(inner @ chord / max(chord @ chord, 1e-12), 0, 1)
-        error = np.linalg.norm(inner - share[:, None] * chord, axis=1)
+        share = (inner @ chord / max(chord @ chord, 1e-12)).clip(0, 1)
+        error = lengths(inner - share[:, None] * chord)
         worst = int(error.argmax())
         if error[worst] > tolerance:
             keep.add(low + 1 + worst)

@@ -7,10 +7,14 @@ tip. The column of vertices at the texture's seam is doubled in place; welded by
 watertight.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.assets_gen import FloatArray, Surface, cross, grid_faces, unit
+from megalopta.assets_gen import FloatArray, Surface, cross, grid_faces, lengths, unit
+
+_AXES = np.eye(3)
 
 
 def rotation_minimizing_frames(axis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -18,7 +22,7 @@ def rotation_minimizing_frames(axis: FloatArray) -> tuple[FloatArray, FloatArray
     steps = axis[1:] - axis[:-1]
     headings = unit(steps)
     tangents = unit(np.concatenate([headings[:1], headings[:-1] + headings[1:], headings[-1:]]))
-    helper = np.eye(3)[abs(tangents[0]).argmin()]
+    helper = _AXES[abs(tangents[0]).argmin()]
     normals = [unit(cross(tangents[0], helper))]
     for i, step in enumerate(steps):
         second = tangents[i + 1] - _reflected(tangents[i], step)
@@ -72,13 +76,19 @@ def tube_uv(
     axis: FloatArray, profile: FloatArray, tile_m: tuple[float, float], whole_tiles: bool
 ) -> FloatArray:
     """Return the texture coordinates of all vertices of a tube, from (0, 0) at its base on."""
-    around = 2 * np.pi * profile[0].mean() / tile_m[0]
+    rings, sides = profile.shape
+    around = 2 * np.pi * (np.add.reduce(profile[0]) / sides) / tile_m[0]
     turns = max(round(around), 1) if whole_tiles else around
-    steps = np.linalg.norm(axis[1:] - axis[:-1], axis=1)
-    length = np.concatenate([[0.0], np.cumsum(steps)]) / tile_m[1]
-    u, v = np.meshgrid(np.linspace(0, turns, profile.shape[1] + 1), length[:-1])
-    tip = [[turns / 2, length[-1]]]
-    return np.concatenate([np.stack([u, v], axis=-1).reshape(-1, 2), tip])
+    length = np.zeros(rings + 1)
+    np.cumsum(lengths(axis[1:] - axis[:-1]), out=length[1:])
+    length /= tile_m[1]
+    uv = np.empty((rings * (sides + 1) + 1, 2))
+    walls = uv[:-1].reshape(rings, sides + 1, 2)
+    walls[..., 0] = np.arange(sides + 1) * (turns / sides)
+    walls[:, -1, 0] = turns
+    walls[..., 1] = length[:-1, None]
+    uv[-1] = turns / 2, length[-1]
+    return uv
 
 
 def _seamed(grid: FloatArray) -> FloatArray:
@@ -86,16 +96,19 @@ def _seamed(grid: FloatArray) -> FloatArray:
 
 
 def _grid_normals(grid: FloatArray, axis: FloatArray) -> FloatArray:
-    tip = np.broadcast_to(axis[-1], (1, *grid.shape[1:]))
-    rows = np.concatenate([grid[:1], grid, tip])
+    rows = np.empty((len(grid) + 2, *grid.shape[1:]))
+    rows[0], rows[1:-1], rows[-1] = grid[0], grid, axis[-1]
     columns = np.concatenate([grid[:, -1:], grid, grid[:, :1]], axis=1)
     return unit(cross(columns[:, 2:] - columns[:, :-2], rows[2:] - rows[:-2]))
 
 
+@lru_cache(maxsize=512)
 def tube_faces(rings: int, sides: int) -> NDArray[np.int64]:
     """Return the triangles (N, 3) of a tube: walls between rings, the pointed tip, the base."""
     apex = rings * (sides + 1)
     last = np.arange(apex - sides - 1, apex)
     tip = np.stack([last[:-1], last[1:], np.full(sides, apex)], -1)
     base = [(0, side + 1, side) for side in range(1, sides - 1)]
-    return np.concatenate([grid_faces(rings, sides + 1), tip, np.array(base)])
+    faces = np.concatenate([grid_faces(rings, sides + 1), tip, np.array(base)])
+    faces.flags.writeable = False  # branches share them
+    return faces

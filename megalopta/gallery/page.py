@@ -64,26 +64,26 @@ def write_sheet(path: Path, cells: Sequence[Cell]) -> None:
     rows = [list(group) for _, group in groupby(cells, lambda cell: cell.scene)]
     height, width = cells[0].view.shape[:2]
     size = (_WIDTH, round(_WIDTH * height / width))
-    row_height = 2 * (size[1] + _LINE) + _LINE + 3 * _GAP
-    columns = max(map(len, rows))
-    whole = columns * (_WIDTH + _GAP) + _GAP, _LINE + 2 * _GAP + len(rows) * row_height
+    row_height = 2 * (size[1] + _LINE) + 2 * _GAP
+    columns, head = max(map(len, rows)), 2 * _LINE + _GAP
+    whole = columns * (_WIDTH + _GAP) + _GAP, head + len(rows) * row_height
     sheet = Image.new("RGB", whole, _PAPER)
     draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(12)
     for row, group in enumerate(rows):
-        top = _LINE + 2 * _GAP + row * row_height
+        top = head + row * row_height
         draw.text((_GAP, top), group[0].scene, _INK, ImageFont.load_default(14))
         top += _LINE
         for column, cell in enumerate(group):
             left = _GAP + column * (_WIDTH + _GAP)
             if row == 0:
-                draw.text((left, _GAP), cell.light, _INK, font)
+                draw.text((left, _GAP), cell.light.replace(", ", "\n"), _INK, font)
             sheet.paste(cell.view_image.resize(size, Image.Resampling.LANCZOS), (left, top))
             below = top + size[1] + _GAP
             counts = cell.counts_image.convert("RGB").resize(size, Image.Resampling.BOX)
             sheet.paste(counts, (left, below))
             draw.text((left, below + size[1] + 1), cell.photons, _FAINT, font)
     with atomic_write(path) as temporary:
-        sheet.quantize(128).save(temporary, "PNG", optimize=True)
+        sheet.quantize(256).save(temporary, "PNG", optimize=True)
 
 
 def write_page(path: Path, cells: Sequence[Cell], exposure_s: float) -> None:

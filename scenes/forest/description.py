@@ -12,9 +12,10 @@ from scipy.spatial import cKDTree
 
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras import Camera
-from megalopta.scenes.forest.floor import make_floor, trail_of
+from megalopta.scenes.forest.floor import trail_of
 from megalopta.scenes.forest.flora import BUSHES, TREES
 from megalopta.scenes.forest.ground import even_ground, make_land
+from megalopta.scenes.forest.kept_floor import kept_floor
 from megalopta.scenes.forest.leaf_area import RING_M, in_leaf
 from megalopta.scenes.forest.litter import laid
 from megalopta.scenes.forest.planting import (
@@ -223,7 +224,7 @@ def build_forest(forest: Forest, path_xy: ArrayLike, heading: ArrayLike = (1.0, 
     trail = trail_of(forest, way, np.asarray(heading, dtype=float))
     trees, edge_m = tree_positions(forest.seed, *stand, path, trail)
     land = make_land(forest.seed, path, forest.relief_m, edge_m)
-    floor = make_floor(forest, land, trail, trees, edge_m) if forest.has_floor else None
+    floor = kept_floor(forest, land, trail, trees, edge_m) if forest.has_floor else None
     height = floor.height if floor else land.height
     planting = Planting(forest.seed, path, height, forest.detail, trail)
     placements: tuple[Placement, ...] = (

@@ -37,7 +37,7 @@ def grown(
     deep as its species'.
     """
     levels = (lod.name for lod in lods)
-    store = _store("plant", seed, plant.name, number, fullness, str(bark_relief), *levels)
+    store = store_of("plant", seed, plant.name, number, fullness, str(bark_relief), *levels)
     if kept := store.read():
         return _organs(kept, len(lods))
     rng = generator(seed, "plant", plant.name, number)
@@ -52,7 +52,7 @@ def grown(
 @lru_cache(maxsize=2 * len(TEXTURES))
 def texture(seed: int, pattern: str) -> NDArray[np.float32]:
     """Return weights that all forests of a seed share; a megabyte or four each."""
-    store = _store("texture", seed, pattern)
+    store = store_of("texture", seed, pattern)
     kept = store.read()
     weight = kept["weight"] if kept else TEXTURES[pattern](generator(seed, "texture", pattern))
     if kept is None:
@@ -61,13 +61,14 @@ def texture(seed: int, pattern: str) -> NDArray[np.float32]:
     return weight
 
 
-def _store(*what: str | int) -> ArrayStore:
+def store_of(*what: str | int) -> ArrayStore:
+    """Where what depends on some values, and on all that makes forests, is kept."""
     return ArrayStore(cache_folder() / "plants", digest(_model(), repr(what)), _MOST_BYTES)
 
 
 @cache
 def _model() -> str:
-    """Hash of all that makes plants and textures."""
+    """Hash of all that makes plants, textures and floors."""
     table = Path(__file__).with_name("flora.yaml").read_text("utf-8")
     return digest(table, code_digest("megalopta.assets_gen", "megalopta.scenes.forest"))
 

@@ -20,6 +20,7 @@ from megalopta.scenes.forest.floor import (
 )
 from megalopta.scenes.forest.flora import TREES
 from megalopta.scenes.forest.ground import make_land
+from megalopta.scenes.forest.kept_floor import kept_floor
 from megalopta.scenes.forest.litter import laid
 from megalopta.scenes.forest.planting import dense_path
 from megalopta.scenes.forest.size import foreseen
@@ -242,3 +243,43 @@ def test_the_size_of_a_forest_with_a_floor_is_foreseen(scene):
 def test_impossible_floors_are_refused(values, message):
     with pytest.raises(ValidationError, match=message):
         Forest.model_validate(values)
+
+
+def test_a_kept_floor_is_the_one_that_was_made(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    trail, trees = trail_of(ROUGH, WAY.data, np.array([1.0, 0])), np.zeros((1, 2))
+    given = make_land(ROUGH.seed, WAY, ROUGH.relief_m, 12.0), trail, trees, 12.0
+    made = kept_floor(ROUGH, *given)
+    with monkeypatch.context() as patched:
+        patched.setattr(
+            "megalopta.scenes.forest.kept_floor.make_floor", lambda *_: pytest.fail("made anew")
+        )
+        again = kept_floor(ROUGH.model_copy(update={"undergrowth": 0.5}), *given)
+    for field in ("points", "faces"):
+        one, other = getattr(made.mesh, field), getattr(again.mesh, field)
+        np.testing.assert_array_equal(one, other, strict=True)
+    for field in ("heights", "uv", "leaves"):
+        np.testing.assert_array_equal(getattr(made, field), getattr(again, field), strict=True)
+    assert list(made.covers) == list(again.covers)
+    for cover, chosen in made.covers.items():
+        np.testing.assert_array_equal(chosen, again.covers[cover], strict=True)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"seed": 6},
+        {"detail": 0.3},
+        {"moss_share": 0.2},
+        {"floor_relief_m": 0.03},
+        {"ground": "meadow"},
+    ],
+    ids=str,
+)
+def test_floors_that_differ_are_kept_apart(change, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    trees = np.zeros((1, 2))
+    for forest in (ROUGH, ROUGH.model_copy(update=change)):
+        land = make_land(ROUGH.seed, WAY, ROUGH.relief_m, 12.0)
+        kept_floor(forest, land, None, trees, 12.0)
+    assert len(list((tmp_path / "megalopta" / "plants").iterdir())) == 2

@@ -22,12 +22,18 @@ BANDS = ((400, 700), (700, 900), (900, 1100), (1100, 1400), (1400, 1700))
 SUN, SUN_LUX = np.array((374.8, 191.2, 113.9, 82.69, 53.03)), 97.13e3
 SKY, SKY_LUX = np.array((56.54, 10.7, 4.119, 2.173, 0.9256)), 12.67e3
 # Kieffer and Stone (2005), by the middle of a band's light; over the mean that the eye sees
+MIDDLES = np.array((545, 795, 1010, 1225, 1570))
 FULL = np.interp(
-    (545, 795, 1010, 1225, 1570),
+    MIDDLES,
     (441.6, 549.1, 665.1, 865.3, 1059.5, 1243.2, 1538.7, 1633.6),
     (0.81, 1.00, 1.23, 1.38, 1.52, 1.62, 1.90, 1.92),
 )
-QUARTER = 1 + 1.39 * (np.array((545, 795, 1010, 1225, 1570)) - 550) / 1000
+QUARTER = 1 + 1.39 * (MIDDLES - 550) / 1000
+
+# Patat et al. (2006), the zenith with the sun 6.4° below the horizon, at B, V, R and I over V, with
+# the zero points of Bessell et al.
+MAGNITUDES = np.array((13.735, 13.853, 13.469, 12.866))
+TWILIT_ZENITH = np.array((6.32, 3.631, 2.177, 1.126)) / 3.631 * 10 ** (-0.4 * (MAGNITUDES - 13.853))
 
 
 def irradiance(level):
@@ -104,17 +110,23 @@ def test_moonless_forest_floor_is_a_white_surface_of_kelber():
     assert illuminance_of("moonless_forest_floor") / math.pi == pytest.approx(1e-4)
 
 
-def test_twilight_is_the_published_zenith_in_five_bands():
-    # Patat et al. (2006) with the sun 6.4° below the horizon, at B, V, R and I, over that at V; and
-    # at 1.25 µm sunlight of the ground times λ⁻⁴ from I: 82.69 / 191.2 W/m² over 300 and 200 nm
-    magnitudes = np.array((13.735, 13.853, 13.469, 12.866))
-    zero_points = np.array((6.32, 3.631, 2.177, 1.126))
-    expected = zero_points * 10 ** (-0.4 * (magnitudes - 13.853)) / 3.631
+def test_twilight_is_the_published_zenith_in_four_bands():
+    # Patat et al. (2006) with the sun 6.4° below the horizon, at B, V, R and I, over that at V
     spectrum = LEVELS["twilight"].spectrum()
     seen = spectrum(np.array((438.0, 545, 641, 798))) / spectrum(545.0)
-    np.testing.assert_allclose(seen, expected, rtol=0.05)
-    infrared = expected[3] * (0.44 / 1.09) * (1250 / 798) ** -4
-    assert spectrum(1250.0) / spectrum(545.0) == pytest.approx(infrared, rel=0.1)
+    np.testing.assert_allclose(seen, TWILIT_ZENITH, rtol=0.05)
+
+
+def test_twilight_beyond_i_is_scattered_sunlight_and_the_night_sky():
+    # Scattered by air: from the band of I on as sunlight on the ground, air mass 1.5, times λ⁻⁴ at
+    # the middles of the bands' light. Means over bands, since water vapor cuts into all of them. To
+    # that comes the night sky of the level: 2, 15 and 70 % of all light there.
+    ground = (SUN / 1.5 + SKY) / np.ptp(BANDS, axis=1)
+    scattered = (ground * MIDDLES**-4.0)[2:] / (ground * MIDDLES**-4.0)[1]
+    in_i = TWILIT_ZENITH[3] * LEVELS["twilight"].spectrum()(545.0)
+    night = irradiance("starlight")[2:]
+    expected = in_i * scattered * np.ptp(BANDS, axis=1)[2:] + night
+    np.testing.assert_allclose(irradiance("twilight")[2:], expected, rtol=0.05)
 
 
 def test_an_overcast_night_is_a_dark_night_less_its_infrared():
