@@ -2,8 +2,8 @@
 
 Spheres 10 m wide hang 2 to 6 m above black soil, without overlap, and hold leaves at random that
 are turned at random; their leaf area is five times their cross-section. The lower the sun, the more
-they shade each other, and then shares depend on where they stand, by several percent at 60°: this
-is the highest of the published suns.
+they shade each other, and the more shares depend on where they stand. Of the published suns at 27,
+60 and 83° from the zenith the lowest is left out: its shadows are longer than the plots.
 
 A leaf-area index of 0.5 is not published. There the reference is a walk of photons through spheres
 of haze, in which a photon meets a leaf as often as among leaves that face anywhere: G = 1/2 of their
@@ -35,7 +35,7 @@ vectorized = pytest.mark.skipif(
 )
 RADIUS, CENTER_M, BOTTOM_M, TOP_M = 5.0, (7.0, 11.0), 1.9, 16.1
 CROWN_AREA_INDEX, LEAF_M2 = 5.0, math.pi * 0.1**2
-ZENITH_DEG, SPHERES, PLACINGS = 27.0, 12, 3
+SPHERES, PLACINGS = 12, 3
 RED, NEAR_INFRARED = (0.0735, 0.0566), (0.3912, 0.4146)  # reflectance, transmittance of a leaf
 MARGIN_M = 12.0
 PLACES, FILM_PX = 400, 192
@@ -67,9 +67,9 @@ def crown(center, rng):
     return ((center + toward)[:, :, None] + rim).transpose(0, 2, 1)
 
 
-def forest(side, centers, rng, leaf=RED):
+def forest(side, centers, rng, zenith_deg, leaf=RED):
     """The scene of a plot, with what of its neighbors shades it or is seen from it."""
-    angle = math.radians(ZENITH_DEG)
+    angle = math.radians(zenith_deg)
     found = []
     for shift in np.ndindex(5, 5):
         copies = centers + side * np.array([shift[0] - 2, shift[1] - 2, 0])
@@ -130,10 +130,10 @@ def _irradiance(loaded, side, height, upward):
     return float(np.array(path.render(loaded, plate.sensor(), seed=1), np.float64).mean())
 
 
-def photon_shares(side, centers, rng):
+def photon_shares(side, centers, rng, zenith_deg):
     """The same of photons, each of which goes on with the share of it that is not absorbed."""
     per_meter = CROWN_AREA_INDEX * math.pi * RADIUS**2 / (4 / 3 * math.pi * RADIUS**3) / 2
-    angle = math.radians(ZENITH_DEG)
+    angle = math.radians(zenith_deg)
     place = rng.uniform((0, 0, TOP_M), (side, side, TOP_M), (PHOTONS, 3))
     toward = np.tile((-math.sin(angle), 0, -math.cos(angle)), (PHOTONS, 1))
     weight, through, back = np.ones(PHOTONS), 0.0, 0.0
@@ -177,43 +177,62 @@ def plots(area_index):
         yield *standing(area_index / CROWN_AREA_INDEX, rng), rng
 
 
-def rendered(area_index):
+def rendered(area_index, zenith_deg):
     """Mean shares of some plots, as rendered."""
-    found = [shares(side, forest(side, centers, rng)) for side, centers, rng in plots(area_index)]
+    found = [
+        shares(side, forest(side, centers, rng, zenith_deg))
+        for side, centers, rng in plots(area_index)
+    ]
     return np.mean(found, axis=0)
 
 
-def walked(area_index):
+def walked(area_index, zenith_deg):
     """Mean shares of the same plots, of photons."""
-    return np.mean([photon_shares(*each) for each in plots(area_index)], axis=0)
+    return np.mean([photon_shares(*each, zenith_deg) for each in plots(area_index)], axis=0)
 
 
+# Of what is reflected at an index of 1.5 the figure for 27° alone is at hand.
 PUBLISHED = pytest.mark.parametrize(
-    ("area_index", "published"),
-    [(1.5, (0.2814, 0.0092, 0.7094)), (2.5, (0.4685, 0.0145, 0.5170))],
+    ("area_index", "zenith_deg", "published"),
+    [
+        (1.5, 27, (0.2814, 0.0092, 0.7094)),
+        (2.5, 27, (0.4685, 0.0145, 0.5170)),
+        (1.5, 60, (0.4651, None, 0.5211)),
+        (2.5, 60, (0.7043, 0.0202, 0.2756)),
+    ],
 )
+
+
+def assert_within_two_percent(found, published):
+    """Of those that are published."""
+    for share, expected in zip(found, published, strict=True):
+        assert expected is None or share == pytest.approx(expected, rel=0.02)
 
 
 @pytest.mark.slow
 @PUBLISHED
-def test_an_open_forest_absorbs_reflects_and_transmits_its_published_shares(area_index, published):
-    # Required: 2 %. From one placing of spheres to the next, shares differ by 0.5, 1 and 0.4 % (σ).
-    assert rendered(area_index) == pytest.approx(published, rel=0.02)
+def test_an_open_forest_absorbs_reflects_and_transmits_its_published_shares(
+    area_index, zenith_deg, published
+):
+    # Required: 2 %. From one placing of spheres to the next, shares at 27° differ by 0.5, 1 and
+    # 0.4 % (σ).
+    assert_within_two_percent(rendered(area_index, zenith_deg), published)
 
 
 @pytest.mark.slow
 @PUBLISHED
 def test_photons_are_absorbed_reflected_and_transmitted_in_their_published_shares(
-    area_index, published
+    area_index, zenith_deg, published
 ):
-    assert walked(area_index) == pytest.approx(published, rel=0.02)
+    assert_within_two_percent(walked(area_index, zenith_deg), published)
 
 
 @pytest.mark.slow
-def test_a_sparse_forest_absorbs_reflects_and_transmits_what_photons_say():
+@pytest.mark.parametrize("zenith_deg", [27, 60])
+def test_a_sparse_forest_absorbs_reflects_and_transmits_what_photons_say(zenith_deg):
     # Required: 2 %. Plots are the same: from one to the next the reflected shares differ by a ratio
     # that scatters by 0.9 % (σ), by that of leaves, photons and light paths.
-    assert rendered(0.5) == pytest.approx(walked(0.5), rel=0.02)
+    assert rendered(0.5, zenith_deg) == pytest.approx(walked(0.5, zenith_deg), rel=0.02)
 
 
 @pytest.mark.slow
@@ -222,7 +241,7 @@ def test_a_sparse_forest_sends_up_and_down_as_much_in_baked_light_as_in_traced()
     rng = np.random.default_rng(1)
     side, centers = standing(0.5 / CROWN_AREA_INDEX, rng)
     # In the near infrared half of what leaves send out comes from others, which is what is baked.
-    scene = forest(side, centers, rng, NEAR_INFRARED)
+    scene = forest(side, centers, rng, 27, NEAR_INFRARED)
     poses = np.tile(np.eye(4), (2, 1, 1))
     poses[:, :3, :3] = np.diag([1, -1, -1]), np.eye(3)
     poses[:, :3, 3] = [(side / 2, side / 2, sum(CENTER_M) / 2 + away) for away in (60, -60)]
