@@ -18,7 +18,7 @@ from megalopta.scenes.cameras import Camera
 from megalopta.scenes.world import Scene
 
 _PATHS = 2**15
-"""By which is known what longer ones would bring, but one a pixel"""
+"""Of a look at what longer ones would bring; one a pixel at least"""
 
 
 class Integrator(Protocol):
