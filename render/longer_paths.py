@@ -34,12 +34,12 @@ def share_left_out(
     air
         The scene's haze.
     """
-    short, long = (
-        film.expose(PathIntegrator(depth, air).measured, scene, pose, _SEED).astype(np.float64)
-        for depth in (max_depth, max_depth + _MORE_HITS)
+    short, long = (PathIntegrator(depth, air) for depth in (max_depth, max_depth + _MORE_HITS))
+    found = film.expose(short.render, scene, pose, _SEED)
+    whole = film.expose(long.measured, scene, pose, _SEED)
+    bands, shows_surfaces = found.shape[-1], whole[..., -1] == 0
+    part, all_of_it = (
+        each[shows_surfaces, :bands].sum(axis=0, dtype=np.float64) for each in (found, whole)
     )
-    bands = short.shape[-1] // 2
-    shows_surfaces = long[..., -1] == 0
-    found, all_of_it = (each[shows_surfaces, :bands].sum(axis=0) for each in (short, long))
-    kept = np.divide(found, all_of_it, out=np.ones(bands), where=all_of_it > 0)
+    kept = np.divide(part, all_of_it, out=np.ones(bands), where=all_of_it > 0)
     return np.asarray(1 - kept)

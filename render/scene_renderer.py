@@ -152,11 +152,14 @@ class SceneRenderer:
         """Illuminance above and below camera positions (N, 3); None where only surfaces emit."""
         return self._view.light_survey(positions)
 
-    def light_left_out(self, pose: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    def light_left_out(
+        self, pose: NDArray[np.float64], time_s: float = 0.0
+    ) -> NDArray[np.float64] | None:
         """Share of the light of surfaces, by band, that takes more hits than paths may have, (B,).
 
         Seen from a pose (4, 4); None before a panorama.
         """
+        self._view.move_to(time_s)
         return self._view.light_left_out(self._local(pose))
 
     def canopy(self, poses: NDArray[np.float64], ring_m: tuple[float, float]) -> Canopy:

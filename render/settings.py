@@ -24,7 +24,7 @@ class RenderSettings(Record, frozen=True):
     that forests' surfaces send to the camera 2, 3, 4, 6, 8 and 16 leave out 10 to 19, 2 to 3, 0.3
     to 0.7, 0.02, 0 and 0 % at 500 to 600 nm, and 47 to 70, 27 to 46, 16 to 30, 6 to 11, 2 to 4 and
     0.1 % at 0.8 to 1.3 µm, where leaves are bright; from 8 on paths end by themselves and cost no
-    more, 1.2 to 1.5 times those of 4. The scene record tells what is left out. In haze a scattering
+    more, 1.1 to 1.5 times those of 4. The scene record tells what is left out. In haze a scattering
     counts as a hit, and 64 more are allowed: enough down to a visibility of 20 m; denser fog takes
     more."""
 

@@ -108,10 +108,7 @@ class SurfaceView:
         return meter.survey(positions - self._scene.origin_m)
 
     def light_left_out(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Share of the light of surfaces, by band, that takes more hits than paths may have, (B,).
-
-        Of moving objects where they were put last.
-        """
+        """Share of the light of surfaces, by band, that takes too many hits for paths, (B,)."""
         wanted = math.ceil(_PATHS / (self._camera.width * self._camera.height))
         samples = min(wanted, self._settings.samples_per_pixel)
         self._check(pose)

@@ -34,7 +34,7 @@ _TURNING = {
     "trajectory": {"frames": 2, "rotation_deg_s": 15},
 }
 
-_ALONG = {"frames": 2, "position_m": [0, 0, 1.6], "look_at_m": [10, 0, 0.6]}
+ALONG_THE_TRAIL = {"frames": 2, "position_m": [0, 0, 1.6], "look_at_m": [10, 0, 0.6]}
 _NAMES = {"rainforest": "rain forest", "trail": "trail"}
 
 SCENES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
@@ -42,7 +42,7 @@ SCENES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
         **{
             _NAMES.get(preset, f"{preset} forest"): {
                 "scene": {"kind": "forest", "preset": preset},
-                "trajectory": _ALONG if preset == "trail" else _PATH,
+                "trajectory": ALONG_THE_TRAIL if preset == "trail" else _PATH,
             }
             for preset in PRESETS
         },

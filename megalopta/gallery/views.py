@@ -16,6 +16,7 @@ from PIL import Image, ImageDraw, ImageFont
 from megalopta.config import Configuration, validated
 from megalopta.files import atomic_write, write_text
 from megalopta.gallery.page import gray_counts
+from megalopta.gallery.sheet import ALONG_THE_TRAIL
 from megalopta.pages import render_page
 from megalopta.progress import progress
 from megalopta.render import SceneRenderer, frame_seed
@@ -29,7 +30,6 @@ SAMPLES = 64
 _CAMERA = {"width": 360, "height": 240, "fov_deg": 75}
 _AHEAD = {"frames": 2, "look_at_m": [10, 0, 2.4]}
 _FLOOR = {"frames": 2, "look_at_m": [6, 0, 1.0]}
-_TRAIL = {"frames": 2, "position_m": [0, 0, 1.6], "look_at_m": [10, 0, 0.6]}
 _LOW = {"frames": 2, "position_m": [0, 0, 0.7], "look_at_m": [2.5, 0.6, 0.35]}
 _NOON = {"level": "daylight", "sky": "natural", "disc_azimuth_deg": 150}
 _CLOUDY = {"level": "daylight", "sky": "natural", "cloud_cover": 1.0}
@@ -80,8 +80,10 @@ VIEWS = (
         _forest("rainforest", {"level": "starlight", "sky": "natural"}, _FLOOR),
         exposure_s=0.1,
     ),
-    View("A trail through a mixed wood at noon", _forest("trail", _NOON, _TRAIL)),
-    View("The same in fog, under a cloud", _foggy(_forest("trail", _CLOUDY, _TRAIL)), work=4),
+    View("A trail through a mixed wood at noon", _forest("trail", _NOON, ALONG_THE_TRAIL)),
+    View(
+        "The same in fog, under a cloud", _foggy(_forest("trail", _CLOUDY, ALONG_THE_TRAIL)), work=4
+    ),
     View(
         "Close to the ground",
         {

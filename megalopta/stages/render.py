@@ -212,7 +212,8 @@ class FrameWriter:
 
     def light_left_out(self) -> list[float] | None:
         """Share of the light of surfaces, by band, that takes more hits than paths may have."""
-        share = self._renderer.light_left_out(self._poses[len(self._poses) // 2])
+        middle = len(self._poses) // 2
+        share = self._renderer.light_left_out(self._poses[middle], float(self._times_s[middle]))
         return None if share is None else share.tolist()
 
     def _radiance(self, index: int) -> tuple[NDArray[np.float32], RenderNoise | None]:
