@@ -14,18 +14,25 @@ of its samples. `auto` bakes where that ratio is foreseen to be below a half
 import argparse
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
 from megalopta.config.model import Configuration, load
 from megalopta.render import RenderNoise, RunningMean, SceneRenderer, frame_seed
-from megalopta.render.baking.light import BakedLight
+from megalopta.render.baking.gathering import Gatherer
+from megalopta.render.baking.integrator import EXPONENT
+from megalopta.render.baking.light import LEAST_RAYS, BakedLight
 from megalopta.scenes.build import build_scene
 from megalopta.scenes.lighting import LEVELS
 
 _REFERENCE = 32
+_SAMPLES, _BAKE_ERROR = 196, 0.1
+"""Of the frames from which costs and variances are taken: fewer samples take pixels with little sky
+for surfaces, and their error is that of leaves against it, traced and baked alike."""
 
 
 def renderer(configuration: Configuration, integrator: str) -> SceneRenderer:
@@ -82,58 +89,99 @@ def accuracy(preset: str, level: str) -> None:
     )
 
 
-def sequence(trees: int, frames: int, width: int) -> None:
-    """One row of the table."""
+def forest(trees: int, frames: int, width: int) -> Configuration:
+    """A sequence past trees: ten degrees and more of rotation, and true parallax."""
     changes = {
         "scene.trees": str(trees),
         "camera.width": str(width),
         "camera.height": str(width),
-        "render.samples_per_pixel": "16",
+        "render.samples_per_pixel": str(_SAMPLES),
+        "render.bake_error": str(_BAKE_ERROR),
         "trajectory.frames": str(frames),
         "trajectory.rotation_deg_s": str(3600 / frames),
         "trajectory.velocity_m_s": "[0.15, 0.05, 0]",
     }
-    configuration = load("demo", changes)
+    return load("demo", changes)
+
+
+def costs(trees: int, width: int, lengths: Sequence[int]) -> None:
+    """Rows of the table, of one image size."""
+    configuration = forest(trees, lengths[0], width)
     poses = configuration.trajectory.poses()
-    renderer(configuration, "path").radiance(poses[0], 0)  # compiles kernels
-    rays = counted_rays()
-    (load_path, path), (load_baked, baked) = (
-        cpu_seconds(lambda name=name: renderer(configuration, name)) for name in ("path", "baked")
-    )
-    few = np.linspace(0, frames - 1, 8).astype(int)
-    of_path, of_baked = (
-        np.mean([cpu_seconds(lambda i=i, each=each: each.radiance(poses[i], i))[0] for i in few])
-        for each in (path, baked)
-    )
-    errors = []
-    for each in (path, baked):
-        surface = stated(each, poses[frames // 2])[0].surface
-        assert surface is not None
-        errors.append(surface.rms)
-    ratio = (load_baked - load_path + of_baked * frames) / (
-        of_path * frames * (errors[0] / errors[1]) ** 2
-    )
-    samples = frames * width**2 * 16
-    print(
-        f"  {trees:5} trees, {width} px, {frames:3} frames: {sum(rays) / samples:5.1f} rays per "
-        f"sample; CPU-s of a frame {of_path:.2f} traced, {of_baked:.2f} baked, bake "
-        f"{load_baked - load_path:.0f}; error {errors[0]:.1%} and {errors[1]:.1%}; "
-        f"ratio at equal error {ratio:.2f}",
-        flush=True,
-    )
+    few = [poses[round(place * (lengths[0] - 1))] for place in (0.3, 0.7)]
+    pixels = width**2
+    with unbaked() as bakes:
+        path, baked = (renderer(configuration, name) for name in ("path", "baked"))
+        spent, variance = [], []
+        for each in (path, baked):
+            variance.append(np.mean([sample_variance(each, pose) for pose in few]))
+            work = [cpu_seconds(lambda e=each, p=pose: e.radiance(p, 1))[0] for pose in few]
+            spent.append(np.mean(work) / pixels / _SAMPLES)
+        ray = bakes[-1].cpu_s / bakes[-1].rays
+        print(
+            f"  {trees} trees, {width} px: a sample takes {1e6 * spent[0]:.2f} CPU-us traced, "
+            f"{1e6 * spent[1]:.2f} baked, a ray of the bake {1e6 * ray:.2f}; variance of a sample "
+            f"of {_SAMPLES}, over the mean², {variance[0]:.2f} and {variance[1]:.2f}",
+            flush=True,
+        )
+        for frames in lengths:
+            configuration = forest(trees, frames, width)
+            load_path = cpu_seconds(lambda c=configuration: renderer(c, "path"))[0]
+            survey = cpu_seconds(lambda c=configuration: renderer(c, "baked"))[0] - load_path
+            for error in (0.1, 0.05, 0.03):
+                samples = frames * pixels / error**2
+                rays = bakes[-1].rays_for(error / 2)
+                traced = samples * variance[0] * spent[0]
+                # Half of the error stands, and the samples have the rest.
+                quick = survey + ray * rays + samples / 0.75 * variance[1] * spent[1]
+                print(
+                    f"    {frames:3} frames, error {error:4.0%}: {rays / pixels:.0f} rays per pixel"
+                    f"; CPU-s {traced:.0f} traced, {quick:.0f} baked, ratio {quick / traced:.2f}",
+                    flush=True,
+                )
 
 
-def counted_rays() -> list[int]:
-    """A list that grows with the rays of every bake from now on."""
-    rays: list[int] = []
-    bake_all = BakedLight.bake_all
+def sample_variance(rendering: SceneRenderer, pose: np.ndarray) -> float:
+    """Variance of one sample on surfaces over their mean squared, without what stands."""
+    surface = stated(rendering, pose)[0].surface
+    assert surface is not None
+    return (surface.rms**2 - surface.standing**2) * _SAMPLES
 
-    def counting(light: BakedLight) -> None:
-        rays.append(light.total_rays())
-        bake_all(light)
 
-    BakedLight.bake_all = counting  # type: ignore[method-assign]
-    return rays
+class Bake:
+    """Rays of a sequence's baked light, and what those cost that frames asked for."""
+
+    def __init__(self, light: BakedLight) -> None:
+        self._light, self._density = light, light.density
+        self.rays, self.cpu_s = 0, 0.0
+
+    def rays_for(self, error: float) -> int:
+        """Rays of the whole bake for a standing error; what was baked is lost."""
+        self._light.begin(self._density)
+        share = (error / _BAKE_ERROR) ** EXPONENT
+        self._light.begin(self._light.density_for(share))
+        return self._light.total_rays()
+
+
+@contextmanager
+def unbaked() -> Iterator[list[Bake]]:
+    """Bakes that compute nothing but what frames meet, and count it."""
+    bakes: list[Bake] = []
+    leaving = Gatherer.leaving
+
+    def counted(gatherer: Gatherer, *arguments: Any) -> Any:
+        spent, found = cpu_seconds(lambda: leaving(gatherer, *arguments))
+        if bakes:
+            bakes[-1].cpu_s += spent
+            bakes[-1].rays += int(arguments[2].sum()) * LEAST_RAYS
+        return found
+
+    with (
+        patch.object(BakedLight, "bake_all", lambda light: bakes.append(Bake(light))),
+        patch.object(BakedLight, "contents", lambda _light: {}),
+        patch.object(Gatherer, "leaving", counted),
+    ):
+        yield bakes
 
 
 def main() -> None:
@@ -146,8 +194,7 @@ def main() -> None:
             accuracy(preset, level)
     print("cost by image size and frames (required: ratio 0.5 at 251 px, 100 frames):")
     for width in (120, 180, 251):
-        for frames in (10, 30, 100, 400):
-            sequence(trees, frames, width)
+        costs(trees, width, (100, 10, 30, 400))
 
 
 if __name__ == "__main__":

@@ -1,5 +1,7 @@
 """Whether light is baked for a sequence."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,13 +11,16 @@ from megalopta.scenes.world import Scene
 
 _FEWEST_SAMPLES = 2000
 """Per pixel in a whole sequence. Forests take 4000 rays and more for each pixel of a frame, and
-baking pays from 1.4 rays per sample on downward: with fewer samples there is no need to look."""
+baking pays from 1.4 rays per sample on downward: with fewer samples there is no need to look. How
+many samples an error takes is known after a look."""
 # In units of a fifth of a path: a ray of the bake, of which each eighth is followed, and a sample
 # of a baked frame, of which one in twenty-five is a path. From CPU-seconds of 1000 trees with
-# leaves that let light through, 120 px (benchmarks/bench_baked.py measures the same for other
-# sizes). A path tracer's frames have the RMS error of baked ones with 1.35 times the samples there,
-# with 2.2 times in an open forest by day: most noise is of leaves smaller than pixels.
-PATH, BAKE, SAMPLE, _AT_EQUAL_ERROR = 5.0, 2.1, 1.3, 1.7
+# leaves that let light through (benchmarks/bench_baked.py). In single passes a path tracer's frames
+# have the RMS error of baked ones with 1.35 times the samples there, with 2.2 times in an open
+# forest by day: most noise is of leaves against the sky, in pixels that samples took for surfaces.
+# Where samples are many enough to meet an error it takes 7 times as many, of which the look at a
+# few frames takes up a part: its rays are independent and scatter by twice what frames do.
+PATH, BAKE, SAMPLE, _AT_EQUAL_ERROR, _AT_TARGET_ERROR = 5.0, 2.1, 1.3, 1.7, 4.0
 
 
 def path_tracing_reason(
@@ -53,17 +58,35 @@ def path_tracing_reason(
     if poses is None:
         return "the camera's path is not known"
     samples = len(poses) * settings.samples_per_pixel
-    if settings.integrator == "auto" and samples < _FEWEST_SAMPLES:
+    few = settings.target_error is None and samples < _FEWEST_SAMPLES
+    if settings.integrator == "auto" and few:
         return f"{samples} samples per pixel in all frames are too few to pay for baking"
     return ""
 
 
-def cost_reason(rays: int, samples: int) -> str:
+def samples_of_pixel(settings: RenderSettings, scatter: float) -> int:
+    """Samples of a pixel in a frame, where one is off by `scatter` (RMS, over the mean).
+
+    A target error is met by samples and by baked light together.
+    """
+    if settings.target_error is None:
+        return settings.samples_per_pixel
+    left = settings.target_error**2 - settings.standing_error**2
+    passes = math.ceil(scatter**2 / left / settings.samples_per_pixel)
+    return settings.samples_per_pixel * min(max(passes, 2), settings.max_passes)
+
+
+def cost_reason(rays: int, samples: int, settings: RenderSettings) -> str:
     """Why a bake of some rays does not pay for frames of some samples; empty where it does.
 
     It does where frames of the same error on surfaces cost half.
     """
-    share = (BAKE * rays + SAMPLE * samples) / (PATH * _AT_EQUAL_ERROR * samples)
+    traced = _AT_EQUAL_ERROR * samples
+    if settings.target_error:
+        # What stands is not for samples to take away.
+        standing = settings.standing_error / settings.target_error
+        traced = _AT_TARGET_ERROR * samples * (1 - standing**2)
+    share = (BAKE * rays + SAMPLE * samples) / (PATH * traced)
     if share <= 1 / 2:
         return ""
     return (

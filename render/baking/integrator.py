@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from megalopta.render import RenderSettings, dr, mi
 from megalopta.render.baking.cells import CellFinder, Cells
-from megalopta.render.baking.choice import BAKE, SAMPLE, cost_reason
+from megalopta.render.baking.choice import BAKE, SAMPLE, cost_reason, samples_of_pixel
 from megalopta.render.baking.clusters import Voxels
 from megalopta.render.baking.comparison import compared, pixels_to_compare
 from megalopta.render.baking.gathering import Gatherer, wavelength_groups
@@ -35,9 +35,9 @@ from megalopta.scenes.world import Scene
 
 # Rays for each time that a cluster is seen, to learn how many the error asked for takes.
 _PILOT_DENSITY = 1.0
-# The error falls as this power of the rays: of independent rays it would be 0.5, but the more there
-# are the less clusters share. 20 trees, 32 px: from 7.5 to 2.5 % where 0.5 would give 1.9 %.
-_DECAY = 0.42
+# The error falls as a power of 0.42 of the rays: of independent rays it would be 0.5, but the more
+# there are the less clusters share. 20 trees, 32 px: from 7.5 to 2.5 % where 0.5 would give 1.9 %.
+EXPONENT = 0.5 / 0.42
 
 
 @dataclass(frozen=True)
@@ -97,25 +97,28 @@ class BakedLightIntegrator:
         sun = scene.lighting.sun if scene.lighting and settings.max_depth > 1 else None
         self._sun = SunLight(scene, meshes, sun, self._bands) if sun else None
         pixels = camera.width * camera.height
-        samples = len(poses) * pixels * settings.samples_per_pixel
         store = light_store(folder, key_of(scene, meshes, settings, camera, poses, seed))
         kept = store.read(NAMES)
         if kept:
             self._light.restore(kept)
         else:
-            self._prepare(loaded, camera, poses, seed, settings.standing_error)
+            error = settings.standing_error
+            scatter = self._prepare(loaded, camera, poses, seed, error)
+            samples = samples_of_pixel(settings, scatter)
             if settings.integrator == "auto":
-                self.reason = cost_reason(self._light.total_rays(), samples)
+                in_all = len(poses) * pixels * samples
+                self.reason = cost_reason(self._light.total_rays(), in_all, settings)
             if not self.reason:
                 self._light.bake_all()
                 store.write(self._light.contents())
-        work = BAKE * self._light.total_rays() + SAMPLE * samples
+        work = BAKE * self._light.total_rays()
+        work += SAMPLE * len(poses) * pixels * settings.samples_per_pixel
         self._compared = min(1.0, pixels_to_compare(work, len(poses)) / pixels)
 
     def _prepare(
         self, loaded: Any, camera: Camera, poses: NDArray[np.float64], seed: int, error: float
-    ) -> None:
-        """Find what is to be baked, and with how many rays."""
+    ) -> float:
+        """Find what is to be baked, and with how many rays; how far a sample is off (RMS)."""
         seen = survey(loaded, self._finder, self._light.cells, camera, poses, seed)
         cell = np.flatnonzero(seen).astype(np.uint32)
         self._light.surveyed(cell, seen[cell])
@@ -124,10 +127,11 @@ class BakedLightIntegrator:
         # Any point of the sun's disc will do.
         sampler = mi.load_dict({"type": "independent"})
         sampler.seed(seed, pilot.rays)
-        found = pilot.standing_error(lambda rays: self._seen(loaded, rays, mi.Float(0.5), sampler))
-        density = self._light.density_for((error / found) ** (0.5 / _DECAY)) if found else 1.0
+        found, scatter = pilot.errors(lambda rays: self._seen(loaded, rays, mi.Float(0.5), sampler))
+        density = self._light.density_for((error / found) ** EXPONENT) if found else 1.0
         # Anew in any case: the frames of the pilot met cells that the survey did not.
         self._light.begin(density)
+        return scatter
 
     def move_to(self, time_s: float) -> None:
         """Take notice of where moving objects are at a time."""

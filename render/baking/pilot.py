@@ -47,23 +47,30 @@ class Pilot:
         """Of a frame, those that are looked along at once."""
         return len(range(0, self._camera.width * self._camera.height, self._step))
 
-    def standing_error(self, look: Callable[[Any], list[Any]]) -> float:
-        """RMS of the standing error over the mean radiance, of pixels of surfaces alone.
+    def errors(self, look: Callable[[Any], list[Any]]) -> tuple[float, float]:
+        """RMS of the standing error, and of one ray's scatter, of pixels of surfaces alone.
 
-        `look` gives what rays see: the light of each band, as many draws of its error, and whether
-        it is the sky.
+        Both over the mean radiance. `look` gives what rays see: the light of each band, as many
+        draws of its error, and whether it is the sky.
         """
-        squares, light, pixels = 0.0, 0.0, 0
+        squares, scatter, light, pixels = 0.0, 0.0, 0.0, 0
         for pose in self._frames:
-            total = [dr.zeros(mi.Float)] * 3
+            total = [dr.zeros(mi.Float)] * 4
             for rays in views(self._camera, pose[None], _RAYS, self._seed, self._step):
                 found = look(rays)
                 bands = len(found) // 2
-                parts = sum(found[:bands]), sum(found[bands:-1]), found[-1]
+                seen: Any = sum(found[:bands])
+                parts = seen, dr.square(seen), sum(found[bands:-1]), found[-1]
                 total = [a + b for a, b in zip(total, parts, strict=True)]
                 dr.eval(total)
-            radiance, standing, sky = (np.array(each, np.float64) for each in total)
-            squares += float(np.sum(standing[sky == 0] ** 2))
-            light += float(np.sum(radiance[sky == 0]))
-            pixels += int(np.sum(sky == 0))
-        return math.sqrt(squares * pixels) / light if light else 0.0
+            sums = np.array([np.array(each, np.float64) for each in total])
+            radiance, square, standing, sky = sums
+            surface = sky == 0
+            squares += float(np.sum(standing[surface] ** 2))
+            scatter += float(np.sum((_RAYS * square - radiance**2)[surface]))
+            light += float(np.sum(radiance[surface]))
+            pixels += int(np.sum(surface))
+        if not light:
+            return 0.0, 0.0
+        scatter *= _RAYS / (_RAYS - 1)
+        return math.sqrt(squares * pixels) / light, math.sqrt(max(scatter, 0) * pixels) / light

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.render.baking import light as bake, table
-from megalopta.render.baking.choice import cost_reason, path_tracing_reason
+from megalopta.render.baking import integrator, light as bake, table
+from megalopta.render.baking.choice import cost_reason, path_tracing_reason, samples_of_pixel
 from megalopta.render.baking.gathering import Gatherer
 from megalopta.render.baking.visibility import survey
 from megalopta.render.scatter import RunningMean
@@ -266,10 +266,57 @@ def test_paths_are_traced_where_baking_is_not_asked_for_or_cannot_pay(ground):
         == "100 samples per pixel in all frames are too few to pay for baking"
     )
     # Half of the path tracer's work at equal error: 2.1 r + 1.3 = 4.25, rays per sample.
-    assert cost_reason(140, 100) == ""
-    assert "baking would take 50% of the work" in cost_reason(141, 100)
+    one_pass = RenderSettings()
+    assert cost_reason(140, 100, one_pass) == ""
+    assert "baking would take 50% of the work" in cost_reason(141, 100, one_pass)
     assert "vectorized" in reason(still, "scalar_spectral", integrator="baked")
     assert "no surface" in reason(dataclasses.replace(still, placements=()))
+
+
+def test_samples_that_a_target_error_takes_decide_whether_light_is_baked(ground):
+    still = scene_of(Lighting(SKY), ground=(Material(LEAF), ground))
+    few = RenderSettings(target_error=0.1)
+    assert path_tracing_reason(still, "llvm_ad_spectral", np.zeros((4, 4, 4)), few) == ""
+    # Samples have 0.1² - 0.022² of the squared error, so 0.5² takes 26.3 of them: two passes of 25.
+    assert samples_of_pixel(few, 0.5) == 50
+    assert samples_of_pixel(few, 1.0) == 125
+    assert samples_of_pixel(few, 9.0) == 16 * 25
+    assert samples_of_pixel(RenderSettings(), 9.0) == 25
+    # Half of what is traced to 3 %: 2.1 r + 1.3 = 2.5 · 4 · (1 - 0.5²), rays per sample.
+    close = RenderSettings(target_error=0.03)
+    assert cost_reason(295, 100, close) == ""
+    assert "baking would take 50% of the work" in cost_reason(296, 100, close)
+
+
+@vectorized
+def test_a_look_tells_how_far_one_sample_of_a_pixel_is_off(monkeypatch):
+    """Stripes much narrower than pixels, of which half send out three times as much."""
+    edges = np.linspace(-0.9, 0.9, 401)
+
+    def stripes(first):
+        return trimesh.util.concatenate(
+            [
+                quad([[-1, low, 0], [1, low, 0], [1, high, 0], [-1, high, 0]])
+                for low, high in zip(edges[first:-1:2], edges[first + 1 :: 2], strict=True)
+            ]
+        )
+
+    scene = scene_of(
+        Lighting(SKY),
+        dark=(Material(flat(0.2)), stripes(0)),
+        light=(Material(flat(0.6)), stripes(1)),
+    )
+    scatter = []
+
+    def noted(settings, found):
+        scatter.append(found)
+        return samples_of_pixel(settings, found)
+
+    monkeypatch.setattr(integrator, "samples_of_pixel", noted)
+    renderer_of(scene, DOWN, bake_error=0.3)
+    # A ray meets either with equal chance, and is off by half the mean. Of 3 · 576 pixels with 32
+    # rays each the variance is known to 0.6 % at one standard deviation.
+    assert scatter == [pytest.approx(0.5, rel=0.03)]
 
 
 def test_seeds_of_baked_light_are_those_of_no_frame():
