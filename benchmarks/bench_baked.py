@@ -5,9 +5,9 @@ scene record; the true one is against the path tracer on the same scene, in the 
 times the samples. Equal seeds send equal primary rays, so that the difference converges much sooner
 than either image.
 
-The table tells, by image size and number of frames, how many rays baking takes for each sample of
-all frames, and the ratio of CPU-seconds at equal error: the path tracer's error falls as the root
-of its samples. `auto` bakes where that ratio is foreseen to be below a half
+The table tells, by image size, number of frames and error, how many rays a pixel baking takes, and
+the ratio of CPU-seconds at equal error, extrapolated from costs and variances of two frames: errors
+fall as the root of samples. `auto` bakes where that ratio is foreseen to be below a half
 (`render/baking/choice.py`, which also holds the cost of a ray in units of another, measured here).
 """
 
@@ -24,7 +24,6 @@ import numpy as np
 from megalopta.config.model import Configuration, load
 from megalopta.render import RenderNoise, RunningMean, SceneRenderer, frame_seed
 from megalopta.render.baking.gathering import Gatherer
-from megalopta.render.baking.integrator import EXPONENT
 from megalopta.render.baking.light import LEAST_RAYS, BakedLight
 from megalopta.scenes.build import build_scene
 from megalopta.scenes.lighting import LEVELS
@@ -90,7 +89,7 @@ def accuracy(preset: str, level: str) -> None:
 
 
 def forest(trees: int, frames: int, width: int) -> Configuration:
-    """A sequence past trees: ten degrees and more of rotation, and true parallax."""
+    """A sequence past trees, of a camera that turns as far in any number of frames."""
     changes = {
         "scene.trees": str(trees),
         "camera.width": str(width),
@@ -158,8 +157,7 @@ class Bake:
     def rays_for(self, error: float) -> int:
         """Rays of the whole bake for a standing error; what was baked is lost."""
         self._light.begin(self._density)
-        share = (error / _BAKE_ERROR) ** EXPONENT
-        self._light.begin(self._light.density_for(share))
+        self._light.begin(self._light.density_for(error / _BAKE_ERROR))
         return self._light.total_rays()
 
 

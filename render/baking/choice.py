@@ -18,8 +18,8 @@ many samples an error takes is known after a look."""
 # leaves that let light through (benchmarks/bench_baked.py). In single passes a path tracer's frames
 # have the RMS error of baked ones with 1.35 times the samples there, with 2.2 times in an open
 # forest by day: most noise is of leaves against the sky, in pixels that samples took for surfaces.
-# Where samples are many enough to meet an error it takes 7 times as many, of which the look at a
-# few frames takes up a part: its rays are independent and scatter by twice what frames do.
+# Where samples are many enough to meet an error it takes 5 to 9 times as many, of which the look at
+# a few frames takes up a part: its rays are independent, of twice the variance of frames' samples.
 PATH, BAKE, SAMPLE, _AT_EQUAL_ERROR, _AT_TARGET_ERROR = 5.0, 2.1, 1.3, 1.7, 4.0
 
 

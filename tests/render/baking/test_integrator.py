@@ -313,7 +313,7 @@ def test_a_look_tells_how_far_one_sample_of_a_pixel_is_off(monkeypatch):
         return samples_of_pixel(settings, found)
 
     monkeypatch.setattr(integrator, "samples_of_pixel", noted)
-    renderer_of(scene, DOWN, bake_error=0.3)
+    renderer_of(scene, DOWN, integrator="auto", target_error=0.6)
     # A ray meets either with equal chance, and is off by half the mean. Of 3 · 576 pixels with 32
     # rays each the variance is known to 0.6 % at one standard deviation.
     assert scatter == [pytest.approx(0.5, rel=0.03)]
