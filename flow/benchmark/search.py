@@ -20,6 +20,7 @@ from itertools import product
 
 import numpy as np
 
+from megalopta.flow.benchmark.reused_memory import ReusedMemory
 from megalopta.flow.benchmark.settings import SearchSettings
 from megalopta.flow.benchmark.short_sequences import Comparison, ShortSequences
 from megalopta.flow.detectors import Detector, Method, method
@@ -38,6 +39,7 @@ _EXACT_PER_DECADE = 100
 """Closed forms cost next to nothing, and deserve that interpolation adds no error of its own."""
 _SMALLEST_ERROR = 1e-3
 """In levels; block matching reaches 0"""
+_MEMORY = ReusedMemory()
 
 
 def photon_search(
@@ -66,15 +68,23 @@ def photon_search(
         When the frames are black or too small for a detector.
     """
     detectors = [method(each) for each in methods]
-    sequences = ShortSequences(stimulus, settings, seed, name, detectors)
-    # those that need most frames first: the others see some of these
-    order = sorted(detectors, key=lambda detector: -detector.noise_memory_frames)
-    curves = {each.name: _Search(sequences, each).curves() for each in order}
+    try:
+        sequences = ShortSequences(stimulus, settings, seed, name, detectors, _MEMORY.empty)
+        # those that need most frames first: the others see some of these
+        order = sorted(detectors, key=lambda detector: -detector.noise_memory_frames)
+        curves = {each.name: _Search(sequences, each).curves() for each in order}
+    finally:
+        _MEMORY.release()
     return tuple(curve for each in detectors for curve in curves[each.name])
 
 
 def next_index(
-    errors: Mapping[int, float], level: float, last: int, per_decade: int, straight: float
+    errors: Mapping[int, float],
+    level: float,
+    last: int,
+    per_decade: int,
+    straight: float,
+    is_smooth: bool = False,
 ) -> int | None:
     """Return where on a lattice of fluxes to measure next to find where an error crosses a level.
 
@@ -89,6 +99,8 @@ def next_index(
         Fluxes per factor of ten.
     straight : float
         Decades by which the errors around the crossing may miss F^−½ and need no flux between them.
+    is_smooth : bool
+        Whether to interpolate where else the interval of the crossing is halved.
 
     Returns
     -------
@@ -107,7 +119,8 @@ def next_index(
     highest = max(above)
     width, fall = lowest - highest, depths[highest] - depths[lowest]
     stride = _shortest_stride(per_decade)
-    if width > stride:
+    if width > stride or (is_smooth and width > 1):
+        stride = 1 if width <= stride else stride
         between = highest + round(depths[highest] / fall * width / stride) * stride
         return min(max(between, highest + stride), lowest - stride)
     is_straight = abs(fall - 0.5 * width / per_decade) < straight
@@ -131,6 +144,7 @@ class _Search:
         self._fluxes = self._settings.fluxes
         self._last = len(self._fluxes) - 1
         self._measured: dict[int, ErrorSums] = {}
+        self._latest: dict[tuple[Metric, tuple[int, ...]], tuple[int, ErrorCurve]] = {}
 
     def curves(self) -> list[ErrorCurve]:
         """Return one curve for each metric."""
@@ -163,7 +177,12 @@ class _Search:
         while True:
             errors = {index: sums.of_sequence(metric) for index, sums in self._measured.items()}
             index = next_index(
-                errors, level, self._last, self._settings.fluxes_per_decade, self._straight
+                errors,
+                level,
+                self._last,
+                self._settings.fluxes_per_decade,
+                self._straight,
+                is_smooth=self._comparison.is_exact,
             )
             if index is None:
                 break
@@ -183,7 +202,15 @@ class _Search:
             else:
                 return
 
-    def _curve(self, metric: Metric, bits: Sequence[int]) -> ErrorCurve:
+    def _curve(self, metric: Metric, bits: tuple[int, ...]) -> ErrorCurve:
+        """Return the curve through what was measured, made again if that has become more."""
+        number, curve = self._latest.get((metric, bits), (0, None))
+        if curve is None or number < len(self._measured):
+            curve = self._new_curve(metric, bits)
+            self._latest[metric, bits] = len(self._measured), curve
+        return curve
+
+    def _new_curve(self, metric: Metric, bits: tuple[int, ...]) -> ErrorCurve:
         indices = sorted(self._measured)
         sums = combine([self._measured[index] for index in indices], np.stack)
         *rest, places, frames = sums.scored.shape

@@ -7,14 +7,16 @@ are drawn and not scored. Draws are named by seed, stimulus, flux, place and rep
 that needs few frames sees the first of those that another one sees.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
 from megalopta.flow.benchmark.settings import SearchSettings
-from megalopta.flow.detectors import Detector, FloatArray, Frames
+from megalopta.flow.detectors import Detector, FloatArray, Frames, Responder
 from megalopta.flow.metrics import ErrorSums, combine, error_sums
-from megalopta.flow.stimuli import MovingTemplate, draw_in_one, narrowest, summed
+from megalopta.flow.stimuli import Empty, MovingTemplate, draw_in_one, narrowest, summed
+
+_PIXELS_AT_ONCE = 2**17
 
 
 class ShortSequences:
@@ -30,6 +32,8 @@ class ShortSequences:
         Of the stimulus.
     methods
         Detectors that will see it.
+    empty
+        Makes the arrays of counts.
     """
 
     def __init__(
@@ -39,8 +43,9 @@ class ShortSequences:
         seed: int,
         name: str,
         methods: Sequence[Detector],
+        empty: Empty = np.empty,
     ) -> None:
-        self.settings, self.seed = settings, seed
+        self.settings, self.seed, self._empty = settings, seed, empty
         self.key = (name, f"{stimulus.size}x{stimulus.size}")
         self.shape = (stimulus.size, stimulus.size)
         self.pixels = stimulus.size**2
@@ -55,6 +60,7 @@ class ShortSequences:
             )
             for shift in shifts
         ]
+        self._brightest = max(float(light.max()) for light in self._light)
         self._counts: dict[tuple[float, int, int], Frames] = {}
 
     def clean(self, phase: int, before: int, frames: int) -> FloatArray:
@@ -68,9 +74,18 @@ class ShortSequences:
         if len(self._counts.get(name, ())) < frames:
             drawn = frames + self.settings.summed_frames - 1
             light = self._light[phase][self._before : self._before + drawn]
-            drawn_of = *self.key, f"{flux:.6g}", phase, repeat
-            counts = draw_in_one(light, flux, self.dark_counts, self.seed, *drawn_of)
-            self._counts[name] = narrowest(summed(counts, self.settings.summed_frames))
+            counts = draw_in_one(
+                light,
+                flux,
+                self.dark_counts,
+                self.seed,
+                *(*self.key, f"{flux:.6g}", phase, repeat),
+                brightest=self._brightest,
+                empty=self._empty,
+            )
+            if self.settings.summed_frames > 1:
+                counts = narrowest(summed(counts, self.settings.summed_frames))
+            self._counts[name] = counts
         return self._counts[name][:frames]
 
 
@@ -78,17 +93,25 @@ class Comparison:
     """One detector's responses to counts against those to clean frames."""
 
     def __init__(self, sequences: ShortSequences, method: Detector) -> None:
-        self._sequences = sequences
-        self._method = method
-        self._warm_up = warm_up_frames(method)
-        self._scored = slice(-sequences.settings.frames, None)
-        self._frames = method.noise_memory_frames + sequences.settings.frames
-        self._phases = range(sequences.settings.phases)
-        self._clean = [
-            sequences.clean(phase, self._warm_up, self._frames) for phase in self._phases
+        self._sequences, self._method = sequences, method
+        settings, before = sequences.settings, warm_up_frames(method)
+        self._phases, self._lead_in = range(settings.phases), method.noise_memory_frames
+        self._frames = self._lead_in + settings.frames
+        at_once = max(1, _PIXELS_AT_ONCE // sequences.pixels)
+        self._parts = [
+            slice(start, min(start + at_once, end))
+            for first, end in ((0, self._lead_in), (self._lead_in, self._frames))
+            for start in range(first, end, at_once)
         ]
-        brightest = sequences.settings.flux_max
-        self._ideal = [self._response(phase, brightest, 0.0) for phase in self._phases]
+        clean = [sequences.clean(phase, before, self._frames) for phase in self._phases]
+        self._before = [frames[:before] for frames in clean]
+        self._clean = [frames[before:] for frames in clean]
+        self._after: list[Callable[[float], Responder]] = []
+        if method.gives == "response" and not method.takes_counts:
+            # at common brightness, which they ask for, clean frames are the same at any flux
+            gain = sequences.pixels / settings.summed_frames
+            self._after = [method.after(frames, gain) for frames in self._before]
+        self._ideal = [self._response(phase, settings.flux_max, 0.0) for phase in self._phases]
 
     @property
     def is_defined(self) -> bool:
@@ -124,29 +147,38 @@ class Comparison:
         if deviation is not None:
             expected = error_sums(method, ideal[:1], ideal[:1] + deviation)
             return combine([expected for _ in repeats], np.stack)
-        noisy = self._responses(phase, flux, dark, repeats)
-        return combine([error_sums(method, ideal, each) for each in noisy], np.stack)
-
-    def _responses(
-        self, phase: int, flux: float, dark: float, repeats: Iterable[int]
-    ) -> Iterator[FloatArray]:
-        """Yield the scored responses at a place to each draw of counts."""
-        scale, before = self._scale(flux), self._clean[phase][: self._warm_up] * flux + dark
+        draws = []
         for repeat in repeats:
-            respond = self._method.start(self._sequences.shape)
-            if self._warm_up:
-                respond(before, scale)
             counts = self._sequences.counts(flux, phase, repeat, self._frames)
-            yield respond(counts, scale)[self._scored]
-
-    def _scale(self, flux: float) -> float:
-        return self._sequences.pixels / (flux * self._sequences.settings.summed_frames)
+            parts, done = [], 0
+            for noisy in self._responses(counts.__getitem__, phase, flux, dark):
+                parts.append(error_sums(method, ideal[done : done + len(noisy)], noisy))
+                done += len(noisy)
+            draws.append(combine(parts, lambda sums: np.concatenate(sums, axis=-1)))
+        return combine(draws, np.stack)
 
     def _response(self, phase: int, flux: float, dark: float) -> FloatArray:
         """Return the scored responses at a place to the mean counts."""
-        respond = self._method.start(self._sequences.shape)
-        means, scale = self._clean[phase] * flux + dark, self._scale(flux)
-        return respond(means, scale)[self._scored]
+        light = self._clean[phase]
+        means = self._responses(lambda part: light[part] * flux + dark, phase, flux, dark)
+        return np.concatenate(list(means))
+
+    def _responses(
+        self, frames: Callable[[slice], Frames], phase: int, flux: float, dark: float
+    ) -> Iterator[FloatArray]:
+        """Yield the scored responses at a place, in parts that fit a processor's cache."""
+        scale = self._scale(flux)
+        if self._after:
+            respond = self._after[phase](dark * scale)
+        else:
+            respond = self._method.after(self._before[phase], flux)(dark)
+        for part in self._parts:
+            responses = respond(frames(part), scale)
+            if part.start >= self._lead_in:
+                yield responses
+
+    def _scale(self, flux: float) -> float:
+        return self._sequences.pixels / (flux * self._sequences.settings.summed_frames)
 
 
 def warm_up_frames(method: Detector) -> int:

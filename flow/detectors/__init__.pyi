@@ -2,6 +2,7 @@ from .base import (
     Detector as Detector,
     FloatArray as FloatArray,
     Frames as Frames,
+    Responder as Responder,
 )
 from .block_detector import BlockDetector as BlockDetector
 from .blocks import (

@@ -72,6 +72,27 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
             When frames of this shape are too small for the detector.
         """
 
+    def after(self, frames: Frames, scale: float) -> Callable[[float], Responder]:
+        """Return how to start the detector after it has seen `scale` · `frames` + an offset.
+
+        Parameters
+        ----------
+        frames : (T, H, W), counts or intensities, T may be 0
+        scale : float
+
+        Returns
+        -------
+        The offset to the detector, to be fed what follows as one that `start` returns.
+        """
+
+        def start(offset: float) -> Responder:
+            respond = self.start((frames.shape[1], frames.shape[2]))
+            if len(frames):
+                respond(frames * scale + offset, 1.0)
+            return respond
+
+        return start
+
     @abstractmethod
     def scored(self, responses: FloatArray) -> FloatArray:
         """Return what errors are computed from, (T, rows, columns, components), no borders."""

@@ -7,26 +7,26 @@ replaces the best, so of equal ones the first wins (in the dark, where all block
 is the velocity (+radius, +radius)). Velocities are whole pixels: motion below half a pixel per
 frame reads 0, motion beyond the radius reads wrong.
 
-The candidates have equal areas, so sums stand for means. A shift is tried on all blocks of a row at
-once: differences of whole lines of pixels are added up line by line, in the narrowest integers that
-hold the sum, so that one instruction adds as many as possible, and then block by block. Counts are
-summed without rounding up to 2⁵³ in a block.
+The candidates have equal areas, so sums stand for means. For each shift in x both frames are laid
+out in strips as wide as a block, so that a block and each of its candidates up and down is one run
+of pixels. Counts are compared as bytes or as 16-bit numbers where they fit: processors have
+instructions that add up |a − b| of 16 to 64 bytes at once. All others are compared as float64,
+without rounding up to 2⁵³ in a block.
 """
 
+from collections.abc import Callable
 from functools import partial
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from numba import njit
+from numba import njit, types
+from numba.extending import overload
 from numpy.typing import NDArray
 from pydantic import Field
 
 from megalopta.flow.detectors.base import FloatArray, Frames, Responder, in_pairs
 from megalopta.flow.detectors.block_detector import BlockDetector
 from megalopta.flow.detectors.blocks import BlockGrid
-
-_LANES = 64
-"""Pixels of the widest vectors, and a multiple of those of all others"""
 
 
 class BlockMatching(BlockDetector, frozen=True):
@@ -58,56 +58,83 @@ def thesis_radius_px(shape: tuple[int, int]) -> int:
 
 
 def _velocities(grid: BlockGrid, radius: int, frames: Frames) -> FloatArray:
-    count, height, width = frames.shape
-    columns = -(-width // _LANES) * _LANES
-    padded = np.zeros((count, height, columns + 2 * radius), _exact_type(frames, grid.block_px))
-    padded[:, :, radius : radius + width] = frames
-    velocities = np.full((count - 1, grid.rows, grid.columns, 2), np.nan)
-    _search(padded, width, grid.top, grid.left, grid.block_px, radius, velocities)
+    velocities = np.full((len(frames) - 1, grid.rows, grid.columns, 2), np.nan)
+    exact = frames.astype(_exact_type(frames, grid.block_px**2), copy=False)
+    _search(np.ascontiguousarray(exact), grid.top, grid.left, grid.block_px, radius, velocities)
     return velocities
 
 
-def _exact_type(frames: Frames, lines: int) -> np.dtype[Any]:
-    """Return the narrowest type in which so many differences of pixels are added up exactly."""
-    if frames.dtype.kind in "ui" and frames.min(initial=0) >= 0:
-        largest = int(frames.max(initial=0)) * lines
-        if largest < 2**32:
-            return np.min_scalar_type(largest)
-    return np.dtype(np.float64)
+def _exact_type(frames: Frames, pixels: int) -> type[np.number[Any]]:
+    """Return the narrowest type of those whose differences over so many pixels add up exactly."""
+    kind = frames.dtype.kind
+    if kind == "u" or (kind == "i" and frames.min(initial=0) >= 0):
+        largest = int(frames.max(initial=0))
+        for narrow in (np.uint8, np.uint16):
+            if largest <= np.iinfo(narrow).max and largest * pixels <= np.iinfo(np.int32).max:
+                return narrow
+    return np.float64
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc"})  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _search(
-    padded: NDArray[Any],
-    width: int,
-    top: int,
-    left: int,
-    size: int,
-    radius: int,
-    velocities: FloatArray,
+    frames: NDArray[Any], top: int, left: int, size: int, radius: int, velocities: FloatArray
 ) -> None:
-    """Fill in velocities from frames (T, H, radius + columns + radius), the first `width` valid."""
-    height, columns = padded.shape[1], padded.shape[2] - 2 * radius
-    sums = np.empty(columns, padded.dtype)
-    best = np.empty(velocities.shape[2])
-    for pair, i in np.ndindex(velocities.shape[:2]):
-        row = top + i * size
-        best[:] = np.inf
-        for dy in range(max(-radius, -row), min(radius, height - size - row) + 1):
-            for dx in range(-radius, radius + 1):
-                sums[:] = 0
-                for y in range(row, row + size):
-                    line = padded[pair + 1, y, radius : radius + columns]
-                    candidate = padded[pair, y + dy, radius + dx : radius + dx + columns]
-                    for x in range(columns):
-                        a, b = line[x], candidate[x]
-                        sums[x] += a - b if a > b else b - a
-                for j in range(best.size):
-                    column = left + j * size
-                    if column + dx < 0 or column + dx + size > width:
-                        continue
-                    cost = np.float64(sums[column : column + size].sum())
-                    if cost < best[j]:
-                        best[j] = cost
-                        velocities[pair, i, j, 0] = -dx
-                        velocities[pair, i, j, 1] = -dy
+    """Fill in velocities (T − 1, rows, columns, 2) from frames (T, H, W)."""
+    count, rows, columns = velocities.shape[:3]
+    height, width = frames.shape[1:]
+    current = np.empty((columns, height * size), frames.dtype)
+    shifted, least = np.empty_like(current), np.empty((rows, columns))
+    for pair in range(count):
+        _fill_strips(frames[pair + 1], left, current)
+        least[:] = np.inf
+        for dx in range(-radius, radius + 1):
+            _fill_strips(frames[pair], left + dx, shifted)
+            for j in range(columns):
+                if left + dx + j * size < 0 or left + dx + (j + 1) * size > width:
+                    continue
+                for i in range(rows):
+                    row = top + i * size
+                    block = current[j, row * size : (row + size) * size]
+                    best = velocities[pair, i, j]
+                    for y in range(max(row - radius, 0), min(row + radius, height - size) + 1):
+                        cost = _difference(block, shifted[j, y * size : (y + size) * size])
+                        # the first in the order row by row, though shifts in x are the outer loop
+                        if cost < least[i, j] or (cost == least[i, j] and row - y > best[1]):
+                            least[i, j] = cost
+                            best[0], best[1] = -dx, row - y
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _fill_strips(frame: NDArray[Any], left: int, strips: NDArray[Any]) -> None:
+    """Cut a frame (H, W), from a column on, into strips (n, H · width), where they lie inside."""
+    height, width = frame.shape
+    size = strips.shape[1] // height
+    for j in range(len(strips)):
+        start = left + j * size
+        if start >= 0 and start + size <= width:
+            for y in range(height):
+                for x in range(size):
+                    strips[j, y * size + x] = frame[y, start + x]
+
+
+def _difference(a: Any, b: Any) -> Any:
+    """Return Σ|a − b| of two runs of pixels, inside compiled code."""
+    raise NotImplementedError
+
+
+@overload(_difference, jit_options={"fastmath": {"reassoc"}})  # type: ignore[untyped-decorator]
+def _difference_of(a: Any, b: Any) -> Callable[[Any, Any], Any]:
+    def of_counts(a: Any, b: Any) -> Any:
+        total = np.int32(0)
+        for k in range(a.size):  # of 32 bits in each step: only so one instruction is found for it
+            difference = np.int32(np.int32(a[k]) - np.int32(b[k]))
+            total = np.int32(total + np.int32(abs(difference)))
+        return total
+
+    def of_numbers(a: Any, b: Any) -> Any:
+        total = 0.0
+        for k in range(a.size):
+            total += abs(a[k] - b[k])
+        return total
+
+    return of_counts if isinstance(a.dtype, types.Integer) else of_numbers

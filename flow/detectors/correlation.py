@@ -26,6 +26,7 @@ the delay φ2 < 0: EMD is then positive.
 
 import math
 from abc import abstractmethod
+from collections.abc import Callable
 from functools import cache
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -79,6 +80,7 @@ def _advance(
             for j in range(1, h.size - 1):
                 y[i, j] += b * (combined[j] - y[i, j])
                 outputs[t, i, j] = y[i, j]
+            outputs[t, i, 0] = outputs[t, i, h.size - 1] = np.nan
 
 
 class CorrelationDetector(Detector, frozen=True):
@@ -109,20 +111,38 @@ class CorrelationDetector(Detector, frozen=True):
             raise ValueError(
                 f"frames of {rows} × {columns} px: {self.name} needs 3 × 3 px, or one row of 3"
             )
-        low = None
-        delayed, smoothed = np.zeros((2, *shape))
+        return self._from(None, *np.zeros((2, *shape)))
+
+    def after(self, frames: Frames, scale: float) -> Callable[[float], Responder]:
+        """Return how to start with what the filters keep; see `Detector.after`.
+
+        That is found once: an offset passes through the first low-pass only.
+        """
+        if not len(frames):
+            return super().after(frames, scale)
+        state = frames[0] * np.float64(scale), *np.zeros((2, *frames.shape[1:]))
+        self._pass(frames, scale, *state)
+        return lambda offset: self._from(state[0] + offset, state[1].copy(), state[2].copy())
+
+    def _from(self, low: FloatArray | None, delayed: FloatArray, smoothed: FloatArray) -> Responder:
+        """Return filters in a state; without the low-pass's, from before the first frame."""
 
         def respond(frames: Frames, scale: float) -> FloatArray:
             nonlocal low
-            if low is None and len(frames):
+            if not len(frames):
+                return np.empty(frames.shape)
+            if low is None:
                 low = frames[0] * np.float64(scale)
-            responses = np.empty(frames.shape)
-            responses[..., [0, -1]] = np.nan
-            steps = (self.filter_step, self.output_step)
-            _advance(self._kind, frames, float(scale), *steps, low, delayed, smoothed, responses)
-            return responses
+            return self._pass(frames, scale, low, delayed, smoothed)
 
         return respond
+
+    def _pass(self, frames: Frames, scale: float, *state: Any) -> FloatArray:
+        """Return the responses, and change the state in place."""
+        responses = np.empty(frames.shape)
+        steps = (self.filter_step, self.output_step)
+        _advance(self._kind, frames, float(scale), *steps, *state, responses)
+        return responses
 
     def scored(self, responses: FloatArray) -> FloatArray:
         """Return pixels 2 to N − 1 of each side, as in Eq. 4.5; a single row has no border rows."""

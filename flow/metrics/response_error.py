@@ -59,10 +59,12 @@ class ErrorSums:
         return float(quotient(numerator.sum(), denominator.sum()))
 
 
+_NAMES = [field.name for field in fields(ErrorSums)]
+
+
 def combine(sums: Sequence[ErrorSums], how: Callable[[list[FloatArray]], FloatArray]) -> ErrorSums:
     """Return sums of one shape as one, by np.concatenate (more frames) or np.stack (a new axis)."""
-    names = [field.name for field in fields(ErrorSums)]
-    return ErrorSums(*(how([getattr(each, name) for each in sums]) for name in names))
+    return ErrorSums(*(how([getattr(each, name) for each in sums]) for name in _NAMES))
 
 
 def error_sums(detector: Detector, ideal: FloatArray, noisy: FloatArray) -> ErrorSums:
@@ -98,22 +100,32 @@ def quotient(
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _add_up(ideal: FloatArray, noisy: FloatArray, skip_zero: bool, sums: FloatArray) -> None:
     frames, rows, columns, components = ideal.shape
+    size, difference = np.empty(columns), np.empty(columns)
     for t in range(frames):
-        relative = deviation = magnitude = 0.0
-        scored = 0
         for i in range(rows):
             for j in range(columns):
-                size = abs(ideal[t, i, j, 0])
-                difference = abs(noisy[t, i, j, 0] - ideal[t, i, j, 0])
+                size[j] = abs(ideal[t, i, j, 0])
+                difference[j] = abs(noisy[t, i, j, 0] - ideal[t, i, j, 0])
                 if components > 1:
-                    size = np.hypot(size, ideal[t, i, j, 1])
-                    difference = np.hypot(difference, noisy[t, i, j, 1] - ideal[t, i, j, 1])
-                if np.isnan(size) or (skip_zero and size == 0):
-                    continue
-                if np.isnan(difference):
-                    difference = size
-                relative += difference / max(size, SMALLEST_DENOMINATOR)
-                deviation += difference
-                magnitude += size
-                scored += 1
-        sums[0, t], sums[1, t], sums[2, t], sums[3, t] = relative, deviation, magnitude, scored
+                    size[j] = np.hypot(size[j], ideal[t, i, j, 1])
+                    further = noisy[t, i, j, 1] - ideal[t, i, j, 1]
+                    difference[j] = np.hypot(difference[j], further)
+            _add_row(size, difference, skip_zero, sums[:, t])
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc"})  # type: ignore[untyped-decorator]
+def _add_row(size: FloatArray, difference: FloatArray, skip_zero: bool, sums: FloatArray) -> None:
+    """Add a row; without branches, so that vector instructions do it."""
+    relative = deviation = magnitude = scored = 0.0
+    for j in range(size.size):
+        counts = (size[j] > 0) | ((size[j] == 0) & (not skip_zero))
+        of_ideal = size[j] if counts else 0.0
+        off = of_ideal if np.isnan(difference[j]) | (not counts) else difference[j]
+        relative += off / max(of_ideal, SMALLEST_DENOMINATOR)
+        deviation += off
+        magnitude += of_ideal
+        scored += 1.0 if counts else 0.0
+    sums[0] += relative
+    sums[1] += deviation
+    sums[2] += magnitude
+    sums[3] += scored

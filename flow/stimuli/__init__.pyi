@@ -17,6 +17,7 @@ from .panning_view import PanningView as PanningView
 from .photons import (
     BlackFrameError as BlackFrameError,
     Counts as Counts,
+    Empty as Empty,
     Normalization as Normalization,
     divisors as divisors,
     draw_counts as draw_counts,

@@ -75,11 +75,11 @@ class MovingTemplate:
         """
         rows, columns = self.template.shape
         starts = -(shift_px + self.velocity_px * np.arange(count)) % columns
-        frames = np.empty((count, self.size, self.size))
-        for frame, start in zip(frames, starts, strict=True):
+        frames, sums = np.empty((count, self.size, self.size)), np.empty(count)
+        for t, start in enumerate(starts):
             window = self._lines[:, start : start + rows]
-            frame[:] = resize(window, (self.size, self.size), self.resize)
-        sums = frames.sum(axis=(1, 2))
+            frames[t] = resize(window, (self.size, self.size), self.resize)
+            sums[t] = frames[t].sum()
         frames /= divisors(sums, self.normalization, self._mean_light)[:, np.newaxis, np.newaxis]
         return frames
 

@@ -11,15 +11,19 @@ are drawn independently of each other.
 """
 
 import math
+from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.sensor.sampling import fill_poisson, generator, word_streams
+from megalopta.sensor.sampling import fill_poisson, generator, poisson_streams
 
 _LARGEST_MEAN = 9e18
 Counts = NDArray[np.unsignedinteger[Any]]
+
+Empty = Callable[[tuple[int, ...], type[np.unsignedinteger[Any]]], Counts]
+"""Makes an array of a shape and a type, as `numpy.empty`."""
 
 Normalization = Literal["per_frame", "per_sequence"]
 """What is brought to the flux: every frame, or the mean frame."""
@@ -103,7 +107,7 @@ def draw_counts(
             f"means from {means.min():g} to {largest:g}: give mean counts from 0 to"
             f" {_LARGEST_MEAN:g}"
         )
-    counts = _room(means.shape, float(largest))
+    counts = np.empty(means.shape, _type_for(float(largest)))
     for index, mean in enumerate(means):
         rng = generator(seed, "photons", *key, first_frame + index)
         _fill(rng, mean, 0.0, 1.0, counts[index])
@@ -111,7 +115,13 @@ def draw_counts(
 
 
 def draw_in_one(
-    light: NDArray[np.float64], flux: float, dark_counts: float, seed: int, *key: str | int
+    light: NDArray[np.float64],
+    flux: float,
+    dark_counts: float,
+    seed: int,
+    *key: str | int,
+    brightest: float | None = None,
+    empty: Empty = np.empty,
 ) -> Counts:
     """Return counts of means flux·light + dark_counts, from one random stream, as `draw_counts`.
 
@@ -127,8 +137,13 @@ def draw_in_one(
         Per pixel.
     seed, *key
         As for `draw_counts`.
+    brightest : float, optional
+        What no light exceeds, if it is known.
+    empty
+        Makes the array, of a shape and a type.
     """
-    counts = _room(light.shape, float(light.max()) * flux + dark_counts)
+    most = (float(light.max()) if brightest is None else brightest) * flux + dark_counts
+    counts = empty(light.shape, _type_for(most))
     _fill(generator(seed, "photons", *key, 0), light, dark_counts / flux, flux, counts)
     return counts
 
@@ -143,10 +158,9 @@ def _type_of(largest: float) -> type[np.unsignedinteger[Any]]:
     return next((kind for kind in kinds if largest <= np.iinfo(kind).max), np.uint64)
 
 
-def _room(shape: tuple[int, ...], largest_mean: float) -> Counts:
-    """Return an array whose type holds all counts: beyond 40 deviations is less than 10⁻²⁰⁰."""
-    most = largest_mean + 40 * math.sqrt(largest_mean) + 100
-    return np.empty(shape, _type_of(most))
+def _type_for(largest_mean: float) -> type[np.unsignedinteger[Any]]:
+    """Return the type that holds all counts: beyond 40 deviations is less than 10⁻²⁰⁰."""
+    return _type_of(largest_mean + 40 * math.sqrt(largest_mean) + 100)
 
 
 def _fill(
@@ -157,5 +171,5 @@ def _fill(
     counts: Counts,
 ) -> None:
     most = min(int(np.iinfo(counts.dtype).max), int(np.iinfo(np.int64).max))
-    source = rng, word_streams(rng)
-    fill_poisson(source, light.ravel(), np.array([more]), factor, counts.reshape(-1), most)
+    rates = light.ravel(), np.array([more]), factor
+    fill_poisson(poisson_streams(rng), *rates, counts.reshape(-1), most)

@@ -60,8 +60,10 @@ def resize(
 
 
 def _nearest(frames: NDArray[Any], rows: int, columns: int) -> NDArray[Any]:
-    y, x = _centers(frames.shape[-2], rows), _centers(frames.shape[-1], columns)
-    return np.asarray(frames[..., y[:, np.newaxis], x])
+    for axis, new in ((-2, rows), (-1, columns)):
+        if frames.shape[axis] != new:
+            frames = np.take(frames, _centers(frames.shape[axis], new), axis)
+    return frames
 
 
 def _centers(old: int, new: int) -> NDArray[np.int64]:

@@ -1,10 +1,11 @@
 from . import (
-    near_normal as near_normal,
+    quantile as quantile,
     streams as streams,
 )
 from .poisson import (
     draw_poisson as draw_poisson,
     fill_poisson as fill_poisson,
+    poisson_streams as poisson_streams,
 )
 from .streams import (
     generator as generator,

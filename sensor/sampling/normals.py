@@ -1,8 +1,8 @@
-"""A standard normal number from a random word, faster than NumPy draws one inside compiled code.
+"""Standard normal numbers from random words, faster than NumPy draws them.
 
-The ziggurat of Marsaglia and Tsang (J. Stat. Softw. 5(8), 2000): 256 layers of equal area cover the
-density; a word chooses a layer and a place in it, which lies under the density 99 times in 100. The
-word's highest 53 bits choose the place and its lowest 8 the layer, which share no bit.
+The ziggurat of Marsaglia and Tsang (J. Stat. Softw. 5(8), 2000): 1024 layers of equal area cover
+the density; a word chooses a layer and a place in it, which lies under the density 997 times in
+1000. The word's highest 53 bits choose the place and its lowest 10 the layer, which share no bit.
 """
 
 import math
@@ -11,8 +11,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-_LAYERS = 256
-_TAIL = 3.6541528853610088
+from megalopta.sensor.sampling.words import LANES, fill_words, uniform
+
+_LAYERS = 1024
+_TAIL = 4.0388498461095045
 """Where the tail begins that belongs to the lowest layer"""
 
 _AREA = _TAIL * math.exp(-(_TAIL**2) / 2) + math.sqrt(math.pi / 2) * math.erfc(_TAIL / math.sqrt(2))
@@ -27,36 +29,53 @@ def _layer_edges() -> NDArray[np.float64]:
     return np.array([*edges, 0.0])
 
 
-_LAYER = np.uint64(_LAYERS - 1)
+_LAYER, _ONE = np.uint64(_LAYERS - 1), np.uint64(1)
 EDGES = _layer_edges()
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def quick_normal(word: np.uint64, edges: NDArray[np.float64]) -> float:
-    """Return a standard normal number of a random word, or NaN where `slow_normal` is to be asked.
+def fill_normals(
+    streams: NDArray[np.uint64],
+    more_streams: NDArray[np.uint64],
+    words: NDArray[np.uint64],
+    edges: NDArray[np.float64],
+    numbers: NDArray[np.float64],
+) -> None:
+    """Fill (N,) with standard normal numbers.
 
-    Compiled code takes `EDGES` as an argument: as a constant it would be stored with each function.
+    Each takes a word of the first streams, and one in some hundred more of the others: the first
+    numbers of many are those of few. `words` (rows, LANES) is room for N words. Compiled code takes
+    `EDGES` as an argument: as a constant it would be stored with each function.
     """
-    layer = word & _LAYER
-    z = _place(word) * edges[layer]
-    return float(z) if abs(z) < edges[layer + np.uint64(1)] else math.nan
+    fill_words(streams, words[: -(-numbers.size // LANES)])
+    word = words.reshape(-1)
+    for k in range(numbers.size):
+        layer = word[k] & _LAYER
+        numbers[k] = _place(word[k]) * edges[layer]
+        if abs(numbers[k]) >= edges[layer + _ONE]:
+            numbers[k] = _slow_normal(more_streams, edges, layer, numbers[k])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def slow_normal(word: np.uint64, edges: NDArray[np.float64], rng: np.random.Generator) -> float:
-    """Return the number that `quick_normal` leaves open."""
-    layer = word & _LAYER
-    z = _place(word) * edges[layer]
-    if layer == 0:
-        while True:  # Marsaglia's tail
-            beyond = rng.standard_exponential() / _TAIL
-            if 2 * rng.standard_exponential() > beyond * beyond:
+def _slow_normal(
+    streams: NDArray[np.uint64], edges: NDArray[np.float64], layer: np.uint64, z: float
+) -> float:
+    """Return the number of a place in a layer that may not lie under the density."""
+    words = np.empty((1, LANES), np.uint64)
+    while True:
+        fill_words(streams, words)
+        word = words[0]
+        if layer == 0 and abs(z) >= _TAIL:  # Marsaglia's tail
+            beyond = -math.log(uniform(word[0])) / _TAIL
+            if -2 * math.log(uniform(word[1])) > beyond * beyond:
                 return math.copysign(_TAIL + beyond, z)
-    lower = math.exp(-(edges[layer] ** 2) / 2)
-    upper = math.exp(-(edges[layer + np.uint64(1)] ** 2) / 2)
-    if lower + (upper - lower) * rng.random() < math.exp(-z * z / 2):
-        return float(z)
-    return rng.standard_normal()
+            continue
+        lower = math.exp(-(edges[layer] ** 2) / 2)
+        upper = math.exp(-(edges[layer + _ONE] ** 2) / 2)
+        if lower + (upper - lower) * uniform(word[0]) < math.exp(-z * z / 2):
+            return z
+        layer = word[1] & _LAYER
+        z = _place(word[1]) * edges[layer]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]

@@ -1,13 +1,12 @@
 """Poisson counts, drawn faster than NumPy does.
 
-A Poisson count is the sum of independent ones whose means add up. Below 2048 the mean is cut into a
-multiple of 16, one of 1/16, and a rest. The multiples have alias tables, which turn a random word
-into a count by one comparison, to 2⁻⁴⁸: Walker, ACM Trans. Math. Softw. 3, 253 (1977). The rest is
-the number of arrivals of a process of rate one that runs on from draw to draw, so it costs a
-subtraction as long as nothing arrives. Whether any mean has a multiple of 1/16 is asked of a frame
-and not of each pixel, which in dim light a processor would guess wrong every other time.
+A Poisson count is the sum of independent ones whose means add up. A mean below 4 is cut into a
+multiple of 1/16 and a rest. The multiples have alias tables, which turn a random word into a count
+by one comparison, to 2⁻⁴⁸: Walker, ACM Trans. Math. Softw. 3, 253 (1977). The rest is the number of
+arrivals of a process of rate one that runs on from draw to draw, so it costs a subtraction as long
+as nothing arrives.
 
-From 2048 on, counts come of normal numbers (`near_normal`).
+From 4 on, a count is the quantile of a normal number (`quantile`), found by vector instructions.
 """
 
 import math
@@ -18,17 +17,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from megalopta.sensor.sampling.near_normal import is_accepted, near_normal, near_normal_count
-from megalopta.sensor.sampling.normals import EDGES, quick_normal, slow_normal
+from megalopta.sensor.sampling.normals import EDGES, fill_normals
+from megalopta.sensor.sampling.quantile import SMALLEST_MEAN, fill_quantiles
 from megalopta.sensor.sampling.words import LANES, fill_words, uniform, word_streams
 
-_COARSE, _FINE = 16.0, 1 / 16
-"""Powers of two: sums are exact. The finer, the rarer an arrival, the larger its table."""
-_FINE_PER_COARSE = np.uint64(8)
-"""Binary digits of a mean in units of the fine step that are below the coarse one."""
-_LARGEST_MEAN = 2048.0
-"""Of the tables"""
-_COARSE_TABLES = np.uint64(_LARGEST_MEAN / _COARSE)
+_STEP = 1 / 16
+"""A power of two: sums are exact. The finer, the rarer an arrival, the larger the tables."""
 _TAIL = 8.0
 """Standard deviations of a table on each side, and counts beyond them; what is farther out is less
 likely than the rounding of a random word."""
@@ -36,8 +30,9 @@ _TAIL_COUNTS = 20
 
 _CHANCE = np.uint64(2**48 - 1)
 _ALIAS_BITS, _ALIAS = np.uint64(16), np.uint64(2**16 - 1)
-_ROWS_OF_WORDS = 64
-_ONE, _TWO, _ALL = np.uint64(1), np.uint64(2), ~np.uint64(0)
+_BLOCK = 1024
+"""Pixels that are drawn together"""
+_ONE = np.uint64(1)
 _NO_MORE = np.zeros(1)
 _NO_MORE.flags.writeable = (
     False  # as dark counts of a device are, for which `_draw` is compiled anyway
@@ -46,7 +41,7 @@ _MOST = int(np.iinfo(np.int64).max)
 
 
 class _Tables(NamedTuple):
-    """Alias tables of the multiples of the coarse step, then of the fine one."""
+    """Alias tables of the multiples of the step."""
 
     heads: NDArray[np.uint64]
     """Of each table: its first cell; what moves the leading bits of a word, which choose the cell,
@@ -72,12 +67,12 @@ def draw_poisson(
     factor : float
     """
     counts = np.empty(means.size, np.int64)
-    fill_poisson((rng, word_streams(rng)), means, more, factor, counts, _MOST)
+    fill_poisson(poisson_streams(rng), means, more, factor, counts, _MOST)
     return counts
 
 
 def fill_poisson(
-    source: tuple[np.random.Generator, NDArray[np.uint64]],
+    streams: NDArray[np.uint64],
     means: NDArray[np.float64],
     more: NDArray[np.float64] | None,
     factor: float,
@@ -86,17 +81,20 @@ def fill_poisson(
 ) -> None:
     """Draw counts as `draw_poisson` into a contiguous (N,) array, none larger than `most`.
 
-    The source is a generator and the `word_streams` drawn from it.
+    The streams are `poisson_streams`; of the same, no count depends on those that follow it.
     """
     rates = means, _NO_MORE if more is None else more, factor
-    if _draw(source[1], *rates, _tables(), counts, most):
-        _draw_large(source, *rates, EDGES, counts, most)
+    _draw(streams, *rates, _tables(), EDGES, counts, most)
+
+
+def poisson_streams(rng: np.random.Generator) -> NDArray[np.uint64]:
+    """Draw from a generator what `fill_poisson` starts from, (3, 4, LANES)."""
+    return word_streams(rng, 3)
 
 
 @cache
 def _tables() -> _Tables:
-    multiples = np.arange(0, _LARGEST_MEAN, _COARSE), np.arange(0, _COARSE, _FINE)
-    laws = [_law(mean) for mean in np.concatenate(multiples)]
+    laws = [_law(mean) for mean in np.arange(0, SMALLEST_MEAN, _STEP)]
     sizes = np.array([law.size for _, law in laws])
     starts, shifts = np.cumsum(sizes) - sizes, [65 - int(size).bit_length() for size in sizes]
     return _Tables(
@@ -142,62 +140,102 @@ def _draw(
     more: NDArray[np.float64],
     factor: float,
     tables: _Tables,
+    edges: NDArray[np.float64],
     counts: NDArray[np.integer[Any]],
     most: int,
-) -> bool:
-    """Draw where the tables reach; whether there are larger means."""
-    # all indices are unsigned: Python's negative ones would cost a comparison each
-    each = _ALL if more.size > 1 else np.uint64(0)  # bits of the index that count in `more`
-    has_fine = _any_reaches(means, more, _FINE / factor)
-    has_large = False
-    words = np.empty((_ROWS_OF_WORDS, LANES), np.uint64)
-    word, used, size = words.reshape(-1), _ONE, np.uint64(words.size)
-    fill_words(streams, words)
-    to_next_arrival = _wait(word[0])
-    for index in range(means.size):
-        if used + _ONE >= size:
+) -> None:
+    """Draw block by block; where means are small and large, all as large, then the small again."""
+    words = np.empty((2, _BLOCK // LANES, LANES), np.uint64)
+    mean, z, drawn = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
+    small = np.empty(_BLOCK, np.uint64)
+    fill_words(streams[0], words[0])
+    used, wait = 1, _exponential(words[0, 0, 0])
+    for start in range(0, means.size, _BLOCK):
+        size = min(_BLOCK, means.size - start)
+        block = counts[start : start + size]
+        _scale(means, more, factor, start, mean[:size])
+        number = _list_small(mean[:size], small)
+        if number < size:
+            fill_normals(streams[1], streams[2], words[1], edges, z[:size])
+            fill_quantiles(z[:size], mean[:size], drawn[:size])
+            for k in range(size):
+                block[k] = min(int(drawn[k]), most)
+        if number:
+            places = small[:number]
+            used, wait = _draw_small(
+                streams[0], words[0], used, wait, tables, mean, places, block, most
+            )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _scale(
+    means: NDArray[np.float64],
+    more: NDArray[np.float64],
+    factor: float,
+    start: int,
+    mean: NDArray[np.float64],
+) -> None:
+    """Compute the means of a block."""
+    if more.size > 1:
+        for k in range(mean.size):
+            mean[k] = (means[start + k] + more[start + k]) * factor
+    else:
+        for k in range(mean.size):
+            mean[k] = (means[start + k] + more[0]) * factor
+
+
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _list_small(mean: NDArray[np.float64], places: NDArray[np.uint64]) -> int:
+    """List where means are small; return their number."""
+    number = np.int64(0)
+    for k in range(mean.size):  # counted first, by vector instructions
+        number += np.int64(mean[k] < SMALLEST_MEAN)
+    if number:
+        n = np.int64(0)
+        for k in range(mean.size):  # without a branch, which a processor would guess wrong
+            places[n] = k
+            n += np.int64(mean[k] < SMALLEST_MEAN)
+    return int(number)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _draw_small(
+    streams: NDArray[np.uint64],
+    words: NDArray[np.uint64],
+    used: int,
+    wait: float,
+    tables: _Tables,
+    means: NDArray[np.float64],
+    places: NDArray[np.uint64],
+    counts: NDArray[np.integer[Any]],
+    most: int,
+) -> tuple[int, float]:
+    """Draw at places; return how many words are used, and how long the next arrival is off."""
+    word, size = words.reshape(-1), words.size
+    for place in places:
+        mean = means[place]
+        if used + 1 >= size:
             fill_words(streams, words)
-            used = np.uint64(0)
-        mean = (means[index] + more[index & each]) * factor
-        if mean >= _LARGEST_MEAN:
-            has_large = True
-            continue
-        steps = np.uint64(mean / _FINE)
-        count, coarse = np.uint64(0), steps >> _FINE_PER_COARSE
-        if coarse:
-            count = _multiple(word[used], coarse, tables)
-            used += _ONE
-        if has_fine:
-            fine = steps - (coarse << _FINE_PER_COARSE)
-            count += _multiple(word[used], _COARSE_TABLES + fine, tables)
-            used += _ONE
-        to_next_arrival -= mean - float(steps) * _FINE
-        while to_next_arrival < 0:
+            used = 0
+        table, count = np.uint64(mean / _STEP), np.uint64(0)
+        if table:
+            count = _multiple(word[used], table, tables)
+            used += 1
+        wait -= mean - float(table) * _STEP
+        while wait < 0:
             if used == size:
                 fill_words(streams, words)
-                used = np.uint64(0)
-            to_next_arrival += _wait(word[used])
-            used += _ONE
+                used = 0
+            wait += _exponential(word[used])
+            used += 1
             count += _ONE
-        counts[index] = min(int(np.int64(count)), most)
-    return has_large
+        counts[place] = min(int(np.int64(count)), most)
+    return used, wait
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _any_reaches(means: NDArray[np.float64], more: NDArray[np.float64], least: float) -> bool:
-    number = np.int64(0)  # summed, which vector instructions do
-    if more.size > 1:
-        for index in range(means.size):
-            number += np.int64(means[index] + more[index] >= least)
-    else:
-        for index in range(means.size):
-            number += np.int64(means[index] + more[0] >= least)
-    return bool(number > 0)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _wait(word: np.uint64) -> float:
-    """Exponential wait for the next arrival, from a word."""
+def _exponential(word: np.uint64) -> float:
+    """Exponential number, the time between arrivals, from a word."""
     return -math.log(uniform(word))
 
 
@@ -211,36 +249,3 @@ def _multiple(word: np.uint64, table: np.uint64, tables: _Tables) -> np.uint64:
     is_own = np.uint64((word & _CHANCE) < (cell >> _ALIAS_BITS))
     alias = cell & _ALIAS
     return np.uint64(head[2] + alias + is_own * (column - alias))
-
-
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _draw_large(
-    source: tuple[np.random.Generator, NDArray[np.uint64]],
-    means: NDArray[np.float64],
-    more: NDArray[np.float64],
-    factor: float,
-    edges: NDArray[np.float64],
-    counts: NDArray[np.integer[Any]],
-    most: int,
-) -> None:
-    """Draw where the tables do not reach."""
-    rng, streams = source
-    each = _ALL if more.size > 1 else np.uint64(0)
-    words = np.empty((_ROWS_OF_WORDS, LANES), np.uint64)
-    word, size = words.reshape(-1), np.uint64(words.size)
-    used = size
-    for index in range(means.size):
-        mean = (means[index] + more[index & each]) * factor
-        if mean < _LARGEST_MEAN:
-            continue
-        if used == size:
-            fill_words(streams, words)
-            used = np.uint64(0)
-        z = quick_normal(word[used], edges)
-        if math.isnan(z):
-            z = slow_normal(word[used], edges, rng)
-        n = near_normal_count(z, mean)
-        if not is_accepted(n, mean, z, uniform(word[used + _ONE])):
-            n = near_normal(rng, mean)
-        counts[index] = min(n, most)
-        used += _TWO

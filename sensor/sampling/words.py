@@ -14,12 +14,12 @@ LANES = 16
 _ROUNDS = 12
 
 
-def word_streams(rng: np.random.Generator) -> NDArray[np.uint64]:
-    """Draw the state of a source of random words, (4, LANES), for `fill_words`."""
-    state = np.ones((4, LANES), np.uint64)
-    state[:3] = rng.bit_generator.random_raw((3, LANES))
-    fill_words(state, np.empty((_ROUNDS, LANES), np.uint64))
-    return state
+def word_streams(rng: np.random.Generator, *count: int) -> NDArray[np.uint64]:
+    """Draw the states of sources of random words, (*count, 4, LANES), for `fill_words` each."""
+    states = np.ones((*count, 4, LANES), np.uint64)
+    states[..., :3, :] = rng.bit_generator.random_raw((*count, 3, LANES))
+    _pass_rounds(states.reshape(-1, 4, LANES))
+    return states
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
@@ -41,3 +41,10 @@ def fill_words(state: NDArray[np.uint64], words: NDArray[np.uint64]) -> None:
 def uniform(word: np.uint64) -> float:
     """Return a number within (0, 1) of a random word."""
     return (float(word >> np.uint64(11)) + 0.5) * 2.0**-53
+
+
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _pass_rounds(states: NDArray[np.uint64]) -> None:
+    words = np.empty((_ROUNDS, LANES), np.uint64)
+    for state in states:
+        fill_words(state, words)

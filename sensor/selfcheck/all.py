@@ -43,7 +43,7 @@ from megalopta.sensor.selfcheck.device import check_bias_laws, check_device, che
 from megalopta.sensor.selfcheck.drawn import (
     check_certain_neighbor,
     check_drawn_dead_time,
-    check_near_normal,
+    check_poisson_quantiles,
     check_skewness,
 )
 from megalopta.sensor.selfcheck.interplay import interplay_checks
@@ -134,7 +134,7 @@ _EFFECTS: dict[str, tuple[Check, ...]] = {
         check_frames,
         check_dim_light,
         check_poisson_means,
-        check_near_normal,
+        check_poisson_quantiles,
         check_rare_bits,
     ),
     "ctia": (

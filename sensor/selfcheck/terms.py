@@ -224,7 +224,7 @@ def check_rare_bits() -> Iterator[Row]:
 
 
 def check_poisson_means() -> Iterator[Row]:
-    """Means around each for which the Poisson law is tabulated, up to 16."""
+    """Means around each for which the Poisson law is tabulated, up to 4, and beyond."""
     means = (np.arange(256) + 0.02) / 16
     counts = draw_poisson(generator(8, "means"), np.repeat(means, 200_000)).reshape(256, -1)
     yield from worst_of_each(

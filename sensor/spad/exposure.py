@@ -28,7 +28,7 @@ from megalopta.sensor.counters import (
     sample_analog,
 )
 from megalopta.sensor.effects import AvalancheEffects, AvalancheMaps
-from megalopta.sensor.sampling import draw_poisson, fill_poisson, generator, word_streams
+from megalopta.sensor.sampling import draw_poisson, fill_poisson, generator, poisson_streams
 from megalopta.sensor.spad.fixed_pattern import FixedPattern
 from megalopta.sensor.spad.frames import over_frames
 from megalopta.sensor.spad.model import Sensor
@@ -185,7 +185,7 @@ def _count_poisson(
     (seed, sequence, first), capacity = key, sensor.counter.capacity
     # made in a row, which takes a fifth of the time that they take one by one
     rngs = [generator(seed, "exposure", sequence, first + frame) for frame in range(len(rate))]
-    sources = [(rng, word_streams(rng)) for rng in rngs]
+    sources = [poisson_streams(rng) for rng in rngs]
     dark_hz = device.dark_counts_hz.ravel()
 
     def expose_frame(frame: int) -> None:

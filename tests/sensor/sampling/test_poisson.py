@@ -8,7 +8,7 @@ from megalopta.sensor.sampling.streams import generator
 
 @pytest.mark.parametrize(
     "mean",
-    [0.01, 0.0625, 0.125, 0.99, 1.0, 9.5, 15.99, 16.0, 400.0, 2047.9, 2049.0, 2e4, 1e6],
+    [0.01, 0.0625, 0.125, 0.99, 1.0, 3.99, 4.0, 4.5, 9.5, 16.0, 400.0, 2049.0, 2e4, 1e6],
 )
 def test_draws_follow_the_poisson_law(mean):
     counts = draw_poisson(generator(0, "poisson"), np.full(400_000, mean))
@@ -18,6 +18,26 @@ def test_draws_follow_the_poisson_law(mean):
     expected[0] += poisson.cdf(n[0] - 1, mean) * counts.size
     expected[-1] += counts.size - expected.sum()
     assert chisquare(observed, expected).pvalue > 1e-6  # the false-alarm rate
+
+
+def test_the_first_counts_of_many_streams_follow_the_law():
+    means = np.array([0.3, 0.03, 2.2, 5.0, 30.0, 3.99, 4.01])
+    counts = np.array([draw_poisson(generator(seed), means) for seed in range(20_000)])
+    z = (counts.mean(axis=0) - means) / np.sqrt(means / len(counts))
+    assert abs(z).max() < 5.5  # seven means: false-alarm rate 3e-7
+
+
+def test_of_fewer_pixels_the_counts_are_the_first_of_more():
+    # small and large means mixed within the blocks that are drawn together
+    means = np.random.default_rng(5).lognormal(1, 1.5, 5000)
+    many = draw_poisson(generator(3), means)
+    for size in (1, 700, 1024, 1025, 3333):
+        np.testing.assert_array_equal(draw_poisson(generator(3), means[:size]), many[:size])
+
+
+def test_dark_pixels_among_bright_ones_give_no_counts():
+    means = np.tile([0.0, 50.0], 2000)
+    assert not draw_poisson(generator(4), means)[::2].any()
 
 
 def test_no_light_gives_no_counts():
