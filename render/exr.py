@@ -12,7 +12,7 @@ import os
 from collections.abc import Mapping, Sequence
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import OpenEXR
@@ -20,7 +20,9 @@ from numpy.typing import NDArray
 
 from megalopta.files import atomic_write
 from megalopta.render.bands import Bands, channel_names
-from megalopta.render.truth import FlowSpread, Footprint, Truth
+
+if TYPE_CHECKING:
+    from megalopta.render.truth import Truth
 
 RADIANCE_UNIT = "W.m^-2.sr^-1.nm^-1"
 
@@ -137,7 +139,7 @@ def read_attributes(path: Path) -> dict[str, str]:
 
 def write_truth(
     path: Path,
-    truth: Truth,
+    truth: "Truth",
     origin_m: Sequence[float] = (0, 0, 0),
     attributes: Mapping[str, str] | None = None,
 ) -> None:
@@ -158,8 +160,10 @@ def write_truth(
     _write(path, channels, {**_TRUTH_ATTRIBUTES, **header})
 
 
-def read_truth(path: Path) -> Truth:
+def read_truth(path: Path) -> "Truth":
     """Read the ground truth of one frame. Raises ValueError for a file that holds none."""
+    from megalopta.render.truth import FlowSpread, Footprint, Truth  # which loads Mitsuba
+
     header, channels = _read(path)
     try:
         planes = {

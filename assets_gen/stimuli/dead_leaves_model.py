@@ -36,16 +36,28 @@ def dead_leaves(
             f"radii_px up to {radii_px[1]}: the disks are wider than the image of {shape[0]} ×"
             f" {shape[1]} px; give at most half of its shorter side"
         )
-    fine = (shape[0] * _SAMPLES, shape[1] * _SAMPLES)
-    image = np.zeros(fine)
-    bare = image.size
-    smallest, largest = (radius * _SAMPLES for radius in radii_px)
+    image = np.zeros((shape[0] * _SAMPLES, shape[1] * _SAMPLES))
+    radii = float(radii_px[0] * _SAMPLES), float(radii_px[1] * _SAMPLES)
+    _cover(image, rng, radii, (float(values[0]), float(values[1])))
+    return np.asarray(image.reshape(shape[0], _SAMPLES, shape[1], _SAMPLES).mean(axis=(1, 3)))
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _cover(
+    image: NDArray[np.float64],
+    rng: np.random.Generator,
+    radii: tuple[float, float],
+    values: tuple[float, float],
+) -> None:
+    """Paint leaves until nothing is bare."""
+    (height, width), bare = image.shape, image.size
+    most, least = radii[0] ** -2, radii[1] ** -2
     while bare:
         # the inverse of the cumulative distribution of r⁻³
-        radius = (largest**-2 + rng.random() * (smallest**-2 - largest**-2)) ** -0.5
-        center = rng.random(2) * fine
-        bare -= paint_leaf(image, (center[0], center[1]), radius, rng.uniform(*values))
-    return np.asarray(image.reshape(shape[0], _SAMPLES, shape[1], _SAMPLES).mean(axis=(1, 3)))
+        radius = (least + rng.random() * (most - least)) ** -0.5
+        row, column = rng.random() * height, rng.random() * width
+        value = values[0] + (values[1] - values[0]) * rng.random()
+        bare -= paint_leaf(image, (row, column), radius, value)
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]

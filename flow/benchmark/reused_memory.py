@@ -21,11 +21,8 @@ class ReusedMemory(threading.local):
     def empty(self, shape: tuple[int, ...], kind: type[np.generic]) -> NDArray[Any]:
         """Return an array as `numpy.empty` does, not to be used after `release`."""
         size = math.prod(shape) * np.dtype(kind).itemsize
-        large = [place for place, block in enumerate(self._free) if block.size >= size]
-        if large:
-            block = self._free.pop(min(large, key=lambda place: self._free[place].size))
-        else:
-            block = np.empty(size, np.uint8)
+        place = next((k for k, block in enumerate(self._free) if block.size >= size), None)
+        block = np.empty(size, np.uint8) if place is None else self._free.pop(place)
         self._taken.append(block)
         return block[:size].view(kind).reshape(shape)
 

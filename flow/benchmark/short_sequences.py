@@ -8,12 +8,14 @@ that needs few frames sees the first of those that another one sees.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
 
 import numpy as np
 
 from megalopta.flow.benchmark.settings import SearchSettings
 from megalopta.flow.detectors import Detector, FloatArray, Frames, Responder
-from megalopta.flow.metrics import ErrorSums, combine, error_sums
+from megalopta.flow.metrics import ErrorSums, error_sums
+from megalopta.flow.metrics.response_error import sums_of_errors
 from megalopta.flow.stimuli import Empty, MovingTemplate, draw_in_one, narrowest, summed
 
 _PIXELS_AT_ONCE = 2**17
@@ -125,7 +127,7 @@ class Comparison:
         moving = sum(each.scored.sum() for each in sums)
         return 2 * moving >= possible and any(each.magnitude.any() for each in sums)
 
-    @property
+    @cached_property
     def is_exact(self) -> bool:
         """Whether errors come from a closed form, and no counts are drawn."""
         return self._method.expected_deviation(self._clean[0][:1], 1.0) is not None
@@ -134,28 +136,29 @@ class Comparison:
         """Return what the error at a flux is made of, (repeats, places, scored frames)."""
         dark = self._sequences.dark_counts * self._sequences.settings.summed_frames
         places = [self._at_place(phase, flux, dark) for phase in self._phases]
-        return combine(places, lambda parts: np.stack(parts, axis=1))
+        return ErrorSums(*np.stack(places, axis=2))
 
-    def _at_place(self, phase: int, flux: float, dark: float) -> ErrorSums:
-        method, repeats = self._method, range(self._sequences.settings.repeats)
+    def _at_place(self, phase: int, flux: float, dark: float) -> FloatArray:
+        """Return sums of errors, (4, repeats, scored frames)."""
+        method, repeats = self._method, self._sequences.settings.repeats
         scale = self._scale(flux)
         has_own = self._sequences.settings.compares_with_means(method)
         ideal = self._response(phase, flux, dark) if has_own else self._ideal[phase]
-        # where frames are independent of each other, one stands for those of a place
-        means = self._clean[phase][:1] * flux + dark
-        deviation = method.expected_deviation(means, scale)
-        if deviation is not None:
-            expected = error_sums(method, ideal[:1], ideal[:1] + deviation)
-            return combine([expected for _ in repeats], np.stack)
+        if self.is_exact:
+            # frames are independent of each other: one stands for those of a place
+            means = self._clean[phase][:1] * flux + dark
+            deviation = method.expected_deviation(means, scale)
+            expected = sums_of_errors(method, ideal[:1], ideal[:1] + deviation)
+            return np.repeat(expected[:, np.newaxis], repeats, axis=1)
         draws = []
-        for repeat in repeats:
+        for repeat in range(repeats):
             counts = self._sequences.counts(flux, phase, repeat, self._frames)
             parts, done = [], 0
             for noisy in self._responses(counts.__getitem__, phase, flux, dark):
-                parts.append(error_sums(method, ideal[done : done + len(noisy)], noisy))
+                parts.append(sums_of_errors(method, ideal[done : done + len(noisy)], noisy))
                 done += len(noisy)
-            draws.append(combine(parts, lambda sums: np.concatenate(sums, axis=-1)))
-        return combine(draws, np.stack)
+            draws.append(np.concatenate(parts, axis=1))
+        return np.stack(draws, axis=1)
 
     def _response(self, phase: int, flux: float, dark: float) -> FloatArray:
         """Return the scored responses at a place to the mean counts."""

@@ -81,12 +81,17 @@ def error_sums(detector: Detector, ideal: FloatArray, noisy: FloatArray) -> Erro
     ValueError
         When the two have different shapes.
     """
+    return ErrorSums(*sums_of_errors(detector, ideal, noisy))
+
+
+def sums_of_errors(detector: Detector, ideal: FloatArray, noisy: FloatArray) -> FloatArray:
+    """Return the fields of `error_sums`, (4, T)."""
     if ideal.shape != noisy.shape:
         raise ValueError(f"ideal responses {ideal.shape} and noisy ones {noisy.shape} differ")
     sums = np.zeros((4, len(ideal)))
     skip_zero = detector.gives == "velocity"
     _add_up(detector.scored(ideal), detector.scored(noisy), skip_zero, sums)
-    return ErrorSums(*sums)
+    return sums
 
 
 def quotient(

@@ -4,6 +4,8 @@ Exit codes: 0 done, 2 the user's mistake told in one sentence, 130 interrupted. 
 that the mistake is ours.
 """
 
+import atexit
+import gc
 import os
 import sys
 from argparse import Namespace
@@ -19,6 +21,7 @@ from megalopta.progress import say, working
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit."""
     words = sys.argv[1:] if arguments is None else arguments
+    _collect_seldom()
     try:
         _run(words)
     except UserError as error:
@@ -35,6 +38,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         say("megalopta: interrupted; every file is whole, and the same command goes on from there")
         sys.stdout.flush()
         os._exit(130)  # threads that still compute are not waited for
+
+
+def _collect_seldom() -> None:
+    """Look for garbage seldom, and not at the end: half a second of a command that loads much."""
+    gc.set_threshold(50_000, 20, 20)
+    atexit.register(gc.freeze)
 
 
 def _refuse(sentence: str) -> NoReturn:

@@ -11,7 +11,7 @@ import hashlib
 import math
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,12 +20,13 @@ from pydantic import Field
 from megalopta.experiments.trial import ROWS
 from megalopta.freshness import RENDER_MODEL
 from megalopta.record import Record
-from megalopta.render import RenderNoise, RenderSettings, RunningMean, SceneRenderer, frame_seed
-from megalopta.scenes import build_scene
 from megalopta.scenes.cameras import CylindricalCamera
 from megalopta.scenes.forest import Forest
 from megalopta.scenes.lighting import Light, under_clouds
 from megalopta.scenes.trajectories import Trajectory
+
+if TYPE_CHECKING:
+    from megalopta.render import RenderNoise
 
 LUMINANCE_BAND_NM = (507.0, 614.0)
 """As wide as the photopic V(λ) is when squared off (107 nm), about its centroid of 560 nm."""
@@ -107,8 +108,12 @@ NATURAL_PANORAMAS: Mapping[str, NaturalPanorama] = MappingProxyType(
 
 def render_panorama(
     recipe: NaturalPanorama, after_pass: Callable[[], object]
-) -> tuple[NDArray[np.float32], RenderNoise]:
+) -> "tuple[NDArray[np.float32], RenderNoise]":
     """Radiance (251, m, 1) in the luminance band, W·m⁻²·sr⁻¹·nm⁻¹, and its noise."""
+    # Mitsuba, for which who takes what is shipped does not wait
+    from megalopta.render import RenderSettings, RunningMean, SceneRenderer, frame_seed
+    from megalopta.scenes import build_scene
+
     height = recipe.eye_m
     stand = Trajectory(frames=1, position_m=(0, 0, height), look_at_m=(10, 0, height))
     forest = build_scene(recipe.forest, recipe.light, recipe.camera, stand)

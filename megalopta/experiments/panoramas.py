@@ -8,12 +8,12 @@ cache folder; one that changed makes a new file. `megalopta check panoramas` ren
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta import files
-from megalopta.dataset import ATTRIBUTE
 from megalopta.errors import UserError
 from megalopta.experiments.panorama_recipes import (
     LUMINANCE_BAND_NM,
@@ -25,16 +25,11 @@ from megalopta.experiments.trial import ROWS
 from megalopta.flow.stimuli import resize
 from megalopta.folders import cache_folder, locked
 from megalopta.progress import progress
-from megalopta.render import (
-    RenderNoise,
-    activate,
-    choose_variant,
-    read_attributes,
-    read_picture,
-    read_radiance,
-    write_radiance,
-)
+from megalopta.render import read_attributes, read_radiance, write_radiance
 from megalopta.scenes.spectra import LUMINANCE_SHARES
+
+if TYPE_CHECKING:
+    from megalopta.render import RenderNoise
 
 SHIPPED = Path(__file__).with_name("data") / "panoramas"
 RECIPE = "configurationSha256"
@@ -94,7 +89,7 @@ def read_template(path: Path) -> NDArray[np.float64]:
 
 
 def write_template(
-    path: Path, recipe: NaturalPanorama, radiance: NDArray[np.float32], noise: RenderNoise
+    path: Path, recipe: NaturalPanorama, radiance: NDArray[np.float32], noise: "RenderNoise"
 ) -> None:
     """Write what is shipped: (H, W, B) over its mean, in half floats, rounded by 0.05 % at most.
 
@@ -113,6 +108,8 @@ def template_from_file(path: Path) -> NDArray[np.float64]:
     luminance counts. Raises UserError when the file cannot be read, is not 2:1 to 4:1 or too small,
     or holds values that are no light.
     """
+    from megalopta.render import activate, choose_variant, read_picture  # Mitsuba reads it
+
     activate(choose_variant("auto"))
     try:
         rgb = read_picture(str(path))
@@ -132,7 +129,9 @@ def template_from_file(path: Path) -> NDArray[np.float64]:
     return _with_mean_1(resize(light, (ROWS, round(columns * ROWS / rows)), "area"))
 
 
-def _attributes(recipe: NaturalPanorama, noise: RenderNoise) -> dict[str, str]:
+def _attributes(recipe: NaturalPanorama, noise: "RenderNoise") -> dict[str, str]:
+    from megalopta.dataset import ATTRIBUTE  # with all of a dataset, for those who render
+
     return {
         "configuration": recipe.model_dump_json(),
         RECIPE: recipe.sha256,

@@ -8,6 +8,7 @@ matplotlib only; those of table-4.times and leaderboard on the machine as well.
 import csv
 import math
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +20,12 @@ from megalopta.experiments import Sweep, Trial, pixels_of, run
 from megalopta.figures.picture import Cell, Figure
 from megalopta.figures.recipe import Run
 from megalopta.figures.registry import find, names
+from megalopta.figures.side_by_side import side_by_side
 from megalopta.figures.style import house_style, new_canvas
 from megalopta.figures.sweep import sweep_figure
 from megalopta.files import atomic_write, write_json
 from megalopta.folders import ensure_directory
+from megalopta.progress import progress
 
 
 def reproduce(
@@ -64,11 +67,8 @@ def reproduce(
     drawn = ensure_directory(out / "quick" if is_quick else out)
     trials = [trial for recipe in recipes for trial in recipe.trials(is_quick)]
     measured = _measure(trials, out, is_quick, workers, cache, scheduler)
-    made: list[Figure] = []
-    paths: list[Path] = []
-    for recipe in recipes:
-        made.append(recipe.make(measured))
-        paths += write_figure(made[-1], drawn)
+    made = [recipe.make(measured) for recipe in recipes]
+    paths = _write_figures(made, drawn)
     return paths + [recipe.page(drawn, made) for recipe in recipes if recipe.page]
 
 
@@ -99,6 +99,15 @@ def _measure(
     return Run(is_quick, results, templates, cache)
 
 
+def _write_figures(figures: Sequence[Figure], out: Path) -> list[Path]:
+    paths: list[Path] = []
+    with progress("Drawing figures", len(figures), "figure") as advance:
+        for written in side_by_side([partial(write_figure, figure, out) for figure in figures]):
+            paths += written
+            advance()
+    return paths
+
+
 def write_figure(figure: Figure, out: Path) -> list[Path]:
     """Draw one figure and write its four files."""
     paths = png, svg, numbers, record = [
@@ -116,7 +125,7 @@ def write_figure(figure: Figure, out: Path) -> list[Path]:
         # `savefig` would draw each twice, to see where things lie
         pixels: Any = FigureCanvasAgg(canvas)
         with atomic_write(png) as temporary:
-            pixels.print_png(temporary, metadata=title)
+            pixels.print_png(temporary, metadata=title, pil_kwargs={"compress_level": 3})
         lines: Any = FigureCanvasSVG(canvas)
         with atomic_write(svg) as temporary:
             lines.print_svg(temporary, metadata={**title, "Date": None})

@@ -1,0 +1,48 @@
+"""Work done in several processes at once, of the kind that holds Python's lock, such as drawing.
+
+What is to be done holds functions and arrays that cannot be sent to another process; a process that
+is forked has them. Where processes are not forked, or Mitsuba runs, whose threads do not
+survive it, one thing is done after the other.
+"""
+
+import multiprocessing
+import os
+import sys
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from typing import Any, TypeVar
+
+Result = TypeVar("Result")
+
+_tasks: Sequence[Callable[[], Any]] = ()
+"""Those of the processes that are forked next."""
+
+
+def side_by_side(tasks: Sequence[Callable[[], Result]]) -> Iterator[Result]:
+    """Yield what tasks return, in their order; what they return can be sent between processes."""
+    global _tasks
+    workers = min(os.cpu_count() or 1, len(tasks))
+    if workers < 2 or sys.platform != "linux" or _mitsuba_runs():
+        yield from (task() for task in tasks)
+        return
+    _tasks = tasks
+    try:
+        with (
+            warnings.catch_warnings(),
+            ProcessPoolExecutor(workers, multiprocessing.get_context("fork")) as pool,
+        ):
+            # Python from 3.12 on warns of forking where there are threads; those of NumPy survive.
+            warnings.filterwarnings("ignore", "This process .* is multi-threaded")
+            yield from pool.map(_run, range(len(tasks)))
+    finally:
+        _tasks = ()
+
+
+def _mitsuba_runs() -> bool:
+    mitsuba = sys.modules.get("mitsuba")
+    return mitsuba is not None and mitsuba.variant() is not None
+
+
+def _run(number: int) -> Any:
+    return _tasks[number]()

@@ -1,0 +1,54 @@
+import os
+import subprocess
+import sys
+import time
+from functools import partial
+
+import pytest
+
+from megalopta.errors import UserError
+from megalopta.figures import side_by_side as module
+from megalopta.figures.side_by_side import side_by_side
+
+
+def late(seconds, value):
+    time.sleep(seconds)
+    return value
+
+
+def test_results_come_in_the_order_of_the_tasks():
+    tasks = [partial(late, 0.2, "first"), partial(late, 0, "second"), lambda: "third"]
+    assert list(side_by_side(tasks)) == ["first", "second", "third"]
+
+
+def test_a_user_s_mistake_comes_through():
+    def refuse():
+        raise UserError("no ink")
+
+    with pytest.raises(UserError, match="no ink"):
+        list(side_by_side([refuse, refuse]))
+    assert module._tasks == ()
+
+
+def test_one_task_and_one_after_mitsuba_run_in_this_process(monkeypatch):
+    assert list(side_by_side([os.getpid])) == [os.getpid()]
+    monkeypatch.setattr(module, "_mitsuba_runs", lambda: True)
+    assert list(side_by_side([os.getpid, os.getpid])) == [os.getpid()] * 2
+
+
+@pytest.mark.skipif(sys.platform != "linux" or (os.cpu_count() or 1) < 2, reason="nothing to fork")
+def test_figures_are_the_same_bytes_from_one_process_and_from_several(tmp_path):
+    # in an interpreter without Mitsuba, which other tests may have started here
+    code = (
+        "import os, sys; from pathlib import Path; from megalopta.figures import reproduce\n"
+        "from megalopta.figures import side_by_side as module\n"
+        "if sys.argv[2] == 'alone': module.os.cpu_count = lambda: 1\n"
+        "reproduce(['fig-2.2', 'fig-3.2', 'table-2.1'], Path(sys.argv[1]))\n"
+    )
+    for name in ("alone", "together"):
+        subprocess.run([sys.executable, "-c", code, str(tmp_path / name), name], check=True)
+    paths = sorted(path.name for path in (tmp_path / "alone").glob("*.*"))
+    assert len(paths) == 12
+    for name in paths:
+        alone, together = (tmp_path / form / name for form in ("alone", "together"))
+        assert alone.read_bytes() == together.read_bytes()
