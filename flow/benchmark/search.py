@@ -133,13 +133,14 @@ class _Search:
     def __init__(self, sequences: ShortSequences, method: Detector) -> None:
         self._sequences, self._method = sequences, method
         self._comparison = Comparison(sequences, method)
+        self._is_exact = self._comparison.is_exact
         self._settings = (
             sequences.settings.model_copy(update={"fluxes_per_decade": _EXACT_PER_DECADE})
-            if self._comparison.is_exact
+            if self._is_exact
             else sequences.settings
         )
         # the curve of a matcher may be flat, then steep, and yet fall as F^−½ on the whole
-        bisects_always = self._comparison.is_exact or method.gives == "velocity"
+        bisects_always = self._is_exact or method.gives == "velocity"
         self._straight = 0.0 if bisects_always else _STRAIGHT
         self._fluxes = self._settings.fluxes
         self._last = len(self._fluxes) - 1
@@ -182,7 +183,7 @@ class _Search:
                 self._last,
                 self._settings.fluxes_per_decade,
                 self._straight,
-                is_smooth=self._comparison.is_exact,
+                is_smooth=self._is_exact,
             )
             if index is None:
                 break

@@ -8,14 +8,12 @@ that needs few frames sees the first of those that another one sees.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import cached_property
 
 import numpy as np
 
 from megalopta.flow.benchmark.settings import SearchSettings
 from megalopta.flow.detectors import Detector, FloatArray, Frames, Responder
-from megalopta.flow.metrics import ErrorSums, error_sums
-from megalopta.flow.metrics.response_error import sums_of_errors
+from megalopta.flow.metrics import ErrorSums, error_sums, sums_of_errors
 from megalopta.flow.stimuli import Empty, MovingTemplate, draw_in_one, narrowest, summed
 
 _PIXELS_AT_ONCE = 2**17
@@ -127,7 +125,7 @@ class Comparison:
         moving = sum(each.scored.sum() for each in sums)
         return 2 * moving >= possible and any(each.magnitude.any() for each in sums)
 
-    @cached_property
+    @property
     def is_exact(self) -> bool:
         """Whether errors come from a closed form, and no counts are drawn."""
         return self._method.expected_deviation(self._clean[0][:1], 1.0) is not None
@@ -144,10 +142,9 @@ class Comparison:
         scale = self._scale(flux)
         has_own = self._sequences.settings.compares_with_means(method)
         ideal = self._response(phase, flux, dark) if has_own else self._ideal[phase]
-        if self.is_exact:
-            # frames are independent of each other: one stands for those of a place
-            means = self._clean[phase][:1] * flux + dark
-            deviation = method.expected_deviation(means, scale)
+        # where frames are independent of each other, one stands for those of a place
+        means = self._clean[phase][:1] * flux + dark
+        if (deviation := method.expected_deviation(means, scale)) is not None:
             expected = sums_of_errors(method, ideal[:1], ideal[:1] + deviation)
             return np.repeat(expected[:, np.newaxis], repeats, axis=1)
         draws = []

@@ -38,6 +38,7 @@ from .response_error import (
     Metric as Metric,
     combine as combine,
     error_sums as error_sums,
+    sums_of_errors as sums_of_errors,
 )
 from .splits import (
     FAST_PX as FAST_PX,

@@ -15,7 +15,7 @@ _ROUNDS = 12
 
 
 def word_streams(rng: np.random.Generator, *count: int) -> NDArray[np.uint64]:
-    """Draw the states of sources of random words, (*count, 4, LANES), for `fill_words` each."""
+    """Draw the state of a source of words for `fill_words`, (4, LANES), or (count, 4, LANES)."""
     states = np.ones((*count, 4, LANES), np.uint64)
     states[..., :3, :] = rng.bit_generator.random_raw((*count, 3, LANES))
     _pass_rounds(states.reshape(-1, 4, LANES))
