@@ -79,13 +79,19 @@ def error_sums(detector: Detector, ideal: FloatArray, noisy: FloatArray) -> Erro
     Raises
     ------
     ValueError
-        When the two have different shapes.
+        As `sums_of_errors`.
     """
     return ErrorSums(*sums_of_errors(detector, ideal, noisy))
 
 
 def sums_of_errors(detector: Detector, ideal: FloatArray, noisy: FloatArray) -> FloatArray:
-    """Return the fields of `error_sums`, (4, T)."""
+    """Return the fields of `error_sums`, (4, T), of responses (T, H, W) or (T, rows, columns, 2).
+
+    Raises
+    ------
+    ValueError
+        When the two have different shapes.
+    """
     if ideal.shape != noisy.shape:
         raise ValueError(f"ideal responses {ideal.shape} and noisy ones {noisy.shape} differ")
     sums = np.zeros((4, len(ideal)))
