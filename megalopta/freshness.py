@@ -13,11 +13,11 @@ from pathlib import Path
 
 RENDER_MODEL = 2
 """Of radiance: plants, ground, light, cameras, sampling; not of where code stands."""
-BAKE_MODEL = 6
+BAKE_MODEL = 7
 """Of baked light, of frames that an exposure or a shutter blurs, and of the stated error."""
 TRUTH_MODEL = 3
 """Of ground truth and of pictures, which panoramas have not: what else the render stage writes."""
-SENSOR_MODEL = 6
+SENSOR_MODEL = 7
 """Of readings: effects, their order, random streams."""
 
 _LIBRARIES = ("numba", "numpy", "opencv-python-headless", "scikit-image", "scipy")

@@ -140,8 +140,8 @@ class Patches:
 class Sight:
     """What N rays see, in Mitsuba's types.
 
-    `mesh` and `cell` mean something where `shaded`: where a surface at rest was hit that does not
-    glow. `moving` is where such a surface was hit that is not at rest.
+    `mesh`, `cell` and `place`, where in the cell, mean something where `shaded`: where a surface at
+    rest was hit that does not glow. `moving` is where such a surface was hit that is not at rest.
     """
 
     point: Any
@@ -150,6 +150,7 @@ class Sight:
     moving: Any
     mesh: Any
     cell: Any
+    place: tuple[Any, Any]
 
 
 class CellFinder:
@@ -171,11 +172,14 @@ class CellFinder:
         mesh = self._index.of(hit)
         # Moving meshes come after those that were cut.
         at_rest = mesh < self._at_rest
-        cell = self.find(hit, mesh, front, dull & at_rest)
-        return Sight(point, front, dull & at_rest, dull & ~at_rest, mesh, cell)
+        cell, place = self.find(hit, mesh, front, dull & at_rest)
+        return Sight(point, front, dull & at_rest, dull & ~at_rest, mesh, cell, place)
 
-    def find(self, hit: Any, mesh: Any, front: Any, active: Any) -> Any:
-        """Cell of preliminary intersections (N,) with meshes on their front or back sides."""
+    def find(self, hit: Any, mesh: Any, front: Any, active: Any) -> tuple[Any, tuple[Any, Any]]:
+        """Cell of preliminary intersections (N,) with meshes on their front or back sides.
+
+        And where in the cell, as in `Patches.barycentric`.
+        """
         face = dr.gather(mi.UInt, self._first_face, mesh, active) + hit.prim_index
         first, origin, *pieces = (
             dr.gather(mi.UInt, table, face, active)
@@ -185,12 +189,11 @@ class CellFinder:
         b0 = 1 - b1 - b2
         u = dr.select(origin == 0, b1, dr.select(origin == 1, b2, b0))
         v = dr.select(origin == 0, b2, dr.select(origin == 1, b0, b1))
-        i, j = (
-            dr.minimum(mi.UInt(dr.maximum(x, 0) * n), n - 1)
-            for x, n in zip((u, v), pieces, strict=True)
-        )
+        scaled = [dr.maximum(x, 0) * n for x, n in zip((u, v), pieces, strict=True)]
+        i, j = (dr.minimum(mi.UInt(x), n - 1) for x, n in zip(scaled, pieces, strict=True))
         side = dr.select(front, mi.UInt(0), mi.UInt(1))
-        return first + (side * pieces[0] + i) * pieces[1] + j
+        place = scaled[0] - mi.Float(i), scaled[1] - mi.Float(j)
+        return first + (side * pieces[0] + i) * pieces[1] + j, place
 
 
 def _cut(mesh: MergedMesh, path: cKDTree, pixel_rad: float) -> tuple[UInt32, UInt32]:

@@ -70,14 +70,17 @@ class Clusters:
     """(C + 1,): place of the first member of each cluster, and their number."""
     weight: NDArray[np.int64]
     """How often each member and all before it were seen, from 1 on."""
+    places: UInt32
+    """Where each member was seen once."""
 
     @classmethod
-    def of(cls, cell: UInt32, keys: NDArray[np.uint64], seen: UInt32) -> "Clusters":
+    def of(cls, cell: UInt32, keys: NDArray[np.uint64], seen: UInt32, places: UInt32) -> "Clusters":
         """Put cells (N,), in order, together by their keys; `seen` is how often each was."""
         order = np.argsort(keys, kind="stable")
         ends = np.flatnonzero(np.diff(keys[order])) + 1
         first = np.concatenate([[0], ends, [len(cell)]]) if len(cell) else np.zeros(1)
-        return cls(cell[order], first.astype(np.int64), np.cumsum(seen[order], dtype=np.int64))
+        weight = np.cumsum(seen[order], dtype=np.int64)
+        return cls(cell[order], first.astype(np.int64), weight, places[order])
 
     def __len__(self) -> int:
         return len(self.first) - 1
@@ -99,14 +102,16 @@ class Clusters:
         place = np.arange(len(owner)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
         return self.members[self.first[chosen][owner] + place], owner
 
-    def draws(self, chosen: NDArray[np.int64]) -> UInt32:
-        """Members (C, DRAWS) of chosen clusters (C,), evenly by how often each was seen."""
+    def draws(self, chosen: NDArray[np.int64]) -> tuple[UInt32, UInt32]:
+        """Members (C, DRAWS) of chosen clusters (C,), evenly by how often each was seen.
+
+        And where each was seen once.
+        """
         before = np.concatenate([[0], self.weight])[self.first[chosen]]
         steps = (np.arange(DRAWS) + 0.5) / DRAWS
-        place = before[:, None] + steps * self.seen[chosen][:, None]
-        return self.members[np.searchsorted(self.weight, place.ravel(), side="right")].reshape(
-            -1, DRAWS
-        )
+        weight = before[:, None] + steps * self.seen[chosen][:, None]
+        drawn = np.searchsorted(self.weight, weight, side="right")
+        return self.members[drawn], self.places[drawn]
 
 
 def _hashed(columns: Sequence[NDArray[np.generic]]) -> NDArray[np.uint64]:

@@ -11,6 +11,9 @@ frame, which knows where shadows fall to the pixel.
 The two spectra that a texture mixes have their band means of ρE/π apart, and not those of ρ
 and E: green leaves and green light go together within a band by several percent.
 
+A point of a cell that does not see where the cell was seen, such as one below the ground, gives
+way to the latter.
+
 Cell, position, direction and wavelength of the samples of a cluster follow additive recurrences
 shifted at random, one shift for each half of the samples; the rest of each path is random. All of
 it is drawn from the seed and the cluster's first cell alone, so that a cluster has the same light,
@@ -29,6 +32,7 @@ from megalopta.render.baking.cells import Cells
 from megalopta.render.baking.lanes import Lanes, Places
 from megalopta.render.baking.sampling import cell_sampler, hashed, recurrence
 from megalopta.render.baking.scattering import WAVELENGTHS, Scattering
+from megalopta.render.baking.visibility import unpacked
 from megalopta.render.loading import MergedMesh, SkyPatterns
 from megalopta.scenes.spectra import flat
 from megalopta.scenes.world import Scene
@@ -92,15 +96,16 @@ class Gatherer:
         return np.asarray(self._bright[self._cells.patches(cell).mesh])
 
     def leaving(
-        self, leader: UInt32, cell: UInt32, shares: Integers, least: int
+        self, leader: UInt32, cell: UInt32, seen: UInt32, shares: Integers, least: int
     ) -> NDArray[np.float64]:
         """Radiance (C, 2 halves, 2·bands) that leaves clusters, first spectrum before second.
 
-        A cluster is seeded by its leader (C,), and its light gathered at its cells (C, n) evenly.
+        A cluster is seeded by its leader (C,), and its light gathered at its cells (C, n) evenly,
+        where they are in view of the points at which they were seen (C, n).
         Each half takes `least` rays, a multiple of STRIDE, for each of a cluster's shares (C,).
         """
         patches = self._cells.patches(cell.ravel())
-        places = Places(patches, cell.shape[1])
+        places = Places(patches, seen.ravel(), cell.shape[1])
         in_view = self._in_view(leader, places, Lanes(shares, least))
         mesh = patches.mesh[:: cell.shape[1]]
         sky = np.einsum("cst,cstk->ck", in_view, self._under_sky[np.repeat(mesh, 2)])
@@ -172,12 +177,28 @@ class Gatherer:
         hit.valid = True
         hit.t = 0.0
         hit.prim_index = of(patch.triangle)
-        hit.prim_uv = patch.barycentric(of, a, b)
         hit.shape = dr.gather(mi.ShapePtr, self._shapes, of(patch.mesh))
-        point = hit.compute_surface_interaction(dr.zeros(mi.Ray3f), mi.RayFlags.All)
+        front = of(patch.side) == 0
+
+        def surface(place: Any) -> Any:
+            hit.prim_uv = place
+            return hit.compute_surface_interaction(dr.zeros(mi.Ray3f), mi.RayFlags.All)
+
+        wanted = patch.barycentric(of, a, b)
+        seen = patch.barycentric(of, *unpacked(of(places.seen)))
+        # Where the ground or another thing comes between, it is not what was seen.
+        ends = [self._above(surface(place), front) for place in (wanted, seen)]
+        between = mi.Ray3f(ends[0], ends[1] - ends[0])
+        between.maxt = 1.0
+        point = surface(dr.select(self._scene.ray_test(between), seen, wanted))
         share = dr.gather(mi.Float, self._through, of(patch.mesh))
         through = x < share
         x = dr.minimum(dr.select(through, x / share, (x - share) / (1 - share)), _BELOW_ONE)
         upward = point.sh_frame.to_world(mi.warp.square_to_cosine_hemisphere(mi.Point2f(x, y)))
-        side = dr.select((of(patch.side) == 0) != through, 1.0, -1.0)
+        side = dr.select(front != through, 1.0, -1.0)
         return mi.RayDifferential3f(point.spawn_ray(side * upward)), through
+
+    @staticmethod
+    def _above(point: Any, front: Any) -> Any:
+        """Points (N,) a little above the front or the back of the surface that they lie on."""
+        return point.spawn_ray(dr.select(front, 1.0, -1.0) * point.n).o

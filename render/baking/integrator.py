@@ -115,9 +115,9 @@ class BakedLightIntegrator:
         self, loaded: Any, camera: Camera, poses: NDArray[np.float64], seed: int, error: float
     ) -> float:
         """Find what is to be baked, and with how many rays; how far a sample is off (RMS)."""
-        seen = survey(loaded, self._finder, self._light.cells, camera, poses, seed)
+        seen, places = survey(loaded, self._finder, self._light.cells, camera, poses, seed)
         cell = np.flatnonzero(seen).astype(np.uint32)
-        self._light.surveyed(cell, seen[cell])
+        self._light.surveyed(cell, seen[cell], places[cell])
         self._light.begin(_PILOT_DENSITY)
         pilot = Pilot(loaded, self._finder, self._light, camera, poses, seed)
         # Any point of the sun's disc will do.

@@ -18,6 +18,8 @@ class Places:
     """Where clusters are sampled: some cells of each, one cluster after the other."""
 
     patches: Patches
+    seen: UInt32
+    """Where in each cell a point was seen."""
     draws: int
 
 

@@ -46,13 +46,13 @@ class BakedLight:
     def __init__(self, gatherer: Gatherer, voxels: Voxels, cells: int, bands: int) -> None:
         self._gatherer, self._voxels = gatherer, voxels
         self.cells, self._bands = cells, bands
-        self.surveyed(np.zeros(0, np.uint32), np.zeros(0, np.uint32))
+        self.surveyed(*np.zeros((3, 0), np.uint32))
         self.begin(1.0)
 
-    def surveyed(self, cell: UInt32, seen: UInt32) -> None:
-        """Take cells (N,) that were seen so often; `begin` has to follow."""
+    def surveyed(self, cell: UInt32, seen: UInt32, places: UInt32) -> None:
+        """Take cells (N,) that were seen so often, once at these places; `begin` has to follow."""
         keys = self._voxels.keys(cell)
-        self._clusters, self._keys = Clusters.of(cell, keys, seen), np.unique(keys)
+        self._clusters, self._keys = Clusters.of(cell, keys, seen, places), np.unique(keys)
         self._neighbors = self._voxels.keys(self._clusters.leaders, OCTAVES)
         bright = self._gatherer.brightness(self._clusters.leaders)
         self._weight = bright * self._clusters.seen
@@ -129,8 +129,8 @@ class BakedLight:
         first, shares = self._table.count, self._shares[chosen]
         for launch in _launches(shares):
             part = chosen[launch]
-            leaders, cells = self._clusters.leaders[part], self._clusters.draws(part)
-            halves = self._gatherer.leaving(leaders, cells, shares[launch], LEAST_RAYS // 2)
+            leaders, drawn = self._clusters.leaders[part], self._clusters.draws(part)
+            halves = self._gatherer.leaving(leaders, *drawn, shares[launch], LEAST_RAYS // 2)
             apart = (halves[:, 0] - halves[:, 1]) / 2
             self._table.put(np.concatenate([halves.mean(axis=1), apart], axis=1))
         self._row_of[chosen] = np.arange(first, self._table.count, dtype=np.uint32)
@@ -156,7 +156,8 @@ class BakedLight:
     def restore(self, contents: dict[str, NDArray[Any]]) -> None:
         """Take what `contents` gave."""
         order = np.argsort(contents["cells"])
-        self.surveyed(contents["cells"][order], contents["seen"][order])
+        nowhere = np.zeros_like(contents["cells"])  # all of these have their light
+        self.surveyed(contents["cells"][order], contents["seen"][order], nowhere)
         self.begin(float(contents["density"]))
         self._table.put(contents["rows"])
         self._row_of = np.arange(self._table.count, dtype=np.uint32)

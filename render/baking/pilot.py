@@ -36,7 +36,7 @@ class Pilot:
         self._step = max(camera.width * camera.height // _PIXELS, 1)
         self._frames = poses[np.linspace(0, len(poses) - 1, _FRAMES).round().astype(int)]
         seen = sum(
-            survey(loaded, finder, light.cells, camera, pose[None], seed, _RAYS, self._step)
+            survey(loaded, finder, light.cells, camera, pose[None], seed, _RAYS, self._step)[0]
             for pose in self._frames
         )
         light.bake(np.flatnonzero(seen).astype(np.uint32))

@@ -1,4 +1,8 @@
-"""A look at the whole sequence before anything is baked: how much of it each cell fills."""
+"""A look at the whole sequence before anything is baked: how much of it each cell fills, and where.
+
+Of a cell that reaches into the ground or into a stone only a part is ever seen, and what arrives at
+the rest is no light of it. So a point is kept of each cell that was seen.
+"""
 
 from collections.abc import Iterator
 from typing import Any
@@ -9,8 +13,15 @@ from scipy.spatial.transform import Rotation
 
 from megalopta.render import dr, mi
 from megalopta.render.baking.cells import CellFinder, pixel_angle
+from megalopta.render.baking.sampling import hashed
 from megalopta.scenes.cameras import Camera
 
+UInt32 = NDArray[np.uint32]
+
+_STEPS = 1024
+"""Of places along a side of a cell."""
+_CHANCE_SHIFT = 20
+"""Bits of a place."""
 VIEWS = 512
 """Rays per pixel over the whole sequence, however long. One in twenty of a frame meets what these
 did not."""
@@ -43,14 +54,30 @@ def survey(
     seed: int,
     count: int = VIEWS,
     step: int = 1,
-) -> NDArray[np.uint32]:
+) -> tuple[UInt32, UInt32]:
     """How often (cells,) each cell is seen by rays, `count` a pixel over all poses (T, 4, 4).
 
-    Of every `step`-th pixel.
+    Of every `step`-th pixel. And where (cells,) each was seen once, as `unpacked` reads it.
     """
-    seen = dr.zeros(mi.UInt, cells)
-    for rays in views(camera, poses, count, seed, step):
+    seen, places = dr.zeros(mi.UInt, cells), dr.zeros(mi.UInt, cells)
+    for number, rays in enumerate(views(camera, poses, count, seed, step)):
         sight = finder.look(loaded, rays)
         dr.scatter_add(seen, mi.UInt(1), sight.cell, sight.shaded)
-        dr.eval(seen)
-    return np.array(seen)
+        # The one that chance puts first, whatever the order in which threads come.
+        chance, _ = hashed(dr.arange(mi.UInt, dr.width(sight.cell)), dr.opaque(mi.UInt, number))
+        packed = (chance >> _CHANCE_SHIFT << _CHANCE_SHIFT) | _packed(*sight.place)
+        dr.scatter_reduce(dr.ReduceOp.Max, places, packed, sight.cell, sight.shaded)
+        dr.eval(seen, places)
+    return np.array(seen), np.array(places)
+
+
+def _packed(a: Any, b: Any) -> Any:
+    """Where in cells, (a, b), in the lower bits of whole numbers."""
+    i, j = (mi.UInt(dr.clip(x, 0, 1) * (_STEPS - 1) + 0.5) for x in (a, b))
+    return i * _STEPS + j
+
+
+def unpacked(places: Any) -> tuple[Any, Any]:
+    """Where in cells, (a, b), 0 to 1."""
+    i, j = (places // _STEPS) % _STEPS, places % _STEPS
+    return mi.Float(i) / (_STEPS - 1), mi.Float(j) / (_STEPS - 1)

@@ -2,6 +2,10 @@ from . import (
     quantile as quantile,
     streams as streams,
 )
+from .normals import (
+    EDGES as EDGES,
+    fill_normals as fill_normals,
+)
 from .poisson import (
     draw_poisson as draw_poisson,
     fill_poisson as fill_poisson,

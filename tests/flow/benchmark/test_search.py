@@ -248,8 +248,20 @@ def test_search_bisects_half_a_decade_where_the_curve_is_bent(errors, expected):
     assert next_index(errors, 0.25, last=72, per_decade=8, straight=0.025) == expected
 
 
+def test_search_interpolates_where_curves_are_smooth():
+    level, fluxes = 0.25, 10 ** (np.arange(901) / 100)
+    curve, errors, index = 40 / np.sqrt(fluxes), {}, 0
+    while index is not None:
+        errors[index] = curve[index]
+        index = next_index(errors, level, 900, 100, straight=0.0, is_smooth=True)
+    first = int(np.argmax(curve < level))
+    assert {first - 1, first} <= set(errors)
+    assert len(errors) <= 8
+
+
+@pytest.mark.parametrize("is_smooth", [False, True])
 @pytest.mark.parametrize("per_decade", [1, 2, 3, 8])
-def test_search_ends_on_any_falling_curve(per_decade):
+def test_search_ends_on_any_falling_curve(per_decade, is_smooth):
     rng = np.random.default_rng(2)
     for _ in range(200):
         curve = np.sort(rng.lognormal(-1, 3, 19))[::-1]
@@ -257,7 +269,7 @@ def test_search_ends_on_any_falling_curve(per_decade):
         while index is not None:
             assert index not in errors
             errors[index] = curve[index]
-            index = next_index(errors, 0.25, 18, per_decade, straight=0.0)
+            index = next_index(errors, 0.25, 18, per_decade, 0.0, is_smooth)
         below = [i for i in range(19) if curve[i] < 0.25]
         assert not below or min(below) in errors
         assert below[:1] in ([], [0]) or min(below) - 1 in errors

@@ -12,6 +12,7 @@ from megalopta.flow.detectors.correlation import (
     NonDirectionalMultiplication,
     NonDirectionalSummation,
 )
+from megalopta.flow.detectors.registry import METHODS
 
 CONTRAST = 0.8
 DETECTORS = [
@@ -112,6 +113,20 @@ def test_first_and_last_column_have_no_neighbor_and_no_response():
 def test_still_scene_and_offset_leave_no_response(detector):
     still = np.broadcast_to(np.random.default_rng(1).random((4, 8)), (20, 4, 8))
     assert np.nanmax(np.abs(detector.respond(still))) == 0
+
+
+@pytest.mark.parametrize("detector", [*DETECTORS, METHODS["BM"], METHODS["PPM"]])
+@pytest.mark.parametrize("seen", [0, 9])
+def test_a_detector_that_starts_after_frames_goes_on_as_one_that_saw_them(detector, seen):
+    frames = np.random.default_rng(3).poisson(5, (seen + 4, 60, 60)).astype(float)
+    start = detector.after(frames[:seen], 2.0)
+    for offset in (0.0, 30.0):  # each begins anew
+        respond = detector.start((60, 60))
+        if seen:
+            respond(2 * frames[:seen] + offset, 1.0)
+        expected = respond(2 * frames[seen:] + offset, 1.0)
+        found = start(offset)(2 * frames[seen:] + offset, 1.0)
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("detector", DETECTORS)

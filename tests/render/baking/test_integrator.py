@@ -95,6 +95,30 @@ def test_plane_under_the_sun_follows_the_cosine_law(ground):
 
 
 @vectorized
+def test_what_lies_below_the_ground_sends_no_light_up():
+    # Of a wall 3 cm look out of the ground, and cells are 8 cm high. Below, half of the sky is
+    # seen; above there is a roof, and only what comes in from far away.
+    wall = quad(np.array([[0, -1, -0.37], [0, 1, -0.37], [0, 1, 0.03], [0, -1, 0.03]], float))
+    black, white = Material(flat(0)), Material(flat(0.5))
+    scene = scene_of(
+        Lighting(flat(1e-9)),
+        ground=(black, square(0, 20)),
+        roof=(black, square(0.8, 20)),
+        wall=(white, wall),
+    )
+    poses = Trajectory(frames=2, position_m=(-6, 0.2, 0.6), look_at_m=(0, 0, 0)).poses()
+    common = {"samples_per_pixel": 1024, "bands_nm": BANDS[:1], "max_depth": 2}
+    renderers = (renderer_of(scene, poses, integrator=name, **common) for name in ("path", "baked"))
+    # above the tenth row is the sky under the roof
+    path, baked = (
+        np.mean([each.radiance(poses[0], seed)[10:].sum() for seed in range(12)])
+        for each in renderers
+    )
+    # five standard errors of paths; all of the cell's light is twelve times as much
+    assert baked == pytest.approx(path, rel=0.25)
+
+
+@vectorized
 @pytest.mark.slow
 def test_frames_that_are_too_large_to_be_looked_at_whole_are_baked_under_the_sun_too(ground):
     light = Lighting(flat(0.0), Sun(SUN_DIRECTION, flat(1e-9)))

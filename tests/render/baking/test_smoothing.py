@@ -49,12 +49,14 @@ def test_a_cluster_without_neighbors_is_left_alone():
 def test_clusters_draw_their_cells_as_often_as_they_were_seen():
     cell = np.array([3, 5, 8, 9, 12], np.uint32)
     keys = np.array([7, 2, 7, 2, 1], np.uint64)
-    clusters = Clusters.of(cell, keys, np.array([3, 1, 1, 7, 2], np.uint32))
+    seen, places = np.array([3, 1, 1, 7, 2], np.uint32), cell + 100
+    clusters = Clusters.of(cell, keys, seen, places)
     assert len(clusters) == 3
     np.testing.assert_array_equal(clusters.leaders, [12, 5, 3])
     np.testing.assert_array_equal(clusters.seen, [2, 8, 4])
-    drawn = clusters.draws(np.array([2, 1]))
+    drawn, where = clusters.draws(np.array([2, 1]))
     assert drawn.shape == (2, 32)
+    np.testing.assert_array_equal(where, drawn + 100)
     assert [np.sum(drawn[0] == each) for each in (3, 8)] == [24, 8]
     assert [np.sum(drawn[1] == each) for each in (5, 9)] == [4, 28]
     members, owner = clusters.of_members(np.array([1, 0]))
