@@ -188,7 +188,7 @@ class Gatherer:
         seen = patch.barycentric(of, *unpacked(of(places.seen)))
         # Where the ground or another thing comes between, it is not what was seen.
         ends = [self._above(surface(place), front) for place in (wanted, seen)]
-        between = mi.Ray3f(ends[0], ends[1] - ends[0])
+        between: Any = mi.Ray3f(ends[0], ends[1] - ends[0])
         between.maxt = 1.0
         point = surface(dr.select(self._scene.ray_test(between), seen, wanted))
         share = dr.gather(mi.Float, self._through, of(patch.mesh))
