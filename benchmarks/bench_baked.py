@@ -171,7 +171,7 @@ def unbaked() -> Iterator[list[Bake]]:
         spent, found = cpu_seconds(lambda: leaving(gatherer, *arguments))
         if bakes:
             bakes[-1].cpu_s += spent
-            bakes[-1].rays += int(arguments[2].sum()) * LEAST_RAYS
+            bakes[-1].rays += int(arguments[3].sum()) * LEAST_RAYS
         return found
 
     with (

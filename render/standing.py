@@ -4,7 +4,8 @@ The mean over some pixels of D², where D is the difference between baked light 
 paths, is too large by the variance of the paths. That variance is known from the scatter of the
 groups that a pixel's paths come in; without it, what is left has the squared standing error as its
 mean, whatever that comes from. Pixels are compared in pairs of neighbors, so that the gradient of
-the error is known in the same way.
+the error is known in the same way. Where few pixels or noisy paths bring that to less than the
+bake's own scatter, it is taken to be the latter: there is no less.
 """
 
 from dataclasses import dataclass
@@ -37,10 +38,10 @@ class Standing:
 
     def covariance(self, part: Mask) -> Floats:
         """Mean square between bands (B, B) over a part (H, W) of the pixels."""
-        found = self._compared(self.differences, part)
+        found, scatter = self._compared(self.differences, part), _mean_square(self.draw[part])
         if len(found) < _FEWEST:
-            return _mean_square(self.draw[part])
-        return _without_scatter(found)
+            return scatter
+        return max(_without_scatter(found), scatter, key=np.sum)
 
     def slope(self, part: Mask) -> float:
         """Mean square of what the error of neighbors, summed over bands, differs by."""
@@ -50,9 +51,10 @@ class Standing:
             each = np.diff(self.differences.sum(axis=-1, keepdims=True), axis=axis)
             found.append(self._compared(each, both))
         compared = np.concatenate(found)
+        scatter = float(_mean_square(np.concatenate(draws)[:, None]).sum())
         if len(compared) < _FEWEST:
-            return float(_mean_square(np.concatenate(draws)[:, None]).sum())
-        return max(float(_without_scatter(compared).sum()), 0.0)
+            return scatter
+        return max(float(_without_scatter(compared).sum()), scatter)
 
     def squares(self, part: Mask) -> Floats:
         """Of each pixel (H, W), summed over bands: those of the draw, with the mean that is due."""

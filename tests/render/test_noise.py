@@ -166,7 +166,8 @@ def test_what_stands_is_the_distance_from_paths_without_their_scatter():
     scatter = rng.multivariate_normal(np.zeros(2), COVARIANCE, (200, 200, 8))
     differences = (offset[:, :, None] + scatter).astype(np.float32)
     differences[rng.random((200, 200)) < 0.3] = np.nan  # not compared
-    measured = under(sky, standing=0.01 * gaussian_pass(3), differences=differences)
+    draw = 0.05 * (gaussian_pass(3) - MEAN)  # what the bake knows of it
+    measured = under(sky, standing=draw, differences=differences)
     still = flicker.noise(1_000_000, measured)
     sigma = 0.1 * SIGMA / MEAN.sum()
     # D² of 28 000 pixels has a relative deviation of √2 · 13.5 / √28000 = 0.11 of the offset's
@@ -174,6 +175,21 @@ def test_what_stands_is_the_distance_from_paths_without_their_scatter():
     assert still.surface.standing == pytest.approx(sigma, rel=0.3)
     assert still.surface.rms == pytest.approx(sigma, rel=0.3)
     assert still.surface.median == pytest.approx(sigma, rel=0.4)
+
+
+def test_no_less_stands_than_the_scatter_of_the_bake():
+    # 30 compared pixels of paths that scatter by fifty times as much say anything: in half of the
+    # cases no distance at all
+    sky, sigma = np.zeros((200, 200), np.float32), SIGMA / MEAN.sum()
+    draw = 0.1 * (gaussian_pass(11) - MEAN).astype(np.float32)
+    found = []
+    for seed in range(12):
+        differences = np.full((200, 200, 8, 2), np.nan, np.float32)
+        rng = np.random.default_rng(seed)
+        differences[100, 100:130] = 5 * rng.multivariate_normal(np.zeros(2), COVARIANCE, (30, 8))
+        measured = under(sky, standing=draw, differences=differences)
+        found.append(passes(2).noise(1_000_000, measured).surface.standing)
+    assert min(found) == pytest.approx(0.1 * sigma, rel=0.03)  # the scatter, known to 0.5 %
 
 
 def test_the_gradient_of_what_stands_is_known_from_pairs_of_neighbors():
