@@ -24,7 +24,7 @@ import numpy as np
 from megalopta.config.model import Configuration, load
 from megalopta.render import RenderNoise, RunningMean, SceneRenderer, frame_seed
 from megalopta.render.baking.gathering import Gatherer
-from megalopta.render.baking.light import LEAST_RAYS, BakedLight
+from megalopta.render.baking.light import BakedLight
 from megalopta.scenes.build import build_scene
 from megalopta.scenes.lighting import LEVELS
 
@@ -167,11 +167,11 @@ def unbaked() -> Iterator[list[Bake]]:
     bakes: list[Bake] = []
     leaving = Gatherer.leaving
 
-    def counted(gatherer: Gatherer, *arguments: Any) -> Any:
-        spent, found = cpu_seconds(lambda: leaving(gatherer, *arguments))
+    def counted(gatherer: Gatherer, *cells: Any, shares: Any, least: int) -> Any:
+        spent, found = cpu_seconds(lambda: leaving(gatherer, *cells, shares=shares, least=least))
         if bakes:
             bakes[-1].cpu_s += spent
-            bakes[-1].rays += int(arguments[3].sum()) * LEAST_RAYS
+            bakes[-1].rays += 2 * least * int(shares.sum())
         return found
 
     with (

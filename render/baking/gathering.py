@@ -96,7 +96,7 @@ class Gatherer:
         return np.asarray(self._bright[self._cells.patches(cell).mesh])
 
     def leaving(
-        self, leader: UInt32, cell: UInt32, seen: UInt32, shares: Integers, least: int
+        self, leader: UInt32, cell: UInt32, seen: UInt32, *, shares: Integers, least: int
     ) -> NDArray[np.float64]:
         """Radiance (C, 2 halves, 2·bands) that leaves clusters, first spectrum before second.
 

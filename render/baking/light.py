@@ -130,7 +130,9 @@ class BakedLight:
         for launch in _launches(shares):
             part = chosen[launch]
             leaders, drawn = self._clusters.leaders[part], self._clusters.draws(part)
-            halves = self._gatherer.leaving(leaders, *drawn, shares[launch], LEAST_RAYS // 2)
+            halves = self._gatherer.leaving(
+                leaders, *drawn, shares=shares[launch], least=LEAST_RAYS // 2
+            )
             apart = (halves[:, 0] - halves[:, 1]) / 2
             self._table.put(np.concatenate([halves.mean(axis=1), apart], axis=1))
         self._row_of[chosen] = np.arange(first, self._table.count, dtype=np.uint32)

@@ -365,8 +365,9 @@ def test_stored_light_gives_the_same_frames_without_another_bake(tmp_path, monke
     monkeypatch.setattr(
         Gatherer,
         "leaving",
-        lambda self, leader, cell, shares, least: (
-            rays.append(2 * least * shares.sum()) or leaving(self, leader, cell, shares, least)
+        lambda self, *cells, shares, least: (
+            rays.append(2 * least * shares.sum())
+            or leaving(self, *cells, shares=shares, least=least)
         ),
     )
     _, again = frame(tmp_path, bake_error=0.2)
