@@ -15,9 +15,11 @@ FOLDERS = ("assets_gen", "flow", "render", "scenes", "sensor")
 LEAVES = (
     "array_store",
     "arrays",
+    "bounded",
     "errors",
     "files",
     "folders",
+    "format_numbers",
     "freshness",
     "plug_ins",
     "progress",

@@ -1,0 +1,68 @@
+"""Files read within bounds. Every room may import this module.
+
+What a file names may be a device, a pipe or endless: only regular files are read, and only so far.
+"""
+
+import os
+import stat
+from pathlib import Path
+
+from megalopta.errors import UserError
+
+TEXT_BYTES = 64 * 1024**2
+"""Most that a text file, such as YAML, JSON or CSV, may hold."""
+ARRAY_BYTES = 4 * 1024**3
+"""Most that a file of an array or a picture may hold."""
+QUOTED = 200
+"""Most characters of a value that a message shows."""
+
+
+def read_bytes(path: str | Path, at_most: int = TEXT_BYTES) -> bytes:
+    """Return the content of a regular file.
+
+    Raises
+    ------
+    UserError
+        When it is no regular file or is larger than `at_most` bytes.
+    OSError
+        When it cannot be read.
+    """
+    # Opening a pipe that nobody writes to would wait for ever.
+    descriptor = os.open(
+        path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    )
+    with os.fdopen(descriptor, "rb") as file:
+        _check(path, os.fstat(file.fileno()), at_most)
+        content = file.read(at_most + 1)
+    if len(content) > at_most:
+        raise UserError(_too_large(path, at_most))
+    return content
+
+
+def read_text(path: str | Path, at_most: int = TEXT_BYTES) -> str:
+    """Return the text of a regular file; errors as `read_bytes`, and ValueError where not UTF-8."""
+    return read_bytes(path, at_most).decode("utf-8")
+
+
+def check_file(path: str | Path, at_most: int = ARRAY_BYTES) -> None:
+    """Refuse, before a library opens it, what is no regular file or too large; errors as above."""
+    _check(path, Path(path).stat(), at_most)
+
+
+def quoted(value: object, at_most: int = QUOTED) -> str:
+    """Return a value for a message, cut where it is long."""
+    text = value if isinstance(value, str) else repr(value)
+    return text if len(text) <= at_most else f"{text[:at_most]}…"
+
+
+def _check(path: str | Path, status: os.stat_result, at_most: int) -> None:
+    if stat.S_ISDIR(status.st_mode):
+        raise IsADirectoryError(21, "Is a directory", str(path))
+    if not stat.S_ISREG(status.st_mode):
+        raise UserError(f"{path}: not a regular file; give a file, no device or pipe")
+    if status.st_size > at_most:
+        raise UserError(_too_large(path, at_most))
+
+
+def _too_large(path: str | Path, at_most: int) -> str:
+    return f"{path}: larger than {at_most / 1e6:.0f} MB, the most that is read of such a file"

@@ -1,0 +1,28 @@
+"""Format numbers: today's is read, newer and older ones are refused in one sentence."""
+
+import pytest
+
+from megalopta.errors import UserError
+from megalopta.format_numbers import FORMATS, Format, check_format, written
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_what_is_written_today_is_read(kind: str) -> None:
+    check_format(kind, {"format": written(kind)}, "file")
+
+
+def test_a_newer_format_is_refused() -> None:
+    with pytest.raises(UserError, match="dataset format 99 is newer than .*; update megalopta"):
+        check_format("dataset", {"format": 99}, "file")
+
+
+def test_an_older_format_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(FORMATS, "dataset", Format(3, 2))  # type: ignore[arg-type]
+    with pytest.raises(UserError, match="dataset format 0 is older than 2"):
+        check_format("dataset", {}, "file")
+
+
+@pytest.mark.parametrize("found", ["1", -1, True, 1.0, None, [1]])
+def test_what_is_no_number_is_refused(found: object) -> None:
+    with pytest.raises(UserError, match="not a format number"):
+        check_format("dataset", {"format": found}, "file")
