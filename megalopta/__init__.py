@@ -1,6 +1,11 @@
 """Scenes with exactly known motion, photon counts, and how well motion can be read from them."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+if (Path(__file__).parents[1] / "render" / "scene_renderer.py").exists():
+    # In a clone the five library folders stand beside this one, not in it.
+    __path__.append(str(Path(__file__).parents[1]))
 
 if TYPE_CHECKING:
     from megalopta.access import open_dataset as open_dataset

@@ -16,13 +16,31 @@ _RANKED = {
 """Of the ranking: little, for the time that a demo has"""
 
 
+_QUICK = {
+    "camera.width": "48",
+    "camera.height": "48",
+    "trajectory.frames": "8",
+    "render.samples_per_pixel": "8",
+    "methods": "[BM, DIS, PF]",
+    "benchmark.sizes": "[48]",
+    "benchmark.both_normalizations": "false",
+    "benchmark.fluxes_per_decade": "1",
+}
+"""Settings of --quick: everything once, small and noisy"""
+
+
 def declare(verbs: Verbs) -> None:
     """Add the verb."""
     purpose = "do everything: render, sense, flow, benchmark and a report to open in a browser"
-    add_first_stage(verbs, "demo", purpose, _run)
+    command = add_first_stage(verbs, "demo", purpose, _run)
+    command.add_argument(
+        "--quick", action="store_true", help="a small and noisy form of it, in half a minute"
+    )
 
 
 def _run(options: Namespace) -> None:
+    if options.quick:
+        options.overrides = {**_QUICK, **options.overrides}
     asked = configuration(options)  # refused before the rest is loaded
 
     from megalopta.flow.detectors import METHODS

@@ -12,14 +12,15 @@ if TYPE_CHECKING:
     from megalopta.config import Configuration, Settings
 
 
-def add_first_stage(verbs: Verbs, name: str, purpose: str, run: Run) -> None:
-    """Add a verb that begins a dataset from a configuration."""
+def add_first_stage(verbs: Verbs, name: str, purpose: str, run: Run) -> Command:
+    """Add a verb that begins a dataset from a configuration, and return it."""
     command = _add_stage(verbs, name, purpose, run)
     names = ", ".join(built_in_names())
     command.add_argument(
         "configuration", nargs="?", help=f"YAML file, or one of {names} (default: demo)"
     )
     add_out(command, "out/demo", "dataset folder")
+    return command
 
 
 def add_later_stage(verbs: Verbs, name: str, purpose: str, stage: str | None = None) -> None:

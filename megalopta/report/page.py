@@ -21,6 +21,7 @@ from megalopta.report.images import data_uri, rgb_picture, stacked
 from megalopta.report.light import LightSection, light_section
 from megalopta.report.motion import MotionSection, motion_section
 from megalopta.report.ranking import RankingSection, ranking_section
+from megalopta.report.reach import reach_findings
 from megalopta.report.records import Record, read_benchmark, read_records, read_scene_record
 from megalopta.report.rendering import render_noise
 from megalopta.report.summary import (
@@ -28,7 +29,6 @@ from megalopta.report.summary import (
     facts,
     lead,
     light_finding,
-    motion_findings,
     threshold_finding,
     title,
 )
@@ -118,7 +118,7 @@ def _sections(dataset: Dataset, footage: ReportFrames, record: Record) -> Sectio
     if records is not None:
         detectors = detector_section(dataset, footage, motion.wheel, records)
         costs = device_costs(dataset, footage.selection, detectors.frame, records)
-        findings += motion_findings(detectors)
+        findings = [*reach_findings(records), *findings]
     if benchmarks is not None:
         benchmark, other = benchmarks
         thresholds = threshold_section(benchmark, budgets, other)

@@ -5,13 +5,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from megalopta.config import Configuration, LightLevel
-from megalopta.flow.detectors import METHODS
 from megalopta.flow.metrics import ErrorCurve, Metric, Threshold, format_flux
 from megalopta.pages import enumerate_words, level_name, level_title, number, plural
 from megalopta.report.budget import Budget, by_sensor
-from megalopta.report.detectors import DetectorSection
 from megalopta.report.motion import MotionSection
-from megalopta.report.verdicts import LIMIT, VerdictGroup
+from megalopta.report.verdicts import LIMIT
 from megalopta.scenes.lighting import illuminance_of
 
 Thresholds = Mapping[str, Threshold]
@@ -104,49 +102,6 @@ def dark_findings(budgets: Sequence[Budget]) -> list[str]:
         f"{f' at {level_name(found[0].level)}' if len(found) > 1 else ''})."
         for name, found in drowned.items()
     ]
-
-
-def motion_findings(section: DetectorSection) -> list[str]:
-    """How many detectors find the true motion, and how many of the others repeat themselves."""
-    findings = []
-    for group in section.verdicts:
-        methods = [name for name in group.rows if name != NO_MOTION]
-        velocities = [name for name in methods if METHODS[name].gives == "velocity"]
-        responses = [name for name in methods if name not in velocities]
-        if velocities:
-            findings.append(f"On {group.sensor}, {_true_motion(group, velocities)}.")
-        if responses:
-            findings.append(
-                f"On {group.sensor}, detectors that give no velocity "
-                f"({enumerate_words(responses)}) repeat their noise-free answer within {LIMIT} "
-                f"(both errors), right or wrong: {_where(group, responses, 'repeats')}."
-            )
-    return findings
-
-
-def _true_motion(group: VerdictGroup, methods: Sequence[str]) -> str:
-    if all(each.kind == "unknown" for name in methods for each in group.rows[name]):
-        return "nothing is known to move, so no velocity can be judged"
-    return (
-        f"detectors that measure velocity ({enumerate_words(methods)}) come within {LIMIT} of the "
-        f"true motion (median over blocks): {_where(group, methods, 'right')}"
-    )
-
-
-def _where(group: VerdictGroup, methods: Sequence[str], kind: str) -> str:
-    """How many methods have a verdict, and which, at each light level."""
-    found = [
-        [name for name in methods if group.rows[name][index].kind == kind]
-        for index in range(len(group.levels))
-    ]
-    total = len(methods)
-    words = [
-        f"{len(names)} of {total} ({enumerate_words(names)})" if names else f"none of {total}"
-        for names in found
-    ]
-    if len(words) > 1 and len(set(words)) == 1:
-        return f"{words[0]} at {'every' if found[0] else 'any'} light level"
-    return ", ".join(f"{each} at {level}" for each, level in zip(words, group.levels, strict=True))
 
 
 def threshold_finding(curves: Sequence[ErrorCurve], metric: Metric) -> str | None:

@@ -3,9 +3,11 @@
 import resource
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
+ROOT = Path(__file__).parents[2]
 RENDERER = {"mitsuba"}
 FILES = {"zarr", "cv2", "matplotlib", "skimage", "trimesh", "rich", "pyarrow", "dask", "torch"}
 MODELS = {"pydantic", "numpy", "scipy", "numba", "yaml", "drjit"}
@@ -68,3 +70,16 @@ def test_a_room_loads_what_it_uses(code, absent):
 def test_work_without_a_terminal_draws_no_bar():
     code = "from megalopta.progress import progress\nwith progress('x', 1, 'step') as on: on()"
     assert not loaded(code) & FILES
+
+
+@pytest.mark.parametrize("folder", ["assets_gen", "scenes", "render", "sensor", "flow"])
+def test_the_libraries_are_importable_inside_a_clone(folder):
+    # Without the editable install's finder, as where a wheel is installed.
+    code = (
+        "import sys; sys.meta_path = [each for each in sys.meta_path if 'ditable' not in repr(each)]; "
+        f"import megalopta.{folder} as it; print(it.__file__)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == str(ROOT / folder / "__init__.py")

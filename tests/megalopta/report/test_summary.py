@@ -5,18 +5,15 @@ import pytest
 from megalopta.config import Configuration
 from megalopta.flow.metrics import ErrorCurve, Threshold
 from megalopta.report.budget import Budget
-from megalopta.report.detectors import DetectorSection
 from megalopta.report.motion import MotionSection, Wheel
 from megalopta.report.summary import (
     dark_findings,
     facts,
     lead,
     light_finding,
-    motion_findings,
     threshold_finding,
     title,
 )
-from megalopta.report.verdicts import Verdict, VerdictGroup
 from megalopta.sensor import PRESETS
 
 BUDGET = Budget(
@@ -129,48 +126,6 @@ def test_dark_counts_are_told_at_every_light_that_they_drown_and_at_no_other():
     (told,) = dark_findings([bright, dark, darkest, BUDGET])
     assert "at twilight and starlight (64.0 to 14.0 per pixel and frame at twilight)." in told
     assert dark_findings([bright]) == []
-
-
-def section(*groups):
-    return DetectorSection(0, None, (), (), None, None, groups)
-
-
-def verdicts(*kinds):
-    return tuple(Verdict(kind, "") for kind in kinds)
-
-
-def test_findings_count_who_finds_the_true_motion_apart_from_who_repeats_himself():
-    rows = {
-        "BM": verdicts("right", "wrong"),
-        "IIA": verdicts("wrong", "wrong"),
-        "EMD": verdicts("repeats", "half"),
-        "IM": verdicts("repeats", "repeats"),
-    }
-    found = motion_findings(section(VerdictGroup("ideal", ("twilight", "starlight"), rows)))
-    truth, repeated = (each.replace("\u00a0", " ") for each in found)
-    assert "within 25 % of the true motion" in truth
-    assert truth.endswith("1 of 2 (BM) at twilight, none of 2 at starlight.")
-    assert "repeat their noise-free answer" in repeated
-    assert repeated.endswith("1 of 1 (EMD) at twilight, none of 1 at starlight.")
-
-
-def test_findings_say_it_once_where_all_light_levels_are_alike():
-    levels = ("twilight", "starlight")
-    (told,) = motion_findings(
-        section(VerdictGroup("ideal", levels, {"BM": verdicts(*2 * ["wrong"])}))
-    )
-    assert told.endswith("none of 1 at any light level.")
-    (told,) = motion_findings(
-        section(VerdictGroup("ideal", levels, {"BM": verdicts(*2 * ["right"])}))
-    )
-    assert told.endswith("1 of 1 (BM) at every light level.")
-
-
-def test_where_nothing_moves_nobody_is_judged_and_intensity_is_no_detector():
-    still = VerdictGroup("ideal", ("twilight",), {"BM": verdicts("unknown")})
-    nothing = VerdictGroup("ideal", ("twilight",), {"IM": verdicts("repeats")})
-    (told,) = motion_findings(section(still, nothing))
-    assert "nothing is known to move" in told
 
 
 def test_needs_are_compared_at_the_largest_size_without_intensity():
