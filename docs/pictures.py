@@ -14,18 +14,17 @@ from matplotlib.figure import Figure
 from skimage.io import imread
 
 from megalopta.dataset.store import Dataset, open_dataset
-from megalopta.flow import THESIS_METHODS, flow_to_rgb, wheel_legend
+from megalopta.figures import method_style
+from megalopta.flow import flow_to_rgb, wheel_legend
 from megalopta.render import read_truth
 from megalopta.sensor import open_counts
 
 FRAME = 15
-PALETTE = ("#0072b2", "#b6549c", "#d55e00", "#c08a00", "#009e73", "#777777")
-COLORS = dict(zip(THESIS_METHODS, PALETTE, strict=True))
 
 
 def strip(dataset: Dataset, path: Path) -> None:
-    """One view as light, as counts of both sensors, and as true motion."""
-    spadcam, ideal = dataset.configuration.sensors
+    """One view as light, as counts of two sensors, and as true motion."""
+    spadcam, *_, ideal = dataset.configuration.sensors
     figure = Figure(figsize=(12, 3.5), layout="constrained")
     axes = figure.subplots(1, 4)
     axes[0].imshow(imread(dataset.frame("training/clean", FRAME, "png")))
@@ -53,21 +52,21 @@ def strip(dataset: Dataset, path: Path) -> None:
 def photons(dataset: Dataset, path: Path) -> None:
     """N_2b of every detector with its interval, beside the light that there is."""
     curves = json.loads(dataset.result("benchmark.json").read_text())["curves"]
-    camera = dataset.configuration.camera
+    rows, columns = max(curve["shape"] for curve in curves)
     figure = Figure(figsize=(9, 3.4), layout="constrained")
     axis = figure.subplots()
-    chosen = [c for c in curves if c["shape"][0] == camera.height]
+    chosen = [c for c in curves if c["shape"] == [rows, columns]]
     places = {curve["label"]: -place // 2 for place, curve in enumerate(chosen)}
     for curve in chosen:
         found, place = curve["thresholds"]["N_2b"], places[curve["label"]]
         if found["flux"]:
             low, high = found["low"] or found["flux"], found["high"] or found["flux"]
-            color = COLORS[curve["method"]]
+            color = method_style(curve["method"])["color"]
             fill = color if curve["metric"] == "ratio" else "white"
             axis.plot([low, high], [place, place], color=color, linewidth=5, alpha=0.4)
             axis.plot(found["flux"], place, "o", color=color, markersize=8, markerfacecolor=fill)
     axis.set_yticks(list(places.values()), list(places))
-    ideal = dataset.configuration.sensors[1]
+    ideal = dataset.configuration.sensors[-1]
     for level in dataset.configuration.light_levels:
         events = open_counts(dataset.counts(ideal, level))["mean_events"]
         flux = events.mean() * events.shape[1] * events.shape[2]
@@ -76,7 +75,7 @@ def photons(dataset: Dataset, path: Path) -> None:
         axis.annotate(name, (flux, 1.01), xycoords=("data", "axes fraction"), ha="center")
     axis.set_xscale("log")
     axis.set_xlabel(
-        f"photons per frame of {camera.width} × {camera.height} px for an error of "
+        f"photons per frame of {columns} × {rows} px for an error of "
         "25\N{NO-BREAK SPACE}% (N_2b)\n"
         "filled: ratio of sums, open: mean of ratios (Eq. 4.5), which near-zero responses dominate"
     )

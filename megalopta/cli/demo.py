@@ -6,7 +6,7 @@ from megalopta.cli.command import Verbs
 from megalopta.cli.stage_command import add_first_stage, configuration
 
 _RANKED = {
-    "methods": "[BM, LK, DIS, PM]",
+    "methods": "[BM, DIS, PM, PF]",
     "fluxes": "[1e4, 1e5, 1e6, 1e7]",
     "repeats": "1",
     "pixels_pooled": "[1]",
@@ -23,7 +23,6 @@ _QUICK = {
     "render.samples_per_pixel": "8",
     "methods": "[BM, DIS, PF]",
     "benchmark.sizes": "[48]",
-    "benchmark.both_normalizations": "false",
     "benchmark.fluxes_per_decade": "1",
 }
 """Settings of --quick: everything once, small and noisy"""
