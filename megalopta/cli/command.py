@@ -101,7 +101,7 @@ def add_workers(command: Command) -> None:
 
 
 def add_cluster(command: Command) -> None:
-    """Add the workers of a Dask cluster."""
+    """Add processes that work, here or of a Dask cluster."""
     text = "processes that work side by side on this machine (default: all in this one)"
     command.add_argument("--workers", type=at_least(1), metavar="N", help=text)
     _add_scheduler(command)

@@ -1,6 +1,6 @@
-from .cluster import (
+from .attempt import (
     Job as Job,
     Outcome as Outcome,
-    connected as connected,
-    run_jobs as run_jobs,
 )
+from .cluster import connected as connected
+from .jobs import run_jobs as run_jobs

@@ -97,7 +97,7 @@ def run(
 @contextmanager
 def _executor(workers: int | None, scheduler: str | None) -> Iterator[Executor]:
     if scheduler is not None:
-        with connected(None, scheduler) as (client, _):
+        with connected(scheduler) as client:
             yield client.get_executor()
         return
     threads = ThreadPoolExecutor(workers or os.cpu_count())

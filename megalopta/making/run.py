@@ -38,7 +38,7 @@ def make(
     only : iterable of int or None
         Sequences to make; by default all of the plan.
     workers : int or None
-        Processes of a local Dask cluster; None makes all in this process.
+        Processes of this machine; None makes all in this one.
     scheduler : str or None
         Address of a Dask cluster to use instead.
     retry : bool

@@ -1,34 +1,18 @@
-"""Jobs by processes that are replaced when they die, and by a cluster that runs already."""
+"""Jobs by a cluster that runs already, whose workers must be as this program is."""
 
 import os
-import signal
+import subprocess
+import sys
 
 import pytest
+from distributed import Client, LocalCluster
 
 from megalopta.engine import cluster, run_jobs
 from megalopta.errors import UserError
 
 
-class Job:
-    """Writes a file; refuses number 3; dies once at number 4, so that another must do it."""
-
-    def __init__(self, folder):
-        self.folder = folder
-
-    def __call__(self, index):
-        if index == 3:
-            raise UserError("three is too many")
-        begun = self.folder / f"begun-{index}"
-        if index == 4 and not begun.exists():
-            begun.touch()
-            os.kill(os.getpid(), signal.SIGKILL)
-        (self.folder / f"{index}").touch()
-
-
 @pytest.fixture(scope="module")
 def scheduler():
-    from distributed import LocalCluster
-
     with LocalCluster(
         n_workers=1,
         threads_per_worker=2,
@@ -39,18 +23,8 @@ def scheduler():
         yield cluster.scheduler_address
 
 
-@pytest.mark.slow
-def test_workers_that_die_are_replaced_and_their_job_is_done(tmp_path):
-    outcomes = {each.index: each for each in run_jobs(Job(tmp_path), range(6), workers=1)}
-    assert {index: each.problem for index, each in outcomes.items()} == {
-        **dict.fromkeys(range(6)),
-        3: "three is too many",
-    }
-    assert {path.name for path in tmp_path.iterdir()} == {"0", "1", "2", "4", "5", "begun-4"}
-
-
-def test_a_cluster_that_runs_already_does_jobs(scheduler, tmp_path):
-    outcomes = list(run_jobs(Job(tmp_path), range(3), scheduler=scheduler))
+def test_a_cluster_that_runs_already_does_jobs(scheduler, jobs, tmp_path):
+    outcomes = list(run_jobs(jobs.Job(tmp_path), range(3), scheduler=scheduler))
     assert sorted(each.index for each in outcomes) == [0, 1, 2]
     assert not any(each.problem for each in outcomes)
 
@@ -65,18 +39,42 @@ def test_trials_of_a_sweep_on_a_cluster_give_the_same_numbers(scheduler, tmp_pat
     assert here == there
 
 
-def test_a_worker_of_another_version_is_refused(scheduler, tmp_path, monkeypatch):
-    monkeypatch.setattr(cluster, "own_version", lambda: "9.9")
-    with pytest.raises(UserError, match=r"worker tcp\S+ has megalopta 0\S+, this is 9\.9; install"):
-        list(run_jobs(Job(tmp_path), range(3), scheduler=scheduler))
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_worker_of_another_version_that_comes_later_does_nothing(tmp_path):
-    outcome = cluster.attempt(Job(tmp_path), 0, wanted="9.9")
+def test_a_worker_that_comes_later_and_is_otherwise_does_nothing(jobs, tmp_path):
+    wanted = {**cluster.environment(), "numba": "9.9"}
+    outcome = cluster.attempt_alike(jobs.Job(tmp_path), 0, wanted)
     assert outcome.ends_all
-    assert "this is 9.9" in outcome.problem
+    assert outcome.problem.startswith("a worker has numba ")
+    assert "this program numba 9.9; what they make would differ" in outcome.problem
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("lacking", "told"),
+    [
+        ({"DRJIT_LIBLLVM_PATH": "/none"}, "has variant scalar_spectral, this program variant llvm"),
+        ({"PYTHONPATH": "WITHOUT"}, "has no megalopta 0"),
+    ],
+)
+def test_a_cluster_with_a_worker_that_lacks_something_is_refused(lacking, told, tmp_path):
+    (tmp_path / "sitecustomize.py").write_text("import sys; sys.modules['megalopta'] = None")
+    lacking = {name: value.replace("WITHOUT", str(tmp_path)) for name, value in lacking.items()}
+    options = ["--no-nanny", "--no-dashboard", "--host", "127.0.0.1", "--nthreads", "1"]
+    with LocalCluster(n_workers=0, host="127.0.0.1", dashboard_address=None) as alone:
+        address = alone.scheduler_address
+        with (
+            Client(address) as client,
+            subprocess.Popen(
+                [sys.executable, "-P", "-m", "distributed.cli.dask_worker", address, *options],
+                env={**os.environ, **lacking},
+                stderr=subprocess.DEVNULL,
+                cwd=tmp_path,
+            ) as worker,
+        ):
+            client.wait_for_workers(1, timeout=120)
+            with pytest.raises(UserError, match=rf"worker tcp://127\.0\.0\.1:\d+ {told}"):
+                list(run_jobs(print, range(3), scheduler=address))
+            worker.kill()
 
 
 @pytest.mark.slow

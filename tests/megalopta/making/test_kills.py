@@ -1,4 +1,4 @@
-"""Workers of a Dask cluster killed at random moments: the dataset is that of an undisturbed run.
+"""Worker processes killed at random moments: the dataset is that of an undisturbed run.
 
 The larger test is the whole claim: 20 sequences of 20 frames, ten kills. That a job whose worker dies
 is done by another is tested in `tests/megalopta/engine`, cheaply.
@@ -52,7 +52,7 @@ def workers():
     found = []
     for child in psutil.Process().children(recursive=True):
         with contextlib.suppress(psutil.Error):  # it has ended meanwhile
-            if "dask_worker" in " ".join(child.cmdline()):
+            if "megalopta.engine.worker" in " ".join(child.cmdline()):
                 found.append(child)
     return found
 
