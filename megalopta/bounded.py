@@ -55,6 +55,14 @@ def quoted(value: object, at_most: int = QUOTED) -> str:
     return text if len(text) <= at_most else f"{text[:at_most]}…"
 
 
+def printable(text: str) -> str:
+    """Return a text of elsewhere for a terminal, a file or a page: one line, no control codes."""
+    return "".join(
+        each if each.isprintable() else each.encode("unicode_escape").decode("ascii")
+        for each in text
+    )
+
+
 def _check(path: str | Path, status: os.stat_result, at_most: int) -> None:
     if stat.S_ISDIR(status.st_mode):
         raise IsADirectoryError(21, "Is a directory", str(path))

@@ -6,13 +6,17 @@ where it runs.
 """
 
 import argparse
+import math
+import re
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NoReturn, TypeAlias
 
+from megalopta.bounded import quoted
 from megalopta.errors import UserError
 
 if TYPE_CHECKING:
@@ -121,3 +125,18 @@ def at_least(least: int) -> Callable[[str], int]:
         return int(text)
 
     return number
+
+
+def finite(text: str) -> float:
+    """Type of an option that is a finite number."""
+    with suppress(ValueError):
+        if math.isfinite(value := float(text)):
+            return value
+    raise argparse.ArgumentTypeError(f"{quoted(text)!r}; give a finite number")
+
+
+def whole(text: str) -> int:
+    """Type of an option that is a whole number of at most 18 digits."""
+    if re.fullmatch(r"[+-]?[0-9]{1,18}", text):
+        return int(text)
+    raise argparse.ArgumentTypeError(f"{quoted(text)!r}; give a whole number of at most 18 digits")

@@ -34,7 +34,12 @@ from .recording import (
     RecordingSettings as RecordingSettings,
     open_recording as open_recording,
 )
+from .recovering import (
+    Recovered as Recovered,
+    recover as recover,
+)
 from .rendered import Rendered as Rendered
+from .replay import Told as Told
 from .stimuli import (
     Flat as Flat,
     Stimulus as Stimulus,
@@ -44,6 +49,7 @@ from .terminal import (
     Faults as Faults,
 )
 from .view import (
+    recorded_line as recorded_line,
     status_line as status_line,
     viewing as viewing,
 )

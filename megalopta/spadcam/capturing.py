@@ -1,9 +1,11 @@
 """Recording a camera until told to stop."""
 
+import math
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -11,8 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.errors import UserError
+from megalopta.bounded import quoted
+from megalopta.errors import UserError, machine_problem
 from megalopta.files import remove
+from megalopta.folders import locked
 from megalopta.progress import say
 from megalopta.sensor import Sensor
 from megalopta.sensor.spadcam import (
@@ -28,7 +32,8 @@ from megalopta.spadcam.link import Arrived, Link, LinkLostError, Plugged, Unplug
 from megalopta.spadcam.nominal import sensor_as_identified, sensor_as_set
 from megalopta.spadcam.port import NoPortError
 from megalopta.spadcam.recorder import Recorder
-from megalopta.spadcam.recording import RAW, RecordingSettings
+from megalopta.spadcam.recording import RAW, RecordingSettings, check_kind, recover_command
+from megalopta.spadcam.silence import Silence
 
 _WRITE_EVERY_S = 4.0
 _RATE_OVER_S = 1.0
@@ -79,9 +84,16 @@ class CaptureSettings:
 
     def check(self) -> None:
         """Make sure that the camera can be so. Raises UserError."""
-        for name, value in (("exposure", self.exposure_s), ("rate", self.frame_rate_hz)):
-            if not 1e-6 <= value <= 4000 or (name == "rate" and value < 1e-3):
-                raise UserError(f"--{name}: {value:g}; give one between 1e-06 and 4000")
+        check_kind(self.kind)
+        for name, limit in (("frames", self.frames), ("seconds", self.seconds)):
+            if limit is not None and not 0 < limit < math.inf:
+                raise UserError(f"--{name}: {quoted(limit)}; give more than 0, or leave it out")
+        for name, value, least in (
+            ("exposure", self.exposure_s, 1e-6),
+            ("rate", self.frame_rate_hz, 1e-3),
+        ):
+            if not least <= value <= 4000:
+                raise UserError(f"--{name}: {value:g}; give one between {least:g} and 4000")
         if self.exposure_us > self.wanted().period_us:
             raise UserError(
                 f"--exposure: {self.exposure_s:g} s is longer than a frame at --rate "
@@ -121,30 +133,57 @@ def capture(
     ------
     UserError
         When a setting is impossible, the folder exists, or the camera is not there, does not
-        answer, refuses, or has not answered when it is stopped.
+        answer, refuses, sends no frames, or has not answered when it is stopped. Frames that came
+        before are kept.
     """
     settings.check()
-    if out.exists():
+    if not 0 <= wait_s < math.inf:
+        raise UserError(f"--wait: {wait_s:g}; give a time in seconds, 0 or more")
+    if out.exists() or out.is_symlink():
         raise UserError(f"{out}: exists already; choose another --out, or remove it")
-    out.mkdir(parents=True)
-    recording: _Capture | None = None
-    switching_s = sys.getswitchinterval()
+    begun: _Capture | None = None
+    problem: OSError | UserError | None = None
+    frames = 0
+    with locked(out), _switching_fast():
+        try:
+            with _linked(find, out / RAW, wait_s, stop) as link:
+                begun = _Capture(link, out, settings, show)
+                begun.run(stop)
+        except (OSError, UserError) as error:
+            problem = error
+        finally:
+            frames = begun.finish() if begun else 0
+            if not frames and (problem or begun is None or begun.recorder is None):
+                remove(out)
+    if problem is not None:
+        raise _kept(problem, out, frames) from problem
+    if begun is None or begun.recorder is None:
+        raise UserError(f"{out}: not recorded, stopped before the camera answered; try again")
+    return begun.recorder.record
+
+
+@contextmanager
+def _switching_fast() -> Iterator[None]:
     # The reader gives the interpreter up several times for every 4 KiB, and waits this long for it
     # each time while a chunk is written: with the usual 5 ms, 1000 frames/s do not get through.
+    switching_s = sys.getswitchinterval()
     sys.setswitchinterval(_SWITCHING_S)
     try:
-        with _linked(find, out / RAW, wait_s, stop) as link:
-            recording = _Capture(link, out, settings, show)
-            recording.run(stop)
+        yield
     finally:
         sys.setswitchinterval(switching_s)
-        if recording is None or recording.recorder is None:
-            remove(out)
-        else:
-            recording.finish()
-    if recording.recorder is None:
-        raise UserError(f"{out}: not recorded, stopped before the camera answered; try again")
-    return recording.recorder.record
+
+
+def _kept(problem: OSError | UserError, out: Path, frames: int) -> OSError | UserError:
+    """What went wrong, and what there is of the recording."""
+    if not frames:
+        return problem
+    told = str(problem) if isinstance(problem, UserError) else _reason(problem)
+    return UserError(f"{told}; the {frames} frames before are kept in {out}")
+
+
+def _reason(problem: OSError) -> str:
+    return (machine_problem(problem) or str(problem)).partition(";")[0]
 
 
 def _linked(find: Callable[[], str], log: Path, wait_s: float, stop: threading.Event) -> Link:
@@ -169,6 +208,8 @@ class _Capture:
         self._link, self._out, self._settings, self._show = link, out, settings, show
         self._start_s = time.monotonic()
         self._first_s: float | None = None
+        self._packets = 0
+        self._silence = Silence(link, settings.wanted().period_us * 1e-6)
         self._valid_us = 0
         self._is_plugged = False
         self._written_s = self._shown_s = 0.0
@@ -179,21 +220,42 @@ class _Capture:
     def run(self, stop: threading.Event) -> None:
         """Take what comes."""
         while not stop.is_set() and not self._is_enough():
-            self._take(self._link.next(_SHOW_EVERY_S))
+            before_s = time.monotonic()
+            event = self._link.next(_SHOW_EVERY_S)
+            waited_s = time.monotonic() - before_s
+            self._take(event)
+            if self._is_plugged:
+                self._silence.waited(waited_s, self._frames(), self._packets)
             self._look_around(time.monotonic())
 
-    def finish(self) -> None:
-        """Take what was read already, of a closed link, and make the files whole."""
-        assert self.recorder is not None
-        while (event := self._link.next(0)) and not self._is_enough():
-            if isinstance(event, Arrived):
-                self._take(event)
-        self.recorder.finish(self._link.damaged)
+    def finish(self) -> int:
+        """Take what was read already, of a closed link, make the files whole, and count frames.
+
+        Raises
+        ------
+        UserError
+            When they cannot be written.
+        """
+        if self.recorder is None:
+            return 0
+        try:
+            while (event := self._link.read_already()) and not self._is_enough():
+                if isinstance(event, Arrived):
+                    self._take(event)
+            self.recorder.finish(self._link.damaged)
+        except OSError as problem:
+            raise UserError(
+                f"{_reason(problem)}; make room, then read back what came: "
+                f"{recover_command(self._out)}"
+            ) from problem
+        return self.recorder.frames
+
+    def _frames(self) -> int:
+        return self.recorder.frames if self.recorder else 0
 
     def _is_enough(self) -> bool:
         wanted = self._settings
-        frames = self.recorder.frames if self.recorder else 0
-        if wanted.frames is not None and frames >= wanted.frames:
+        if wanted.frames is not None and self._frames() >= wanted.frames:
             return True
         if wanted.seconds is None or self._first_s is None:
             return False
@@ -207,10 +269,12 @@ class _Capture:
                 self._is_plugged = False
         elif isinstance(event, Unplugged):
             self._is_plugged = False
-        elif event is not None and self._is_wanted(event.packet):
-            assert self.recorder is not None
-            self.recorder.take(*event)
-            self._first_s = self._first_s or event.host_s
+        elif event is not None:
+            self._packets += 1
+            if self.recorder is not None and self._is_wanted(event.packet):
+                self.recorder.take(*event)
+                self._link.allow(self.recorder.frames)
+                self._first_s = self._first_s or event.host_s
 
     def _is_wanted(self, packet: Packet) -> bool:
         is_frame = packet.kind == Kind.FRAME
@@ -229,6 +293,7 @@ class _Capture:
                 f"{self.recorder.record.serial_number}; record it on its own"
             )
         self.recorder.plugged(raw_offset)
+        self._silence.noted(self._packets)
         self._is_plugged = True
 
     def _configure(self) -> Settings:
@@ -249,8 +314,16 @@ class _Capture:
                     f"{self._link.path}: the camera refuses {command[0].name.lower()}; choose "
                     "another --exposure, --rate, --step-bias or --rows"
                 )
+        said = Settings.of(reply.payload)
+        for name in wanted._fields:
+            asked, claimed = getattr(wanted, name), getattr(said, name)
+            if asked != claimed:
+                raise UserError(
+                    f"{self._link.path}: the camera says {name} {claimed} where it was set to "
+                    f"{asked}; flash this release's firmware, or unplug it and plug it in again"
+                )
         self._valid_us = reply.device_us + wanted.exposure_us
-        return Settings.of(reply.payload)
+        return said
 
     def _look_around(self, now_s: float) -> None:
         if self.recorder is None:

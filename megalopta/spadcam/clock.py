@@ -27,13 +27,17 @@ class ClockFit(NamedTuple):
         Host time at device time 0, s.
     rate : float
         Host seconds per device second.
-    error_s : float
-        Mean distance of the hull of arrivals from the line, s.
+    error_s : float or None
+        Mean distance of the hull of arrivals from the line, s; None where it is not known.
     """
 
     offset_s: float
     rate: float
-    error_s: float
+    error_s: float | None
+
+    def host_s(self, device_us: int) -> float:
+        """Host time, s."""
+        return self.offset_s + self.rate * (device_us * 1e-6)
 
 
 class Clock:
@@ -79,6 +83,19 @@ class Clock:
         area = sum((b[0] - a[0]) * (a[1] + b[1]) / 2 for a, b in pairwise(heights))
         span_s = heights[-1][0] - heights[0][0]
         return area / span_s if span_s else 0.0
+
+
+class KnownClock(Clock):
+    """A clock that arrivals need not tell any more."""
+
+    def __init__(self, known: ClockFit) -> None:
+        super().__init__()
+        self._known = known
+
+    @property
+    def fit(self) -> ClockFit:
+        """The line."""
+        return self._known
 
 
 def _thinned(corners: list[tuple[float, float]]) -> list[tuple[float, float]]:

@@ -17,7 +17,7 @@ from typing import NamedTuple, Self
 import serial
 
 from megalopta.errors import UserError
-from megalopta.sensor.spadcam import Identity, Kind, Packet, Parser, encode, identify
+from megalopta.sensor.spadcam import LONGEST, Identity, Kind, Packet, Parser, encode, identify
 from megalopta.spadcam.port import open_port
 
 _RETRY_S = 0.1
@@ -26,6 +26,11 @@ _ASKED = 3
 """Times; all commands may be repeated."""
 _MOST_WAITING = 20_000
 """Pieces of bytes, a frame or more each. Further ones wait in the camera."""
+MOST_AHEAD = 16 * 1024**2
+"""Bytes that the log is ahead of the user; further ones wait with the reader."""
+MOST_ELSE = 16 * 1024**2
+"""Bytes that may be no frames, and nine times the frames' beside: `raw.bin` is bounded by both."""
+_TIMES = 10
 _GATHER_S = 0.003
 _MUCH = 3000
 """Pause after whole packets of fewer bytes, in which further ones gather: at 1000 frames/s to wake
@@ -83,15 +88,18 @@ class Link:
         except OSError:
             self._port.close()
             raise
-        self._read_bytes = 0
+        self._read_bytes = self._logged_bytes = 0
+        self.decoded_bytes = 0
+        """Bytes that the user has seen the packets of."""
+        self._allowed_bytes = MOST_ELSE
         self._unlogged: queue.Queue[_Piece | None] = queue.Queue(_MOST_WAITING)
-        self._pieces: queue.Queue[_Piece] = queue.Queue(_MOST_WAITING)
+        self._pieces: queue.Queue[_Piece] = queue.Queue()
         self._seen: deque[Event] = deque()
         self._parser = Parser()
         self._damaged_before = 0
         self._commands = 0
         self._stop = threading.Event()
-        self._failure: OSError | None = None
+        self._failure: OSError | UserError | None = None
         self._reader = threading.Thread(target=self._read, name="spadcam reader", daemon=True)
         self._logger = threading.Thread(target=self._keep, name="spadcam log", daemon=True)
         self._reader.start()
@@ -130,10 +138,29 @@ class Link:
         ------
         OSError
             When the log cannot be written.
+        UserError
+            When far more came than frames.
         """
+        if self.decoded_bytes > self._allowed_bytes:
+            raise self.given_up(f"{self.decoded_bytes} bytes came instead of frames")
         if not self._seen:
             self._wait(timeout_s)
+        return self.read_already()
+
+    def read_already(self) -> Event | None:
+        """What happened next, of what is decoded; after `close` there is no more."""
         return self._seen.popleft() if self._seen else None
+
+    def allow(self, frames: int) -> None:
+        """Let come what goes with so many frames, in all."""
+        self._allowed_bytes = MOST_ELSE + _TIMES * frames * (LONGEST + 1)
+
+    def given_up(self, why: str) -> UserError:
+        """Log no more, and return what to raise."""
+        self._failure = UserError(
+            f"{self.path}: {why}; unplug the camera and plug it in again, or choose another --port"
+        )
+        return self._failure
 
     def request(self, kind: Kind, payload: bytes) -> Packet:
         """Send a command and return the reply; what comes meanwhile is kept for `next`.
@@ -196,7 +223,6 @@ class Link:
         except queue.Empty:
             if self._failure is not None:
                 raise self._failure from None
-        self._drain()
 
     def _drain(self) -> None:
         while not self._pieces.empty():
@@ -210,6 +236,7 @@ class Link:
             self._seen.append(piece)
             return
         host_s, data = piece
+        self.decoded_bytes += len(data)
         self._seen.extend(Arrived(host_s, packet) for packet in self._parser.feed(data))
 
     def _read(self) -> None:
@@ -237,12 +264,20 @@ class Link:
         while (piece := self._unlogged.get()) is not None:
             if self._failure is None and not isinstance(piece, Plugged | Unplugged):
                 try:
-                    self._log.write(piece[1])
+                    self._write_log(piece[1])
                 except OSError as problem:
                     self._failure = problem
                     self._stop.set()
             if self._failure is None:
                 self._pieces.put(piece)
+
+    def _write_log(self, data: bytes) -> None:
+        while self._logged_bytes - self.decoded_bytes > MOST_AHEAD and self._failure is None:
+            time.sleep(_GATHER_S)
+        while data and self._failure is None:
+            written = self._log.write(data)  # of a disk that is nearly full, less than all
+            self._logged_bytes += written
+            data = data[written:]
 
     def _received(self) -> bytes:
         try:

@@ -2,7 +2,15 @@
 
 from megalopta.errors import UserError
 from megalopta.sensor import AnalogCounter, Sensor, changed, load_sensor, preset
-from megalopta.sensor.spadcam import NOMINAL_STEP_BIAS, Identity, Settings
+from megalopta.sensor.spadcam import COLUMNS, NOMINAL_STEP_BIAS, ROWS, Identity, Settings
+
+_POSSIBLE = {
+    "rows": (ROWS, ROWS),
+    "columns": (COLUMNS, COLUMNS),
+    "adc_bits": (1, 16),
+    "supply_mv": (1000, 6000),
+}
+"""What a camera can say of itself."""
 
 
 def named_sensor(name: str) -> Sensor:
@@ -35,7 +43,19 @@ def sensor_as_set(sensor: Sensor, settings: Settings) -> Sensor:
 
 
 def sensor_as_identified(sensor: Sensor, identity: Identity) -> Sensor:
-    """A sensor with the ADC and supply that the camera says it has."""
+    """A sensor with the ADC and supply that the camera says it has.
+
+    Raises
+    ------
+    UserError
+        When the camera says what no SPADCAM has, or the sensor cannot have it.
+    """
+    for name, (least, most) in _POSSIBLE.items():
+        if not least <= (value := getattr(identity, name)) <= most:
+            raise UserError(
+                f"the camera says {name} {value}, a SPADCAM has {least} to {most}; flash this "
+                "release's firmware"
+            )
     adc = {"adc_bits": identity.adc_bits, "supply_v": identity.supply_mv * 1e-3}
     try:
         return changed(sensor, counter=adc)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import serial
 from serial.tools import list_ports
 
+from megalopta.bounded import printable
 from megalopta.errors import UserError
 
 TEENSY_VENDOR = 0x16C0
@@ -42,7 +43,7 @@ class NoPortError(UserError):
 
 
 class UsbPort(NamedTuple):
-    """A serial port of this machine."""
+    """A serial port of this machine; of a device's texts, control codes are escaped."""
 
     path: str
     vendor: int | None
@@ -54,7 +55,12 @@ def usb_ports() -> list[UsbPort]:
     """Serial ports on USB."""
     found = [each for each in list_ports.comports() if each.vid is not None]
     return [
-        UsbPort(each.device, each.vid, each.serial_number or "", each.description or "")
+        UsbPort(
+            each.device,
+            each.vid,
+            printable(each.serial_number or ""),
+            printable(each.description or ""),
+        )
         for each in found
     ]
 

@@ -9,6 +9,7 @@ import yaml
 from numpy.typing import NDArray
 
 from megalopta.files import write_text
+from megalopta.format_numbers import written
 from megalopta.sensor import AnalogCounter, Sensor
 from megalopta.sensor.counters import counts_of_codes, nominal_pixels
 from megalopta.sensor.readout import ExtraArray, GrowingCounts, Origin
@@ -77,14 +78,24 @@ class Recorder:
         """Frames so far."""
         return self._store.frames + len(self._taken)
 
-    def plugged(self, raw_offset: int) -> None:
-        """Begin a connection: the camera's counter and clock start anew."""
+    def plugged(self, raw_offset: int, clock: Clock | None = None) -> None:
+        """Begin a connection: the camera's counter and clock start anew.
+
+        It is noted on the disk at once: where packets begin anew, raw.bin itself does not say.
+        """
         self._append()
         self._close_connection()
         if self._connections:
             self._count(gaps=1)
         self._connections.append(Connection(first_frame=self.frames, raw_offset=raw_offset))
-        self._clock, self._last = Clock(), None
+        self._clock, self._last = clock or Clock(), None
+        self.note()
+        self._write_settings()
+
+    def note(self, **values: Any) -> None:
+        """Change what recording.yaml will say."""
+        connections = tuple(self._connections)
+        self.record = self.record.model_copy(update={**values, "connections": connections})
 
     def take(self, host_s: float, packet: Packet) -> None:
         """Take a frame; one that came before is left out."""
@@ -104,7 +115,7 @@ class Recorder:
         self._append()
         self._store.publish()
         self._close_connection()
-        self._update(frames=self._store.frames, damaged_packets=damaged_packets)
+        self.note(frames=self._store.frames, damaged_packets=damaged_packets)
         self._write_settings()
 
     def finish(self, damaged_packets: int) -> None:
@@ -115,7 +126,7 @@ class Recorder:
             for first in range(connection.first_frame, end, _AT_ONCE):
                 device_us = self._store.read("device_us", first, min(first + _AT_ONCE, end))
                 self._store.rewrite("times_s", first, _times_s(device_us, connection))
-        self._update(finished=True)
+        self.note(finished=True)
         self._write_settings()
 
     def last(self) -> tuple[NDArray[np.uint16], NDArray[np.bool_]] | None:
@@ -153,14 +164,10 @@ class Recorder:
             self._connections[-1] = self._connections[-1].model_copy(update=fit._asdict())
 
     def _count(self, **more: int) -> None:
-        self._update(**{name: getattr(self.record, name) + each for name, each in more.items()})
-
-    def _update(self, **values: Any) -> None:
-        connections = tuple(self._connections)
-        self.record = self.record.model_copy(update={**values, "connections": connections})
+        self.note(**{name: getattr(self.record, name) + each for name, each in more.items()})
 
     def _write_settings(self) -> None:
-        values = self.record.model_dump(mode="json")
+        values = {"format": written("recording"), **self.record.model_dump(mode="json")}
         text = yaml.safe_dump(values, sort_keys=False, allow_unicode=True)
         write_text(self._folder / SETTINGS, text)
 

@@ -3,13 +3,17 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.progress import speaking
 from megalopta.spadcam.capturing import State
+from megalopta.spadcam.recording import RecordingSettings
 
+_NO_CLOCK_S = 1.0
+"""Mean error of times that no line holds back: only of a clock beyond what a quartz may be off."""
 _SATURATED = "on rgb(220,60,40)"
 
 
@@ -27,6 +31,24 @@ def status_line(state: State) -> str:
     if not state.is_plugged:
         parts.append("unplugged, waiting for it")
     return ", ".join(parts)
+
+
+def recorded_line(path: Path, record: RecordingSettings) -> str:
+    """What was recorded, in one line."""
+    return (
+        f"{path}: {record.frames} frames of {record.serial_number}, {record.gaps} gaps "
+        f"({record.missing_frames} frames missing), {record.damaged_packets} packets damaged"
+        f"{_how_sure_times_are(record)}"
+    )
+
+
+def _how_sure_times_are(record: RecordingSettings) -> str:
+    error_s = record.connections[-1].error_s if record.connections else None
+    if not error_s:
+        return ""
+    if error_s > _NO_CLOCK_S:
+        return ", times by the camera's clock alone: it goes otherwise than this machine's"
+    return f", times to {error_s * 1e3:.2g} ms"
 
 
 @contextmanager

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.bounded import printable
 from megalopta.sensor.spadcam.packets import Kind, Packet
 
 ROWS = COLUMNS = 16
@@ -53,8 +54,8 @@ class Settings(NamedTuple):
         return (
             self.frame_rate_mhz > 0
             and 0 < self.exposure_us <= self.period_us
-            and self.step_bias <= LARGEST_STEP_BIAS
-            and self.first_row < self.end_row <= ROWS
+            and 0 <= self.step_bias <= LARGEST_STEP_BIAS
+            and 0 <= self.first_row < self.end_row <= ROWS
         )
 
     def after(self, command: Packet) -> Self:
@@ -74,7 +75,7 @@ class Settings(NamedTuple):
 
 
 class Identity(NamedTuple):
-    """Who the camera is."""
+    """Who the camera is; of its texts, control codes are escaped."""
 
     rows: int
     columns: int
@@ -92,7 +93,9 @@ class Identity(NamedTuple):
     def of(cls, payload: bytes) -> Self:
         """From bytes."""
         rows, columns, bits, _, supply_mv, _, *texts = _IDENTITY.unpack(payload)
-        serial, firmware = (text.rstrip(b"\0").decode("ascii", "replace") for text in texts)
+        serial, firmware = (
+            printable(text.rstrip(b"\0").decode("ascii", "backslashreplace")) for text in texts
+        )
         return cls(rows, columns, bits, supply_mv, serial, firmware)
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from megalopta.bounded import check_file, quoted, read_bytes, read_text
+from megalopta.bounded import check_file, printable, quoted, read_bytes, read_text
 from megalopta.errors import UserError
 
 
@@ -42,3 +42,7 @@ def test_a_folder_is_an_os_error(tmp_path: Path) -> None:
 def test_messages_quote_no_more_than_their_limit() -> None:
     assert quoted("a" * 300) == "a" * 200 + "…"
     assert quoted([1, 2]) == "[1, 2]"
+
+
+def test_control_codes_do_not_reach_a_terminal() -> None:
+    assert printable("a\x1b[31m\nb\udcff\u202eä") == "a\\x1b[31m\\nb\\udcff\\u202eä"

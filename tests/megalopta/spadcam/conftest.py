@@ -1,8 +1,14 @@
 """An emulated camera on a real pseudo-terminal."""
 
+import os
+import pty
+import select
+import subprocess
+import sys
 import threading
 import time
-from contextlib import contextmanager
+import tty
+from contextlib import contextmanager, suppress
 from functools import partial
 from types import SimpleNamespace
 
@@ -10,7 +16,7 @@ import numpy as np
 import pytest
 
 from megalopta.sensor import expose_adc, preset
-from megalopta.sensor.spadcam import Settings
+from megalopta.sensor.spadcam import Kind, Parser, Settings, encode
 from megalopta.spadcam import EmulatedCamera, EmulatedPort, Flat, sensor_as_set
 
 SENSOR = preset("spadcam")
@@ -37,6 +43,57 @@ def emulating(link, faults=None, **camera):
     finally:
         stop.set()
         thread.join(10)
+
+
+@contextmanager
+def acting(then, answered=lambda packet: packet):
+    """A terminal with a camera that answers, and, once it is set, sends what `then` yields.
+
+    `then` gets the camera and yields bytes; `answered` may change its replies.
+    """
+    end, other_end = pty.openpty()
+    tty.setraw(other_end)
+    os.set_blocking(end, False)
+    stop = threading.Event()
+    camera = EmulatedCamera(SENSOR, STIMULUS)  # takes a while
+    acts = partial(_act, end, camera, then, answered, stop)
+    thread = threading.Thread(target=acts, daemon=True)
+    thread.start()
+    try:
+        yield os.ttyname(other_end)
+    finally:
+        stop.set()
+        thread.join(10)
+        os.close(end)
+        os.close(other_end)
+
+
+def _act(end, camera, then, answered, stop):
+    parser, sending, waiting = Parser(), iter(()), b""
+    while not stop.is_set():
+        if select.select([end], [], [], 0.001)[0]:
+            for command in parser.feed(os.read(end, 4096)):
+                waiting += encode(answered(camera.answer(command, camera.due_us)))
+                if command.kind == Kind.SET_ROW_WINDOW:
+                    sending = then(camera)
+        waiting = waiting or next(sending, b"")
+        with suppress(BlockingIOError):
+            waiting = waiting[os.write(end, waiting) :]
+
+
+RUN = "from megalopta.__main__ import main; main()"
+
+
+@contextmanager
+def running(*words):
+    """A verb of `megalopta spadcam` in a process of its own."""
+    line = [sys.executable, "-c", RUN, "spadcam", *map(str, words)]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(line, stdout=pipe, stderr=pipe, text=True) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
 
 
 def wait_for(condition, seconds=60):
@@ -72,3 +129,13 @@ def expected():
 @pytest.fixture
 def until():
     return wait_for
+
+
+@pytest.fixture
+def acted():
+    return acting
+
+
+@pytest.fixture
+def command():
+    return running

@@ -3,12 +3,9 @@
 import os
 import pty
 import signal
-import subprocess
-import sys
 import threading
 import time
 import tty
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -232,26 +229,14 @@ def test_a_seed_makes_the_same_frames():
     assert packets(1) == packets(1) != packets(2)
 
 
-RUN = "from megalopta.__main__ import main; main()"
-
-
-@contextmanager
-def command(*words):
-    line = [sys.executable, "-c", RUN, "spadcam", *map(str, words)]
-    pipe = subprocess.PIPE
-    with subprocess.Popen(line, stdout=pipe, stderr=pipe, text=True) as process:
-        try:
-            yield process
-        finally:
-            process.kill()
-
-
 TIMES_S = [0.0, *(pytest.param(0.4 * step, marks=pytest.mark.slow) for step in range(1, 10))]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("later_s", TIMES_S)
-def test_a_killed_capture_leaves_a_recording_that_opens(emulated, until, tmp_path, later_s):
+def test_a_killed_capture_leaves_a_recording_that_opens(
+    emulated, command, until, tmp_path, later_s
+):
     out = tmp_path / "a"
     with emulated() as camera:
         words = ["--port", camera.find(), "--out", out, "--kind", "dark", "--rate", 100]
@@ -268,7 +253,7 @@ def test_a_killed_capture_leaves_a_recording_that_opens(emulated, until, tmp_pat
 
 
 @pytest.mark.slow  # as a killed one, but with three processes
-def test_interrupting_leaves_whole_files_and_commands_meet(until, tmp_path):
+def test_interrupting_leaves_whole_files_and_commands_meet(command, until, tmp_path):
     link, out = tmp_path / "cam", tmp_path / "a"
     words = ["--stimulus", "dark", "--link", link, "--serial", "S1"]
     with command("emulate", *words) as emulating:
