@@ -1,10 +1,17 @@
 """`megalopta benchmark pairs`."""
 
 from argparse import ArgumentTypeError, Namespace
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from megalopta.cli.command import Verbs, add_out, add_verb, at_least
 from megalopta.errors import UserError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from megalopta.experiments import FrameErrors, OverScenes
 
 _WIDTH = 150  # of the table, whatever the terminal's
 _FLUXES = "1,3,10,30,100,1000"
@@ -20,7 +27,10 @@ def declare(verbs: Verbs) -> None:
         " Middlebury, Sintel, KITTI or a dataset"
     )
     command.add_argument("paths", type=Path, nargs="+", metavar="PATH", help=text)
-    text = "names, module:function or ONNX files (default: all that do with two frames)"
+    text = (
+        "names, module:function or ONNX files; DIS √ is DIS on roots of counts (default: all that"
+        " do with two frames)"
+    )
     command.add_argument("--methods", metavar="A,B", help=text)
     text = f"photons per pixel and frame, on average (default: {_FLUXES})"
     command.add_argument("--photons", type=_numbers, default=_FLUXES, metavar="N,N", help=text)
@@ -43,9 +53,14 @@ def _numbers(text: str) -> tuple[float, ...]:
 
 def _run(options: Namespace) -> None:
     from rich.console import Console
-    from rich.table import Table
 
-    from megalopta.experiments import errors_of_pairs, pairs_below, spread, write_board
+    from megalopta.experiments import (
+        BLOCK_PX,
+        errors_of_pairs,
+        pairs_below,
+        spread,
+        write_board,
+    )
 
     if len(options.paths) == 1:
         pairs = spread(pairs_below(options.paths[0]), options.pairs)
@@ -60,15 +75,40 @@ def _run(options: Namespace) -> None:
     methods = options.methods.split(",") if options.methods else None
     errors = errors_of_pairs(pairs, options.photons, methods, draws)
     write_board(options.out, errors)
-    over = "scenes" if len(pairs) > 1 else "draws"
-    table = Table(
-        "method",
-        *(f"{flux:g}" for flux in options.photons),
-        title=f"Median endpoint error (px) over photons per pixel, 95 % over {over}",
-    )
-    for each in errors:
-        ends = zip(each.mean, *each.interval, strict=True)
-        cells = (f"{mean:.2f} ({low:.2f} … {high:.2f})" for mean, low, high in ends)
-        table.add_row(each.detector.name, *cells)
-    Console(width=_WIDTH).print(table)
+    print(f"Errors of blocks of {BLOCK_PX} px over photons per pixel{_over(len(pairs))}:")
+    console = Console(width=_WIDTH)
+    for table in _tables(errors):
+        console.print(table)
     print(options.out)
+
+
+def _over(pairs: int) -> str:
+    return f", mean over {pairs} pairs with 95 % over pairs" if pairs > 1 else ""
+
+
+def _tables(errors: "Sequence[FrameErrors]") -> "Iterator[Table]":
+    """Yield a table of each measure: a line for each method, a column for each flux."""
+    from rich.table import Table
+
+    from megalopta.experiments import FAR_PX, OverScenes
+
+    measures = {
+        "median, px": [each.median_px for each in errors],
+        "mean, px": [each.mean_px for each in errors],
+        f"% beyond {FAR_PX:g} px": [OverScenes(100 * each.far.of_scenes) for each in errors],
+    }
+    for name, measured in measures.items():
+        table = Table(name, *(f"{flux:g}" for flux in errors[0].fluxes))
+        digits = 1 if "%" in name else 2
+        for each, measure in zip(errors, measured, strict=True):
+            table.add_row(each.detector.name, *_cells(measure, digits))
+        yield table
+
+
+def _cells(measure: "OverScenes", digits: int) -> list[str]:
+    """Return the mean over pairs at each flux, with its interval where there are several."""
+    means = [f"{mean:.{digits}f}" for mean in measure.mean]
+    if len(measure.of_scenes) == 1:
+        return means
+    ends = (f"({low:.{digits}f} … {high:.{digits}f})" for low, high in measure.interval.T)
+    return [f"{mean} {end}" for mean, end in zip(means, ends, strict=True)]

@@ -111,8 +111,10 @@ from .trial import (
 )
 from .whole_frame_board import (
     BLOCK_PX as BLOCK_PX,
+    FAR_PX as FAR_PX,
     PHOTONS_PER_PX as PHOTONS_PER_PX,
     FrameErrors as FrameErrors,
+    OverScenes as OverScenes,
     block_methods as block_methods,
     frame_errors as frame_errors,
 )

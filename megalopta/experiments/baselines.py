@@ -5,7 +5,7 @@ sums of the first and the second half of eight frames.
 """
 
 from megalopta.experiments.whole_frame_board import block_detector, block_methods
-from megalopta.flow.detectors import METHODS, BlockDetector, GrayDetector, summed_frames
+from megalopta.flow.detectors import METHODS, BlockDetector, GrayDetector, Method, summed_frames
 
 _GRAY = ("LK", "FB", "DIS", "TV-L1")
 _BLUR_PX = 0.7
@@ -23,6 +23,11 @@ def stretched(name: str) -> GrayDetector:
         "blur_px": _BLUR_PX,
     }
     return detector.model_copy(update=changes)
+
+
+def on_the_board(chosen: Method) -> Method:
+    """Return the baseline of a name as the board spells it, `DIS √`; anything else as it is."""
+    return next((stretched(name) for name in _GRAY if chosen == f"{name} √"), chosen)
 
 
 def methods_and_baselines(frames: int) -> list[BlockDetector]:

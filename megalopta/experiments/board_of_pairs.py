@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from megalopta.errors import UserError
-from megalopta.experiments.baselines import methods_and_baselines
+from megalopta.experiments.baselines import methods_and_baselines, on_the_board
 from megalopta.experiments.pairs_on_disk import Files, read_pair
 from megalopta.experiments.whole_frame_board import FrameErrors, frame_errors
 from megalopta.files import write_text
@@ -24,24 +24,39 @@ def errors_of_pairs(
 ) -> list[FrameErrors]:
     """Return the errors of methods, by default of all that do with two frames, on pairs of files.
 
+    A baseline of the board is named as it is there: `DIS √`.
+
     Raises UserError when a file cannot be used, or a method not with two frames.
     """
     clips = [read_pair(name, files) for name, files in pairs.items()]
     with progress("Drawing photons", len(clips), "pair") as advance:
         try:
-            chosen = methods or methods_and_baselines(_PAIR_FRAMES)
+            chosen = list(map(on_the_board, methods or methods_and_baselines(_PAIR_FRAMES)))
             return frame_errors(clips, chosen, fluxes, draws, lambda: advance(1))
         except ValueError as problem:
             raise UserError(str(problem)) from None
 
 
 def write_board(path: Path, errors: Sequence[FrameErrors]) -> None:
-    """Write a line for each method and flux, with its interval, as CSV."""
+    """Write a line for each pair, method and flux, as CSV: means over the draws of the pair."""
     text = io.StringIO()
     lines = csv.writer(text, lineterminator="\n")
-    lines.writerow(("method", "frames", "photons_per_px", "median_epe_px", "low_px", "high_px"))
-    for each in errors:
-        for flux, mean, low, high in zip(each.fluxes, each.mean, *each.interval, strict=True):
-            numbers = (f"{value:.6g}" for value in (flux, mean, low, high))
-            lines.writerow((each.detector.name, each.frames, *numbers))
+    lines.writerow(
+        (
+            "pair",
+            "method",
+            "frames",
+            "photons_per_px",
+            "median_epe_px",
+            "mean_epe_px",
+            "share_beyond_3_px",
+        )
+    )
+    for place, pair in enumerate(errors[0].scenes):
+        for each in errors:
+            measured = (each.median_px, each.mean_px, each.far)
+            of_pair = (measure.of_scenes[place] for measure in measured)
+            for numbers in zip(each.fluxes, *of_pair, strict=True):
+                words = (f"{value:.6g}" for value in numbers)
+                lines.writerow((pair, each.detector.name, each.frames, *words))
     write_text(path, text.getvalue())

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure as Canvas
 
 from megalopta.experiments import (
     BLOCK_PX,
+    FAR_PX,
     MOVING_VIEWS,
     PHOTONS_PER_PX,
     FrameErrors,
@@ -69,15 +70,16 @@ def whole_frames(run: Run, methods: Sequence[Method] | None = None) -> Figure:
     size = " × ".join(map(str, clips[_LEAVES][0].light.shape[1:]))
     return Figure(
         name="whole-frames",
-        title="Errors of velocity methods that see whole frames, over the photons per pixel",
+        title="Median errors of velocity methods on whole frames, over the photons per pixel",
         caption=(
-            f"Methods see frames of {size} px, of {number} scenes, as they are; an error is the "
-            f"median over blocks of {BLOCK_PX} × {BLOCK_PX} px of the distance from their true "
-            "mean velocity, of which the mean over scenes is drawn with what holds it in 95 % of "
-            "bootstraps over scenes. On dead leaves the velocity is affine and differs in three "
-            "disks; forests are panoramas seen by a camera that only turns"
-            f"{_flown(flicker)}; √ is a method that sees roots of counts, 4+4 one that sees sums "
-            "of four frames."
+            f"Methods see frames of {size} px, of {number} scenes, as they are; drawn is the mean "
+            f"over scenes of the median over blocks of {BLOCK_PX} × {BLOCK_PX} px of the distance "
+            "from their true mean velocity, with what holds it in 95 % of bootstraps over scenes. "
+            "A median does not tell how far off the worse half is: the mean over blocks and the "
+            f"share beyond {FAR_PX:g} px stand in the file of numbers. On dead leaves the velocity "
+            "is affine and differs in three disks; forests are panoramas seen by a camera that "
+            f"only turns{_flown(flicker)}; √ is a method that sees roots of counts, 4+4 one that "
+            "sees sums of four frames."
         ),
         draw=partial(_draw_boards, boards=boards),
         numbers=columns_of(row for kind, board in boards.items() for row in _rows(kind, board)),
@@ -103,19 +105,28 @@ def _rows(kind: str, board: Sequence[FrameErrors]) -> list[Mapping[str, Cell]]:
             "method": each.detector.name,
             "frames": float(each.frames),
             "photons_per_px": flux,
-            "median_epe_px": mean,
+            "median_epe_px": median,
             "low_px": low,
             "high_px": high,
+            "mean_epe_px": mean,
+            "share_beyond_3_px": far,
         }
         for each in board
-        for flux, mean, low, high in zip(each.fluxes, each.mean, *each.interval, strict=True)
+        for flux, median, low, high, mean, far in zip(
+            each.fluxes,
+            each.median_px.mean,
+            *each.median_px.interval,
+            each.mean_px.mean,
+            each.far.mean,
+            strict=True,
+        )
     ]
 
 
 def _best(board: Sequence[FrameErrors]) -> str:
-    """Say which methods have the least error at each flux, with those whose intervals reach it."""
+    """Say which have the least mean of medians at each flux, and whose intervals reach it."""
     return "; ".join(
-        f"of {kind}, the least error has "
+        f"of {kind}, the least median error has "
         + ", ".join(
             f"{_leaders(some, place)} at {flux:g}" for place, flux in enumerate(some[0].fluxes)
         )
@@ -125,10 +136,9 @@ def _best(board: Sequence[FrameErrors]) -> str:
 
 
 def _leaders(board: Sequence[FrameErrors], place: int) -> str:
-    first, *others = sorted(board, key=lambda each: float(each.mean[place]))
-    level = [
-        each.detector.name for each in others if each.interval[0][place] <= first.interval[1][place]
-    ]
+    first, *others = sorted(board, key=lambda each: float(each.median_px.mean[place]))
+    highest = first.median_px.interval[1][place]
+    level = [each.detector.name for each in others if each.median_px.interval[0][place] <= highest]
     return first.detector.name + (f" (level with {', '.join(level)})" if level else "")
 
 
@@ -158,12 +168,12 @@ def _draw_boards(canvas: Canvas, boards: Mapping[str, Sequence[FrameErrors]]) ->
 
 
 def _draw_errors(axes: Axes, errors: FrameErrors) -> None:
-    low, high = errors.interval
+    medians, (low, high) = errors.median_px.mean, errors.median_px.interval
     name = errors.detector.name
     axes.errorbar(
         errors.fluxes,
-        errors.mean,
-        yerr=(errors.mean - low, high - errors.mean),
+        medians,
+        yerr=(medians - low, high - medians),
         label=name,
         elinewidth=0.8,
         **method_style(name),

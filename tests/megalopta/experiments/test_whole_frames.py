@@ -8,13 +8,22 @@ from PIL import Image
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from megalopta.cli import main as cli
-from megalopta.experiments import Clip, FrameErrors, block_methods, frame_errors
-from megalopta.experiments.whole_frame_board import median_error
+from megalopta.experiments import (
+    Clip,
+    OverScenes,
+    block_methods,
+    frame_errors,
+    methods_and_baselines,
+)
+from megalopta.experiments.baselines import on_the_board
+from megalopta.experiments.whole_frame_board import block_errors
 from megalopta.experiments.whole_frame_scenes import FRAMES, leaves_clip, middle, panorama_clips
 from megalopta.figures import Run, house_style, new_canvas
 from megalopta.figures.comparison import whole_frames
 from megalopta.flow.detectors import METHODS, detector_from
 from megalopta.flow.files import write_flo, write_kitti_png
+
+MEASURES = "median_epe_px", "mean_epe_px", "share_beyond_3_px"
 
 
 @pytest.fixture(scope="module")
@@ -38,24 +47,51 @@ def test_the_truth_has_no_error_and_standstill_that_of_the_motion(clip):
         detector_from(lambda a, _: still(a, a) + np.nan),
     ]
     found = frame_errors([clip], methods, (3.0, 10.0), draws=2)
-    assert [each.px.shape for each in found] == [(1, 2, 2)] * 3
-    np.testing.assert_array_equal(found[0].px, 0)
-    np.testing.assert_allclose(found[1].px, np.hypot(2, 1))
-    np.testing.assert_allclose(found[2].px, np.hypot(2, 1))
+    assert [each.scenes for each in found] == [("rolled",)] * 3
+    for each, error in zip(found, (0, np.hypot(2, 1), np.hypot(2, 1)), strict=True):
+        for measure in (each.median_px, each.mean_px):
+            np.testing.assert_allclose(measure.of_scenes, np.full((1, 2), error))
+        np.testing.assert_array_equal(each.far.of_scenes, 0)
+
+
+def test_a_third_of_blocks_far_off_shows_in_mean_and_share_not_in_the_median(clip):
+    """Of 3 × 2 inner blocks of 24 px, the right two are taken to move by 10 px more."""
+
+    def wrong_at_the_right(first, second):
+        flow = np.full((*first.shape, 2), (2.0, 1.0))
+        flow[:, 72:, 0] += 10
+        return flow
+
+    (found,) = frame_errors([clip], [detector_from(wrong_at_the_right)], (3.0,))
+    assert found.median_px.mean[0] == pytest.approx(0)
+    assert found.mean_px.mean[0] == pytest.approx(10 / 3)
+    assert found.far.mean[0] == pytest.approx(1 / 3)
 
 
 def test_interval_is_that_of_the_mean_over_scenes():
-    px = np.random.default_rng(0).normal(1.0, 0.1, (400, 1, 1))
-    low, high = FrameErrors(METHODS["BM"], px).interval[:, 0]
+    of_scenes = np.random.default_rng(0).normal(1.0, 0.1, (400, 1))
+    low, high = OverScenes(of_scenes).interval[:, 0]
     # of a normal mean, to the scatter of a bootstrap of 2000
     assert high - low == pytest.approx(2 * 1.96 * 0.1 / 20, rel=0.15)
-    assert low < px.mean() < high
+    assert low < of_scenes.mean() < high
+
+
+def test_one_scene_has_no_interval():
+    assert np.isnan(OverScenes(np.ones((1, 3))).interval).all()
+
+
+@pytest.mark.parametrize("name", ["LK", "FB", "DIS", "TV-L1"])
+def test_a_baseline_is_found_under_its_name_on_the_board(name):
+    (on_board,) = (each for each in methods_and_baselines(2) if each.name == f"{name} √")
+    assert on_the_board(f"{name} √") == on_board
+    assert on_the_board(name) == name
 
 
 def test_methods_see_the_frames_in_the_middle(clip):
     assert middle(clip.light, 2) is not None
     np.testing.assert_array_equal(middle(clip.light, 2), clip.light[3:5])
-    assert median_error(METHODS["BM"].model_copy(update={"block_px": 24}), clip.light, clip) == 0
+    errors = block_errors(METHODS["BM"].model_copy(update={"block_px": 24}), clip.light, clip)
+    np.testing.assert_array_equal(errors, np.zeros(6))
 
 
 def test_of_two_frames_those_that_need_more_are_left_out():
@@ -88,8 +124,9 @@ def test_figure_is_drawn_with_an_interval_for_each_number(clip, monkeypatch, che
         canvas.draw_without_rendering()
     check_words(figure)
     assert len(figure.rows) == 2 * 2 * 3
-    assert all(low <= mean <= high for *_, mean, low, high in figure.rows)
-    assert "of eight frames, the least error has PPM at 1" in figure.findings[0]
+    ends = (figure.numbers[name] for name in ("low_px", "median_epe_px", "high_px"))
+    assert all(low <= median <= high for low, median, high in zip(*ends, strict=True))
+    assert "of eight frames, the least median error has PPM at 1" in figure.findings[0]
 
 
 def write_pictures(folder, names, clip):
@@ -101,9 +138,9 @@ def write_pictures(folder, names, clip):
         )
 
 
-def middlebury(root, clip):
-    write_pictures(root / "other-data/Venus", ("frame10.png", "frame11.png"), clip)
-    truth = root / "other-gt-flow/Venus"
+def middlebury(root, clip, name="Venus"):
+    write_pictures(root / "other-data" / name, ("frame10.png", "frame11.png"), clip)
+    truth = root / "other-gt-flow" / name
     truth.mkdir(parents=True)
     write_flo(truth / "flow10.flo", clip.flow.astype(np.float32))
 
@@ -123,6 +160,18 @@ def kitti(root, clip):
     write_kitti_png(truth / "000000_10.png", clip.flow.astype(np.float32))
 
 
+def one_pair(root):
+    pictures = (root / f"other-data/Venus/frame{number}.png" for number in (10, 11))
+    return *pictures, root / "other-gt-flow/Venus/flow10.flo"
+
+
+def measured(folder, *words):
+    """Return the rows that `benchmark pairs` writes."""
+    out = folder / "errors.csv"
+    cli.main(["benchmark", "pairs", *map(str, words), "--out", str(out)])
+    return list(csv.DictReader(out.read_text().splitlines()))
+
+
 def run(capsys, *words):
     with pytest.raises(SystemExit) as end:
         cli.main(["benchmark", "pairs", *map(str, words)])
@@ -132,53 +181,41 @@ def run(capsys, *words):
 @pytest.mark.parametrize("layout", [middlebury, sintel, kitti])
 def test_folders_of_others_become_a_table_of_error_against_flux(layout, clip, tmp_path, capsys):
     layout(tmp_path / "data", clip)
-    out = tmp_path / "errors.csv"
-    cli.main(
-        [
-            "benchmark",
-            "pairs",
-            str(tmp_path / "data"),
-            "--out",
-            str(out),
-            "--methods",
-            "BM,LK",
-            "--photons",
-            "1,1000",
-        ]
-    )
-    rows = list(csv.DictReader(out.read_text().splitlines()))
+    rows = measured(tmp_path, tmp_path / "data", "--methods", "BM,LK", "--photons", "1,1000")
     assert [(row["method"], row["photons_per_px"]) for row in rows] == [
         ("BM", "1"),
         ("BM", "1000"),
         ("LK", "1"),
         ("LK", "1000"),
     ]
-    assert all(
-        float(row["low_px"]) <= float(row["median_epe_px"]) <= float(row["high_px"]) for row in rows
-    )
-    assert float(rows[1]["median_epe_px"]) == 0
+    assert [float(rows[1][name]) for name in MEASURES] == [0, 0, 0]
+    assert float(rows[0]["mean_epe_px"]) > 0
     assert "BM" in capsys.readouterr().out
 
 
-def test_two_pictures_and_their_flow_are_a_pair(clip, tmp_path, capsys):
+def test_two_pictures_and_their_flow_are_a_pair(clip, tmp_path):
     middlebury(tmp_path, clip)
-    pictures = [tmp_path / f"other-data/Venus/frame{n}.png" for n in (10, 11)]
-    truth, out = tmp_path / "other-gt-flow/Venus/flow10.flo", tmp_path / "errors.csv"
-    cli.main(
-        [
-            "benchmark",
-            "pairs",
-            *map(str, (*pictures, truth)),
-            "--out",
-            str(out),
-            "--methods",
-            "BM",
-            "--photons",
-            "300",
-        ]
-    )
-    (row,) = csv.DictReader(out.read_text().splitlines())
-    assert float(row["median_epe_px"]) == 0
+    (row,) = measured(tmp_path, *one_pair(tmp_path), "--methods", "BM", "--photons", "300")
+    assert [float(row[name]) for name in MEASURES] == [0, 0, 0]
+
+
+def test_every_pair_has_its_row_and_only_several_pairs_have_an_interval(clip, tmp_path, capsys):
+    for name in ("Venus", "Urban2"):
+        middlebury(tmp_path / "data", clip, name)
+    words = "--methods", "BM,DIS √", "--photons", "2"
+    rows = measured(tmp_path, tmp_path / "data", *words)
+    assert [(row["pair"], row["method"]) for row in rows] == [
+        ("Urban2", "BM"),
+        ("Urban2", "DIS √"),
+        ("Venus", "BM"),
+        ("Venus", "DIS √"),
+    ]
+    several = capsys.readouterr().out
+    assert "mean over 2 pairs with 95 % over pairs" in several
+    assert several.count(" … ") == 2 * 3  # methods, measures
+    for draws in (1, 2):
+        measured(tmp_path, *one_pair(tmp_path / "data"), *words, "--draws", draws)
+        assert "…" not in capsys.readouterr().out
 
 
 def test_mistakes_are_told_in_a_sentence(clip, tmp_path, capsys):
