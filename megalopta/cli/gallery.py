@@ -26,7 +26,7 @@ def declare(verbs: Verbs) -> None:
         type=Path,
         metavar="FILE",
         help="a photographed panorama (HDR, EXR or PNG, 2:1); with --views shown beside a forest "
-        "in its light, with --statistics measured beside them",
+        "in its light, with --statistics measured beside them, all at two of its pixels or more",
     )
     add_out(verb, "out/gallery")
 

@@ -1,10 +1,13 @@
 """Statistics of views of forests beside those of photographs.
 
-Every preset is seen in four directions by a camera of 75° and 0.3° per pixel, as is each
-photographed panorama. Of each statistic stand the mean over the views and its standard error. What
-a lens would do to the forests is shown by a Gaussian blur of their light.
+Every preset is seen in four directions by a camera of 75° and 0.3° per pixel. Beside photographed
+panoramas all are seen at one coarser angle, so that a pixel is the mean of at least two by two of
+a photograph's: statistics depend on the angle of a pixel, and what a photograph shows from pixel to
+pixel is its lens and its stitching. Of each statistic stand the mean over the views and its
+standard error. What a lens would do to the forests is shown by a Gaussian blur of their light.
 """
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields
 from functools import partial
@@ -21,7 +24,7 @@ from megalopta.config import Configuration, validated
 from megalopta.figures import BLUE, ORANGE, Cell, Figure, columns_of, write_figure
 from megalopta.flow.stimuli import PASSES, LogStatistics, log_statistics, unlit_share
 from megalopta.progress import progress
-from megalopta.render import SceneRenderer, frame_seed
+from megalopta.render import SceneRenderer, frame_seed, read_picture
 from megalopta.stages import build
 
 PRESETS = "open", "clearing", "dense", "understorey", "rainforest", "trail"
@@ -29,13 +32,14 @@ SAMPLES = 36
 """Per pixel and pass"""
 
 DIRECTIONS = 4
-SIDE_PX = 250
-"""Of a view: 0.3° per pixel"""
+FINEST_DEG = 0.3
+"""Angle of a pixel without photographs"""
 
 BLUR_PX = 0.7
 """Standard deviation of a lens's blur"""
 
 _FOV_DEG, _EYE_M = 75.0, 1.6
+_STEP_DEG = 0.05
 _TITLES = {
     "contrast": "standard deviation",
     "skewness": "skewness",
@@ -54,7 +58,7 @@ def write_statistics(
     panoramas: Sequence[Path] = (),
     samples_per_pixel: int = SAMPLES,
     presets: Sequence[str] = PRESETS,
-    side_px: int = SIDE_PX,
+    side_px: int | None = None,
 ) -> list[Path]:
     """Render the views and write image-statistics.png, .svg, .csv and .json into a folder.
 
@@ -67,14 +71,15 @@ def write_statistics(
         Light paths of each of eight renderings of a view.
     presets
         Names of forests.
-    side_px : int
-        Of a view of 75°; statistics depend on the angle that a pixel sees.
+    side_px : int, optional
+        Of a view of 75°; by default 0.3° per pixel, or two pixels of the coarsest photograph.
 
     Raises
     ------
     UserError, ValueError
         When there is no such panorama, or it cannot be read.
     """
+    side_px = side_px or round(_FOV_DEG / degrees_per_px(panoramas))
     scenes = {each.stem: {"kind": "panorama", "file": str(each)} for each in panoramas}
     scenes |= {preset: {"kind": "forest", "preset": preset} for preset in presets}
     settings = {
@@ -94,6 +99,15 @@ def write_statistics(
                     unlit = max(unlit, unlit_share(passes))
     out.mkdir(parents=True, exist_ok=True)
     return write_figure(_figure(found | blurred, len(panoramas), side_px, unlit), out)
+
+
+def degrees_per_px(panoramas: Sequence[Path]) -> float:
+    """Return the angle of a pixel at which forests and photographs are compared.
+
+    Raises ValueError when a photograph cannot be read.
+    """
+    coarsest = max((360 / read_picture(str(each)).shape[1] for each in panoramas), default=0.0)
+    return max(FINEST_DEG, _STEP_DEG * math.ceil(2 * coarsest / _STEP_DEG))
 
 
 def _settings(
@@ -143,7 +157,7 @@ def _figure(
         title="Statistics of the logarithm of light in views of forests",
         caption=(
             f"Mean and standard error over {DIRECTIONS} views of {_FOV_DEG:g}° at "
-            f"{_FOV_DEG / side_px:g}° per pixel from {_EYE_M:g} m, in daylight{shaded} (of the "
+            f"{_FOV_DEG / side_px:.3g}° per pixel from {_EYE_M:g} m, in daylight{shaded} (of the "
             "correlation, its distance from 1); blurred, by "
             f"{BLUR_PX:g} px as a lens does. Differences and correlation are those of neighbors "
             "along rows, the exponent that of the power over the radial frequency. Noise is taken "
