@@ -45,7 +45,10 @@ class Device:
     Attributes
     ----------
     offset_v, leak_v_s, step_v, read_noise_v, dark_counts_hz : Estimate
-        `leak_v_s` is unknown where the comb is hidden.
+        `offset_v` is the fall of the output below the top of the ADC without events or leak:
+        positive lowers it, as events do. `AnalogPixels.offset_v` and the map `offset` of a device
+        file, which add to the output, have the opposite sign. `leak_v_s` is unknown where the comb
+        is hidden.
     efficiency : Estimate or None
         Events per unit of light; None without flat frames.
     dead_time_s : Estimate or None

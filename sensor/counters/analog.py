@@ -123,6 +123,8 @@ class AnalogPixels(NamedTuple):
     step_v: Floats
     leaked_v: Floats
     offset_v: Floats
+    """What the source follower adds to the output: positive raises it. `calibrate.Device.offset_v`,
+    which is a fall of the output, has the opposite sign."""
 
 
 def analog_pixels(
