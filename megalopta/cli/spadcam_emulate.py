@@ -86,7 +86,10 @@ def _run(options: Namespace) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     port.run(stop)
-    say(f"emulate: stopped; {port.dropped} packets found no room and were dropped")
+    say(
+        f"emulate: stopped; {port.dropped} packets were dropped while nothing read the line fast"
+        " enough; a capture counts as missing only those between its first frame and its last"
+    )
 
 
 def _stimulus(options: Namespace) -> "Stimulus":

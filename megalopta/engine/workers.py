@@ -112,7 +112,13 @@ class _Crew:
         return Outcome(index, f"{DEATHS} workers died of it")
 
     def _begun(self, place: int) -> subprocess.Popen[bytes]:
-        """Start a worker that is ready. Raises _WorkerDiedError where no more are wanted, or none will be."""
+        """Start a worker and wait until it is ready.
+
+        Raises
+        ------
+        _WorkerDiedError
+            When no more are wanted, or none ever starts.
+        """
         while self._failures < _START_FAILURES:
             worker = self._started(place)
             try:

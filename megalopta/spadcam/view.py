@@ -36,9 +36,9 @@ def status_line(state: State) -> str:
 def recorded_line(path: Path, record: RecordingSettings) -> str:
     """What was recorded, in one line."""
     return (
-        f"{path}: {record.frames} frames of {record.serial_number}, {record.gaps} gaps "
-        f"({record.missing_frames} frames missing), {record.damaged_packets} packets damaged"
-        f"{_how_sure_times_are(record)}"
+        f"{path}: {record.frames} frames of {record.serial_number}, {record.gaps} gaps between "
+        f"the first and the last ({record.missing_frames} frames missing), "
+        f"{record.damaged_packets} packets damaged{_how_sure_times_are(record)}"
     )
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from megalopta.errors import UserError
 from megalopta.sensor import open_counts, preset
-from megalopta.sensor.spadcam import Kind, Packet, Parser, Settings, encode, samples_of
+from megalopta.sensor.spadcam import Kind, Packet, Parser, encode, samples_of
 from megalopta.spadcam import (
     CaptureSettings,
     EmulatedCamera,
@@ -69,7 +69,7 @@ def captured(tmp_path_factory):
 
 def test_the_bytes_alone_make_the_same_frames(captured, tmp_path):
     shutil.copy(captured / "raw.bin", tmp_path / "dump.bin")
-    path, record, unknown = recover(tmp_path / "dump.bin")
+    path, _, unknown = recover(tmp_path / "dump.bin")
     assert path == tmp_path / "dump"
     assert_same_frames(captured, path)
     before, after = open_recording(captured).settings, open_recording(path).settings
@@ -93,7 +93,7 @@ def test_the_bytes_alone_make_the_same_frames(captured, tmp_path):
 def test_beside_recording_yaml_it_is_the_same_recording(captured, tmp_path):
     shutil.copytree(captured, tmp_path / "a")
     shutil.rmtree(tmp_path / "a" / "counts.zarr")
-    path, record, unknown = recover(tmp_path / "a")
+    path, _, unknown = recover(tmp_path / "a")
     assert path == tmp_path / "a" and unknown == ()
     assert_same_frames(captured, path)
     before = open_recording(captured)
