@@ -39,7 +39,7 @@ def by_cluster(scheduler: str, job: Job, indices: Iterable[int]) -> Generator[Ou
             if not running:
                 return
             for future in sorted(
-                wait(list(running), None, "FIRST_COMPLETED").done, key=running.get
+                wait(list(running), None, "FIRST_COMPLETED").done, key=running.__getitem__
             ):
                 yield _outcome(future, running.pop(future))
                 future.release()
