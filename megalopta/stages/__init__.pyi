@@ -11,6 +11,10 @@ from .pipeline import (
     run_all as run_all,
     run_stage as run_stage,
 )
+from .provenance import (
+    provenance as provenance,
+    provenance_changes as provenance_changes,
+)
 from .redo import open_dataset_whole as open_dataset_whole
 from .registry import STAGES as STAGES
 from .render import build as build

@@ -1,6 +1,6 @@
 """What a stage declares of itself."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,6 +26,8 @@ class Stage:
         Adds to a dataset what of the stage is not there yet.
     model : callable
         What of the program its output depends on (`freshness`).
+    machinery : callable
+        What of the machine its output depends on, by name: libraries, and what runs them.
     is_derived : bool
         Whether output of another model is made again without being asked.
     check : callable
@@ -40,6 +42,7 @@ class Stage:
     outputs: Callable[[Dataset], list[Path]]
     work: Callable[[Dataset], None]
     model: Callable[[], str]
+    machinery: Callable[[Configuration], Mapping[str, str]] = lambda _: {}
     is_derived: bool = False
     check: Callable[[Configuration], None] = lambda _: None
     verb: str = ""

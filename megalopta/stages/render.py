@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from megalopta.render import (
     SceneRenderer,
     choose_variant,
     frame_seed,
+    llvm_in_use,
     read_radiance,
     render_once,
     render_until,
@@ -328,6 +330,12 @@ def _check(settings: Configuration) -> None:
     choose_variant(settings.render.backend)
 
 
+def _machinery(settings: Configuration) -> dict[str, str]:
+    variant = choose_variant(settings.render.backend).name
+    llvm = {"llvm": llvm_in_use()[1]} if variant.startswith("llvm") else {}
+    return {"variant": variant, **{name: version(name) for name in ("mitsuba", "drjit")}, **llvm}
+
+
 STAGE = Stage(
     name="render",
     fields=(
@@ -338,5 +346,6 @@ STAGE = Stage(
     outputs=_outputs,
     work=render,
     model=lambda: f"{RENDER_MODEL}.{BAKE_MODEL}.{TRUTH_MODEL}",
+    machinery=_machinery,
     check=_check,
 )

@@ -12,6 +12,7 @@ a full moon sensed from a rendering under an overcast sky casts no shadows.
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -261,5 +262,6 @@ STAGE = Stage(
     ],
     work=sense,
     model=lambda: str(SENSOR_MODEL),
+    machinery=lambda _: {name: version(name) for name in ("numpy", "numba")},
     check=_check,
 )
