@@ -3,9 +3,11 @@
 What a file names may be a device, a pipe or endless: only regular files are read, and only so far.
 """
 
+import json
 import os
 import stat
 from pathlib import Path
+from typing import Any
 
 from megalopta.errors import UserError
 
@@ -42,6 +44,19 @@ def read_bytes(path: str | Path, at_most: int = TEXT_BYTES) -> bytes:
 def read_text(path: str | Path, at_most: int = TEXT_BYTES) -> str:
     """Return the text of a regular file; errors as `read_bytes`, and ValueError where not UTF-8."""
     return read_bytes(path, at_most).decode("utf-8")
+
+
+def read_json(path: str | Path, at_most: int = TEXT_BYTES) -> Any:
+    """Return what a JSON file holds; errors as `read_text`, ValueError where it is no JSON too."""
+    return from_json(read_text(path, at_most))
+
+
+def from_json(text: str) -> Any:
+    """Return what JSON text holds. Raises ValueError, also where it is nested too deeply."""
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
 
 
 def check_file(path: str | Path, at_most: int = ARRAY_BYTES) -> None:

@@ -2,6 +2,7 @@
 
 import os
 import platform
+import stat
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -55,9 +56,10 @@ def locked(folder: Path) -> Iterator[None]:
     Raises
     ------
     UserError
-        When the folder cannot be made or written to.
+        When the folder cannot be made or written to, or the lock's file is something else.
     """
     path = ensure_directory(folder) / LOCK_NAME
+    _check_lock(path)
     lock = FileLock(path)
     try:
         lock.acquire(timeout=_PATIENCE_S)
@@ -75,6 +77,16 @@ def locked(folder: Path) -> Iterator[None]:
         # Whoever waits for the removed file notices, and makes a new one.
         path.unlink(missing_ok=True)
         lock.release()
+
+
+def _check_lock(path: Path) -> None:
+    """Refuse to write into what is no file of this folder alone. Raises UserError."""
+    try:
+        found = path.lstat()
+    except FileNotFoundError:
+        return
+    if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
+        raise UserError(f"{path}: not the file that keeps other processes out; remove it")
 
 
 def _myself() -> str:

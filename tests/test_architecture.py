@@ -16,6 +16,7 @@ LEAVES = (
     "array_store",
     "arrays",
     "bounded",
+    "enclosure",
     "errors",
     "files",
     "folders",

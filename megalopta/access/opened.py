@@ -8,6 +8,7 @@ from typing import Any
 from megalopta.access.pairs import FlowPairs
 from megalopta.access.sequence import Sequence, stored_exposures
 from megalopta.dataset import open_dataset as open_one
+from megalopta.enclosure import check_enclosed
 from megalopta.errors import UserError
 from megalopta.tree import Tree
 
@@ -28,6 +29,7 @@ class OpenedDataset:
     """
 
     def __init__(self, root: Path) -> None:
+        check_enclosed(root)
         self.root, self._tree = root, Tree(root)
         self._one = None if self._tree.records.is_dir() else open_one(root)
         self.names = (self._one.sequence,) if self._one else tuple(self._tree.names())

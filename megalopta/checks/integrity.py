@@ -7,7 +7,7 @@ from pathlib import Path
 import zarr
 from rich.console import Console
 
-from megalopta.dataset import Dataset, file_hash, files_in, whole_of
+from megalopta.dataset import Dataset, files_in, is_as_written, whole_of
 from megalopta.progress import progress
 from megalopta.ranking import FOLDER
 from megalopta.render import read_size
@@ -58,21 +58,21 @@ def check_files(dataset: Dataset) -> list[Fault]:
         if entry is None:
             known.update(files_in(ledger.outputs(stage)))
             continue
-        hashes = {dataset.root / name: digest for name, (_, digest) in entry["files"].items()}
-        known.update(hashes)
-        with progress(f"Checking files of {stage}", len(hashes), "file") as advance:
-            for path, digest in hashes.items():
-                if what := _damage(dataset, path, digest):
-                    whole = whole_of(path)
+        written = {dataset.root / name: tuple(each) for name, each in entry["files"].items()}
+        known.update(written)
+        with progress(f"Checking files of {stage}", len(written), "file") as advance:
+            for path, (size, digest) in written.items():
+                if what := _damage(dataset, path, size, digest):
+                    whole = whole_of(path, dataset.root)
                     faults[whole] = Fault(path, what, _again(dataset, stage, whole))
                 advance()
     return [*faults.values(), *_unknown(dataset, known)]
 
 
-def _damage(dataset: Dataset, path: Path, digest: str) -> str | None:
+def _damage(dataset: Dataset, path: Path, size: int, digest: str) -> str | None:
     if not path.is_file():
         return "is missing"
-    if file_hash(path) != digest:
+    if not is_as_written(path, size, digest):
         return "is not as it was written"
     return wrong_shape(dataset, path)
 
@@ -89,7 +89,7 @@ def wrong_shape(dataset: Dataset, path: Path) -> str | None:
             wanted = (dataset.configuration.trajectory.frames, *size)
             if shape not in (None, wanted):
                 return f"has counts of shape {shape} instead of {wanted}"
-    except (OSError, ValueError, KeyError) as problem:
+    except (OSError, ValueError, KeyError, RecursionError) as problem:
         return f"cannot be read ({problem})"
     return None
 

@@ -124,7 +124,7 @@ def _file_faults(tree: Tree, record: SequenceRecord) -> list[Fault]:
         else:
             what = wrong_shape(dataset, path)
         if what:
-            faults[whole_of(path)] = Fault(path, what, remedy)
+            faults[whole_of(path, tree.root)] = Fault(path, what, remedy)
     return list(faults.values())
 
 

@@ -52,7 +52,7 @@ def _run(options: Namespace) -> None:
 
 def _passes(what: str, subjects: list[str], plots: Path | None) -> bool:
     from megalopta import checks
-    from megalopta.stages import open_dataset_whole
+    from megalopta.dataset import open_dataset
 
     if what == "physics":
         return checks.run_check_physics(subjects, plots)
@@ -66,4 +66,4 @@ def _passes(what: str, subjects: list[str], plots: Path | None) -> bool:
     if folder is None:
         raise UserError(f"check {what}: which dataset? give its folder")
     check = checks.run_check_truth if what == "truth" else checks.run_check_files
-    return check(open_dataset_whole(folder))
+    return check(open_dataset(folder))

@@ -13,6 +13,7 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.stages import run_stage
+    from megalopta.stages import finish_move, run_stage
 
+    finish_move(options.out)  # which may be the configuration, too
     run_stage(options.out, configuration(options), "render", options.redo)

@@ -12,7 +12,7 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
+    from megalopta.dataset import open_dataset
     from megalopta.report import write_report
-    from megalopta.stages import open_dataset_whole
 
-    print(write_report(open_dataset_whole(options.dataset)))
+    print(write_report(open_dataset(options.dataset)))

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import yaml
 from pydantic import BaseModel, ValidationError
 
-from megalopta import strict_yaml
+from megalopta import bounded, strict_yaml
 from megalopta.config.validation import one_sentence
 from megalopta.errors import UserError
 
@@ -26,7 +26,7 @@ def read_text(path: Path, what: str) -> str:
         When there is none, or it is no text.
     """
     try:
-        return path.read_text("utf-8")
+        return bounded.read_text(path)
     except UnicodeDecodeError:
         raise UserError(f"{path}: not a text file in UTF-8; give a YAML file") from None
     except OSError:

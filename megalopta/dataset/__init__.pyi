@@ -27,7 +27,10 @@ from .store import (
     exposure_name as exposure_name,
     file_hash as file_hash,
     files_in as files_in,
+    is_as_written as is_as_written,
+    moving_plan as moving_plan,
     open_dataset as open_dataset,
+    read_dataset as read_dataset,
     whole_of as whole_of,
     write_configuration as write_configuration,
 )

@@ -13,24 +13,31 @@ results/SEQ/                 detector responses, errors, photon benchmark
 """
 
 import hashlib
-import json
+import os
+import stat
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import yaml
 from pydantic import ValidationError
 
-from megalopta import __version__, files, strict_yaml
+from megalopta import __version__, bounded, files, strict_yaml
 from megalopta.config import Configuration, LightLevel, level_text, one_sentence, to_yaml
+from megalopta.enclosure import check_enclosed
 from megalopta.errors import UserError
 from megalopta.folders import LOCK_NAME
+from megalopta.format_numbers import check_format, written
 from megalopta.sensor import ImageSensor
 
 LICENSE = "CC0-1.0"
 REDO_FOLDER = ".redo"
 """Where output is made again while the old one stays."""
+_CONFIGURATION_BYTES = 2**20
+"""Most that dataset.yaml may hold: larger YAML takes seconds to parse."""
+_KEPT_HASHES = 2**17
 
 
 @dataclass(frozen=True)
@@ -88,7 +95,7 @@ class Dataset:
     def read_scene_record(self) -> dict[str, Any]:
         """Read what the render stage noted; empty when it did not."""
         try:
-            return dict(json.loads(self.scene_record.read_text("utf-8")))
+            return dict(bounded.read_json(self.scene_record))
         except (OSError, ValueError):
             return {}
 
@@ -102,10 +109,36 @@ class Dataset:
 
 
 def open_dataset(root: Path) -> Dataset:
-    """Open an existing dataset with the configuration it was made from. Raises UserError."""
+    """Open an existing dataset with the configuration it was made from; nothing is changed.
+
+    Raises
+    ------
+    UserError
+        When there is none, when it is damaged or leads out of its folder, and when new output is on
+        its way to its place.
+    """
+    if os.path.lexists(root / "dataset.yaml"):  # elsewhere there may be much to walk
+        check_enclosed(root)
+    dataset = read_dataset(root)
+    if os.path.lexists(moving_plan(root)):
+        raise UserError(
+            f"{root}: the program stopped while it put new output in the place of the old; to "
+            f"finish that, run: megalopta render {root} --out {root}"
+        )
+    return dataset
+
+
+def moving_plan(root: Path) -> Path:
+    """Return the path of the file that is there while new output moves to its place."""
+    return root / REDO_FOLDER / "publish.json"
+
+
+def read_dataset(root: Path) -> Dataset:
+    """Read dataset.yaml, whatever else is in the folder. Raises UserError."""
     path = root / "dataset.yaml"
     try:
-        record = strict_yaml.load(path.read_text("utf-8"))
+        record = dict(strict_yaml.load(bounded.read_text(path, _CONFIGURATION_BYTES)))
+        check_format("dataset", record, path)
         if "plan" in record:
             raise UserError(
                 f"{root}: a dataset of many sequences, this needs one; see megalopta dataset --help"
@@ -136,7 +169,7 @@ def exposure_name(sensor: ImageSensor, level: LightLevel) -> str:
 
 def write_configuration(dataset: Dataset) -> None:
     """Write dataset.yaml."""
-    header = {"megalopta": __version__, "license": LICENSE}
+    header = {"format": written("dataset"), "megalopta": __version__, "license": LICENSE}
     body = {"configuration": yaml.safe_load(to_yaml(dataset.configuration))}
     text = yaml.safe_dump({**header, **body}, sort_keys=False, allow_unicode=True, width=100)
     files.write_text(dataset.root / "dataset.yaml", text)
@@ -149,10 +182,31 @@ def files_in(paths: Iterable[Path]) -> Iterable[Path]:
         yield from (each for each in inside if each.is_file() and not files.is_temporary(each))
 
 
-def whole_of(path: Path) -> Path:
-    """What is written at once with a file: the outermost store that it lies in, or itself."""
-    stores = [folder for folder in path.parents if folder.suffix in (".zarr", ".spad512")]
+def whole_of(path: Path, root: Path) -> Path:
+    """What is written at once with a file of a dataset: the outermost store around it, or itself.
+
+    Folders above the dataset may have any name.
+    """
+    inside = [folder for folder in path.parents if folder.is_relative_to(root) and folder != root]
+    stores = [folder for folder in inside if folder.suffix in (".zarr", ".spad512")]
     return stores[-1] if stores else path
+
+
+def is_as_written(path: Path, size: int, digest: str) -> bool:
+    """Whether a file is there with this size and hash, which is computed once in a process."""
+    try:
+        found = path.stat()
+    except OSError:
+        return False
+    if not stat.S_ISREG(found.st_mode) or found.st_size != size:
+        return False
+    state = found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns
+    return _hash_of(path, state) == digest
+
+
+@lru_cache(maxsize=_KEPT_HASHES)
+def _hash_of(path: Path, _state: tuple[int, ...]) -> str:
+    return file_hash(path)
 
 
 def file_hash(path: Path) -> str:

@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from megalopta.config import validated
-from megalopta.dataset import Dataset
+from megalopta.dataset import Dataset, open_dataset
+from megalopta.enclosure import check_enclosed
 from megalopta.errors import UserError
 from megalopta.flow.detectors import Method
 from megalopta.folders import locked
@@ -14,7 +15,7 @@ from megalopta.ranking.page import NAME, write_ranking
 from megalopta.ranking.record import Ranking
 from megalopta.ranking.run import rank_methods
 from megalopta.ranking.settings import RankingSettings
-from megalopta.stages import Ledger, open_dataset_whole
+from megalopta.stages import Ledger
 from megalopta.tree import Tree
 
 FOLDER = "ranking"
@@ -73,8 +74,9 @@ def run_ranking(
 def sequences_of(root: Path) -> list[Dataset]:
     """Open the rendered sequences of a folder. Raises UserError."""
     tree = Tree(root)
+    check_enclosed(root)
     if tree.records.is_dir():
         return [tree.dataset(tree.record(name)) for name in tree.names()]
-    dataset = open_dataset_whole(root)
+    dataset = open_dataset(root)
     Ledger(dataset).require("render")
     return [dataset]

@@ -1,6 +1,7 @@
 """All sections of the report, put into the template."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from megalopta.files import write_text
 from megalopta.flow.benchmark import BenchmarkResult
 from megalopta.flow.detectors import METHODS
 from megalopta.pages import duration, render_page
+from megalopta.progress import say
 from megalopta.report.budget import exposed
 from megalopta.report.detectors import DetectorSection, detector_section, first_sentence
 from megalopta.report.device_cost import DeviceCost, device_costs
@@ -104,13 +106,14 @@ def page(dataset: Dataset) -> str:
 
 def _sections(dataset: Dataset, footage: ReportFrames, record: Record) -> Sections:
     # first, so that a damaged one is told before pictures are drawn for seconds
-    records, benchmarks = _numbers(dataset)
+    finished = _finished(dataset)
+    records, benchmarks = _numbers(dataset, finished)
     motion = motion_section(footage, dataset.configuration.flow.least_purity)
     light, detectors, thresholds = None, None, None
     costs: tuple[DeviceCost, ...] = ()
     findings: list[str | None] = []
     budgets = []
-    if Ledger(dataset).is_finished("sense"):
+    if "sense" in finished:
         shown = exposed(dataset, footage, record)
         budgets = [each.budget for each in shown]
         light = light_section(dataset.configuration.sensors, footage, shown)
@@ -128,12 +131,22 @@ def _sections(dataset: Dataset, footage: ReportFrames, record: Record) -> Sectio
     return Sections(motion, light, detectors, costs, thresholds, ranking, told)
 
 
+def _finished(dataset: Dataset) -> list[str]:
+    """Stages to report on. Raises UserError where a file of one is damaged."""
+    ledger = Ledger(dataset)
+    finished = ledger.finished()
+    for stage in STAGES:
+        if stage not in finished and ledger.has(stage):
+            say(f"report: stage {stage!r} is not finished with this configuration, and is left out")
+    return finished
+
+
 def _numbers(
-    dataset: Dataset,
+    dataset: Dataset, finished: Sequence[str]
 ) -> tuple[list[FlowRecord] | None, tuple[BenchmarkResult, BenchmarkResult | None] | None]:
     """What the stages of numbers wrote, if they are finished."""
-    records = read_records(dataset) if Ledger(dataset).is_finished("flow") else None
-    if not Ledger(dataset).is_finished("benchmark"):
+    records = read_records(dataset) if "flow" in finished else None
+    if "benchmark" not in finished:
         return records, None
     both = dataset.configuration.benchmark.both_normalizations
     other = read_benchmark(dataset, "benchmark-other.json") if both else None

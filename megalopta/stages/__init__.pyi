@@ -15,7 +15,10 @@ from .provenance import (
     provenance as provenance,
     provenance_changes as provenance_changes,
 )
-from .redo import open_dataset_whole as open_dataset_whole
+from .redo import (
+    finish_move as finish_move,
+    open_dataset_whole as open_dataset_whole,
+)
 from .registry import STAGES as STAGES
 from .render import build as build
 from .sense import (

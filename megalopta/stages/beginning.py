@@ -36,6 +36,8 @@ def begin_stages(
         )
     again = [stage for stage in stages if _is_to_be_made_again(old, stage, redo)]
     doomed = with_dependents([*stale, *again])
+    for stage in [stage for stage in stages if stage not in doomed]:
+        _refuse_mixture(new, stage)
     needs = {need for stage in stages for need in STAGES[stage].needs}
     for needed in [stage for stage in STAGES if stage in needs.difference(stages)]:
         if needed in doomed:
@@ -64,6 +66,19 @@ def _is_to_be_made_again(old: Dataset, stage: str, redo: bool) -> bool:
         )
     say(f"{stage}: made by another version of the program, and made again")
     return True
+
+
+def _refuse_mixture(dataset: Dataset, stage: str) -> None:
+    """Refuse to add output to that of another renderer or library; nothing may be missing of it."""
+    ledger = Ledger(dataset)
+    if STAGES[stage].is_derived or not (changes := ledger.mixture(stage)):
+        return
+    if ledger.has(stage) and not ledger.is_finished(stage):
+        raise UserError(
+            f"{dataset.root}: its {stage!r} output is not whole and was made with something else "
+            f"({changes}); go on with that (render.backend chooses the variant), or add --redo to "
+            "make all of it again"
+        )
 
 
 def _changes(old: Configuration, new: Configuration, stages: Sequence[str]) -> str:

@@ -1,17 +1,23 @@
 """What of a dataset is finished: the manifest, with the hash of every file, and times."""
 
 import json
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from megalopta import __version__, files
+from megalopta import __version__, bounded, files
 from megalopta.config import Configuration
-from megalopta.dataset import Dataset, file_hash, files_in
+from megalopta.dataset import Dataset, file_hash, files_in, is_as_written
 from megalopta.errors import UserError
 from megalopta.freshness import digest
+from megalopta.progress import progress
+from megalopta.stages.provenance import provenance, provenance_changes
 from megalopta.stages.registry import STAGES, with_dependents
+
+_WORTH_TELLING_BYTES = 5e9
+"""Comparing so much with its hashes takes seconds."""
 
 
 @dataclass(frozen=True)
@@ -45,15 +51,34 @@ class Ledger:
 
     def entry(self, stage: str) -> dict[str, Any] | None:
         """Line of the manifest on a stage finished with this configuration."""
-        wanted = (stage, self.dataset.sequence, stage_hash(self.dataset.configuration, stage))
-        keys = ("stage", "sequence", "configuration")
-        lines = (line for line in self.manifest() if tuple(map(line.get, keys)) == wanted)
-        return next(lines, None)
+        line = self._line(stage)
+        return line if line and "files" in line else None
+
+    def mixture(self, stage: str) -> str:
+        """What is other now than when a stage was begun that is to be gone on with, or nothing."""
+        line = self._line(stage)
+        now = provenance(stage, self.dataset.configuration)
+        return provenance_changes(line.get("provenance", {}), now) if line else ""
 
     def damaged(self, line: Mapping[str, Any]) -> list[Path]:
-        """Files of a line of the manifest that are missing or have another size."""
-        sizes = {self.root / name: size for name, (size, _) in line["files"].items()}
-        return [path for path, size in sizes.items() if _size(path) != size]
+        """Files of a line of the manifest that are missing or have another size or hash."""
+        written = {self.root / name: each for name, each in line["files"].items()}
+        if sum(size for size, _ in written.values()) < _WORTH_TELLING_BYTES:
+            return [path for path, each in written.items() if not is_as_written(path, *each)]
+        found = []
+        with progress(f"Comparing files of {line['stage']}", len(written), "file") as advance:
+            for path, each in written.items():
+                if not is_as_written(path, *each):
+                    found.append(path)
+                advance()
+        return found
+
+    def finished(self) -> list[str]:
+        """Return the stages that are finished. Raises UserError where one of them is damaged."""
+        stages = [stage for stage in STAGES if self.entry(stage)]
+        for stage in stages:
+            self.require(stage)
+        return stages
 
     def require(self, stage: str) -> None:
         """Refuse to go on when a stage is not finished with this configuration, or damaged."""
@@ -70,13 +95,19 @@ class Ledger:
         raise UserError(f"{what}; run first: megalopta {STAGES[stage].command} {target}")
 
     def manifest(self) -> list[dict[str, Any]]:
-        """Lines of the manifest: sequence, stage, configuration and model, file hashes."""
+        """Lines of the manifest: sequence, stage, configuration, provenance; when finished, hashes.
+
+        Raises
+        ------
+        UserError
+            When it is damaged, or names a file that no stage of this dataset writes.
+        """
         path = self.root / "manifest.jsonl"
         try:
-            lines = path.read_text("utf-8").splitlines() if path.exists() else []
-            found = [dict(json.loads(line)) for line in lines if line]
+            lines = bounded.read_text(path).splitlines() if path.exists() else []
+            found = [dict(bounded.from_json(line)) for line in lines if line]
             for line in found:
-                _check_line(line)
+                _check_line(line, self.dataset)
         except (ValueError, TypeError, KeyError, AttributeError):
             raise UserError(f"{path} is damaged; restore it, or render into a new folder") from None
         return found
@@ -85,9 +116,9 @@ class Ledger:
         """Seconds spent on each stage, interrupted runs included."""
         path = self.root / "timings.json"
         try:
-            found = dict(json.loads(path.read_text("utf-8"))) if path.exists() else {}
+            found = dict(bounded.read_json(path)) if path.exists() else {}
             return {str(stage): float(seconds) for stage, seconds in found.items()}
-        except (ValueError, TypeError):
+        except (ValueError, TypeError, OverflowError):
             raise UserError(f"{path} is damaged; remove it, it holds nothing but times") from None
 
     def add_time(self, stage: str, seconds: float) -> None:
@@ -95,22 +126,26 @@ class Ledger:
         total = self.timings().get(stage, 0.0) + seconds
         self._write_timings({**self.timings(), stage: round(total, 3)})
 
+    def begin(self, stage: str) -> None:
+        """Note what the output of a stage is made with, so that it goes on with the same."""
+        if not self._line(stage) or not self.has(stage):
+            self._enter(stage, {})
+
     def finish(self, stage: str) -> None:
         """Enter a finished stage, with the hashes of its files, into the manifest."""
-        line = {
-            "sequence": self.dataset.sequence,
-            "stage": stage,
-            "configuration": stage_hash(self.dataset.configuration, stage),
-            "model": STAGES[stage].model(),
-            "version": __version__,
-            "files": {
-                str(path.relative_to(self.root)): (path.stat().st_size, file_hash(path))
-                for path in sorted(files_in(self.outputs(stage)))
-            },
+        hashes = {
+            str(path.relative_to(self.root)): (path.stat().st_size, file_hash(path))
+            for path in sorted(files_in(self.outputs(stage)))
         }
-        lines: list[Mapping[str, Any]] = [*self._manifest_without(stage), line]
-        order = list(STAGES)
-        self._write_manifest(sorted(lines, key=lambda each: order.index(each["stage"])))
+        self._enter(stage, {"files": hashes})
+
+    def withdraw(self, stage: str) -> None:
+        """Forget that a stage was begun of which nothing came."""
+        if not self.entry(stage) and not self.has(stage):
+            lines = self._manifest_without(stage)
+            self._write_manifest(lines)
+            if not lines:
+                files.remove(self.root / "manifest.jsonl")
 
     def forget(self, *stages: str) -> None:
         """Remove the output of stages and of every stage that needs them."""
@@ -119,6 +154,27 @@ class Ledger:
             self._write_timings({name: t for name, t in self.timings().items() if name != stage})
             for path in (*self.outputs(stage), self.root / "report.html"):
                 files.remove(path)
+
+    def _line(self, stage: str) -> dict[str, Any] | None:
+        wanted = (stage, self.dataset.sequence, stage_hash(self.dataset.configuration, stage))
+        keys = ("stage", "sequence", "configuration")
+        lines = (line for line in self.manifest() if tuple(map(line.get, keys)) == wanted)
+        return next(lines, None)
+
+    def _enter(self, stage: str, more: Mapping[str, Any]) -> None:
+        configuration = self.dataset.configuration
+        line = {
+            "sequence": self.dataset.sequence,
+            "stage": stage,
+            "configuration": stage_hash(configuration, stage),
+            "model": STAGES[stage].model(),
+            "provenance": provenance(stage, configuration),
+            "version": __version__,
+            **more,
+        }
+        lines: list[Mapping[str, Any]] = [*self._manifest_without(stage), line]
+        order = list(STAGES)
+        self._write_manifest(sorted(lines, key=lambda each: order.index(each["stage"])))
 
     def _manifest_without(self, stage: str) -> list[dict[str, Any]]:
         mine = (stage, self.dataset.sequence)
@@ -145,17 +201,21 @@ def stage_hash(configuration: Configuration, stage: str) -> str:
     return digest(json.dumps(stage_configuration(configuration, stage), sort_keys=True))
 
 
-def _size(path: Path) -> int | None:
-    return path.stat().st_size if path.is_file() else None
-
-
-def _check_line(line: Mapping[str, Any]) -> None:
-    """Raise where a line of the manifest is not as `finish` writes it."""
+def _check_line(line: Mapping[str, Any], dataset: Dataset) -> None:
+    """Raise where a line of the manifest is not as `Ledger` writes it."""
     if line["stage"] not in STAGES or not isinstance(line["sequence"], str):
         raise ValueError(line["stage"])
-    for name, (size, hashed) in line["files"].items():
-        path = Path(name)
+    if any(not isinstance(each, str) for each in line.get("provenance", {}).values()):
+        raise TypeError("provenance")
+    outputs = [
+        str(path.relative_to(dataset.root)) for path in STAGES[line["stage"]].outputs(dataset)
+    ]
+    inside = tuple(f"{output}{os.sep}" for output in outputs)
+    for name, (size, hashed) in line.get("files", {}).items():
         if not isinstance(size, int) or not isinstance(hashed, str):
             raise TypeError(name)
-        if path.is_absolute() or ".." in path.parts:
+        is_output = name in outputs or name.startswith(inside)
+        if line["sequence"] == dataset.sequence and not (
+            is_output and name == os.path.normpath(name)
+        ):
             raise ValueError(name)

@@ -14,7 +14,7 @@ from megalopta.progress import say
 from megalopta.stages.beginning import begin_stages
 from megalopta.stages.estimate import announce, refuse_absurd
 from megalopta.stages.ledger import Ledger
-from megalopta.stages.redo import begin_redo, complete_redo, discard, publish
+from megalopta.stages.redo import begin_redo, complete_redo, discard, finish_move, publish
 from megalopta.stages.registry import STAGES
 
 
@@ -33,6 +33,7 @@ def run_all(root: str | Path, configuration: Configuration, redo: bool = False) 
 def _run(root: Path, configuration: Configuration, names: Sequence[str], redo: bool) -> Dataset:
     for name in names:
         check_stage(name, configuration, root)
+    finish_move(root)
     is_new = existing(root) is None  # and a folder of something else is refused
     try:
         with _opened(root, configuration, names, redo) as dataset:
@@ -61,7 +62,7 @@ def _opened(
             except Exception:  # but not by Ctrl-C, after which the same command goes on
                 discard(root)
                 raise
-            publish(old, new, doomed)
+            publish(old, new, names, doomed)
         else:
             discard(root)
             new = Dataset(root, configuration)
@@ -94,9 +95,13 @@ def _bring_to_end(dataset: Dataset, name: str) -> None:
         return
     _remove_damaged(ledger, name)
     announce(dataset.configuration, name)
+    ledger.begin(name)
     start = time.perf_counter()
     try:
         STAGES[name].work(dataset)
+    except Exception:
+        ledger.withdraw(name)
+        raise
     finally:
         ledger.add_time(name, time.perf_counter() - start)
     ledger.finish(name)
@@ -105,7 +110,7 @@ def _bring_to_end(dataset: Dataset, name: str) -> None:
 def _remove_damaged(ledger: Ledger, name: str) -> None:
     """Remove what a finished stage wrote and somebody changed, so that it is made again."""
     line = ledger.entry(name)
-    damaged = sorted({whole_of(path) for path in ledger.damaged(line)}) if line else []
+    damaged = sorted({whole_of(path, ledger.root) for path in ledger.damaged(line)}) if line else []
     for path in damaged:
         say(f"{name}: {path} is missing or damaged, and is made again")
         files.remove(path)

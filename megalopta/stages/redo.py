@@ -2,25 +2,35 @@
 
 DATASET/.redo is a dataset of its own: its links lead to the output that stays, its files are the
 new ones. When all of them are there, `publish.json` in it lists what moves and what goes. From then
-on whoever opens the dataset completes the move, so that a kill at any moment leaves either the old
-output or the new.
+on whoever runs a stage completes the move first, and whoever only reads is refused, so that a kill
+at any moment leaves either the old output or the new.
 """
 
-import json
+import os
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from megalopta import files
+from megalopta import bounded, files
 from megalopta.config import Configuration
-from megalopta.dataset import REDO_FOLDER, Dataset, open_dataset, write_configuration
+from megalopta.dataset import (
+    REDO_FOLDER,
+    Dataset,
+    moving_plan,
+    open_dataset,
+    read_dataset,
+    write_configuration,
+)
+from megalopta.enclosure import check_enclosed, check_no_links
 from megalopta.errors import UserError
 from megalopta.folders import locked
 from megalopta.stages.ledger import Ledger
+from megalopta.stages.provenance import provenance
 from megalopta.stages.registry import STAGES
 
-_BOOKS = ("dataset.yaml", "manifest.jsonl", "timings.json")
+_BOOKS = ("timings.json", "manifest.jsonl", "dataset.yaml")
+"""In the order in which they move: as long as dataset.yaml is there, something is left to do."""
 
 
 def begin_redo(old: Dataset, configuration: Configuration, stages: Sequence[str]) -> Dataset:
@@ -28,7 +38,7 @@ def begin_redo(old: Dataset, configuration: Configuration, stages: Sequence[str]
     new = Dataset(old.root / REDO_FOLDER, configuration)
     request = new.root / "request.json"
     wanted = {
-        "models": {stage: STAGES[stage].model() for stage in stages},
+        "models": {stage: provenance(stage, configuration) for stage in stages},
         "configuration": configuration.model_dump(mode="json"),
     }
     if _read(request) != wanted:
@@ -41,38 +51,52 @@ def begin_redo(old: Dataset, configuration: Configuration, stages: Sequence[str]
     return new
 
 
-def publish(old: Dataset, new: Dataset, stages: Sequence[str]) -> None:
-    """Put finished output in the place of the old."""
-    made = [path for stage in stages for path in Ledger(new).outputs(stage) if path.exists()]
-    moves = [*(str(path.relative_to(new.root)) for path in made), *_BOOKS]
-    gone = [path for stage in stages for path in Ledger(old).outputs(stage)]
-    goes = {str(path.relative_to(old.root)) for path in gone} | {"report.html"}
-    files.write_json(_plan(old.root), {"moves": moves, "goes": sorted(goes.difference(moves))})
+def publish(old: Dataset, new: Dataset, stages: Sequence[str], doomed: Sequence[str]) -> None:
+    """Put finished output of stages in the place of the old, of which some stages' is doomed."""
+    made = {path for stage in (*stages, *doomed) for path in Ledger(new).outputs(stage)}
+    moves = {_name(path, new) for path in made if path.exists() and not path.is_symlink()}
+    gone = {_name(path, old) for stage in doomed for path in Ledger(old).outputs(stage)}
+    goes = (gone | {"report.html"}).difference(moves)
+    files.write_json(moving_plan(old.root), {"moves": sorted(moves), "goes": sorted(goes)})
     complete_redo(old.root)
 
 
 def complete_redo(root: Path) -> None:
-    """Complete the move of a dataset's new output where it was begun. Raises UserError."""
-    plan = _plan(root)
-    if not plan.exists():
+    """Complete the move of a dataset's new output where it was begun; the caller has locked it.
+
+    Raises
+    ------
+    UserError
+        When what is to move or to go is no output of this dataset.
+    """
+    new = root / REDO_FOLDER
+    if not os.path.lexists(moving_plan(root)):
         return
-    moves, goes = _read_plan(plan)
-    for name in moves:
-        if (plan.parent / name).exists():
+    if (new / _BOOKS[-1]).exists():
+        moves, goes = _read_plan(root)
+        for name in (*moves, *_BOOKS[:-1]):
+            _move(new / name, root / name)
+        for name in goes:
             files.remove(root / name)
-            (root / name).parent.mkdir(parents=True, exist_ok=True)
-            (plan.parent / name).rename(root / name)
-    for name in goes:
-        files.remove(root / name)
-        _remove_if_empty((root / name).parent, root)
+            _remove_if_empty((root / name).parent, root)
+        _move(new / _BOOKS[-1], root / _BOOKS[-1])
     discard(root)
 
 
-def open_dataset_whole(root: Path) -> Dataset:
-    """Open a dataset, after completing the move of new output if it was broken off."""
-    if _plan(root).exists():
+def finish_move(root: Path) -> None:
+    """Complete the move of new output if it was broken off, before a stage works. Raises UserError.
+
+    Reading does not: `open_dataset` refuses such a folder.
+    """
+    if os.path.lexists(moving_plan(root)):
+        check_enclosed(root)
         with locked(root):
             complete_redo(root)
+
+
+def open_dataset_whole(root: Path) -> Dataset:
+    """Open a dataset to work on it, after completing a move that was broken off."""
+    finish_move(root)
     return open_dataset(root)
 
 
@@ -86,31 +110,60 @@ def _link(old: Dataset, new: Dataset) -> None:
     for path in filter(Path.exists, outputs):
         link = new.root / path.relative_to(old.root)
         link.parent.mkdir(parents=True, exist_ok=True)
-        link.symlink_to(path.resolve(), target_is_directory=path.is_dir())
+        target = os.path.relpath(path.resolve(), link.parent.resolve())
+        link.symlink_to(target, target_is_directory=path.is_dir())
     new.root.mkdir(exist_ok=True)
     for name in _BOOKS:
         if (old.root / name).exists():
             shutil.copy(old.root / name, new.root / name)
 
 
-def _plan(root: Path) -> Path:
-    return root / REDO_FOLDER / "publish.json"
+def _name(path: Path, dataset: Dataset) -> str:
+    return str(path.relative_to(dataset.root))
 
 
-def _read_plan(path: Path) -> tuple[list[str], list[str]]:
+def _move(source: Path, target: Path) -> None:
+    if source.exists():
+        files.remove(target)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        source.rename(target)
+
+
+def _read_plan(root: Path) -> tuple[list[str], list[str]]:
+    """What moves and what goes, if it is output of the dataset as it was or as it will be."""
+    path, new = moving_plan(root), root / REDO_FOLDER
+    remedy = f"remove the folder {new}"
     try:
-        record = json.loads(path.read_text("utf-8"))
+        record = bounded.read_json(path)
         moves, goes = ([str(name) for name in record[key]] for key in ("moves", "goes"))
+        outputs = _output_names(read_dataset(root)) | _output_names(read_dataset(new))
+        for name in moves:
+            check_no_links(new / name)  # what a link leads to changes with its place
+    except UserError as problem:
+        raise UserError(f"{path} cannot be followed ({problem}); {remedy}") from None
     except (ValueError, KeyError, TypeError):
-        raise UserError(f"{path} is damaged; remove the folder {path.parent}") from None
-    if any(Path(name).is_absolute() or ".." in Path(name).parts for name in (*moves, *goes)):
-        raise UserError(f"{path} leads out of the dataset; remove the folder {path.parent}")
+        raise UserError(f"{path} is damaged; {remedy}") from None
+    outputs |= {*_BOOKS, "report.html"}
+    for name in (*moves, *goes):
+        if name not in outputs or not all(_is_plain(root, base, name) for base in (root, new)):
+            raise UserError(f"{path}: {bounded.quoted(name)} is no output of a stage; {remedy}")
     return moves, goes
+
+
+def _is_plain(root: Path, base: Path, name: str) -> bool:
+    """Whether no folder between the root and something in it is a link."""
+    folder = (base / name).parent
+    real = Path(os.path.realpath(root), folder.relative_to(root))
+    return Path(os.path.realpath(folder)) == real
+
+
+def _output_names(dataset: Dataset) -> set[str]:
+    return {_name(path, dataset) for stage in STAGES for path in Ledger(dataset).outputs(stage)}
 
 
 def _read(path: Path) -> Any:
     try:
-        return json.loads(path.read_text("utf-8"))
+        return bounded.read_json(path)
     except (OSError, ValueError):
         return None
 

@@ -24,6 +24,7 @@ import yaml
 from megalopta import __version__, files, strict_yaml
 from megalopta.config import Configuration
 from megalopta.dataset import LICENSE, Dataset
+from megalopta.enclosure import check_enclosed
 from megalopta.errors import UserError
 from megalopta.plan import Plan
 from megalopta.tree.record import SequenceRecord, read_record
@@ -75,6 +76,7 @@ class Tree:
     def plan(self) -> Plan:
         """Read the plan. Raises UserError."""
         path = self.root / "dataset.yaml"
+        check_enclosed(self.root)
         try:
             return Plan.model_validate(strict_yaml.load(path.read_text("utf-8"))["plan"])
         except OSError:

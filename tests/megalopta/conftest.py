@@ -1,5 +1,7 @@
 import os
 import re
+import shutil
+from pathlib import Path
 
 import pytest
 from filelock import FileLock
@@ -7,6 +9,7 @@ from filelock import FileLock
 from megalopta.config import load
 from megalopta.making import make
 from megalopta.plan import Plan
+from megalopta.stages import run_all
 
 TINY = {
     "camera.width": "48",
@@ -26,6 +29,24 @@ TINY = {
 def tiny():
     """A grating sequence that takes a second to render."""
     return load("grating", TINY)
+
+
+@pytest.fixture(scope="session")
+def whole(tmp_path_factory):
+    """Folder of a dataset with every stage done, a grating of four frames; not to be changed."""
+    settings = {
+        **TINY,
+        **{"camera.width": "32", "camera.height": "24", "benchmark.sizes": "[24]"},
+        **{"trajectory.frames": "4", "scene.cycles_per_frame": "4", "methods": "[BM, LK]"},
+        **{"sensors": "[spadcam]", "light_levels": "[starlight]"},
+    }
+    return run_all(tmp_path_factory.mktemp("whole") / "data", load("grating", settings)).root
+
+
+@pytest.fixture
+def whole_copy(whole, tmp_path):
+    """A copy of it, to be changed."""
+    return Path(shutil.copytree(whole, tmp_path / "data"))
 
 
 @pytest.fixture(scope="session")

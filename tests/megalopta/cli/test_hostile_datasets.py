@@ -1,0 +1,345 @@
+"""Datasets from somebody who means harm: nothing outside is touched, and reading changes nothing.
+
+Each is a real dataset with one thing in it that no program of ours wrote. Every verb that takes a
+dataset meets it beside a home folder with files that somebody needs.
+"""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from megalopta.cli import main as cli
+from megalopta.dataset import file_hash
+
+LONGEST_S = 10
+"""Of processor time, that a refusal may take"""
+
+READING = {
+    "benchmark sequence": ("--out", "{out}"),
+    "check files": (),
+    "check truth": (),
+    "report": (),
+}
+WORKING = {"render": ("--out", "{root}"), "sense": (), "flow": (), "benchmark photons": ()}
+OF_TREES = {
+    "dataset check": ("--truth", "0"),
+    "dataset card": (),
+    "dataset view": ("--sequences", "1"),
+    "dataset expose": (),
+    "dataset make": ("--out", "{root}"),
+    "benchmark sequence": ("--out", "{out}"),
+}
+
+
+@pytest.fixture
+def home(tmp_path):
+    folder = tmp_path / "home"
+    (folder / "docs").mkdir(parents=True)
+    (folder / ".bashrc").write_text("precious")
+    (folder / "docs" / "thesis.tex").write_text("precious")
+    return folder
+
+
+def replaced(path, make):
+    """Put something else in the place of a file or folder."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    path.unlink(missing_ok=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    make(path)
+
+
+def link(name, target):
+    def put(root, home):
+        replaced(root / name, lambda path: path.symlink_to(target.format(home=home)))
+
+    return put
+
+
+def pipe(name):
+    return lambda root, _: replaced(root / name, os.mkfifo)
+
+
+def text(name, content):
+    def put(root, home):
+        replaced(root / name, lambda path: path.write_text(content.format(home=home), "utf-8"))
+
+    return put
+
+
+def sparse(name):
+    """A file that claims 100 GB."""
+
+    def put(root, _):
+        (root / name).touch()
+        os.truncate(root / name, 10**11)
+
+    return put
+
+
+def moving(moves, goes, links=()):
+    """A move of new output that seems to have been broken off."""
+
+    def put(root, home):
+        new = root / ".redo"
+        new.mkdir()
+        for name in ("dataset.yaml", "manifest.jsonl"):
+            shutil.copy(root / name, new / name)
+        for name, target in dict(links).items():
+            replaced(root / name, lambda path, to=target: path.symlink_to(to.format(home=home)))
+        for name in moves:
+            if not os.path.lexists(new / name) and ".." not in name and name[0] != "{":
+                replaced(new / name, lambda path: path.write_text("planted"))
+        names = [[name.format(home=home) for name in each] for each in (moves, goes)]
+        plan = dict(zip(("moves", "goes"), names, strict=True))
+        (new / "publish.json").write_text(json.dumps(plan))
+
+    return put
+
+
+def settings(change):
+    """Other settings in dataset.yaml."""
+
+    def put(root, home):
+        path = root / "dataset.yaml"
+        values = yaml.safe_load(path.read_text("utf-8"))
+        change(values["configuration"], home)
+        path.write_text(yaml.safe_dump(values), "utf-8")
+
+    return put
+
+
+def hashed(name, size, digest="0" * 32):
+    """A manifest that names a file for every stage."""
+
+    def put(root, home):
+        path = root / "manifest.jsonl"
+        lines = [json.loads(line) for line in path.read_text("utf-8").splitlines()]
+        for line in lines:
+            line["files"][name.format(home=home)] = [size, digest]
+        path.write_text("".join(f"{json.dumps(line)}\n" for line in lines))
+
+    return put
+
+
+def consistent(put):
+    """What somebody changed, with a manifest that agrees."""
+
+    def both(root, home):
+        put(root, home)
+        path = root / "manifest.jsonl"
+        lines = [json.loads(line) for line in path.read_text("utf-8").splitlines()]
+        for line in lines:
+            for name in line["files"]:
+                found = root / name
+                line["files"][name] = [found.stat().st_size, file_hash(found)]
+        path.write_text("".join(f"{json.dumps(line)}\n" for line in lines))
+
+    return both
+
+
+DEEP = "[" * 200_000
+COUNTS = "counts/grating/spadcam-starlight.zarr"
+RESPONSES = "results/grating/responses/spadcam-starlight.zarr"
+HARM = {
+    "link to a folder": link("results", "{home}/docs"),
+    "link to a folder by ..": link("training/clean/grating", "../../../home/docs"),
+    "link to a file": link("report.html", "{home}/.bashrc"),
+    "link of the books": link("manifest.jsonl", "{home}/.bashrc"),
+    "link of the settings": link("dataset.yaml", "{home}/.bashrc"),
+    "link to nothing outside": link("corrected", "{home}/new"),
+    "link of a frame": link("radiance/grating/frame_0001.exr", "{home}/.bashrc"),
+    "link of a store": link(COUNTS, "{home}/docs"),
+    "link of the lock": link(".lock", "{home}/.bashrc"),
+    "link of the lock to nothing": link(".lock", "{home}/new"),
+    "hard link of the lock": lambda root, home: os.link(home / ".bashrc", root / ".lock"),
+    "pipe as the lock": pipe(".lock"),
+    "link of what a kill left": link(".part-0123456789ab-x", "{home}/docs"),
+    "link of the redo folder": link(".redo", "{home}/docs"),
+    "move through a link": moving(
+        [".redo/link/.bashrc", "link/.bashrc"], ["link/docs"], {"link": "../home"}
+    ),
+    "move of absolute names": moving(["{home}/new"], ["{home}/docs"]),
+    "move by ..": moving(["../home/new"], ["../home/docs"]),
+    "move of no output": moving(["training"], ["radiance"]),
+    "move of a link": moving(
+        ["results/grating/flow.json"], [], {".redo/results/grating/flow.json": "../../../../x"}
+    ),
+    "move into itself": moving(["radiance/grating"], [], {".redo/radiance": "../radiance"}),
+    "move that is nested": text(".redo/publish.json", DEEP),
+    "move that is endless": link(".redo/publish.json", "/dev/zero"),
+    "pipe as settings": pipe("dataset.yaml"),
+    "pipe as the manifest": pipe("manifest.jsonl"),
+    "pipe as a record": pipe("radiance/grating/scene.json"),
+    "pipe as a result": pipe("results/grating/flow.json"),
+    "endless settings": link("dataset.yaml", "/dev/zero"),
+    "endless manifest": link("manifest.jsonl", "/dev/zero"),
+    "endless chunk": link(f"{COUNTS}/counts/c/0/0/0", "/dev/urandom"),
+    "large settings": sparse("dataset.yaml"),
+    "large manifest": sparse("manifest.jsonl"),
+    "large times": sparse("timings.json"),
+    "large metadata": sparse(f"{COUNTS}/zarr.json"),
+    "large record": sparse("radiance/grating/scene.json"),
+    "nested settings": text("dataset.yaml", DEEP[:5000]),
+    "nested manifest": text("manifest.jsonl", DEEP),
+    "nested times": text("timings.json", DEEP),
+    "nested record": consistent(text("radiance/grating/scene.json", DEEP)),
+    "nested results": consistent(text("results/grating/flow.json", DEEP)),
+    "nested thresholds": consistent(text("results/grating/benchmark.json", DEEP)),
+    "nested metadata": consistent(text(f"{COUNTS}/zarr.json", DEEP)),
+    "nested metadata of responses": consistent(text(f"{RESPONSES}/zarr.json", DEEP)),
+    "settings that are a list": text("dataset.yaml", "[1, 2]"),
+    "settings that are nothing": text("dataset.yaml", ""),
+    "manifest of numbers": text("manifest.jsonl", "1\n2\n"),
+    "manifest of a file outside": hashed("{home}/.bashrc", 8),
+    "manifest by ..": hashed("../home/.bashrc", 8),
+    "manifest of the folder itself": hashed(".", 1),
+    "manifest of a folder above": hashed("results/../..", 1),
+    "manifest of the settings": hashed("dataset.yaml", 1),
+    "name that is absolute": settings(lambda values, home: values.update(name=str(home))),
+    "name by ..": settings(lambda values, _: values.update(name="../../home/docs")),
+    "sensor's name by ..": settings(
+        lambda values, _: values["sensors"][0].update(name="../../../../home/docs/x")
+    ),
+}
+
+
+def state(root):
+    """Names, kinds, sizes, times and targets of everything in a folder."""
+    found = {}
+    for path in (root, *sorted(root.rglob("*"))):
+        seen = path.lstat()
+        target = str(path.readlink()) if path.is_symlink() else ""
+        found[str(path)] = (seen.st_mode, seen.st_size, seen.st_mtime_ns, target)
+    return found
+
+
+def outside(home):
+    """Everything in the home folder, with its content."""
+    return {
+        str(path): path.read_text("utf-8") if path.is_file() else None
+        for path in sorted(home.rglob("*"))
+    }
+
+
+def words(verb, more, root, out):
+    return [*verb.split(), str(root), *(each.format(root=root, out=out) for each in more)]
+
+
+class _TooSlowError(BaseException):
+    """Not to be caught by the program."""
+
+
+def run(command):
+    """The exit code of a command; fails where it takes too long."""
+
+    def stop(*_):
+        raise _TooSlowError
+
+    for number, timer, seconds in (
+        (signal.SIGPROF, signal.ITIMER_PROF, LONGEST_S),
+        (signal.SIGALRM, signal.ITIMER_REAL, 10 * LONGEST_S),
+    ):
+        signal.signal(number, stop)
+        signal.setitimer(timer, seconds)
+    try:
+        cli.main(command)
+    except SystemExit as stopped:
+        return stopped.code or 0
+    finally:
+        for timer in (signal.ITIMER_PROF, signal.ITIMER_REAL):
+            signal.setitimer(timer, 0)
+    return 0
+
+
+FAST = (
+    *("link to a folder", "link of the books", "link to nothing outside", "link of the lock"),
+    *("move of absolute names", "move of no output", "pipe as the manifest", "endless settings"),
+    *("manifest by ..", "name by .."),
+)
+"""What is refused at the door, of every kind: the others let some verbs work for seconds."""
+
+
+@pytest.mark.parametrize(
+    "harm", [pytest.param(each, marks=[pytest.mark.slow] * (each not in FAST)) for each in HARM]
+)
+def test_a_hostile_dataset_harms_nothing(whole, tmp_path, home, capsys, harm):
+    before = outside(home)
+    for verb, more in {**READING, **WORKING}.items():
+        root, out = tmp_path / "data", tmp_path / "out"
+        shutil.rmtree(root, ignore_errors=True)
+        shutil.copytree(whole, root)
+        HARM[harm](root, home)
+        was, around = state(root), set(tmp_path.iterdir()) | {out}
+        code = run(words(verb, more, root, out))
+        told = capsys.readouterr().err
+        assert "Traceback" not in told, verb
+        assert code in ((0, 1, 2) if verb.startswith("check") else (0, 2)), verb
+        if code == 2:
+            assert len(told.strip().splitlines()[-1]) < 1000, verb
+        assert outside(home) == before, verb
+        assert set(tmp_path.iterdir()) <= around, verb
+        if verb in READING and code:
+            assert state(root) == was, verb
+
+
+def test_a_second_process_obeys_no_planted_move(whole_copy, home):
+    moving([".redo/link/.bashrc", "link/.bashrc"], ["link/docs"], {"link": "../home"})(
+        whole_copy, home
+    )
+    before, was = outside(home), state(whole_copy)
+    done = subprocess.run(
+        [sys.executable, "-m", "megalopta", "report", str(whole_copy)],
+        capture_output=True, text=True, timeout=100, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert "link: a link that leads out of" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert outside(home) == before
+    assert state(whole_copy) == was
+
+
+HARM_TO_TREES = {
+    "link to a folder": link("sequences", "{home}/docs"),
+    "link of the card": link("card", "{home}/docs"),
+    "link to nothing outside": link("index.html", "{home}/new"),
+    "link of a split": link("splits/x", "{home}/docs"),
+    "pipe as the plan": pipe("dataset.yaml"),
+    "pipe as a record": pipe("sequences/000001.json"),
+    "endless record": link("sequences/000001.json", "/dev/zero"),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("harm", HARM_TO_TREES)
+def test_a_hostile_dataset_of_many_sequences_harms_nothing(
+    small_dataset, tmp_path, home, capsys, harm
+):
+    root, out, before = tmp_path / "data", tmp_path / "out", outside(home)
+    shutil.copytree(small_dataset, root, symlinks=True, copy_function=os.link)
+    HARM_TO_TREES[harm](root, home)
+    was = state(root)
+    for verb, more in OF_TREES.items():
+        assert run(words(verb, more, root, out)) == 2, verb
+        told = capsys.readouterr().err
+        assert "Traceback" not in told, verb
+        assert outside(home) == before, verb
+        assert state(root) == was, verb
+
+
+def test_a_dataset_in_a_folder_named_like_a_store_keeps_what_is_beside_it(whole, tmp_path, capsys):
+    above = tmp_path / "archive.zarr"
+    shutil.copytree(whole, above / "data")
+    (above / "precious").write_text("precious")
+    (above / "data/results/grating/benchmark.csv").unlink()
+    assert run(["benchmark", "photons", str(above / "data")]) == 0
+    assert (above / "precious").read_text() == "precious"
+    assert Path(above / "data/results/grating/benchmark.csv").exists()
+    capsys.readouterr()
