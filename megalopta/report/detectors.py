@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import zarr
 from PIL import Image
 
 from megalopta.arrays import Floats
@@ -23,7 +22,7 @@ from megalopta.report.images import ColorScale, Legend, map_scale
 from megalopta.report.motion import Wheel
 from megalopta.report.truth import against_truth, rotation_table, split_table
 from megalopta.report.verdicts import VerdictGroup, verdict_group
-from megalopta.sensor import ImageSensor
+from megalopta.sensor import ImageSensor, StoredFrames
 from megalopta.stages import responses_path
 
 _BRIGHT_PERCENTILE = 99.0
@@ -158,7 +157,7 @@ def _pair(
 def _read(path: Path, name: str, frame: int, shape: tuple[int, ...]) -> Floats:
     """One frame of an array that must have this shape."""
     try:
-        values: Any = zarr.open_group(path, mode="r")[name]
+        values: Any = StoredFrames.open(path, name).array
         if values.shape != shape:
             raise ValueError(f"{name} has shape {values.shape}")
         return np.asarray(values[frame], np.float64)

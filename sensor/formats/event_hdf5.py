@@ -54,7 +54,7 @@ def events_hdf5_writer(path: str | Path, origin: EventOrigin) -> Iterator[Callab
         atomic_write(Path(path)) as temporary,
         h5py.File(temporary, "w", libver=("v110", "latest")) as file,
     ):
-        file.attrs.update({"format": _FORMAT, "version": 1} | origin.attributes())
+        file.attrs.update({"format": _FORMAT} | origin.attributes())
         columns = {name: _column(file, name) for name in _TYPES}
         starts = [0]
 

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.format_numbers import check_format, written
 from megalopta.sensor.readout import Events
 
 PICOSECONDS = 1e12
@@ -55,6 +56,7 @@ class EventOrigin:
         """What a file tells of its origin."""
         frames, height, width = self.shape
         return {
+            "version": written("events"),
             "frames": frames,
             "height": height,
             "width": width,
@@ -124,8 +126,18 @@ def stored_events(
     y: NDArray[np.uint16],
     starts: NDArray[np.int64],
 ) -> StoredEvents:
-    """Events of the numbers of a file. Raises ValueError where they do not fit together."""
+    """Events of the numbers of a file.
+
+    Raises
+    ------
+    ValueError
+        When they do not fit together.
+    UserError
+        When another version of the program wrote them, whose format this one does not read.
+    """
     try:
+        version = int(attributes.get("version", 0))
+        check_format("events", {"version": version}, path, key="version")
         origin = _origin(attributes)
         _check_numbers(origin, t, x, y, starts)
     except (KeyError, TypeError, ValueError, OverflowError) as problem:

@@ -18,6 +18,7 @@ from .images import (
     expose_image as expose_image,
 )
 from .store import (
+    FORMAT_KEY as FORMAT_KEY,
     Origin as Origin,
     counts_writer as counts_writer,
 )

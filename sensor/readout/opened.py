@@ -13,9 +13,17 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
 from megalopta.errors import DamagedFileError
+from megalopta.format_numbers import check_format
 from megalopta.sensor import Expectation, Exposure
 from megalopta.sensor.readout.images import ImageSensor
-from megalopta.sensor.readout.store import FORMAT, MOMENTS, READINGS, Origin, StoredCounts
+from megalopta.sensor.readout.store import (
+    FORMAT,
+    FORMAT_KEY,
+    MOMENTS,
+    READINGS,
+    Origin,
+    StoredCounts,
+)
 
 _IMAGE_SENSOR: TypeAdapter[ImageSensor] = TypeAdapter(ImageSensor)
 _KINDS = {"counts": "uf", "saturated": "b", **dict.fromkeys(MOMENTS, "f")}
@@ -39,8 +47,12 @@ class StoredFrames:
         ------
         OSError, ValueError, KeyError
             When there is no such array.
+        UserError
+            When another version of the program wrote it, whose format this one does not read.
         """
-        return cls(path, cast("zarr.Array[Any]", zarr.open_group(path, mode="r")[name]))
+        group = zarr.open_group(path, mode="r")
+        check_format("counts", dict(group.attrs), path, FORMAT_KEY)
+        return cls(path, cast("zarr.Array[Any]", group[name]))
 
     def __len__(self) -> int:
         """Return the number of frames."""
@@ -108,6 +120,8 @@ def open_counts(path: str | Path) -> OpenedCounts:
         When there is nothing of this name.
     ValueError
         When it is something else, lacks a part or is damaged.
+    UserError
+        When another version of the program wrote it, whose format this one does not read.
     """
     path = Path(path)
     if not path.exists():
@@ -119,6 +133,7 @@ def open_counts(path: str | Path) -> OpenedCounts:
         raise ValueError(f"{path}: not a Zarr group; give a folder of counts") from problem
     if attributes.get("format") != FORMAT:
         raise ValueError(f"{path}: a Zarr group, but not one of counts; give a folder of counts")
+    check_format("counts", attributes, path, FORMAT_KEY)
     return _told(path, lambda: _opened(path, group, attributes))
 
 

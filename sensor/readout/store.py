@@ -19,10 +19,13 @@ import zarr
 from numpy.typing import NDArray
 
 from megalopta.files import atomic_write
+from megalopta.format_numbers import written
 from megalopta.sensor import Exposure
 from megalopta.sensor.readout.images import ImageSensor
 
 FORMAT = "megalopta counts"
+FORMAT_KEY = "format_number"
+"""Attribute of every Zarr group that the program writes."""
 READINGS = ("counts", "saturated")
 """Arrays of every store."""
 MOMENTS = ("photons", "mean_events", "events_variance", "mean_reading", "reading_variance")
@@ -139,6 +142,7 @@ def store_attributes(origin: Origin) -> dict[str, Any]:
     sequence = origin.sequence
     return {
         "format": FORMAT,
+        FORMAT_KEY: written("counts"),
         "sensor": origin.sensor.model_dump(mode="json"),
         "exposure_s": origin.sensor.exposure_s,
         "seed": operator.index(origin.seed),

@@ -1,5 +1,8 @@
 """Format numbers: today's is read, newer and older ones are refused in one sentence."""
 
+import re
+from pathlib import Path
+
 import pytest
 
 from megalopta.errors import UserError
@@ -26,3 +29,11 @@ def test_an_older_format_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_what_is_no_number_is_refused(found: object) -> None:
     with pytest.raises(UserError, match="not a format number"):
         check_format("dataset", {"format": found}, "file")
+
+
+def test_the_table_of_the_documentation_is_that_of_the_program() -> None:
+    text = (Path(__file__).parents[2] / "docs/file-formats.md").read_text("utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| .* \| (\d+) \| (\d+)–(\d+) \|$", text, re.MULTILINE)
+    told = {name: (int(written), int(oldest)) for name, written, oldest, _ in rows}
+    assert told == {name: tuple(each) for name, each in FORMATS.items()}
+    assert all(newest == now for _, now, _, newest in rows)

@@ -1,0 +1,102 @@
+"""A stage that was broken off goes on with the same renderer and libraries, or not at all."""
+
+import dataclasses
+import json
+
+import pytest
+
+from megalopta.dataset import open_dataset
+from megalopta.errors import UserError
+from megalopta.stages import STAGES, Ledger, registry, run_stage
+from megalopta.stages.render import FrameWriter
+
+from .test_pipeline import content
+
+
+@pytest.fixture
+def begun(whole, tmp_path, monkeypatch):
+    """A dataset whose rendering stopped in its third frame."""
+    write = FrameWriter.write
+
+    def interrupted(self, index):
+        if index == 2:
+            raise KeyboardInterrupt
+        write(self, index)
+
+    root = tmp_path / "begun"
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr(FrameWriter, "write", interrupted)
+        run_stage(root, open_dataset(whole).configuration, "render")
+    return open_dataset(root)
+
+
+def with_backend(configuration, backend):
+    rendering = configuration.render.model_copy(update={"backend": backend})
+    return configuration.model_copy(update={"render": rendering})
+
+
+def test_frames_of_two_variants_are_not_mixed(begun):
+    before = content(begun.root)
+    scalar = with_backend(begun.configuration, "scalar")
+    if "llvm" not in STAGES["render"].machinery(begun.configuration):
+        pytest.skip("no LLVM here")
+    with pytest.raises(
+        UserError, match=r"'render' output is not whole .*variant: llvm_ad_\w+ → scalar_.*--redo"
+    ):
+        run_stage(begun.root, scalar, "render")
+    assert content(begun.root) == before
+    run_stage(begun.root, scalar, "render", redo=True)
+    assert json.loads(begun.scene_record.read_text("utf-8"))["variant"] == "scalar_spectral"
+
+
+def test_with_the_same_it_goes_on_to_the_same_bytes(begun, whole):
+    run_stage(begun.root, begun.configuration, "render")
+    expected = content(whole / "radiance") | content(whole / "truth")
+    found = content(begun.root / "radiance") | content(begun.root / "truth")
+    assert found == expected
+    (line,) = Ledger(begun).manifest()
+    assert line == Ledger(open_dataset(whole)).manifest()[0]
+
+
+def test_a_finished_stage_is_kept_whatever_made_it(whole_copy, capsys):
+    before = content(whole_copy)
+    scalar = with_backend(open_dataset(whole_copy).configuration, "scalar")
+    run_stage(whole_copy, scalar, "render")
+    assert "has it already" in capsys.readouterr().err
+    assert content(whole_copy).keys() == before.keys()
+    assert all(content(whole_copy)[n] == before[n] for n in before if n != "dataset.yaml")
+
+
+@pytest.mark.parametrize("what", ["model", "machinery"])
+def test_counts_of_two_sensor_models_or_libraries_are_not_mixed(whole_copy, monkeypatch, what):
+    dataset = open_dataset(whole_copy)
+    Ledger(dataset).forget("sense")
+    Ledger(dataset).begin("sense")
+    (whole_copy / "counts/grating/spadcam-starlight.zarr").mkdir(parents=True)  # one of several
+    manifest = whole_copy / "manifest.jsonl"
+    changed = {"model": lambda: "8"} if what == "model" else {"machinery": lambda _: {"numpy": "9"}}
+    other = dataclasses.replace(registry.STAGES["sense"], **changed)
+    monkeypatch.setitem(registry.STAGES, "sense", other)
+    before = manifest.read_text("utf-8")
+    with pytest.raises(
+        UserError, match=r"'sense' output is not whole .*(model: 7 → 8|numpy: .* → 9)"
+    ):
+        run_stage(whole_copy, dataset.configuration, "sense")
+    assert manifest.read_text("utf-8") == before
+
+
+def test_a_damaged_frame_is_not_replaced_by_another_renderers(whole_copy):
+    dataset = open_dataset(whole_copy)
+    if "llvm" not in STAGES["render"].machinery(dataset.configuration):
+        pytest.skip("no LLVM here")
+    dataset.radiance(1).write_bytes(bytes(dataset.radiance(1).stat().st_size))
+    with pytest.raises(UserError, match=r"not whole .*variant: llvm_ad_\w+ → scalar_spectral"):
+        run_stage(whole_copy, with_backend(dataset.configuration, "scalar"), "render")
+
+
+def test_a_stage_of_which_nothing_came_is_not_remembered(whole_copy):
+    dataset = open_dataset(whole_copy)
+    Ledger(dataset).forget("render")
+    Ledger(dataset).begin("render")
+    Ledger(dataset).withdraw("render")
+    assert not (whole_copy / "manifest.jsonl").exists()
