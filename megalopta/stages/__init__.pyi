@@ -6,14 +6,14 @@ from .estimate import (
 from .flow import responses_path as responses_path
 from .ledger import Ledger as Ledger
 from .noise_warning import variances as variances
+from .origins import (
+    provenance as provenance,
+    provenance_changes as provenance_changes,
+)
 from .pipeline import (
     check_stage as check_stage,
     run_all as run_all,
     run_stage as run_stage,
-)
-from .provenance import (
-    provenance as provenance,
-    provenance_changes as provenance_changes,
 )
 from .redo import (
     finish_move as finish_move,
