@@ -56,6 +56,7 @@ def sense(dataset: Dataset) -> None:
         ExitStack() as stores,
     ):
         films = [_Film(dataset, *each, stores) for each in missing]
+        _check_events(dataset, films)
         for first, radiance in read_radiance_frames(dataset) if films else ():
             following = next_frames(dataset, first, radiance)
             for film in films:
@@ -65,6 +66,14 @@ def sense(dataset: Dataset) -> None:
         levels = dataset.configuration.light_levels
         write_corrected(dataset, sensor, [open_exposure(dataset, sensor, each) for each in levels])
     _write_final_images(dataset)
+
+
+def _check_events(dataset: Dataset, films: Sequence["_Film"]) -> None:
+    """Refuse light with more events in a frame than fit into memory, before anything is drawn."""
+    films = [film for film in films if film.has_events]
+    for first, radiance in read_radiance_frames(dataset) if films else ():
+        for film in films:
+            film.check_events(first, radiance)
 
 
 def _missing(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> list[ProductName]:
@@ -84,6 +93,7 @@ class _Film:
         stores: ExitStack,
     ) -> None:
         self._settings, self._sensor, self._level = dataset.configuration, sensor, level
+        self.has_events = any(each.startswith("events") for each in products)
         self._sequence = f"{dataset.sequence}/{exposure_name(sensor, level)}"
         self._scale = light_scale(self._settings, level).astype(np.float32)
         origin = Origin(
@@ -109,9 +119,24 @@ class _Film:
         self, first: int, radiance: NDArray[np.float32], following: NextFrames | None
     ) -> None:
         """Expose frames (n, H, W, B) from a number on."""
+        shot = self._shot(first, radiance, following)
+        with _refusals_told(self._sensor, self._level):
+            for write in self._writers:
+                write(shot)
+        if self._arrays is not None:
+            self._arrays = shot.arrays_after
+
+    def check_events(self, first: int, radiance: NDArray[np.float32]) -> None:
+        """Refuse, with UserError, frames (n, H, W, B) with more events than fit into memory."""
+        with _refusals_told(self._sensor, self._level):
+            self._shot(first, radiance, None).check_events()
+
+    def _shot(
+        self, first: int, radiance: NDArray[np.float32], following: NextFrames | None
+    ) -> Shot:
         if following is not None:
             following = replace(following, radiance=following.radiance * self._scale)
-        shot = Shot(
+        return Shot(
             radiance=radiance * self._scale,
             bands_nm=self._settings.render.bands_nm,
             sensor=self._sensor,
@@ -124,11 +149,6 @@ class _Film:
             burst_frames=burst_frames(self._settings),
             arrays=self._arrays,
         )
-        with _refusals_told(self._sensor, self._level):
-            for write in self._writers:
-                write(shot)
-        if self._arrays is not None:
-            self._arrays = shot.arrays_after
 
 
 def _unusual(settings: Configuration) -> dict[str, Any]:

@@ -150,6 +150,17 @@ class Shot:
         middles = (np.arange(self.sub_frames) + 0.5) / self.sub_frames
         return light_between(self._frames, self.following, frame, middles * share)
 
+    def check_events(self) -> None:
+        """Refuse, with ValueError, light with more events in a frame than fit into memory."""
+        for rate in self._detections_hz:
+            parts = rate.shape[0] if rate.ndim == 3 else 1
+            arrivals = float(rate.sum()) / parts * self.sensor.exposure_s
+            if arrivals > MOST_EVENTS:
+                raise ValueError(
+                    f"about {arrivals:.2g} events in a frame, more than {MOST_EVENTS:.0e}; give a "
+                    "darker level, a shorter exposure_s or a smaller image, or no events"
+                )
+
     def events(self) -> Iterator[Events]:
         """Events, frame by frame.
 
@@ -158,15 +169,9 @@ class Shot:
         ValueError
             When there would be more of a frame than fit into memory.
         """
+        self.check_events()
         array = self._array("events")
         for index, rate in enumerate(self._detections_hz):
-            parts = rate.shape[0] if rate.ndim == 3 else 1
-            arrivals = float(rate.sum()) / parts * self.sensor.exposure_s
-            if arrivals > MOST_EVENTS:
-                raise ValueError(
-                    f"about {arrivals:.2g} events in a frame, more than {MOST_EVENTS:.0e}; give a "
-                    "darker level, a shorter exposure_s or a smaller image, or no events"
-                )
             frame = self.first_frame + index
             yield expose_events(
                 rate[np.newaxis],

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from megalopta.config import load
+from megalopta.dataset import Dataset
 from megalopta.errors import UserError
+from megalopta.render import write_radiance
 from megalopta.sensor import Crosstalk, ctia_preset, preset
 from megalopta.sensor.formats import Shot, check_product, read_events, read_frames
 from megalopta.sensor.readout import histogram
@@ -114,6 +116,22 @@ def test_more_events_than_memory_holds_are_refused_in_one_sentence():
     )  # fmt: skip
     with pytest.raises(ValueError, match="events in a frame, more than"):
         next(shot.events())
+
+
+def test_too_many_events_of_the_last_frame_are_refused_before_any_is_drawn(
+    tiny, tmp_path, monkeypatch
+):
+    dataset, drawn = Dataset(tmp_path, settings(tiny)), []
+    bands, shape = tiny.render.bands_nm, (tiny.camera.height, tiny.camera.width, 2)
+    for index in range(24):
+        light = np.full(shape, 1e-9 if index < 23 else 1e3, np.float32)
+        write_radiance(dataset.radiance(index), light, bands, {})
+    original = Shot.events
+    monkeypatch.setattr(Shot, "events", lambda shot: drawn.append(shot) or original(shot))
+    with pytest.raises(UserError, match="sense: ideal at 1e-05lux: about .* events in a frame"):
+        sense(dataset)
+    assert not drawn
+    assert not list(tmp_path.rglob("*.h5"))
 
 
 def test_refusal_comes_before_the_work_and_names_the_sensor(tiny, sensed):
