@@ -16,6 +16,7 @@ from pydantic import (
     model_validator,
 )
 
+from megalopta.bounded import quoted
 from megalopta.config.built_in import built_in_names, built_in_text
 from megalopta.config.measuring import CalibrationFrames, FlowSettings, SequenceBenchmark
 from megalopta.config.yaml_model import mapping, read_text, validated
@@ -36,6 +37,9 @@ LightLevel = float | str
 
 # Longer ones, such as a recorded path, are cut where two configurations are compared.
 _LONGEST_VALUE = 60
+# Files are named by sensor, repeat, level and product, and have a prefix while they are written:
+# 255 bytes are the most that file systems allow.
+_LONGEST_NAME = 100
 
 
 class Configuration(Record, frozen=True):
@@ -213,6 +217,8 @@ def level_text(level: LightLevel) -> str:
 def _folder_name(name: str) -> str:
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]*", name):
         raise ValueError(f"{name!r} cannot name a folder: use letters, digits, - and _")
+    if len(name) > _LONGEST_NAME:
+        raise ValueError(f"{quoted(name, 40)!r}: use a name of at most {_LONGEST_NAME} characters")
     return name
 
 

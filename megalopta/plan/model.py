@@ -6,14 +6,17 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator
 
+from megalopta.bounded import quoted
 from megalopta.config import built_in_names, mapping, read_text, validated
 from megalopta.errors import UserError
 from megalopta.flow.benchmark import each_once
+from megalopta.format_numbers import check_format
 from megalopta.plan.ranges import check_ranges
 from megalopta.record import Record
 from megalopta.sensor.formats import ProductName
 
 FlowFile = Literal["kitti_png", "flo5"]
+_LONGEST_SPLIT = 60
 Entry = str | float | dict[str, Any]
 """A name, a number, or fields, any of which may be a range."""
 
@@ -117,8 +120,11 @@ class Plan(Record, frozen=True):
     @classmethod
     def _splits_are_shares(cls, splits: dict[str, float]) -> dict[str, float]:
         for name in splits:
-            if not name.isidentifier() or name == "sample":
-                raise ValueError(f"{name!r} cannot name a split: use letters, digits and _")
+            if not name.isidentifier() or len(name) > _LONGEST_SPLIT or name == "sample":
+                raise ValueError(
+                    f"{quoted(name, 60)!r} cannot name a split: use letters, digits and _, at most "
+                    f"{_LONGEST_SPLIT}"
+                )
         if not sum(splits.values()) > 0:
             raise ValueError("give at least one split a share above 0")
         return splits
@@ -137,6 +143,7 @@ def load_plan(path: Path, overrides: Mapping[str, str] | None = None) -> Plan:
     path = path / "dataset.yaml" if path.is_dir() else path
     values = mapping(read_text(path, "plan; give a YAML file"), str(path))
     if "megalopta" in values:
+        check_format("dataset", values, path)
         if "plan" not in values:
             raise UserError(f"{path}: a dataset of one sequence, without a plan; give a YAML file")
         values = values["plan"]

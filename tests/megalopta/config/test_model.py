@@ -160,6 +160,8 @@ def test_missing_map_and_missing_device_are_named(measured):
         ("sensors: []", "sensors: empty; give at least one"),
         ("sensors: [{preset: [spadcam]}]", "is unknown: use one of"),
         ("name: ../up", "cannot name a folder"),
+        (f"name: {'x' * 101}", "at most 100 characters"),
+        (f"sensors: [{{preset: ideal, name: {'x' * 300}}}]", "at most 100 characters"),
         ("sensors: [{preset: ideal, name: ../../up}]", "'../../up' cannot name a folder"),
         ("light_levels: [0.1, 1e-1]", "each level once"),
         ("seed: abc", "seed: .*valid integer.*, got 'abc'"),
