@@ -3,12 +3,14 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from megalopta import bounded
 from megalopta.config import validated
 from megalopta.dataset import Dataset, open_dataset
 from megalopta.enclosure import check_enclosed
 from megalopta.errors import UserError
 from megalopta.flow.detectors import Method
 from megalopta.folders import locked
+from megalopta.format_numbers import check_format
 from megalopta.ranking.light import lit
 from megalopta.ranking.methods import velocity_methods
 from megalopta.ranking.page import NAME, write_ranking
@@ -25,9 +27,13 @@ FOLDER = "ranking"
 def read_ranking(folder: Path) -> Ranking | None:
     """Read what `run_ranking` has written to a folder; None where nothing is. Raises UserError."""
     path = folder / NAME
+    if not path.exists():
+        return None
     try:
-        return Ranking.model_validate_json(path.read_text("utf-8")) if path.exists() else None
-    except (OSError, ValueError):
+        values = bounded.read_json(path)
+        check_format("ranking", values, path)
+        return Ranking.model_validate(values)
+    except (OSError, ValueError, AttributeError):
         raise UserError(f"{path} is damaged; remove it, or rank the methods again") from None
 
 
@@ -76,7 +82,10 @@ def sequences_of(root: Path) -> list[Dataset]:
     tree = Tree(root)
     check_enclosed(root)
     if tree.records.is_dir():
-        return [tree.dataset(tree.record(name)) for name in tree.names()]
+        datasets = [tree.opened(name)[1] for name in tree.names()]
+        if not datasets:
+            raise UserError(f"{root}: no finished sequence; run megalopta dataset make")
+        return list(datasets)
     dataset = open_dataset(root)
     Ledger(dataset).require("render")
     return [dataset]

@@ -5,6 +5,7 @@ from functools import cached_property
 
 from pydantic import FiniteFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
+from megalopta.format_numbers import written
 from megalopta.ranking.pooling import Pooling
 from megalopta.ranking.settings import RankingSettings
 from megalopta.record import Record
@@ -95,6 +96,8 @@ class YawRateError(Record, frozen=True):
 class Ranking(Record, frozen=True):
     """What was measured, over all sequences."""
 
+    format: NonNegativeInt = written("ranking")
+    """Of this file (`format_numbers`)"""
     settings: RankingSettings
     sequences: tuple[str, ...]
     frames: PositiveInt

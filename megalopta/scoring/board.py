@@ -2,21 +2,21 @@
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
-from pydantic import ValidationError
-
-from megalopta import files
+from megalopta import bounded, files
 from megalopta.errors import UserError
 from megalopta.folders import locked
+from megalopta.format_numbers import check_format
 from megalopta.scoring.scores import Entry
 
 
 def read_board(path: Path) -> tuple[Entry, ...]:
     """Read the entries of a leaderboard; none where there is no file. Raises UserError."""
     try:
-        lines = path.read_text("utf-8").splitlines() if path.exists() else []
-        return tuple(Entry.model_validate_json(line) for line in lines)
-    except (OSError, ValidationError, ValueError):
+        lines = bounded.read_text(path).splitlines() if path.exists() else []
+        return tuple(_entry(bounded.from_json(line), path) for line in lines)
+    except (OSError, ValueError, AttributeError):
         raise UserError(f"{path} is no leaderboard, or damaged; give another file") from None
 
 
@@ -31,6 +31,11 @@ def add_entries(path: Path, entries: Iterable[Entry]) -> tuple[Entry, ...]:
         kept = tuple(each for each in read_board(path) if _key(each) not in replaced)
         files.write_text(path, "".join(f"{each.model_dump_json()}\n" for each in (*kept, *new)))
     return (*kept, *new)
+
+
+def _entry(values: Any, path: Path) -> Entry:
+    check_format("scores", values, path)
+    return Entry.model_validate(values)
 
 
 def _key(entry: Entry) -> tuple[str, str, str]:

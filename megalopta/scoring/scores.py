@@ -15,6 +15,7 @@ from megalopta.errors import UserError
 from megalopta.flow.detectors import Method
 from megalopta.flow.files import read_flow
 from megalopta.flow.metrics import GROUPS, DenseError, DenseErrors
+from megalopta.format_numbers import written
 from megalopta.freshness import digest
 from megalopta.progress import progress
 from megalopta.record import Record
@@ -48,6 +49,8 @@ Groups = Mapping[str, GroupErrors]
 class Entry(Record, frozen=True):
     """A program's flow over one pass, as a line of the leaderboard."""
 
+    format: NonNegativeInt = written("scores")
+    """Of this line (`format_numbers`)"""
     program: str
     pass_name: str
     """Sintel's "clean" or "final"; empty where there is none"""
@@ -62,6 +65,8 @@ class Entry(Record, frozen=True):
 class Scores(Record, frozen=True):
     """An entry for each pass, and the errors of every sequence."""
 
+    format: NonNegativeInt = written("scores")
+    """Of this file (`format_numbers`)"""
     entries: tuple[Entry, ...]
     sequences: tuple[Mapping[str, Groups], ...]
     """By name, of each entry"""

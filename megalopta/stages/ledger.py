@@ -13,7 +13,7 @@ from megalopta.dataset import Dataset, file_hash, files_in, is_as_written
 from megalopta.errors import UserError
 from megalopta.freshness import digest
 from megalopta.progress import progress
-from megalopta.stages.provenance import provenance, provenance_changes
+from megalopta.stages.origins import provenance, provenance_changes
 from megalopta.stages.registry import STAGES, with_dependents
 
 _WORTH_TELLING_BYTES = 5e9

@@ -26,7 +26,7 @@ from megalopta.enclosure import check_enclosed, check_no_links
 from megalopta.errors import UserError
 from megalopta.folders import locked
 from megalopta.stages.ledger import Ledger
-from megalopta.stages.provenance import provenance
+from megalopta.stages.origins import provenance
 from megalopta.stages.registry import STAGES
 
 _BOOKS = ("timings.json", "manifest.jsonl", "dataset.yaml")

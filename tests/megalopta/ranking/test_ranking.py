@@ -8,6 +8,7 @@ import pytest
 from megalopta.cli import main as cli
 from megalopta.config import load
 from megalopta.dataset import open_dataset
+from megalopta.errors import UserError
 from megalopta.flow.detectors import METHODS
 from megalopta.ranking import (
     BOUND,
@@ -136,6 +137,21 @@ def test_functions_and_references_are_methods_too(grating, tmp_path, monkeypatch
             assert mean == pytest.approx(found[*case, STILL]["mean"], abs=1e-12)
     ranking = read_ranking(tmp_path / "out")
     assert ranking.settings.methods == ("BM", "mine_flow:flow", "still")
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ('{"format": 2}', "ranking format 2 is newer than 1"),
+        ("[" * 100_000, "is damaged"),
+        ("7", "is damaged"),
+        ("{}", "is damaged"),
+    ],
+)
+def test_what_is_no_ranking_of_this_format_is_told(tmp_path, text, told):
+    (tmp_path / "ranking.json").write_text(text)
+    with pytest.raises(UserError, match=told):
+        read_ranking(tmp_path)
 
 
 def order(group, better, worse, p=1e-6):

@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 
 from megalopta.cli import main as cli
+from megalopta.errors import UserError
 from megalopta.flow.detectors import METHODS
 from megalopta.flow.files import read_flow, write_flo
 from megalopta.flow.metrics import DenseErrors
@@ -193,6 +194,16 @@ def test_a_leaderboard_keeps_the_last_entry_of_each_program(tree, tmp_path, caps
     assert entries[1].overall["all"].epe_px == 0
     assert entries[1].overall["all"].wauc_percent == 100
     assert "oracle" in printed and "dis" in printed
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [('{"format": 2}', "scores format 2 is newer than 1"), ("[" * 100_000, "no leaderboard")],
+)
+def test_a_line_of_another_format_is_told(tmp_path, line, told):
+    (tmp_path / "board.jsonl").write_text(f"{line}\n")
+    with pytest.raises(UserError, match=told):
+        read_board(tmp_path / "board.jsonl")
 
 
 def test_frames_must_pair_strictly(tree, tmp_path, capsys):
