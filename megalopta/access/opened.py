@@ -10,7 +10,7 @@ from megalopta.access.sequence import Sequence, stored_exposures
 from megalopta.dataset import open_dataset as open_one
 from megalopta.enclosure import check_enclosed
 from megalopta.errors import UserError
-from megalopta.tree import Tree
+from megalopta.tree import Tree, read_lists
 
 _KEPT = 64
 
@@ -59,10 +59,8 @@ class OpenedDataset:
 
     @property
     def splits(self) -> dict[str, tuple[str, ...]]:
-        """Names of the sequences of every split, "sample" among them."""
-        lists = sorted((self.root / "splits").glob("*.txt"))
-        found = {path.stem: tuple(path.read_text("utf-8").split()) for path in lists}
-        return found or {"all": self.names}
+        """Names of the sequences of every split, "sample" among them. Raises UserError."""
+        return read_lists(self.root, self.names) or {"all": self.names}
 
     def of_split(self, split: str) -> list[Sequence]:
         """Return the sequences of a split. Raises UserError where there is none."""
@@ -97,9 +95,9 @@ class OpenedDataset:
     def _opened(self, name: str) -> Sequence:
         if self._one:
             return Sequence(self._one, "all", stored_exposures(self._one.configuration))
-        record = self._tree.record(name)
+        record, dataset = self._tree.opened(name)
         units = {each.name: each.unit for each in record.statistics.exposures}
-        return Sequence(self._tree.dataset(record), record.split, units)
+        return Sequence(dataset, record.split, units)
 
 
 def open_dataset(root: str | Path) -> OpenedDataset:

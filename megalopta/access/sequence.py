@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from functools import cached_property, lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from megalopta.access.new_light import drawn_counts
 from megalopta.config import Configuration, LightLevel
 from megalopta.dataset import Dataset, exposure_name
 from megalopta.errors import UserError
+from megalopta.tree import FinishedSequence
 
 if TYPE_CHECKING:
     import xarray
@@ -106,7 +108,7 @@ class Sequence:
         Quantities besides are "saturated", and of the mean over noise "photons", "mean_reading",
         "reading_variance". Raises UserError where there is no such exposure.
         """
-        return _lazy(self._opened(self._exposure(exposure))[quantity])
+        return self._lazy(self._opened(self._exposure(exposure))[quantity], quantity)
 
     def corrected(self, exposure: str | None = None, quantity: str = "detections") -> LazyFrames:
         """Corrected frames of a SPAD array (T, H, W); by default of the first exposure.
@@ -119,7 +121,7 @@ class Sequence:
         name = f"{self._exposure(exposure)}.zarr"
         path = self.dataset.root / "corrected" / self.name / name
         try:
-            return _lazy(StoredFrames.open(path, quantity))
+            return self._lazy(StoredFrames.open(self._store(path), quantity), quantity)
         except (OSError, ValueError, KeyError):
             raise UserError(
                 f"{path} holds no corrected frames ({quantity}); make them with: "
@@ -236,9 +238,28 @@ class Sequence:
 
         path = self.dataset.root / "counts" / self.name / f"{name}.zarr"
         try:
-            return open_counts(path)
+            return open_counts(self._store(path))
         except (OSError, ValueError) as problem:
             raise UserError(str(problem)) from None
+
+    def _store(self, path: Path) -> Path:
+        whole = self.dataset
+        return whole.store(path) if isinstance(whole, FinishedSequence) else path
+
+    def _lazy(self, stored: "StoredFrames", quantity: str) -> LazyFrames:
+        def read(numbers: list[int]) -> NDArray[Any]:
+            if isinstance(self.dataset, FinishedSequence):
+                chunks = {number // stored.array.chunks[0] for number in numbers}
+                self.dataset.compare_chunks(stored.path / quantity, sorted(chunks))
+            return stored[numbers]
+
+        return LazyFrames(
+            stored.shape,
+            np.dtype(stored.array.dtype),
+            str(stored.array.attrs["unit"]),
+            ("frame", "row", "column"),
+            read,
+        )
 
 
 def stored_exposures(configuration: Configuration) -> dict[str, str]:
@@ -248,13 +269,3 @@ def stored_exposures(configuration: Configuration) -> dict[str, str]:
         for sensor in configuration.sensors
         for level in configuration.light_levels
     }
-
-
-def _lazy(stored: "StoredFrames") -> LazyFrames:
-    return LazyFrames(
-        stored.shape,
-        np.dtype(stored.array.dtype),
-        str(stored.array.attrs["unit"]),
-        ("frame", "row", "column"),
-        stored.__getitem__,
-    )

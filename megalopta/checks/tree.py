@@ -4,25 +4,43 @@ Every file against its hash, shapes against the configuration, the records again
 index against the Croissant file, and of a few sequences the truth derived another way.
 """
 
-import hashlib
 import json
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pyarrow.parquet as pq
 from rich.console import Console
 
 from megalopta import files
+from megalopta.bounded import printable
 from megalopta.checks.integrity import Fault, wrong_shape
 from megalopta.checks.truth import check_truth
-from megalopta.dataset import file_hash, files_in, whole_of
+from megalopta.dataset import Dataset, files_in, whole_of
 from megalopta.errors import UserError
+from megalopta.folders import LOCK_NAME
+from megalopta.making import MADE, recorded_machinery, staged_sequences
 from megalopta.plan import sequence_name
 from megalopta.progress import progress, silent
-from megalopta.tree import SequenceRecord, Tree
+from megalopta.stages import provenance_changes
+from megalopta.tree import (
+    BOOKS,
+    TABLES,
+    FinishedSequence,
+    SequenceRecord,
+    Tree,
+    difference,
+    is_as_written,
+    is_in_manifest,
+    read_lists,
+    read_manifest,
+    table_path,
+)
 
-_OWN = ("dataset.yaml", "manifest.jsonl", "croissant.json", "README.md", "index.html")
-_OWN_FOLDERS = ("index", "splits", "sequences", "card")
+_OWN = (
+    *("dataset.yaml", "manifest.jsonl", "croissant.json", "README.md", "index.html"),
+    *("failed.jsonl", LOCK_NAME),
+)
 
 
 def run_check_tree(root: Path, truths: int, console: Console | None = None) -> bool:
@@ -34,8 +52,8 @@ def run_check_tree(root: Path, truths: int, console: Console | None = None) -> b
     faults = check_tree(tree, truths)
     for fault in faults:
         console.print(
-            f"{fault.path}: {fault.what}; {fault.remedy}", markup=False, highlight=False,
-            soft_wrap=True,
+            printable(f"{fault.path}: {fault.what}; {fault.remedy}"),
+            markup=False, highlight=False, soft_wrap=True,
         )  # fmt: skip
     names = tree.names()
     console.print(
@@ -49,22 +67,23 @@ def check_tree(tree: Tree, truths: int = 0) -> list[Fault]:
     """Everything that is not as it was written, or is missing."""
     plan, names = tree.plan(), tree.names()
     faults = list(_unmade(tree, plan.sequences, names))
-    faults += _index_faults(tree, names)
+    faults += _manifest_faults(tree, names)
+    faults += _table_faults(tree, len(names))
+    faults += _list_faults(tree, names)
     known: set[Path] = set()
+    machinery: dict[str, str] = {}
     chosen = set(names[:: max(1, len(names) // truths)][:truths]) if truths else set()
     with progress("Checking sequences", len(names), "sequence") as advance:
         for name in names:
             try:
                 record = tree.record(name)
+                known.update(tree.root / path for path in record.files)
+                machinery[name] = _machinery(record)
+                faults += _sequence_faults(tree, record, tree.dataset(record), name in chosen)
             except UserError as problem:
                 faults.append(Fault(tree.record_path(name), "is damaged", str(problem)))
-                continue
-            known.update(tree.root / path for path in record.files)
-            faults += _file_faults(tree, record)
-            if name in chosen and not any(name in fault.path.parts for fault in faults):
-                faults += _truth_faults(tree, record)
             advance()
-    return [*faults, *_unknown(tree, known)]
+    return [*faults, *_mixture(tree, machinery), *_unfinished(tree), *_unknown(tree, known)]
 
 
 def _unmade(tree: Tree, sequences: int, names: list[str]) -> Iterator[Fault]:
@@ -75,86 +94,141 @@ def _unmade(tree: Tree, sequences: int, names: list[str]) -> Iterator[Fault]:
         yield Fault(
             tree.record_path(first),
             f"{missing} sequences of the plan are not made, this is the first",
-            f"run: megalopta dataset make {tree.root} --out {tree.root}",
+            _again(tree),
         )
 
 
-def _index_faults(tree: Tree, names: list[str]) -> Iterator[Fault]:
-    again = f"run: megalopta dataset make {tree.root} --out {tree.root}"
-    manifest, described = tree.root / "manifest.jsonl", tree.root / "croissant.json"
+def _again(tree: Tree) -> str:
+    return f"run: megalopta dataset make {tree.root} --out {tree.root}"
+
+
+def _manifest_faults(tree: Tree, names: list[str]) -> Iterator[Fault]:
+    path = tree.root / "manifest.jsonl"
     try:
-        lines = map(json.loads, manifest.read_text("utf-8").splitlines())
-        hashes = {line["sequence"]: line["record"] for line in lines}
-    except (OSError, ValueError, KeyError, TypeError):
-        yield Fault(manifest, "is missing or damaged", again)
+        hashes = read_manifest(tree.root)
+    except UserError as problem:
+        yield Fault(path, "is damaged", str(problem))
         return
     if sorted(hashes) != names:
-        yield Fault(manifest, f"lists {len(hashes)} sequences, there are {len(names)}", again)
-    for name in set(names) & hashes.keys():
-        if file_hash(tree.record_path(name)) != hashes[name]:
-            yield Fault(
-                tree.record_path(name), "is not as it was written", f"remove it and {again}"
-            )
+        yield Fault(path, f"lists {len(hashes)} sequences, there are {len(names)}", _again(tree))
+    for record in map(tree.record_path, set(names) & hashes.keys()):
+        if what := _record_fault(record, hashes):
+            remedy = _again(tree) if "exposed" in what else f"remove it and {_again(tree)}"
+            yield Fault(record, what, remedy)
+
+
+def _record_fault(record: Path, hashes: Mapping[str, str]) -> str | None:
     try:
-        parts = json.loads(described.read_text("utf-8"))["distribution"]
-        for part in (each for each in parts if "sha256" in each):
-            table = tree.root / part["contentUrl"]
-            if hashlib.sha256(table.read_bytes()).hexdigest() != part["sha256"]:
-                yield Fault(table, "is not as it was written", again)
-            elif part["name"] == "sequences.parquet":
-                rows = pq.read_metadata(table).num_rows
-                if rows != len(names):
-                    yield Fault(table, f"has {rows} rows for {len(names)} sequences", again)
-    except (OSError, ValueError, KeyError, TypeError) as problem:
-        yield Fault(described, f"or a table of it is missing or damaged ({problem})", again)
+        if is_in_manifest(record, hashes):
+            return None
+        if is_as_written(record, hashes):
+            return "was exposed since the index was written"
+    except UserError:  # which is told where the record is read
+        return None
+    return "is not as it was written"
 
 
-def _file_faults(tree: Tree, record: SequenceRecord) -> list[Fault]:
-    dataset, faults = tree.dataset(record), dict[Path, Fault]()
-    remedy = (
-        f"remove {tree.record_path(record.sequence)} and run: megalopta dataset make {tree.root} "
-        f"--out {tree.root}"
-    )
+def _table_faults(tree: Tree, sequences: int) -> Iterator[Fault]:
+    for name in TABLES:
+        try:
+            table = table_path(tree.root, name)
+            rows = pq.read_metadata(table).num_rows
+        except (UserError, OSError, ValueError) as problem:
+            path = tree.root / "index" / f"{name}.parquet"
+            yield Fault(path, f"cannot be relied on ({problem})", _again(tree))
+            continue
+        if name == "sequences" and rows != sequences:
+            yield Fault(table, f"has {rows} rows for {sequences} sequences", _again(tree))
+
+
+def _list_faults(tree: Tree, names: list[str]) -> Iterator[Fault]:
+    try:
+        read_lists(tree.root, names)
+    except UserError as problem:
+        yield Fault(tree.root / "splits", "cannot be relied on", str(problem))
+
+
+def _sequence_faults(
+    tree: Tree, record: SequenceRecord, dataset: FinishedSequence, with_truth: bool
+) -> list[Fault]:
+    faults = _file_faults(tree, record, dataset)
+    return faults if faults or not with_truth else list(_truth_faults(tree, dataset))
+
+
+def _machinery(record: SequenceRecord) -> str:
+    """With what a sequence was made, and the backend that was asked for: of these it may differ."""
+    made = {stage: recorded_machinery(record, stage) for stage in MADE}
+    backend = record.configuration.get("render", {}).get("backend")
+    return json.dumps({"made": made, "backend": backend}, sort_keys=True)
+
+
+def _mixture(tree: Tree, machinery: Mapping[str, str]) -> Iterator[Fault]:
+    """Sequences that were made otherwise than most: their bytes are not those of one program."""
+    by_backend: dict[str, Counter[str]] = {}
+    for each in machinery.values():
+        by_backend.setdefault(json.loads(each)["backend"], Counter())[each] += 1
+    most = {name: json.loads(all_.most_common(1)[0][0]) for name, all_ in by_backend.items()}
+    for name, each in machinery.items():
+        own = json.loads(each)
+        usual = most[own["backend"]]["made"]
+        told = {s: provenance_changes(usual[s], own["made"][s]) for s in MADE}
+        if any(told.values()):
+            what = "; ".join(f"{stage}: {change}" for stage, change in told.items() if change)
+            yield Fault(
+                tree.record_path(name),
+                f"was made otherwise than most sequences ({what})",
+                f"remove it and with the program that made the others {_again(tree)}",
+            )
+
+
+def _file_faults(tree: Tree, record: SequenceRecord, dataset: FinishedSequence) -> list[Fault]:
+    faults: dict[Path, Fault] = {}
+    remedy = f"remove {tree.record_path(record.sequence)} and {_again(tree)}"
     for name, (size, hashed) in record.files.items():
         path = tree.root / name
-        if not path.is_file():
-            what: str | None = "is missing"
-        elif path.stat().st_size != size or file_hash(path) != hashed:
-            what = "is not as it was written"
-        else:
-            what = wrong_shape(dataset, path)
-        if what:
+        if what := difference(path, size, hashed) or _wrong_shape(dataset, path):
             faults[whole_of(path, tree.root)] = Fault(path, what, remedy)
     return list(faults.values())
 
 
-def _truth_faults(tree: Tree, record: SequenceRecord) -> Iterator[Fault]:
-    with silent():
-        residuals = check_truth(tree.dataset(record))
+def _wrong_shape(dataset: Dataset, path: Path) -> str | None:
+    try:
+        return wrong_shape(dataset, path)
+    except Exception as problem:  # of a file that somebody made up, anything
+        return f"cannot be read ({type(problem).__name__})"
+
+
+def _truth_faults(tree: Tree, dataset: FinishedSequence) -> Iterator[Fault]:
+    place = tree.root / "truth" / dataset.sequence
+    try:
+        with silent():
+            residuals = check_truth(dataset)
+    except (UserError, ValueError) as problem:
+        yield Fault(place, f"cannot be derived again ({problem})", "make the sequence again")
+        return
     for each in residuals:
         if not each.passed:
             yield Fault(
-                tree.root / "truth" / record.sequence,
+                place,
                 f"flow of {each.name} differs by {each.median:.2g} px from another derivation",
                 "the program has a fault there, tell its authors",
             )
 
 
-def _unknown(tree: Tree, known: set[Path]) -> Iterator[Fault]:
-    if tree.staging.exists():
-        yield Fault(
-            tree.staging,
-            "holds sequences that are not finished",
-            f"run: megalopta dataset make {tree.root} --out {tree.root}",
-        )
+def _unfinished(tree: Tree) -> Iterator[Fault]:
+    staged = [folder for folder, _ in staged_sequences(tree)]
+    if staged:
+        yield Fault(tree.staging, "holds sequences that are not finished", _again(tree))
+    for path in sorted(set(tree.staging.glob("*")) - set(staged)):
+        yield Fault(path, "belongs to no sequence of this dataset", "move it elsewhere")
     if tree.failures.exists():
-        yield Fault(
-            tree.failures,
-            "lists sequences that could not be made",
-            f"run: megalopta dataset make {tree.root} --out {tree.root} --retry",
-        )
-    own = {tree.root / name for name in _OWN} | {tree.failures}
-    folders = {*_OWN_FOLDERS, tree.staging.name}
+        remedy = f"{_again(tree)} --retry"
+        yield Fault(tree.failures, "lists sequences that could not be made", remedy)
+
+
+def _unknown(tree: Tree, known: set[Path]) -> Iterator[Fault]:
+    own = {tree.root / name for name in _OWN}
+    folders = {*BOOKS, tree.staging.name}
     for top in tree.root.iterdir():
         if top.name in folders or files.is_temporary(top):
             continue

@@ -8,3 +8,8 @@ from .run import (
     make as make,
     parse_indices as parse_indices,
 )
+from .sequence import recorded_machinery as recorded_machinery
+from .staging import (
+    MADE as MADE,
+    staged_sequences as staged_sequences,
+)

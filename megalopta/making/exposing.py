@@ -4,7 +4,7 @@ The stores are made beside the tree, as sequences are; a sequence's record names
 all there.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from functools import partial
 from itertools import product
@@ -15,11 +15,13 @@ from pydantic import Field
 
 from megalopta import files
 from megalopta.config import Configuration, validated
-from megalopta.dataset import Dataset
-from megalopta.engine import run_jobs
+from megalopta.dataset import Dataset, file_hash
+from megalopta.engine import Outcome, run_jobs
 from megalopta.errors import UserError
 from megalopta.folders import locked
-from megalopta.making.sequence import file_hashes
+from megalopta.format_numbers import written
+from megalopta.making.sequence import file_hashes, other_machinery
+from megalopta.making.staging import EXPOSED, begin, clear, finish, publish, settle, tidy
 from megalopta.making.statistics import exposure_statistics
 from megalopta.plan import repeated, sequence_name
 from megalopta.progress import progress, silent
@@ -62,62 +64,91 @@ def expose(
     """
     tree = Tree(root.absolute())
     plan = tree.plan()
+    index = partial(write_index, tree, plan)
     with locked(tree.root):
-        indices = [tree.record(name).index for name in tree.names()]
+        tidy(tree, keep_exposures=True)
+        settle(tree, index)
+        indices = [_checked(tree, name, wanted) for name in tree.names()]
         job = partial(expose_sequence, tree.root, wanted)
         with (
             progress("Exposing sequences", len(indices), "sequence") as advance,
             closing(run_jobs(job, indices, workers, scheduler)) as outcomes,
         ):
-            for outcome in outcomes:
-                if outcome.problem:
-                    name = sequence_name(outcome.index)
-                    raise UserError(f"sequence {name}: {outcome.problem}")
-                advance()
-        write_index(tree, plan)
-        tree.clear_staging()
+            problems = _problems(outcomes, advance)
+        index()
+        tidy(tree, keep_exposures=bool(problems))
+    if problems:
+        raise UserError(problems[0])
     return tree
+
+
+def _checked(tree: Tree, name: str, wanted: Exposing) -> int:
+    """Number of a sequence, if it can be exposed as it was before. Raises UserError."""
+    record = tree.record(name)
+    if changes := other_machinery(record, tree.dataset(record).configuration, "sense"):
+        raise UserError(
+            f"{tree.root}: sequence {name} was exposed otherwise than it would be here ({changes})"
+            "; expose it with what made it, or make the dataset again in another folder"
+        )
+    _configuration(record, wanted)
+    return record.index
+
+
+def _problems(outcomes: Iterator[Outcome], advance: Callable[[], None]) -> list[str]:
+    """The first problem that there is; after it nothing is begun."""
+    for outcome in outcomes:
+        if outcome.problem:
+            return [f"sequence {sequence_name(outcome.index)}: {outcome.problem}"]
+        advance()
+    return []
 
 
 def expose_sequence(root: Path, wanted: Exposing, index: int) -> None:
     """Expose what is not there yet on one sequence."""
     tree, name = Tree(root), sequence_name(index)
-    staged = tree.staging / f"{name}-exposed"
+    staged = tree.staging / f"{name}{EXPOSED}"
     with locked(staged), silent():
         record = tree.record(name)
-        dataset = Dataset(staged / "data", _configuration(record, wanted))
-        if _new(tree, record, dataset.configuration):
-            _expose(tree, record, dataset)
-        files.remove(dataset.root)
+        settings = _configuration(record, wanted)
+        if _new(tree, record, settings):
+            _expose(tree, record, Dataset(begin(staged, settings), settings))
+            publish(tree, staged, name)
+        clear(staged)
 
 
 def _expose(tree: Tree, record: SequenceRecord, dataset: Dataset) -> None:
     check_stage("sense", dataset.configuration, dataset.root)
     name = record.sequence
-    for kind in ("radiance", "radiance_shutter"):
-        link = dataset.root / kind / name
-        if (tree.root / kind / name).is_dir() and not link.is_symlink():
-            link.parent.mkdir(parents=True, exist_ok=True)
-            link.symlink_to(tree.root / kind / name, target_is_directory=True)
-    files.sweep(dataset.root / "counts")
+    _link_light(tree, record, dataset)
     STAGES["sense"].work(dataset)
     made = [each for each in exposure_statistics(dataset) if each.name not in _known(record)]
-    source, target = (each / "counts" / name for each in (dataset.root, tree.root))
-    paths = [path for path in sorted(source.iterdir()) if product_stem(path) not in _known(record)]
-    hashes = file_hashes(dataset.root, paths)
-    for path in paths:
-        files.remove(target / path.name)
-        path.rename(target / path.name)
+    for path in sorted((dataset.root / "counts" / name).iterdir()):
+        if product_stem(path) in _known(record):
+            files.remove(path)
+    hashes = file_hashes(dataset.root, [dataset.root / "counts" / name])
     statistics = record.statistics.model_copy(
         update={"exposures": (*record.statistics.exposures, *made)}
     )
-    changed = record.model_copy(
-        update={
-            "statistics": statistics,
-            "files": dict(sorted({**record.files, **hashes}.items())),
-        }
-    )
-    files.write_text(tree.record_path(name), changed.model_dump_json(indent=1) + "\n")
+    changes = {
+        "format": written("sequence"),
+        "replaced": file_hash(tree.record_path(name)),
+        "statistics": statistics,
+        "files": dict(sorted({**record.files, **hashes}.items())),
+    }
+    finish(dataset.root.parent, record.model_copy(update=changes))
+
+
+def _link_light(tree: Tree, record: SequenceRecord, dataset: Dataset) -> None:
+    """Link the rendered light to where it is exposed, after comparing it with the record."""
+    whole = tree.dataset(record)
+    whole.read_scene_record()
+    for index in range(whole.configuration.trajectory.frames):
+        whole.exposed_radiance(index)
+    for kind in ("radiance", "radiance_shutter"):
+        link = dataset.root / kind / record.sequence
+        if (tree.root / kind / record.sequence).is_dir() and not link.is_symlink():
+            link.parent.mkdir(parents=True, exist_ok=True)
+            link.symlink_to(tree.root / kind / record.sequence, target_is_directory=True)
 
 
 def _configuration(record: SequenceRecord, wanted: Exposing) -> Configuration:

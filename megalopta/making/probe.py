@@ -8,7 +8,7 @@ from pathlib import Path
 
 from megalopta.config import Configuration
 from megalopta.dataset import files_in
-from megalopta.making.sequence import MADE
+from megalopta.making.staging import MADE
 from megalopta.plan import Plan, configuration_of
 from megalopta.progress import duration, silent
 from megalopta.stages import run_stage, size

@@ -1,20 +1,22 @@
 """A plan brought to its end: what is missing is made, what is there is kept."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import closing
 from functools import partial
 from pathlib import Path
 
+from megalopta import files
 from megalopta.config import differences
 from megalopta.engine import run_jobs
 from megalopta.errors import UserError
 from megalopta.folders import LOCK_NAME, locked
-from megalopta.making.sequence import MADE, make_sequence
+from megalopta.making.sequence import Machinery, make_sequence, other_machinery
+from megalopta.making.staging import MADE, settle, tidy
 from megalopta.plan import Plan, check_plan, configuration_of, sequence_name
 from megalopta.progress import progress, say
 from megalopta.stages import check_stage
-from megalopta.tree import Tree, write_index
+from megalopta.tree import SequenceRecord, Tree, write_index
 
 _COMPARED = 50
 """Sequences that are there of which the configuration is compared with the plan's."""
@@ -55,7 +57,10 @@ def make(
         for stage in MADE:
             check_stage(stage, configuration, tree.staging)
     whole = whole_plan(tree, plan)
+    index = partial(write_index, tree, whole)
     with locked(tree.root):
+        tidy(tree)
+        settle(tree, index)
         tree.write_plan(whole)
         failures = tree.read_failures()
         wanted = sorted(failures) if retry else list(only) if only is not None else None
@@ -64,12 +69,12 @@ def make(
             _make_all(tree, plan, todo, failures, workers, scheduler)
         finally:
             tree.write_failures(failures)
-        write_index(tree, whole)
-        tree.clear_staging()
+        index()
+        tidy(tree)
     if failures:
-        index = min(failures)
+        first = min(failures)
         raise UserError(
-            f"{len(failures)} sequences failed, such as {sequence_name(index)}: {failures[index]}; "
+            f"{len(failures)} sequences failed, such as {sequence_name(first)}: {failures[first]}; "
             f"all are listed in {tree.failures}; --retry makes them again"
         )
     return tree
@@ -99,12 +104,15 @@ def _make_all(
     workers: int | None,
     scheduler: str | None,
 ) -> None:
-    job = partial(make_sequence, tree.root, plan)
+    if not todo:
+        return
+    _check_same_machinery(tree)
+    job = partial(make_sequence, tree.root, plan, Machinery.here(plan, todo[0]))
     with (
         progress("Making sequences", len(todo), "sequence") as advance,
         closing(run_jobs(job, todo, workers, scheduler)) as outcomes,
     ):
-        for outcome in outcomes if todo else ():
+        for outcome in outcomes:
             if outcome.ends_all:
                 raise UserError(f"sequence {sequence_name(outcome.index)}: {outcome.problem}")
             failures.pop(outcome.index, None)
@@ -130,7 +138,7 @@ def whole_plan(tree: Tree, plan: Plan) -> Plan:
     """
     root = tree.root
     if not (root / "dataset.yaml").exists():
-        if root.exists() and (not root.is_dir() or {p.name for p in root.iterdir()} - {LOCK_NAME}):
+        if root.exists() and (not root.is_dir() or any(map(_is_a_strangers, root.iterdir()))):
             raise UserError(f"{root} exists and is no dataset; choose a new folder")
         return plan
     former = tree.plan()
@@ -140,13 +148,31 @@ def whole_plan(tree: Tree, plan: Plan) -> Plan:
             f"{root} was made from another plan ({'; '.join(changes[:3])}); choose another folder "
             "(more sequences may be asked for)"
         )
-    names = tree.names()
-    for name in names[:: max(1, len(names) // _COMPARED)]:
-        record = tree.record(name)
+    for record in _some_records(tree):
         drawn = configuration_of(plan, record.index).model_dump(mode="json")
         if changes := differences(record.configuration, drawn):
             raise UserError(
-                f"{root}: the plan, or another version of the program, would make sequence {name} "
-                f"otherwise now ({'; '.join(changes[:3])}); choose another folder"
+                f"{root}: the plan, or another version of the program, would make sequence "
+                f"{record.sequence} otherwise now ({'; '.join(changes[:3])}); choose another folder"
             )
     return plan.model_copy(update={"sequences": max(former.sequences, plan.sequences)})
+
+
+def _is_a_strangers(path: Path) -> bool:
+    return path.name != LOCK_NAME and not files.is_temporary(Path(path.name))
+
+
+def _check_same_machinery(tree: Tree) -> None:
+    """Refuse to add sequences of other models, libraries or variants to those that are there."""
+    for record in _some_records(tree):
+        if changes := other_machinery(record, tree.dataset(record).configuration):
+            raise UserError(
+                f"{tree.root}: sequence {record.sequence} was made otherwise than more would be "
+                f"here ({changes}); go on with what made it, choose another folder, or remove "
+                f"{tree.records} to make all again"
+            )
+
+
+def _some_records(tree: Tree) -> Iterator[SequenceRecord]:
+    names = tree.names()
+    return map(tree.record, names[:: max(1, len(names) // _COMPARED)])

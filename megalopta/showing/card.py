@@ -1,5 +1,7 @@
 """`megalopta dataset card`: README.md of a dataset, with statistics and pictures."""
 
+import html
+import re
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
@@ -9,15 +11,18 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from megalopta import __version__, files
+from megalopta.bounded import printable
 from megalopta.dataset import LICENSE
+from megalopta.errors import UserError
 from megalopta.pages import number
 from megalopta.plan import Plan
 from megalopta.showing.pictures import draw_statistics, draw_strip
 from megalopta.stages import size
-from megalopta.tree import Tree
+from megalopta.tree import Tree, table_path
 
 Rows = list[dict[str, Any]]
 
+_SPECIAL = re.compile(r"[\\`*_{}\[\]#|~!$]")
 _TEMPLATE = Path(__file__).with_name("template.md")
 """What the card of every dataset says; braces are filled in."""
 
@@ -26,6 +31,8 @@ def write_card(root: Path) -> Path:
     """Write README.md and its pictures into a dataset; return its path. Raises UserError."""
     plan = Tree(root).plan()
     sequences, exposures = (_rows(root, name) for name in ("sequences", "exposures"))
+    if not sequences:
+        raise UserError(f"{root}: no finished sequence to show; run megalopta dataset make")
     draw_statistics(root / "card" / "statistics.png", sequences, exposures)
     draw_strip(root, root / "card" / "sequences.png")
     path = root / "README.md"
@@ -34,12 +41,12 @@ def write_card(root: Path) -> Path:
 
 
 def _rows(root: Path, table: str) -> Rows:
-    columns = [name for name in _COLUMNS if name in pq.read_schema(_path(root, table)).names]
-    return list(pq.read_table(_path(root, table), columns=columns).to_pylist())
-
-
-def _path(root: Path, table: str) -> Path:
-    return root / "index" / f"{table}.parquet"
+    path = table_path(root, table)
+    try:
+        columns = [name for name in _COLUMNS if name in pq.read_schema(path).names]
+        return list(pq.read_table(path, columns=columns).to_pylist())
+    except (OSError, ValueError):
+        raise UserError(f"{path} is no table of a dataset; run megalopta dataset check") from None
 
 
 _QUANTITIES = {
@@ -60,8 +67,8 @@ _COLUMNS = (
 def _text(plan: Plan, sequences: Rows, exposures: Rows) -> str:
     splits = Counter(row["split"] for row in sequences)
     return _TEMPLATE.read_text("utf-8").format(
-        name=plan.name,
-        description=plan.description,
+        name=plain(plan.name),
+        description=plain(plan.description),
         version=__version__,
         license=LICENSE,
         sequences=len(sequences),
@@ -73,7 +80,7 @@ def _text(plan: Plan, sequences: Rows, exposures: Rows) -> str:
         kinds=_table(
             ("", "sequences"),
             [
-                (f"{what}: {value}", str(count))
+                (f"{what}: {plain(value)}", str(count))
                 for what in ("scene", "light", "trajectory")
                 for value, count in sorted(Counter(row[what] for row in sequences).items())
             ],
@@ -99,7 +106,13 @@ def _of_sensors(exposures: Rows) -> Iterable[tuple[str, ...]]:
         told = " to ".join(f"{each:g}" for each in dict.fromkeys((times[0], times[-1])))
         photons = _percentiles(row["photons_per_pixel"] for row in own)
         full = float(np.mean([row["saturated_fraction"] for row in own]))
-        yield sensor, told, *photons, f"{full:.2g}"
+        yield plain(sensor), told, *photons, f"{full:.2g}"
+
+
+def plain(text: object) -> str:
+    """Return text of a stranger on one line, of which Markdown and HTML make nothing."""
+    line = printable(" ".join(str(text).split()))
+    return html.escape(_SPECIAL.sub(r"\\\g<0>", line), quote=False)
 
 
 def _percentiles(values: Iterable[float | None]) -> tuple[str, str, str]:

@@ -9,6 +9,7 @@ import numpy as np
 from PIL import Image
 
 from megalopta.access import Sequence
+from megalopta.errors import UserError
 from megalopta.flow.files import flow_to_rgb
 from megalopta.pages import number
 from megalopta.report import gray_scale, map_scale
@@ -51,8 +52,12 @@ def clips_of(sequence: Sequence) -> Iterator[Clip]:
 def _light(sequence: Sequence, frames: range) -> list[Image.Image]:
     found = []
     for index in frames:
-        with Image.open(sequence.dataset.frame("training/clean", index, "png")) as image:
-            found.append(image.convert("RGB"))
+        path = sequence.dataset.frame("training/clean", index, "png")
+        try:
+            with Image.open(path) as image:
+                found.append(image.convert("RGB"))
+        except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
+            raise UserError(f"{path} is missing or no picture; make the sequence again") from None
     return found
 
 

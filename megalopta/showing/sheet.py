@@ -4,6 +4,7 @@ from pathlib import Path
 
 from megalopta import files
 from megalopta.access import Sequence, open_dataset
+from megalopta.errors import UserError
 from megalopta.pages import level_name, render_page
 from megalopta.progress import progress
 from megalopta.showing.clips import clips_of
@@ -12,6 +13,8 @@ from megalopta.showing.clips import clips_of
 def write_view(root: Path, most: int) -> Path:
     """Write index.html into a dataset, with clips of so many sequences; return its path."""
     dataset = open_dataset(root)
+    if not len(dataset):
+        raise UserError(f"{root}: no finished sequence to show; run megalopta dataset make")
     names = dataset.names[:: max(1, -(-len(dataset) // most))]
     shown = []
     with progress("Drawing clips", len(names), "sequence") as advance:

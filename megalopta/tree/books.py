@@ -1,13 +1,15 @@
 """The index of all that is finished, written anew from the records."""
 
-import json
+from collections.abc import Mapping
 from contextlib import ExitStack
 
 from megalopta import files
-from megalopta.dataset import file_hash
+from megalopta.errors import DamagedFileError
 from megalopta.plan import Plan
 from megalopta.tree.croissant import croissant
 from megalopta.tree.layout import Tree
+from megalopta.tree.manifest import NAME, write_line
+from megalopta.tree.record import SequenceRecord
 from megalopta.tree.splits import SAMPLE, link_into_split, write_lists
 from megalopta.tree.tables import TableWriter
 
@@ -17,17 +19,13 @@ def write_index(tree: Tree, plan: Plan) -> None:
     names: dict[str, list[str]] = {split: [] for split in plan.splits}
     names |= {SAMPLE: []} if plan.sample else {}
     with ExitStack() as open_files:
-        temporary = open_files.enter_context(files.atomic_write(tree.root / "manifest.jsonl"))
+        temporary = open_files.enter_context(files.atomic_write(tree.root / NAME))
         manifest = open_files.enter_context(temporary.open("w", encoding="utf-8"))
         tables = TableWriter(tree.root / "index", open_files)
         for record in tree.all_records():
+            _check_split(tree, record, names)
             tables.add(record)
-            line = {
-                "sequence": record.sequence,
-                "configuration": record.configuration_hash,
-                "record": file_hash(tree.record_path(record.sequence)),
-            }
-            manifest.write(json.dumps(line) + "\n")
+            write_line(manifest, record, tree.record_path(record.sequence))
             sampled = [SAMPLE] if record.index < plan.sample else []
             for split in [record.split, *sampled]:
                 names[split].append(record.sequence)
@@ -35,3 +33,11 @@ def write_index(tree: Tree, plan: Plan) -> None:
         tables.finish()
     write_lists(tree.root, names)
     files.write_json(tree.root / "croissant.json", croissant(tree.root, plan))
+
+
+def _check_split(tree: Tree, record: SequenceRecord, names: Mapping[str, object]) -> None:
+    if record.split not in names:
+        raise DamagedFileError(
+            f"{tree.record_path(record.sequence)} is damaged (split {record.split!r} is none of "
+            "the plan); remove it and run megalopta dataset make again"
+        )

@@ -10,7 +10,8 @@ from typing import Any
 
 import pyarrow as pa
 
-from megalopta import __version__
+from megalopta import __version__, bounded
+from megalopta.errors import UserError
 from megalopta.plan import Plan
 from megalopta.tree.tables import TABLES
 
@@ -97,9 +98,37 @@ def croissant(root: Path, plan: Plan) -> dict[str, Any]:
     }
 
 
-def _table(path: Path, name: str) -> dict[str, Any]:
+def table_path(root: Path, name: str) -> Path:
+    """Return where a table of the index lies, after comparing it with its description.
+
+    Raises
+    ------
+    UserError
+        When the table or the description is missing, damaged or not as it was written.
+    """
+    described, path = root / "croissant.json", root / "index" / f"{name}.parquet"
+    again = f"run: megalopta dataset make {root} --out {root}"
+    try:
+        parts = bounded.read_json(described)["distribution"]
+        hashes = {part.get("contentUrl"): part.get("sha256") for part in parts}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        raise UserError(f"{described} is missing or damaged; {again}") from None
+    try:
+        found = _sha256(path)
+    except OSError:
+        raise UserError(f"{path} is missing; {again}") from None
+    if found != hashes.get(f"index/{name}.parquet"):
+        raise UserError(f"{path} is not as it was written; {again}")
+    return path
+
+
+def _sha256(path: Path) -> str:
+    bounded.check_file(path)
     with path.open("rb") as file:
-        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _table(path: Path, name: str) -> dict[str, Any]:
     return {
         "@type": "cr:FileObject",
         "@id": f"{name}.parquet",
@@ -107,7 +136,7 @@ def _table(path: Path, name: str) -> dict[str, Any]:
         "contentUrl": f"index/{name}.parquet",
         "contentSize": f"{path.stat().st_size} B",
         "encodingFormat": "application/x-parquet",
-        "sha256": sha256,
+        "sha256": _sha256(path),
     }
 
 

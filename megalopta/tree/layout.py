@@ -15,19 +15,25 @@ A sequence belongs to the dataset from the moment its record is there.
 """
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import yaml
 
-from megalopta import __version__, files, strict_yaml
-from megalopta.config import Configuration
-from megalopta.dataset import LICENSE, Dataset
+from megalopta import __version__, bounded, files, strict_yaml
+from megalopta.dataset import LICENSE
 from megalopta.enclosure import check_enclosed
 from megalopta.errors import UserError
+from megalopta.format_numbers import check_format, written
 from megalopta.plan import Plan
-from megalopta.tree.record import SequenceRecord, read_record
+from megalopta.tree.finished import FinishedSequence
+from megalopta.tree.manifest import is_as_written, read_manifest
+from megalopta.tree.record import SequenceRecord, read_record, settings_of
+
+BOOKS = ("index", "splits", "sequences", "card")
+"""Folders that hold no sequence's own files."""
 
 
 @dataclass(frozen=True)
@@ -63,49 +69,63 @@ class Tree:
 
     def record(self, name: str) -> SequenceRecord:
         """Read the record of a sequence. Raises UserError."""
-        return read_record(self.record_path(name))
+        return read_record(self.record_path(name), name)
 
     def all_records(self) -> Iterator[SequenceRecord]:
         """Read the records one after another, in order."""
         return map(self.record, self.names())
 
-    def dataset(self, record: SequenceRecord) -> Dataset:
-        """One sequence, as the stages know it."""
-        return Dataset(self.root, Configuration.model_validate(record.configuration))
+    def dataset(self, record: SequenceRecord) -> FinishedSequence:
+        """One sequence, as the stages know it. Raises UserError for settings that are none."""
+        settings = settings_of(record, self.record_path(record.sequence))
+        return FinishedSequence(self.root, settings, record.files)
+
+    def opened(self, name: str) -> tuple[SequenceRecord, FinishedSequence]:
+        """Record and paths of a sequence, if the manifest knows the record. Raises UserError."""
+        record = self.record(name)
+        if not is_as_written(self.record_path(name), self._manifest):
+            raise UserError(changed_record(self, name))
+        return record, self.dataset(record)
+
+    @cached_property
+    def _manifest(self) -> Mapping[str, str]:
+        return read_manifest(self.root)
 
     def plan(self) -> Plan:
         """Read the plan. Raises UserError."""
         path = self.root / "dataset.yaml"
         check_enclosed(self.root)
         try:
-            return Plan.model_validate(strict_yaml.load(path.read_text("utf-8"))["plan"])
+            record = strict_yaml.load(bounded.read_text(path))
+            check_format("dataset", record, path)
+            return Plan.model_validate(record["plan"])
         except OSError:
             raise UserError(
                 f"{self.root}: no dataset here; make one with: megalopta dataset make"
             ) from None
-        except (TypeError, KeyError, ValueError):
+        except (TypeError, KeyError, ValueError, AttributeError):
             raise UserError(
                 f"{path}: no plan in it, or damaged; give a dataset of `megalopta dataset make`"
             ) from None
 
     def write_plan(self, plan: Plan) -> None:
         """Write dataset.yaml."""
-        header = {"megalopta": __version__, "license": LICENSE}
+        header = {"format": written("dataset"), "megalopta": __version__, "license": LICENSE}
         body = {"plan": plan.model_dump(mode="json")}
         text = yaml.safe_dump({**header, **body}, sort_keys=False, allow_unicode=True, width=100)
         files.write_text(self.root / "dataset.yaml", text)
 
-    def clear_staging(self) -> None:
-        """Remove the folder of what is being made, when nothing is."""
-        for folder in (*self.staging.glob("*"), self.staging):
-            if folder.is_dir() and not any(folder.iterdir()):
-                folder.rmdir()
+    def sweep(self) -> None:
+        """Remove what a killed writer left among the books; nobody else may be writing."""
+        for folder in (self.root, *(self.root / name for name in BOOKS)):
+            for path in filter(files.is_temporary, folder.glob(".part-*")):
+                files.remove(path)
 
     def read_failures(self) -> dict[int, str]:
         """Sequences that could not be made, by index, with the reason."""
         try:
-            lines = self.failures.read_text("utf-8").splitlines()
-            return {int(each["index"]): str(each["reason"]) for each in map(json.loads, lines)}
+            lines = map(bounded.from_json, bounded.read_text(self.failures).splitlines())
+            return {int(each["index"]): str(each["reason"]) for each in lines}
         except FileNotFoundError:
             return {}
         except (ValueError, KeyError, TypeError):
@@ -118,3 +138,11 @@ class Tree:
             files.write_text(self.failures, "".join(json.dumps(each) + "\n" for each in lines))
         else:
             files.remove(self.failures)
+
+
+def changed_record(tree: Tree, name: str) -> str:
+    """Return what is wrong with a record that the manifest does not know, and the way out."""
+    return (
+        f"{tree.record_path(name)} is not as it was written; restore it, or remove it and run "
+        f"megalopta dataset make {tree.root} --out {tree.root}"
+    )

@@ -1,13 +1,24 @@
 """What is known of a finished sequence."""
 
 import json
-from pathlib import Path
+import re
+from pathlib import Path, PurePosixPath
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, Field, FiniteFloat, ValidationError, field_validator
 
-from megalopta.errors import UserError
+from megalopta import bounded
+from megalopta.config import Configuration, one_sentence
+from megalopta.errors import DamagedFileError, UserError
+from megalopta.format_numbers import check_format
 from megalopta.freshness import digest
+from megalopta.plan import sequence_name
+
+KINDS = ("radiance", "truth", "radiance_shutter", "truth_shutter", "counts", "corrected")
+"""Folders of a dataset that hold a folder for each sequence, beside those in `training`."""
+_KIND = re.compile(rf"{'|'.join(KINDS)}|training/[a-z][a-z0-9_]*")
+_EXPOSURE = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]*")
+_MATRIX = 16
 
 
 class ExposureStatistics(BaseModel, frozen=True, use_attribute_docstrings=True):
@@ -24,6 +35,13 @@ class ExposureStatistics(BaseModel, frozen=True, use_attribute_docstrings=True):
     """Mean of the expected photons on a pixel, an exposure"""
     mean_reading: float
     saturated_fraction: float
+
+    @field_validator("name")
+    @classmethod
+    def _name_is_of_a_file(cls, name: str) -> str:
+        if not _EXPOSURE.fullmatch(name):
+            raise ValueError(f"{bounded.quoted(name, 60)!r} cannot name an exposure")
+        return name
 
 
 class SequenceStatistics(BaseModel, frozen=True, use_attribute_docstrings=True):
@@ -46,21 +64,34 @@ class SequenceStatistics(BaseModel, frozen=True, use_attribute_docstrings=True):
 class SequenceRecord(BaseModel, frozen=True, use_attribute_docstrings=True):
     """What is known of a finished sequence."""
 
+    format: int = 0
+    """Of this file (`format_numbers`)"""
     sequence: str
     """Its name"""
-    index: int
+    index: int = Field(ge=0)
     split: str
     version: str
     """Of the program"""
     models: dict[str, str]
     """What of the program each stage depends on (`freshness`)"""
+    made_with: dict[str, dict[str, str]] = {}
+    """What else each stage depends on beside the settings: model, libraries, what runs them"""
+    replaced: str | None = None
+    """Hash of the record in the place of which this one came, with more exposures"""
     configuration: dict[str, Any]
     statistics: SequenceStatistics
-    poses: tuple[tuple[float, ...], ...]
+    poses: tuple[tuple[FiniteFloat, ...], ...]
     """Of every frame the matrix (4, 4) from camera axes (+x right, +y down, +z forward) to world
     meters, row by row"""
     files: dict[str, tuple[int, str]]
     """Every file by its path in the dataset: bytes and BLAKE2b hash (16 bytes, hexadecimal)"""
+
+    @field_validator("poses")
+    @classmethod
+    def _poses_are_matrices(cls, poses: tuple[tuple[float, ...], ...]) -> Any:
+        if any(len(pose) != _MATRIX for pose in poses):
+            raise ValueError("a pose is a matrix of 16 numbers")
+        return poses
 
     @property
     def configuration_hash(self) -> str:
@@ -73,13 +104,52 @@ class SequenceRecord(BaseModel, frozen=True, use_attribute_docstrings=True):
         return int(self.configuration["trajectory"]["frames"])
 
 
-def read_record(path: Path) -> SequenceRecord:
-    """Read a record. Raises UserError."""
+def read_record(path: Path, name: str) -> SequenceRecord:
+    """Return the record of the sequence of a name. Raises UserError, also where it is damaged."""
     try:
-        return SequenceRecord.model_validate_json(path.read_bytes())
+        values = bounded.read_json(path)
+        check_format("sequence", values, path)
+        record = SequenceRecord.model_validate(values)
+        _check_names(record, name)
     except OSError as problem:
         raise UserError(f"{path}: {problem.strerror}; make the dataset again") from None
-    except ValidationError:
-        raise UserError(
-            f"{path} is damaged; remove it and run megalopta dataset make again"
-        ) from None
+    except ValidationError as error:
+        raise _damaged(path, one_sentence(error, SequenceRecord)) from None
+    except (AttributeError, TypeError):
+        raise _damaged(path, "no record") from None
+    except ValueError as problem:
+        raise _damaged(path, bounded.quoted(str(problem))) from None
+    return record
+
+
+def settings_of(record: SequenceRecord, path: Path) -> Configuration:
+    """Return the settings that a record at a path holds. Raises DamagedFileError."""
+    try:
+        settings = Configuration.model_validate(record.configuration)
+    except ValidationError as error:
+        told = f"configuration: {one_sentence(error, Configuration)}"
+        raise _damaged(path, bounded.quoted(told, 400)) from None
+    if settings.name != record.sequence:
+        raise _damaged(path, f"configuration: it is of {bounded.quoted(settings.name, 60)!r}")
+    if settings.trajectory.frames != len(record.poses):
+        raise _damaged(path, f"{len(record.poses)} poses of {settings.trajectory.frames} frames")
+    return settings
+
+
+def _check_names(record: SequenceRecord, name: str) -> None:
+    """Refuse, with ValueError, names that are not a sequence's own: they may lead anywhere."""
+    if record.sequence != name or sequence_name(record.index) != name:
+        raise ValueError(f"it is of sequence {bounded.quoted(record.sequence, 60)!r}")
+    if not record.split.isidentifier():
+        raise ValueError(f"{bounded.quoted(record.split, 60)!r} cannot name a split")
+    for path in record.files:
+        kind, found, rest = path.partition(f"/{name}/")
+        is_plain = found and _KIND.fullmatch(kind) and str(PurePosixPath(rest)) == rest
+        if not is_plain or {"", "..", "."} & set(rest.split("/")) or "\0" in rest:
+            raise ValueError(f"{bounded.quoted(path, 60)!r} is no file of this sequence")
+
+
+def _damaged(path: Path, why: str) -> DamagedFileError:
+    return DamagedFileError(
+        f"{path} is damaged ({why}); remove it and run megalopta dataset make again"
+    )

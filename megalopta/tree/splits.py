@@ -5,9 +5,11 @@ read one split of a dataset. A copy with what the links lead to (`cp -rL`) stand
 """
 
 import errno
+from collections.abc import Collection
 from pathlib import Path
 
-from megalopta import files
+from megalopta import bounded, files
+from megalopta.errors import UserError
 from megalopta.tree.record import SequenceRecord
 
 SAMPLE = "sample"
@@ -34,3 +36,22 @@ def write_lists(root: Path, names: dict[str, list[str]]) -> None:
     """Write splits/SPLIT.txt, a name a line."""
     for split, found in names.items():
         files.write_text(root / "splits" / f"{split}.txt", "".join(f"{name}\n" for name in found))
+
+
+def read_lists(root: Path, known: Collection[str]) -> dict[str, tuple[str, ...]]:
+    """Return the names of the sequences of every split; others than the known are refused."""
+    found, known = {}, set(known)
+    for path in sorted((root / "splits").glob("*.txt")):
+        try:
+            found[path.stem] = tuple(bounded.read_text(path).split())
+        except ValueError:
+            raise UserError(f"{path}: not a text file in UTF-8; {_remedy(root)}") from None
+        if strangers := [name for name in found[path.stem] if name not in known]:
+            raise UserError(
+                f"{path}: no sequence {bounded.quoted(strangers[0], 60)!r}; {_remedy(root)}"
+            )
+    return found
+
+
+def _remedy(root: Path) -> str:
+    return f"write it again: megalopta dataset make {root} --out {root}"

@@ -97,13 +97,38 @@ def small_plan():
     )
 
 
-@pytest.fixture(scope="session")
-def small_dataset(small_plan, tmp_path_factory):
-    """Folder of the small plan's dataset, made once for all processes; not to be changed."""
+def made_once(name, plan, tmp_path_factory):
     folder = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         folder = folder.parent
-    with FileLock(folder / "small.lock"):
-        if not (folder / "small").exists():
-            make(folder / "small", small_plan)
-    return folder / "small"
+    with FileLock(folder / f"{name}.lock"):
+        if not (folder / name).exists():
+            make(folder / name, plan)
+    return folder / name
+
+
+@pytest.fixture(scope="session")
+def small_dataset(small_plan, tmp_path_factory):
+    """Folder of the small plan's dataset, made once for all processes; not to be changed."""
+    return made_once("small", small_plan, tmp_path_factory)
+
+
+@pytest.fixture(scope="session")
+def single_plan(small_plan):
+    """One grating of two frames, one exposure."""
+    small = {"camera": {"width": 16, "height": 12}, "trajectory": {"frames": 2}}
+    changes = {
+        "sequences": 1,
+        "scenes": small_plan.scenes[:1],
+        "lights": (),
+        "every": {**small_plan.every, **small},
+        "sensors": ("spadcam",),
+        "light_levels": ("twilight",),
+    }
+    return small_plan.model_copy(update=changes)
+
+
+@pytest.fixture(scope="session")
+def single_dataset(single_plan, tmp_path_factory):
+    """Folder of the plan of one sequence, made once for all processes; not to be changed."""
+    return made_once("single", single_plan, tmp_path_factory)

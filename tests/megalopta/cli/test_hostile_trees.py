@@ -1,0 +1,135 @@
+"""Datasets of strangers under every verb that reads them: one sentence, no hang, nothing outside."""
+
+import json
+import os
+import shutil
+import signal
+import sys
+
+import pytest
+
+from megalopta.cli import main
+
+VERBS = {
+    "check": ("dataset", "check"),
+    "card": ("dataset", "card"),
+    "view": ("dataset", "view"),
+    "expose": ("dataset", "expose", "--sensors", "ideal"),
+    "benchmark": ("benchmark", "sequence"),
+}
+LIMIT_S = 60
+"""Of wall-clock time, on a machine that does much besides; of its own, each takes below a second"""
+
+
+def put(path, content):
+    path.unlink()
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+
+
+def in_record(change):
+    def spoil(root):
+        path = root / "sequences/000000.json"
+        record = json.loads(path.read_text())
+        change(record)
+        put(path, json.dumps(record))
+        (root / "manifest.jsonl").unlink()  # so that nothing but the record itself betrays it
+
+    return spoil
+
+
+def in_place_of(name, content):
+    return lambda root: put(root / name, content)
+
+
+def pipe(name):
+    def spoil(root):
+        (root / name).unlink()
+        os.mkfifo(root / name)
+
+    return spoil
+
+
+def table_elsewhere(root):
+    path = root / "croissant.json"
+    described = json.loads(path.read_text())
+    for part in described["distribution"]:
+        part["contentUrl"] = "/dev/zero"
+    put(path, json.dumps(described))
+
+
+DEEP = "[" * 200_000
+RECORD, STORE = "sequences/000000.json", "counts/000000/spadcam-twilight.zarr/zarr.json"
+SPOILED = {
+    "bad configuration": in_record(lambda each: each["configuration"].update(camera=7)),
+    "no configuration": in_record(lambda each: each.update(configuration={})),
+    "file elsewhere": in_record(lambda each: each["files"].update({"/dev/zero": [1, "0"]})),
+    "file above": in_record(lambda each: each["files"].update({"../x": [1, "0"]})),
+    "split above": in_record(lambda each: each.update(split="../../outside")),
+    "sequence above": in_record(lambda each: each.update(sequence="../../outside")),
+    "many poses": in_record(lambda each: each.update(poses=[[0.0] * 16] * 100_000)),
+    "newer": in_record(lambda each: each.update(format=99)),
+    "deep record": in_place_of(RECORD, DEEP),
+    "deep manifest": in_place_of("manifest.jsonl", DEEP),
+    "deep description": in_place_of("croissant.json", DEEP),
+    "deep store": in_place_of(STORE, DEEP),
+    "deep plan": in_place_of("dataset.yaml", DEEP),
+    "binary plan": in_place_of("dataset.yaml", b"\xff\xfe\0"),
+    "newer dataset": in_place_of("dataset.yaml", "megalopta: 1\nformat: 99\nplan: {}\n"),
+    "binary table": in_place_of("index/sequences.parquet", b"\xff" * 100),
+    "tables elsewhere": table_elsewhere,
+    "names elsewhere": in_place_of("splits/train.txt", "../../x\n"),
+    "record is a pipe": pipe(RECORD),
+    "plan is a pipe": pipe("dataset.yaml"),
+    "manifest is a pipe": pipe("manifest.jsonl"),
+    "list is a pipe": pipe("splits/train.txt"),
+    "table is a pipe": pipe("index/sequences.parquet"),
+    "frame is a pipe": pipe("radiance/000000/frame_0001.exr"),
+    "picture is a pipe": pipe("training/clean/000000/frame_0001.png"),
+    "store is a pipe": pipe(STORE),
+}
+
+
+@pytest.fixture
+def within_limit():
+    def over(*_):
+        raise AssertionError(f"longer than {LIMIT_S} s")
+
+    before = signal.signal(signal.SIGALRM, over)
+    signal.alarm(LIMIT_S)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
+
+
+def content(folder):
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize(
+    "verb",
+    ["check", *(pytest.param(verb, marks=pytest.mark.slow) for verb in VERBS if verb != "check")],
+)
+@pytest.mark.parametrize("name", SPOILED)
+def test_no_traceback_no_hang_and_nothing_outside(
+    single_dataset, tmp_path, capsys, within_limit, name, verb
+):
+    root, outside = tmp_path / "inside" / "data", tmp_path / "outside"
+    shutil.copytree(single_dataset, root, symlinks=True, copy_function=os.link)
+    outside.mkdir()
+    (outside / "canary").write_text("sings")
+    original = content(single_dataset)
+    SPOILED[name](root)
+    group, which, *more = VERBS[verb]
+    words = [group, which, str(root), *more]
+    words += ["--out", str(tmp_path / "inside/ranking")] if verb == "benchmark" else []
+    with pytest.raises(SystemExit) as ended:
+        main.main(words)
+        sys.exit(0)
+    told = capsys.readouterr()
+    assert "Traceback" not in told.err + told.out
+    assert len(told.err) < 3000
+    if ended.value.code == 0:
+        assert verb != "check", "damage is not told"
+    assert content(outside) == {outside / "canary": b"sings"}
+    assert {path.name for path in tmp_path.iterdir()} == {"inside", "outside"}
+    assert content(single_dataset) == original
