@@ -1,5 +1,10 @@
 """The command `megalopta`, and `python -m megalopta`."""
 
+import sys
+
+if __name__ == "__main__" and not sys.flags.safe_path:
+    del sys.path[0]  # the working folder, in which anything may lie
+
 from megalopta.cli.main import main
 
 if __name__ == "__main__":

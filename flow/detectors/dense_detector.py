@@ -10,12 +10,17 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.errors import UserError
 from megalopta.flow.detectors.base import FloatArray, Frames
 from megalopta.flow.detectors.blocks import BlockGrid, block_sums
 from megalopta.flow.detectors.gray_detector import Estimator, GrayDetector, gray_levels
 
 PairFlow: TypeAlias = Callable[[FloatArray], NDArray[Any]]
 """Two frames (2, H, W), from 0 to 1, to their flow (H, W, 2)."""
+
+
+class MethodError(UserError, ValueError):
+    """A method of somebody else fails, or gives what is no flow; the message names it."""
 
 
 class DenseDetector(GrayDetector, frozen=True):
@@ -44,7 +49,7 @@ class DenseDetector(GrayDetector, frozen=True):
         def checked(pair: FloatArray) -> FloatArray:
             flow = np.asarray(estimate(pair), np.float64)
             if flow.shape != expected:
-                raise ValueError(
+                raise MethodError(
                     f"{self.name}: a flow of shape {flow.shape}; give {expected}, x before y"
                 )
             return flow

@@ -9,14 +9,17 @@ over blocks (`dense_detector`). A method that must see the counts themselves der
 
 import hashlib
 import inspect
+import traceback
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
+import numpy as np
 from pydantic import field_serializer
 
+from megalopta.bounded import quoted
 from megalopta.flow.detectors.base import FloatArray
 from megalopta.flow.detectors.blocks import BlockGrid
-from megalopta.flow.detectors.dense_detector import DenseDetector, PairFlow
+from megalopta.flow.detectors.dense_detector import DenseDetector, MethodError, PairFlow
 
 DenseFlow: TypeAlias = Callable[[FloatArray, FloatArray], Any]
 """Two frames (H, W) to the flow (H, W, 2) from the first to the second, px, x before y."""
@@ -43,7 +46,18 @@ class FunctionDetector(DenseDetector, frozen=True):
         return f"{place} {hashlib.sha256(body.encode()).hexdigest()}"
 
     def _dense(self, grid: BlockGrid) -> PairFlow:
-        return lambda pair: self.function(pair[0], pair[1])
+        return self._answer
+
+    def _answer(self, pair: FloatArray) -> FloatArray:
+        try:
+            return np.asarray(self.function(pair[0], pair[1]), np.float64)
+        except Exception as problem:  # somebody else's code can raise anything
+            last = traceback.extract_tb(problem.__traceback__)[-1]
+            told = f"{type(problem).__name__}: {' '.join(str(problem).split())}"
+            raise MethodError(
+                f"method {self.name}: {quoted(told)} at {last.filename}:{last.lineno}; give a "
+                "function of two frames (H, W) that returns their flow (H, W, 2)"
+            ) from problem
 
 
 def detector_from(

@@ -1,5 +1,6 @@
 """Detectors that are named by where they are: a function of a module, or a file of a network."""
 
+import inspect
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -30,17 +31,26 @@ def detector_at(reference: str) -> Detector | None:
         return found
     if not callable(found):
         raise ValueError(f"method {reference!r} is no function; give one of two frames")
+    try:
+        inspect.signature(found).bind(None, None)
+    except TypeError as problem:
+        raise ValueError(
+            f"method {reference!r}: {problem}; give a function of two frames"
+        ) from None
+    except ValueError:
+        pass  # built in: it does not tell
     return detector_from(found, reference)
 
 
 def _attribute(reference: str, module: str, name: str) -> Any:
     here = str(Path.cwd())
     if here not in sys.path:
-        sys.path.insert(0, here)
+        sys.path.append(here)  # last: nothing there takes the place of what is installed
     try:
         return getattr(import_module(module), name)
-    except (ImportError, AttributeError, SyntaxError) as problem:
+    except (Exception, SystemExit) as problem:  # somebody else's code can raise anything
+        told = " ".join(str(problem).split()) or type(problem).__name__
         raise ValueError(
-            f"method {reference!r}: {problem}; give the name of a module, a colon and the name of "
+            f"method {reference!r}: {told}; give the name of a module, a colon and the name of "
             "a function in it"
         ) from None

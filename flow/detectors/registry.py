@@ -15,6 +15,7 @@ from pkgutil import iter_modules
 from types import MappingProxyType, ModuleType
 from typing import Any, TypeAlias
 
+from megalopta.bounded import quoted
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.from_function import DenseFlow, detector_from
 from megalopta.flow.detectors.from_reference import detector_at
@@ -55,10 +56,11 @@ def _by_name() -> Mapping[str, Detector]:
 METHODS: Mapping[str, Detector] = _by_name()
 
 
-def method(chosen: Method) -> Detector:
+def method(chosen: Method, allows_code: bool = True) -> Detector:
     """Return the detector of a name, in upper or lower case, or of a function; or itself.
 
-    A name may also be `module:function`, or the path of an ONNX file (`detector_at`).
+    A name may also be `module:function`, or the path of an ONNX file (`detector_at`), unless code is
+    not allowed: what a file names is not the user's own choice.
 
     Raises
     ------
@@ -72,8 +74,9 @@ def method(chosen: Method) -> Detector:
     for known, detector in METHODS.items():
         if known.casefold() == chosen.casefold():
             return detector
-    if elsewhere := detector_at(chosen):
+    if allows_code and (elsewhere := detector_at(chosen)):
         return elsewhere
+    more = "give module:function" if allows_code else "run code that a file names by --allow-code"
     raise ValueError(
-        f"method {chosen!r} is unknown: choose from {', '.join(METHODS)}, or give module:function"
+        f"method {quoted(chosen)!r} is unknown: choose from {', '.join(METHODS)}, or {more}"
     )

@@ -17,6 +17,8 @@ def declare(verbs: Verbs) -> None:
     command.settings = _settings
     text = "YAML file: trial, vary, values, sizes, templates"
     command.add_argument("sweep", type=Path, help=text)
+    text = "run what the file names as module:function or ONNX file; otherwise it is refused"
+    command.add_argument("--allow-code", action="store_true", help=text)
     add_out(command, "out/sweeps")
     add_workers(command)
 
@@ -33,7 +35,7 @@ def _run(options: Namespace) -> None:
     from megalopta.figures import reproduce_sweep
     from megalopta.stages import announce_sweep
 
-    sweep = load_sweep(options.sweep, options.overrides)
+    sweep = load_sweep(options.sweep, options.overrides, options.allow_code)
     announce_sweep(sweep)
     name = options.sweep.stem
     for path in reproduce_sweep(

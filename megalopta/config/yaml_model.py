@@ -55,19 +55,21 @@ def validated(
     source: str,
     overrides: Mapping[str, str] | None = None,
     folder: Path = Path(),
+    allows_code: bool = False,
 ) -> Model:
     """Return the model of some values, as YAML holds them; `source` names them in errors.
 
     Overrides map the path of a field, such as "scene.trees", to a value in YAML. Files among the
-    values are relative to `folder`, those in overrides to the working folder.
+    values are relative to `folder`, those in overrides to the working folder. Values may name code
+    only where that is allowed; overrides, which the user typed, always may.
     """
-    record = _validated(model, values, source, folder)
+    record = _validated(model, values, source, {"folder": folder, "allows_code": allows_code})
     if not overrides:
         return record
     changed = record.model_dump(mode="json")
     for path, value in sorted(overrides.items(), key=lambda item: _starts_afresh(item[0])):
         put(changed, path, _plain_data(value, f"--{path}"))
-    return _validated(model, changed, "command line", Path())
+    return _validated(model, changed, "command line", {"folder": Path(), "allows_code": True})
 
 
 def to_yaml(record: BaseModel) -> str:
@@ -112,9 +114,11 @@ def _plain_data(text: str, source: str) -> Any:
         raise UserError(f"{source}: {problem}") from None
 
 
-def _validated(model: type[Model], values: Any, source: str, folder: Path) -> Model:
+def _validated(
+    model: type[Model], values: Any, source: str, context: Mapping[str, object]
+) -> Model:
     try:
-        record = model.model_validate(values, context={"folder": folder})
+        record = model.model_validate(values, context=context)
     except ValidationError as error:
         raise UserError(f"{source}: {one_sentence(error, model)}") from None
     for place in strict_yaml.booleans_for_others(values, record):

@@ -130,7 +130,23 @@ class Sweep(Record, frozen=True):
         return [point.trial for point in self.points]
 
 
-def load_sweep(path: Path, overrides: dict[str, str] | None = None) -> Sweep:
-    """Read a sweep from a YAML file, and apply settings of the command line. Raises UserError."""
-    text = read_text(path, "sweep; give a YAML file")
-    return validated(Sweep, mapping(text, str(path)), str(path), overrides, path.parent)
+def load_sweep(
+    path: Path, overrides: dict[str, str] | None = None, allows_code: bool = False
+) -> Sweep:
+    """Return the sweep of a YAML file with settings of the command line.
+
+    Parameters
+    ----------
+    path
+    overrides
+        Path of a field to a value in YAML; may name code.
+    allows_code : bool
+        Whether methods of the file may be `module:function` or ONNX files, which are run.
+
+    Raises
+    ------
+    UserError
+        When the file cannot be read, or says what is no sweep.
+    """
+    values = mapping(read_text(path, "sweep; give a YAML file"), str(path))
+    return validated(Sweep, values, str(path), overrides, path.parent, allows_code)

@@ -147,8 +147,11 @@ class Trial(Record, frozen=True):
 
     @field_validator("methods")
     @classmethod
-    def _known_once(cls, methods: tuple[str | Detector, ...]) -> tuple[str | Detector, ...]:
-        found = tuple(map(method, methods))
+    def _known_once(
+        cls, methods: tuple[str | Detector, ...], validation: ValidationInfo
+    ) -> tuple[str | Detector, ...]:
+        allows_code = (validation.context or {}).get("allows_code", True)
+        found = tuple(method(each, allows_code) for each in methods)
         each_once(tuple(each.name for each in found))
         return tuple(each.name if METHODS.get(each.name) == each else each for each in found)
 

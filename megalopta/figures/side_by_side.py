@@ -2,12 +2,13 @@
 
 What is to be done holds functions and arrays that cannot be sent to another process; a process that
 is forked has them. Where processes are not forked, or Mitsuba runs, whose threads do not
-survive it, one thing is done after the other.
+survive it, one thing is done after the other. A process ends with the one that forked it.
 """
 
 import multiprocessing
 import os
 import sys
+import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -30,7 +31,7 @@ def side_by_side(tasks: Sequence[Callable[[], Result]]) -> Iterator[Result]:
     try:
         with (
             warnings.catch_warnings(),
-            ProcessPoolExecutor(workers, multiprocessing.get_context("fork")) as pool,
+            ProcessPoolExecutor(workers, multiprocessing.get_context("fork"), _watch) as pool,
         ):
             # Python from 3.12 on warns of forking where there are threads; those of NumPy survive.
             warnings.filterwarnings("ignore", "This process .* is multi-threaded")
@@ -42,6 +43,18 @@ def side_by_side(tasks: Sequence[Callable[[], Result]]) -> Iterator[Result]:
 def _mitsuba_runs() -> bool:
     mitsuba = sys.modules.get("mitsuba")
     return mitsuba is not None and mitsuba.variant() is not None
+
+
+def _watch() -> None:
+    """See to it that this process ends with the one that forked it, also where that is killed."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()  # reads the end of a pipe that the parent alone holds open
+    os._exit(1)
 
 
 def _run(number: int) -> Any:

@@ -155,3 +155,20 @@ def test_frequency_beyond_nyquist_depends_on_variant_and_size():
 
 def test_intensity_alone_may_stand_still():
     assert Trial(velocity_px=0, methods=("im",)).methods == ("IM",)
+
+
+def test_code_that_a_file_names_is_run_only_where_that_is_allowed(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    canary = tmp_path / "canary"
+    text = f"import pathlib\npathlib.Path({str(canary)!r}).touch()\ndef flow(first, second): ..."
+    (tmp_path / "named_in_a_file.py").write_text(text)
+    named = "[named_in_a_file:flow, LK]"
+    path = written(tmp_path, f"trial: {{methods: {named}}}")
+    for overrides in ({}, {"trial.methods": "[LK]"}):
+        with pytest.raises(UserError, match=r"trial\.methods: .*by --allow-code"):
+            load_sweep(path, overrides)
+    assert not canary.exists()
+    allowed = load_sweep(path, allows_code=True)
+    typed = load_sweep(written(tmp_path, "{}"), {"trial.methods": named})
+    for sweep in (allowed, typed):
+        assert [each.name for each in sweep.trial.detectors] == ["named_in_a_file:flow", "LK"]

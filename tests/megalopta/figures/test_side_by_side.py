@@ -10,6 +10,8 @@ import pytest
 from megalopta.errors import UserError
 from megalopta.figures.side_by_side import side_by_side
 
+from ..process_group import in_a_group, members, wait_for
+
 
 def late(seconds, value):
     time.sleep(seconds)
@@ -52,3 +54,18 @@ def test_figures_are_the_same_bytes_from_one_process_and_from_several(tmp_path):
     for name in paths:
         alone, together = (tmp_path / form / name for form in ("alone", "together"))
         assert alone.read_bytes() == together.read_bytes()
+
+
+@pytest.mark.skipif(sys.platform != "linux" or (os.cpu_count() or 1) < 2, reason="nothing to fork")
+def test_forked_processes_end_with_a_parent_that_was_killed(tmp_path):
+    code = (
+        "import sys, time; from pathlib import Path\n"
+        "from megalopta.figures.side_by_side import side_by_side\n"
+        "def draw(): Path(sys.argv[1], str(time.monotonic_ns())).touch(); time.sleep(60)\n"
+        "list(side_by_side([draw, draw]))\n"
+    )
+    with in_a_group([sys.executable, "-c", code, tmp_path]) as parent:
+        wait_for(lambda: len(list(tmp_path.iterdir())) == 2)
+        assert len(members(parent.pid)) == 3
+        parent.kill()
+        wait_for(lambda: not members(parent.pid), 5)
