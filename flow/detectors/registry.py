@@ -59,8 +59,8 @@ METHODS: Mapping[str, Detector] = _by_name()
 def method(chosen: Method, allows_code: bool = True) -> Detector:
     """Return the detector of a name, in upper or lower case, or of a function; or itself.
 
-    A name may also be `module:function`, or the path of an ONNX file (`detector_at`), unless code is
-    not allowed: what a file names is not the user's own choice.
+    A name may also be `module:function`, or the path of an ONNX file (`detector_at`), unless code
+    is not allowed: what a file names is not the user's own choice.
 
     Raises
     ------

@@ -14,6 +14,10 @@ from megalopta.render import choose_variant
 if TYPE_CHECKING:
     from distributed import Client, Future
 
+_CERTIFICATES = (
+    "name the certificates by DASK_DISTRIBUTED__COMM__TLS__CA_FILE, …__CLIENT__CERT and "
+    "…__CLIENT__KEY in the environment"
+)
 _AHEAD = 2
 """Jobs handed out for each worker, so that none waits."""
 
@@ -71,10 +75,10 @@ def connected(scheduler: str) -> Iterator["Client"]:
 
     try:
         client = Client(scheduler, timeout=10)
-    except (OSError, ValueError, TimeoutError) as problem:
+    except (OSError, ValueError, TypeError, RuntimeError) as problem:
+        remedy = _CERTIFICATES if scheduler.startswith("tls:") else "start one with: dask scheduler"
         raise UserError(
-            f"--scheduler {scheduler}: no Dask scheduler answers there ({problem}); start one "
-            "with: dask scheduler"
+            f"--scheduler {scheduler}: no Dask scheduler answers there ({problem}); {remedy}"
         ) from None
     with client:
         _check_workers(client)
