@@ -6,14 +6,20 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from megalopta.cli.command import Verbs, add_verb
+from megalopta.cli.command import Verbs, add_verb, finite, whole
 from megalopta.errors import UserError
 from megalopta.progress import say
 
 if TYPE_CHECKING:
     from megalopta.spadcam import Stimulus
 
-_PROBABILITIES = ("noise", "lost")
+_LIMITS = {
+    "photons": (0.0, 1e15),
+    "step_s": (1e-3, 1e9),
+    "speed": (0.0, 100.0),
+    "lux": (0.0, 1e6),
+    "device_seed": (0, 2**32 - 1),
+}
 _FAULTS = {
     "noise": "probability of a byte to have a bit flipped",
     "lost": "probability of a byte to be lost",
@@ -38,28 +44,28 @@ def declare(verbs: Verbs) -> None:
     )
     command.add_argument(
         "--photons",
-        type=float,
+        type=finite,
         nargs="+",
         metavar="HZ",
         help="photons per second on a pixel at 700 nm, of flat (default: 5e6) or one after the "
         "other of steps (default: 0 to 2e7)",
     )
     command.add_argument(
-        "--step-s", type=float, default=5.0, help="how long each of steps lasts (s, default: 5)"
+        "--step-s", type=finite, default=5.0, help="how long each of steps lasts (s, default: 5)"
     )
     command.add_argument(
-        "--speed", type=float, default=5.0, help="of plate: of the plate (mm/s, default: 5)"
+        "--speed", type=finite, default=5.0, help="of plate: of the plate (mm/s, default: 5)"
     )
-    command.add_argument("--lux", type=float, help="of a dataset: light level (lux)")
+    command.add_argument("--lux", type=finite, help="of a dataset: light level (lux)")
     command.add_argument(
         "--sensor", default="spadcam", help="preset or YAML file (default: spadcam)"
     )
-    command.add_argument("--device-seed", type=int, help="which device of this kind")
-    command.add_argument("--seed", type=int, default=0, help="of photons, noise and faults")
+    command.add_argument("--device-seed", type=whole, help="which device of this kind")
+    command.add_argument("--seed", type=whole, default=0, help="of photons, noise and faults")
     command.add_argument("--serial", default="EMULATED", help="the camera's serial number")
     command.add_argument("--link", type=Path, help="symbolic link to keep to the terminal")
     for name, text in _FAULTS.items():
-        command.add_argument(f"--{name.replace('_', '-')}", type=float, help=text)
+        command.add_argument(f"--{name.replace('_', '-')}", type=finite, help=text)
 
 
 def _run(options: Namespace) -> None:
@@ -67,11 +73,13 @@ def _run(options: Namespace) -> None:
     from megalopta.spadcam import EmulatedCamera, EmulatedPort, Faults, named_sensor
 
     given = {name: getattr(options, name) for name in _FAULTS}
-    for name, value in given.items():
-        largest = 1.0 if name in _PROBABILITIES else float("inf")
-        if value is not None and not 0 <= value <= largest and name != "drift_ppm":
-            raise UserError(f"--{name.replace('_', '-')}: {value:g}; give 0 to {largest:g}")
+    for name, (least, most) in _LIMITS.items():
+        value = getattr(options, name)
+        for each in value if isinstance(value, list) else [value]:
+            if each is not None and not least <= each <= most:
+                raise UserError(f"--{name.replace('_', '-')}: {each:g}; give {least:g} to {most:g}")
     faults = Faults(**{name: value for name, value in given.items() if value is not None})
+    faults.check()
     sensor = named_sensor(options.sensor)
     if options.device_seed is not None:
         sensor = changed(sensor, device_seed=options.device_seed)
@@ -95,10 +103,6 @@ def _run(options: Namespace) -> None:
 def _stimulus(options: Namespace) -> "Stimulus":
     from megalopta.spadcam import Flat
 
-    if any(value < 0 for value in options.photons or ()):
-        raise UserError("--photons: cannot be negative; give 0 or more")
-    if options.step_s <= 0:
-        raise UserError(f"--step-s: {options.step_s:g}; give more than 0")
     match options.stimulus:
         case "dark":
             return Flat()

@@ -40,6 +40,7 @@ _RATE_OVER_S = 1.0
 _SHOW_EVERY_S = 0.1
 _SWITCHING_S = 0.0002
 _LOOK_AGAIN_S = 0.1
+_LONGEST_WAIT_S = 604_800.0
 
 
 class State(NamedTuple):
@@ -137,8 +138,8 @@ def capture(
         before are kept.
     """
     settings.check()
-    if not 0 <= wait_s < math.inf:
-        raise UserError(f"--wait: {wait_s:g}; give a time in seconds, 0 or more")
+    if not 0 <= wait_s <= _LONGEST_WAIT_S:
+        raise UserError(f"--wait: {wait_s:g}; give 0 to {_LONGEST_WAIT_S:g} s")
     if out.exists() or out.is_symlink():
         raise UserError(f"{out}: exists already; choose another --out, or remove it")
     begun: _Capture | None = None

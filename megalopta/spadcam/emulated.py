@@ -1,11 +1,13 @@
 """A camera that is not there: the full sensor model behind SPADCAM's protocol, without a line."""
 
+import re
 from collections import deque
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.bounded import quoted
 from megalopta.errors import UserError
 from megalopta.sensor import AnalogCounter, Sensor, expose_adc
 from megalopta.sensor.spadcam import (
@@ -23,6 +25,7 @@ from megalopta.spadcam.nominal import sensor_as_set
 if TYPE_CHECKING:
     from megalopta.spadcam.stimuli import Stimulus
 
+_LARGEST_SEED = 2**63 - 1
 _AHEAD_S = 0.064
 _MOST_AHEAD = 64
 
@@ -39,11 +42,12 @@ class EmulatedCamera:
         Of photons and noise; a frame depends on nothing else but its number, the settings, and how
         often the camera was plugged in.
     serial_number : str
+        At most 16 letters of ASCII.
 
     Raises
     ------
     UserError
-        When the sensor has no ADC, or cannot see the stimulus.
+        When the sensor has no ADC, or cannot see the stimulus, or seed or serial number cannot be.
     """
 
     settings: Settings
@@ -51,6 +55,10 @@ class EmulatedCamera:
     def __init__(
         self, sensor: Sensor, stimulus: "Stimulus", seed: int = 0, serial_number: str = "EMULATED"
     ) -> None:
+        if not 0 <= seed <= _LARGEST_SEED:
+            raise UserError(f"--seed: {quoted(seed)}; give 0 to {_LARGEST_SEED}")
+        if not re.fullmatch(r"[!-~]([ -~]{0,14}[!-~])?", serial_number):
+            raise UserError(f"--serial: {quoted(serial_number)!r}; give 1 to 16 letters of ASCII")
         self.sensor, self.stimulus, self.seed = sensor, stimulus, seed
         self.serial_number = serial_number
         self._plugged_in = 0
@@ -128,5 +136,5 @@ class EmulatedCamera:
         counter = self.sensor.counter
         assert isinstance(counter, AnalogCounter) and counter.adc_bits
         supply_mv = round(counter.supply_v * 1000)
-        name = f"emulated {self.sensor.name}"[:32]
-        return Identity(ROWS, COLUMNS, counter.adc_bits, supply_mv, self.serial_number[:16], name)
+        name = f"emulated {self.sensor.name}".encode("ascii", "replace").decode("ascii")[:32]
+        return Identity(ROWS, COLUMNS, counter.adc_bits, supply_mv, self.serial_number, name)

@@ -21,6 +21,7 @@ from megalopta import strict_yaml
 from megalopta.bounded import printable, quoted, read_text
 from megalopta.errors import UserError
 from megalopta.format_numbers import check_format
+from megalopta.progress import say
 from megalopta.record import Record
 from megalopta.sensor import Sensor, StoredFrames, open_counts
 from megalopta.sensor.spadcam import COLUMNS, ROWS
@@ -142,6 +143,11 @@ def open_recording(path: str | Path) -> Recording:
     path = Path(path)
     check_folder(path)
     settings = read_settings(path)
+    if not settings.finished and (path / RAW).exists():
+        say(
+            f"{path}: not finished; where its capture was killed, this reads back what is only in "
+            f"raw.bin: {recover_command(path)}"
+        )
     try:
         return _opened(path, settings)
     except ValueError as problem:

@@ -16,7 +16,7 @@ from megalopta.bounded import check_file
 from megalopta.errors import UserError
 from megalopta.files import atomic_write, remove, sweep
 from megalopta.folders import locked
-from megalopta.progress import progress
+from megalopta.progress import progress, silent
 from megalopta.sensor import Sensor, open_counts
 from megalopta.spadcam.recording import (
     COUNTS,
@@ -126,7 +126,8 @@ def _in_place(folder: Path, told: Told) -> Recovered:
 
 def _frames_held(folder: Path) -> int:
     try:
-        return len(open_recording(folder))
+        with silent():
+            return len(open_recording(folder))
     except (ValueError, OSError):
         return 0
 

@@ -1,6 +1,6 @@
 """Frames of raw.bin through the writer of a capture, with what is known beside them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -74,21 +74,29 @@ class Replay:
         """
         fits = self._fits()
         found = survey(self.source.raw, list(fits), self.read)
-        stretches = [each for each in found.stretches if each.is_set]
-        settings = stretches[0].settings if stretches else self._settings(found)
+        settings = found.set_ones[0].settings if found.set_ones else self._settings(found)
         assert settings is not None
+        stretches = self._recorded(found)
         recorder = self._recorder(folder, found, settings)
         end_s = 0.0
-        for stretch in stretches or found.stretches:
+        for stretch in stretches:
             clock = fits.get(stretch.begin) or _from(end_s, stretch)
             end_s = max(end_s, clock.host_s(stretch.last_us or 0))
             self._take(stretch, recorder, clock)
         if not recorder.frames:
             raise UserError(f"{self.source.raw}: no frame with these settings; nothing to recover")
         recorder.finish(found.damaged)
-        if any(each.begin not in fits for each in stretches or found.stretches):
+        if any(each.begin not in fits for each in stretches):
             self.unknown.append("the host's clock (times are the camera's)")
         return recorder.record
+
+    def _recorded(self, found: Survey) -> Sequence[Stretch]:
+        """Where a capture takes frames; of one that was stopped, no more than it noted."""
+        before, stretches = self.source.before, found.set_ones or found.stretches
+        if before is None or not before.finished:
+            return stretches
+        noted = {each.raw_offset for each in before.connections}
+        return [each for each in stretches if each.begin in noted] or stretches
 
     def _fits(self) -> dict[int, ClockFit | None]:
         """Clocks of the connections that were noted, by where they begin."""

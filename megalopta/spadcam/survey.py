@@ -17,6 +17,8 @@ from megalopta.sensor.spadcam import Identity, Kind, Packet, Parser, Settings
 _PIECE_BYTES = 256 * 1024
 _COMMANDS = 5
 """Replies with settings, at least, after which a capture takes frames."""
+_UNANSWERED_US = 3_000_000
+"""A capture does not ask for longer; after fewer settings than it wanted it takes no frames."""
 
 
 @dataclass
@@ -36,8 +38,8 @@ class Stretch:
         By the camera's clock, when the first exposure with them may end, µs.
     first_us, last_us : int or None
         By the camera's clock: when it said who it is, or else the first packet, and the last frame.
-    frames : int
-        Of any settings.
+    frames, taken : int
+        Of any settings, and with the last.
     """
 
     begin: int
@@ -49,11 +51,7 @@ class Stretch:
     first_us: int | None = None
     last_us: int | None = None
     frames: int = 0
-
-    @property
-    def is_set(self) -> bool:
-        """Whether a capture would take frames."""
-        return self.replies >= _COMMANDS
+    taken: int = 0
 
     def sees(self, packet: Packet) -> None:
         """Note a packet."""
@@ -61,12 +59,13 @@ class Stretch:
             self.first_us = packet.device_us
         if packet.kind == Kind.FRAME:
             self.frames += 1
+            self.taken += packet.device_us >= self.valid_us
             self.last_us = packet.device_us
         elif packet.kind == Kind.IDENTITY:
             self.identity = Identity.of(packet.payload)
         elif packet.kind == Kind.SETTINGS:
             self.settings = Settings.of(packet.payload)
-            self.replies += 1
+            self.replies, self.taken = self.replies + 1, 0
             self.valid_us = packet.device_us + self.settings.exposure_us
 
     def is_over(self, packet: Packet) -> bool:
@@ -77,9 +76,10 @@ class Stretch:
 
 
 class Survey(NamedTuple):
-    """Stretches of a file, and how many packets in it are damaged."""
+    """Stretches of a file, those in which the camera was set, and how many packets are damaged."""
 
     stretches: Sequence[Stretch]
+    set_ones: Sequence[Stretch]
     damaged: int
 
 
@@ -104,8 +104,7 @@ def survey(raw: Path, offsets: Sequence[int], read: Callable[[int], None]) -> Su
                 stretches.append(Stretch(place, end))
             stretches[-1].sees(packet)
         damaged += parser.damaged
-    _check([each for each in stretches if each.is_set], raw)
-    return Survey(stretches, damaged)
+    return Survey(stretches, _set_ones(stretches, raw), damaged)
 
 
 def packets_of(
@@ -122,21 +121,27 @@ def packets_of(
             read(len(data))
 
 
-def _check(stretches: Sequence[Stretch], raw: Path) -> None:
-    for each in stretches:
-        settings = each.settings
-        assert settings is not None
-        if not settings.are_possible:
-            raise UserError(f"{raw}: the camera says {_said(settings)}; give another file")
-        if settings != stretches[0].settings or _serial(each) != _serial(stretches[0]):
+def _set_ones(stretches: Sequence[Stretch], raw: Path) -> Sequence[Stretch]:
+    """Those in which the camera was set like in that with the most frames."""
+    answered = [each for each in stretches if each.replies >= _COMMANDS]
+    if not answered:
+        return ()
+    most = max(answered, key=lambda each: each.taken)
+    assert most.settings is not None
+    if not most.settings.are_possible:
+        raise UserError(f"{raw}: the camera says {_said(most.settings)}; give another file")
+    same = [each for each in answered if _whose(each) == _whose(most)]
+    for each in answered:
+        if each not in same and (each.last_us or 0) - each.valid_us > _UNANSWERED_US:
             raise UserError(
                 f"{raw}: two recordings: from byte {each.begin} on it is another camera, or set "
                 "otherwise; cut the file there"
             )
+    return same
 
 
-def _serial(stretch: Stretch) -> str | None:
-    return stretch.identity and stretch.identity.serial_number
+def _whose(stretch: Stretch) -> tuple[Settings | None, str | None]:
+    return stretch.settings, stretch.identity and stretch.identity.serial_number
 
 
 def _said(settings: Settings) -> str:

@@ -22,6 +22,10 @@ BUFFER_BYTES = 24576 + 65536
 has 64 KiB and for a pseudo-terminal a sixth of it; a frame that finds none is dropped."""
 
 _LONGEST_WAIT_S = 0.05
+_A_DAY_S = 86400.0
+_LIMITS = {"noise": (0.0, 1.0), "lost": (0.0, 1.0), "drift_ppm": (-9e5, 1e8)}
+_TIMES = (1e-3, _A_DAY_S)
+"""Of all other faults, s, where they are not 0."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,20 @@ class Faults:
     stall_s: float = 0.0
     unplug_every_s: float = 0.0
     unplug_s: float = 0.5
+
+    def check(self) -> None:
+        """Make sure that a line can be so. Raises UserError."""
+        for name, value in vars(self).items():
+            least, most = _LIMITS.get(name, _TIMES)
+            if value != 0 and not least <= value <= most:
+                raise UserError(
+                    f"--{name.replace('_', '-')}: {value:g}; give 0, or {least:g} to {most:g}"
+                )
+        if self.stall_every_s and self.stall_s >= self.stall_every_s:
+            raise UserError(
+                f"--stall-s: {self.stall_s:g}; give less than --stall-every-s, "
+                f"{self.stall_every_s:g}"
+            )
 
     def on(self, line: bytes, seed: int, packet: Packet) -> bytes:
         """What arrives of the bytes of a packet."""
@@ -88,6 +106,8 @@ class EmulatedPort:
     ) -> None:
         if link is not None and link.exists() and not link.is_symlink():
             raise UserError(f"{link}: exists and is no symbolic link; choose another name")
+        if faults is not None:
+            faults.check()
         self._camera, self._faults, self._link = camera, faults or Faults(), link
         self._plugged_in, self._sent = plugged_in, sent
         self.dropped = 0

@@ -123,7 +123,7 @@ def test_numbers_that_cannot_be_are_refused(fields, tmp_path):
         capture(lambda: "/none", tmp_path / "a", wanted(**fields), threading.Event())
 
 
-@pytest.mark.parametrize("wait_s", [float("nan"), float("inf"), -1.0])
+@pytest.mark.parametrize("wait_s", [float("nan"), float("inf"), -1.0, 1e300])
 def test_a_wait_that_never_ends_is_refused(wait_s, tmp_path):
     with pytest.raises(UserError, match="--wait: .*; give"):
         capture(lambda: "/none", tmp_path / "a", wanted(), threading.Event(), wait_s=wait_s)

@@ -1,0 +1,77 @@
+"""Every option of every verb of `megalopta spadcam`, given what cannot be."""
+
+import os
+
+import pytest
+
+from megalopta.cli.main import main
+from megalopta.cli.parser import program
+
+ODD = ("nan", "inf", "-inf", "-1", "1e300", "-1e300", "9" * 5000, "", "☃", "\x1b[31m")
+VERBS = program().verbs["spadcam"].verbs
+NEEDED = {
+    "capture": ["--port", "/none", "--wait", "0"],
+    "emulate": ["--stimulus", "nothing"],
+    "calibrate": ["nowhere"],
+    "compare": ["nowhere", "--device", "nothing.yaml"],
+    "figures": ["nowhere@1"],
+    "recover": ["nowhere"],
+}
+OPTIONS = [
+    (verb, action)
+    for verb in NEEDED
+    for action in VERBS[verb]._actions
+    if action.option_strings and action.nargs != 0
+]
+
+
+@pytest.mark.parametrize(
+    ("verb", "action"), OPTIONS, ids=[f"{verb}{each.option_strings[0]}" for verb, each in OPTIONS]
+)
+def test_odd_values_are_refused_in_one_sentence(verb, action, tmp_path, monkeypatch, capsys):
+    """Nothing here can be done, so that what is not refused for its value is for the rest."""
+    monkeypatch.chdir(tmp_path)
+    for value in ODD:
+        values = [value] * (action.nargs if isinstance(action.nargs, int) else 1)
+        joined = f"{action.option_strings[0]}={value}"
+        words = [joined] if len(values) == 1 else [action.option_strings[0], *values]
+        with pytest.raises(SystemExit) as stopped:
+            main(["spadcam", verb, *NEEDED[verb], *words])
+        told = capsys.readouterr().err
+        assert stopped.value.code == 2 and told.startswith("megalopta: "), (words, told)
+        assert told.count("\n") == 1, (words, told)
+    assert not list(tmp_path.rglob("*.yaml"))
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("--stall-every-s 1 --stall-s 5", "--stall-s: 5; give less than --stall-every-s, 1"),
+        ("--drift-ppm 1e300", "--drift-ppm: 1e+300; give 0, or -900000 to 1e+08"),
+        ("--drift-ppm=-1e6", "--drift-ppm: -1e+06; give"),
+        ("--seed -1", "--seed: -1; give 0 to"),
+        ("--device-seed -1", "--device-seed: -1; give 0 to"),
+        ("--speed inf", "argument --speed: 'inf'; give a finite number"),
+        ("--speed -1", "--speed: -1; give 0 to 100"),
+        ("--speed 1e300", "--speed: 1e+300; give 0 to 100"),
+        ("--serial ☃", "--serial: '☃'; give 1 to 16 letters of ASCII"),
+        ("--serial \udcff", "--serial: '\\udcff'; give"),
+        ("--serial 12345678901234567", "--serial: '12345678901234567'; give 1 to 16"),
+        ("--serial=", "--serial: ''; give"),
+        ("--photons 1 -1", "--photons: -1; give 0 to"),
+        ("--photons 1e300", "--photons: 1e+300; give 0 to"),
+        ("--step-s 0", "--step-s: 0; give 0.001 to"),
+        ("--lux nan", "argument --lux: 'nan'; give a finite number"),
+        ("--noise 2", "--noise: 2; give 0, or 0 to 1"),
+        ("--burst-s -1", "--burst-s: -1; give 0, or 0.001 to 86400"),
+        ("--unplug-every-s 1e-300", "--unplug-every-s: 1e-300; give 0, or"),
+    ],
+)
+def test_a_camera_that_cannot_be_is_not_emulated(words, told, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as stopped:
+        main(["spadcam", "emulate", "--stimulus", "dark", "--link", "cam", *words.split()])
+    printed = capsys.readouterr()
+    assert stopped.value.code == 2 and printed.out == ""
+    assert told in printed.err and printed.err.count("\n") == 1
+    assert not os.path.lexists("cam")
