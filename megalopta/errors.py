@@ -28,7 +28,7 @@ class UserError(Exception):
 
 
 class DamagedFileError(UserError, ValueError):
-    """A file is not what was written; the message names it, and the way out."""
+    """A file is not what it should be; the message names it, and the way out."""
 
 
 def machine_problem(error: OSError) -> str | None:

@@ -11,6 +11,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Protocol
 
+from megalopta.bounded import sentence
+
 INTERVAL_S = 10.0
 """Longest silence without a terminal (s)."""
 
@@ -30,7 +32,7 @@ class Advance(Protocol):
 def say(text: str) -> None:
     """Print one line on standard error."""
     if not _silences:
-        print(text, file=sys.stderr, flush=True)
+        print(sentence(text, sys.maxsize), file=sys.stderr, flush=True)
 
 
 @contextmanager

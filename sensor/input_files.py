@@ -2,6 +2,9 @@
 
 from pathlib import Path
 
+from megalopta.bounded import ARRAY_BYTES, read_bytes
+from megalopta.errors import DamagedFileError
+
 
 def file_content(path: str | Path, field: str) -> bytes:
     """Content of a file.
@@ -12,9 +15,11 @@ def file_content(path: str | Path, field: str) -> bytes:
         When it cannot be read; names the field that asks for it.
     """
     try:
-        return Path(path).read_bytes()
+        return read_bytes(path, ARRAY_BYTES)
     except OSError as problem:
         reason = (problem.strerror or str(problem)).lower()
         raise ValueError(f"{field}: {path} cannot be read ({reason}); give a file's path") from None
+    except DamagedFileError as problem:
+        raise ValueError(f"{field}: {problem}") from None
     except ValueError:  # a null byte
         raise ValueError(f"{field}: {str(path)!r} is no path; give a file's path") from None

@@ -8,11 +8,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import BaseModel
 from pydantic.errors import PydanticInvalidForJsonSchema
 from sphinx.application import Sphinx
 
+from megalopta import strict_yaml
 from megalopta.config import Configuration
 from megalopta.experiments import Sweep
 from megalopta.ranking import RankingSettings
@@ -145,7 +145,7 @@ def _default(field: Schema) -> str:
             names = [each.get("name", "…") for each in value if isinstance(each, Mapping)]
             return f"``[{', '.join(names)}]``"
         return "as below" if value is not None else "``null``"
-    text = yaml.safe_dump(value, default_flow_style=True, width=10_000, allow_unicode=True)
+    text = strict_yaml.dump(value, default_flow_style=True, width=10_000)
     text = text.strip().removesuffix("...").strip()
     return f"``{text}``" if len(text) <= 120 else f"``{text[:117]}…``"
 

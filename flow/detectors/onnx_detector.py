@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.bounded import ARRAY_BYTES, read_bytes
 from megalopta.flow.detectors.base import FloatArray
 from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.detectors.dense_detector import DenseDetector, PairFlow
@@ -92,7 +93,7 @@ def onnx_detector(path: Path) -> OnnxDetector:
             f"{path}: onnxruntime is not installed; run: pip install onnxruntime"
         ) from None
     try:
-        content = hashlib.sha256(path.read_bytes()).hexdigest()
+        content = hashlib.sha256(read_bytes(path, ARRAY_BYTES)).hexdigest()
         found = OnnxDetector(name=path.name, label=path.stem, path=path, content=content)
         problem = _problem(found)
     except Exception as failure:  # onnxruntime's errors have no common class

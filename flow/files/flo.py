@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.bounded import ARRAY_BYTES, read_bytes
 from megalopta.files import atomic_write
 from megalopta.flow.files.checking import check_flow
 
@@ -51,7 +52,7 @@ def read_flo(path: str | Path) -> NDArray[np.float32]:
     ValueError
         When the file is not a whole .flo file.
     """
-    content = Path(path).read_bytes()
+    content = read_bytes(path, ARRAY_BYTES)
     if len(content) < _HEADER.size:
         raise ValueError(f"{path} has {len(content)} bytes: too short for a .flo file")
     tag, width, height = _HEADER.unpack_from(content)

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
+from megalopta import strict_yaml
 from megalopta.arrays import Floats
 from megalopta.files import atomic_write, write_text
 from megalopta.sensor import Sensor
@@ -66,7 +66,7 @@ def write_device(path: Path, device: Device, base: Sensor, light: Light, preset:
             _save(folder / f"{name}_{end}.npy", getattr(estimate, end))
         named[name] = f"{folder.name}/{name}.npy"
     _save(folder / "hot.npy", device.hot)
-    text = yaml.safe_dump(_fields(path, device, base, preset, named), sort_keys=False)
+    text = strict_yaml.dump(_fields(path, device, base, preset, named))
     write_text(path, f"# Written by megalopta spadcam calibrate.\n{text}")
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from megalopta.arrays import Floats
 from megalopta.errors import UserError
 from megalopta.sensor import Sensor
-from megalopta.sensor.formats import FrameKind, RecordedFrames, read_frames
+from megalopta.sensor.formats import FrameKind, read_frames
 from megalopta.spadcam import open_recording
 
 _PLANCK_TIMES_C = 1.98644586e-25
@@ -131,19 +131,8 @@ def _captured(source: Source) -> Recorded:
     return Recorded(recording.counts[:], codes, recording.exposure_s, recording.sensor, times_s)
 
 
-def _counts(path: Path) -> RecordedFrames | None:
-    """Plain counts (n, rows, columns) in a NumPy file, of more than 8 bits; packed bits have 8."""
-    if path.suffix != ".npy" or not path.is_file():
-        return None
-    counts = np.load(path, allow_pickle=False)
-    if counts.dtype.kind not in "iu" or counts.dtype.itemsize == 1:
-        return None
-    bits = 8 * counts.dtype.itemsize
-    return RecordedFrames(counts=counts, bit_depth=bits, exposure_s=None, source="npy")
-
-
 def _of_others(source: Source) -> Recorded:
-    frames = _counts(source.path) or read_frames(source.path, source.kind)
+    frames = read_frames(source.path, source.kind)
     exposure = source.exposure_s or frames.exposure_s
     if exposure is None:
         raise ValueError(f"{source.path}: it says no exposure; give {source.path}@LIGHT:SECONDS")

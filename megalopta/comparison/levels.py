@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.arrays import plain_array
+from megalopta.bounded import ARRAY_BYTES, read_bytes
 from megalopta.calibration import Beam, Recorded
 from megalopta.errors import UserError
 from megalopta.sensor import AnalogCounter, Sensor, changed, expose_rate
@@ -72,8 +74,15 @@ def map_error(file: MapFile | None) -> NDArray[np.float64] | float:
     ends = [path.with_name(f"{path.stem}_{end}.npy") for end in ("low", "high")]
     if not all(end.exists() for end in ends):
         return 0.0
-    low, high = (np.load(end, allow_pickle=False).astype(np.float64) for end in ends)
+    low, high = (_interval_end(end) for end in ends)
     return np.asarray(np.nan_to_num((high - low) / (2 * _95), nan=np.nanmax(high - low)))
+
+
+def _interval_end(path: Path) -> NDArray[np.float64]:
+    values = plain_array(read_bytes(path, ARRAY_BYTES))
+    if values is None or values.ndim != 2:
+        raise UserError(f"{path} is no whole array of numbers; calibrate the device again")
+    return values.astype(np.float64)
 
 
 def _nominal(device: Sensor, beam: Beam) -> float:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
-import yaml
 from pydantic import BaseModel
+
+from megalopta import strict_yaml
 
 Words = Literal["switch", "one", "all"]
 """How many words a setting takes on the command line; all are those up to the next option."""
@@ -42,7 +43,7 @@ class Settings:
         for path, meaning, value in settings_of(self.record):
             if self.fields is not None and path.partition(".")[0] not in self.fields:
                 continue
-            shown = yaml.safe_dump(value, default_flow_style=True, width=10_000).strip()
+            shown = strict_yaml.dump(value, default_flow_style=True, width=10_000).strip()
             shown = textwrap.shorten(shown.removesuffix("...").strip(), 60)
             lines.append(f"  --{path.replace('_', '-')} {shown}")
             indent = " " * 6

@@ -8,6 +8,8 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
+from megalopta.bounded import cut, quoted
+
 Location = tuple[int | str, ...]
 _PLAIN_TYPES = ("bool", "int", "float", "str")
 """What pydantic adds to the place of an error where one of these would do."""
@@ -35,8 +37,8 @@ def _first_problem(error: ValidationError, model: type[BaseModel]) -> tuple[str,
     steps = _typed_path(model, problem["loc"])
     if steps and steps[-1] in _PLAIN_TYPES:
         steps.pop()
-    place = ".".join(map(str, steps))
-    message = problem["msg"].removeprefix("Value error, ")
+    place = quoted(".".join(map(str, steps)))
+    message = cut(problem["msg"].removeprefix("Value error, "), problem["input"])
     if problem["type"] == "extra_forbidden":
         known = _fields_at(model, problem["loc"][:-1])
         near = get_close_matches(str(problem["loc"][-1]), known, n=1, cutoff=0.5)
@@ -48,7 +50,10 @@ def _first_problem(error: ValidationError, model: type[BaseModel]) -> tuple[str,
         return place, "say which kind it is, with the key 'kind'"
     if problem["type"] == "union_tag_invalid":
         context = problem["ctx"]
-        return place, f"kind {context['tag']!r} is unknown; use {context['expected_tags']}"
+        return (
+            place,
+            f"kind {quoted(repr(context['tag']))} is unknown; use {context['expected_tags']}",
+        )
     if problem["type"] == "too_short":
         return place, "empty; give at least one"
     if problem["type"] == "value_error":

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-import yaml
 from pydantic import BaseModel, ValidationError
 
 from megalopta import bounded, strict_yaml
@@ -74,9 +73,7 @@ def validated(
 
 def to_yaml(record: BaseModel) -> str:
     """Complete YAML of a model; reading it back gives an equal one."""
-    return yaml.safe_dump(
-        record.model_dump(mode="json"), sort_keys=False, allow_unicode=True, width=100
-    )
+    return strict_yaml.dump(record.model_dump(mode="json"))
 
 
 def put(values: Any, path: str, value: Any) -> None:

@@ -21,11 +21,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import ValidationError
 
 from megalopta import __version__, bounded, files, strict_yaml
-from megalopta.config import Configuration, LightLevel, level_text, one_sentence, to_yaml
+from megalopta.config import Configuration, LightLevel, level_text, one_sentence
 from megalopta.enclosure import check_enclosed
 from megalopta.errors import UserError
 from megalopta.folders import LOCK_NAME
@@ -170,8 +169,8 @@ def exposure_name(sensor: ImageSensor, level: LightLevel) -> str:
 def write_configuration(dataset: Dataset) -> None:
     """Write dataset.yaml."""
     header = {"format": written("dataset"), "megalopta": __version__, "license": LICENSE}
-    body = {"configuration": yaml.safe_load(to_yaml(dataset.configuration))}
-    text = yaml.safe_dump({**header, **body}, sort_keys=False, allow_unicode=True, width=100)
+    body = {"configuration": dataset.configuration.model_dump(mode="json")}
+    text = strict_yaml.dump({**header, **body})
     files.write_text(dataset.root / "dataset.yaml", text)
 
 

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
+from megalopta import strict_yaml
 from megalopta.files import write_text
 from megalopta.format_numbers import written
 from megalopta.sensor import AnalogCounter, Sensor
@@ -168,7 +168,7 @@ class Recorder:
 
     def _write_settings(self) -> None:
         values = {"format": written("recording"), **self.record.model_dump(mode="json")}
-        text = yaml.safe_dump(values, sort_keys=False, allow_unicode=True)
+        text = strict_yaml.dump(values)
         write_text(self._folder / SETTINGS, text)
 
 

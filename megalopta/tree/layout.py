@@ -20,8 +20,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-import yaml
-
 from megalopta import __version__, bounded, files, strict_yaml
 from megalopta.dataset import LICENSE
 from megalopta.enclosure import check_enclosed
@@ -112,7 +110,7 @@ class Tree:
         """Write dataset.yaml."""
         header = {"format": written("dataset"), "megalopta": __version__, "license": LICENSE}
         body = {"plan": plan.model_dump(mode="json")}
-        text = yaml.safe_dump({**header, **body}, sort_keys=False, allow_unicode=True, width=100)
+        text = strict_yaml.dump({**header, **body})
         files.write_text(self.root / "dataset.yaml", text)
 
     def sweep(self) -> None:

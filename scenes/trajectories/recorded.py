@@ -16,6 +16,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
+from megalopta.bounded import read_text
 from megalopta.scenes.trajectories.base import Float64, Path
 
 COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
@@ -27,7 +28,7 @@ def content_of(source: object) -> object:
     if not isinstance(source, str) or "\n" in source:
         return source
     try:
-        text = FilePath(source).expanduser().read_text("utf-8") + "\n"
+        text = read_text(FilePath(source).expanduser()) + "\n"
         read_recording(text)
     except UnicodeDecodeError:
         raise ValueError(f"{source} is not a text file in UTF-8; give a CSV file") from None

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, model_validator
 
+from megalopta.bounded import ARRAY_BYTES, read_bytes
 from megalopta.record import Record
 
 
@@ -59,7 +60,7 @@ PictureFile = Annotated[HashedFile, AfterValidator(_named_as_a_picture)]
 
 def _content(path: str) -> bytes:
     try:
-        return Path(path).read_bytes()
+        return read_bytes(path, ARRAY_BYTES)
     except OSError as problem:
         reason = (problem.strerror or str(problem)).lower()
         raise ValueError(

@@ -79,16 +79,14 @@ def read_binary_npy(
     """
     path, layout = Path(path), layout or PackedLayout()
     array = _mapped(path)
-    if array.ndim not in (3, 4) or array.dtype.kind not in "bu":
+    if array.ndim not in (3, 4) or array.dtype.kind not in "bui" or 0 in array.shape:
         raise ValueError(
             f"{path}: {array.dtype} {array.shape}; give uint8 (T, H, W/8) or (T, H, W/8, C) of "
             "packed bits, or counts (T, H, W)"
         )
     part = array[wanted(len(array), first, frames, path)]
     if array.dtype != np.uint8:
-        depth = 1 if array.dtype == np.bool_ else 8 * array.itemsize
-        counts = part.astype(np.uint8) if depth == 1 else np.array(part)
-        return RecordedFrames(counts=counts, bit_depth=depth, exposure_s=None, source="npy")
+        return _counts(part, path)
     if width is not None and not 0 <= -width + 8 * array.shape[2] < 8:
         raise ValueError(
             f"{path}: width {width}, but rows have {array.shape[2]} bytes of 8 pixels: give the "
@@ -100,6 +98,15 @@ def read_binary_npy(
     ]
     counts = bits[0] if array.ndim == 3 else np.stack(bits, axis=-1)
     return RecordedFrames(counts=counts, bit_depth=1, exposure_s=None, source="npy")
+
+
+def _counts(frames: NDArray[Any], path: Path) -> RecordedFrames:
+    """Frames of bits or of wider numbers, as they are."""
+    if frames.dtype.kind == "i" and frames.min() < 0:
+        raise ValueError(f"{path}: has counts below 0; give counts as they were read")
+    depth = 1 if frames.dtype == np.bool_ else 8 * frames.itemsize
+    counts = frames.astype(np.uint8) if depth == 1 else np.array(frames)
+    return RecordedFrames(counts=counts, bit_depth=depth, exposure_s=None, source="npy")
 
 
 def _mapped(path: Path) -> NDArray[Any]:

@@ -1,11 +1,14 @@
 """What every reader of frames returns."""
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from megalopta.bounded import check_file
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -43,6 +46,7 @@ def file_bytes(path: Path) -> NDArray[np.uint8]:
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such file; give the path of a recording")
     try:
+        check_file(path, sys.maxsize)
         if path.stat().st_size == 0:
             raise ValueError(f"{path}: the file is empty; copy it again")
         return np.memmap(path, np.uint8, "r")

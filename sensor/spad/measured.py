@@ -15,7 +15,6 @@ never loaded.
 """
 
 import hashlib
-import io
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -24,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, model_validator
 
-from megalopta.arrays import Floats
+from megalopta.arrays import Floats, plain_array
 from megalopta.sensor import file_content
 from megalopta.sensor.counters import AnalogPixels
 from megalopta.sensor.effects import AvalancheMaps, Effect, PixelRates, Stage
@@ -153,7 +152,7 @@ def load_map(
             f"{field}: {file.path} has changed since it was first read; restore it, or name it "
             "anew without a sha256"
         )
-    values = _plain_array(content)
+    values = plain_array(content)
     if values is None or values.ndim != 2:
         raise ValueError(
             f"{field}: {file.path} does not hold one whole array (rows, columns) of plain numbers; "
@@ -165,14 +164,6 @@ def load_map(
             f"{field}: {file.path} holds values {below}not finite; replace those pixels"
         )
     return _window(values, shape, fit, f"{field}: {file.path}").astype(np.float64)
-
-
-def _plain_array(content: bytes) -> NDArray[Any] | None:
-    try:
-        values = np.lib.format.read_array(io.BytesIO(content), allow_pickle=False)
-    except Exception:  # a damaged header can raise anything
-        return None
-    return values if values.dtype.kind in "fiu" else None
 
 
 def _window(values: NDArray[Any], shape: tuple[int, int], fit: Fit, name: str) -> NDArray[Any]:

@@ -53,6 +53,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from megalopta import strict_yaml
+from megalopta.bounded import cut, quoted, read_text
 from megalopta.sensor import merged
 from megalopta.sensor.counters import AnalogCounter
 from megalopta.sensor.effects import Bias, Crosstalk, DarkCounts, DeadTime
@@ -228,7 +229,7 @@ def load_sensor(path: str | Path) -> Sensor:
     """
     path = Path(path)
     try:
-        values = strict_yaml.load(path.read_text("utf-8"))
+        values = strict_yaml.load(read_text(path))
     except OSError as error:
         raise ValueError(
             f"{path}: {error.strerror}; give the path of a device's YAML file"
@@ -269,13 +270,13 @@ def with_files(values: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 
 def _first_problem(error: ValidationError) -> str:
     problem = error.errors(include_url=False)[0]
-    place = ".".join(map(str, problem["loc"]))
+    place = quoted(".".join(map(str, problem["loc"])))
     if problem["type"] == "extra_forbidden":
         return f"{place}: no such field; remove it"
     if problem["type"] == "missing":
         return f"{place}: missing; give a value or a preset"
     if problem["type"] in ("model_type", "model_attributes_type", "dict_type"):
-        return f"{place}: give a mapping of fields to values, got {problem['input']!r}"
+        return f"{place}: give a mapping of fields to values, got {quoted(repr(problem['input']))}"
     if problem["type"] == "value_error":
-        return problem["msg"].removeprefix("Value error, ")
-    return f"{place}: {problem['msg']}, got {problem['input']!r}"
+        return cut(problem["msg"].removeprefix("Value error, "), problem["input"])
+    return f"{place}: {problem['msg']}, got {quoted(repr(problem['input']))}"

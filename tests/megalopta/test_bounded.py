@@ -5,7 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from megalopta.bounded import check_file, printable, quoted, read_bytes, read_text
+from megalopta.bounded import (
+    check_file,
+    cut,
+    printable,
+    quoted,
+    read_bytes,
+    read_text,
+    sentence,
+)
 from megalopta.errors import UserError
 
 
@@ -46,3 +54,17 @@ def test_messages_quote_no_more_than_their_limit() -> None:
 
 def test_control_codes_do_not_reach_a_terminal() -> None:
     assert printable("a\x1b[31m\nb\udcff\u202eä") == "a\\x1b[31m\\nb\\udcff\\u202eä"
+
+
+def test_of_what_was_given_a_message_quotes_no_more_than_that() -> None:
+    told = cut(f"name: {'a' * 300!r} is taken; give another", {"x": [{"name": "a" * 300}]})
+    assert told == f"name: '{'a' * 200}…' is taken; give another"
+
+
+def test_a_sentence_is_one_line_that_a_terminal_only_shows() -> None:
+    assert sentence("a\n b\x1b[31m \u202ec\udcff ☃") == r"a b\x1b[31m \u202ec\udcff ☃"
+
+
+def test_a_long_sentence_keeps_its_beginning_and_its_end() -> None:
+    told = sentence(f"name: {'a' * 10_000}; give another")
+    assert told.startswith("name: a") and told.endswith("; give another") and len(told) < 810

@@ -1,6 +1,11 @@
 """What the command says of a mistake, and of what the machine refuses."""
 
 import errno
+import os
+import resource
+import subprocess
+import sys
+from itertools import groupby
 
 import pytest
 
@@ -77,3 +82,43 @@ def test_a_fault_of_ours_is_not_told_as_the_users(monkeypatch):
     monkeypatch.setattr(cli, "program", fails)
     with pytest.raises(OSError, match="no error of the system"):
         cli.main(["info"])
+
+
+def run(words, **more):
+    command = [sys.executable, "-m", "megalopta", *words]
+    return subprocess.run(command, capture_output=True, timeout=60, **more)
+
+
+def test_too_small_an_address_space_is_refused_before_libraries_wait_for_ever():
+    limit = (500_000 * 1024, resource.RLIM_INFINITY)
+    done = run(["render"], preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, limit))
+    assert done.returncode == 2
+    assert b"address space is limited to 0.51 GB" in done.stderr and b"ulimit -v" in done.stderr
+
+
+def test_help_is_printed_where_the_locale_has_ascii_only():
+    environment = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONIOENCODING": "ascii"}
+    done = run(["render", "--help"], env=environment)
+    assert done.returncode == 0 and b"\\xb2" in done.stdout and not done.stderr
+
+
+def test_a_name_that_is_no_unicode_is_told_in_a_sentence(tmp_path):
+    done = run(["render", os.fsencode(tmp_path / "o") + b"\xff.yaml"])
+    assert done.returncode == 2 and b"o\\udcff.yaml: no such configuration" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f"scene: {{kind: {'x' * 5000}}}",
+        f"name: {'☃' * 5000}",
+        f"{'k' * 5000}: 1",
+        f"methods: [{'x' * 5000}]",
+        f"sensors: [{{preset: {'x' * 5000}}}]",
+        f"scene: {{trees: {'x' * 5000}}}",
+    ],
+)
+def test_a_message_quotes_at_most_200_characters_of_a_value(capsys, tmp_path, text):
+    (tmp_path / "my.yaml").write_text(text, "utf-8")
+    told = refused(capsys, "render", tmp_path / "my.yaml")
+    assert max(len(list(run)) for _, run in groupby(told)) <= 200 and len(told) < 900

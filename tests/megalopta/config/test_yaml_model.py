@@ -15,7 +15,6 @@ from megalopta.experiments import Sweep
         ("camera:\n  width: 4\n  height: 4\n  width: 5\n", "the key 'width' comes twice.*line 4"),
         ("camera: {width: 4, width: 4}", "the key 'width' comes twice"),
         ("camera: {width: !!int x}", "'x' is no int .line 1"),
-        ("name: 2024-99-99", "'2024-99-99' is no timestamp"),
         ("seed: " + "9" * 5000, "is no int"),
         ("[" * 1000, "nested too deeply; write it flatter"),
         ("name: [", "not valid YAML: while parsing a flow"),
@@ -32,7 +31,7 @@ def test_what_is_no_yaml_is_told_with_its_line(text, message):
     ("text", "place"),
     [
         ("camera: {width: true}", "camera.width"),
-        ("camera: {fov_deg: yes}", "camera.fov_deg"),
+        ("camera: {fov_deg: TRUE}", "camera.fov_deg"),
         ("light_levels: [2, true]", "light_levels.1"),
         ("trajectory: {up: [0, false, true]}", "trajectory.up.1"),
         (
@@ -40,7 +39,7 @@ def test_what_is_no_yaml_is_told_with_its_line(text, message):
             "sensors.0.exposure_s",
         ),
         ("scene: {kind: forest, mix: {beech: true}}", "scene.mix.beech"),
-        ("seed: on", "seed"),
+        ("seed: false", "seed"),
     ],
 )
 def test_a_boolean_is_no_number(text, place):
