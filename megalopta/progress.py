@@ -1,7 +1,7 @@
 """Progress: how far, how fast, how long still.
 
 A bar on the terminal. Without one a line every ten seconds, also while a single step takes longer,
-so that a log tells that something is going on.
+so that a log tells that something is going on, and which step it is.
 """
 
 import sys
@@ -9,17 +9,35 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Protocol
 
 from megalopta.bounded import sentence
 
 INTERVAL_S = 10.0
 """Longest silence without a terminal (s)."""
+STATUS_S = 1.0
+"""Time between two states on a terminal (s)."""
 
 _speakers: list[object] = []
 """Work under way, the outermost first; only the innermost speaks."""
 _silences: list[object] = []
 """Work that says nothing."""
+_steps: list[str] = []
+"""Steps under way, the outermost first; the innermost is told."""
+_status_stands = threading.Event()
+"""Set where a terminal's last line tells a step."""
+_clocks: list[dict[str, "Spent"]] = []
+"""Who counts the time of steps."""
+
+
+@dataclass
+class Spent:
+    """Time that a step took, all its runs together."""
+
+    seconds: float = 0.0
+    cpu_seconds: float = 0.0
+    runs: int = 0
 
 
 class Advance(Protocol):
@@ -32,6 +50,7 @@ class Advance(Protocol):
 def say(text: str) -> None:
     """Print one line on standard error."""
     if not _silences:
+        _clear_status()
         print(sentence(text, sys.maxsize), file=sys.stderr, flush=True)
 
 
@@ -47,6 +66,37 @@ def silent() -> Iterator[None]:
 
 
 @contextmanager
+def step(name: str) -> Iterator[None]:
+    """Name what is done inside, for lines of progress and for who counts the time of steps.
+
+    A terminal shows it where it takes longer than a second and no bar stands there.
+    """
+    wall, cpu = time.monotonic(), time.process_time()
+    _steps.append(name)
+    try:
+        with _status_line(lambda: f"{_steps[-1]}: {duration(time.monotonic() - wall)}"):
+            yield
+    finally:
+        _steps.remove(name)
+        for clock in _clocks:
+            spent = clock.setdefault(name, Spent())
+            spent.seconds += time.monotonic() - wall
+            spent.cpu_seconds += time.process_time() - cpu
+            spent.runs += 1
+
+
+@contextmanager
+def times_of_steps() -> Iterator[dict[str, Spent]]:
+    """Count the time of all steps inside, by their names."""
+    clock: dict[str, Spent] = {}
+    _clocks.append(clock)
+    try:
+        yield clock
+    finally:
+        _clocks.remove(clock)
+
+
+@contextmanager
 def progress(description: str, total: int, unit: str) -> Iterator[Advance]:
     """Show a bar for `total` steps, which the yielded function counts.
 
@@ -58,8 +108,14 @@ def progress(description: str, total: int, unit: str) -> Iterator[Advance]:
     if sys.stderr.isatty():
         from megalopta.progress_bar import bar  # what it is drawn with is slow to import
 
-        with bar(description, total, unit, rate_text) as advance:
-            yield lambda steps=1: advance(steps)
+        bar_stands = object()  # no status line beside it
+        _clear_status()
+        _speakers.append(bar_stands)
+        try:
+            with bar(description, total, unit, rate_text, _step) as advance:
+                yield lambda steps=1: advance(steps)
+        finally:
+            _speakers.remove(bar_stands)
         return
     done, start = 0, time.monotonic()
 
@@ -68,7 +124,9 @@ def progress(description: str, total: int, unit: str) -> Iterator[Advance]:
         done += steps
 
     with speaking(
-        lambda: f"{description}: {progress_line(done, total, unit, time.monotonic() - start)}"
+        lambda: (
+            f"{description}: {progress_line(done, total, unit, time.monotonic() - start)}{_step()}"
+        )
     ):
         yield count
     elapsed = time.monotonic() - start
@@ -79,7 +137,9 @@ def progress(description: str, total: int, unit: str) -> Iterator[Advance]:
 def working(description: str) -> Iterator[None]:
     """Without a terminal, print a line every ten seconds while nothing inside does."""
     start = time.monotonic()
-    with speaking(lambda: f"{description}: at work for {duration(time.monotonic() - start)}"):
+    with speaking(
+        lambda: f"{description}: at work for {duration(time.monotonic() - start)}{_step()}"
+    ):
         yield
 
 
@@ -103,6 +163,43 @@ def duration(seconds: float) -> str:
         if seconds >= least * length:
             return f"{seconds / length:.0f} {unit}"
     return f"{seconds:.0f} s"
+
+
+def _step() -> str:
+    """What is being done, to go on a line with."""
+    return "".join(f"; {name}" for name in _steps[-1:])  # another thread may take the last away
+
+
+@contextmanager
+def _status_line(state: Callable[[], str]) -> Iterator[None]:
+    """Show a state at the lower end of a terminal, once it takes longer, and clear it again."""
+    if not sys.stderr.isatty() or _silences or _speakers:
+        yield
+        return
+    over = threading.Event()
+
+    def show() -> None:
+        while not over.wait(STATUS_S):
+            if _speakers[-1] is over:
+                _status_stands.set()
+                print(f"\r{state()}\x1b[K", end="", file=sys.stderr, flush=True)
+
+    _speakers.append(over)
+    thread = threading.Thread(target=show, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+        _speakers.remove(over)
+        _clear_status()
+
+
+def _clear_status() -> None:
+    if _status_stands.is_set():
+        _status_stands.clear()
+        print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 
 
 @contextmanager

@@ -16,6 +16,8 @@ from rich.progress import (
 )
 from rich.text import Text
 
+_STEP_CHARACTERS = 40
+
 
 class _RateColumn(ProgressColumn):
     def __init__(self, rate_text: Callable[[float, str], str]) -> None:
@@ -28,9 +30,23 @@ class _RateColumn(ProgressColumn):
         return Text(self._rate_text(speed, task.fields["unit"]) if speed else "")
 
 
+class _StepColumn(ProgressColumn):
+    def __init__(self, step: Callable[[], str]) -> None:
+        super().__init__()
+        self._step = step
+
+    def render(self, task: Task) -> Text:
+        """What is being done."""
+        return Text(self._step()[:_STEP_CHARACTERS], no_wrap=True)
+
+
 @contextmanager
 def bar(
-    description: str, total: int, unit: str, rate_text: Callable[[float, str], str]
+    description: str,
+    total: int,
+    unit: str,
+    rate_text: Callable[[float, str], str],
+    step: Callable[[], str],
 ) -> Iterator[Callable[[int], None]]:
     """Show a bar for `total` steps, which the yielded function counts."""
     columns = (
@@ -41,6 +57,7 @@ def bar(
         TimeElapsedColumn(),
         TextColumn("left"),
         TimeRemainingColumn(),
+        _StepColumn(step),
     )
     with Progress(*columns, console=Console(stderr=True)) as bars:
         task = bars.add_task(description, total=total, unit=unit)
