@@ -13,8 +13,8 @@ from pathlib import Path
 
 RENDER_MODEL = 2
 """Of radiance: plants, ground, light, cameras, sampling; not of where code stands."""
-BAKE_MODEL = 7
-"""Of baked light, of frames that an exposure or a shutter blurs, and of the stated error."""
+BAKE_MODEL = 8
+"""Of baked light and where it is, frames that an exposure or a shutter blurs, stated errors."""
 TRUTH_MODEL = 3
 """Of ground truth and of pictures, which panoramas have not: what else the render stage writes."""
 SENSOR_MODEL = 7

@@ -53,8 +53,8 @@ class RenderSettings(Record, frozen=True):
     integrator: Literal["auto", "path", "baked"] = "auto"
     """path traces every path of every frame; baked computes the light on each surface once, which
     all views share, and traces paths for objects that move and what is near them; auto bakes where
-    frames of the same error on surfaces then cost half. Scalar variants, and scenes where more than
-    16 objects move, always take path; in haze auto does, and baked is refused."""
+    frames of the same error on surfaces then take less work. Scalar variants, and scenes where more
+    than 16 objects move, always take path; in haze auto does, and baked is refused."""
 
     bake_error: Annotated[float, Field(gt=0, lt=1)] = 0.022
     """Noise of baked light, which stands on surfaces in all frames alike: RMS over pixels without

@@ -9,10 +9,10 @@ from megalopta.render import RenderSettings
 from megalopta.render.baking.moving import MOST_OBJECTS
 from megalopta.scenes.world import Scene
 
-_FEWEST_SAMPLES = 2000
+_FEWEST_SAMPLES = 1000
 """Per pixel in a whole sequence. Forests take 4000 rays and more for each pixel of a frame, and
-baking pays from 1.4 rays per sample on downward: with fewer samples there is no need to look. How
-many samples an error takes is known after a look."""
+baking pays from 3.4 rays per sample on downward. A look at a sequence takes the work of some 300
+traced samples: of more than these it is less than a third."""
 # In units of a fifth of a path: a ray of the bake, of which each eighth is followed, and a sample
 # of a baked frame, of which one in twenty-five is a path. From CPU-seconds of 1000 trees with
 # leaves that let light through (benchmarks/bench_baked.py). In single passes a path tracer's frames
@@ -20,7 +20,7 @@ many samples an error takes is known after a look."""
 # forest by day: most noise is of leaves against the sky, in pixels that samples took for surfaces.
 # Where samples are many enough to meet an error it takes 5 to 9 times as many, of which the look at
 # a few frames takes up a part: its rays are independent, of twice the variance of frames' samples.
-PATH, BAKE, SAMPLE, _AT_EQUAL_ERROR, _AT_TARGET_ERROR = 5.0, 2.1, 1.3, 1.7, 4.0
+PATH, BAKE, SAMPLE, AT_EQUAL_ERROR, _AT_TARGET_ERROR = 5.0, 2.1, 1.3, 1.7, 4.0
 
 
 def path_tracing_reason(
@@ -57,11 +57,17 @@ def path_tracing_reason(
         return "an object that glows moves, and its light on all others"
     if poses is None:
         return "the camera's path is not known"
-    samples = len(poses) * settings.samples_per_pixel
-    few = settings.target_error is None and samples < _FEWEST_SAMPLES
-    if settings.integrator == "auto" and few:
+    if settings.integrator == "auto" and not may_pay(settings, len(poses)):
+        samples = len(poses) * settings.samples_per_pixel
         return f"{samples} samples per pixel in all frames are too few to pay for baking"
     return ""
+
+
+def may_pay(settings: RenderSettings, frames: int) -> bool:
+    """Whether baking may pay for so many frames; a look tells whether it does."""
+    if settings.target_error is not None:
+        return frames * settings.samples_per_pixel * settings.max_passes >= _FEWEST_SAMPLES
+    return frames * settings.samples_per_pixel >= _FEWEST_SAMPLES
 
 
 def samples_of_pixel(settings: RenderSettings, scatter: float) -> int:
@@ -79,15 +85,16 @@ def samples_of_pixel(settings: RenderSettings, scatter: float) -> int:
 def cost_reason(rays: int, samples: int, settings: RenderSettings) -> str:
     """Why a bake of some rays does not pay for frames of some samples; empty where it does.
 
-    It does where frames of the same error on surfaces cost half.
+    It does where frames of the same error on surfaces take less work. Work is counted in rays and
+    samples, so that the answer is the same on every machine.
     """
-    traced = _AT_EQUAL_ERROR * samples
+    traced = AT_EQUAL_ERROR * samples
     if settings.target_error:
         # What stands is not for samples to take away.
         standing = settings.standing_error / settings.target_error
         traced = _AT_TARGET_ERROR * samples * (1 - standing**2)
     share = (BAKE * rays + SAMPLE * samples) / (PATH * traced)
-    if share <= 1 / 2:
+    if share <= 1:
         return ""
     return (
         f"baking would take {share:.0%} of the work of path tracing to the same error, for "

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.progress import step
 from megalopta.render import RenderSettings, dr, mi
 from megalopta.render.baking.cells import CellFinder, Cells
 from megalopta.render.baking.choice import BAKE, SAMPLE, cost_reason, samples_of_pixel
@@ -98,15 +99,17 @@ class BakedLightIntegrator:
         kept = store.read(NAMES)
         if kept:
             self._light.restore(kept)
+            scatter = float(kept["scatter"])
         else:
-            error = settings.standing_error
-            scatter = self._prepare(loaded, camera, poses, seed, error)
-            if settings.integrator == "auto":
-                in_all = len(poses) * pixels * samples_of_pixel(settings, scatter)
-                self.reason = cost_reason(self._light.total_rays(), in_all, settings)
-            if not self.reason:
+            with step("counting the rays that baked light takes"):
+                scatter = self._prepare(loaded, camera, poses, seed, settings.standing_error)
+        if settings.integrator == "auto":  # alike whether light is kept: frames do not hang on it
+            in_all = len(poses) * pixels * samples_of_pixel(settings, scatter)
+            self.reason = cost_reason(self._light.total_rays(), in_all, settings)
+        if not kept and not self.reason:
+            with step("baking light"):
                 self._light.bake_all()
-                store.write(self._light.contents())
+            store.write({**self._light.contents(), "scatter": np.array(scatter)})
         work = BAKE * self._light.total_rays()
         work += SAMPLE * len(poses) * pixels * settings.samples_per_pixel
         self._compared = min(1.0, pixels_to_compare(work, len(poses)) / pixels)

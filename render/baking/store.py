@@ -14,7 +14,7 @@ from megalopta.render.loading import MergedMesh
 from megalopta.scenes.cameras import Camera
 from megalopta.scenes.world import Scene
 
-NAMES = "density", "cells", "seen", "rows"
+NAMES = "density", "cells", "seen", "rows", "scatter"
 MOST_BYTES = 4 * 10**9
 """Of all stored light: beyond it the oldest goes."""
 

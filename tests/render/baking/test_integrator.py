@@ -289,10 +289,10 @@ def test_paths_are_traced_where_baking_is_not_asked_for_or_cannot_pay(ground):
         reason(still, frames=4)
         == "100 samples per pixel in all frames are too few to pay for baking"
     )
-    # Half of the path tracer's work at equal error: 2.1 r + 1.3 = 4.25, rays per sample.
+    # The path tracer's work at equal error: 2.1 r + 1.3 = 8.5, rays per sample.
     one_pass = RenderSettings()
-    assert cost_reason(140, 100, one_pass) == ""
-    assert "baking would take 50% of the work" in cost_reason(141, 100, one_pass)
+    assert cost_reason(342, 100, one_pass) == ""
+    assert "baking would take 100% of the work" in cost_reason(343, 100, one_pass)
     assert "vectorized" in reason(still, "scalar_spectral", integrator="baked")
     assert "no surface" in reason(dataclasses.replace(still, placements=()))
 
@@ -306,10 +306,13 @@ def test_samples_that_a_target_error_takes_decide_whether_light_is_baked(ground)
     assert samples_of_pixel(few, 1.0) == 125
     assert samples_of_pixel(few, 9.0) == 16 * 25
     assert samples_of_pixel(RenderSettings(), 9.0) == 25
-    # Half of what is traced to 3 %: 2.1 r + 1.3 = 2.5 · 4 · (1 - 0.5²), rays per sample.
+    # What is traced to 3 %: 2.1 r + 1.3 = 5 · 4 · (1 - 0.5²), rays per sample. (0.022 > 0.03 / 2)
     close = RenderSettings(target_error=0.03)
-    assert cost_reason(295, 100, close) == ""
-    assert "baking would take 50% of the work" in cost_reason(296, 100, close)
+    assert cost_reason(652, 100, close) == ""
+    assert "baking would take 100% of the work" in cost_reason(653, 100, close)
+    # 4 frames of 2 passes: a look would take more work than tracing them.
+    hurried = RenderSettings(target_error=0.1, max_passes=2)
+    assert "too few" in path_tracing_reason(still, "llvm_ad_spectral", np.zeros((4, 4, 4)), hurried)
 
 
 @vectorized
@@ -337,7 +340,7 @@ def test_a_look_tells_how_far_one_sample_of_a_pixel_is_off(monkeypatch):
         return samples_of_pixel(settings, found)
 
     monkeypatch.setattr(integrator, "samples_of_pixel", noted)
-    renderer_of(scene, DOWN, integrator="auto", target_error=0.6)
+    renderer_of(scene, DOWN, integrator="auto", target_error=0.6, max_passes=125)
     # A ray meets either with equal chance, and is off by half the mean. Of 3 · 576 pixels with 32
     # rays each the variance is known to 0.6 % at one standard deviation.
     assert scatter == [pytest.approx(0.5, rel=0.03)]
@@ -380,6 +383,28 @@ def test_stored_light_gives_the_same_frames_without_another_bake(tmp_path, monke
     assert found < 0.1 * sum(rays)
     frame(tmp_path, bake_error=0.22)
     assert len(list(tmp_path.glob("*.npz"))) == 2  # another error, another light
+
+
+@pytest.mark.slow
+@vectorized
+def test_light_that_is_kept_does_not_change_what_auto_decides(tmp_path, monkeypatch):
+    """Frames hang on the configuration alone, and not on who baked its light before."""
+    scene, asked = thicket(Lighting(SKY)), []
+
+    def integrator_of(name):
+        settings = RenderSettings(samples_per_pixel=256, integrator=name, bake_error=0.2)
+        return SceneRenderer(scene, CAMERA, settings, ORBIT, 3, tmp_path).integrator
+
+    def noted(*work):
+        asked.append(work[:2])
+        return "for once"
+
+    monkeypatch.setattr(integrator, "cost_reason", noted)
+    assert integrator_of("auto") == "path (for once)"
+    assert integrator_of("baked") == "baked"
+    assert len(list(tmp_path.glob("*.npz"))) == 1
+    assert integrator_of("auto") == "path (for once)"
+    assert asked[0] == asked[1]  # rays and samples
 
 
 def least_standing(tracer, light, part, time=0.0):
