@@ -9,10 +9,17 @@ from megalopta.cli.stage_command import add_first_stage, configuration
 def declare(verbs: Verbs) -> None:
     """Add the verb."""
     purpose = "render a scene to spectral-radiance EXRs with exact ground truth"
-    add_first_stage(verbs, "render", purpose, _run)
+    command = add_first_stage(verbs, "render", purpose, _run)
+    text = "tell size, time, memory and integrator from a short measurement, and render nothing"
+    command.add_argument("--dry-run", action="store_true", help=text)
 
 
 def _run(options: Namespace) -> None:
+    if options.dry_run:
+        from megalopta.making import dry_run_of_frames
+
+        print(dry_run_of_frames(options.out, configuration(options)))
+        return
     from megalopta.stages import finish_move, run_stage
 
     finish_move(options.out)  # which may be the configuration, too

@@ -3,7 +3,10 @@ from .exposing import (
     expose as expose,
     load_exposing as load_exposing,
 )
-from .probe import dry_run as dry_run
+from .probe import (
+    dry_run as dry_run,
+    dry_run_of_frames as dry_run_of_frames,
+)
 from .run import (
     make as make,
     parse_indices as parse_indices,

@@ -1,80 +1,209 @@
-"""How large a plan will be, measured on a few frames of a few of its sequences."""
+"""How large a plan will be, measured on a few frames of a few of its sequences.
 
-import tempfile
+Sequences that take the same code are a group. Of each group one is measured, or two where images
+differ much, with few trees; what more trees are is told by two scenes that are only built. All
+others follow between and beyond them (`stages/probing.py`).
+"""
+
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
 
 from megalopta.config import Configuration
-from megalopta.dataset import files_in
-from megalopta.making.staging import MADE
+from megalopta.dataset import Dataset
+from megalopta.errors import UserError
+from megalopta.making.flow_files import write_flow_files
 from megalopta.plan import Plan, configuration_of
-from megalopta.progress import duration, silent
-from megalopta.stages import run_stage, size
+from megalopta.progress import duration, say, step
+from megalopta.render.baking import may_pay
+from megalopta.stages import (
+    STAGES,
+    Finish,
+    Foreseen,
+    Probe,
+    Scale,
+    check_stage,
+    foresee,
+    memory_bytes,
+    probe,
+    size,
+    triangles,
+)
 
-_PROBED, _DRAWN = 3, 200
-_FEW, _MORE = 2, 4
+_BUDGET_S = 20.0
+"""Processor time, beyond which nothing more is measured."""
+_DRAWN = 200
+_BUILT, _FEW, _MORE = 150, 20, 60
+"""Things in a scene that is built as it is; else in the two from which more are told."""
+_SOON_S = 1.5
+"""A first run of less is measured again: it loaded."""
 
-
-@dataclass(frozen=True)
-class Cost:
-    """Of a sequence: what it takes to begin, and what each frame adds."""
-
-    seconds: float
-    seconds_a_frame: float
-    bytes_a_frame: float
+_Group: TypeAlias = tuple[object, ...]
+_Measured: TypeAlias = tuple[list[Probe], dict[int, int]]
+"""Probes, and triangles by the number of things in a scene."""
 
 
 def dry_run(root: Path, plan: Plan, workers: int = 1, only: Sequence[int] | None = None) -> None:
     """Print what a plan will take, and make nothing of it.
 
-    The time is that of this machine, with as many sequences side by side as there are workers;
-    light that would be baked for many frames is traced for these few, which takes longer.
+    The time is that of this machine, with as many sequences side by side as there are workers.
     """
     indices = list(only) if only is not None else range(plan.sequences)
     some = indices[:: max(1, len(indices) // _DRAWN)]
     drawn = [configuration_of(plan, index) for index in some]
-    by_kind = {each.scene.kind: each for each in drawn}
-    costs = {kind: probe(each) for kind, each in list(by_kind.items())[:_PROBED]}
-    frames = [each.trajectory.frames for each in drawn]
-    mean = Cost(*(sum(values) / len(values) for values in zip(*_values(costs), strict=True)))
-    found = [costs.get(each.scene.kind, mean) for each in drawn]
+    costs = costs_of(plan, drawn)
     share = len(indices) / len(drawn)
-    seconds = share * sum(
-        cost.seconds + count * cost.seconds_a_frame
-        for cost, count in zip(found, frames, strict=True)
+    frames = round(share * sum(each.trajectory.frames for each in drawn))
+    print(f"{root}: {len(indices)} sequences, {frames} frames, {_told(costs, share, workers)}")
+    say("measured on strips of two frames each; all beyond them is extrapolated")
+
+
+def dry_run_of_frames(root: Path, settings: Configuration) -> str:
+    """What rendering one sequence will take, in a line. Raises UserError where that is absurd."""
+    check_stage("render", settings, root)
+    camera, frames, shading = settings.camera, settings.trajectory.frames, settings.render
+    integrator: str = shading.integrator
+    if integrator == "auto":
+        integrator = "path, as these are too few samples to bake light for"
+        if may_pay(shading, frames):
+            integrator = "baked, where a look at the whole sequence finds that it pays, else path"
+    costs = _told(_foreseen([settings], lambda _dataset: None))
+    return (
+        f"{root}: {frames} frames of {camera.width} × {camera.height}, {costs}, "
+        f"up to {size(memory_bytes(settings))} of memory; integrator: {integrator}"
     )
-    bytes_ = share * sum(
-        cost.bytes_a_frame * count for cost, count in zip(found, frames, strict=True)
+
+
+def costs_of(plan: Plan, drawn: Sequence[Configuration]) -> list[Foreseen]:
+    """What each of some sequences of a plan takes, by probes of a few."""
+    return _foreseen(drawn, partial(_finish, plan))
+
+
+def _told(costs: Iterable[Foreseen], share: float = 1.0, workers: int = 1) -> str:
+    """Size and time of sequences, a share of all, for a person."""
+    costs = list(costs)
+    seconds, cpu_seconds = share * np.sum([each.time for each in costs], axis=0)
+    bytes_ = share * sum(each.bytes for each in costs)
+    text = f"about {size(bytes_)}, about {duration(seconds / workers)}"
+    if workers > 1:
+        text += f" with {workers} workers"
+    text += f" ({duration(cpu_seconds)} of processors)"
+    return text + (", at most: baked light takes less" if any(c.most for c in costs) else "")
+
+
+def _foreseen(drawn: Sequence[Configuration], finish: Finish) -> list[Foreseen]:
+    """What each of some sequences takes, by probes of a few."""
+    groups: dict[_Group, list[Configuration]] = defaultdict(list)
+    for each in drawn:
+        groups[_group(each)].append(each)
+    probes = _measured(groups, finish)
+    costs, compiled = [], set()
+    for each in drawn:
+        kernel = f"{each.scene!r} {each.camera!r} {each.render!r}"
+        costs.append(foresee(Scale.of(each), *probes[_group(each)], kernel not in compiled))
+        compiled.add(kernel)
+    return costs
+
+
+def _finish(plan: Plan, dataset: Dataset) -> None:
+    """What follows the rendering of a sequence."""
+    STAGES["sense"].work(dataset)
+    write_flow_files(dataset, plan.flow_files)
+
+
+def _measured(
+    groups: Mapping[_Group, Sequence[Configuration]], finish: Finish
+) -> dict[_Group, _Measured]:
+    """Probes of every group: of the most frequent first, of the rest by those of their like."""
+    until = time.process_time() + _BUDGET_S
+    found: dict[_Group, _Measured] = {}
+    for key in sorted(groups, key=lambda each: -len(groups[each])):
+        if time.process_time() < until or not found:
+            found[key] = _first(groups[key], finish)
+    for key, (probes, sizes) in found.items():
+        _more(groups[key], finish, probes, sizes, until)
+    unmeasured = [key for key in groups if key not in found]
+    for key in unmeasured:
+        alike = [other for other in found if other[0] == key[0]] or list(found)
+        found[key] = found[alike[0]]
+    if unmeasured:
+        say(f"{len(unmeasured)} kinds of sequences are told by others: time to measure is over")
+    return found
+
+
+def _first(members: Sequence[Configuration], finish: Finish) -> _Measured:
+    """Measure the largest image of a group, with few things if these differ or are many."""
+    things = [Scale.of(each).things for each in members]
+    few = max(things) if max(things) == min(things) <= _BUILT else min(*things, _FEW)
+    found = _probed(max(members, key=_samples), few, finish)
+    return [found], {found.scale.things: found.triangles}
+
+
+def _more(
+    members: Sequence[Configuration],
+    finish: Finish,
+    probes: list[Probe],
+    sizes: dict[int, int],
+    until: float,
+) -> None:
+    """Measure the smallest image too, and build a scene of more things, where these differ."""
+    smallest, most = min(members, key=_samples), max(members, key=lambda e: Scale.of(e).things)
+    things = probes[0].scale.things
+    differ = 4 * _samples(smallest) < _samples(max(members, key=_samples))
+    if differ and time.process_time() < until:
+        probes.append(_probed(smallest, things, finish))
+    if Scale.of(most).things > things and time.process_time() < until:
+        more = min(Scale.of(most).things, max(_MORE, 3 * things))
+        with _told_step(f"building {most.scene.kind}, {more}"):
+            sizes[more] = triangles(most, more)
+
+
+def _probed(settings: Configuration, things: int, finish: Finish) -> Probe:
+    """A probe of a sequence; one that took little is made again, now that all is loaded."""
+    start = time.process_time()
+    camera, scene = settings.camera, settings.scene
+    counts = "".join(f"{min(n, things)} {name}, " for name, n in scene.counts.items())
+    with _told_step(f"measuring {scene.kind}, {counts}{camera.width} × {camera.height} px"):
+        try:
+            found = probe(settings, things, finish)
+        except UserError:  # few trees do not surround a long path
+            if things >= Scale.of(settings).things:
+                raise
+            return _probed(settings, 4 * things, finish)
+        if time.process_time() - start < _SOON_S:
+            found = probe(settings, things, finish)
+    return found
+
+
+@contextmanager
+def _told_step(name: str) -> Iterator[None]:
+    say(name)
+    with step(name):
+        yield
+
+
+def _samples(settings: Configuration) -> float:
+    return Scale.of(settings).samples
+
+
+def _group(settings: Configuration) -> _Group:
+    """What decides which code a sequence takes; its first part is the scene's kind."""
+    shutter, shading = settings.shutter, settings.render
+    return (
+        settings.scene.kind,
+        settings.scene.is_hazy,
+        settings.scene.is_moving,
+        len(settings.objects),
+        settings.camera.kind,
+        shutter.exposure_s > 0,
+        shutter.readout_s > 0,
+        len(shading.bands_nm),
+        shading.integrator,
+        shading.target_error is None,
     )
-    print(
-        f"{root}: {len(indices)} sequences, {round(share * sum(frames))} frames, about "
-        f"{size(bytes_)}, about {duration(seconds / workers)}"
-        + (f" with {workers} workers" if workers > 1 else "")
-    )
-
-
-def probe(configuration: Configuration) -> Cost:
-    """Measure a sequence on its first few frames, in a folder that goes again."""
-    (few_s, _), (more_s, more_bytes) = (
-        _measured(configuration, frames) for frames in (_FEW, _MORE)
-    )
-    each_s = max(more_s - few_s, 0.0) / (_MORE - _FEW)
-    return Cost(max(few_s - _FEW * each_s, 0.0), each_s, more_bytes / _MORE)
-
-
-def _measured(configuration: Configuration, frames: int) -> tuple[float, float]:
-    trajectory = configuration.trajectory.model_copy(update={"frames": frames})
-    short = configuration.model_copy(update={"trajectory": trajectory})
-    with tempfile.TemporaryDirectory() as folder, silent():
-        start = time.perf_counter()
-        for stage in MADE:
-            run_stage(Path(folder) / "data", short, stage)
-        seconds = time.perf_counter() - start
-        written = sum(path.stat().st_size for path in files_in([Path(folder)]))
-    return seconds, written
-
-
-def _values(costs: dict[str, Cost]) -> list[tuple[float, float, float]]:
-    return [(each.seconds, each.seconds_a_frame, each.bytes_a_frame) for each in costs.values()]

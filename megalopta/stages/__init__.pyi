@@ -15,6 +15,16 @@ from .pipeline import (
     run_all as run_all,
     run_stage as run_stage,
 )
+from .probing import (
+    Finish as Finish,
+    Foreseen as Foreseen,
+    Probe as Probe,
+    Scale as Scale,
+    foresee as foresee,
+    memory_bytes as memory_bytes,
+    probe as probe,
+    triangles as triangles,
+)
 from .redo import (
     finish_move as finish_move,
     open_dataset_whole as open_dataset_whole,

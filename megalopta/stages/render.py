@@ -16,7 +16,7 @@ from megalopta.dataset import ATTRIBUTE, Dataset, noise_record, sintel
 from megalopta.errors import UserError
 from megalopta.folders import cache_folder
 from megalopta.freshness import BAKE_MODEL, RENDER_MODEL, TRUTH_MODEL
-from megalopta.progress import progress, say
+from megalopta.progress import progress, say, step
 from megalopta.render import (
     MEASURED_EVERY,
     MeasuredPass,
@@ -57,18 +57,20 @@ def render(dataset: Dataset) -> None:
             for index in missing:
                 writer.write(index)
                 advance()
-        record: dict[str, Any] = {
-            **writer.record(),
-            "illuminance": writer.illuminance(),
-            "canopy": writer.canopy(),
-            "light_left_out": writer.light_left_out(),
-            "monte_carlo": noise_record(dataset, writer.samples_per_pixel),
-        }
+        with step("measuring light and canopy"):
+            record: dict[str, Any] = {
+                **writer.record(),
+                "illuminance": writer.illuminance(),
+                "canopy": writer.canopy(),
+                "light_left_out": writer.light_left_out(),
+                "monte_carlo": noise_record(dataset, writer.samples_per_pixel),
+            }
         files.write_json(dataset.scene_record, record)
         _say_illuminance(record["illuminance"])
         _say_left_out(dataset.configuration, record["light_left_out"])
         _say_noise(dataset.configuration, record["monte_carlo"])
-    _write_previews(dataset)
+    with step("writing previews"):
+        write_previews(dataset)
 
 
 def _frame_files(dataset: Dataset, index: int) -> list[Path]:
@@ -111,15 +113,17 @@ def _load(scene: Scene, settings: Configuration, poses: NDArray[np.float64]) -> 
 
 
 class FrameWriter:
-    """Renders single frames of a dataset's sequence to their files."""
+    """Renders single frames of a dataset's sequence, or of a whole one, to their files."""
 
-    def __init__(self, dataset: Dataset) -> None:
+    def __init__(self, dataset: Dataset, whole: Configuration | None = None) -> None:
         self._dataset = dataset
-        settings = dataset.configuration
-        scene = build(settings)
+        settings = self._settings = whole or dataset.configuration
+        with step("building the scene"):
+            scene = build(settings)
         self._poses = settings.trajectory.poses()
         self._times_s = settings.trajectory.times_s
-        self._renderer = _load(scene, settings, _all_poses(settings))
+        with step("loading the scene"):
+            self._renderer = _load(scene, settings, _all_poses(settings))
         self._kinds, self._origin_m = scene.kinds, scene.origin_m
         self._motions = {
             str(index + 1): placement.motion.record()
@@ -143,7 +147,7 @@ class FrameWriter:
 
     def _view(self, index: int) -> dict[str, str]:
         """Attributes of a truth file: camera, pose, time and names, so that it explains itself."""
-        camera = self._dataset.configuration.camera
+        camera = self._settings.camera
         return {
             "camera": camera.model_dump_json(),
             "cameraToWorld": " ".join(map(repr, self._poses[index].ravel().tolist())),
@@ -155,9 +159,11 @@ class FrameWriter:
     def write(self, index: int) -> None:
         """Render one frame to all its files."""
         dataset, pose, time = self._dataset, self._poses[index], float(self._times_s[index])
-        settings = dataset.configuration
-        radiance, noise = self._radiance(index)
-        truth = self._renderer.truth(self._poses, index, self._times_s)
+        settings = self._settings
+        with step("rendering radiance"):
+            radiance, noise = self._radiance(index)
+        with step("tracing truth"):
+            truth = self._renderer.truth(self._poses, index, self._times_s)
         attributes = {
             "illuminanceLux": f"{settings.light.resolved().illuminance_lux:g}",
             "timeSeconds": f"{time:.9g}",
@@ -179,9 +185,10 @@ class FrameWriter:
 
     def _write_exposed(self, index: int, attributes: Mapping[str, str]) -> None:
         """Render one frame as the shutter takes it; its seeds are unrelated to the sharp one's."""
-        dataset, settings = self._dataset, self._dataset.configuration
+        dataset, settings = self._dataset, self._settings
         path, shutter = settings.trajectory, settings.shutter
-        radiance, noise = self._exposed(index)
+        with step("rendering radiance"):
+            radiance, noise = self._exposed(index)
         times = {
             "exposureSeconds": repr(shutter.exposure_s), "readoutSeconds": repr(shutter.readout_s)
         }  # fmt: skip
@@ -190,13 +197,14 @@ class FrameWriter:
         file, bands_nm = dataset.exposed_radiance(index), settings.render.bands_nm
         write_radiance(file, radiance, bands_nm, {**attributes, **times})
         if shutter.readout_s:
-            truth = self._renderer.shutter_truth(path, shutter, index)
+            with step("tracing truth"):
+                truth = self._renderer.shutter_truth(path, shutter, index)
             file = dataset.exposed_truth(index)
             write_truth(file, truth, self._origin_m, {**self._view(index), **times})
 
     def canopy(self) -> str | None:
         """Measured leaf area, gaps and floor light in a sentence; None of what is no forest."""
-        ring = self._dataset.configuration.scene.canopy_ring_m
+        ring = self._settings.scene.canopy_ring_m
         return str(self._renderer.canopy(self._poses, ring)) if ring else None
 
     def illuminance(self) -> dict[str, Any] | None:
@@ -206,7 +214,7 @@ class FrameWriter:
         if survey is None:
             return None
         return {
-            "requested_lux": self._dataset.configuration.light.resolved().illuminance_lux,
+            "requested_lux": self._settings.light.resolved().illuminance_lux,
             "unshaded_lux": survey.unshaded.lux,
             "unshaded_standard_error_lux": survey.unshaded.standard_error_lux,
             "ground": [asdict(point) for point in survey.ground],
@@ -219,7 +227,7 @@ class FrameWriter:
         return None if share is None else share.tolist()
 
     def _radiance(self, index: int) -> tuple[NDArray[np.float32], RenderNoise | None]:
-        seed, renderer = self._dataset.configuration.seed, self._renderer
+        seed, renderer = self._settings.seed, self._renderer
         pose, time = self._poses[index], float(self._times_s[index])
         return self._until_good(
             index,
@@ -228,7 +236,7 @@ class FrameWriter:
         )
 
     def _exposed(self, index: int) -> tuple[NDArray[np.float32], RenderNoise | None]:
-        settings, renderer = self._dataset.configuration, self._renderer
+        settings, renderer = self._settings, self._renderer
         frame = settings.trajectory, settings.shutter, index, settings.seed
         return self._until_good(
             index,
@@ -243,7 +251,7 @@ class FrameWriter:
         measure_pass: Callable[[int], MeasuredPass],
     ) -> tuple[NDArray[np.float32], RenderNoise | None]:
         """A frame from as many passes as its target takes, and its error where it is measured."""
-        settings = self._dataset.configuration.render
+        settings = self._settings.render
         if settings.target_error is None:
             return render_once(render_pass, None if index % MEASURED_EVERY else measure_pass)
         return render_until(render_pass, measure_pass, settings.target_error, settings.max_passes)
@@ -307,7 +315,7 @@ def _say_noise(settings: Configuration, noise: Mapping[str, Any] | None) -> None
         )
 
 
-def _write_previews(dataset: Dataset) -> None:
+def write_previews(dataset: Dataset) -> None:
     """Tone-mapped radiance, all frames by the same curve."""
     configuration = dataset.configuration
     white = white_of(configuration.scene, configuration.light)

@@ -1,0 +1,278 @@
+"""What a sequence takes, measured on two small frames of it.
+
+A strip of each image is rendered and exposed: as wide as the image, so that its pixels are those of
+the whole, and with as many rows as take a second or two. Times are then told by what they follow:
+building by the triangles, radiance by the samples, all else by the pixels and frames. The first
+frame of any other scene or image size compiles, once. Baked light that is asked for is baked for
+the strip; where `auto` may bake, paths are traced, and the time told is the most that `auto` takes.
+"""
+
+import math
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from uuid import uuid4
+
+import numpy as np
+from filelock import FileLock, Timeout
+from numpy.typing import NDArray
+
+from megalopta.config import Configuration
+from megalopta.dataset import Dataset, files_in
+from megalopta.folders import cache_folder, ensure_directory
+from megalopta.progress import Spent, silent, step, times_of_steps
+from megalopta.render import MEASURED_EVERY
+from megalopta.render.baking import AT_EQUAL_ERROR, may_pay
+from megalopta.stages.estimate import estimate
+from megalopta.stages.render import FrameWriter, build, write_previews
+
+_FRAMES = 2
+_MOST_PIXELS, _FEWEST_ROWS = 128 * 128, 8
+_PATHS, _DIRECT_PATHS, _BAKED_PIXELS = 60_000, 400_000, 256
+"""In a strip: light paths of a scene with bounces and of one that glows, pixels that are baked"""
+_CLOSING = 200_000
+_COMPILED_S, _DIRECTLY_COMPILED_S = 4.0, 1.0
+"""Processor time to compile what traces paths, at least: a strip's may be kept from before."""
+_CLOSING_COMPILED = 3
+"""Times as much, for what measures the light on the ground, the canopy and what is left out."""
+_ONCE = "counting the rays that baked light takes", "baking light"
+_SETUP = "building the scene", "loading the scene"
+
+Time = NDArray[np.float64]
+"""Of a clock, and of processors (s), (2,)."""
+Finish = Callable[[Dataset], None]
+"""What follows the rendering of a dataset's frames, such as sensors."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What a sequence's cost goes by."""
+
+    things: int
+    """In the scene, such as trees; 0 where they are not counted."""
+    pixels: int
+    samples: float
+    """Of a pass of a frame."""
+    frames: int
+    passes: int
+    """Over all frames, those by which the error is measured included."""
+    closing: int
+    """Light paths that measure the light on the ground, the canopy and what is left out."""
+    most: float
+    """Times as long as paths take, at most, where `auto` bakes; 1 where it does not."""
+
+    @classmethod
+    def of(cls, settings: Configuration) -> "Scale":
+        """That of a configuration."""
+        camera, shutter = settings.camera, settings.shutter
+        pixels = camera.width * camera.height
+        passes = 1 if shutter.is_instant else 2
+        samples = float(pixels * settings.render.samples_per_pixel * passes)
+        things = sum(settings.scene.counts.values())
+        frames, shading = settings.trajectory.frames, settings.render
+        measured = 0 if shading.target_error else math.ceil(frames / MEASURED_EVERY)
+        baked = shading.integrator == "auto" and may_pay(shading, frames)
+        closing = _CLOSING if settings.scene.is_lit_from_outside else 0
+        most = AT_EQUAL_ERROR if baked else 1.0
+        return cls(things, pixels, samples, frames, frames + measured, closing, most)
+
+
+@dataclass(frozen=True)
+class Probe:
+    """What a short piece of a sequence took."""
+
+    scale: Scale
+    triangles: int
+    setup: Time
+    """Building and loading the scene."""
+    compiling: Time
+    """What the first frame takes beyond others."""
+    once: Time
+    """Baking light."""
+    radiance: Time
+    """Of a pass of a frame."""
+    rest: Time
+    """Of a frame: truth, files, sensors."""
+    fixed_bytes: float
+    frame_bytes: float
+
+
+@dataclass(frozen=True)
+class Foreseen:
+    """What sequences take: time (s) by the clock and of processors, and bytes on disk."""
+
+    time: Time
+    bytes: float
+    most: bool
+    """Whether it is the most that they take."""
+
+
+def probe(settings: Configuration, things: int, finish: Finish) -> Probe:
+    """Measure two frames of a strip, of a scene with at most so many things, and what follows."""
+    whole = _small(settings, things)
+    path = whole.trajectory.model_copy(update={"frames": min(whole.trajectory.frames, _FRAMES)})
+    short = whole.model_copy(update={"trajectory": path})
+    with probe_folder() as folder, silent():
+        dataset = Dataset(folder, short)
+        with times_of_steps() as first:
+            writer = FrameWriter(dataset, whole)
+            writer.write(0)
+        with times_of_steps() as steps:
+            with step("frame"):
+                writer.write(path.frames - 1)
+            with step("files"):
+                write_previews(dataset)
+                finish(dataset)
+        return _probe(short, dataset, writer.triangles, first, steps)
+
+
+def triangles(settings: Configuration, things: int) -> int:
+    """Count the triangles of a scene with at most so many things."""
+    return build(_small(settings, things)).triangle_count
+
+
+def memory_bytes(settings: Configuration) -> float:
+    """What rendering takes at most in memory."""
+    return estimate(settings, "render").memory_bytes
+
+
+def _probe(
+    settings: Configuration,
+    dataset: Dataset,
+    triangles: int,
+    first: Mapping[str, Spent],
+    steps: Mapping[str, Spent],
+) -> Probe:
+    """Put together what the first frame took, with all before it, and another that is warm."""
+    scale, once = Scale.of(settings), _time(first, *_ONCE)
+    passes = 2 if scale.frames == 1 and scale.passes == 2 else 1
+    radiance = _time(steps, "rendering radiance") / passes
+    beyond = _time(first, "rendering radiance") - 2 * radiance
+    least = _COMPILED_S if settings.scene.has_bounces else _DIRECTLY_COMPILED_S
+    rest = _time(steps, "frame") - passes * radiance + _time(steps, "files") / scale.frames
+    fixed, of_frames = _bytes(dataset.root)
+    return Probe(
+        scale,
+        triangles,
+        setup=_time(first, *_SETUP) - once,
+        compiling=np.maximum(beyond, least),
+        once=once,
+        radiance=radiance,
+        rest=rest,
+        fixed_bytes=fixed,
+        frame_bytes=of_frames / scale.frames,
+    )
+
+
+def foresee(
+    scale: Scale, probes: Sequence[Probe], sizes: Mapping[int, int], is_first: bool = True
+) -> Foreseen:
+    """Return what a sequence takes, by probes of its like and triangles by things.
+
+    It compiles if it is the first with this scene and image size.
+    """
+    last = max(probes, key=lambda each: each.scale.samples)
+
+    def along(by: str, values: Sequence[Time]) -> Time:
+        return _line(getattr(scale, by), [getattr(each.scale, by) for each in probes], values)
+
+    triangles = _line(scale.things, list(sizes), [np.array([each]) for each in sizes.values()])
+    radiance = along("samples", [each.radiance for each in probes])
+    rest = along("pixels", [each.rest for each in probes])
+    bytes_ = along("pixels", [np.array([each.frame_bytes]) for each in probes])[0]
+    total = last.setup * triangles / last.triangles
+    total = total + last.once * scale.pixels / last.scale.pixels
+    total = total + last.radiance * (scale.closing / last.scale.samples)
+    total = total + scale.most * scale.passes * radiance + scale.frames * rest
+    if is_first:
+        total = total + last.compiling * (1 + _CLOSING_COMPILED * (scale.closing > 0))
+    return Foreseen(total, last.fixed_bytes + scale.frames * bytes_, scale.most > 1)
+
+
+def _line(x: float, xs: Sequence[float], values: Sequence[Time]) -> Time:
+    """Value at x of the line through the outer two points, or in proportion to the last one.
+
+    The latter where noise or a first run's compiling would make the line fall.
+    """
+    low, high = int(np.argmin(xs)), int(np.argmax(xs))
+    if xs[high] == 0:
+        return values[high]
+    proportional = values[high] * (x / xs[high])
+    if xs[low] == xs[high]:
+        return values[high] if x == xs[high] else proportional
+    slope = (values[high] - values[low]) / (xs[high] - xs[low])
+    line = values[low] + slope * (x - xs[low])
+    return np.where((slope >= 0) & (line >= 0), line, proportional)
+
+
+def _small(settings: Configuration, things: int) -> Configuration:
+    """A strip of the whole sequence, of a scene with at most so many things."""
+    scene, camera, shading = settings.scene, settings.camera, settings.render
+    fewer = {
+        name: min(count, things)
+        for name, count in scene.counts.items()
+        if name in type(scene).model_fields
+    }
+    if shading.integrator == "auto":
+        shading = shading.model_copy(update={"integrator": "path"})
+    rows = math.ceil(_pixels(settings) / camera.width)
+    rows = min(max(rows, _FEWEST_ROWS), camera.height)
+    return settings.model_copy(
+        update={
+            "scene": scene.model_copy(update=fewer),
+            "camera": camera.model_copy(update={"height": rows}),
+            "render": shading,
+        }
+    )
+
+
+def _pixels(settings: Configuration) -> float:
+    if settings.render.integrator == "baked":
+        return _BAKED_PIXELS
+    paths = _PATHS if settings.scene.has_bounces else _DIRECT_PATHS
+    passes = settings.render.max_passes if settings.render.target_error else 1
+    return min(_MOST_PIXELS, paths / (settings.render.samples_per_pixel * passes))
+
+
+def _time(steps: Mapping[str, Spent], *names: str) -> Time:
+    found = [steps[name] for name in names if name in steps]
+    return np.array([[each.seconds, each.cpu_seconds] for each in found] or [[0.0, 0.0]]).sum(0)
+
+
+def _bytes(root: Path) -> tuple[float, float]:
+    """Bytes of what a sequence has once, and of what grows with its frames."""
+    fixed = grown = 0.0
+    for path in files_in([root]):
+        size = path.stat().st_size
+        if path.suffix == ".json":
+            fixed += size
+        else:
+            grown += size
+    return fixed, grown
+
+
+@contextmanager
+def probe_folder() -> Iterator[Path]:
+    """A folder that goes again; those of processes that were killed go with it."""
+    room = ensure_directory(cache_folder() / "probes")
+    for lock in room.glob("*.lock"):
+        _sweep(lock)
+    name = uuid4().hex
+    with FileLock(room / f"{name}.lock"):
+        try:
+            yield room / name
+        finally:
+            shutil.rmtree(room / name, ignore_errors=True)
+            (room / f"{name}.lock").unlink(missing_ok=True)
+
+
+def _sweep(lock: Path) -> None:
+    """Remove a probe's folder, unless its process lives."""
+    try:
+        with FileLock(lock, timeout=0):
+            shutil.rmtree(lock.with_suffix(""), ignore_errors=True)
+            lock.unlink(missing_ok=True)
+    except Timeout:
+        return
