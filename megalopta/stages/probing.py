@@ -29,8 +29,8 @@ from megalopta.stages.estimate import estimate
 from megalopta.stages.render import FrameWriter, build, write_previews
 
 _FRAMES = 2
-_MOST_PIXELS, _FEWEST_ROWS = 128 * 128, 8
-_PATHS, _DIRECT_PATHS, _BAKED_PIXELS = 60_000, 400_000, 256
+_MOST_PIXELS, _FEWEST_ROWS = 8192, 8
+_PATHS, _DIRECT_PATHS, _BAKED_PIXELS = 60_000, 200_000, 256
 """In a strip: light paths of a scene with bounces and of one that glows, pixels that are baked"""
 _CLOSING = 200_000
 _COMPILED_S, _DIRECTLY_COMPILED_S = 4.0, 1.0
