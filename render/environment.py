@@ -10,6 +10,7 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.progress import say
 from megalopta.render.bands import Bands
 from megalopta.render.illuminance import Illuminance, LightSurvey
 from megalopta.render.mitsuba_loader import mi
@@ -27,6 +28,9 @@ _METER_RAYS = 2**18
 
 _ENDS_EARLY = re.compile(r"Success|read \d+ out of \d+ bytes")
 """What Mitsuba says of a file that does."""
+
+_MOST_NEGATIVE = 1e-3
+"""Share of a picture's light that its negative values may be, as ringing of a filter leaves them"""
 
 
 class EnvironmentView:
@@ -161,9 +165,11 @@ def horizontal(rgb: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 def read_picture(path: str) -> Floats:
-    """Read a picture (H, W, 3) in linear sRGB; PNG is decoded, an alpha channel left out.
+    """Return a picture (H, W, 3) in linear sRGB; PNG is decoded, an alpha channel left out.
 
-    Raises ValueError when it cannot be read, or holds values that are negative or not finite.
+    Filters that resampled a picture may leave values slightly below 0: they count as 0, and it is
+    said. Raises ValueError when it cannot be read, holds values that are not finite, or more
+    negative ones than a filter leaves.
     """
     try:
         bitmap = mi.Bitmap(path)
@@ -178,6 +184,18 @@ def read_picture(path: str) -> Floats:
     rgb = np.array(linear, np.float32)
     if not rgb.size:
         raise ValueError(f"{path} holds no pixel; give a picture with light in it")
-    if not np.isfinite(rgb).all() or rgb.min() < 0:
-        raise ValueError(f"{path} has values that are negative or not finite; mend it")
-    return rgb
+    if not np.isfinite(rgb).all():
+        raise ValueError(f"{path} has values that are not finite; mend it")
+    return _clipped(rgb, path)
+
+
+def _clipped(rgb: Floats, path: str) -> Floats:
+    """Return a picture without the few values below 0 that a filter left."""
+    below = rgb < 0
+    if not below.any():
+        return rgb
+    share = -rgb.sum(where=below, dtype=np.float64) / np.abs(rgb).sum(dtype=np.float64)
+    if share > _MOST_NEGATIVE:
+        raise ValueError(f"{path} has negative values, {share:.2g} of its light; mend it")
+    say(f"{path}: {below.sum()} values below 0, {rgb.min():.2g} at the least, count as 0")
+    return np.maximum(rgb, 0)

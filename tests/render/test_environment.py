@@ -107,14 +107,22 @@ def test_points_per_pixel_are_rounded_up_to_a_square(picture):
     ("values", "reason"),
     [
         (np.ones((8, 8, 3)), "8 × 8 pixels; a panorama is twice as wide"),
-        (np.full((8, 16, 3), np.nan), "negative or not finite"),
-        (np.full((8, 16, 3), -1.0), "negative or not finite"),
+        (np.full((8, 16, 3), np.nan), "values that are not finite"),
+        (np.full((8, 16, 3), -1.0), "has negative values, 1 of its light"),
         (np.zeros((8, 16, 3)), "black above the horizon"),
     ],
 )
 def test_pictures_that_are_no_panorama_of_light_are_refused(picture, values, reason):
     with pytest.raises(ValueError, match=reason):
         renderer(picture(values))
+
+
+def test_values_slightly_below_0_count_as_0_and_it_is_said(picture, capsys):
+    values = np.ones((8, 16, 3))
+    values[2, 3] = -0.0016
+    read = read_picture(str(picture(values)))
+    np.testing.assert_array_equal(read, np.maximum(values, 0))
+    assert "3 values below 0, -0.0016 at the least, count as 0" in capsys.readouterr().err
 
 
 def test_a_file_that_is_no_picture_is_refused(tmp_path):
