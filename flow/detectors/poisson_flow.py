@@ -1,7 +1,9 @@
 """Poisson flow (PF): the flow of a whole frame by the likelihood of its counts, and smoothness.
 
 All blocks share their evidence (`flow.likelihood`), where Poisson matching asks each alone. A
-block's velocity is the mean of the flow over it.
+block's velocity is the mean of the flow over it. Motion that differs by some 10 px between large
+parts of the picture is smoothed away, and so are small fast objects: a lower `smoothness` finds
+them and errs more elsewhere.
 """
 
 from typing import Annotated, ClassVar

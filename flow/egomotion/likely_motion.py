@@ -17,8 +17,9 @@ from the heading that fits Poisson flow best (`heading`), from its opposite, and
 along each axis of the camera, each with the rotation and distances that fit Poisson flow; the two
 most likely after three steps go on.
 
-The heading is taken to be steady, and the scene not to move. Frames of a full panorama are not
-continued across its seam. Without translation the rotation is found, and the heading means nothing.
+The heading is taken to be steady, and the scene not to move: what does move misleads the estimate,
+and nothing in it tells so. Frames of a full panorama are not continued across its seam. Without
+translation the rotation is found, and the heading means nothing.
 """
 
 from dataclasses import dataclass

@@ -54,7 +54,8 @@ def camera_motion(run: Run) -> Figure:
             "rendering); whiskers hold 95 % of bootstraps over windows. Summed: answers weighted "
             "as was learned from a flight's first half without noise, averaged over seven pairs; "
             "fitted: the motion that fits the flow of blocks; likelihood: that under which the "
-            "counts are most likely. Only sums learn from these forests."
+            "counts are most likely. Only sums learn from these forests, and nothing but the "
+            "camera moves in them: what moves by itself would mislead all ways."
         ),
         draw=partial(_draw, board=board),
         numbers=columns_of(row for each in board for row in _rows(each)),
