@@ -70,8 +70,8 @@ def write_corrected(dataset: Dataset, sensor: ImageSensor, opened: Sequence[Open
         calibration = _calibration(dataset, sensor)
         for path, counts in missing.items():
             with files.atomic_write(path) as temporary:
-                number = {FORMAT_KEY: written("counts")}
-                group = zarr.open_group(temporary, mode="w", zarr_format=3, attributes=number)
+                group = zarr.open_group(temporary, mode="w", zarr_format=3)
+                group.attrs[FORMAT_KEY] = written("counts")
                 for first in range(0, frames, FRAMES_AT_ONCE):
                     chunk = slice(first, first + FRAMES_AT_ONCE)
                     readings, saturated = counts["counts"][chunk], counts["saturated"][chunk]

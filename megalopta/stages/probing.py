@@ -238,7 +238,7 @@ def _pixels(settings: Configuration) -> float:
 
 def _time(steps: Mapping[str, Spent], *names: str) -> Time:
     found = [steps[name] for name in names if name in steps]
-    return np.array([[each.seconds, each.cpu_seconds] for each in found] or [[0.0, 0.0]]).sum(0)
+    return np.array([sum(each.seconds for each in found), sum(each.cpu_seconds for each in found)])
 
 
 def _bytes(root: Path) -> tuple[float, float]:

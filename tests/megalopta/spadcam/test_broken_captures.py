@@ -48,12 +48,14 @@ def test_killed_at_any_moment_no_whole_packet_is_lost(acted, command, until, tmp
     rng, found = random.Random(0), 0
     for number in range(15):
         out = tmp_path / f"{number}"
-        with acted(frames) as port:
-            with command("capture", "--port", port, "--out", out, *RATE) as running:
-                until((out / "raw.bin").exists)
-                time.sleep(rng.choice([0.05, 0.5, 2, 6]) * rng.random())
-                running.kill()
-                assert running.wait(60) == -signal.SIGKILL
+        with (
+            acted(frames) as port,
+            command("capture", "--port", port, "--out", out, *RATE) as running,
+        ):
+            until((out / "raw.bin").exists)
+            time.sleep(rng.choice([0.05, 0.5, 2, 6]) * rng.random())
+            running.kill()
+            assert running.wait(60) == -signal.SIGKILL
         if valid_frames(out / "raw.bin"):
             found += assert_nothing_lost(out).frames > 0
     assert found >= 8
@@ -61,11 +63,13 @@ def test_killed_at_any_moment_no_whole_packet_is_lost(acted, command, until, tmp
 
 def test_a_capture_killed_at_once_is_read_back(acted, command, until, tmp_path):
     out = tmp_path / "a b"
-    with acted(frames) as port:
-        with command("capture", "--port", port, "--out", out, "--kind", "dark", *RATE) as running:
-            until(lambda: (out / "raw.bin").exists() and len(valid_frames(out / "raw.bin")) > 50)
-            running.kill()
-            running.wait(60)
+    with (
+        acted(frames) as port,
+        command("capture", "--port", port, "--out", out, "--kind", "dark", *RATE) as running,
+    ):
+        until(lambda: (out / "raw.bin").exists() and len(valid_frames(out / "raw.bin")) > 50)
+        running.kill()
+        running.wait(60)
     with command("recover", out) as running:
         printed, told = running.communicate(timeout=60)
     assert running.returncode == 0, told
