@@ -28,15 +28,15 @@ def side_by_side(tasks: Sequence[Callable[[], Result]]) -> Iterator[Result]:
         yield from (task() for task in tasks)
         return
     _tasks = tasks
+    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("fork"), _watch)
     try:
-        with (
-            warnings.catch_warnings(),
-            ProcessPoolExecutor(workers, multiprocessing.get_context("fork"), _watch) as pool,
-        ):
+        with warnings.catch_warnings():
             # Python from 3.12 on warns of forking where there are threads; those of NumPy survive.
             warnings.filterwarnings("ignore", "This process .* is multi-threaded")
             yield from pool.map(_run, range(len(tasks)))
     finally:
+        # who interrupts does not wait for what is half done
+        pool.shutdown(wait=False, cancel_futures=True)
         _tasks = ()
 
 
