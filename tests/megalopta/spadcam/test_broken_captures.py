@@ -3,6 +3,8 @@
 import random
 import resource
 import signal
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -11,7 +13,9 @@ import pytest
 from megalopta.sensor.spadcam import Kind, Parser, encode, samples_of
 from megalopta.spadcam import open_recording, recover
 
-RATE = ["--rate", 200, "--exposure", 0.005]
+
+def on(port, out):
+    return ["--port", port, "--out", out, "--rate", "200", "--exposure", "0.005"]
 
 
 def frames(camera):
@@ -48,10 +52,7 @@ def test_killed_at_any_moment_no_whole_packet_is_lost(acted, command, until, tmp
     rng, found = random.Random(0), 0
     for number in range(15):
         out = tmp_path / f"{number}"
-        with (
-            acted(frames) as port,
-            command("capture", "--port", port, "--out", out, *RATE) as running,
-        ):
+        with acted(frames) as port, command("capture", *on(port, out)) as running:
             until((out / "raw.bin").exists)
             time.sleep(rng.choice([0.05, 0.5, 2, 6]) * rng.random())
             running.kill()
@@ -63,10 +64,7 @@ def test_killed_at_any_moment_no_whole_packet_is_lost(acted, command, until, tmp
 
 def test_a_capture_killed_at_once_is_read_back(acted, command, until, tmp_path):
     out = tmp_path / "a b"
-    with (
-        acted(frames) as port,
-        command("capture", "--port", port, "--out", out, "--kind", "dark", *RATE) as running,
-    ):
+    with acted(frames) as port, command("capture", *on(port, out), "--kind", "dark") as running:
         until(lambda: (out / "raw.bin").exists() and len(valid_frames(out / "raw.bin")) > 50)
         running.kill()
         running.wait(60)
@@ -80,15 +78,12 @@ def test_a_capture_killed_at_once_is_read_back(acted, command, until, tmp_path):
 
 def test_without_room_the_command_that_reads_back_is_named_and_works(acted, tmp_path):
     """No file may grow beyond 100 kB, as on a full disk."""
-    import subprocess
-    import sys
-
     out = tmp_path / "a b"
     run = "from megalopta.__main__ import main; main()"
-    line = [sys.executable, "-c", run, "spadcam", "capture", "--out", str(out), *map(str, RATE)]
+    line = [sys.executable, "-c", run, "spadcam", "capture"]
     with acted(frames) as port:
         ended = subprocess.run(
-            [*line, "--port", port],
+            [*line, *map(str, on(port, out))],
             capture_output=True,
             text=True,
             timeout=120,
