@@ -107,8 +107,8 @@ def read_recorded(source: Source) -> Recorded:
         When there is none, it is damaged, or its exposure is not known.
     """
     try:
-        store = source.path / "counts.zarr"
-        recorded = _captured(source) if store.exists() else _of_others(source)
+        is_captured = any((source.path / each).exists() for each in ("counts.zarr", "raw.bin"))
+        recorded = _captured(source) if is_captured else _of_others(source)
     except (ValueError, OSError) as problem:
         raise UserError(str(problem)) from problem
     try:

@@ -150,7 +150,7 @@ def open_recording(path: str | Path) -> Recording:
         )
     try:
         return _opened(path, settings)
-    except ValueError as problem:
+    except (ValueError, FileNotFoundError) as problem:
         if (path / RAW).exists():
             raise ValueError(
                 f"{problem}, or read raw.bin back: {recover_command(path)}"

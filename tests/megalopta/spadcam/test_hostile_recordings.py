@@ -95,7 +95,7 @@ def test_a_damaged_recording_is_told_in_one_sentence(
     shutil.copytree(made, "a")
     (tmp_path / "device.yaml").write_text("preset: spadcam\nname: mine\n")
     DAMAGE[damage](tmp_path / "a")
-    before = sorted(os.listdir(tmp_path))
+    before = sorted(tmp_path.iterdir())
     signal.alarm(60)
     with pytest.raises(SystemExit) as stopped:
         main(["spadcam", verb, *VERBS[verb]])
@@ -103,7 +103,7 @@ def test_a_damaged_recording_is_told_in_one_sentence(
     lines = [each for each in capsys.readouterr().err.splitlines() if "at work for" not in each]
     assert stopped.value.code == 2 and lines[-1].startswith("megalopta: ")
     assert len(lines) == 1 or (len(lines) == 2 and "not finished" in lines[0])
-    assert sorted(os.listdir(tmp_path)) == before
+    assert sorted(tmp_path.iterdir()) == before
 
 
 def test_a_recording_has_a_format_and_older_ones_have_none(made, tmp_path):
@@ -121,3 +121,14 @@ def test_what_was_not_finished_is_said(made, capsys):
     open_recording(made)
     told = capsys.readouterr().err
     assert f"{made}: not finished" in told and f"megalopta spadcam recover {made}" in told
+
+
+def test_what_was_killed_before_its_counts_were_there_names_recover(
+    made, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(made, "a b")
+    shutil.rmtree(tmp_path / "a b" / "counts.zarr")
+    with pytest.raises(SystemExit):
+        main(["spadcam", "calibrate", "a b"])
+    assert "read raw.bin back: megalopta spadcam recover 'a b'" in capsys.readouterr().err
