@@ -41,8 +41,8 @@ def calibrate_recordings(
         raise UserError(f"--out {out}: give the name of a .yaml file")
     if beam.area_mm2 is not None and beam.wavelength_nm is None:
         raise UserError("--beam-area-mm2: give --wavelength-nm too, to make photons of watts")
-    sensor = preset(base)
     try:
+        sensor = preset(base)
         levels = [_level(source, beam, sensor) for source in sources]
         device = calibrate_device(levels, adc_of(sensor))
     except ValueError as problem:

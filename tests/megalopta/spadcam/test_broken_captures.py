@@ -54,7 +54,7 @@ def test_killed_at_any_moment_no_whole_packet_is_lost(acted, command, until, tmp
         out = tmp_path / f"{number}"
         with acted(frames) as port, command("capture", *on(port, out)) as running:
             until((out / "raw.bin").exists)
-            time.sleep(rng.choice([0.05, 0.5, 2, 6]) * rng.random())
+            time.sleep(rng.choice([0.05, 0.5, 2, 5]) * rng.random())
             running.kill()
             assert running.wait(60) == -signal.SIGKILL
         if valid_frames(out / "raw.bin"):

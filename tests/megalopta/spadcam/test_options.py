@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from megalopta.cli import main
+from megalopta.cli.main import main
 from megalopta.cli.parser import program
 
 ODD = ("nan", "inf", "-inf", "-1", "1e300", "-1e300", "9" * 5000, "", "☃", "\x1b[31m")
@@ -36,10 +36,11 @@ def test_odd_values_are_refused_in_one_sentence(verb, action, tmp_path, monkeypa
         joined = f"{action.option_strings[0]}={value}"
         words = [joined] if len(values) == 1 else [action.option_strings[0], *values]
         with pytest.raises(SystemExit) as stopped:
-            main.main(["spadcam", verb, *NEEDED[verb], *words])
-        told = capsys.readouterr().err
-        assert stopped.value.code == 2 and told.startswith("megalopta: "), (words, told)
-        assert told.count("\n") == 1, (words, told)
+            main(["spadcam", verb, *NEEDED[verb], *words])
+        told = capsys.readouterr().err.splitlines()
+        lines = [line for line in told if "at work for" not in line]
+        assert stopped.value.code == 2 and len(lines) == 1, (words, told)
+        assert lines[0].startswith("megalopta: "), (words, told)
     assert not list(tmp_path.rglob("*.yaml"))
 
 
@@ -70,8 +71,9 @@ def test_odd_values_are_refused_in_one_sentence(verb, action, tmp_path, monkeypa
 def test_a_camera_that_cannot_be_is_not_emulated(words, told, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SystemExit) as stopped:
-        main.main(["spadcam", "emulate", "--stimulus", "dark", "--link", "cam", *words.split()])
+        main(["spadcam", "emulate", "--stimulus", "dark", "--link", "cam", *words.split()])
     printed = capsys.readouterr()
     assert stopped.value.code == 2 and printed.out == ""
-    assert told in printed.err and printed.err.count("\n") == 1
+    lines = [line for line in printed.err.splitlines() if "at work for" not in line]
+    assert len(lines) == 1 and told in lines[0]
     assert not os.path.lexists("cam")
