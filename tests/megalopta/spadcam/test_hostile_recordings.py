@@ -8,7 +8,7 @@ import signal
 import numpy as np
 import pytest
 
-from megalopta.cli.main import main
+from megalopta.cli import main as cli
 from megalopta.sensor import preset
 from megalopta.sensor.spadcam import Identity, Settings, frame_packet
 from megalopta.spadcam import open_recording
@@ -98,7 +98,7 @@ def test_a_damaged_recording_is_told_in_one_sentence(
     before = sorted(tmp_path.iterdir())
     signal.alarm(60)
     with pytest.raises(SystemExit) as stopped:
-        main(["spadcam", verb, *VERBS[verb]])
+        cli.main(["spadcam", verb, *VERBS[verb]])
     signal.alarm(0)
     lines = [each for each in capsys.readouterr().err.splitlines() if "at work for" not in each]
     assert stopped.value.code == 2 and lines[-1].startswith("megalopta: ")
@@ -130,5 +130,5 @@ def test_what_was_killed_before_its_counts_were_there_names_recover(
     shutil.copytree(made, "a b")
     shutil.rmtree(tmp_path / "a b" / "counts.zarr")
     with pytest.raises(SystemExit):
-        main(["spadcam", "calibrate", "a b"])
+        cli.main(["spadcam", "calibrate", "a b"])
     assert "read raw.bin back: megalopta spadcam recover 'a b'" in capsys.readouterr().err

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from megalopta.cli.main import main
+from megalopta.cli import main as cli
 from megalopta.cli.parser import program
 
 ODD = ("nan", "inf", "-inf", "-1", "1e300", "-1e300", "9" * 5000, "", "☃", "\x1b[31m")
@@ -36,7 +36,7 @@ def test_odd_values_are_refused_in_one_sentence(verb, action, tmp_path, monkeypa
         joined = f"{action.option_strings[0]}={value}"
         words = [joined] if len(values) == 1 else [action.option_strings[0], *values]
         with pytest.raises(SystemExit) as stopped:
-            main(["spadcam", verb, *NEEDED[verb], *words])
+            cli.main(["spadcam", verb, *NEEDED[verb], *words])
         told = capsys.readouterr().err.splitlines()
         lines = [line for line in told if "at work for" not in line]
         assert stopped.value.code == 2 and len(lines) == 1, (words, told)
@@ -71,7 +71,7 @@ def test_odd_values_are_refused_in_one_sentence(verb, action, tmp_path, monkeypa
 def test_a_camera_that_cannot_be_is_not_emulated(words, told, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SystemExit) as stopped:
-        main(["spadcam", "emulate", "--stimulus", "dark", "--link", "cam", *words.split()])
+        cli.main(["spadcam", "emulate", "--stimulus", "dark", "--link", "cam", *words.split()])
     printed = capsys.readouterr()
     assert stopped.value.code == 2 and printed.out == ""
     lines = [line for line in printed.err.splitlines() if "at work for" not in line]
