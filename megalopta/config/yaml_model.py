@@ -33,16 +33,16 @@ def read_text(path: Path, what: str) -> str:
 
 
 def mapping(text: str, source: str) -> dict[str, Any]:
-    """Return the mapping that a YAML text holds, empty for an empty text.
+    """Return the mapping that a YAML text holds.
 
     Raises
     ------
     UserError
-        When it holds anything else.
+        When it holds anything else, or nothing: a file that was cut short is no choice of defaults.
     """
     values = _plain_data(text, source)
     if values is None:
-        values = {}
+        raise UserError(f"{source}: holds nothing; give at least one key, or {{}} for all defaults")
     if not isinstance(values, dict):
         raise UserError(f"{source}: a configuration is a mapping of keys to values")
     return values

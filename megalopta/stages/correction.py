@@ -15,11 +15,10 @@ from megalopta import files
 from megalopta.config import LightLevel
 from megalopta.dataset import FRAMES_AT_ONCE, Dataset, exposure_name, write_frames
 from megalopta.errors import UserError
-from megalopta.format_numbers import written
 from megalopta.progress import progress
 from megalopta.sensor import ImageSensor, OpenedCounts, Sensor, StoredFrames
 from megalopta.sensor.correct import Calibration, Corrected, correct, simulated_calibration
-from megalopta.sensor.readout import FORMAT_KEY
+from megalopta.sensor.readout import format_attribute
 from megalopta.sensor.spad import settled
 
 _UNITS = {
@@ -71,7 +70,7 @@ def write_corrected(dataset: Dataset, sensor: ImageSensor, opened: Sequence[Open
         for path, counts in missing.items():
             with files.atomic_write(path) as temporary:
                 group = zarr.open_group(temporary, mode="w", zarr_format=3)
-                group.attrs[FORMAT_KEY] = written("counts")
+                group.attrs.update(format_attribute())
                 for first in range(0, frames, FRAMES_AT_ONCE):
                     chunk = slice(first, first + FRAMES_AT_ONCE)
                     readings, saturated = counts["counts"][chunk], counts["saturated"][chunk]

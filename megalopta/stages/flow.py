@@ -31,12 +31,11 @@ from megalopta.flow.benchmark import default_warm_up
 from megalopta.flow.detectors import METHODS, BlockDetector, BlockGrid
 from megalopta.flow.egomotion import yaw_rates_deg_s
 from megalopta.flow.metrics import block_flow, block_share
-from megalopta.format_numbers import written
 from megalopta.freshness import code_digest
 from megalopta.progress import progress
 from megalopta.render import Truth
 from megalopta.sensor import ImageSensor, OpenedCounts, StoredFrames
-from megalopta.sensor.readout import FORMAT_KEY
+from megalopta.sensor.readout import format_attribute
 from megalopta.stages.correction import open_corrected
 from megalopta.stages.declaration import Stage
 from megalopta.stages.measurement import BlockTruth, Measurement, Record, SeenFrames
@@ -69,8 +68,8 @@ def _measure(dataset: Dataset, pairs: Sequence[tuple[ImageSensor, LightLevel]]) 
                 corrected = open_corrected(dataset, sensor, level)
                 found = _measure_exposure(settings, opened, corrected, truths, group, advance)
                 records = [_checked({"sensor": sensor.name, "level": level, **r}) for r in found]
-                number = {FORMAT_KEY: written("counts")}
-                group.attrs.update({**number, "model": _model(), "records": records})
+                made = {"model": _model(), "records": records}
+                group.attrs.update({**format_attribute(), **made})
 
 
 def _measure_exposure(

@@ -18,9 +18,9 @@ from .images import (
     expose_image as expose_image,
 )
 from .store import (
-    FORMAT_KEY as FORMAT_KEY,
     Origin as Origin,
     counts_writer as counts_writer,
+    format_attribute as format_attribute,
 )
 from .sub_frames import (
     NextFrames as NextFrames,

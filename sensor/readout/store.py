@@ -142,7 +142,7 @@ def store_attributes(origin: Origin) -> dict[str, Any]:
     sequence = origin.sequence
     return {
         "format": FORMAT,
-        FORMAT_KEY: written("counts"),
+        **format_attribute(),
         "sensor": origin.sensor.model_dump(mode="json"),
         "exposure_s": origin.sensor.exposure_s,
         "seed": operator.index(origin.seed),
@@ -150,6 +150,11 @@ def store_attributes(origin: Origin) -> dict[str, Any]:
         "illuminance_lux": origin.illuminance_lux,
         "extra": dict(origin.extra),
     }
+
+
+def format_attribute() -> dict[str, Any]:
+    """Return the attribute that tells the format of a Zarr group."""
+    return {FORMAT_KEY: written("counts")}
 
 
 def _created(

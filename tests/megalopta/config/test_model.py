@@ -166,6 +166,8 @@ def test_missing_map_and_missing_device_are_named(measured):
         ("light_levels: [0.1, 1e-1]", "each level once"),
         ("seed: abc", "seed: .*valid integer.*, got 'abc'"),
         ("- a", "a configuration is a mapping"),
+        ("", "holds nothing; give at least one key"),
+        ("# name: mine\n", "holds nothing; give at least one key"),
         ("a: [", "not valid YAML"),
         ("a: !!python/object/apply:os.system [ls]", "not valid YAML"),
     ],
