@@ -8,7 +8,6 @@ and Kanade, 1981), over the whole image. Aliasing, noise and shadows that move l
 of a pixel there, a wrong sign or a grid off by half a pixel leave more than the limit.
 """
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -18,6 +17,7 @@ from rich.console import Console
 from rich.table import Table
 from scipy.ndimage import gaussian_filter, map_coordinates
 
+from megalopta import bounded
 from megalopta.checks.footprint import footprint_residuals
 from megalopta.checks.reprojection import View, motion_from, rederived_flow
 from megalopta.dataset import Dataset
@@ -105,9 +105,9 @@ def motions_of(dataset: Dataset) -> dict[int, Motion]:
     """Motion of each object that moves, by its number. Raises UserError."""
     path = dataset.scene_record
     try:
-        motions = json.loads(path.read_text("utf-8"))["motions"]
+        motions = bounded.read_json(path)["motions"]
         return {int(number): motion_from(each) for number, each in motions.items()}
-    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
         raise UserError(
             f"{path} is damaged; remove it and run: megalopta render {dataset.root} "
             f"--out {dataset.root}"

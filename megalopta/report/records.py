@@ -9,6 +9,7 @@ from pydantic import FiniteFloat, NonNegativeInt, TypeAdapter, ValidationError
 from pydantic_core import from_json
 from typing_extensions import TypedDict
 
+from megalopta import bounded
 from megalopta.config import level_text
 from megalopta.dataset import Dataset, FlowRecord
 from megalopta.errors import UserError
@@ -119,7 +120,7 @@ def read_scene_record(dataset: Dataset) -> Record:
 
 def _read(path: Path, check: Callable[[Any], _Read], remedy: str) -> _Read:
     try:
-        return check(from_json(path.read_bytes()))
+        return check(from_json(bounded.read_bytes(path)))
     except OSError as problem:
         raise UserError(f"{path} cannot be read ({problem.strerror}); {remedy}") from None
     except ValidationError as error:
