@@ -68,8 +68,8 @@ def _measure(dataset: Dataset, pairs: Sequence[tuple[ImageSensor, LightLevel]]) 
                 corrected = open_corrected(dataset, sensor, level)
                 found = _measure_exposure(settings, opened, corrected, truths, group, advance)
                 records = [_checked({"sensor": sensor.name, "level": level, **r}) for r in found]
-                made = {"model": _model(), "records": records}
-                group.attrs.update({**format_attribute(), **made})
+                group.attrs.update(format_attribute())
+                group.attrs.update({"model": _model(), "records": records})
 
 
 def _measure_exposure(
