@@ -148,7 +148,9 @@ def _link_light(tree: Tree, record: SequenceRecord, dataset: Dataset) -> None:
         link = dataset.root / kind / record.sequence
         if (tree.root / kind / record.sequence).is_dir() and not link.is_symlink():
             link.parent.mkdir(parents=True, exist_ok=True)
-            link.symlink_to(tree.root / kind / record.sequence, target_is_directory=True)
+            # relative, so that a dataset may be moved meanwhile
+            light = Path("../../../..") / kind / record.sequence
+            link.symlink_to(light, target_is_directory=True)
 
 
 def _configuration(record: SequenceRecord, wanted: Exposing) -> Configuration:

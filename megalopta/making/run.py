@@ -63,7 +63,8 @@ def make(
         settle(tree, index)
         tree.write_plan(whole)
         failures = tree.read_failures()
-        wanted = sorted(failures) if retry else list(only) if only is not None else None
+        again = [index for index in sorted(failures) if index in range(whole.sequences)]
+        wanted = again if retry else list(only) if only is not None else None
         todo = _missing(tree, range(plan.sequences) if wanted is None else wanted)
         try:
             _make_all(tree, plan, todo, failures, workers, scheduler)
