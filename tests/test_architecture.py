@@ -22,6 +22,7 @@ LEAVES = (
     "folders",
     "format_numbers",
     "freshness",
+    "pictures",
     "plug_ins",
     "progress",
     "record",

@@ -156,3 +156,10 @@ def in_pairs(match: Callable[[Frames], FloatArray]) -> Responder:
         return match(joined)
 
     return respond
+
+
+def check_finite(*frames: Frames) -> None:
+    """Refuse, with ValueError, frames (H, W) with pixels that are NaN or infinite."""
+    for number, frame in enumerate(frames, 1):
+        if not np.isfinite(frame).all():
+            raise ValueError(f"frame {number} has pixels that are not finite; fill them in")

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.errors import UserError
-from megalopta.flow.detectors.base import FloatArray, Frames
+from megalopta.flow.detectors.base import FloatArray, Frames, check_finite
 from megalopta.flow.detectors.blocks import BlockGrid, block_sums
 from megalopta.flow.detectors.gray_detector import Estimator, GrayDetector, gray_levels
 
@@ -32,9 +32,10 @@ class DenseDetector(GrayDetector, frozen=True):
         Raises
         ------
         ValueError
-            When the frames differ in shape or are too small.
+            When the frames differ in shape, are too small or not finite.
         """
         shape = (first.shape[0], first.shape[1])
+        check_finite(first, second)
         flow = self._checked(self.grid(shape))
         pair = gray_levels(self._prepared(np.stack((first, second))))
         return np.full((*shape, 2), np.nan) if pair is None else flow(pair)

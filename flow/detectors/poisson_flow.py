@@ -11,7 +11,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from megalopta.flow.detectors.base import FloatArray, Frames, Responder
+from megalopta.flow.detectors.base import FloatArray, Frames, Responder, check_finite
 from megalopta.flow.detectors.block_detector import BlockDetector
 from megalopta.flow.detectors.dense_detector import mean_over_blocks
 from megalopta.flow.likelihood import likelihood_flow
@@ -41,6 +41,7 @@ class PoissonFlow(BlockDetector, frozen=True):
         *frames : (H, W)
             Counts, two or more frames of one steady motion; without photons the flow is NaN.
         """
+        check_finite(*frames)
         return likelihood_flow(np.stack(frames), self.smoothness)
 
     def start(self, shape: tuple[int, int]) -> Responder:

@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.bounded import check_file
 from megalopta.files import atomic_write
 from megalopta.flow.files.checking import check_flow
 
@@ -40,8 +41,12 @@ def read_flo5(path: str | Path) -> NDArray[np.float32]:
         When the file is none.
     """
     try:
+        check_file(path)
         with h5py.File(path, "r") as file:
-            stored = file["flow"]
+            is_here = isinstance(file.get("flow", getlink=True), h5py.HardLink)
+            stored = file["flow"] if is_here else None
+            if stored is None or stored.is_virtual or stored.external:
+                raise ValueError("no flow, or it lies in another file")
             if stored.size * stored.dtype.itemsize > _LARGEST_BYTES:
                 raise ValueError("more than 4 GiB")
             flow = stored[()]

@@ -4,18 +4,22 @@ Steps of 1/64 px, from −512 to nearly 512 px; a flow beyond is stored as not k
 CVPR 2015, the benchmark's development kit).
 """
 
+import struct
 from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.bounded import ARRAY_BYTES, read_bytes
 from megalopta.files import atomic_write
 from megalopta.flow.files.checking import check_flow
 
 _PER_PX = 64
 _ZERO = 2**15
 _LARGEST = 2**16 - 1
+_MOST_PX = 10**8
+"""A file of a few megabytes can claim any number."""
 
 
 def write_kitti_png(path: str | Path, flow: NDArray[np.floating]) -> None:
@@ -44,8 +48,12 @@ def read_kitti_png(path: str | Path) -> NDArray[np.float32]:
     ValueError
         When the file is no 16-bit PNG of three channels.
     """
-    content = np.frombuffer(Path(path).read_bytes(), np.uint8)
-    image = cv2.imdecode(content, cv2.IMREAD_UNCHANGED) if content.size else None
+    content = read_bytes(path, ARRAY_BYTES)
+    width, height = struct.unpack(">II", content[16:24].ljust(8, b"\0"))  # of PNG's first chunk
+    if width * height > _MOST_PX:
+        raise ValueError(f"{path} claims {width} × {height} px; give flow of fewer pixels")
+    coded = np.frombuffer(content, np.uint8)
+    image = cv2.imdecode(coded, cv2.IMREAD_UNCHANGED) if content else None
     if image is None or image.dtype != np.uint16 or image.ndim != 3 or image.shape[-1] != 3:
         raise ValueError(f"{path} is no 16-bit PNG with three channels, as KITTI's flow is")
     flow = (image[..., :0:-1].astype(np.float32) - _ZERO) / _PER_PX

@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.arrays import plain_array
+from megalopta.bounded import ARRAY_BYTES, read_bytes
 from megalopta.flow.files.flo import LARGEST_KNOWN, read_flo
 from megalopta.flow.files.flo5 import read_flo5
 from megalopta.flow.files.kitti_png import read_kitti_png
@@ -44,7 +46,7 @@ def _read_pfm(path: Path) -> Flow:
 
     Of the three-channel convention of FlyingThings3D and Monkaa (Mayer et al. 2016).
     """
-    content = path.read_bytes()
+    content = read_bytes(path, ARRAY_BYTES)
     header = _PFM_HEADER.match(content)
     if header is None:
         raise ValueError(f"{path} is no .pfm file of three channels")
@@ -60,17 +62,20 @@ def _read_pfm(path: Path) -> Flow:
 
 
 def _read_npy(path: Path) -> Flow:
-    """NumPy array (H, W, 2), or (2, H, W) as PyTorch orders it."""
-    try:
-        values = np.load(path, allow_pickle=False)
-    except (ValueError, OSError, EOFError) as problem:
-        raise ValueError(f"{path} is no whole .npy file ({problem})") from None
-    if not isinstance(values, np.ndarray) or not np.issubdtype(values.dtype, np.number):
-        raise ValueError(f"{path} holds no numbers")
-    if np.iscomplexobj(values):
-        raise ValueError(f"{path} holds complex numbers: a flow is (H, W, 2), x before y")
-    if values.ndim == 3 and values.shape[0] == 2 and values.shape[-1] != 2:
-        values = np.moveaxis(values, 0, -1)
+    """NumPy array (H, W, 2) of floating point, which can tell that a flow is unknown.
+
+    Whole numbers may be KITTI's codes as well as pixels.
+    """
+    values = plain_array(read_bytes(path, ARRAY_BYTES))
+    if values is None:
+        raise ValueError(f"{path} is no whole .npy file of plain numbers; write it with numpy.save")
+    if values.ndim != 3 or values.shape[-1] != 2 or values.dtype.kind != "f":
+        is_turned = values.ndim == 3 and values.shape[0] == 2
+        remedy = "numpy.moveaxis(flow, 0, -1)" if is_turned else "astype('float32')"
+        raise ValueError(
+            f"{path} holds {values.dtype} {values.shape}: a flow is float32 (H, W, 2), px, x "
+            f"before y; write it so, such as by {remedy}"
+        )
     return values.astype(np.float32)
 
 

@@ -5,8 +5,9 @@ larger, and for Fl when its EPE is larger than 3 px and 5 % of the true motion (
 (Richter, Hayder and Koltun 2017) weighs the share of pixels within i/20 px by 1 − (i − 1)/100,
 i = 1 … 100: 100 is perfect. The angular error is that between (u, v, 1) of flow and truth.
 
-Pixels whose truth is undefined are not scored. A pixel for which the program gave no flow is
-scored as if it had answered 0, and the share of these is given.
+Pixels whose truth is undefined are not scored. A pixel for which the program gave no flow is beyond
+every limit, its EPE and angle are those of the answer 0, and the share of these is given: silence
+does not pay.
 """
 
 import math
@@ -48,7 +49,7 @@ class DenseError:
     wauc_percent: float
     angular_deg: float
     missing_percent: float
-    """Pixels without an answer, scored as 0"""
+    """Pixels without an answer"""
 
 
 GROUPS = ("all", "visible", "occluded", "slow", "medium", "fast")
@@ -81,7 +82,7 @@ class DenseErrors:
         Raises
         ------
         ValueError
-            When shapes differ.
+            When shapes differ, or no pixel has an answer.
         """
         if flow.shape != truth.shape:
             raise ValueError(
@@ -93,6 +94,10 @@ class DenseErrors:
         known = np.asarray(np.isfinite(truth).all(axis=-1))
         hidden = np.zeros_like(known) if occluded is None else occluded
         true, answer = truth[known].astype(np.float64), flow[known].astype(np.float64)
+        if len(true) and not np.isfinite(answer).all(axis=-1).any():
+            raise ValueError(
+                "no flow where the truth is known: a frame without an answer has no score"
+            )
         measures = _measures(answer, true)
         for name, among in _groups(true, hidden[known]).items():
             if among.any():
@@ -136,9 +141,10 @@ def _measures(answer: FloatArray, true: FloatArray) -> FloatArray:
     missing = np.asarray(~np.isfinite(answer).all(axis=-1))
     answer = np.where(missing[:, np.newaxis], 0.0, answer)
     epe = np.hypot(*(answer - true).T)
-    over = [epe > limit for limit in _THRESHOLDS_PX]
-    fl = over[1] & (epe > _RELATIVE * np.hypot(*true.T))
-    return np.array([epe, epe**2, *over, fl, _wauc(epe), missing, angles_deg(answer, true)])
+    off = np.where(missing, np.inf, epe)
+    over = [off > limit for limit in _THRESHOLDS_PX]
+    fl = over[1] & (off > _RELATIVE * np.hypot(*true.T))
+    return np.array([epe, epe**2, *over, fl, _wauc(off), missing, angles_deg(answer, true)])
 
 
 def _wauc(epe: FloatArray) -> FloatArray:

@@ -42,7 +42,7 @@ def _run(options: Namespace) -> None:
         read_board(options.leaderboard)  # a damaged one is refused before the work
     scores = score_submission(options.flow, options.truth, options.program)
     files.write_text(options.out, scores.model_dump_json(indent=1) + "\n")
-    console = Console(width=_WIDTH)
+    console = Console(width=_WIDTH, markup=False, emoji=False)
     console.print(score_table(scores))
     print(options.out)
     if options.leaderboard:

@@ -9,12 +9,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 
 from megalopta.arrays import Floats
 from megalopta.errors import UserError
 from megalopta.experiments.whole_frame_scenes import Clip
 from megalopta.flow.files import read_flow
+from megalopta.pictures import read_picture
 from megalopta.scenes.spectra import LUMINANCE_SHARES, decode_srgb
 from megalopta.scoring import pictures_of, true_flows
 
@@ -85,9 +85,4 @@ def _middlebury(folder: Path) -> Iterator[tuple[str, Files]]:
 
 def _light(path: Path) -> Floats:
     """Return the luminance of a picture, (H, W), from 0 to 1."""
-    try:
-        with Image.open(path) as image:
-            coded = np.asarray(image.convert("RGB"))
-    except (OSError, ValueError):
-        raise UserError(f"{path} cannot be read as a picture; give PNG, or another") from None
-    return np.asarray(decode_srgb(coded) @ LUMINANCE_SHARES)
+    return np.asarray(decode_srgb(read_picture(path, "RGB")) @ LUMINANCE_SHARES)

@@ -5,13 +5,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from megalopta.errors import UserError
 from megalopta.flow.detectors import DenseDetector, Method, method
 from megalopta.flow.files import read_flow
+from megalopta.pictures import read_picture
 from megalopta.scoring.pairing import Frame, Truths, pictures_of, submitted_flows
 
 Answers = Mapping[Frame, tuple[str, Callable[[], NDArray[Any]]]]
@@ -54,9 +53,4 @@ def _dense(flow: str | Path | Method) -> DenseDetector:
 
 
 def _answer(detector: DenseDetector, first: Path, second: Path) -> NDArray[Any]:
-    return detector.dense(_gray(first), _gray(second))
-
-
-def _gray(path: Path) -> NDArray[np.uint8]:
-    with Image.open(path) as image:
-        return np.asarray(image.convert("L"))
+    return detector.dense(read_picture(first, "L"), read_picture(second, "L"))

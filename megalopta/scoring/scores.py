@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 from pydantic import FiniteFloat, NonNegativeInt, PositiveInt
 
 from megalopta.dataset import file_hash
@@ -17,6 +16,7 @@ from megalopta.flow.files import read_flow
 from megalopta.flow.metrics import GROUPS, DenseError, DenseErrors
 from megalopta.format_numbers import written
 from megalopta.freshness import digest
+from megalopta.pictures import read_picture
 from megalopta.progress import progress
 from megalopta.record import Record
 from megalopta.scoring.answers import Answers, answers_of, name_of
@@ -154,8 +154,7 @@ def _truth(files: TrueFlow) -> tuple[NDArray[np.float32], NDArray[np.bool_] | No
 
 
 def _mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    with Image.open(path) as image:
-        mask = np.asarray(image.convert("L")) > 0
+    mask = read_picture(path, "L") > 0
     if mask.shape != shape[:2]:
         raise ValueError(f"{path} is {mask.shape[1]} × {mask.shape[0]} px, its flow is not")
     return mask

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from rich.box import SIMPLE
 from rich.table import Table
 
+from megalopta.bounded import sentence
 from megalopta.scoring.scores import Entry, GroupErrors, Groups, Scores
 
 _COLUMNS: Mapping[str, tuple[str, str]] = {
@@ -31,8 +32,8 @@ def score_table(scores: Scores) -> Table:
     table = _table(title, ("pass", "sequence"))
     for entry, sequences in zip(scores.entries, scores.sequences, strict=True):
         for name, groups in sequences.items():
-            table.add_row(entry.pass_name, name, *_cells(groups))
-        table.add_row(entry.pass_name, "overall", *_cells(entry.overall), style="bold")
+            table.add_row(sentence(entry.pass_name), sentence(name), *_cells(groups))
+        table.add_row(sentence(entry.pass_name), "overall", *_cells(entry.overall), style="bold")
         table.add_section()
     return table
 
@@ -42,7 +43,7 @@ def board_table(entries: Iterable[Entry], truth_hash: str) -> Table:
     table = _table("Leaderboard", ("pass", "program"))
     shown = [entry for entry in entries if entry.truth_hash == truth_hash]
     for entry in sorted(shown, key=lambda each: (each.pass_name, _epe(each))):
-        table.add_row(entry.pass_name, entry.program, *_cells(entry.overall))
+        table.add_row(sentence(entry.pass_name), sentence(entry.program), *_cells(entry.overall))
     return table
 
 

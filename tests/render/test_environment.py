@@ -107,8 +107,8 @@ def test_points_per_pixel_are_rounded_up_to_a_square(picture):
     ("values", "reason"),
     [
         (np.ones((8, 8, 3)), "8 × 8 pixels; a panorama is twice as wide"),
-        (np.full((8, 16, 3), np.nan), "values that are not finite"),
-        (np.full((8, 16, 3), -1.0), "has negative values, 1 of its light"),
+        (np.full((8, 16, 3), np.nan), "not finite"),
+        (np.full((8, 16, 3), -1.0), "384 values below 0, the lowest -1, more than 0.1% of its"),
         (np.zeros((8, 16, 3)), "black above the horizon"),
     ],
 )
@@ -144,3 +144,19 @@ def test_a_damaged_picture_is_told_why(tmp_path, name, content, reason):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(ValueError, match=rf"{name} .*{reason}"):
         read_picture(str(tmp_path / name))
+
+
+def test_slightly_negative_values_become_black_and_are_told(picture, capsys):
+    values = np.random.default_rng(0).random((16, 32, 3))
+    values[3, 4, 0], values[5, 6] = -0.0016, -0.001
+    found = read_picture(str(picture(values)))
+    np.testing.assert_array_equal(found, np.maximum(values, 0).astype(np.float32))
+    assert (
+        "has 4 values below 0, the lowest -0.0016; they are taken as 0" in capsys.readouterr().err
+    )
+
+
+def test_a_picture_of_differences_is_refused(picture):
+    values = np.random.default_rng(0).random((16, 32, 3)) - 0.1
+    with pytest.raises(ValueError, match="more than 0.1% of its light"):
+        read_picture(str(picture(values)))

@@ -96,3 +96,10 @@ def test_a_flow_of_another_shape_is_refused(frames):
 def test_one_name_for_two_detectors_is_refused():
     with pytest.raises(ValueError, match="LK is named twice"):
         Trial(methods=["LK", detector_from(to_the_right, "LK")])
+
+
+@pytest.mark.parametrize("wrong", [lambda pair: pair, lambda a, b: 1 / 0, lambda a, b: "x"])
+def test_a_function_that_fails_is_told_with_its_name(wrong):
+    frames = np.random.default_rng(0).poisson(5, (2, 48, 48))
+    with pytest.raises(ValueError, match=r"mine failed \(.*Error: .*two frames"):
+        detector_from(wrong, "mine").dense(*frames)

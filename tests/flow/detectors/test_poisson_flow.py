@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from megalopta.flow.detectors import BlockGrid
+from megalopta.flow.detectors import METHODS, BlockGrid
 from megalopta.flow.detectors.poisson_flow import PoissonFlow
 from megalopta.flow.detectors.pooled_flow import PooledFlow
 from megalopta.flow.metrics import fisher_information
@@ -70,3 +70,11 @@ def test_blocks_have_the_mean_of_the_flow():
     blocks = detector.respond(counts)[0]
     flow = detector.dense(*counts)
     np.testing.assert_allclose(blocks[1, 2], flow[16:32, 32:48].mean(axis=(0, 1)))
+
+
+@pytest.mark.parametrize("name", ["PF", "DIS"])
+def test_a_frame_that_is_not_finite_is_refused_by_its_number(name):
+    frames = np.random.default_rng(0).poisson(5, (2, 48, 48)).astype(float)
+    frames[1, 3, 4] = np.nan
+    with pytest.raises(ValueError, match="frame 2 has pixels that are not finite"):
+        METHODS[name].dense(*frames)

@@ -1,5 +1,9 @@
 """Formats are written here by hand, or by the libraries that their authors use."""
 
+import os
+import struct
+import zlib
+
 import cv2
 import h5py
 import numpy as np
@@ -48,9 +52,41 @@ def test_opencv_reads_the_same_flo(tmp_path):
     np.testing.assert_array_equal(cv2.readOpticalFlow(str(tmp_path / "a.flo")), FLOW)
 
 
-def test_arrays_as_pytorch_orders_them(tmp_path):
+def test_an_array_as_pytorch_orders_it_is_refused_with_the_way_out(tmp_path):
     np.save(tmp_path / "a.npy", np.moveaxis(FLOW, -1, 0))
-    np.testing.assert_array_equal(read_flow(tmp_path / "a.npy"), FLOW)
+    with pytest.raises(ValueError, match=r"float32 \(2, 6, 9\).*numpy.moveaxis\(flow, 0, -1\)"):
+        read_flow(tmp_path / "a.npy")
+
+
+def test_whole_numbers_are_no_flow(tmp_path):
+    np.save(tmp_path / "a.npy", FLOW.astype(np.int16))
+    with pytest.raises(ValueError, match=r"int16 \(6, 9, 2\).*astype\('float32'\)"):
+        read_flow(tmp_path / "a.npy")
+
+
+def test_a_png_that_claims_3_600_million_pixels_is_refused_in_a_moment(tmp_path):
+    write(tmp_path / "a.png", FLOW)
+    content = bytearray((tmp_path / "a.png").read_bytes())
+    content[16:24] = struct.pack(">II", 60_000, 60_000)
+    content[29:33] = struct.pack(">I", zlib.crc32(content[12:29]))
+    (tmp_path / "a.png").write_bytes(content)
+    with pytest.raises(ValueError, match="claims 60000 × 60000 px"):
+        read_flow(tmp_path / "a.png")
+
+
+def test_flow_in_another_file_is_not_looked_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe")  # whose opening would wait for ever
+    with h5py.File(tmp_path / "a.flo5", "w") as file:
+        file["flow"] = h5py.ExternalLink(str(tmp_path / "pipe"), "/flow")
+    with pytest.raises(ValueError, match="no flow, or it lies in another file"):
+        read_flow(tmp_path / "a.flo5")
+
+
+@pytest.mark.parametrize("suffix", ["flo", "flo5", "png", "pfm", "npy"])
+def test_a_pipe_is_refused_at_once(tmp_path, suffix):
+    os.mkfifo(tmp_path / f"a.{suffix}")
+    with pytest.raises(ValueError, match="not a regular file"):
+        read_flow(tmp_path / f"a.{suffix}")
 
 
 @pytest.mark.parametrize("suffix", ["flo", "flo5", "png", "pfm", "npy"])

@@ -49,6 +49,22 @@ def test_missing_answers_count_as_rest_and_are_told():
     assert (found.missing_percent, found.epe_px) == (25, 0.5)
 
 
+def test_silence_does_not_pay():
+    truth = np.full((4, 4, 2), (2.0, 0.0))
+    wrong = np.full((4, 4, 2), 50.0)
+    silent = wrong.copy()
+    silent[1:] = np.nan
+    told, kept = errors(wrong, truth).of("all"), errors(silent, truth).of("all")
+    for name in ("over_1px_percent", "over_5px_percent", "fl_percent"):
+        assert getattr(kept, name) == getattr(told, name) == 100
+    assert kept.wauc_percent == told.wauc_percent == 0
+
+
+def test_a_frame_without_any_answer_is_refused():
+    with pytest.raises(ValueError, match="no flow where the truth is known"):
+        errors(np.full((4, 4, 2), np.nan), np.ones((4, 4, 2)))
+
+
 def test_pixels_without_truth_are_not_scored():
     truth = np.zeros((4, 4, 2))
     truth[:2] = np.nan
