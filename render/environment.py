@@ -27,8 +27,8 @@ POINTS_AT_ONCE = 2**18
 _METER_RAYS = 2**18
 
 _MOST_NEGATIVE = 0.001
-"""Of the sum of a picture's values, that those below 0 may take away. In Blender's forest.exr 784 of
-1.6 million values lie below 0, by 0.0016 at most: by 1.3 in all."""
+"""Of the sum of a picture's values, that those below 0 may take away. In Blender's forest.exr 784
+of 1.6 million values lie below 0, by 0.0016 at most: by 1.3 in all."""
 
 _ENDS_EARLY = re.compile(r"Success|read \d+ out of \d+ bytes")
 """What Mitsuba says of a file that does."""

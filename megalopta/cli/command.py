@@ -22,6 +22,9 @@ from megalopta.errors import UserError
 if TYPE_CHECKING:
     from megalopta.config import Settings, Words
 
+_MOST_DIGITS = 18
+"""Of a number that fits into 64 bits"""
+
 Verbs: TypeAlias = "argparse._SubParsersAction[Command]"
 Run: TypeAlias = Callable[[argparse.Namespace], None]
 
@@ -120,7 +123,8 @@ def at_least(least: int) -> Callable[[str], int]:
     """Type of an option that is a whole number, so much or more."""
 
     def number(text: str) -> int:
-        if not text.isdecimal() or int(text) < least:
+        is_whole = text.isdecimal() and len(text) <= _MOST_DIGITS
+        if not is_whole or int(text) < least:
             raise argparse.ArgumentTypeError(f"{text!r}; give a whole number, {least} or more")
         return int(text)
 
@@ -140,3 +144,10 @@ def whole(text: str) -> int:
     if re.fullmatch(r"[+-]?[0-9]{1,18}", text):
         return int(text)
     raise argparse.ArgumentTypeError(f"{quoted(text)!r}; give a whole number of at most 18 digits")
+
+
+def positive(text: str) -> float:
+    """Type of an option that is a finite number above 0."""
+    if (number := finite(text)) > 0:
+        return number
+    raise argparse.ArgumentTypeError(f"{quoted(text)!r}; give a number above 0")

@@ -36,6 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     _print_anything()
     try:
         _check_address_space()
+        _check_letters(words)
         _run(words)
     except UserError as error:
         _refuse(str(error))
@@ -82,6 +83,13 @@ def _check_address_space() -> None:
 def _refuse(message: str) -> NoReturn:
     print(f"megalopta: {sentence(message)}", file=sys.stderr)
     sys.exit(2)
+
+
+def _check_letters(words: Sequence[str]) -> None:
+    """Refuse what is no UTF-8: the libraries that write pictures cannot write to such a name."""
+    for word in words:
+        if any("\ud800" <= each <= "\udfff" for each in word):
+            raise UserError(f"{word}: not in UTF-8; rename the file or folder, or give another")
 
 
 def _run(words: Sequence[str]) -> None:

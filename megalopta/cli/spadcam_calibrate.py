@@ -3,7 +3,7 @@
 from argparse import Namespace
 from pathlib import Path
 
-from megalopta.cli.command import Command, Verbs, add_verb, finite
+from megalopta.cli.command import Command, Verbs, add_verb, positive
 
 
 def declare(verbs: Verbs) -> None:
@@ -29,11 +29,11 @@ def add_recordings(command: Command) -> None:
         "photons per second on a pixel, none: in the dark",
     )
     command.add_argument(
-        "--wavelength-nm", type=finite, help="wavelength of the light; without, it is relative"
+        "--wavelength-nm", type=positive, help="wavelength of the light; without, it is relative"
     )
     command.add_argument(
         "--beam-area-mm2",
-        type=finite,
+        type=positive,
         help="area of an even beam; LIGHT is then its power in watts",
     )
 

@@ -3,7 +3,7 @@
 from argparse import Namespace
 from pathlib import Path
 
-from megalopta.cli.command import Verbs, add_out, add_verb, finite, whole
+from megalopta.cli.command import Verbs, add_out, add_verb, at_least, positive
 from megalopta.cli.spadcam_calibrate import add_recordings
 
 
@@ -28,11 +28,13 @@ def declare(verbs: Verbs) -> None:
     )
     command.add_argument(
         "--margin",
-        type=finite,
+        type=positive,
         default=0.05,
         help="relative difference that does not matter (default: 0.05)",
     )
-    command.add_argument("--seed", type=whole, default=0, help="of the simulation (default: 0)")
+    command.add_argument(
+        "--seed", type=at_least(0), default=0, help="of the simulation (default: 0)"
+    )
     command.add_argument(
         "--own-light",
         action="store_true",

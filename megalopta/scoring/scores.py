@@ -126,8 +126,8 @@ def _scored(
     found: dict[str, dict[str, DenseErrors]] = {name: {} for name in sorted(passes)}
     hashes = []
     for frame, files in sorted(truths.items()):
-        hashes += ["/".join(frame), *(file_hash(path) for path in files if path)]
         true, occluded = _truth(files)
+        hashes += ["/".join(frame), *(file_hash(path) for path in files if path)]
         for name, errors in found.items():
             where, answer = passes[name][frame]
             try:

@@ -117,14 +117,6 @@ def test_pictures_that_are_no_panorama_of_light_are_refused(picture, values, rea
         renderer(picture(values))
 
 
-def test_values_slightly_below_0_count_as_0_and_it_is_said(picture, capsys):
-    values = np.ones((8, 16, 3))
-    values[2, 3] = -0.0016
-    read = read_picture(str(picture(values)))
-    np.testing.assert_array_equal(read, np.maximum(values, 0))
-    assert "3 values below 0, -0.0016 at the least, count as 0" in capsys.readouterr().err
-
-
 def test_a_file_that_is_no_picture_is_refused(tmp_path):
     path = tmp_path / "text.hdr"
     path.write_text("no picture")

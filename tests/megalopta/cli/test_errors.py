@@ -48,6 +48,11 @@ def test_a_word_that_could_be_both_is_refused(capsys):
             "--sequences: '0'; give a whole number, 1",
         ),
         (["render", "--"], "--: no setting"),
+        (["spadcam", "calibrate", "x", "--wavelength-nm", "nan"], "--wavelength-nm: 'nan'; give a"),
+        (["spadcam", "calibrate", "x", "--beam-area-mm2=-0.0"], "'-0.0'; give a number above 0"),
+        (["spadcam", "compare", "x", "--device", "y", "--margin", "inf"], "'inf'; give a number"),
+        (["spadcam", "compare", "x", "--device", "y", "--seed=-1"], "--seed: '-1'; give a whole"),
+        (["sweep", "x", "--workers", "1" + "0" * 400], "give a whole number, 1 or more"),
     ],
 )
 def test_a_mistyped_command_gets_one_sentence(capsys, arguments, message):
@@ -103,8 +108,9 @@ def test_help_is_printed_where_the_locale_has_ascii_only():
 
 
 def test_a_name_that_is_no_unicode_is_told_in_a_sentence(tmp_path):
-    done = run(["render", os.fsencode(tmp_path / "o") + b"\xff.yaml"])
-    assert done.returncode == 2 and b"o\\udcff.yaml: no such configuration" in done.stderr
+    done = run(["render", "--out", os.fsencode(tmp_path / "o") + b"\xff"])
+    assert done.returncode == 2 and b"o\\udcff: not in UTF-8; rename" in done.stderr
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
