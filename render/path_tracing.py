@@ -22,10 +22,18 @@ class PathIntegrator:
     """Frames of which every path is traced, in clear air or through haze.
 
     In haze, scatterings by droplets count as hits of surfaces do.
+
+    Attributes
+    ----------
+    exposing : PathIntegrator
+        That of frames of many poses; itself, unless another is given.
     """
 
-    def __init__(self, max_depth: int, air: Air | None = None) -> None:
+    def __init__(
+        self, max_depth: int, air: Air | None = None, exposing: "PathIntegrator | None" = None
+    ) -> None:
         self._air = air
+        self.exposing = exposing or self
         kind, depth = ("volpath", max_depth + SCATTERINGS) if air else ("path", max_depth)
         self._integrator = mi.load_dict({"type": kind, "max_depth": depth})
 
@@ -50,10 +58,11 @@ class PathIntegrator:
         if str(mi.variant()).startswith("scalar"):
             sky = _scalar_sky(scene, sensor, seed)
         else:
-            sky = pixel_means(
-                sensor, seed, spp, lambda ray, *_: [dr.select(scene.ray_test(ray), 0.0, 1.0)]
-            )
+            sky = pixel_means(sensor, seed, spp, lambda ray, *_: [self._sky(scene, ray)])
         return np.concatenate([radiance, np.zeros_like(radiance), sky], axis=-1)
+
+    def _sky(self, scene: Any, ray: Any) -> Any:
+        return dr.select(scene.ray_test(ray), 0.0, 1.0)
 
 
 def _scalar_sky(scene: Any, sensor: Any, seed: int) -> NDArray[np.float32]:

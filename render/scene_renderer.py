@@ -13,6 +13,7 @@ from megalopta.render.baking import BakedLightIntegrator, path_tracing_reason
 from megalopta.render.canopy import Canopy, measure_canopy
 from megalopta.render.environment import EnvironmentView
 from megalopta.render.illuminance import LightSurvey
+from megalopta.render.layers import Layers, is_layered
 from megalopta.render.loading import fill, load_scene, merge
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.noise import MeasuredPass
@@ -85,7 +86,9 @@ class SceneRenderer:
         else:
             places = np.zeros((0, 3)) if poses is None else self._local(poses)[:, :3, 3]
             air = fill(scene, scene.haze, loaded, meshes, places) if scene.haze else None
-            integrator: Integrator = PathIntegrator(settings.max_depth, air)
+            many = is_layered(scene, meshes)
+            layers = Layers(settings.max_depth, meshes, loaded, geometry.still) if many else None
+            integrator: Integrator = PathIntegrator(settings.max_depth, air, layers)
             if poses is not None and not reason:
                 local, its_seed = self._local(poses), bake_seed(seed)
                 baked = BakedLightIntegrator(

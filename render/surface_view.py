@@ -13,7 +13,8 @@ from megalopta.render.longer_paths import share_left_out
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.sensors import Film
 from megalopta.render.settings import RenderSettings
-from megalopta.render.views import Exposure
+from megalopta.render.sharing import rows_of_a_pose
+from megalopta.render.views import Exposure, Part
 from megalopta.scenes.cameras import Camera
 from megalopta.scenes.world import Scene
 
@@ -23,6 +24,10 @@ _PATHS = 2**15
 
 class Integrator(Protocol):
     """How the light that arrives at a sensor is found."""
+
+    @property
+    def exposing(self) -> "Integrator":
+        """That of frames of many poses; where it is another, it moves objects itself."""
 
     def move_to(self, time_s: float) -> None:
         """Take notice of a new time."""
@@ -56,7 +61,7 @@ class SurfaceView:
             index: mesh for index, mesh in enumerate(meshes) if isinstance(mesh, MovingMesh)
         }
         self._time_s = 0.0
-        self._films: dict[tuple[int, bool, bool], Film] = {}
+        self._films: dict[tuple[int, bool, int | None], Film] = {}
 
     @property
     def samples_per_pixel(self) -> int:
@@ -93,11 +98,11 @@ class SurfaceView:
 
     def exposed(self, exposure: Exposure) -> NDArray[np.float32]:
         """Radiance (H, W, B) as a shutter takes it."""
-        return _finite(self._exposed(self._integrator.render, exposure))
+        return _finite(self._exposed(self._integrator.exposing.render, exposure))
 
     def exposed_measured(self, exposure: Exposure) -> MeasuredPass:
         """The same, with what its error is known by."""
-        return self._parts(self._exposed(self._integrator.measured, exposure))
+        return self._parts(self._exposed(self._integrator.exposing.measured, exposure))
 
     def light_survey(self, positions: NDArray[np.float64]) -> LightSurvey | None:
         """Illuminance above and below positions (N, 3); None where only surfaces emit."""
@@ -118,17 +123,34 @@ class SurfaceView:
     def _exposed(
         self, trace: Callable[..., NDArray[np.float32]], exposure: Exposure
     ) -> NDArray[np.float32]:
-        """Mean over the instants at which moving objects are put; the camera never rests."""
-        row_by_row = bool(self._moving) and exposure.is_rolling
-        film = self._film(len(exposure.parts), True, row_by_row)
+        """Mean over the instants at which moving objects are put; the camera never rests.
+
+        Rows of a rolling shutter share poses of moving objects (`sharing`).
+        """
+        rows = None
+        if self._moving and exposure.is_rolling:
+            rows = self._rows_of_a_pose(exposure.parts[len(exposure.parts) // 2])
+        film = self._film(len(exposure.parts), True, rows)
+        mover = self._integrator.exposing
+        move_to = self.move_to if mover is self._integrator else mover.move_to
         images = []
         for part in exposure.parts:
-            times = part.row_times_s
-            self.move_to(times[0])
             self._check(part.poses)
-            before = (lambda row, at=times: self.move_to(at[row])) if row_by_row else None
+
+            def move(strip: slice, times: Sequence[float] = part.row_times_s) -> None:
+                move_to(float(np.mean(times[strip])))
+
+            if rows is None:
+                move_to(part.row_times_s[0])
+            before = move if rows else None
             images.append(film.expose(trace, self._loaded, part.poses, part.seed, before))
         return np.asarray(np.mean(images, axis=0, dtype=np.float64), dtype=np.float32)
+
+    def _rows_of_a_pose(self, part: Part) -> int:
+        count, height = part.poses.shape[:2]
+        pose = part.poses[count // 2, height // 2]
+        meshes = list(self._moving.values())
+        return rows_of_a_pose(meshes, self._camera, pose, part.row_times_s)
 
     def _check(self, poses: NDArray[np.float64]) -> None:
         """Refuse poses (..., 4, 4) from which paths would not start in the haze."""
@@ -138,10 +160,10 @@ class SurfaceView:
                 "foreseen; give SceneRenderer all poses"
             )
 
-    def _film(self, instants: int, is_exposed: bool = False, row_by_row: bool = False) -> Film:
+    def _film(self, instants: int, is_exposed: bool = False, most_rows: int | None = None) -> Film:
         """The film of one instant; all instants share the samples of a sharp frame."""
         samples = math.ceil(self._settings.samples_per_pixel / instants)
-        key = samples, is_exposed, row_by_row
+        key = samples, is_exposed, most_rows
         if key not in self._films:
             self._films[key] = Film(self._camera, self._settings, *key)
         return self._films[key]

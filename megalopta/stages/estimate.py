@@ -31,6 +31,10 @@ _DIRECT_SAMPLES_PER_S = 1e6
 """Light paths of a scene that only glows, and points of a panorama."""
 _FRAME_S = 0.1
 """Truth and files of a frame."""
+_BUILD_S, _BUILD_S_PER_TREE, _POSE_S = 0.1, 0.03, 0.2
+"""To bring a whole scene to another time, and boxes or balls alone."""
+_POSES_OF_ROWS, _BUILDS_OF_TRUTH = 4, 3
+"""Of a frame of a rolling shutter: poses that its rows share, and what its truth takes."""
 _EXPOSED_PER_S, _DETECTED_PER_S, _BENCHED_PER_S = 1e6, 3e6, 1e7
 """Pixels of a sensor, and pixels of a detector in the stages flow and benchmark."""
 _MOVED_PER_S, _BITS_PER_S = 2e6, 5e7
@@ -170,8 +174,24 @@ def _render(settings: Configuration) -> Estimate:
         samples,
         disk_bytes=frames * pixels * per_pixel,
         memory_bytes=pixels * (_RENDERED_BYTES + 16 * bands) + frames * _POSE_BYTES,
-        seconds=frames * _FRAME_S * radiances + work / per_s,
+        seconds=frames * (_FRAME_S * radiances + _moving_s(settings, passes)) + work / per_s,
     )
+
+
+def _moving_s(settings: Configuration, passes: int) -> float:
+    """Time to bring what moves to the times of a frame, of which each pass is taken anew."""
+    scene, shutter = settings.scene, settings.shutter
+    if not scene.is_moving and all(each.is_at_rest for each in settings.objects):
+        return 0.0
+    build = _BUILD_S + _BUILD_S_PER_TREE * scene.counts.get("trees", 0)
+    # Truth builds what sways once more.
+    sharp = 2 * build if scene.is_moving else build
+    if shutter.is_instant:
+        return sharp
+    poses = shutter.poses if shutter.exposure_s else 1
+    poses *= _POSES_OF_ROWS if shutter.readout_s else 1
+    truth = _BUILDS_OF_TRUTH * build if shutter.readout_s and scene.is_moving else 0.0
+    return sharp + passes * poses * (build if scene.is_moving else _POSE_S) + truth
 
 
 def _sense(settings: Configuration) -> Estimate:

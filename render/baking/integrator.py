@@ -132,6 +132,11 @@ class BakedLightIntegrator:
         self._light.begin(density)
         return scatter
 
+    @property
+    def exposing(self) -> "BakedLightIntegrator":
+        """The integrator of frames of many poses."""
+        return self
+
     def move_to(self, time_s: float) -> None:
         """Take notice of where moving objects are at a time."""
         self._moving.move_to(time_s)

@@ -12,6 +12,7 @@ from .scene import (
     DISC_POINTS as DISC_POINTS,
     bare_mesh as bare_mesh,
     gather as gather,
+    load_again as load_again,
     load_scene as load_scene,
     move_meshes as move_meshes,
     part_of_scene as part_of_scene,

@@ -68,10 +68,12 @@ class MovingMesh(MergedMesh):
     def some_vertices_at(self, vertex: NDArray[np.int64], times_s: NDArray[np.float64]) -> Float32:
         """Positions (n, 3) of some vertices (n,), each at its own time (n,), as `vertices_at`."""
         part_of = np.searchsorted([part.vertices.stop for part in self.parts], vertex, "right")
+        order = np.argsort(part_of, kind="stable")
+        ends = np.append(np.flatnonzero(np.diff(part_of[order])) + 1, len(order))
         moved = self.placed[vertex]
-        for part in np.unique(part_of):
-            mine = part_of == part
-            moved[mine] = self.parts[part].motion.carry(moved[mine], times_s[mine])
+        for mine in np.split(order, ends[:-1]) if len(order) else []:
+            motion = self.parts[part_of[mine[0]]].motion
+            moved[mine] = motion.carry(moved[mine], times_s[mine])
         return _local(moved, self.origin_m)
 
     def normals_at(self, time_s: float) -> Float32 | None:

@@ -59,9 +59,22 @@ def gather(shapes: Sequence[Any]) -> Any:
     )
 
 
-def bare_mesh(vertices: NDArray[np.float32], faces: NDArray[np.uint32]) -> Any:
-    """Load a mesh of vertices (V, 3) and faces (F, 3) without any material."""
-    loaded = mi.Mesh("bare", len(vertices), len(faces))
+def load_again(meshes: Sequence[MergedMesh], shapes: Sequence[Any]) -> Any:
+    """Return a scene of meshes with the surfaces of loaded shapes, without light."""
+    again = {}
+    for index, (mesh, shape) in enumerate(zip(meshes, shapes, strict=True)):
+        properties = mi.Properties()
+        properties["mesh_bsdf"] = shape.bsdf()
+        again[f"mesh_{index:03d}"] = _filled(f"mesh_{index:03d}", mesh, properties)
+    return mi.load_dict({"type": "scene", **again})
+
+
+def bare_mesh(vertices: NDArray[np.float32], faces: NDArray[np.uint32], surface: Any = None) -> Any:
+    """Load a mesh of vertices (V, 3) and faces (F, 3) for rays, of a loaded surface."""
+    properties = mi.Properties()
+    if surface:
+        properties["mesh_bsdf"] = surface
+    loaded = mi.Mesh("bare", len(vertices), len(faces), props=properties)
     buffers = mi.traverse(loaded)
     buffers["vertex_positions"] = vertices.ravel()
     buffers["faces"] = faces.ravel()
@@ -96,6 +109,10 @@ def _mesh(name: str, mesh: MergedMesh, materials: Mapping[str, Material]) -> Any
             {"type": "area", "radiance": emission(material.emission)}
         )
     properties["mesh_bsdf"] = mi.load_dict(bsdf(material))
+    return _filled(name, mesh, properties)
+
+
+def _filled(name: str, mesh: MergedMesh, properties: Any) -> Any:
     loaded = mi.Mesh(
         name,
         len(mesh.vertices),

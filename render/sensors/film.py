@@ -28,7 +28,7 @@ SAMPLES_PER_PASS = {"cuda": 2**24, "llvm": 2**20, "scalar": 2**19}
 class Film:
     """What a sensor of Mitsuba's and the division of frames into passes make together.
 
-    An exposed film takes the samples of a pixel from many poses; row by row, every row is a pass.
+    An exposed film takes the samples of a pixel from many poses. No pass has more than `most_rows`.
     Its `samples_per_pixel` are those asked for as the sampler rounds them.
     """
 
@@ -38,12 +38,12 @@ class Film:
         settings: RenderSettings,
         samples: int,
         is_exposed: bool = False,
-        row_by_row: bool = False,
+        most_rows: int | None = None,
     ) -> None:
         family = str(mi.variant()).partition("_")[0]
         most = settings.samples_per_pass or SAMPLES_PER_PASS[family]
-        if row_by_row:
-            most = min(most, camera.width * samples)
+        if most_rows:
+            most = min(most, camera.width * samples * most_rows)
         self._camera = camera
         self._passes = plan_passes(camera.width, camera.height, samples, most)
         parts = _film_and_sampler(
@@ -65,16 +65,16 @@ class Film:
         scene: Any,
         poses: Float64,
         seed: int,
-        before_row: Callable[[int], None] | None = None,
+        before_rows: Callable[[slice], None] | None = None,
     ) -> NDArray[np.float32]:
         """Take a frame (H, W, n) from a pose (4, 4), or exposed from poses (times, rows, 4, 4).
 
-        These have one row for all, or H. `before_row` is called with the first row of each pass.
+        These have one row for all, or H. `before_rows` is called with those of each pass.
         """
 
         def take(first_row: int, pass_seed: int) -> NDArray[np.float32]:
-            if before_row:
-                before_row(first_row)
+            if before_rows:
+                before_rows(slice(first_row, first_row + self._passes.rows))
             self._aim(poses, first_row)
             return trace(scene, self._sensor, seed=pass_seed, spp=self._samples)
 

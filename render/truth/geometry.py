@@ -6,12 +6,13 @@ moving object keeps its barycentric coordinates, and so its place at another tim
 triangle's vertices, for rigid and for bending objects alike.
 
 Only what moves is brought to a time, in a small scene of its own; moments are kept, because a frame
-and its two neighbors need the same ones. Rays of a rolling shutter have a time for each row, so
-there is a moment for each. All coordinates are relative to the scene's `origin_m`.
+and its two neighbors need the same ones. Rays of a rolling shutter have a time for each row: they
+meet what moves in float64 (`passing`). All coordinates are relative to the scene's `origin_m`.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,14 +20,15 @@ from numpy.typing import NDArray
 
 from megalopta.render.loading import MergedMesh, MovingMesh, bare_mesh, gather, move_meshes
 from megalopta.render.truth import rays
+from megalopta.render.truth.passing import Passing
 from megalopta.render.truth.surface import Surface, same_side
 from megalopta.render.truth.views import Times, of_rays
 
 Float64 = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-# A frame, the next and the one before; of small objects, which many rows see, as many as fit.
-_FEWEST_MOMENTS, _VERTICES_KEPT = 3, 2**20
+# A frame, the next and the one before.
+_MOST_MOMENTS = 3
 # Beyond this relative difference the float32 hit is right: the ray grazes its triangle and misses
 # it in float64.
 _GRAZING = 1e-4
@@ -42,7 +44,8 @@ class Geometry:
     """Triangles of merged meshes and the loaded scenes that trace them.
 
     Meshes come as `merge` gives them, those at rest first, and are loaded in their order.
-    `object_id` (F + 1,) is the object of each triangle; the last, of the sky, is 0.
+    `object_id` (F + 1,) is the object of each triangle; the last, of the sky, is 0. `still` is a
+    loaded scene of what is at rest.
     """
 
     def __init__(self, meshes: Sequence[MergedMesh], loaded: Any) -> None:
@@ -60,10 +63,10 @@ class Geometry:
         still = (mesh.vertices for mesh in meshes[:at_rest])
         self._vertices = np.concatenate([np.zeros((0, 3), np.float32), *still])
         # What is at rest shares its buffers with the scene that is rendered.
-        self._still = gather(loaded.shapes()[:at_rest]) if self._moving else loaded
+        self.still = gather(loaded.shapes()[:at_rest]) if self._moving else loaded
         self._moments: dict[float, _Moment] = {}
-        moving = max(1, sum(len(mesh.vertices) for mesh in self._moving))
-        self._most_moments = max(_FEWEST_MOMENTS, _VERTICES_KEPT // moving)
+        # A surface of its own would be a new kind of surface, and kernels would be compiled anew.
+        self._surface = loaded.shapes()[0].bsdf() if self._moving else None
 
     @property
     def is_moving(self) -> bool:
@@ -79,15 +82,11 @@ class Geometry:
 
     def glimpsed(self, origin: Float64, directions: Float64, time_s: Times) -> Surface:
         """What rays see, as `seen`, to the renderer's own float32 precision."""
-        hits = rays.nearest_hits(self._still, origin, directions)
+        hits = rays.nearest_hits(self.still, origin, directions)
         triangle, distance = self._rows(hits, 0), hits.distance
-        for time, some in self._moments_of(time_s, len(directions)):
-            start, scene = _starts(origin, some), self._at(time).scene
-            moving = rays.nearest_hits(scene, start, directions[some])
-            nearer = moving.distance < distance[some]
-            rows = self._rows(moving, self._meshes_at_rest)
-            triangle[some] = np.where(nearer, rows, triangle[some])
-            distance[some] = np.where(nearer, moving.distance, distance[some])
+        if self._moving:
+            distance, nearer = self._nearer(origin, directions, time_s, distance)
+            triangle = np.where(nearer >= 0, nearer, triangle)
         is_sky = triangle < 0
         points = np.where(is_sky, 1.0, distance)[:, None] * directions
         points += np.where(is_sky[:, None], 0.0, origin)
@@ -131,11 +130,15 @@ class Geometry:
         The rays start at an origin (3,) or at their own (N, 3) and look at one time, or each at its
         own (N,).
         """
-        hidden = rays.is_hidden(self._still, origin, directions, distances)
-        for time, some in self._moments_of(time_s, len(directions)):
-            start, scene = _starts(origin, some), self._at(time).scene
-            hidden[some] |= rays.is_hidden(scene, start, directions[some], distances[some])
-        return hidden
+        hidden = rays.is_hidden(self.still, origin, directions, distances)
+        if not self._moving:
+            return hidden
+        if isinstance(time_s, float):
+            scene = self._at(time_s).scene
+            return hidden | rays.is_hidden(scene, origin, directions, distances)
+        starts = np.broadcast_to(origin, directions.shape)
+        limits = rays.visibility_limits(distances)
+        return hidden | (self._passing.nearest(starts, directions, time_s, limits)[1] >= 0)
 
     def carried(self, surface: Surface, time_s: Times) -> Float64:
         """Where the points of a surface are at another time, or each at its own (N, 3)."""
@@ -152,16 +155,21 @@ class Geometry:
         """Which points (N,) are of moving objects."""
         return np.asarray(surface.triangle >= self._triangles_at_rest)
 
-    def _moments_of(self, time_s: Times, count: int) -> Iterator[tuple[float, Any]]:
-        """Yield each time of so many rays, if anything moves, and which rays have it."""
-        if not self._moving:
-            return
-        if isinstance(time_s, float):
-            yield time_s, slice(None)
-            return
-        times, first = np.unique(np.sort(time_s), return_index=True)
-        order = np.argsort(time_s, kind="stable")
-        yield from zip(times.tolist(), np.split(order, first[1:]), strict=True)
+    @cached_property
+    def _passing(self) -> Passing:
+        return Passing(self._moving, self._triangles_at_rest)
+
+    def _nearer(
+        self, origin: Float64, directions: Float64, time_s: Times, distance: Float64
+    ) -> tuple[Float64, Integers]:
+        """Distances (N,) of what moves, and its triangles (N,), nearer than others; else -1."""
+        if not isinstance(time_s, float):
+            starts = np.broadcast_to(origin, directions.shape)
+            return self._passing.nearest(starts, directions, time_s, distance)
+        moving = rays.nearest_hits(self._at(time_s).scene, origin, directions)
+        nearer = moving.distance < distance
+        rows = np.where(nearer, self._rows(moving, self._meshes_at_rest), -1)
+        return np.where(nearer, moving.distance, distance), rows
 
     def _rows(self, hits: rays.Hits, first_mesh: int) -> Integers:
         hit = np.isfinite(hits.distance)
@@ -225,9 +233,9 @@ class Geometry:
         if time_s in self._moments:
             return self._moments[time_s]
         vertices = [mesh.vertices_at(time_s) for mesh in self._moving]
-        if len(self._moments) < self._most_moments:
+        if len(self._moments) < _MOST_MOMENTS:
             pairs = zip(vertices, self._moving, strict=True)
-            scene = gather([bare_mesh(positions, mesh.faces) for positions, mesh in pairs])
+            scene = gather([bare_mesh(places, mesh.faces, self._surface) for places, mesh in pairs])
         else:
             farthest = max(self._moments, key=lambda moment: abs(moment - time_s))
             scene = self._moments.pop(farthest).scene
@@ -238,7 +246,3 @@ class Geometry:
 
 def _dot(a: Float64, b: Float64) -> Float64:
     return np.asarray(np.einsum("ij,ij->i", a, b))
-
-
-def _starts(origin: Float64, of: Any) -> Float64:
-    return origin if origin.ndim == 1 else origin[of]

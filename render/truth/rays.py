@@ -57,8 +57,13 @@ def is_hidden(
     scene: Any, origin: Float64, directions: Float64, distances: Float64
 ) -> NDArray[np.bool_]:
     """Whether anything is nearer than distances (N,), in units of directions (N, 3)."""
-    limits = np.minimum(distances * (1 - VISIBILITY_MARGIN), np.finfo(np.float32).max)
+    limits = visibility_limits(distances)
     return np.array(blocked(scene, origin, directions, limits), dtype=bool)
+
+
+def visibility_limits(distances: Float64) -> Float64:
+    """Where rays to targets at distances (N,) stop."""
+    return np.minimum(distances * (1 - VISIBILITY_MARGIN), np.finfo(np.float32).max)
 
 
 def blocked(scene: Any, origin: Float64, directions: Float64, limits: Float64) -> Any:

@@ -1,0 +1,105 @@
+"""How many rows of a rolling shutter share one pose of what moves.
+
+To bring a scene to another pose takes as long as some 10⁵ light paths, or more. Rows share one
+where nothing that the camera sees moves by more than `SHARED_PX` between them: each is then taken
+with moving things less than half of that away from where they are at its time. That is found out
+for each frame, from all triangles that move and have a part in the image, between moments at most
+`_STEP_S` apart; `_RESERVE` is for what happens between these.
+
+A shadow moves as far as what casts it, in meters: it may move by more in px where it falls nearer.
+"""
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.render.loading import MovingMesh
+from megalopta.scenes.cameras import Camera
+
+Float64 = NDArray[np.float64]
+
+SHARED_PX = 0.05
+_STEP_S, _FEWEST_STEPS, _MOST_STEPS = 0.01, 2, 64
+_RESERVE = 1.25
+_MARGIN = 0.1
+"""Around the image, in widths of it: what comes into view meanwhile."""
+
+
+def rows_of_a_pose(
+    meshes: Sequence[MovingMesh], camera: Camera, pose: Float64, times_s: Sequence[float]
+) -> int:
+    """Return how many rows may share a pose, of a frame whose rows have times (H,), s.
+
+    The pose (4, 4) of the camera, relative to the scene's origin, is that of the middle row.
+    """
+    start, end, height = times_s[0], times_s[-1], len(times_s)
+    steps = min(max(math.ceil((end - start) / _STEP_S), _FEWEST_STEPS), _MOST_STEPS)
+    moments = np.linspace(start, end, steps + 1)
+    farthest = max(_farthest(mesh, camera, pose, moments) for mesh in meshes)
+    whole = _RESERVE * farthest * steps
+    if whole <= SHARED_PX:
+        return height
+    most = math.floor(SHARED_PX / whole * max(height - 1, 1)) + 1
+    return math.ceil(height / _round_number(math.ceil(height / most)))
+
+
+def _farthest(mesh: MovingMesh, camera: Camera, pose: Float64, moments: Float64) -> float:
+    """Longest way in the image, px, of a triangle that is seen, from one moment to the next."""
+    middle = float(moments[len(moments) // 2])
+    seen = _seen(mesh.faces, camera, _from_camera(mesh.vertices_at(middle), pose))
+    vertex = np.unique(mesh.faces[seen]).astype(np.int64)
+    each = [
+        _from_camera(mesh.some_vertices_at(vertex, np.full(len(vertex), time)), pose)
+        for time in moments
+    ]
+    return max(_longest(camera, before, after) for before, after in pairwise(each))
+
+
+def _from_camera(vertices: NDArray[np.float32], pose: Float64) -> Float64:
+    """Ways (n, 3) to vertices (n, 3) in camera axes."""
+    return np.einsum("ji,nj->ni", pose[:3, :3], vertices - pose[:3, 3])
+
+
+def _seen(faces: NDArray[np.uint32], camera: Camera, ways: Float64) -> NDArray[np.bool_]:
+    """Which triangles (F,) may have a part in the image or in the margin around it."""
+    if camera.intrinsics is None:
+        x, y, depth = *camera.project(ways).T, np.ones(len(ways))
+    else:
+        x, y, depth = np.einsum("ij,nj->in", camera.intrinsics, ways)
+    margin = _MARGIN * camera.width
+    beyond = [depth <= 0, y < -margin * depth, y > (camera.height + margin) * depth]
+    if not camera.wraps:
+        beyond += [x < -margin * depth, x > (camera.width + margin) * depth]
+    out = np.packbits(beyond, axis=0)[0]  # of each vertex, a bit for each side
+    a, b, c = faces.T
+    return np.asarray(out[a] & out[b] & out[c] == 0)
+
+
+def _longest(camera: Camera, before: Float64, after: Float64) -> float:
+    """Longest way (px) from ways (n, 3) to others; of those outside the image by the angle."""
+    places = camera.project(before)
+    with np.errstate(invalid="ignore"):
+        px = np.linalg.norm(camera.displacement(after, places), axis=1)
+        inside = (places >= 0) & (places <= [camera.width, camera.height])
+    near = np.linalg.norm(before, axis=1).clip(1e-9)
+    angle = np.linalg.norm(after - before, axis=1) / near
+    px = np.where(inside.all(axis=1) & np.isfinite(px), px, _px_per_rad(camera) * angle)
+    return float(px.max(initial=0.0))
+
+
+def _px_per_rad(camera: Camera) -> float:
+    """Most pixels of the image's border that an angle takes up."""
+    columns, rows = np.arange(camera.width + 1.0), np.arange(camera.height + 1.0)
+    border = [np.stack([columns, np.full_like(columns, y)], axis=-1) for y in rows[[0, -1]]]
+    border += [np.stack([np.full_like(rows, x), rows], axis=-1) for x in columns[[0, -1]]]
+    steps = [np.linalg.norm(np.diff(camera.toward(each), axis=0), axis=1) for each in border]
+    return float(1 / np.concatenate(steps).min().clip(1e-9))
+
+
+def _round_number(least: int) -> int:
+    """Return the next of 1, 2, 3, 4, 6, 8, 12…: for each number of rows kernels are compiled."""
+    power = 1 << (least - 1).bit_length()
+    return power * 3 // 4 if power > 2 and power * 3 // 4 >= least else power

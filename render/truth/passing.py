@@ -1,0 +1,296 @@
+"""What moves, as rays meet it that each look at a time of their own, like the rows of a frame.
+
+To build anew what traces rays through a whole forest, for every row, costs seconds a row; yet a row
+sees a thin slice of it. So the triangles of what moves lie in clusters, of which it is known in
+which box they stay for a while. Rays of one time come in narrow bundles from one point; only
+clusters whose boxes a bundle meets are brought to its time, exactly, and met in float64.
+
+A box is that of some moments, widened by the longest way between two of them: nothing that moves
+steadily on the scale of `_STEP_S` leaves it.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from megalopta.render.loading import MovingMesh
+
+Float64 = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_CLUSTER = 64
+"""Triangles of a cluster."""
+_STEP_S, _FEWEST_STEPS, _MOST_STEPS = 0.01, 4, 64
+"""Between the moments of a box, and how many there are."""
+_PADDING = 0.1
+"""Of a while at both ends, so that it does for similar questions."""
+_WHILES_KEPT = 4
+_NARROW = 0.5
+"""Least cosine between rays of a bundle and its axis."""
+_BITS = 10
+"""Of a place along an axis, in the order of clusters."""
+
+
+class _While(NamedTuple):
+    """The boxes (C, 3) that clusters stay in from one time to another, s."""
+
+    start_s: float
+    end_s: float
+    low: Float64
+    high: Float64
+
+
+class _Bundle(NamedTuple):
+    """Some rays, by what lies in a box about their axis.
+
+    `axes` (3, 3) are two across and the one along; `low` and `high` (2,) the box, in units of the
+    way along. `sides` (5, 3) are at least 0, times any place in it.
+    """
+
+    rays: Integers
+    axes: Float64
+    places: Float64
+    sides: Float64
+
+
+class Passing:
+    """Triangles of moving meshes, numbered from `first` on in their order."""
+
+    def __init__(self, meshes: Sequence[MovingMesh], first: int) -> None:
+        motions = {id(part.motion): part.motion for mesh in meshes for part in mesh.parts}
+        self._motions = list(motions.values())
+        number = {key: index for index, key in enumerate(motions)}
+        self._origin_m = np.asarray(meshes[0].origin_m)
+        offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+        placed = np.concatenate([mesh.placed for mesh in meshes])
+        faces = np.concatenate(
+            [mesh.faces.astype(np.int64) + n for mesh, n in zip(meshes, offsets, strict=False)]
+        )
+        sizes = [part.vertices.stop - part.vertices.start for m in meshes for part in m.parts]
+        motion = [number[id(part.motion)] for mesh in meshes for part in mesh.parts]
+        motion_of = np.repeat(motion, sizes)[faces[:, 0]]
+        order = np.lexsort((_places_in_order(placed[faces].mean(axis=1)), motion_of))
+        self._triangle, motion_of = order + first, motion_of[order]
+        starts = _cluster_starts(motion_of)
+        self._first_face = np.append(starts, len(order))
+        self._motion_of = motion_of[starts]
+        # Each cluster has vertices of its own, in a row.
+        cluster = np.repeat(np.arange(len(starts)), np.diff(self._first_face))
+        keys = cluster[:, None] * len(placed) + faces[order]
+        unique, corner = np.unique(keys, return_inverse=True)
+        self._faces = corner.reshape(-1, 3)
+        self._placed = placed[unique % len(placed)]
+        bounds = np.arange(len(starts) + 1) * len(placed)
+        self._first_vertex = np.searchsorted(unique, bounds)
+        self._whiles: list[_While] = []
+
+    def nearest(
+        self, origin: Float64, directions: Float64, times_s: Float64, limits: Float64
+    ) -> tuple[Float64, Integers]:
+        """Distances (N,) of what rays meet first, in units of directions (N, 3), and its triangles.
+
+        Rays of one time start at one point of `origin` (N, 3). Triangles (N,) are -1, and distances
+        the limits (N,), where nothing is nearer than these.
+        """
+        distance, triangle = limits.copy(), np.full(len(limits), -1)
+        known = np.isfinite(directions).all(axis=1) & np.isfinite(origin).all(axis=1)
+        if not known.any():
+            return distance, triangle
+        stay = self._while(float(times_s[known].min()), float(times_s[known].max()))
+        for rays in _of_one_time(times_s, known):
+            for bundle in _bundles(directions, rays):
+                start, time = origin[rays[0]], float(times_s[rays[0]])
+                near = np.flatnonzero(_meets(bundle.sides, stay, start))
+                corners, number = self._at(near, time)
+                some = bundle.rays
+                far, found = distance[some], np.full(len(some), -1)
+                _meet(
+                    bundle.places, directions[some], bundle.axes, bundle.sides,
+                    corners - start, far, found,
+                )  # fmt: skip
+                hit = found >= 0
+                distance[some], triangle[some[hit]] = far, number[found[hit]]
+        return distance, triangle
+
+    def _at(self, clusters: Integers, time_s: float) -> tuple[Float64, Integers]:
+        """Corners (n, 3, 3) of the triangles of clusters at a time, and their numbers (n,)."""
+        rows, first = _rows_of(self._first_vertex, clusters)
+        faces, first_face = _rows_of(self._first_face, clusters)
+        moved = self._carried(rows, first, clusters, time_s)
+        shift = np.repeat(first[:-1] - self._first_vertex[clusters], np.diff(first_face))
+        return moved[self._faces[faces] + shift[:, None]], self._triangle[faces]
+
+    def _carried(
+        self, rows: Integers, first: Integers, clusters: Integers, time_s: float
+    ) -> Float64:
+        """Vertices (n, 3) at a time, rounded as the renderer's, of clusters from rows `first`."""
+        moved = self._placed[rows]
+        motion = self._motion_of[clusters]
+        ends = np.append(np.flatnonzero(np.diff(motion)) + 1, len(motion)) if len(motion) else []
+        start = 0
+        for end in ends:
+            some = slice(first[start], first[end])
+            moved[some] = self._motions[motion[start]].carry(moved[some], time_s)
+            start = end
+        return (moved - self._origin_m).astype(np.float32).astype(np.float64)
+
+    def _while(self, start_s: float, end_s: float) -> _While:
+        """Where clusters are from one time to another."""
+        for each in self._whiles:
+            if each.start_s <= start_s and end_s <= each.end_s:
+                return each
+        padding = _PADDING * (end_s - start_s) + 1e-6
+        times = start_s - padding, end_s + padding
+        self._whiles = [self._watched(*times), *self._whiles[: _WHILES_KEPT - 1]]
+        return self._whiles[0]
+
+    def _watched(self, start_s: float, end_s: float) -> _While:
+        steps = math.ceil((end_s - start_s) / _STEP_S)
+        count = min(max(steps, _FEWEST_STEPS), _MOST_STEPS) + 1
+        every, starts = np.arange(len(self._motion_of)), self._first_vertex[:-1]
+        low, high = np.full((len(every), 3), np.inf), np.full((len(every), 3), -np.inf)
+        longest, before = np.zeros(low.shape), None
+        for time in np.linspace(start_s, end_s, count).tolist():
+            rows = np.arange(len(self._placed))
+            places = self._carried(rows, self._first_vertex, every, time)
+            low = np.minimum(low, np.minimum.reduceat(places, starts))
+            high = np.maximum(high, np.maximum.reduceat(places, starts))
+            if before is not None:
+                ways = np.maximum.reduceat(np.abs(places - before), starts)
+                longest = np.maximum(longest, ways)
+            before = places
+        return _While(start_s, end_s, low - longest, high + longest)
+
+
+def _places_in_order(points: Float64) -> Integers:
+    """Numbers (n,) of points (n, 3) along a curve on which neighbors are near (Morton, 1966)."""
+    low, size = points.min(axis=0), np.maximum(np.ptp(points, axis=0).max(), 1e-9)
+    cells = ((points - low) / size * (2**_BITS - 1)).astype(np.int64)
+    number = np.zeros(len(points), np.int64)
+    for bit in range(_BITS):
+        for axis in range(3):
+            number |= ((cells[:, axis] >> bit) & 1) << (3 * bit + axis)
+    return number
+
+
+def _cluster_starts(motion_of: Integers) -> Integers:
+    """First triangles of clusters, of triangles in the order of their motions (F,)."""
+    begins = np.append(0, np.flatnonzero(np.diff(motion_of)) + 1)
+    rank = np.arange(len(motion_of)) - np.repeat(begins, np.diff(np.append(begins, len(motion_of))))
+    return np.flatnonzero(rank % _CLUSTER == 0)
+
+
+def _rows_of(first: Integers, clusters: Integers) -> tuple[Integers, Integers]:
+    """Rows of some clusters, of which cluster c has those from first[c], and where each begins."""
+    counts = first[clusters + 1] - first[clusters]
+    begins = np.append(0, np.cumsum(counts))
+    shift = np.repeat(first[clusters] - begins[:-1], counts)
+    return np.arange(begins[-1]) + shift, begins
+
+
+def _of_one_time(times_s: Float64, known: NDArray[np.bool_]) -> Iterator[Integers]:
+    """Yield which rays look at the same time."""
+    rays = np.flatnonzero(known)
+    order = rays[np.argsort(times_s[rays], kind="stable")]
+    yield from np.split(order, np.flatnonzero(np.diff(times_s[order])) + 1)
+
+
+def _bundles(directions: Float64, rays: Integers) -> Iterator[_Bundle]:
+    """Yield rays in narrow bundles, those of each in the order of their places across it."""
+    unit = directions[rays] / np.linalg.norm(directions[rays], axis=1, keepdims=True)
+    mean = unit.mean(axis=0)
+    across = np.linalg.eigh(np.einsum("ni,nj->ij", unit - mean, unit - mean))[1]
+    length = np.linalg.norm(mean)
+    if length == 0 or (unit @ mean).min() < _NARROW * length:
+        side = (unit - mean) @ across[:, 2] > 0
+        yield from _bundles(directions, rays[side])
+        yield from _bundles(directions, rays[~side])
+        return
+    along = mean / length
+    wide = across[:, 2] - (across[:, 2] @ along) * along
+    if np.linalg.norm(wide) < 1e-3:
+        wide = np.cross(along, np.eye(3)[np.abs(along).argmin()])
+    wide /= np.linalg.norm(wide)
+    axes = np.stack([wide, np.cross(along, wide), along])
+    places = np.einsum("ij,nj->ni", axes, unit)
+    places = places[:, :2] / places[:, 2:]
+    low, high = places.min(axis=0) - 1e-9, places.max(axis=0) + 1e-9
+    sides = np.concatenate(
+        [axes[:2] - low[:, None] * along, high[:, None] * along - axes[:2], [along]]
+    )
+    order = np.argsort(places[:, 0])
+    yield _Bundle(rays[order], axes, places[order, 0], sides)
+
+
+def _meets(sides: Float64, stay: _While, start: Float64) -> NDArray[np.bool_]:
+    """Which boxes (C,) a bundle from a point may meet."""
+    middle, half = (stay.low + stay.high) / 2 - start, (stay.high - stay.low) / 2
+    farthest = np.einsum("sj,cj->cs", sides, middle) + np.einsum("sj,cj->cs", np.abs(sides), half)
+    return np.asarray((farthest >= 0).all(axis=1))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _meet(places, ways, axes, sides, corners, distance, found):  # type: ignore[no-untyped-def]
+    """Bring distances (R,) of rays in order down to those of triangles (n, 3, 3) that they meet.
+
+    After Möller and Trumbore, Journal of Graphics Tools 2, 1997; the rays start at the origin.
+    """
+    a, b, q, p = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    for triangle in range(len(corners)):
+        corner = corners[triangle]
+        if _is_beside(corner, sides):
+            continue
+        low, high = _reach(corner, axes)
+        for axis in range(3):
+            a[axis], b[axis] = corner[1, axis] - corner[0, axis], corner[2, axis] - corner[0, axis]
+        _cross(a, corner[0], q)
+        along = b[0] * q[0] + b[1] * q[1] + b[2] * q[2]
+        for ray in range(np.searchsorted(places, low - 1e-9), np.searchsorted(places, high + 1e-9)):
+            way = ways[ray]
+            _cross(way, b, p)
+            size = a[0] * p[0] + a[1] * p[1] + a[2] * p[2]
+            if size == 0:
+                continue
+            u = -(corner[0, 0] * p[0] + corner[0, 1] * p[1] + corner[0, 2] * p[2]) / size
+            v = (way[0] * q[0] + way[1] * q[1] + way[2] * q[2]) / size
+            if u >= 0 and v >= 0 and u + v <= 1 and 0 < along / size < distance[ray]:
+                distance[ray], found[ray] = along / size, triangle
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _is_beside(corner, sides):  # type: ignore[no-untyped-def]
+    """Whether a triangle (3, 3) lies wholly beyond one of the sides (5, 3)."""
+    for side in sides:
+        most = -np.inf
+        for n in range(3):
+            most = max(
+                most, side[0] * corner[n, 0] + side[1] * corner[n, 1] + side[2] * corner[n, 2]
+            )
+        if most < 0:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _reach(corner, axes):  # type: ignore[no-untyped-def]
+    """Between which places across a bundle a triangle (3, 3) lies; anywhere if partly behind."""
+    low, high = np.inf, -np.inf
+    for n in range(3):
+        x, y, z = corner[n, 0], corner[n, 1], corner[n, 2]
+        along = axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z
+        if along <= 0:
+            return -np.inf, np.inf
+        place = (axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z) / along
+        low, high = min(low, place), max(high, place)
+    return low, high
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _cross(a, b, into):  # type: ignore[no-untyped-def]
+    into[0] = a[1] * b[2] - a[2] * b[1]
+    into[1] = a[2] * b[0] - a[0] * b[2]
+    into[2] = a[0] * b[1] - a[1] * b[0]
