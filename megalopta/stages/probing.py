@@ -238,7 +238,9 @@ def _pixels(settings: Configuration) -> float:
 
 def _time(steps: Mapping[str, Spent], *names: str) -> Time:
     found = [steps[name] for name in names if name in steps]
-    return np.array([sum(each.seconds for each in found), sum(each.cpu_seconds for each in found)])
+    return np.array(
+        [sum(each.seconds for each in found), sum(each.cpu_seconds for each in found)], float
+    )
 
 
 def _bytes(root: Path) -> tuple[float, float]:
