@@ -77,7 +77,8 @@ class SceneRenderer:
         self._scene, self._loaded = scene, loaded
         geometry = Geometry(meshes, loaded)
         self._tracer = TruthTracer(scene, geometry, camera, settings.truth_rays)
-        reason = path_tracing_reason(scene, self.variant.name, poses, settings)
+        pixels = camera.width * camera.height
+        reason = path_tracing_reason(scene, self.variant.name, poses, settings, pixels)
         self._view: View
         if scene.environment:
             self._view = EnvironmentView(

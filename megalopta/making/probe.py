@@ -71,7 +71,7 @@ def dry_run_of_frames(root: Path, settings: Configuration) -> str:
     integrator: str = shading.integrator
     if integrator == "auto":
         integrator = "path, as these are too few samples to bake light for"
-        if may_pay(shading, frames):
+        if may_pay(shading, frames, camera.width * camera.height):
             integrator = "baked, where a look at the whole sequence finds that it pays, else path"
     costs = _told(_foreseen([settings], lambda _dataset: None))
     return (

@@ -73,7 +73,7 @@ class Scale:
         things = sum(settings.scene.counts.values())
         frames, shading = settings.trajectory.frames, settings.render
         measured = 0 if shading.target_error else math.ceil(frames / MEASURED_EVERY)
-        baked = shading.integrator == "auto" and may_pay(shading, frames)
+        baked = shading.integrator == "auto" and may_pay(shading, frames, pixels)
         closing = _CLOSING if settings.scene.is_lit_from_outside else 0
         most = AT_EQUAL_ERROR if baked else 1.0
         return cls(things, pixels, samples, frames, frames + measured, closing, most)

@@ -11,8 +11,10 @@ from megalopta.scenes.world import Scene
 
 _FEWEST_SAMPLES = 1000
 """Per pixel in a whole sequence. Forests take 4000 rays and more for each pixel of a frame, and
-baking pays from 3.4 rays per sample on downward. A look at a sequence takes the work of some 300
-traced samples: of more than these it is less than a third."""
+baking pays from 3.4 rays per sample on downward."""
+FEWEST_IN_ALL = 10_000_000
+"""In all pixels. A look at a sequence takes as long as some millions, however small: it
+compiles, cuts the scene into cells and looks from 512 places."""
 # In units of a fifth of a path: a ray of the bake, of which each eighth is followed, and a sample
 # of a baked frame, of which one in twenty-five is a path. From CPU-seconds of 1000 trees with
 # leaves that let light through (benchmarks/bench_baked.py). In single passes a path tracer's frames
@@ -24,9 +26,13 @@ PATH, BAKE, SAMPLE, AT_EQUAL_ERROR, _AT_TARGET_ERROR = 5.0, 2.1, 1.3, 1.7, 4.0
 
 
 def path_tracing_reason(
-    scene: Scene, variant: str, poses: NDArray[np.float64] | None, settings: RenderSettings
+    scene: Scene,
+    variant: str,
+    poses: NDArray[np.float64] | None,
+    settings: RenderSettings,
+    pixels: int,
 ) -> str:
-    """Why frames are rendered by path tracing; empty where their light is baked.
+    """Why frames of some pixels are rendered by path tracing; empty where their light is baked.
 
     Poses (T, 4, 4) are those of the sequence, where it is known.
 
@@ -57,17 +63,20 @@ def path_tracing_reason(
         return "an object that glows moves, and its light on all others"
     if poses is None:
         return "the camera's path is not known"
-    if settings.integrator == "auto" and not may_pay(settings, len(poses)):
+    if settings.integrator == "auto" and not may_pay(settings, len(poses), pixels):
         samples = len(poses) * settings.samples_per_pixel
-        return f"{samples} samples per pixel in all frames are too few to pay for baking"
+        return (
+            f"{samples} samples per pixel in all frames, of {pixels} pixels, are too few to pay "
+            "for baking"
+        )
     return ""
 
 
-def may_pay(settings: RenderSettings, frames: int) -> bool:
-    """Whether baking may pay for so many frames; a look tells whether it does."""
-    if settings.target_error is not None:
-        return frames * settings.samples_per_pixel * settings.max_passes >= _FEWEST_SAMPLES
-    return frames * settings.samples_per_pixel >= _FEWEST_SAMPLES
+def may_pay(settings: RenderSettings, frames: int, pixels: int) -> bool:
+    """Whether baking may pay for so many frames of so many pixels; a look tells whether it does."""
+    passes = settings.max_passes if settings.target_error is not None else 1
+    samples = frames * settings.samples_per_pixel * passes
+    return samples >= _FEWEST_SAMPLES and samples * pixels >= FEWEST_IN_ALL
 
 
 def samples_of_pixel(settings: RenderSettings, scatter: float) -> int:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from megalopta.render.baking import integrator, light as bake, table
+from megalopta.render.baking import choice, integrator, light as bake, table
 from megalopta.render.baking.choice import cost_reason, path_tracing_reason, samples_of_pixel
 from megalopta.render.baking.gathering import Gatherer
 from megalopta.render.baking.visibility import survey
@@ -277,9 +277,9 @@ def test_samples_beyond_one_pass_are_taken_in_several(monkeypatch):
 
 
 def test_paths_are_traced_where_baking_is_not_asked_for_or_cannot_pay(ground):
-    def reason(scene, variant="llvm_ad_spectral", frames=400, integrator="auto"):
+    def reason(scene, variant="llvm_ad_spectral", frames=400, integrator="auto", pixels=80**2):
         settings = RenderSettings(integrator=integrator)
-        return path_tracing_reason(scene, variant, np.zeros((frames, 4, 4)), settings)
+        return path_tracing_reason(scene, variant, np.zeros((frames, 4, 4)), settings, pixels)
 
     still = scene_of(Lighting(SKY), ground=(Material(LEAF), ground))
     assert reason(still) == ""
@@ -287,8 +287,10 @@ def test_paths_are_traced_where_baking_is_not_asked_for_or_cannot_pay(ground):
     assert reason(still, integrator="path") == "as asked"
     assert (
         reason(still, frames=4)
-        == "100 samples per pixel in all frames are too few to pay for baking"
+        == "100 samples per pixel in all frames, of 6400 pixels, are too few to pay for baking"
     )
+    # 10,000 samples of each: the look alone would take longer
+    assert "too few" in reason(still, pixels=24**2)
     # The path tracer's work at equal error: 2.1 r + 1.3 = 8.5, rays per sample.
     one_pass = RenderSettings()
     assert cost_reason(342, 100, one_pass) == ""
@@ -300,7 +302,7 @@ def test_paths_are_traced_where_baking_is_not_asked_for_or_cannot_pay(ground):
 def test_samples_that_a_target_error_takes_decide_whether_light_is_baked(ground):
     still = scene_of(Lighting(SKY), ground=(Material(LEAF), ground))
     few = RenderSettings(target_error=0.1)
-    assert path_tracing_reason(still, "llvm_ad_spectral", np.zeros((4, 4, 4)), few) == ""
+    assert path_tracing_reason(still, "llvm_ad_spectral", np.zeros((4, 4, 4)), few, 80**2) == ""
     # Samples have 0.1² - 0.022² of the squared error, so 0.5² takes 26.3 of them: two passes of 25.
     assert samples_of_pixel(few, 0.5) == 50
     assert samples_of_pixel(few, 1.0) == 125
@@ -312,7 +314,9 @@ def test_samples_that_a_target_error_takes_decide_whether_light_is_baked(ground)
     assert "baking would take 100% of the work" in cost_reason(653, 100, close)
     # 4 frames of 2 passes: a look would take more work than tracing them.
     hurried = RenderSettings(target_error=0.1, max_passes=2)
-    assert "too few" in path_tracing_reason(still, "llvm_ad_spectral", np.zeros((4, 4, 4)), hurried)
+    assert "too few" in path_tracing_reason(
+        still, "llvm_ad_spectral", np.zeros((4, 4, 4)), hurried, 640**2
+    )
 
 
 @vectorized
@@ -334,6 +338,7 @@ def test_a_look_tells_how_far_one_sample_of_a_pixel_is_off(monkeypatch):
         light=(Material(flat(0.6)), stripes(1)),
     )
     scatter = []
+    monkeypatch.setattr(choice, "FEWEST_IN_ALL", 0)
 
     def noted(settings, found):
         scatter.append(found)
@@ -390,6 +395,7 @@ def test_stored_light_gives_the_same_frames_without_another_bake(tmp_path, monke
 def test_light_that_is_kept_does_not_change_what_auto_decides(tmp_path, monkeypatch):
     """Frames hang on the configuration alone, and not on who baked its light before."""
     scene, asked = thicket(Lighting(SKY)), []
+    monkeypatch.setattr(choice, "FEWEST_IN_ALL", 0)
 
     def integrator_of(name):
         settings = RenderSettings(samples_per_pixel=256, integrator=name, bake_error=0.2)
