@@ -44,7 +44,7 @@ def _registered(variant: str) -> str:
             first, second = (layer.ray_test(ray, active) for layer in self.layers)
             return first | second
 
-        @dr.syntax  # type: ignore[untyped-decorator]
+        @dr.syntax
         def sample(
             self, scene: Any, sampler: Any, ray: Any, medium: Any = None, active: Any = True
         ) -> tuple[Any, Any, list[Any]]:
@@ -78,7 +78,7 @@ def _registered(variant: str) -> str:
                 before, before_pdf = here, drawn.pdf
                 before_delta = mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta)
                 depth += dr.select(here.is_valid(), mi.UInt32(1), mi.UInt32(0))
-                most = dr.max(throughput)
+                most: Any = dr.max(throughput)
                 stays = dr.minimum(most * eta * eta, _MOST_LIKELY)
                 roulette = depth >= _ROULETTE_DEPTH
                 throughput = dr.select(roulette, throughput * dr.rcp(stays), throughput)

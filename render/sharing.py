@@ -60,7 +60,8 @@ def _farthest(mesh: MovingMesh, camera: Camera, pose: Float64, moments: Float64)
 
 def _from_camera(vertices: NDArray[np.float32], pose: Float64) -> Float64:
     """Ways (n, 3) to vertices (n, 3) in camera axes."""
-    return np.einsum("ji,nj->ni", pose[:3, :3], vertices - pose[:3, 3])
+    ways: Float64 = np.einsum("ji,nj->ni", pose[:3, :3], vertices - pose[:3, 3])
+    return ways
 
 
 def _seen(faces: NDArray[np.uint32], camera: Camera, ways: Float64) -> NDArray[np.bool_]:

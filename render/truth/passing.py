@@ -11,6 +11,7 @@ steadily on the scale of `_STEP_S` leaves it.
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -97,7 +98,7 @@ class Passing:
         the limits (N,), where nothing is nearer than these.
         """
         distance, triangle = limits.copy(), np.full(len(limits), -1)
-        known = np.isfinite(directions).all(axis=1) & np.isfinite(origin).all(axis=1)
+        known: NDArray[np.bool_] = np.isfinite(directions + origin).all(axis=1)
         if not known.any():
             return distance, triangle
         stay = self._while(float(times_s[known].min()), float(times_s[known].max()))
@@ -130,13 +131,12 @@ class Passing:
         """Vertices (n, 3) at a time, rounded as the renderer's, of clusters from rows `first`."""
         moved = self._placed[rows]
         motion = self._motion_of[clusters]
-        ends = np.append(np.flatnonzero(np.diff(motion)) + 1, len(motion)) if len(motion) else []
-        start = 0
-        for end in ends:
+        starts = np.flatnonzero(np.diff(motion, prepend=-1))
+        for start, end in pairwise([*starts, len(motion)]):
             some = slice(first[start], first[end])
             moved[some] = self._motions[motion[start]].carry(moved[some], time_s)
-            start = end
-        return (moved - self._origin_m).astype(np.float32).astype(np.float64)
+        local: Float64 = (moved - self._origin_m).astype(np.float32).astype(np.float64)
+        return local
 
     def _while(self, start_s: float, end_s: float) -> _While:
         """Where clusters are from one time to another."""
