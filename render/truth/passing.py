@@ -98,7 +98,7 @@ class Passing:
         the limits (N,), where nothing is nearer than these.
         """
         distance, triangle = limits.copy(), np.full(len(limits), -1)
-        known: NDArray[np.bool_] = np.isfinite(directions + origin).all(axis=1)
+        known = np.logical_and.reduce(np.isfinite(directions + origin), axis=1)
         if not known.any():
             return distance, triangle
         stay = self._while(float(times_s[known].min()), float(times_s[known].max()))
