@@ -20,7 +20,7 @@ from megalopta.engine import Outcome, run_jobs
 from megalopta.errors import UserError
 from megalopta.folders import locked
 from megalopta.format_numbers import written
-from megalopta.making.sequence import file_hashes, other_machinery
+from megalopta.making.sequence import file_hashes, recorded_machinery
 from megalopta.making.staging import EXPOSED, begin, clear, finish, publish, settle, tidy
 from megalopta.making.statistics import exposure_statistics
 from megalopta.plan import repeated, sequence_name
@@ -83,12 +83,18 @@ def expose(
 
 
 def _checked(tree: Tree, name: str, wanted: Exposing) -> int:
-    """Number of a sequence, if it can be exposed as it was before. Raises UserError."""
-    record = tree.record(name)
-    if changes := other_machinery(record, tree.dataset(record).configuration, "sense"):
+    """Return the number of a sequence, if this sensor model exposed it before.
+
+    Libraries may be others, as where a dataset was downloaded: new exposures stand for themselves.
+    Raises UserError.
+    """
+    record, model = tree.record(name), STAGES["sense"].model()
+    known = recorded_machinery(record, "sense").get("model", model)
+    if known != model:
         raise UserError(
-            f"{tree.root}: sequence {name} was exposed otherwise than it would be here ({changes})"
-            "; expose it with what made it, or make the dataset again in another folder"
+            f"{tree.root}: sequence {name} was exposed otherwise than it would be here (sense: "
+            f"model: {known} → {model}); expose it with what made it, or make the dataset again in "
+            "another folder"
         )
     _configuration(record, wanted)
     return record.index
