@@ -123,7 +123,7 @@ def at_least(least: int) -> Callable[[str], int]:
     """Type of an option that is a whole number, so much or more."""
 
     def number(text: str) -> int:
-        is_whole = text.isdecimal() and len(text) <= _MOST_DIGITS
+        is_whole = text.isascii() and text.isdecimal() and len(text) <= _MOST_DIGITS
         if not is_whole or int(text) < least:
             raise argparse.ArgumentTypeError(f"{text!r}; give a whole number, {least} or more")
         return int(text)

@@ -32,6 +32,8 @@ def split_overrides(
     taker, words = "", "one"  # the setting that takes the words that follow, and how many
     for argument in arguments:
         name, equals, value = argument.partition("=")
+        if value == "--":  # which argparse drops in silence
+            raise UserError(f"{name}: '--' is no value; give one")
         if name in options:
             own.append(argument)
             taker = ""

@@ -141,7 +141,7 @@ class Configuration(Record, frozen=True):
     @field_validator("light_levels", mode="before")
     @classmethod
     def _lux_are_numbers(cls, levels: Any) -> Any:
-        # YAML reads 1e-3, without a decimal point, as text.
+        # In quotes a number is text.
         if isinstance(levels, str) or not isinstance(levels, Sequence):
             return levels
         return tuple(_number_if_it_is_one(level) for level in levels)

@@ -117,7 +117,7 @@ class Sweep(Record, frozen=True):
             trial = Trial.model_validate(fields)
             if any(booleans_for_others(fields, trial)):
                 raise ValueError(f"values: {str(value).lower()} is no number; give numbers")
-            # YAML takes 1e-1 for text
+            # in quotes a number is text
             number = operator.attrgetter(self.vary)(trial) if isinstance(value, str) else value
             found.append((number, trial))
         templates = list(dict.fromkeys(trial.template for _, trial in found))

@@ -364,7 +364,7 @@ def test_readers_of_files_raise_what_they_say(tmp_path, monkeypatch, seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("make", [configuration, plan, submission, recording])
 def test_so_it_is_in_a_process_and_a_locale_of_its_own(tmp_path, monkeypatch, make, seed):
     monkeypatch.chdir(tmp_path)
