@@ -320,7 +320,7 @@ FAMILIES = {
     configuration: 110, plan: 110, sweep: 60, device: 60, curve: 30, camera_path: 30, panorama: 25,
     submission: 70, truth: 40, board: 20, pair: 40, recording: 60, option: 90,
 }  # fmt: skip
-FAST = 12
+FAST = 8
 """Cases of each family that the gate runs"""
 CASES = [
     pytest.param(
