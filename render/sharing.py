@@ -3,8 +3,8 @@
 To bring a scene to another pose takes as long as some 10⁵ light paths, or more. Rows share one
 where nothing that the camera sees moves by more than `SHARED_PX` between them: each is then taken
 with moving things less than half of that away from where they are at its time. That is found out
-for each frame, from all triangles that move and have a part in the image, between moments at most
-`_STEP_S` apart; `_RESERVE` is for what happens between these.
+for each frame, from all triangles that move and have a part in the image of its first, middle or
+last row, between moments at most `_STEP_S` apart; `_RESERVE` is for what happens between these.
 
 A shadow moves as far as what casts it, in meters: it may move by more in px where it falls nearer.
 """
@@ -48,8 +48,9 @@ def rows_of_a_pose(
 
 def _farthest(mesh: MovingMesh, camera: Camera, pose: Float64, moments: Float64) -> float:
     """Longest way in the image, px, of a triangle that is seen, from one moment to the next."""
-    middle = float(moments[len(moments) // 2])
-    seen = _seen(mesh.faces, camera, _from_camera(mesh.vertices_at(middle), pose))
+    seen = np.zeros(len(mesh.faces), bool)
+    for time in moments[[0, len(moments) // 2, -1]].tolist():
+        seen |= _seen(mesh.faces, camera, _from_camera(mesh.vertices_at(time), pose))
     vertex = np.unique(mesh.faces[seen]).astype(np.int64)
     each = [
         _from_camera(mesh.some_vertices_at(vertex, np.full(len(vertex), time)), pose)

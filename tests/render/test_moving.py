@@ -77,8 +77,8 @@ def rows_shared(speed, readout_s=0.03):
     meshes = [
         m for m in merge(scene(Drift(velocity_m_s=(0, speed, 0)))) if isinstance(m, MovingMesh)
     ]
-    times = 0.1 + readout_s * (np.arange(CAMERA.height) / (CAMERA.height - 1) - 0.5)
-    return rows_of_a_pose(meshes, CAMERA, WATCH.poses()[1], times.tolist())
+    times = readout_s * (np.arange(CAMERA.height) / (CAMERA.height - 1) - 0.5)
+    return rows_of_a_pose(meshes, CAMERA, WATCH.poses()[0], times.tolist())
 
 
 @pytest.mark.parametrize("speed", [0.001, 0.3, 1.0, 3.0, 30.0])
@@ -105,7 +105,7 @@ def test_rays_of_many_times_meet_what_those_of_one_time_meet(renderer):
     directions = rng.normal(size=(3000, 3))  # all around: bundles are divided
     directions[:1500] = rng.normal([3, 0, 0], 0.7, (1500, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    origins = np.stack([0.1 * times, -times, 0 * times], axis=1)
+    origins = np.stack([0.1 * times, -times, 1.5 + times], axis=1)
     found = geometry.seen(origins, directions, times)
     limits = rng.uniform(1, 6, 3000)
     hidden = geometry.is_hidden(origins, directions, limits, times)
