@@ -90,7 +90,7 @@ def _registered(variant: str) -> str:
             """What is met shines itself, weighed against having been looked for."""
             source = mi.DirectionSample3f(scene, here, before)
             looked = scene.pdf_emitter_direction(before, source, ~delta)
-            light = source.emitter.eval(here, pdf > 0)
+            light: Any = source.emitter.eval(here, pdf > 0)
             return light * _share(pdf, dr.select(delta, 0.0, looked))
 
     mi.register_integrator("layered_paths", LayeredPaths)
