@@ -61,8 +61,8 @@ def test_the_command_is_a_process_whose_exit_code_and_one_sentence_tell_a_mistak
         (["--scene.trees"], "--scene.trees: needs a value"),
         (["--light-levels", "dusk"], "'dusk' is unknown"),
         (
-            ["--camera.height", "40"],
-            "benchmark: size 80 × 160 px of frames of 40 × 80 px: choose sizes",
+            ["--camera.height", "30"],
+            "benchmark: size 40 × 107 px of frames of 30 × 80 px: choose sizes",
         ),
     ],
 )

@@ -47,7 +47,7 @@ def test_a_rendering_beyond_the_machine_is_refused_before_it_is_begun(tmp_path, 
 
 
 def test_every_stage_is_weighed_before_the_first_begins(tmp_path):
-    settings = load("demo", {"benchmark.repeats": "100000", "benchmark.fluxes_per_decade": "20"})
+    settings = load("demo", {"benchmark.repeats": "100000", "benchmark.fluxes_per_decade": "400"})
     with pytest.raises(UserError, match=r"benchmark: .* days of work, more than .* 30 days; lower"):
         run_all(tmp_path / "out", settings)
     assert not list(tmp_path.iterdir())
