@@ -51,12 +51,13 @@ def _farthest(mesh: MovingMesh, camera: Camera, pose: Float64, moments: Float64)
     seen = np.zeros(len(mesh.faces), bool)
     for time in moments[[0, len(moments) // 2, -1]].tolist():
         seen |= _seen(mesh.faces, camera, _from_camera(mesh.vertices_at(time), pose))
-    vertex = np.unique(mesh.faces[seen]).astype(np.int64)
+    vertex, corner = np.unique(mesh.faces[seen].astype(np.int64), return_inverse=True)
+    corner = corner.reshape(-1, 3)
     each = [
         _from_camera(mesh.some_vertices_at(vertex, np.full(len(vertex), time)), pose)
         for time in moments
     ]
-    return max(_longest(camera, before, after) for before, after in pairwise(each))
+    return max(_longest(camera, a[corner], b[corner]) for a, b in pairwise(each))
 
 
 def _from_camera(vertices: NDArray[np.float32], pose: Float64) -> Float64:
@@ -81,14 +82,19 @@ def _seen(faces: NDArray[np.uint32], camera: Camera, ways: Float64) -> NDArray[n
 
 
 def _longest(camera: Camera, before: Float64, after: Float64) -> float:
-    """Longest way (px) from ways (n, 3) to others; of those outside the image by the angle."""
+    """Longest way (px) from triangles (n, 3, 3) to others.
+
+    Of those that reach out of the image by the angle, from the least distance that they may have.
+    """
     places = camera.project(before)
     with np.errstate(invalid="ignore"):
-        px = np.linalg.norm(camera.displacement(after, places), axis=1)
-        inside = (places >= 0) & (places <= [camera.width, camera.height])
-    near = np.linalg.norm(before, axis=1).clip(1e-9)
-    angle = np.linalg.norm(after - before, axis=1) / near
-    px = np.where(inside.all(axis=1) & np.isfinite(px), px, _px_per_rad(camera) * angle)
+        px = np.linalg.norm(camera.displacement(after, places), axis=-1).max(axis=1)
+        inside = ((places >= 0) & (places <= [camera.width, camera.height])).all(axis=(1, 2))
+    center = before.mean(axis=1)
+    radius = np.linalg.norm(before - center[:, None], axis=-1).max(axis=1)
+    near = (np.linalg.norm(center, axis=1) - radius).clip(1e-9)
+    angle = np.linalg.norm(after - before, axis=-1).max(axis=1) / near
+    px = np.where(inside & np.isfinite(px), px, _px_per_rad(camera) * angle)
     return float(px.max(initial=0.0))
 
 
