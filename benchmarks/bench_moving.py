@@ -28,7 +28,7 @@ BOXES = tuple(
     MovingObject(position_m=(x, y, 1.5), motion=Drift(velocity_m_s=(0, -y, 0), spin_deg_s=90))
     for x, y in ((3.0, 1.0), (4.0, -1.0))
 )
-ROLLING = Forest(preset="trail", trees=60, wind=Wind()), (), Shutter(readout_s=0.02)
+ROLLING = Forest(preset="trail", trees=60, wind=Wind()), (), Shutter(readout_s=0.01)
 BLURRED = Forest(preset="trail", trees=60), BOXES, Shutter(exposure_s=0.05, poses=8)
 
 
