@@ -15,7 +15,7 @@ RENDER_MODEL = 2
 """Of radiance: plants, ground, light, cameras, sampling; not of where code stands."""
 BAKE_MODEL = 8
 """Of baked light and where it is, frames that an exposure or a shutter blurs, stated errors."""
-TRUTH_MODEL = 3
+TRUTH_MODEL = 4
 """Of ground truth and of pictures, which panoramas have not: what else the render stage writes."""
 SENSOR_MODEL = 7
 """Of readings: effects, their order, random streams."""

@@ -31,7 +31,7 @@ def test_the_python_example_runs_and_prints_a_photon_flux(forest, capsys):
 )
 def test_the_settings_on_its_command_lines_are_accepted(line):
     takes = Settings(load("demo")).takes
-    own, overrides = split_overrides(shlex.split(line), ("--out", "--redo"), takes)
+    own, overrides = split_overrides(shlex.split(line), ("--out", "--redo", "--quick"), takes)
     assert own[0] in ("demo", "render", "sense")
     load("demo", overrides)  # refuses what it does not know
 

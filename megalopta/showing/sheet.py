@@ -11,7 +11,10 @@ from megalopta.showing.clips import clips_of
 
 
 def write_view(root: Path, most: int) -> Path:
-    """Write index.html into a dataset, with clips of so many sequences; return its path."""
+    """Write index.html into a dataset, with clips of so many sequences; return its path.
+
+    Raises UserError where no sequence is finished.
+    """
     dataset = open_dataset(root)
     if not len(dataset):
         raise UserError(f"{root}: no finished sequence to show; run megalopta dataset make")

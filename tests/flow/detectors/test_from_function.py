@@ -101,5 +101,5 @@ def test_one_name_for_two_detectors_is_refused():
 @pytest.mark.parametrize("wrong", [lambda pair: pair, lambda a, b: 1 / 0, lambda a, b: "x"])
 def test_a_function_that_fails_is_told_with_its_name(wrong):
     frames = np.random.default_rng(0).poisson(5, (2, 48, 48))
-    with pytest.raises(ValueError, match=r"mine failed \(.*Error: .*two frames"):
+    with pytest.raises(ValueError, match="method mine: .*Error: .*two frames"):
         detector_from(wrong, "mine").dense(*frames)

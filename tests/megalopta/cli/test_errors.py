@@ -50,7 +50,7 @@ def test_a_word_that_could_be_both_is_refused(capsys):
         (["render", "--"], "--: no setting"),
         (["spadcam", "calibrate", "x", "--wavelength-nm", "nan"], "--wavelength-nm: 'nan'; give a"),
         (["spadcam", "calibrate", "x", "--beam-area-mm2=-0.0"], "'-0.0'; give a number above 0"),
-        (["spadcam", "compare", "x", "--device", "y", "--margin", "inf"], "'inf'; give a number"),
+        (["spadcam", "compare", "x", "--device", "y", "--margin", "inf"], "'inf'; give a finite"),
         (["spadcam", "compare", "x", "--device", "y", "--seed=-1"], "--seed: '-1'; give a whole"),
         (["sweep", "x", "--workers", "1" + "0" * 400], "give a whole number, 1 or more"),
     ],

@@ -163,9 +163,9 @@ def with_one(value):
 @pytest.mark.parametrize(
     ("values", "sentence"),
     [
-        (with_one(np.nan), "negative or not finite"),
-        (with_one(np.inf), "negative or not finite"),
-        (with_one(-0.1), "negative or not finite"),
+        (with_one(np.nan), "not finite"),
+        (with_one(np.inf), "not finite"),
+        (with_one(-1e9), "values below 0"),
         (np.zeros((251, 753, 3)), "is black"),
         (colors(columns=400), "has 400 × 251 pixels"),
         (colors(columns=1006), "has 1006 × 251 pixels"),
