@@ -96,6 +96,7 @@ def _checked(tree: Tree, name: str, wanted: Exposing) -> int:
             f"model: {known} → {model}); expose it with what made it, or make the dataset again in "
             "another folder"
         )
+    tree.dataset(record)  # refuses settings that are damaged
     _configuration(record, wanted)
     return record.index
 
