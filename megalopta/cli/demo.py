@@ -4,6 +4,7 @@ from argparse import Namespace
 
 from megalopta.cli.command import Verbs
 from megalopta.cli.stage_command import add_first_stage, configuration
+from megalopta.errors import UserError
 
 _RANKED = {
     "methods": "[BM, DIS, PM, PF]",
@@ -17,12 +18,16 @@ _RANKED = {
 
 
 _QUICK = {
+    "scene.trees": "30",
+    "scene.undergrowth": "0.2",
     "camera.width": "48",
     "camera.height": "48",
-    "trajectory.frames": "8",
-    "render.samples_per_pixel": "8",
+    "trajectory.frames": "6",
+    "render.samples_per_pixel": "16",
+    "light_levels": "[10, starlight]",
+    "correct": "false",
     "methods": "[BM, DIS, PF]",
-    "benchmark.sizes": "[48]",
+    "benchmark.sizes": "[24]",
     "benchmark.fluxes_per_decade": "1",
 }
 """Settings of --quick: everything once, small and noisy"""
@@ -33,12 +38,14 @@ def declare(verbs: Verbs) -> None:
     purpose = "do everything: render, sense, flow, benchmark and a report to open in a browser"
     command = add_first_stage(verbs, "demo", purpose, _run)
     command.add_argument(
-        "--quick", action="store_true", help="a small and noisy form of it, in half a minute"
+        "--quick", action="store_true", help="a small and noisy form of it, in a minute or two"
     )
 
 
 def _run(options: Namespace) -> None:
     if options.quick:
+        if options.configuration not in (None, "demo"):
+            raise UserError(f"--quick: {options.configuration} has none; leave one of them out")
         options.overrides = {**_QUICK, **options.overrides}
     asked = configuration(options)  # refused before the rest is loaded
 
