@@ -1,5 +1,6 @@
 """The light down to which a method reads the true motion, the report's first finding."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -25,9 +26,15 @@ class Answer:
 
 
 def reach_findings(records: Sequence[FlowRecord]) -> list[str]:
-    """Return a sentence for each sensor: which method stays accurate down to which light."""
+    """Return a sentence for each sensor: which method stays accurate down to which light.
+
+    The sensor on which motion is read in the least light comes first.
+    """
     sensors = dict.fromkeys(record.sensor for record in records if record.truth)
-    return [_sentence(name, list(_answers(records, name))) for name in sensors]
+    answers = {name: list(_answers(records, name)) for name in sensors}
+    best = {name: _best(found) for name, found in answers.items()}
+    order = sorted(sensors, key=lambda name: each.lux if (each := best[name]) else math.inf)
+    return [_sentence(name, answers[name], best[name]) for name in order]
 
 
 def _answers(records: Sequence[FlowRecord], sensor: str) -> Iterator[Answer]:
@@ -43,17 +50,21 @@ def _answers(records: Sequence[FlowRecord], sensor: str) -> Iterator[Answer]:
                     yield Answer(name, each.level, errors.relative_error_median)
 
 
-def _sentence(sensor: str, answers: Sequence[Answer]) -> str:
+def _best(answers: Sequence[Answer]) -> Answer | None:
+    """Return the answer of the method that stays accurate down to the least light, if any does."""
+    last = [found for name in {each.method for each in answers} if (found := _last(answers, name))]
+    return min(last, key=lambda each: (each.lux, each.error), default=None)
+
+
+def _sentence(sensor: str, answers: Sequence[Answer], best: Answer | None) -> str:
     if not answers:
         return f"On {sensor}, nothing is known to move, so no flow can be judged."
-    last = [found for name in {each.method for each in answers} if (found := _last(answers, name))]
-    if not last:
+    if best is None:
         nearest = min(answers, key=lambda each: (each.error, -each.lux))
         return (
             f"On {sensor}, no method comes within {LIMIT} of the true flow at any of these light "
             f"levels; the nearest is {_told(nearest)}."
         )
-    best = min(last, key=lambda each: (each.lux, each.error))
     return (
         f"On {sensor}, {best.method} stays within {LIMIT} of the true flow (median over blocks) "
         f"down to {level_name(best.level)}, where its median error is {percent(best.error)}."

@@ -77,5 +77,10 @@ def test_where_nothing_moves_no_method_is_judged():
     ]
 
 
-def test_each_sensor_has_its_sentence():
-    assert len(told(record("BM", 10, 0.1), record("BM", 10, 0.1, sensor="spadcam"))) == 2
+def test_each_sensor_has_its_sentence_and_the_one_of_least_light_comes_first():
+    found = told(
+        record("BM", 10, 0.9, sensor="spadcam"),
+        record("BM", 10, 0.1),
+        *(record("BM", level, 0.1, sensor="best") for level in (10, 1)),
+    )
+    assert [each.split(",")[0] for each in found] == ["On best", "On ideal", "On spadcam"]
