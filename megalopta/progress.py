@@ -176,23 +176,15 @@ def _status_line(state: Callable[[], str]) -> Iterator[None]:
     if not sys.stderr.isatty() or _silences or _speakers:
         yield
         return
-    over = threading.Event()
 
     def show() -> None:
-        while not over.wait(STATUS_S):
-            if _speakers[-1] is over:
-                _status_stands.set()
-                print(f"\r{state()}\x1b[K", end="", file=sys.stderr, flush=True)
+        _status_stands.set()
+        print(f"\r{state()}\x1b[K", end="", file=sys.stderr, flush=True)
 
-    _speakers.append(over)
-    thread = threading.Thread(target=show, daemon=True)
-    thread.start()
     try:
-        yield
+        with _every(STATUS_S, show):
+            yield
     finally:
-        over.set()
-        thread.join()
-        _speakers.remove(over)
         _clear_status()
 
 
@@ -208,12 +200,19 @@ def speaking(state: Callable[[], str]) -> Iterator[None]:
     if sys.stderr.isatty() or _silences:
         yield
         return
+    with _every(INTERVAL_S, lambda: print(state(), file=sys.stderr, flush=True)):
+        yield
+
+
+@contextmanager
+def _every(interval_s: float, tell: Callable[[], None]) -> Iterator[None]:
+    """Tell at intervals, from a thread of its own, while this is the innermost work."""
     over = threading.Event()
 
     def speak() -> None:
-        while not over.wait(INTERVAL_S):
+        while not over.wait(interval_s):
             if _speakers[-1] is over:
-                print(state(), file=sys.stderr, flush=True)
+                tell()
 
     _speakers.append(over)
     thread = threading.Thread(target=speak, daemon=True)
