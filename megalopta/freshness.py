@@ -13,7 +13,7 @@ from pathlib import Path
 
 RENDER_MODEL = 2
 """Of radiance: plants, ground, light, cameras, sampling; not of where code stands."""
-BAKE_MODEL = 8
+BAKE_MODEL = 9
 """Of baked light and where it is, frames that an exposure or a shutter blurs, stated errors."""
 TRUTH_MODEL = 4
 """Of ground truth and of pictures, which panoramas have not: what else the render stage writes."""

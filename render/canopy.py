@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from megalopta.render.illuminance import meter_plates
-from megalopta.render.mitsuba_loader import mi
+from megalopta.render.illuminance import illuminances
+from megalopta.render.path_tracing import PathIntegrator
 from megalopta.render.truth import rays
 from megalopta.scenes.forest import floor_points, plant_area
 from megalopta.scenes.world import Scene
@@ -26,8 +26,7 @@ ZENITHS_DEG = (0.0, 30.0, 57.0, 75.0)
 HEIGHT_M = 1.0
 """Of the places where rays start, above the ground (m)."""
 _PLACES, _AZIMUTHS = 512, 64
-_PATHS_PX, _MAX_DEPTH = 160, 12
-"""Light paths are the square of the first."""
+_PATHS, _MAX_DEPTH = 160**2, 12
 
 
 @dataclass(frozen=True)
@@ -119,18 +118,14 @@ def gap_fraction(
 
 def _floor_light(loaded: Any, points: Float64) -> Share:
     sky = points.mean(axis=0) + np.array([0.0, 0.0, 1000.0])
-    below, above = (_paths(loaded, where) for where in (points, sky[None]))
+    paths = PathIntegrator(_MAX_DEPTH - 1)
+    below, above = (
+        illuminances(loaded, where, _PATHS, paths, seed=1) for where in (points, sky[None])
+    )
     return Share(
         float(below.mean() / above.mean()),
         float(below.std() / np.sqrt(below.size) / above.mean()),
     )
-
-
-def _paths(loaded: Any, points: Float64) -> Float64:
-    """Illuminance by single light paths from plates at points (n, 3); a path takes any plate."""
-    integrator = mi.load_dict({"type": "path", "max_depth": _MAX_DEPTH - 1})
-    plates = meter_plates(points, _PATHS_PX)
-    return np.array(integrator.render(loaded, plates.sensor(), seed=1), np.float64)
 
 
 def _mean_of(values: Float64) -> Share:

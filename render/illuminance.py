@@ -1,10 +1,10 @@
 """The illuminance that a scene really gets, measured with the scene's own light and shadows.
 
-A light meter is a small horizontal plate: Mitsuba's irradiance meter gathers light paths from it,
-weighted with V(λ). These paths meet everything but the disc of sun or moon, whose part comes from
-visibility rays toward points of the disc. The light has as many bounces as in the frames, so that
-the meter and the frames miss the same light: at a surface, frames have spent one segment of their
-longest path on the way from the camera.
+A light meter looks along light paths from a point, in directions distributed as the cosine to the
+vertical, at wavelengths that are likely where V(λ) is large. These paths meet everything but the
+disc of sun or moon, whose part comes from visibility rays toward points of the disc. The light has
+as many bounces as in the frames, so that the meter and the frames miss the same light: at a
+surface, frames have spent one segment of their longest path on the way from the camera.
 
 In haze, light is measured as it arrives through it, and what is above everything is above the haze:
 there the meter reads the illuminance that was asked for.
@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.render.loading import DISC_POINTS, Air
-from megalopta.render.mitsuba_loader import mi
 from megalopta.render.path_tracing import PathIntegrator
 from megalopta.render.truth import rays
 from megalopta.scenes.spectra import MAXIMUM_EFFICACY_LM_W, luminous, luminous_efficiency
@@ -26,13 +25,11 @@ from megalopta.scenes.world import Lighting
 
 Float64 = NDArray[np.float64]
 
-_PLATE_M = 0.01
 # Above what lies below the camera: clear of it, below the blades of grass.
 _CLEARANCE_M = 0.02
-# The meter's film has one pixel for each light path: sums of several in one pixel would depend on
-# the order in which threads come to it. An even sky needs fewer.
-_FILM_PX, _UNEVEN_FILM_PX = 64, 320
-_V_NM = np.arange(380.0, 771.0, 10.0)
+# Of a point. An even sky needs fewer.
+_PATHS, _UNEVEN_PATHS = 64**2, 320**2
+_V_NM = np.arange(380.0, 770.0)
 
 
 @dataclass(frozen=True)
@@ -66,7 +63,7 @@ class LightMeter:
     ) -> None:
         self._scene, self._lighting, self._max_depth, self._air = scene, lighting, max_depth, air
         self._sun = lighting.sun if max_depth > 1 or air else None
-        self._film_px = _UNEVEN_FILM_PX if lighting.patterns or air else _FILM_PX
+        self._paths = _UNEVEN_PATHS if lighting.patterns or air else _PATHS
         self._integrator = PathIntegrator(max_depth - 1, air)
 
     def survey(self, positions: Float64) -> LightSurvey:
@@ -80,10 +77,7 @@ class LightMeter:
 
     def measure(self, position: Float64, seed: int) -> Illuminance:
         """Illuminance of a horizontal plane at a position (3,), m."""
-        # Must live as long as its sensor, which does not hold it.
-        plate = meter_plates(position[None], self._film_px)
-        paths = self._integrator.render(self._scene, plate.sensor(), seed=seed, spp=1)
-        lux = paths.astype(np.float64)
+        lux = illuminances(self._scene, position[None], self._paths, self._integrator, seed)
         return Illuminance(
             tuple(position.tolist()),
             float(lux.mean()) + self._from_disc(position),
@@ -111,36 +105,23 @@ class LightMeter:
         return float(luminous(self._sun.irradiance) * cosine)
 
 
-def meter_plates(points: Float64, film_px: int) -> Any:
-    """Small horizontal plates at points (n, 3), m, as one shape with an irradiance meter (lux).
+def illuminances(
+    scene: Any, points: Float64, paths: int, integrator: PathIntegrator, seed: int
+) -> Float64:
+    """Illuminance (lux) of horizontal planes at points (n, 3), m, by single light paths (paths,).
 
-    Its film has `film_px`² pixels of one light path each.
+    Each starts at any of the points, at four wavelengths that are likely where the eye sees well.
     """
-    weights = MAXIMUM_EFFICACY_LM_W * luminous_efficiency(_V_NM)
-    film = {
-        "type": "specfilm",
-        "width": film_px,
-        "height": film_px,
-        "component_format": "float32",
-        "rfilter": {"type": "box"},
-        "lux": {
-            "type": "spectrum",
-            "value": list(zip(_V_NM.tolist(), weights.tolist(), strict=True)),
-        },
-    }
-    properties = mi.Properties()
-    properties["meter"] = mi.load_dict(
-        {
-            "type": "irradiancemeter",
-            "film": film,
-            "sampler": {"type": "independent", "sample_count": 1},
-        }
-    )
-    corners = _PLATE_M * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
-    plates = mi.Mesh("plates", 4 * len(points), 2 * len(points), props=properties)
-    buffers = mi.traverse(plates)
-    buffers["vertex_positions"] = (points[:, None] + corners).astype(np.float32).ravel()
-    first = 4 * np.arange(len(points))[:, None, None]
-    buffers["faces"] = (first + np.array([[0, 1, 2], [0, 2, 3]])).astype(np.uint32).ravel()
-    buffers.update()
-    return plates
+    rng = np.random.default_rng(seed)
+    radius, turn = np.sqrt(rng.random(paths)), 2 * np.pi * rng.random(paths)
+    level = radius * np.cos(turn), radius * np.sin(turn)
+    upward = np.stack([*level, np.sqrt(np.maximum(1 - radius**2, 0))])
+    origins = points[rng.integers(len(points), size=paths)].T
+    share = luminous_efficiency(_V_NM + 0.5)
+    cumulated = np.concatenate([[0], np.cumsum(share / share.sum())])
+    place = (rng.random(paths) + np.arange(4)[:, None] / 4) % 1
+    wavelengths = np.interp(place, cumulated, [*_V_NM, _V_NM[-1] + 1])
+    step = np.searchsorted(cumulated, place, side="right").clip(1, len(share)) - 1
+    weights = luminous_efficiency(wavelengths) * share.sum() / share[step]
+    light = integrator.along(scene, origins, upward, wavelengths, seed)
+    return np.asarray(MAXIMUM_EFFICACY_LM_W * np.pi * (weights * light).mean(axis=0))

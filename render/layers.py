@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from megalopta.render.layered_paths import layered_paths
+from megalopta.render.light_paths import LightPaths
 from megalopta.render.loading import MergedMesh, MovingMesh, load_again, move_meshes
 from megalopta.render.mitsuba_loader import dr, mi
 from megalopta.render.path_tracing import PathIntegrator
@@ -38,7 +38,7 @@ class Layers(PathIntegrator):
         self._meshes = [mesh for mesh in meshes if isinstance(mesh, MovingMesh)]
         shapes = loaded.shapes()[len(meshes) - len(self._meshes) :]
         self._layers = still, load_again(self._meshes, shapes)
-        self._integrator = layered_paths(max_depth, *self._layers)
+        self._trace = LightPaths(max_depth, *self._layers)
 
     def move_to(self, time_s: float) -> None:
         """Put moving objects where they are at a time."""

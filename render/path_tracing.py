@@ -1,14 +1,17 @@
-"""Mitsuba's path tracer, with what its error is measured by."""
+"""Frames by paths of light, with what their error is measured by."""
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.arrays import Floats
+from megalopta.render.light_paths import LightPaths
 from megalopta.render.loading import Air
 from megalopta.render.mitsuba_loader import dr, mi
-from megalopta.render.sensors import pixel_means
+from megalopta.render.sensors import developed, pixel_means
 
 SCATTERINGS = 64
 """What the longest path of clear air grows by in haze: of 80 trees in fog of 50 m visibility, 16
@@ -34,8 +37,16 @@ class PathIntegrator:
     ) -> None:
         self._air = air
         self.exposing = exposing or self
-        kind, depth = ("volpath", max_depth + SCATTERINGS) if air else ("path", max_depth)
-        self._integrator = mi.load_dict({"type": kind, "max_depth": depth})
+        self._is_scalar = str(mi.variant()).startswith("scalar")
+        self._trace = self._tracer(max_depth)
+
+    def _tracer(self, max_depth: int) -> Any:
+        """Mitsuba's integrators where ours does not do: in haze, and a sample at a time."""
+        if self._air:
+            return mi.load_dict({"type": "volpath", "max_depth": max_depth + SCATTERINGS})
+        if self._is_scalar:
+            return mi.load_dict({"type": "path", "max_depth": max_depth})
+        return LightPaths(max_depth)
 
     def move_to(self, time_s: float) -> None:
         """Nothing is kept that depends on the time."""
@@ -43,19 +54,51 @@ class PathIntegrator:
     def render(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
         """Radiance (H, W, B) that a sensor sees, W·m⁻²·sr⁻¹·nm⁻¹.
 
-        The integrator is called itself: `mi.render` wraps it for differentiation, and that wrapper
-        turns Ctrl-C into a RuntimeError. In haze its scene is that of the air.
+        In haze its scene is that of the air.
         """
         if self._air:
             scene = self._air.scene
-            if sensor.get_medium() is None:  # it takes one only once
-                sensor.set_medium(self._air.medium)
-        return np.array(self._integrator.render(scene, sensor, seed=seed, spp=spp), np.float32)
+        if not self._is_scalar:
+            return developed(sensor, seed, spp, partial(self._radiance, scene))
+        if self._air and sensor.get_medium() is None:  # it takes one only once
+            sensor.set_medium(self._air.medium)
+        return np.array(self._trace.render(scene, sensor, seed=seed, spp=spp), np.float32)
+
+    def along(
+        self, scene: Any, origins: Floats, directions: Floats, wavelengths: Floats, seed: int
+    ) -> NDArray[np.float64]:
+        """Radiance (4, N) along rays at four wavelengths each (4, N), W·m⁻²·sr⁻¹·nm⁻¹.
+
+        Rays start at origins (3, N), m, in unit directions (3, N).
+        """
+        sampler = mi.load_dict({"type": "independent"})
+        sampler.seed(seed, 1 if self._is_scalar else origins.shape[1])
+        if self._air:
+            scene = self._air.scene
+
+        def light(origin: Any, direction: Any, wavelength: Any) -> NDArray[np.float64]:
+            parts = mi.Point3f(origin), mi.Vector3f(direction), 0.0, mi.Spectrum(wavelength)
+            rays = mi.RayDifferential3f(*parts)
+            return np.array(self._radiance(scene, sampler, rays)[0], np.float64)
+
+        if self._is_scalar:
+            each = zip(
+                origins.T.tolist(), directions.T.tolist(), wavelengths.T.tolist(), strict=True
+            )
+            return np.stack([light(*ray) for ray in each], axis=-1)
+        return light(*(values.astype(np.float32) for values in (origins, directions, wavelengths)))
+
+    def _radiance(self, scene: Any, sampler: Any, rays: Any) -> tuple[Any, Any]:
+        if not self._air and not self._is_scalar:
+            return self._trace.radiance(scene, sampler, rays)
+        medium = self._air.medium if self._air else None
+        light, valid, _ = self._trace.sample(scene, sampler, rays, medium)
+        return light, valid
 
     def measured(self, scene: Any, sensor: Any, seed: int, spp: int) -> NDArray[np.float32]:
         """Radiance, zeros and the share of the sky (H, W, 2·B + 1): nothing stands."""
         radiance = self.render(scene, sensor, seed, spp)
-        if str(mi.variant()).startswith("scalar"):
+        if self._is_scalar:
             sky = _scalar_sky(scene, sensor, seed)
         else:
             sky = pixel_means(sensor, seed, spp, lambda ray, *_: [self._sky(scene, ray)])

@@ -117,7 +117,9 @@ class SurfaceView:
         wanted = math.ceil(_PATHS / (self._camera.width * self._camera.height))
         samples = min(wanted, self._settings.samples_per_pixel)
         self._check(pose)
-        film = Film(self._camera, self._settings, samples)
+        # The sampler of the other looks at light: what traces paths is compiled for each.
+        settings = self._settings.model_copy(update={"sampler": "independent"})
+        film = Film(self._camera, settings, samples)
         return share_left_out(self._loaded, film, pose, self._settings.max_depth, self._air)
 
     def _exposed(

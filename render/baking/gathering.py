@@ -33,6 +33,7 @@ from megalopta.render.baking.lanes import Lanes, Places
 from megalopta.render.baking.sampling import cell_sampler, hashed, recurrence
 from megalopta.render.baking.scattering import WAVELENGTHS, Scattering
 from megalopta.render.baking.visibility import unpacked
+from megalopta.render.light_paths import LightPaths
 from megalopta.render.loading import MergedMesh, SkyPatterns
 from megalopta.scenes.spectra import flat
 from megalopta.scenes.world import Scene
@@ -75,7 +76,7 @@ class Gatherer:
         self._cells = cells
         self._bands = settings.bands_nm
         # The way from the camera to the cell is the first segment of the path.
-        self._integrator = mi.load_dict({"type": "path", "max_depth": settings.max_depth - 1})
+        self._paths = LightPaths(settings.max_depth - 1)
         self._sampler = cell_sampler()
         self._seed = dr.opaque(mi.UInt, seed)
         scattering = Scattering([scene.materials[mesh.material] for mesh in meshes], self._bands)
@@ -146,9 +147,7 @@ class Gatherer:
         for first, size, wavelengths in wavelength_groups(self._bands, place):
             rays.wavelengths = wavelengths
             self._sampler.start(key, sample)
-            arriving, _, _ = self._integrator.sample(
-                self._scene, self._sampler, rays, active=blocked
-            )
+            arriving, _ = self._paths.radiance(self._scene, self._sampler, rays, blocked)
             for band in range(size):
                 light = dr.select(blocked, arriving[band], 0.0)
                 for column in (first + band, bands + first + band):

@@ -5,6 +5,7 @@ from typing import Any
 from megalopta.render import RenderSettings, dr, mi
 from megalopta.render.baking.gathering import wavelength_groups
 from megalopta.render.baking.sampling import cell_sampler
+from megalopta.render.light_paths import LightPaths
 
 
 class Paths:
@@ -12,7 +13,7 @@ class Paths:
 
     def __init__(self, settings: RenderSettings) -> None:
         self._bands = settings.bands_nm
-        self._path = mi.load_dict({"type": "path", "max_depth": settings.max_depth})
+        self._paths = LightPaths(settings.max_depth)
 
     def radiance(self, scene: Any, ray: Any, place: Any, sampler: Any, active: Any) -> list[Any]:
         """Radiance of each band along those of N rays that are active; 0 along others.
@@ -26,11 +27,11 @@ class Paths:
         if not dr.width(lanes):
             return found
         rays, place = dr.gather(mi.Ray3f, mi.Ray3f(ray), lanes), dr.gather(mi.Float, place, lanes)
-        rays, numbers = mi.RayDifferential3f(rays), cell_sampler()
+        numbers = cell_sampler()
         numbers.start(dr.gather(mi.UInt, key, lanes), lanes)
         for first, size, wavelengths in wavelength_groups(self._bands, place):
             rays.wavelengths = wavelengths
-            values, _, _ = self._path.sample(scene, numbers, rays)
+            values, _ = self._paths.radiance(scene, numbers, rays)
             for band in range(size):
                 dr.scatter(found[first + band], values[band], lanes)
         return found

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.render import dr, mi
+from megalopta.render import dr
 from megalopta.render.baking.cells import CellFinder
 from megalopta.render.baking.light import BakedLight
-from megalopta.render.baking.visibility import survey, views
+from megalopta.render.baking.visibility import all_views, survey
 from megalopta.scenes.cameras import Camera
 
 _FRAMES = 3
@@ -44,8 +44,8 @@ class Pilot:
 
     @property
     def rays(self) -> int:
-        """Of a frame, those that are looked along at once."""
-        return len(range(0, self._camera.width * self._camera.height, self._step))
+        """Of a frame: they are looked along at once, as tracing paths has a price of its own."""
+        return _RAYS * len(range(0, self._camera.width * self._camera.height, self._step))
 
     def errors(self, look: Callable[[Any], list[Any]]) -> tuple[float, float]:
         """RMS of the standing error, and of one ray's scatter, of pixels of surfaces alone.
@@ -55,16 +55,13 @@ class Pilot:
         """
         squares, scatter, light, pixels = 0.0, 0.0, 0.0, 0
         for pose in self._frames:
-            total = [dr.zeros(mi.Float)] * 4
-            for rays in views(self._camera, pose[None], _RAYS, self._seed, self._step):
-                found = look(rays)
-                bands = len(found) // 2
-                seen: Any = sum(found[:bands])
-                parts = seen, dr.square(seen), sum(found[bands:-1]), found[-1]
-                total = [a + b for a, b in zip(total, parts, strict=True)]
-                dr.eval(total)
-            sums = np.array([np.array(each, np.float64) for each in total])
-            radiance, square, standing, sky = sums
+            found = look(all_views(self._camera, pose, _RAYS, self._seed, self._step))
+            bands = len(found) // 2
+            seen: Any = sum(found[:bands])
+            parts = seen, dr.square(seen), sum(found[bands:-1]), found[-1]
+            dr.eval(parts)
+            views = np.array([np.array(each) for each in parts]).reshape(4, _RAYS, -1)
+            radiance, square, standing, sky = views.sum(axis=1, dtype=np.float64)
             surface = sky == 0
             squares += float(np.sum(standing[surface] ** 2))
             scatter += float(np.sum((_RAYS * square - radiance**2)[surface]))

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from megalopta.render import mi
+from megalopta.render import dr, mi
 
 # Fractional parts of irrational numbers that are independent over the rationals, times 2³²:
 # 1/p and 1/p² of the plastic number p (Roberts' R₂ sequence), √2, √3 and √5.
@@ -42,6 +42,9 @@ def cell_sampler() -> Any:
         def start(self, key: Any, sample: Any) -> None:
             state, stream = mi.sample_tea_64(key, sample), mi.sample_tea_64(sample, key)
             self.generator = pcg32(1, state, stream)
+
+        def schedule_state(self) -> None:
+            dr.schedule(self.generator)
 
         def next_1d(self, active: Any = True) -> Any:
             return self.generator.next_float32()

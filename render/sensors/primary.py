@@ -11,9 +11,49 @@ from megalopta.render import dr, mi
 # Samples traced at once: what they found is held until it is summed.
 SAMPLES_AT_ONCE = 2**22
 
+_COALESCED = 4
+"""Samples of a pixel that Mitsuba sums before it writes them to the image."""
+
 Look = Callable[[Any, Any, Any], list[Any]]
 """What rays find, a list of floats each, given rays, the place from 0 to 1 of each sample among
 those of its pixel, and the sampler, which has more random numbers for them."""
+
+
+Radiance = Callable[[Any, Any], tuple[Any, Any]]
+"""Spectral radiance along rays, given a sampler and these, and which of them meet something."""
+
+
+def developed(sensor: Any, seed: int, samples: int, radiance: Radiance) -> NDArray[np.float32]:
+    """Image (H, W, B) of a sensor with a box filter, to the last bit that of `mi.render`.
+
+    But the rays are computed before their radiance is: of an image's size and of the sensor nothing
+    is compiled into what traces paths.
+    """
+    film, sampler = sensor.film(), sensor.sampler()
+    width, height = (int(size) for size in film.crop_size())
+    film.prepare([])
+    sampler.set_samples_per_wavefront(samples)
+    sampler.seed(seed, width * height * samples)
+    pixel = dr.arange(mi.UInt, width * height * samples) // dr.opaque(mi.UInt, samples)
+    corner = mi.Point2f(pixel % width, pixel // width)
+    position = (corner + sampler.next_2d()) * mi.Point2f(1 / width, 1 / height)
+    aperture = sampler.next_2d() if sensor.needs_aperture_sample() else mi.Point2f(0.5)
+    time = sampler.next_1d() if sensor.shutter_open_time() > 0 else mi.Float(0.0)
+    rays, weight = sensor.sample_ray_differential(time, sampler.next_1d(), position, aperture)
+    sampler.schedule_state()
+    dr.eval(rays, weight)
+    light, valid = radiance(sampler, rays)
+    block = film.create_block()
+    block.set_coalesce(block.coalesce() and samples >= _COALESCED)
+    block.put(
+        corner,
+        film.prepare_sample(
+            light * weight, rays.wavelengths, block.channel_count(),
+            alpha=dr.select(valid, mi.Float(1), mi.Float(0)),
+        ),
+    )  # fmt: skip
+    film.put_block(block)
+    return np.array(film.develop(), np.float32)
 
 
 def pixel_means(sensor: Any, seed: int, samples: int, look: Look) -> NDArray[np.float32]:
