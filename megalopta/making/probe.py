@@ -103,11 +103,16 @@ def _foreseen(drawn: Sequence[Configuration], finish: Finish) -> list[Foreseen]:
     for each in drawn:
         groups[_group(each)].append(each)
     probes = _measured(groups, finish)
-    costs, compiled = [], set()
+    costs: list[Foreseen] = []
+    compiled: set[_Group] = set()
+    grown = {getattr(members[0].scene, "seed", 0) for members in groups.values()}
     for each in drawn:
-        kernel = f"{each.scene!r} {each.camera!r} {each.render!r}"
-        costs.append(foresee(Scale.of(each), *probes[_group(each)], kernel not in compiled))
-        compiled.add(kernel)
+        group, seed = _group(each), getattr(each.scene, "seed", 0)
+        costs.append(
+            foresee(Scale.of(each), *probes[group], group not in compiled, seed not in grown)
+        )
+        compiled.add(group)
+        grown.add(seed)
     return costs
 
 

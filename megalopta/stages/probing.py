@@ -2,9 +2,9 @@
 
 A strip of each image is rendered and exposed: as wide as the image, so that its pixels are those of
 the whole, and with as many rows as take a second or two. Times are then told by what they follow:
-building by the triangles, radiance by the samples, all else by the pixels and frames. The first
-frame of any other scene or image size compiles, once. Baked light that is asked for is baked for
-the strip; where `auto` may bake, paths are traced, and the time told is the most that `auto` takes.
+building by the triangles, radiance by the samples, all else by the pixels and frames. Baked light
+that is asked for is baked for the strip; where `auto` may bake, paths are traced, and the time told
+is the most that `auto` takes.
 """
 
 import math
@@ -33,10 +33,6 @@ _MOST_PIXELS, _FEWEST_ROWS = 8192, 8
 _PATHS, _DIRECT_PATHS, _BAKED_PIXELS = 60_000, 200_000, 256
 """In a strip: light paths of a scene with bounces and of one that glows, pixels that are baked"""
 _CLOSING = 200_000
-_COMPILED_S, _DIRECTLY_COMPILED_S = 4.0, 1.0
-"""Processor time to compile what traces paths, at least: a strip's may be kept from before."""
-_CLOSING_COMPILED = 3
-"""Times as much, for what measures the light on the ground, the canopy and what is left out."""
 _ONCE = "counting the rays that baked light takes", "baking light"
 _SETUP = "building the scene", "loading the scene"
 
@@ -85,10 +81,12 @@ class Probe:
 
     scale: Scale
     triangles: int
+    growing: Time
+    """Growing plants, which all scenes of a seed share."""
     setup: Time
-    """Building and loading the scene."""
+    """Building and loading the scene of grown plants."""
     compiling: Time
-    """What the first frame takes beyond others."""
+    """What the first frame takes beyond others; what it compiles is kept."""
     once: Time
     """Baking light."""
     radiance: Time
@@ -116,16 +114,19 @@ def probe(settings: Configuration, things: int, finish: Finish) -> Probe:
     short = whole.model_copy(update={"trajectory": path})
     with probe_folder() as folder, silent():
         dataset = Dataset(folder, short)
+        with times_of_steps() as grown, step("growing"):
+            build(whole)
         with times_of_steps() as first:
             writer = FrameWriter(dataset, whole)
             writer.write(0)
+        growing = np.maximum(_time(grown, "growing") - _time(first, "building the scene"), 0)
         with times_of_steps() as steps:
             with step("frame"):
                 writer.write(path.frames - 1)
             with step("files"):
                 write_previews(dataset)
                 finish(dataset)
-        return _probe(short, dataset, writer.triangles, first, steps)
+        return _probe(short, dataset, writer.triangles, growing, first, steps)
 
 
 def triangles(settings: Configuration, things: int) -> int:
@@ -142,6 +143,7 @@ def _probe(
     settings: Configuration,
     dataset: Dataset,
     triangles: int,
+    growing: Time,
     first: Mapping[str, Spent],
     steps: Mapping[str, Spent],
 ) -> Probe:
@@ -150,14 +152,14 @@ def _probe(
     passes = 2 if scale.frames == 1 and scale.passes == 2 else 1
     radiance = _time(steps, "rendering radiance") / passes
     beyond = _time(first, "rendering radiance") - 2 * radiance
-    least = _COMPILED_S if settings.scene.has_bounces else _DIRECTLY_COMPILED_S
     rest = _time(steps, "frame") - passes * radiance + _time(steps, "files") / scale.frames
     fixed, of_frames = _bytes(dataset.root)
     return Probe(
         scale,
         triangles,
+        growing,
         setup=_time(first, *_SETUP) - once,
-        compiling=np.maximum(beyond, least),
+        compiling=np.maximum(beyond, 0),
         once=once,
         radiance=radiance,
         rest=rest,
@@ -167,11 +169,17 @@ def _probe(
 
 
 def foresee(
-    scale: Scale, probes: Sequence[Probe], sizes: Mapping[int, int], is_first: bool = True
+    scale: Scale,
+    probes: Sequence[Probe],
+    sizes: Mapping[int, int],
+    is_first: bool = True,
+    grows: bool = False,
 ) -> Foreseen:
     """Return what a sequence takes, by probes of its like and triangles by things.
 
-    It compiles if it is the first with this scene and image size.
+    If it is the first of its like it compiles what measures the light on the ground, the canopy and
+    what paths leave out, which takes as long as what the probe compiled of frames. If it `grows` it
+    is the first with plants of its seed.
     """
     last = max(probes, key=lambda each: each.scale.samples)
 
@@ -186,8 +194,10 @@ def foresee(
     total = total + last.once * scale.pixels / last.scale.pixels
     total = total + last.radiance * (scale.closing / last.scale.samples)
     total = total + scale.most * scale.passes * radiance + scale.frames * rest
-    if is_first:
-        total = total + last.compiling * (1 + _CLOSING_COMPILED * (scale.closing > 0))
+    if grows:
+        total = total + last.growing
+    if is_first and scale.closing:
+        total = total + np.max([each.compiling for each in probes], axis=0)
     return Foreseen(total, last.fixed_bytes + scale.frames * bytes_, scale.most > 1)
 
 
