@@ -1,13 +1,14 @@
 """The rooms: who may import whom, and through which door."""
 
 import ast
-import tomllib
+import runpy
 from collections.abc import Iterator
 from graphlib import TopologicalSorter
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
+import setuptools
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("assets_gen", "flow", "render", "scenes", "sensor")
@@ -136,13 +137,13 @@ def test_what_a_room_publishes_is_there():
             assert hasattr(module, name), f"megalopta.{package} has no {name}"
 
 
-def test_every_room_is_packaged():
-    settings = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["setuptools"]
-    expected = {f"megalopta.{package}".rstrip(".") for package in PACKAGES}
-    assert set(settings["packages"]) == expected
-    places = {name: name.removeprefix("megalopta.").replace(".", "/") for name in expected}
-    mapped = {name: path for name, path in places.items() if path.split("/")[0] in FOLDERS}
-    assert settings["package-dir"] == {"megalopta": "megalopta", **mapped}
+def test_every_room_is_packaged(monkeypatch):
+    told: dict[str, object] = {}
+    monkeypatch.setattr(setuptools, "setup", told.update)
+    monkeypatch.chdir(ROOT)
+    runpy.run_path("setup.py")
+    assert set(told["packages"]) == {f"megalopta.{package}".rstrip(".") for package in PACKAGES}
+    assert told["package_dir"] == {f"megalopta.{folder}": folder for folder in FOLDERS}
 
 
 def test_no_file_repeats_the_name_of_its_folder():
