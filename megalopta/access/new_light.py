@@ -31,9 +31,9 @@ def drawn_counts(
         raise UserError(f"gain {gain!r}: give a number above 0")
 
     def read(numbers: list[int]) -> NDArray[Any]:
+        from megalopta.config import light_scale
         from megalopta.dataset import read_radiance_frame
         from megalopta.sensor.formats import Shot
-        from megalopta.stages import light_scale
 
         scale = (light_scale(exposed, chosen) * gain).astype(np.float32)
         sequence = f"{dataset.sequence}/{exposure_name(device, chosen)}"

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.checks import View, carried_points, motions_of
-from megalopta.dataset import Dataset, read_truth_frame
+from megalopta.dataset import Dataset, View, carried_points, motions_of, read_truth_frame
 from megalopta.errors import UserError
 from megalopta.render import Truth, out_of_view, read_attributes
 from megalopta.scenes.world import Motion

@@ -17,14 +17,11 @@ from rich.console import Console
 from rich.table import Table
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from megalopta import bounded
 from megalopta.checks.footprint import footprint_residuals
-from megalopta.checks.reprojection import View, motion_from, rederived_flow
-from megalopta.dataset import Dataset
+from megalopta.dataset import Dataset, View, motions_of, rederived_flow
 from megalopta.errors import UserError
 from megalopta.progress import progress
 from megalopta.render import Truth, read_attributes, read_radiance, read_truth
-from megalopta.scenes.world import Motion
 from megalopta.stages import Ledger
 
 LARGEST_MEDIAN_PX = 1e-3
@@ -99,19 +96,6 @@ def check_truth(dataset: Dataset) -> list[Residual]:
                 kept.setdefault("image, warped", []).append(np.array([shift]))
             advance()
     return [_residual(name, np.concatenate(kept[name])) for name in sorted(kept)]
-
-
-def motions_of(dataset: Dataset) -> dict[int, Motion]:
-    """Motion of each object that moves, by its number. Raises UserError."""
-    path = dataset.scene_record
-    try:
-        motions = bounded.read_json(path)["motions"]
-        return {int(number): motion_from(each) for number, each in motions.items()}
-    except (OSError, ValueError, LookupError, TypeError, AttributeError):
-        raise UserError(
-            f"{path} is damaged; remove it and run: megalopta render {dataset.root} "
-            f"--out {dataset.root}"
-        ) from None
 
 
 def remaining_shift(

@@ -31,9 +31,8 @@ def _settings() -> "Settings":
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.experiments import load_sweep
+    from megalopta.experiments import announce_sweep, load_sweep
     from megalopta.figures import reproduce_sweep
-    from megalopta.stages import announce_sweep
 
     sweep = load_sweep(options.sweep, options.overrides, options.allow_code)
     announce_sweep(sweep)

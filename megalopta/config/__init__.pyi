@@ -2,6 +2,7 @@ from .built_in import (
     built_in_names as built_in_names,
     built_in_text as built_in_text,
 )
+from .light_scale import light_scale as light_scale
 from .measuring import (
     CalibrationFrames as CalibrationFrames,
     FlowSettings as FlowSettings,

@@ -19,6 +19,12 @@ from .rendering_noise import (
     ATTRIBUTE as ATTRIBUTE,
     noise_record as noise_record,
 )
+from .reprojection import (
+    View as View,
+    carried_points as carried_points,
+    motions_of as motions_of,
+    rederived_flow as rederived_flow,
+)
 from .store import (
     LICENSE as LICENSE,
     REDO_FOLDER as REDO_FOLDER,

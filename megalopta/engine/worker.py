@@ -4,6 +4,7 @@ First comes the job, pickled, then a line for each index. The answers, pickled, 
 output, and nothing else does.
 """
 
+import ctypes
 import os
 import pickle
 import signal
@@ -13,10 +14,13 @@ from queue import SimpleQueue
 
 from megalopta.engine.attempt import Outcome, attempt
 
+_PR_SET_PDEATHSIG = 1
+
 
 def main() -> None:
     """Do jobs until the process that gives them closes the pipe, or is no more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever started this one ends it
+    _end_with_parent()
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # libraries print what they like
     job, threads = pickle.load(sys.stdin.buffer)
@@ -27,6 +31,16 @@ def main() -> None:
         pickle.dump(answer, answers)
         answers.flush()
         answer = attempt(job, orders.get(), threads)
+
+
+def _end_with_parent() -> None:
+    """Let Linux end this process at once with the one that started it.
+
+    Elsewhere the end of the pipe does, once the library that computes lets go of the interpreter:
+    compiling a kernel takes seconds.
+    """
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def _listen(orders: "SimpleQueue[int]") -> None:

@@ -96,6 +96,7 @@ from .sweep import (
     Value as Value,
     load_sweep as load_sweep,
 )
+from .sweep_cost import announce_sweep as announce_sweep
 from .templates import pixels_of as pixels_of
 from .thesis_sweeps import (
     PHOTOGRAPHED as PHOTOGRAPHED,

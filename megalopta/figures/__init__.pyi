@@ -13,7 +13,6 @@ from .registry import names as names
 from .reproduction import (
     reproduce as reproduce,
     reproduce_sweep as reproduce_sweep,
-    write_figure as write_figure,
 )
 from .style import (
     BLACK as BLACK,
@@ -49,3 +48,4 @@ from .thresholds import (
     sweep_curve as sweep_curve,
     threshold_of as threshold_of,
 )
+from .writing import write_figure as write_figure

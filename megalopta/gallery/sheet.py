@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.config import Configuration
+from megalopta.config import Configuration, light_scale
 from megalopta.gallery.page import Cell, write_page, write_sheet
 from megalopta.progress import Advance, progress
 from megalopta.render import SceneRenderer, frame_seed
@@ -24,7 +24,7 @@ from megalopta.scenes.forest import PRESETS
 from megalopta.scenes.lighting import LEVELS
 from megalopta.scenes.world import Scene
 from megalopta.sensor import expose_image
-from megalopta.stages import build, light_scale
+from megalopta.stages import build
 
 _CAMERA = {"width": 270, "height": 180, "fov_deg": 75}
 _PATH = {"frames": 2, "look_at_m": [10, 0, 1.8], "velocity_m_s": [1.0, 0.3, 0]}

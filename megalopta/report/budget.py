@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.config import Configuration, LightLevel
+from megalopta.config import Configuration, LightLevel, light_scale
 from megalopta.dataset import Dataset
 from megalopta.errors import UserError
 from megalopta.report.footage import ReportFrames
@@ -24,7 +24,7 @@ from megalopta.sensor import (
     detected_photons,
     expectation,
 )
-from megalopta.stages import exposures, light_scale, open_exposure, variances
+from megalopta.stages import exposures, open_exposure, variances
 
 # Pixels between these percentiles are drawn as the spread of the signal-to-noise ratio.
 _SPREAD_PERCENT = (5, 50, 95)

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.arrays import Floats
+from megalopta.config import light_scale
 from megalopta.dataset import open_dataset, read_radiance_frame
 from megalopta.errors import UserError
 from megalopta.sensor import Sensor, detection_rate
 from megalopta.sensor.spadcam import COLUMNS, ROWS
 from megalopta.spadcam.stimuli import frames_at
-from megalopta.stages import light_scale
 
 
 @dataclass(frozen=True)

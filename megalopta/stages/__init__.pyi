@@ -1,6 +1,8 @@
 from .correction import open_corrected as open_corrected
 from .estimate import (
-    announce_sweep as announce_sweep,
+    BENCHED_PER_S as BENCHED_PER_S,
+    LONGEST_S as LONGEST_S,
+    WORTH_TELLING_S as WORTH_TELLING_S,
     size as size,
 )
 from .flow import responses_path as responses_path
@@ -33,6 +35,5 @@ from .registry import STAGES as STAGES
 from .render import build as build
 from .sense import (
     exposures as exposures,
-    light_scale as light_scale,
     open_exposure as open_exposure,
 )

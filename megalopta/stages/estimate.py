@@ -13,7 +13,6 @@ from pathlib import Path
 from megalopta.config import Configuration
 from megalopta.dataset import FRAMES_AT_ONCE
 from megalopta.errors import UserError
-from megalopta.experiments import Sweep
 from megalopta.flow.benchmark import work_units
 from megalopta.progress import duration, say
 from megalopta.stages.sub_frames import burst_frames
@@ -35,7 +34,7 @@ _BUILD_S, _BUILD_S_PER_TREE, _POSE_S = 0.1, 0.03, 0.2
 """To bring a whole scene to another time, and boxes or balls alone."""
 _POSES_OF_ROWS, _BUILDS_OF_TRUTH = 4, 3
 """Of a frame of a rolling shutter: poses that its rows share, and what its truth takes."""
-_EXPOSED_PER_S, _DETECTED_PER_S, _BENCHED_PER_S = 1e6, 3e6, 1e7
+_EXPOSED_PER_S, _DETECTED_PER_S, BENCHED_PER_S = 1e6, 3e6, 1e7
 """Pixels of a sensor, and pixels of a detector in the stages flow and benchmark."""
 _MOVED_PER_S, _BITS_PER_S = 2e6, 5e7
 """Pixels of one step of moving light, and of binary frames."""
@@ -54,9 +53,6 @@ _EXPOSED_BYTES, _SEEN_BYTES, _DRAWN_BYTES = 120, 80, 60
 benchmark."""
 _STATE_BYTES = 80
 """In memory, of a pixel: what a detector keeps from frame to frame."""
-
-_SEARCHED_FLUXES = 20
-"""Fluxes at which a search measures a detector."""
 
 
 @dataclass(frozen=True)
@@ -124,29 +120,6 @@ def announce(settings: Configuration, stage: str) -> None:
     foreseen = estimate(settings, stage)
     if foreseen.seconds > WORTH_TELLING_S or foreseen.disk_bytes > WORTH_TELLING_BYTES:
         say(str(foreseen))
-
-
-def announce_sweep(sweep: Sweep) -> None:
-    """Say how many trials a sweep has; refuse one that takes longer than a month."""
-    trials = sweep.trials
-    seconds = sum(
-        trial.size**2
-        * len(trial.methods)
-        * (trial.search.frames + trial.search.summed_frames)
-        * trial.search.phases
-        * trial.search.repeats
-        * _SEARCHED_FLUXES
-        / _BENCHED_PER_S
-        for trial in trials
-    )
-    if seconds > LONGEST_S:
-        raise UserError(
-            f"sweep: {len(trials)} trials would take about {duration(seconds)} of work, more than "
-            f"the longest that is begun, {duration(LONGEST_S)}; lower trial.search.repeats or "
-            "frames, or give fewer values"
-        )
-    if seconds > WORTH_TELLING_S:
-        say(f"sweep: {len(trials)} trials, about {duration(seconds)}")
 
 
 def size(number: float) -> str:
@@ -239,7 +212,7 @@ def _benchmark(settings: Configuration) -> Estimate:
         drawn,
         disk_bytes=float(frames * pixels * _LIGHT_BYTES),
         memory_bytes=float(pixels * (_held(frames) * _DRAWN_BYTES + states * _STATE_BYTES)),
-        seconds=drawn / _BENCHED_PER_S,
+        seconds=drawn / BENCHED_PER_S,
     )
 
 

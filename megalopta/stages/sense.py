@@ -18,14 +18,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.config import Configuration, LightLevel, level_text
+from megalopta.config import Configuration, LightLevel, level_text, light_scale
 from megalopta.dataset import Dataset, exposure_name, read_radiance_frames, sintel
 from megalopta.errors import UserError
 from megalopta.freshness import SENSOR_MODEL
 from megalopta.progress import progress, say
 from megalopta.scenes import ToneCurve
-from megalopta.scenes.lighting import LEVELS, illuminance_of
-from megalopta.scenes.spectra import Spectrum, encode_srgb
+from megalopta.scenes.lighting import illuminance_of
+from megalopta.scenes.spectra import encode_srgb
 from megalopta.sensor import ImageSensor, OpenedCounts, check_sensor, open_counts
 from megalopta.sensor.formats import (
     Arrays,
@@ -198,29 +198,6 @@ def open_exposure(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> O
         raise UserError(
             f"{dataset.counts(sensor, level)} cannot be read ({problem}); run: {again}"
         ) from None
-
-
-def light_scale(configuration: Configuration, level: LightLevel) -> NDArray[np.float64]:
-    """Factor (B,) per band from the rendered light to a level.
-
-    A named level has its own spectrum (taken as flat within a band); a level in lux, and a scene
-    that glows by itself, keep the color that was rendered.
-    """
-    rendered = configuration.light.resolved()
-    bands = configuration.render.bands_nm
-    if (
-        configuration.scene.is_self_luminous
-        or not isinstance(level, str)
-        or level == configuration.light.level
-    ):
-        return np.full(len(bands), illuminance_of(level) / rendered.illuminance_lux)
-    before, after = rendered.spectrum(), LEVELS[level].spectrum()
-    return np.array([_band_mean(after, band) / _band_mean(before, band) for band in bands])
-
-
-def _band_mean(spectrum: Spectrum, band: tuple[float, float]) -> float:
-    grid = np.linspace(*band, 1025)  # airglow has a corner every 20 nm
-    return float(np.trapezoid(spectrum(grid), grid) / (band[1] - band[0]))
 
 
 def _write_final_images(dataset: Dataset) -> None:

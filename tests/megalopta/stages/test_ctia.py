@@ -7,7 +7,7 @@ import pytest
 import zarr
 from scipy.ndimage import binary_erosion
 
-from megalopta.config import load, parse
+from megalopta.config import light_scale, load, parse
 from megalopta.config.model import built_in_names
 from megalopta.dataset import read_radiance_frames, read_truth_frames
 from megalopta.errors import UserError
@@ -23,7 +23,7 @@ from megalopta.sensor import (
     reading_electrons,
 )
 from megalopta.stages.pipeline import run_all
-from megalopta.stages.sense import STAGE, light_scale, open_exposure
+from megalopta.stages.sense import STAGE, open_exposure
 
 pytestmark = pytest.mark.slow
 

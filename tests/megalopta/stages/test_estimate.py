@@ -8,7 +8,7 @@ from megalopta.config import load
 from megalopta.errors import UserError
 from megalopta.experiments import Sweep
 from megalopta.stages import estimate
-from megalopta.stages.estimate import announce, announce_sweep, refuse_absurd, size
+from megalopta.stages.estimate import announce, refuse_absurd, size
 from megalopta.stages.pipeline import run_all, run_stage
 
 
@@ -103,14 +103,6 @@ def test_haze_takes_three_times_the_work():
     hazy = {**clear, "scene.haze.visibility_m": "100"}
     first, second = (estimate.estimate(load("demo", each), "render") for each in (clear, hazy))
     assert second.seconds == pytest.approx(3 * first.seconds, rel=1e-2)
-
-
-def test_a_sweep_of_months_is_refused_and_one_of_minutes_announced(capsys):
-    trial = {"search": {"repeats": 100_000, "phases": 251}}
-    with pytest.raises(UserError, match=r"sweep: 4 trials would take about .* days"):
-        announce_sweep(Sweep.model_validate({"trial": trial}))
-    announce_sweep(Sweep.model_validate({"trial": {"size": 240, "search": {"repeats": 20}}}))
-    assert capsys.readouterr().err.startswith("sweep: 4 trials, about ")
 
 
 def test_a_sweep_of_too_many_trials_is_refused():

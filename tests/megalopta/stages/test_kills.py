@@ -46,6 +46,7 @@ CHANGES = {
     "flow": ("--methods", "BM", "NDS"),
     "benchmark": ("--benchmark.repeats", "3"),
 }
+VERBS = {"benchmark": ("benchmark", "photons")}
 
 
 FEW = {
@@ -92,7 +93,7 @@ def command(stage, root, *, redo=False):
         # a dataset's folder is a configuration, too
         first = ("render", root.parent / "start.yaml", "--out", root)
     else:
-        first = (stage, root)
+        first = (*VERBS.get(stage, (stage,)), root)
     return (*first, *CHANGES[stage], "--redo") if redo else first
 
 

@@ -12,7 +12,7 @@ import zarr
 from megalopta.checks import run_check_files
 from megalopta.checks.integrity import check_files
 from megalopta.cli import main as cli
-from megalopta.config import load
+from megalopta.config import light_scale, load
 from megalopta.dataset import open_dataset
 from megalopta.errors import UserError
 from megalopta.flow.benchmark import sequence as benchmark
@@ -26,7 +26,6 @@ from megalopta.stages import STAGES as ORDER, Ledger, flow as stage_flow, regist
 from megalopta.stages.measurement import Measurement
 from megalopta.stages.pipeline import run_all, run_stage
 from megalopta.stages.render import FrameWriter
-from megalopta.stages.sense import light_scale
 
 
 @pytest.fixture(scope="session")

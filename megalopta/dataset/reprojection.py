@@ -16,6 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
+from megalopta import bounded
+from megalopta.dataset.store import Dataset
+from megalopta.errors import UserError
 from megalopta.render import Truth
 from megalopta.scenes.forest import Sway
 from megalopta.scenes.world import Motion, ObjectMotion, RigidMotion
@@ -126,7 +129,7 @@ def carried_points(
     return np.asarray(points)
 
 
-def motion_from(record: Mapping[str, Any]) -> Motion:
+def _motion_from(record: Mapping[str, Any]) -> Motion:
     """Make a motion again from the numbers of a scene's record."""
     values = dict(record)
     if values["kind"] == "sway":
@@ -134,3 +137,16 @@ def motion_from(record: Mapping[str, Any]) -> Motion:
         return Sway(**values)
     center = values.pop("center_m")
     return RigidMotion(tuple(center), TypeAdapter(ObjectMotion).validate_python(values))
+
+
+def motions_of(dataset: Dataset) -> dict[int, Motion]:
+    """Motion of each object that moves, by its number. Raises UserError."""
+    path = dataset.scene_record
+    try:
+        motions = bounded.read_json(path)["motions"]
+        return {int(number): _motion_from(each) for number, each in motions.items()}
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+        raise UserError(
+            f"{path} is damaged; remove it and run: megalopta render {dataset.root} "
+            f"--out {dataset.root}"
+        ) from None

@@ -1,0 +1,31 @@
+"""From the light that was rendered to the light at which a sensor looks."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.config.model import Configuration, LightLevel
+from megalopta.scenes.lighting import LEVELS, illuminance_of
+from megalopta.scenes.spectra import Spectrum
+
+
+def light_scale(configuration: Configuration, level: LightLevel) -> NDArray[np.float64]:
+    """Factor (B,) per band from the rendered light to a level.
+
+    A named level has its own spectrum (taken as flat within a band); a level in lux, and a scene
+    that glows by itself, keep the color that was rendered.
+    """
+    rendered = configuration.light.resolved()
+    bands = configuration.render.bands_nm
+    if (
+        configuration.scene.is_self_luminous
+        or not isinstance(level, str)
+        or level == configuration.light.level
+    ):
+        return np.full(len(bands), illuminance_of(level) / rendered.illuminance_lux)
+    before, after = rendered.spectrum(), LEVELS[level].spectrum()
+    return np.array([_band_mean(after, band) / _band_mean(before, band) for band in bands])
+
+
+def _band_mean(spectrum: Spectrum, band: tuple[float, float]) -> float:
+    grid = np.linspace(*band, 1025)  # airglow has a corner every 20 nm
+    return float(np.trapezoid(spectrum(grid), grid) / (band[1] - band[0]))
