@@ -27,9 +27,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from megalopta.making import make
-from megalopta.plan import Plan
-from megalopta.tree import Tree, write_index
+from megalopta.config.recipe import Plan
+from megalopta.dataset.books import write_index
+from megalopta.dataset.layout import Tree
+from megalopta.generation.making import make
 
 OVERHEAD_REQUIRED, GAIN_REQUIRED, GROWTH_ALLOWED = 0.10, 1.7, 0.05
 _TRACED = "baked light", "ray tracing", "truth rays", "photon drawing"

@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from megalopta.experiments import pixels_of
-from megalopta.experiments.thesis_sweeps import SWEEPS
-from megalopta.experiments.trial import Trial, measure
+from megalopta.benchmark.templates import pixels_of
+from megalopta.benchmark.thesis_sweeps import SWEEPS
+from megalopta.benchmark.trial import Trial, measure
 from megalopta.flow.benchmark import short_sequences
 from megalopta.flow.detectors.base import FloatArray
 from megalopta.flow.detectors.registry import method

@@ -26,8 +26,8 @@ SETTINGS = {
 }
 RUN = """
 import json, resource, sys
-from megalopta.config import load
-from megalopta.stages import run_stage
+from megalopta.config.model import load
+from megalopta.stages.pipeline import run_stage
 root, stage, settings = sys.argv[1], sys.argv[2], json.loads(sys.argv[3])
 run_stage(root, load("grating", settings), stage)
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.assets_gen.stimuli.dead_leaves_model import dead_leaves
+from megalopta.benchmark.panorama_recipes import NATURAL_PANORAMAS
+from megalopta.benchmark.panoramas import natural_templates, panorama_file, template_from_file
 from megalopta.dataset.rendering_noise import ATTRIBUTE
-from megalopta.experiments.panorama_recipes import NATURAL_PANORAMAS
-from megalopta.experiments.panoramas import natural_templates, panorama_file, template_from_file
 from megalopta.flow import METHODS, BenchmarkSettings, photon_benchmark
 from megalopta.flow.stimuli.statistics import image_statistics
 from megalopta.render.exr import read_attributes

@@ -18,7 +18,7 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-from megalopta.spadcam import open_recording
+from megalopta.camera.recording import open_recording
 
 RUN = "from megalopta.__main__ import main; main()"
 TITLES = ("rate", "frames", "per s", "gaps", "missing", "core", "ratio", "camera")

@@ -13,9 +13,9 @@ from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 from skimage.io import imread
 
-from megalopta.dataset.store import Dataset, open_dataset
-from megalopta.figures import method_style
+from megalopta.dataset.store import Dataset, open_sequence
 from megalopta.flow import flow_to_rgb, wheel_legend
+from megalopta.plotting.style import method_style
 from megalopta.render import read_truth
 from megalopta.sensor import open_counts
 
@@ -92,6 +92,6 @@ def photons(dataset: Dataset, path: Path) -> None:
 
 
 if __name__ == "__main__":
-    source, folder = open_dataset(Path(sys.argv[1])), Path(__file__).parent
+    source, folder = open_sequence(Path(sys.argv[1])), Path(__file__).parent
     strip(source, folder / "strip.png")
     photons(source, folder / "photons.png")

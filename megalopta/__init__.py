@@ -8,7 +8,7 @@ if (Path(__file__).parents[1] / "render" / "scene_renderer.py").exists():
     __path__.append(str(Path(__file__).parents[1]))
 
 if TYPE_CHECKING:
-    from megalopta.access import open_dataset as open_dataset
+    from megalopta.dataset.opened import open_dataset as open_dataset
 
     __version__: str
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def __getattr__(name: str) -> Any:
     """Load what is published when it is first used."""
     if name == "open_dataset":
-        from megalopta.access import open_dataset
+        from megalopta.dataset.opened import open_dataset
 
         return open_dataset
     if name == "__version__":

@@ -10,7 +10,7 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.progress import say
+from megalopta.core.progress import say
 from megalopta.render.bands import Bands
 from megalopta.render.illuminance import Illuminance, LightSurvey
 from megalopta.render.mitsuba_loader import mi

@@ -18,7 +18,7 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
-from megalopta.files import atomic_write
+from megalopta.core.files import atomic_write
 from megalopta.render.bands import Bands, channel_names
 
 if TYPE_CHECKING:

@@ -119,7 +119,8 @@ def illuminances(
     origins = points[rng.integers(len(points), size=paths)].T
     share = luminous_efficiency(_V_NM + 0.5)
     cumulated = np.concatenate([[0], np.cumsum(share / share.sum())])
-    place = (rng.random(paths) + np.arange(4)[:, None] / 4) % 1
+    even = (rng.permutation(paths) + rng.random(paths)) / paths
+    place = (even + np.arange(4)[:, None] / 4) % 1
     wavelengths = np.interp(place, cumulated, [*_V_NM, _V_NM[-1] + 1])
     step = np.searchsorted(cumulated, place, side="right").clip(1, len(share)) - 1
     weights = luminous_efficiency(wavelengths) * share.sum() / share[step]

@@ -38,9 +38,9 @@ class LightPaths:
         dr.make_opaque(origin, rays.d, rays.wavelengths, active)
         sampler.schedule_state()
         dr.eval()
-        found = self._traced(
-            scene, sampler, mi.Ray3f(origin, rays.d, 0.0, rays.wavelengths), active
-        )
+        first: Any = mi.Ray3f(origin, rays.d)
+        first.wavelengths = rays.wavelengths
+        found = self._traced(scene, sampler, first, active)
         dr.eval(found)
         return found
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.render.loading import Air
 from megalopta.render.path_tracing import PathIntegrator
 from megalopta.render.sensors import Film

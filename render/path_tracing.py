@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.render.light_paths import LightPaths
 from megalopta.render.loading import Air
 from megalopta.render.mitsuba_loader import dr, mi
@@ -77,8 +77,9 @@ class PathIntegrator:
             scene = self._air.scene
 
         def light(origin: Any, direction: Any, wavelength: Any) -> NDArray[np.float64]:
-            parts = mi.Point3f(origin), mi.Vector3f(direction), 0.0, mi.Spectrum(wavelength)
-            rays = mi.RayDifferential3f(*parts)
+            start, toward = mi.Point3f(origin), mi.Vector3f(direction)
+            rays: Any = mi.RayDifferential3f(start, toward)
+            rays.wavelengths = mi.Spectrum(wavelength)
             return np.array(self._radiance(scene, sampler, rays)[0], np.float64)
 
         if self._is_scalar:
@@ -90,7 +91,8 @@ class PathIntegrator:
 
     def _radiance(self, scene: Any, sampler: Any, rays: Any) -> tuple[Any, Any]:
         if not self._air and not self._is_scalar:
-            return self._trace.radiance(scene, sampler, rays)
+            found: tuple[Any, Any] = self._trace.radiance(scene, sampler, rays)
+            return found
         medium = self._air.medium if self._air else None
         light, valid, _ = self._trace.sample(scene, sampler, rays, medium)
         return light, valid

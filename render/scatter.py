@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import gammaincinv
 
-from megalopta.arrays import Floats, Mask
+from megalopta.core.arrays import Floats, Mask
 from megalopta.render.noise import Image, MeasuredPass, RegionNoise, RenderNoise
 from megalopta.render.standing import Standing, pairs, slopes
 

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from megalopta.record import Record
+from megalopta.core.record import Record
 from megalopta.render.bands import channel_names
 
 Backend = Literal["auto", "cuda", "llvm", "scalar"]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from megalopta.arrays import Floats, Mask
+from megalopta.core.arrays import Floats, Mask
 from megalopta.render.noise import MeasuredPass
 
 # Pixels, or pairs of them, that say more than the scatter of the bake does.

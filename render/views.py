@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.render.illuminance import LightSurvey
 from megalopta.render.noise import MeasuredPass
 from megalopta.scenes import Shutter

@@ -8,7 +8,7 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar
 
-from megalopta.record import Record
+from megalopta.core.record import Record
 from megalopta.scenes.cameras import Camera
 from megalopta.scenes.lighting import Light
 from megalopta.scenes.trajectories import Path

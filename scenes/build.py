@@ -5,7 +5,7 @@ from dataclasses import replace
 from inspect import isabstract
 from typing import TYPE_CHECKING, NamedTuple, get_args
 
-from megalopta.plug_ins import plug_ins
+from megalopta.core.plug_ins import plug_ins
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras import Camera
 from megalopta.scenes.forest import Forest

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.patterns import tileable_noise, to_weight
 from megalopta.assets_gen.stimuli import ball, box, checkerboard
-from megalopta.record import Record
+from megalopta.core.record import Record
 from megalopta.scenes.kinds import kind_unless_told
 from megalopta.scenes.spectra import flat
 from megalopta.scenes.world import (

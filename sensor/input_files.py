@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from megalopta.bounded import ARRAY_BYTES, read_bytes
-from megalopta.errors import DamagedFileError
+from megalopta.core.bounded import ARRAY_BYTES, read_bytes
+from megalopta.core.errors import DamagedFileError
 
 
 def file_content(path: str | Path, field: str) -> bytes:

@@ -50,8 +50,8 @@ def test_a_detector_of_another_package_stands_after_ours_and_is_measured_by_name
     code = """
 import json
 from pathlib import Path
-from megalopta.config import Configuration
-from megalopta.experiments import Trial, detections, run
+from megalopta.config.model import Configuration
+from megalopta.benchmark.trial import Trial; from megalopta.benchmark.detection import detections; from megalopta.benchmark.runner import run
 from megalopta.flow import METHODS
 trial = Trial(methods=["cl", "LK"], search={"flux_max": 1e6, "metrics": ["ratio"], "bits": [2]})
 print(json.dumps([list(METHODS), trial.methods, Configuration(methods=["CL"]).methods,
@@ -77,8 +77,8 @@ def test_a_broken_plug_in_is_told_in_one_sentence_and_breaks_nothing(with_plug_i
 @pytest.mark.slow
 def test_a_sensor_of_another_package_is_used_by_name_and_listed(with_plug_in):
     code = """
-from megalopta.config import load
-from megalopta.config import Settings
+from megalopta.config.model import load
+from megalopta.config.settings import Settings
 demo = load("demo", {"sensors": "[theirs, {preset: theirs, name: dark, exposure_s: 0.02}]"})
 print([(each.name, each.fill_factor, each.exposure_s) for each in demo.sensors])
 print("ctia_ingaas_quiet, theirs." in " ".join(Settings(demo).help().split()))

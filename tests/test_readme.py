@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from megalopta.cli.overrides import split_overrides
-from megalopta.config import Settings, load
+from megalopta.config.model import load
+from megalopta.config.settings import Settings
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 

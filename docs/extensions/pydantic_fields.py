@@ -12,10 +12,10 @@ from pydantic import BaseModel
 from pydantic.errors import PydanticInvalidForJsonSchema
 from sphinx.application import Sphinx
 
-from megalopta import strict_yaml
-from megalopta.config import Configuration
-from megalopta.experiments import Sweep
-from megalopta.ranking import RankingSettings
+from megalopta.benchmark.ranking_settings import RankingSettings
+from megalopta.benchmark.sweep import Sweep
+from megalopta.config.model import Configuration
+from megalopta.core import strict_yaml
 
 Schema = Mapping[str, Any]
 PAGE = "generated/configuration.rst"

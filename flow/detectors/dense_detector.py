@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.errors import UserError
+from megalopta.core.errors import UserError
 from megalopta.flow.detectors.base import FloatArray, Frames, check_finite
 from megalopta.flow.detectors.blocks import BlockGrid, block_sums
 from megalopta.flow.detectors.gray_detector import Estimator, GrayDetector, gray_levels

@@ -16,7 +16,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from pydantic import field_serializer
 
-from megalopta.bounded import quoted
+from megalopta.core.bounded import quoted
 from megalopta.flow.detectors.base import FloatArray
 from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.detectors.dense_detector import DenseDetector, MethodError, PairFlow

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.bounded import ARRAY_BYTES, read_bytes
+from megalopta.core.bounded import ARRAY_BYTES, read_bytes
 from megalopta.flow.detectors.base import FloatArray
 from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.detectors.dense_detector import DenseDetector, PairFlow

@@ -2,8 +2,8 @@
 
 A class of a file of this folder that is a detector and has a default for each of its parameters
 stands here with these, in the order of `Detector.place`. Other packages name theirs, classes or
-instances, in the entry points `megalopta.detectors` (`megalopta.plug_ins`). A function from Python
-takes the place of a name without any of this, see `detector_from`; so does where one is, see
+instances, in the entry points `megalopta.detectors` (`megalopta.core.plug_ins`). A function from
+Python takes the place of a name without any of this, see `detector_from`; so does where one is, see
 `detector_at`.
 """
 
@@ -15,11 +15,11 @@ from pkgutil import iter_modules
 from types import MappingProxyType, ModuleType
 from typing import Any, TypeAlias
 
-from megalopta.bounded import quoted
+from megalopta.core.bounded import quoted
+from megalopta.core.plug_ins import plug_ins
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.from_function import DenseFlow, detector_from
 from megalopta.flow.detectors.from_reference import detector_at
-from megalopta.plug_ins import plug_ins
 
 Method: TypeAlias = str | Detector | DenseFlow
 """A detector: by name, itself, or made of a function."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.flow.detectors import Detector
 from megalopta.flow.egomotion.wide_field import SlopeSums, WideField, field_of_halves
 from megalopta.scenes.trajectories import Path

@@ -9,8 +9,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.bounded import check_file
-from megalopta.files import atomic_write
+from megalopta.core.bounded import check_file
+from megalopta.core.files import atomic_write
 from megalopta.flow.files.checking import check_flow
 
 _COMPRESSION = 5

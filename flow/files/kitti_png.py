@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.bounded import ARRAY_BYTES, read_bytes
-from megalopta.files import atomic_write
+from megalopta.core.bounded import ARRAY_BYTES, read_bytes
+from megalopta.core.files import atomic_write
 from megalopta.flow.files.checking import check_flow
 
 _PER_PX = 64

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.arrays import plain_array
-from megalopta.bounded import ARRAY_BYTES, read_bytes
+from megalopta.core.arrays import plain_array
+from megalopta.core.bounded import ARRAY_BYTES, read_bytes
 from megalopta.flow.files.flo import LARGEST_KNOWN, read_flo
 from megalopta.flow.files.flo5 import read_flo5
 from megalopta.flow.files.kitti_png import read_kitti_png

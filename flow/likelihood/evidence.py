@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.flow.likelihood.shot_noise import root_noise, suited_blur_px
 
 NODE_PX = 4

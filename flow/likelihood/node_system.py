@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import splu
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 
 _LEAST = 1e-9
 """Evidence for the velocity 0 at every node, so that there is an answer without photons"""

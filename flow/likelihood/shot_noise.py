@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 
 _BLUR_AT_EQUALITY_PX = 0.6
 """Best standard deviation for two frames with as much texture as shot noise, q = 1"""

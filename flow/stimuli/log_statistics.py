@@ -18,7 +18,7 @@ from itertools import combinations
 
 import numpy as np
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.flow.stimuli.statistics import ring_means
 
 PASSES = 8

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 
 FLAT_GRADIENT = 0.01
 """Neighbors along a row that differ by less than this share of the mean count as flat."""

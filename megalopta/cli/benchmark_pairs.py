@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from megalopta.cli.command import Verbs, add_out, add_verb, at_least
-from megalopta.errors import UserError
+from megalopta.core.errors import UserError
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from megalopta.experiments import FrameErrors, OverScenes
+    from megalopta.benchmark.whole_frame_board import FrameErrors, OverScenes
 
 _WIDTH = 150  # of the table, whatever the terminal's
 _FLUXES = "1,3,10,30,100,1000"
@@ -54,13 +54,9 @@ def _numbers(text: str) -> tuple[float, ...]:
 def _run(options: Namespace) -> None:
     from rich.console import Console
 
-    from megalopta.experiments import (
-        BLOCK_PX,
-        errors_of_pairs,
-        pairs_below,
-        spread,
-        write_board,
-    )
+    from megalopta.benchmark.board_of_pairs import errors_of_pairs, write_board
+    from megalopta.benchmark.pairs_on_disk import pairs_below, spread
+    from megalopta.benchmark.whole_frame_board import BLOCK_PX
 
     if len(options.paths) == 1:
         pairs = spread(pairs_below(options.paths[0]), options.pairs)
@@ -90,7 +86,7 @@ def _tables(errors: "Sequence[FrameErrors]") -> "Iterator[Table]":
     """Yield a table of each measure: a line for each method, a column for each flux."""
     from rich.table import Table
 
-    from megalopta.experiments import FAR_PX, OverScenes
+    from megalopta.benchmark.whole_frame_board import FAR_PX, OverScenes
 
     measures = {
         "median, px": [each.median_px for each in errors],

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from megalopta.cli.command import Verbs, add_dataset, add_out, add_verb
 
 if TYPE_CHECKING:
-    from megalopta.config import Settings
+    from megalopta.config.settings import Settings
 
 
 def declare(verbs: Verbs) -> None:
@@ -19,13 +19,13 @@ def declare(verbs: Verbs) -> None:
 
 
 def _settings() -> "Settings":
-    from megalopta.config import Settings
-    from megalopta.ranking import RankingSettings
+    from megalopta.benchmark.ranking_settings import RankingSettings
+    from megalopta.config.settings import Settings
 
     return Settings(RankingSettings())
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.ranking import run_ranking
+    from megalopta.benchmark.ranking_folder import run_ranking
 
     print(run_ranking(options.dataset, options.out, options.overrides))

@@ -29,14 +29,10 @@ def declare(verbs: Verbs) -> None:
 def _run(options: Namespace) -> None:
     from rich.console import Console
 
-    from megalopta import files
-    from megalopta.scoring import (
-        add_entries,
-        board_table,
-        read_board,
-        score_submission,
-        score_table,
-    )
+    from megalopta.benchmark.board import add_entries, read_board
+    from megalopta.benchmark.scores import score_submission
+    from megalopta.benchmark.tables import board_table, score_table
+    from megalopta.core import files
 
     if options.leaderboard:
         read_board(options.leaderboard)  # a damaged one is refused before the work

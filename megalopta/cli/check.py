@@ -5,7 +5,7 @@ from argparse import Namespace
 from pathlib import Path
 
 from megalopta.cli.command import Verbs, add_verb
-from megalopta.errors import UserError
+from megalopta.core.errors import UserError
 
 PHYSICS = (
     "counting",
@@ -51,19 +51,19 @@ def _run(options: Namespace) -> None:
 
 
 def _passes(what: str, subjects: list[str], plots: Path | None) -> bool:
-    from megalopta import checks
-    from megalopta.dataset import open_dataset
+    from megalopta.dataset.store import open_sequence
+    from megalopta.verification import integrity, panoramas, physics, truth
 
     if what == "physics":
-        return checks.run_check_physics(subjects, plots)
+        return physics.run_check_physics(subjects, plots)
     if plots is not None:
         raise UserError(f"check {what}: draws no pictures; leave --plots out")
     if len(subjects) > 1:
         raise UserError(f"check {what}: got {' '.join(subjects)}; give one folder")
     folder = Path(subjects[0]) if subjects else None
     if what == "panoramas":
-        return checks.run_check_panoramas(folder)
+        return panoramas.run_check_panoramas(folder)
     if folder is None:
         raise UserError(f"check {what}: which dataset? give its folder")
-    check = checks.run_check_truth if what == "truth" else checks.run_check_files
-    return check(open_dataset(folder))
+    check = truth.run_check_truth if what == "truth" else integrity.run_check_files
+    return check(open_sequence(folder))

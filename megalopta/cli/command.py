@@ -16,11 +16,11 @@ from pkgutil import iter_modules
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NoReturn, TypeAlias
 
-from megalopta.bounded import quoted
-from megalopta.errors import UserError
+from megalopta.core.bounded import quoted
+from megalopta.core.errors import UserError
 
 if TYPE_CHECKING:
-    from megalopta.config import Settings, Words
+    from megalopta.config.settings import Settings, Words
 
 _MOST_DIGITS = 18
 """Of a number that fits into 64 bits"""

@@ -13,6 +13,6 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.showing import write_card
+    from megalopta.report.dataset_card import write_card
 
     print(write_card(options.dataset))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from megalopta.cli.command import Verbs, add_cluster, add_dataset, add_verb
 
 if TYPE_CHECKING:
-    from megalopta.config import Settings
+    from megalopta.config.settings import Settings
 
 
 def declare(verbs: Verbs) -> None:
@@ -19,14 +19,14 @@ def declare(verbs: Verbs) -> None:
 
 
 def _settings() -> "Settings":
-    from megalopta.config import Settings
-    from megalopta.making import Exposing
+    from megalopta.config.settings import Settings
+    from megalopta.generation.exposing import Exposing
 
     return Settings(Exposing())
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.making import expose, load_exposing
+    from megalopta.generation.exposing import expose, load_exposing
 
     wanted = load_exposing(options.overrides)
     print(expose(options.dataset, wanted, options.workers, options.scheduler).root)

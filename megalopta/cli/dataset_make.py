@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from megalopta.cli.command import Verbs, add_cluster, add_out, add_verb
-from megalopta.errors import UserError
+from megalopta.core.errors import UserError
 
 if TYPE_CHECKING:
-    from megalopta.config import Settings
+    from megalopta.config.settings import Settings
 
 
 def declare(verbs: Verbs) -> None:
@@ -27,15 +27,16 @@ def declare(verbs: Verbs) -> None:
 
 
 def _settings() -> "Settings":
-    from megalopta.config import Settings
-    from megalopta.plan import Plan
+    from megalopta.config.recipe import Plan
+    from megalopta.config.settings import Settings
 
     return Settings(Plan())
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.making import dry_run, make, parse_indices
-    from megalopta.plan import load_plan
+    from megalopta.config.recipe import load_plan
+    from megalopta.generation.dry_run import dry_run
+    from megalopta.generation.making import make, parse_indices
 
     plan = load_plan(options.plan, options.overrides)
     if options.only and options.retry:

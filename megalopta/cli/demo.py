@@ -4,7 +4,7 @@ from argparse import Namespace
 
 from megalopta.cli.command import Verbs
 from megalopta.cli.stage_command import add_first_stage, configuration
-from megalopta.errors import UserError
+from megalopta.core.errors import UserError
 
 _RANKED = {
     "methods": "[BM, DIS, PM, PF]",
@@ -49,10 +49,10 @@ def _run(options: Namespace) -> None:
         options.overrides = {**_QUICK, **options.overrides}
     asked = configuration(options)  # refused before the rest is loaded
 
+    from megalopta.benchmark.ranking_folder import FOLDER, run_ranking
     from megalopta.flow.detectors import METHODS
-    from megalopta.ranking import FOLDER, run_ranking
-    from megalopta.report import write_report
-    from megalopta.stages import run_all
+    from megalopta.report.page import write_report
+    from megalopta.stages.pipeline import run_all
 
     dataset = run_all(options.out, asked, options.redo)
     if any(METHODS[name].gives == "velocity" for name in dataset.configuration.methods):

@@ -4,7 +4,7 @@ from argparse import Namespace
 from pathlib import Path
 
 from megalopta.cli.command import Verbs, add_out, add_verb
-from megalopta.errors import UserError
+from megalopta.core.errors import UserError
 
 
 def declare(verbs: Verbs) -> None:
@@ -32,7 +32,9 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.gallery import write_gallery, write_statistics, write_views
+    from megalopta.report.gallery_sheet import write_gallery
+    from megalopta.report.gallery_statistics import write_statistics
+    from megalopta.report.gallery_views import write_views
 
     if options.views and options.statistics:
         raise UserError("gallery: --views and --statistics are two things; give one")

@@ -12,6 +12,6 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.info import describe
+    from megalopta.generation.versions import describe
 
     print(describe())

@@ -13,11 +13,11 @@ from collections.abc import Sequence
 from io import TextIOWrapper
 from typing import NoReturn
 
-from megalopta.bounded import sentence
 from megalopta.cli.overrides import split_overrides
 from megalopta.cli.parser import program
-from megalopta.errors import UserError, machine_problem
-from megalopta.progress import say, working
+from megalopta.core.bounded import sentence
+from megalopta.core.errors import UserError, machine_problem
+from megalopta.core.progress import say, working
 
 try:
     import resource

@@ -4,10 +4,10 @@ from collections.abc import Callable, Collection, Sequence
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
-from megalopta.errors import UserError
+from megalopta.core.errors import UserError
 
 if TYPE_CHECKING:
-    from megalopta.config import Words
+    from megalopta.config.settings import Words
 
 _SIMILAR = 0.7
 """From here on a word is an option mistyped; no setting is as similar to one."""

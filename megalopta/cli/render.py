@@ -16,11 +16,12 @@ def declare(verbs: Verbs) -> None:
 
 def _run(options: Namespace) -> None:
     if options.dry_run:
-        from megalopta.making import dry_run_of_frames
+        from megalopta.generation.dry_run import dry_run_of_frames
 
         print(dry_run_of_frames(options.out, configuration(options)))
         return
-    from megalopta.stages import finish_move, run_stage
+    from megalopta.stages.pipeline import run_stage
+    from megalopta.stages.redo import finish_move
 
     finish_move(options.out)  # which may be the configuration, too
     run_stage(options.out, configuration(options), "render", options.redo)

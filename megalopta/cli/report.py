@@ -12,7 +12,7 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.dataset import open_dataset
-    from megalopta.report import write_report
+    from megalopta.dataset.store import open_sequence
+    from megalopta.report.page import write_report
 
-    print(write_report(open_dataset(options.dataset)))
+    print(write_report(open_sequence(options.dataset)))

@@ -21,7 +21,7 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.figures import reproduce
+    from megalopta.reproduction.drawing import reproduce
 
     for path in reproduce(
         options.figures,

@@ -39,7 +39,8 @@ def add_recordings(command: Command) -> None:
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.calibration import Beam, Source, calibrate_recordings
+    from megalopta.camera.calibration import Beam, calibrate_recordings
+    from megalopta.camera.recorded import Source
 
     sources = [Source.parse(text) for text in options.recordings]
     beam = Beam(options.wavelength_nm, options.beam_area_mm2)

@@ -52,14 +52,10 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.spadcam import (
-        CaptureSettings,
-        capture,
-        find_port,
-        named_sensor,
-        recorded_line,
-        viewing,
-    )
+    from megalopta.camera.capturing import CaptureSettings, capture
+    from megalopta.camera.nominal import named_sensor
+    from megalopta.camera.port import find_port
+    from megalopta.camera.view import recorded_line, viewing
 
     settings = CaptureSettings(
         sensor=named_sensor(options.sensor),

@@ -45,8 +45,9 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.calibration import Beam, Source
-    from megalopta.comparison import compare_captured
+    from megalopta.camera.calibration import Beam
+    from megalopta.camera.comparison import compare_captured
+    from megalopta.camera.recorded import Source
 
     sources = [Source.parse(text, options.format) for text in options.recordings]
     sentence = compare_captured(

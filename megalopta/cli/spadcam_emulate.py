@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from megalopta.cli.command import Verbs, add_verb, finite, whole
-from megalopta.errors import UserError
-from megalopta.progress import say
+from megalopta.core.errors import UserError
+from megalopta.core.progress import say
 
 if TYPE_CHECKING:
-    from megalopta.spadcam import Stimulus
+    from megalopta.camera.stimuli import Stimulus
 
 _LIMITS = {
     "photons": (0.0, 1e15),
@@ -69,8 +69,10 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
+    from megalopta.camera.emulated import EmulatedCamera
+    from megalopta.camera.nominal import named_sensor
+    from megalopta.camera.terminal import EmulatedPort, Faults
     from megalopta.sensor import changed
-    from megalopta.spadcam import EmulatedCamera, EmulatedPort, Faults, named_sensor
 
     given = {name: getattr(options, name) for name in _FAULTS}
     for name, (least, most) in _LIMITS.items():
@@ -101,7 +103,7 @@ def _run(options: Namespace) -> None:
 
 
 def _stimulus(options: Namespace) -> "Stimulus":
-    from megalopta.spadcam import Flat
+    from megalopta.camera.stimuli import Flat
 
     match options.stimulus:
         case "dark":
@@ -112,7 +114,7 @@ def _stimulus(options: Namespace) -> "Stimulus":
             levels = options.photons or (0, 1e6, 2e6, 5e6, 1e7, 2e7)
             return Flat(tuple(map(float, levels)), options.step_s)
         case "plate":
-            from megalopta.spadcam import Plate
+            from megalopta.camera.plate import Plate
 
             return Plate(options.speed)
     folder = Path(options.stimulus)
@@ -120,6 +122,6 @@ def _stimulus(options: Namespace) -> "Stimulus":
         raise UserError(
             f"--stimulus: {options.stimulus}; give dark, flat, steps, plate or a dataset's folder"
         )
-    from megalopta.spadcam import Rendered
+    from megalopta.camera.rendered import Rendered
 
     return Rendered(folder, options.lux)

@@ -32,8 +32,8 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.calibration import Source
-    from megalopta.figures.chapter2 import reproduce_captured
+    from megalopta.camera.recorded import Source
+    from megalopta.reproduction.chapter2_recorded import reproduce_captured
 
     sources = [Source.parse(text) for text in options.recordings]
     for path in reproduce_captured(

@@ -25,7 +25,9 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.spadcam import Told, recorded_line, recover
+    from megalopta.camera.recovering import recover
+    from megalopta.camera.replay import Told
+    from megalopta.camera.view import recorded_line
 
     told = Told(options.kind, options.exposure, options.rate, options.sensor)
     path, record, unknown = recover(options.raw, options.out, told)

@@ -5,11 +5,12 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from megalopta.cli.command import Command, Run, Verbs, add_dataset, add_out, add_verb
-from megalopta.config import built_in_names
-from megalopta.errors import UserError
+from megalopta.config.built_in import built_in_names
+from megalopta.core.errors import UserError
 
 if TYPE_CHECKING:
-    from megalopta.config import Configuration, Settings
+    from megalopta.config.model import Configuration
+    from megalopta.config.settings import Settings
 
 
 def add_first_stage(verbs: Verbs, name: str, purpose: str, run: Run) -> Command:
@@ -35,7 +36,7 @@ def configuration(options: Namespace) -> "Configuration":
 
     "airglow" is a light level and a configuration: at the end of a list it could be either.
     """
-    from megalopta.config import load
+    from megalopta.config.model import load
 
     for path, value in options.overrides.items():
         last = value.rpartition(", ")[2].strip("]")
@@ -59,15 +60,18 @@ def _add_stage(
 
 def _settings(stage: str) -> "Settings":
     """Those that a stage depends on; all for what is no stage."""
-    from megalopta.config import Settings, load
-    from megalopta.stages import STAGES
+    from megalopta.config.model import load
+    from megalopta.config.settings import Settings
+    from megalopta.stages.registry import STAGES
 
     return Settings(load("demo"), STAGES[stage].fields if stage in STAGES else None)
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.config import parse, to_yaml
-    from megalopta.stages import open_dataset_whole, run_stage
+    from megalopta.config.model import parse
+    from megalopta.config.yaml_model import to_yaml
+    from megalopta.stages.pipeline import run_stage
+    from megalopta.stages.redo import open_dataset_whole
 
     stored = to_yaml(open_dataset_whole(options.dataset).configuration)
     changed = parse(stored, str(options.dataset), options.overrides)

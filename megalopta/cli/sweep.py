@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from megalopta.cli.command import Verbs, add_out, add_verb, add_workers
 
 if TYPE_CHECKING:
-    from megalopta.config import Settings
+    from megalopta.config.settings import Settings
 
 
 def declare(verbs: Verbs) -> None:
@@ -24,15 +24,16 @@ def declare(verbs: Verbs) -> None:
 
 
 def _settings() -> "Settings":
-    from megalopta.config import Settings
-    from megalopta.experiments import Sweep
+    from megalopta.benchmark.sweep import Sweep
+    from megalopta.config.settings import Settings
 
     return Settings(Sweep())
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.experiments import announce_sweep, load_sweep
-    from megalopta.figures import reproduce_sweep
+    from megalopta.benchmark.sweep import load_sweep
+    from megalopta.benchmark.sweep_cost import announce_sweep
+    from megalopta.reproduction.drawing import reproduce_sweep
 
     sweep = load_sweep(options.sweep, options.overrides, options.allow_code)
     announce_sweep(sweep)

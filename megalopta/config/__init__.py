@@ -1,5 +1,1 @@
-"""The configuration of a sequence: models, YAML, estimates."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+"""What is asked for: configurations of a sequence, recipes of datasets, YAML."""

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from megalopta.core.record import Record
 from megalopta.flow.benchmark import BenchmarkSettings
 from megalopta.flow.stimuli import Normalization
-from megalopta.record import Record
 
 Reference = Literal["self", "perfect"]
 

@@ -16,13 +16,13 @@ from pydantic import (
     model_validator,
 )
 
-from megalopta.bounded import quoted
 from megalopta.config.built_in import built_in_names, built_in_text
 from megalopta.config.measuring import CalibrationFrames, FlowSettings, SequenceBenchmark
 from megalopta.config.yaml_model import mapping, read_text, validated
+from megalopta.core.bounded import quoted
+from megalopta.core.record import Record
 from megalopta.flow.benchmark import each_once
 from megalopta.flow.detectors import METHODS, THESIS_METHODS
-from megalopta.record import Record
 from megalopta.render import RenderSettings
 from megalopta.scenes import AnyScene, MovingObject, Shutter
 from megalopta.scenes.cameras import AnyCamera, PerspectiveCamera

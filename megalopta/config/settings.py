@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
 
-from megalopta import strict_yaml
+from megalopta.core import strict_yaml
 
 Words = Literal["switch", "one", "all"]
 """How many words a setting takes on the command line; all are those up to the next option."""

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from megalopta.bounded import cut, quoted
+from megalopta.core.bounded import cut, quoted
 
 Location = tuple[int | str, ...]
 _PLAIN_TYPES = ("bool", "int", "float", "str")

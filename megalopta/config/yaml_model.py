@@ -9,9 +9,9 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from megalopta import bounded, strict_yaml
 from megalopta.config.validation import one_sentence
-from megalopta.errors import UserError
+from megalopta.core import bounded, strict_yaml
+from megalopta.core.errors import UserError
 
 Model = TypeVar("Model", bound=BaseModel)
 

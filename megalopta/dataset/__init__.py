@@ -1,5 +1,1 @@
-"""A dataset on disk: its folder, its frames, its formats."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+"""Datasets on disk and in Python: folders, frames, records, lazy arrays."""

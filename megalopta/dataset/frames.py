@@ -7,8 +7,8 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
+from megalopta.core.errors import UserError
 from megalopta.dataset.store import Dataset
-from megalopta.errors import UserError
 from megalopta.render import read_radiance, read_truth
 from megalopta.render.truth import Truth
 

@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 
+from megalopta.core.errors import UserError
 from megalopta.dataset.store import Dataset
-from megalopta.errors import UserError
 from megalopta.render import RegionNoise, RenderNoise, read_attributes
 
 ATTRIBUTE = "monteCarlo"

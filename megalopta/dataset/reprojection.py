@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
-from megalopta import bounded
+from megalopta.core import bounded
+from megalopta.core.errors import UserError
 from megalopta.dataset.store import Dataset
-from megalopta.errors import UserError
 from megalopta.render import Truth
 from megalopta.scenes.forest import Sway
 from megalopta.scenes.world import Motion, ObjectMotion, RigidMotion

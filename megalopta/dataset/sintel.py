@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from megalopta.files import atomic_write
+from megalopta.core.files import atomic_write
 from megalopta.flow.files import write_flo
 from megalopta.render.truth import Truth, out_of_view
 

@@ -23,12 +23,14 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from megalopta import __version__, bounded, files, strict_yaml
-from megalopta.config import Configuration, LightLevel, level_text, one_sentence
-from megalopta.enclosure import check_enclosed
-from megalopta.errors import UserError
-from megalopta.folders import LOCK_NAME
-from megalopta.format_numbers import check_format, written
+from megalopta import __version__
+from megalopta.config.model import Configuration, LightLevel, level_text
+from megalopta.config.validation import one_sentence
+from megalopta.core import bounded, files, strict_yaml
+from megalopta.core.enclosure import check_enclosed
+from megalopta.core.errors import UserError
+from megalopta.core.folders import LOCK_NAME
+from megalopta.core.format_numbers import check_format, written
 from megalopta.sensor import ImageSensor
 
 LICENSE = "CC0-1.0"
@@ -107,7 +109,7 @@ class Dataset:
         return self.root / "results" / self.sequence / name
 
 
-def open_dataset(root: Path) -> Dataset:
+def open_sequence(root: Path) -> Dataset:
     """Open an existing dataset with the configuration it was made from; nothing is changed.
 
     Raises
@@ -155,7 +157,7 @@ def read_dataset(root: Path) -> Dataset:
 def existing(root: Path) -> Dataset | None:
     """The dataset in a folder, None where nothing is. Raises UserError for something else."""
     if (root / "dataset.yaml").exists():
-        return open_dataset(root)
+        return open_sequence(root)
     if root.exists() and (not root.is_dir() or {p.name for p in root.iterdir()} - {LOCK_NAME}):
         raise UserError(f"{root} exists and is no dataset; choose a new folder")
     return None

@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.config import Configuration, LightLevel, light_scale
-from megalopta.dataset import Dataset
-from megalopta.errors import UserError
+from megalopta.config.light_scale import light_scale
+from megalopta.config.model import Configuration, LightLevel
+from megalopta.core.errors import UserError
+from megalopta.dataset.store import Dataset
 from megalopta.report.footage import ReportFrames
 from megalopta.report.records import Record
 from megalopta.scenes.lighting import illuminance_of
@@ -24,7 +25,8 @@ from megalopta.sensor import (
     detected_photons,
     expectation,
 )
-from megalopta.stages import exposures, open_exposure, variances
+from megalopta.stages.noise_warning import variances
+from megalopta.stages.sense import exposures, open_exposure
 
 # Pixels between these percentiles are drawn as the spread of the signal-to-noise ratio.
 _SPREAD_PERCENT = (5, 50, 95)

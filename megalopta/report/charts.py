@@ -13,21 +13,23 @@ from matplotlib.ticker import FuncFormatter
 from matplotlib.typing import LineStyleType
 from numpy.typing import NDArray
 
-from megalopta.figures import (
+from megalopta.flow.metrics import ErrorCurve, Threshold
+from megalopta.plotting.style import (
     BLACK,
     BLUE,
     DASHES,
     MARKERS,
     RULE,
-    in_style,
-    logarithmic,
     method_style,
-    new_axes,
-    to_svg,
     write_at,
 )
-from megalopta.flow.metrics import ErrorCurve, Threshold
-from megalopta.pages import level_name, percent, short
+from megalopta.plotting.svg import (
+    in_style,
+    logarithmic,
+    new_axes,
+    to_svg,
+)
+from megalopta.plotting.text import level_name, percent, short
 from megalopta.report.budget import Budget, by_sensor
 
 # On a telephone the page is as wide as this, so that text keeps its size there.

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from PIL import Image
 
-from megalopta.pages import UNDEFINED
+from megalopta.plotting.text import UNDEFINED
 from megalopta.report.images import Legend, data_uri, stacked
 
 RADIANCE_FILM = "var(--radiance)"

@@ -8,14 +8,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from PIL import Image
 
-from megalopta.arrays import Floats
-from megalopta.config import Configuration, LightLevel
-from megalopta.dataset import Dataset, FlowRecord, ResponseErrors
-from megalopta.errors import UserError
+from megalopta.config.model import Configuration, LightLevel
+from megalopta.core.arrays import Floats
+from megalopta.core.errors import UserError
+from megalopta.dataset.flow_record import FlowRecord, ResponseErrors
+from megalopta.dataset.store import Dataset
 from megalopta.flow.detectors import METHODS, BlockDetector, Detector
 from megalopta.flow.files import flow_to_rgb
 from megalopta.flow.metrics import block_flow
-from megalopta.pages import UNDEFINED, level_name, number, relative_error
+from megalopta.plotting.text import (
+    UNDEFINED,
+    level_name,
+    number,
+    relative_error,
+)
 from megalopta.report.components import Picture, Table, crossed, still
 from megalopta.report.footage import ReportFrames, Selection
 from megalopta.report.images import ColorScale, Legend, map_scale
@@ -23,7 +29,7 @@ from megalopta.report.motion import Wheel
 from megalopta.report.truth import against_truth, rotation_table, split_table
 from megalopta.report.verdicts import VerdictGroup, verdict_group
 from megalopta.sensor import ImageSensor, StoredFrames
-from megalopta.stages import responses_path
+from megalopta.stages.flow import responses_path
 
 _BRIGHT_PERCENTILE = 99.0
 # Bright sky and dark ground answer a thousandfold differently: a root shows both.

@@ -5,15 +5,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from megalopta.arrays import Floats
-from megalopta.config import LightLevel
-from megalopta.dataset import Dataset, FlowRecord, ResponseErrors
-from megalopta.pages import UNDEFINED, level_name, relative_error
+from megalopta.config.model import LightLevel
+from megalopta.core.arrays import Floats
+from megalopta.dataset.flow_record import FlowRecord, ResponseErrors
+from megalopta.dataset.store import Dataset
+from megalopta.plotting.text import UNDEFINED, level_name, relative_error
 from megalopta.report.components import Picture, Table, crossed, still
 from megalopta.report.footage import Selection
 from megalopta.report.images import gray_scale
 from megalopta.sensor import ImageSensor
-from megalopta.stages import open_corrected, open_exposure
+from megalopta.stages.correction import open_corrected
+from megalopta.stages.sense import open_exposure
 
 _WHITE_PERCENTILE = 99.0
 

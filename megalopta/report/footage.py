@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.config import Configuration
-from megalopta.dataset import Dataset, read_radiance_frame, read_truth_frame
+from megalopta.config.model import Configuration
+from megalopta.dataset.frames import read_radiance_frame, read_truth_frame
+from megalopta.dataset.store import Dataset
 from megalopta.render.truth import Truth
 from megalopta.scenes import ToneCurve, preview, white_of
 from megalopta.scenes.spectra import linear_srgb

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from megalopta.pages import (
+from megalopta.plotting.text import (
     UNDEFINED,
     enumerate_words,
     level_name,

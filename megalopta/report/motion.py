@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from megalopta.flow.files import flow_to_rgb, wheel_legend
-from megalopta.pages import percent
+from megalopta.plotting.text import percent
 from megalopta.report.charts import speed_chart
 from megalopta.report.components import Picture, film
 from megalopta.report.footage import ReportFrames

@@ -5,15 +5,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from megalopta import info
-from megalopta.config import Configuration, to_yaml
-from megalopta.dataset import Dataset, FlowRecord
-from megalopta.figures import GLYPHS, method_style, themed
-from megalopta.files import write_text
+from megalopta.config.model import Configuration
+from megalopta.config.yaml_model import to_yaml
+from megalopta.core.files import write_text
+from megalopta.core.progress import say
+from megalopta.dataset.flow_record import FlowRecord
+from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark import BenchmarkResult
 from megalopta.flow.detectors import METHODS
-from megalopta.pages import duration, render_page
-from megalopta.progress import say
+from megalopta.generation import versions
+from megalopta.plotting.style import GLYPHS, method_style
+from megalopta.plotting.svg import themed
+from megalopta.plotting.templates import render_page
+from megalopta.plotting.text import duration
 from megalopta.report.budget import exposed
 from megalopta.report.detectors import DetectorSection, detector_section, first_sentence
 from megalopta.report.device_cost import DeviceCost, device_costs
@@ -36,7 +40,8 @@ from megalopta.report.summary import (
 )
 from megalopta.report.thresholds import ThresholdSection, threshold_section
 from megalopta.report.verdicts import MEANINGS
-from megalopta.stages import STAGES, Ledger
+from megalopta.stages.ledger import Ledger
+from megalopta.stages.registry import STAGES
 
 # Faster than this, or slower, a film cannot be followed.
 _PLAYBACK_HZ = (2.0, 25.0)
@@ -77,7 +82,7 @@ def page(dataset: Dataset) -> str:
     sections = _sections(dataset, footage, record)
     return render_page(
         "megalopta.report",
-        "template.html",
+        "report.html",
         {"duration": duration, "first_sentence": first_sentence},
         dataset=dataset,
         configuration=settings,
@@ -97,7 +102,7 @@ def page(dataset: Dataset) -> str:
         visible=min(settings.render.bands_nm)[0] < _RED_END_NM,
         units=sorted({sensor.unit for sensor in settings.sensors}),
         settings=to_yaml(settings),
-        versions=info.versions(),
+        versions=versions.versions(),
         scene_record=record,
         render_noise=render_noise(record),
         timings={stage: timings[stage] for stage in STAGES if stage in timings},

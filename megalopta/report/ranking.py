@@ -4,8 +4,10 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from megalopta.dataset import Dataset
-from megalopta.ranking import FOLDER, atlas, findings, read_ranking, summary
+from megalopta.benchmark.findings import findings, summary
+from megalopta.benchmark.ranking_charts import atlas
+from megalopta.benchmark.ranking_folder import FOLDER, read_ranking
+from megalopta.dataset.store import Dataset
 
 
 @dataclass(frozen=True)

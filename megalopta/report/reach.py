@@ -4,9 +4,9 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from megalopta.config import LightLevel
-from megalopta.dataset import FlowRecord
-from megalopta.pages import level_name, percent, relative_error
+from megalopta.config.model import LightLevel
+from megalopta.dataset.flow_record import FlowRecord
+from megalopta.plotting.text import level_name, percent, relative_error
 from megalopta.report.verdicts import ACCURATE, LIMIT
 from megalopta.scenes.lighting import illuminance_of
 

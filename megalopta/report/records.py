@@ -9,10 +9,11 @@ from pydantic import FiniteFloat, NonNegativeInt, TypeAdapter, ValidationError
 from pydantic_core import from_json
 from typing_extensions import TypedDict
 
-from megalopta import bounded
-from megalopta.config import level_text
-from megalopta.dataset import Dataset, FlowRecord
-from megalopta.errors import UserError
+from megalopta.config.model import level_text
+from megalopta.core import bounded
+from megalopta.core.errors import UserError
+from megalopta.dataset.flow_record import FlowRecord
+from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark import BenchmarkResult
 from megalopta.flow.detectors import METHODS
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from megalopta.pages import number, percent
+from megalopta.plotting.text import number, percent
 
 _CAUTION = 0.1
 _LITTLE = 1e-3

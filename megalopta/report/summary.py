@@ -4,9 +4,15 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from megalopta.config import Configuration, LightLevel
+from megalopta.config.model import Configuration, LightLevel
 from megalopta.flow.metrics import ErrorCurve, Metric, Threshold, format_flux
-from megalopta.pages import enumerate_words, level_name, level_title, number, plural
+from megalopta.plotting.text import (
+    enumerate_words,
+    level_name,
+    level_title,
+    number,
+    plural,
+)
 from megalopta.report.budget import Budget, by_sensor
 from megalopta.report.motion import MotionSection
 from megalopta.report.verdicts import LIMIT

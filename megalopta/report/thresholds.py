@@ -8,7 +8,7 @@ from markupsafe import Markup
 
 from megalopta.flow.benchmark import BenchmarkResult
 from megalopta.flow.metrics import ErrorCurve, Threshold
-from megalopta.pages import UNDEFINED, enumerate_words, short
+from megalopta.plotting.text import UNDEFINED, enumerate_words, short
 from megalopta.report.budget import Budget
 from megalopta.report.charts import MethodThresholds, error_chart, threshold_chart
 from megalopta.report.components import Table, crossed

@@ -4,10 +4,22 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import TypeVar
 
-from megalopta.config import FlowSettings
-from megalopta.dataset import BlockErrors, FlowRecord, RotationErrors, TruthErrors
+from megalopta.config.measuring import FlowSettings
+from megalopta.dataset.flow_record import (
+    BlockErrors,
+    FlowRecord,
+    RotationErrors,
+    TruthErrors,
+)
 from megalopta.flow.metrics import FAST_PX, OCCLUDED_SHARE, SLOW_PX
-from megalopta.pages import FAILS, SENSELESS, UNDEFINED, level_name, number, percent
+from megalopta.plotting.text import (
+    FAILS,
+    SENSELESS,
+    UNDEFINED,
+    level_name,
+    number,
+    percent,
+)
 from megalopta.report.components import Table, crossed
 
 Value = TypeVar("Value")

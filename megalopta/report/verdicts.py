@@ -9,9 +9,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from megalopta.config import LightLevel
-from megalopta.dataset import FlowRecord, TruthErrors
-from megalopta.pages import level_name, percent, relative_error
+from megalopta.config.model import LightLevel
+from megalopta.dataset.flow_record import FlowRecord, TruthErrors
+from megalopta.plotting.text import level_name, percent, relative_error
 
 ACCURATE = 0.25
 """The thesis's 2-bit accuracy: an error below 2⁻²."""

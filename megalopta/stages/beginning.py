@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from megalopta.config import Configuration, differences
-from megalopta.dataset import Dataset, existing
-from megalopta.errors import UserError
-from megalopta.progress import say
+from megalopta.config.model import Configuration, differences
+from megalopta.core.errors import UserError
+from megalopta.core.progress import say
+from megalopta.dataset.store import Dataset, existing
 from megalopta.stages.ledger import Ledger, stage_configuration
 from megalopta.stages.registry import STAGES, with_dependents
 

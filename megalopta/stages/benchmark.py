@@ -16,9 +16,12 @@ from zipfile import BadZipFile
 import numpy as np
 import zarr
 
-from megalopta import files
-from megalopta.config import Configuration
-from megalopta.dataset import FRAMES_AT_ONCE, Dataset, read_radiance_frames
+from megalopta.config.model import Configuration
+from megalopta.core import files
+from megalopta.core.freshness import code_digest
+from megalopta.core.progress import progress, say
+from megalopta.dataset.frames import FRAMES_AT_ONCE, read_radiance_frames
+from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark import (
     BenchmarkResult,
     Clip,
@@ -28,8 +31,6 @@ from megalopta.flow.benchmark import (
 )
 from megalopta.flow.detectors import METHODS
 from megalopta.flow.metrics import ErrorSums
-from megalopta.freshness import code_digest
-from megalopta.progress import progress, say
 from megalopta.sensor import PRESETS, photon_rate
 from megalopta.stages.declaration import Stage
 

@@ -11,11 +11,12 @@ from pathlib import Path
 import numpy as np
 import zarr
 
-from megalopta import files
-from megalopta.config import LightLevel
-from megalopta.dataset import FRAMES_AT_ONCE, Dataset, exposure_name, write_frames
-from megalopta.errors import UserError
-from megalopta.progress import progress
+from megalopta.config.model import LightLevel
+from megalopta.core import files
+from megalopta.core.errors import UserError
+from megalopta.core.progress import progress
+from megalopta.dataset.frames import FRAMES_AT_ONCE, write_frames
+from megalopta.dataset.store import Dataset, exposure_name
 from megalopta.sensor import ImageSensor, OpenedCounts, Sensor, StoredFrames
 from megalopta.sensor.correct import Calibration, Corrected, correct, simulated_calibration
 from megalopta.sensor.readout import format_attribute

@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from megalopta.config import Configuration
-from megalopta.dataset import Dataset
+from megalopta.config.model import Configuration
+from megalopta.dataset.store import Dataset
 
 
 @dataclass(frozen=True)

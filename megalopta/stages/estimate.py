@@ -10,11 +10,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from megalopta.config import Configuration
-from megalopta.dataset import FRAMES_AT_ONCE
-from megalopta.errors import UserError
+from megalopta.config.model import Configuration
+from megalopta.core.errors import UserError
+from megalopta.core.progress import duration, say
+from megalopta.dataset.frames import FRAMES_AT_ONCE
 from megalopta.flow.benchmark import work_units
-from megalopta.progress import duration, say
 from megalopta.stages.sub_frames import burst_frames
 
 LONGEST_S = 30 * 86400.0

@@ -16,23 +16,19 @@ from typing import cast
 import numpy as np
 import zarr
 
-from megalopta import files
-from megalopta.config import Configuration, FlowSettings, LightLevel, Reference
-from megalopta.dataset import (
-    FRAMES_AT_ONCE,
-    Dataset,
-    FlowRecord,
-    exposure_name,
-    read_truth_frames,
-    write_frames,
-)
-from megalopta.errors import UserError
+from megalopta.config.measuring import FlowSettings, Reference
+from megalopta.config.model import Configuration, LightLevel
+from megalopta.core import files
+from megalopta.core.errors import UserError
+from megalopta.core.freshness import code_digest
+from megalopta.core.progress import progress
+from megalopta.dataset.flow_record import FlowRecord
+from megalopta.dataset.frames import FRAMES_AT_ONCE, read_truth_frames, write_frames
+from megalopta.dataset.store import Dataset, exposure_name
 from megalopta.flow.benchmark import default_warm_up
 from megalopta.flow.detectors import METHODS, BlockDetector, BlockGrid
 from megalopta.flow.egomotion import yaw_rates_deg_s
 from megalopta.flow.metrics import block_flow, block_share
-from megalopta.freshness import code_digest
-from megalopta.progress import progress
 from megalopta.render import Truth
 from megalopta.sensor import ImageSensor, OpenedCounts, StoredFrames
 from megalopta.sensor.readout import format_attribute

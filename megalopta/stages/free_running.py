@@ -1,6 +1,6 @@
 """Arrays that run on from frame to frame: what `sense` asks of them."""
 
-from megalopta.config import Configuration
+from megalopta.config.model import Configuration
 from megalopta.sensor import Sensor
 
 

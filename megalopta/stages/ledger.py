@@ -7,12 +7,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from megalopta import __version__, bounded, files
-from megalopta.config import Configuration
-from megalopta.dataset import Dataset, file_hash, files_in, is_as_written
-from megalopta.errors import UserError
-from megalopta.freshness import digest
-from megalopta.progress import progress
+from megalopta import __version__
+from megalopta.config.model import Configuration
+from megalopta.core import bounded, files
+from megalopta.core.errors import UserError
+from megalopta.core.freshness import digest
+from megalopta.core.progress import progress
+from megalopta.dataset.store import (
+    Dataset,
+    file_hash,
+    files_in,
+    is_as_written,
+)
 from megalopta.stages.origins import provenance, provenance_changes
 from megalopta.stages.registry import STAGES, with_dependents
 

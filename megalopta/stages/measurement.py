@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.flow.detectors import BlockDetector, Detector
 from megalopta.flow.egomotion import YawRateTest
 from megalopta.flow.metrics import (

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.config import Configuration
+from megalopta.config.model import Configuration
 from megalopta.sensor import ImageSensor, detected_photons, expectation
 
 LIMIT = 0.1

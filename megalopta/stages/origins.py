@@ -6,7 +6,7 @@ that was broken off, or a dataset of many sequences, goes on with the same or no
 
 from collections.abc import Mapping
 
-from megalopta.config import Configuration, differences
+from megalopta.config.model import Configuration, differences
 from megalopta.stages.registry import STAGES
 
 

@@ -5,12 +5,17 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from megalopta import files
-from megalopta.config import Configuration
-from megalopta.dataset import Dataset, existing, whole_of, write_configuration
-from megalopta.errors import UserError
-from megalopta.folders import locked
-from megalopta.progress import say
+from megalopta.config.model import Configuration
+from megalopta.core import files
+from megalopta.core.errors import UserError
+from megalopta.core.folders import locked
+from megalopta.core.progress import say
+from megalopta.dataset.store import (
+    Dataset,
+    existing,
+    whole_of,
+    write_configuration,
+)
 from megalopta.stages.beginning import begin_stages
 from megalopta.stages.estimate import announce, refuse_absurd
 from megalopta.stages.ledger import Ledger

@@ -19,10 +19,15 @@ import numpy as np
 from filelock import FileLock, Timeout
 from numpy.typing import NDArray
 
-from megalopta.config import Configuration
-from megalopta.dataset import Dataset, files_in
-from megalopta.folders import cache_folder, ensure_directory
-from megalopta.progress import Spent, silent, step, times_of_steps
+from megalopta.config.model import Configuration
+from megalopta.core.folders import cache_folder, ensure_directory
+from megalopta.core.progress import (
+    Spent,
+    silent,
+    step,
+    times_of_steps,
+)
+from megalopta.dataset.store import Dataset, files_in
 from megalopta.render import MEASURED_EVERY
 from megalopta.render.baking import AT_EQUAL_ERROR, may_pay
 from megalopta.stages.estimate import estimate

@@ -12,19 +12,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from megalopta import bounded, files
-from megalopta.config import Configuration
-from megalopta.dataset import (
+from megalopta.config.model import Configuration
+from megalopta.core import bounded, files
+from megalopta.core.enclosure import check_enclosed, check_no_links
+from megalopta.core.errors import UserError
+from megalopta.core.folders import locked
+from megalopta.dataset.store import (
     REDO_FOLDER,
     Dataset,
     moving_plan,
-    open_dataset,
+    open_sequence,
     read_dataset,
     write_configuration,
 )
-from megalopta.enclosure import check_enclosed, check_no_links
-from megalopta.errors import UserError
-from megalopta.folders import locked
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.origins import provenance
 from megalopta.stages.registry import STAGES
@@ -86,7 +86,7 @@ def complete_redo(root: Path) -> None:
 def finish_move(root: Path) -> None:
     """Complete the move of new output if it was broken off, before a stage works. Raises UserError.
 
-    Reading does not: `open_dataset` refuses such a folder.
+    Reading does not: `open_sequence` refuses such a folder.
     """
     if os.path.lexists(moving_plan(root)):
         check_enclosed(root)
@@ -97,7 +97,7 @@ def finish_move(root: Path) -> None:
 def open_dataset_whole(root: Path) -> Dataset:
     """Open a dataset to work on it, after completing a move that was broken off."""
     finish_move(root)
-    return open_dataset(root)
+    return open_sequence(root)
 
 
 def discard(root: Path) -> None:

@@ -2,7 +2,12 @@
 
 from collections.abc import Collection, Mapping
 
-from megalopta.stages import benchmark, flow, render, sense
+from megalopta.stages import (
+    benchmark,
+    flow,
+    render,
+    sense,
+)
 from megalopta.stages.declaration import Stage
 
 STAGES: Mapping[str, Stage] = {

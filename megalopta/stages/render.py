@@ -10,13 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta import files
-from megalopta.config import Configuration
-from megalopta.dataset import ATTRIBUTE, Dataset, noise_record, sintel
-from megalopta.errors import UserError
-from megalopta.folders import cache_folder
-from megalopta.freshness import BAKE_MODEL, RENDER_MODEL, TRUTH_MODEL
-from megalopta.progress import progress, say, step
+from megalopta.config.model import Configuration
+from megalopta.core import files
+from megalopta.core.errors import UserError
+from megalopta.core.folders import cache_folder
+from megalopta.core.freshness import BAKE_MODEL, RENDER_MODEL, TRUTH_MODEL
+from megalopta.core.progress import progress, say, step
+from megalopta.dataset import sintel
+from megalopta.dataset.rendering_noise import ATTRIBUTE, noise_record
+from megalopta.dataset.store import Dataset
 from megalopta.render import (
     MEASURED_EVERY,
     MeasuredPass,

@@ -18,11 +18,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.config import Configuration, LightLevel, level_text, light_scale
-from megalopta.dataset import Dataset, exposure_name, read_radiance_frames, sintel
-from megalopta.errors import UserError
-from megalopta.freshness import SENSOR_MODEL
-from megalopta.progress import progress, say
+from megalopta.config.light_scale import light_scale
+from megalopta.config.model import Configuration, LightLevel, level_text
+from megalopta.core.errors import UserError
+from megalopta.core.freshness import SENSOR_MODEL
+from megalopta.core.progress import progress, say
+from megalopta.dataset import sintel
+from megalopta.dataset.frames import read_radiance_frames
+from megalopta.dataset.store import Dataset, exposure_name
 from megalopta.scenes import ToneCurve
 from megalopta.scenes.lighting import illuminance_of
 from megalopta.scenes.spectra import encode_srgb

@@ -3,8 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.config import Configuration
-from megalopta.dataset import Dataset, read_radiance_frame, read_truth_frame
+from megalopta.config.model import Configuration
+from megalopta.dataset.frames import read_radiance_frame, read_truth_frame
+from megalopta.dataset.store import Dataset
 from megalopta.sensor.readout import NextFrames
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.progress import step
+from megalopta.core.progress import step
 from megalopta.render import RenderSettings, dr, mi
 from megalopta.render.baking.cells import CellFinder, Cells
 from megalopta.render.baking.choice import BAKE, SAMPLE, cost_reason, samples_of_pixel

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.progress import progress
+from megalopta.core.progress import progress
 from megalopta.render import dr, mi
 from megalopta.render.baking.clusters import Clusters, Voxels
 from megalopta.render.baking.gathering import STRIDE, Gatherer

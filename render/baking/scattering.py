@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.render import Bands
 from megalopta.scenes.spectra import Spectrum, flat
 from megalopta.scenes.world import Material

@@ -10,7 +10,7 @@ whole error, with what is taken of true contrast.
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 
 
 def smoothed(

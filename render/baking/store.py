@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.array_store import ArrayStore
-from megalopta.freshness import BAKE_MODEL, RENDER_MODEL
+from megalopta.core.array_store import ArrayStore
+from megalopta.core.freshness import BAKE_MODEL, RENDER_MODEL
 from megalopta.render import RenderSettings, mi
 from megalopta.render.loading import MergedMesh
 from megalopta.scenes.cameras import Camera

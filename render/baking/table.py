@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.render import dr, mi
 
 FIRST_ROWS = 2**12

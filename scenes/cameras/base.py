@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from megalopta.record import Record
+from megalopta.core.record import Record
 
 Float64 = NDArray[np.float64]
 

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from megalopta import strict_yaml
 from megalopta.assets_gen.plants import Species
+from megalopta.core import strict_yaml
 from megalopta.scenes.forest.plants import Layer, Woody, by_name
 from megalopta.scenes.spectra import leaf_of, reflectance_of
 

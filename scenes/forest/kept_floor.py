@@ -10,7 +10,7 @@ import numpy as np
 
 from megalopta.assets_gen import FloatArray
 from megalopta.assets_gen.ground import Terrain, Trail, Triangulation
-from megalopta.freshness import digest
+from megalopta.core.freshness import digest
 from megalopta.scenes.forest.floor import Floor, make_floor
 from megalopta.scenes.forest.nursery import store_of
 

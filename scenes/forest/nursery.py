@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.array_store import ArrayStore
 from megalopta.assets_gen import TEXTURES, Surface, generator
-from megalopta.folders import cache_folder
-from megalopta.freshness import code_digest, digest
+from megalopta.core.array_store import ArrayStore
+from megalopta.core.folders import cache_folder
+from megalopta.core.freshness import code_digest, digest
 from megalopta.scenes.forest.plants import Organs, Plant, Woody
 from megalopta.scenes.forest.stand import LodLevel
 

@@ -6,8 +6,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from megalopta import strict_yaml
 from megalopta.assets_gen.plants import Detail
+from megalopta.core import strict_yaml
 
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     strict_yaml.load(Path(__file__).with_name("presets.yaml").read_text("utf-8"))

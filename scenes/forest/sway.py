@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from megalopta.assets_gen import generator
-from megalopta.record import Record
+from megalopta.core.record import Record
 from megalopta.scenes.world import Asset, Placement
 
 Float64 = NDArray[np.float64]

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from megalopta.record import Record
+from megalopta.core.record import Record
 from megalopta.scenes.lighting.components import Component, ComponentName, overcast
 from megalopta.scenes.lighting.levels import (
     BRIGHTEST_LUX,

@@ -4,7 +4,7 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from megalopta import strict_yaml
+from megalopta.core import strict_yaml
 from megalopta.scenes.spectra.spectrum import Spectrum
 
 TABLE = Path(__file__).with_name("leaves.yaml")

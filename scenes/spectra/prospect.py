@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta import strict_yaml
+from megalopta.core import strict_yaml
 from megalopta.scenes.spectra.leaves import TABLE, Leaf
 
 TOLERANCE = 0.004

@@ -3,7 +3,7 @@
 from functools import cache
 from pathlib import Path
 
-from megalopta import strict_yaml
+from megalopta.core import strict_yaml
 from megalopta.scenes.spectra.leaves import LEAVES, leaf_of
 from megalopta.scenes.spectra.spectrum import Spectrum
 

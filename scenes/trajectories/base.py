@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from megalopta.record import Record
+from megalopta.core.record import Record
 
 Float64 = NDArray[np.float64]
 # Beyond, squares of lengths leave no digits for a forest, or overflow.

@@ -16,7 +16,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from megalopta.bounded import read_text
+from megalopta.core.bounded import read_text
 from megalopta.scenes.trajectories.base import Float64, Path
 
 COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")

@@ -10,8 +10,8 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, model_validator
 
-from megalopta.bounded import ARRAY_BYTES, read_bytes
-from megalopta.record import Record
+from megalopta.core.bounded import ARRAY_BYTES, read_bytes
+from megalopta.core.record import Record
 
 
 class HashedFile(Record, frozen=True):

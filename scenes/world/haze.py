@@ -16,7 +16,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from megalopta.record import Record
+from megalopta.core.record import Record
 
 CONTRAST = 0.02
 """Of a black object at the visibility, against what is behind it."""

@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from megalopta.record import Record
+from megalopta.core.record import Record
 
 Float64 = NDArray[np.float64]
 Vector = tuple[float, float, float]

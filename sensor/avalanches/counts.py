@@ -11,7 +11,7 @@ The mean and variance of a pixel are those of `moments`, with crosstalk those of
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.avalanches.coupled import coupled_moments
 from megalopta.sensor.avalanches.moments import open_rate, pixel_moments
 from megalopta.sensor.avalanches.simulation import simulate_counts

@@ -32,7 +32,7 @@ the tables of a pixel alone are off comes on top.
 
 import numpy as np
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.avalanches.moments import pixel_moments
 from megalopta.sensor.effects import (
     AvalancheEffects,

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from megalopta.arrays import Floats, Ints
+from megalopta.core.arrays import Floats, Ints
 from megalopta.sensor.avalanches.arrivals import first_blind_until, first_photon, next_photon
 from megalopta.sensor.avalanches.heap import longer, pop, push
 from megalopta.sensor.effects import (

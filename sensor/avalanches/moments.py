@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.avalanches.tables import NODES_PER_DECADE, moment_ratios
 from megalopta.sensor.effects import (
     AvalancheEffects,

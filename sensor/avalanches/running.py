@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.avalanches.simulation import PixelState, SimulatedFrame, simulate_frame
 from megalopta.sensor.effects import AvalancheEffects, AvalancheMaps
 

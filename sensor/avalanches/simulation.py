@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from megalopta.arrays import Floats, Ints
+from megalopta.core.arrays import Floats, Ints
 from megalopta.sensor.avalanches.kernel import KINDS, parameters_of, run_frame
 from megalopta.sensor.effects import AvalancheEffects, AvalancheMaps
 

@@ -21,10 +21,10 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.array_store import ArrayStore
-from megalopta.arrays import Floats
-from megalopta.folders import cache_folder
-from megalopta.freshness import code_digest, digest
+from megalopta.core.array_store import ArrayStore
+from megalopta.core.arrays import Floats
+from megalopta.core.folders import cache_folder
+from megalopta.core.freshness import code_digest, digest
 from megalopta.sensor.avalanches.simulation import simulate_counts, simulate_events
 from megalopta.sensor.effects import AvalancheEffects
 from megalopta.sensor.sampling import generator

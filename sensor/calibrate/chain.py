@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from megalopta.arrays import Floats, Mask
+from megalopta.core.arrays import Floats, Mask
 from megalopta.sensor.calibrate.comb import HIDDEN_AT, comb_period
 from megalopta.sensor.calibrate.comb_fit import CombFit, fit_comb
 from megalopta.sensor.calibrate.curve import Curve

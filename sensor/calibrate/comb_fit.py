@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import gammaln
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.calibrate.comb_errors import covariance_of
 from megalopta.sensor.calibrate.comb_readings import (
     CombState,

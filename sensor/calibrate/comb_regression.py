@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.calibrate.comb_readings import CombState, Readings
 from megalopta.sensor.calibrate.least_squares import (
     columns_of,

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 
 _NUDGE = 1e-4
 

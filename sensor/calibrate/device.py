@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from megalopta.arrays import Floats, Mask
+from megalopta.core.arrays import Floats, Mask
 from megalopta.sensor.calibrate.curve import Curve
 from megalopta.sensor.calibrate.level import Adc, Falls, Level
 from megalopta.sensor.calibrate.neighbors import Kernel

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import chi2
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 
 
 def garwood_interval(counts: ArrayLike, confidence: float = 0.95) -> tuple[Floats, Floats]:

@@ -5,7 +5,7 @@ Weights and numbers of events are (k, E): of each reading, k numbers that it may
 
 import numpy as np
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.calibrate.comb_readings import CombState, Readings
 
 

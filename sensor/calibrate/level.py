@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.arrays import Floats, Ints
+from megalopta.core.arrays import Floats, Ints
 
 _DEVIATIONS_ABOVE_BOTTOM = 6.0
 _DEEPEST = 0.95

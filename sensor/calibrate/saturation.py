@@ -17,7 +17,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 
 DeadTimeKind = Literal["paralyzable", "nonparalyzable"]
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import t
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 
 
 class Difference(NamedTuple):

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 
 _FEWEST = 12.0
 _ENTRIES_AT_ONCE = 4_000_000

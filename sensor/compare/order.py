@@ -14,7 +14,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 from scipy.stats import rankdata
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 
 _CLEARLY = 6.0
 _SYMMETRIES = {

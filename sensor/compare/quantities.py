@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.arrays import Floats, Mask
+from megalopta.core.arrays import Floats, Mask
 from megalopta.sensor.compare.counted import CountedFrames
 
 BLOCKS = 20

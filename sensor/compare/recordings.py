@@ -6,7 +6,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.compare.counted import CountedFrames
 from megalopta.sensor.compare.equivalence import Difference, difference
 from megalopta.sensor.compare.histograms import Distances, distances_by_chance, histogram_test

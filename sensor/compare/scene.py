@@ -8,7 +8,7 @@ block, since the scene is the same in both.
 
 import numpy as np
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.compare.counted import CountedFrames
 from megalopta.sensor.compare.equivalence import Difference, difference
 from megalopta.sensor.compare.quantities import BLOCKS

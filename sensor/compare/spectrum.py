@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 
 SEGMENT = 32
 BANDS = 4

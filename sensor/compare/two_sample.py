@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binom, false_discovery_control, norm, t
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 
 _FEW_COUNTS = 200.0
 _LEAST_MEAN = 2.0

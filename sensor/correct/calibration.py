@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor import expose_rate
 from megalopta.sensor.correct.defects import hot_pixels
 from megalopta.sensor.correct.response_curve import ResponseCurve, response_curve

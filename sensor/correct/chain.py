@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from megalopta.arrays import Floats, Mask
+from megalopta.core.arrays import Floats, Mask
 from megalopta.sensor.correct.calibration import Calibration
 from megalopta.sensor.correct.defects import filled_in
 

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.ndimage import convolve
 
-from megalopta.arrays import Floats, Mask
+from megalopta.core.arrays import Floats, Mask
 
 _WEIGHTS = np.array([[0.5, 1.0, 0.5], [1.0, 0.0, 1.0], [0.5, 1.0, 0.5]])
 

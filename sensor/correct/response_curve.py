@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor import MeasuredMaps, changed, reading_moments, without
 from megalopta.sensor.effects import MOST_ARRIVALS
 from megalopta.sensor.spad import Sensor

@@ -32,7 +32,7 @@ from typing import Annotated, ClassVar, Literal, NamedTuple, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.counters.digital import DigitalCounter
 from megalopta.sensor.effects import Effect, Stage
 from megalopta.sensor.sampling import pixel_normals

@@ -22,7 +22,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.counters.analog import AnalogCounter, AnalogPixels, assumed_pixels
 from megalopta.sensor.counters.conversion import fall, largest_count, spread, voltages
 from megalopta.sensor.counters.digital import DigitalCounter

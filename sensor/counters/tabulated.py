@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.counters.analog import AnalogCounter, AnalogPixels, assumed_pixels
 from megalopta.sensor.counters.conversion import voltages
 from megalopta.sensor.counters.moments import pixel_of, read_of

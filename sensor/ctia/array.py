@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtr
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.ctia.integration import Pixel, discharge
 from megalopta.sensor.ctia.model import CtiaSensor, pixels
 from megalopta.sensor.ctia.noise import draw_noise, noise_variance

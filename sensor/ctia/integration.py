@@ -29,7 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.ctia.photodiode import (
     Photodiode,
     Reals,

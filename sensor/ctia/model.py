@@ -13,7 +13,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.ctia.bias import Bias, FixedBias, drift_rate, trimmed_bias
 from megalopta.sensor.ctia.integration import Pixel, gain_from_db
 from megalopta.sensor.ctia.noise import CtiaNoise

@@ -19,7 +19,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, Field
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.ctia.integration import Pixel, discharge, reverse_bias, start
 from megalopta.sensor.ctia.photodiode import (
     BOLTZMANN_J_K,

@@ -31,7 +31,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 from scipy.linalg import expm
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.effects.base import Effect, PixelRates, Stage
 from megalopta.sensor.effects.mismatch import draw_mismatch
 

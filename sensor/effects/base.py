@@ -15,7 +15,7 @@ from typing import ClassVar
 import numpy as np
 from pydantic import BaseModel
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 
 
 class Stage(IntEnum):

@@ -18,7 +18,7 @@ from functools import lru_cache
 import numpy as np
 from numba import njit
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 
 REACH = 3
 """Largest distance along a row or column that crosstalk goes at once, pixels."""

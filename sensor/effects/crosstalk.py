@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 from scipy.ndimage import convolve
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.effects.base import Effect, PixelRates, Stage
 from megalopta.sensor.effects.branching import REACH, summed_squares
 from megalopta.sensor.effects.mismatch import draw_mismatch

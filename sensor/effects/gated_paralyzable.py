@@ -18,7 +18,7 @@ of a long exposure one period is integrated and the others are added.
 import numpy as np
 from numba import njit
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 
 
 def moments(

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from pydantic import Field, model_validator
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.effects.base import Effect, Stage
 
 

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.effects.base import PixelRates
 from megalopta.sensor.sampling import pixel_normals
 

@@ -34,7 +34,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.special import gammainc
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 
 _SETTLED = 45.0
 _TAIL = 40

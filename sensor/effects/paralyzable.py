@@ -40,7 +40,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.special import lambertw
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 
 _HARDLY_ANY_LOST = 0.5
 

@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.files import atomic_write
+from megalopta.core.files import atomic_write
 from megalopta.sensor.formats.event_stream import (
     EventOrigin,
     StoredEvents,

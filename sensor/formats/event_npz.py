@@ -15,7 +15,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.files import atomic_write, remove
+from megalopta.core.files import atomic_write, remove
 from megalopta.sensor.formats.event_stream import (
     EventOrigin,
     StoredEvents,

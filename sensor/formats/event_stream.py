@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.format_numbers import check_format, written
+from megalopta.core.format_numbers import check_format, written
 from megalopta.sensor.readout import Events
 
 PICOSECONDS = 1e12

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.files import atomic_write
+from megalopta.core.files import atomic_write
 from megalopta.sensor.formats.layout import PackedLayout, unpack_frames
 from megalopta.sensor.formats.record import RecordedFrames, file_bytes, wanted
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.bounded import check_file
+from megalopta.core.bounded import check_file
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

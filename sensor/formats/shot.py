@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor import Exposure, changed
 from megalopta.sensor.avalanches import FreeRunning
 from megalopta.sensor.readout import (

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.files import atomic_write
+from megalopta.core.files import atomic_write
 from megalopta.sensor.formats.layout import PackedLayout, unpack_frames
 from megalopta.sensor.formats.raw_bits import raw_frames
 from megalopta.sensor.formats.record import RecordedFrames

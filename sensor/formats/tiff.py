@@ -15,7 +15,7 @@ import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
-from megalopta.files import atomic_write
+from megalopta.core.files import atomic_write
 from megalopta.sensor.formats.record import RecordedFrames, file_bytes, wanted
 
 _LARGEST_TIFF = 4 * 10**9

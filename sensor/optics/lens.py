@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 from scipy.ndimage import gaussian_filter
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.effects import Effect, Stage
 from megalopta.sensor.optics.transmission import Transmission
 

@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.avalanches import FreeRunning, running_array
 from megalopta.sensor.effects import open_fraction, part_weights
 from megalopta.sensor.readout.chance import CHANCE_ERROR, chance

@@ -15,7 +15,7 @@ import zarr
 from numpy.typing import DTypeLike, NDArray
 from zarr.codecs import BloscCodec
 
-from megalopta.files import write_text
+from megalopta.core.files import write_text
 from megalopta.sensor.readout.store import READINGS, Origin, store_attributes, unit_of
 
 _CHUNK_FRAMES = 4096

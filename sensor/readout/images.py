@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from megalopta.arrays import Floats
-from megalopta.plug_ins import plug_ins
+from megalopta.core.arrays import Floats
+from megalopta.core.plug_ins import plug_ins
 from megalopta.sensor import Expectation, Exposure
 from megalopta.sensor.ctia import (
     CTIA_PRESETS,

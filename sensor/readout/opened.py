@@ -12,8 +12,8 @@ import zarr
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
-from megalopta.errors import DamagedFileError
-from megalopta.format_numbers import check_format
+from megalopta.core.errors import DamagedFileError
+from megalopta.core.format_numbers import check_format
 from megalopta.sensor import Expectation, Exposure
 from megalopta.sensor.readout.images import ImageSensor
 from megalopta.sensor.readout.store import (

@@ -18,8 +18,8 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 
-from megalopta.files import atomic_write
-from megalopta.format_numbers import written
+from megalopta.core.files import atomic_write
+from megalopta.core.format_numbers import written
 from megalopta.sensor import Exposure
 from megalopta.sensor.readout.images import ImageSensor
 

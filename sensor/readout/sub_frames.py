@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

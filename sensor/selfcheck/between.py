@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor import sub_frames
 from megalopta.sensor.selfcheck.comparison import Row, exact_row
 

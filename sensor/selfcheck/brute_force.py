@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.effects import AvalancheEffects, AvalancheMaps, Crosstalk
 
 _MOST_PENDING = 4096

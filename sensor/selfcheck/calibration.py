@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor import changed, preset
 from megalopta.sensor.correct import calibrate, hot_pixels
 from megalopta.sensor.counters import DigitalCounter

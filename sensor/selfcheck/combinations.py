@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.avalanches import (
     MEAN_ERROR,
     VARIANCE_ERROR,

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 
 LARGEST_Z = 5.0
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.constants import e, k
 from scipy.integrate import solve_ivp
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor import changed
 from megalopta.sensor.ctia import (
     CtiaNoise,

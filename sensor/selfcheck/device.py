@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import pdtr
 from scipy.stats import norm, truncnorm
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor import changed
 from megalopta.sensor.effects import (
     Afterpulsing,

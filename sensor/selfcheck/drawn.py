@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import gammainc
 from scipy.stats import chi2, norm, poisson
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.avalanches import draw_counts
 from megalopta.sensor.effects import (
     AvalancheEffects,

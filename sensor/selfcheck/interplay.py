@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor import changed
 from megalopta.sensor.avalanches import MEAN_ERROR, VARIANCE_ERROR
 from megalopta.sensor.effects import Afterpulsing, Crosstalk, DarkCounts, DeadTime, Gate, Jitter

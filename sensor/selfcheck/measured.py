@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from scipy.stats import chi2, norm
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor import changed
 from megalopta.sensor.counters import AnalogCounter
 from megalopta.sensor.effects import Afterpulsing, Bias, Crosstalk, DeadTime

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor import changed
 from megalopta.sensor.effects import DeadTime
 from megalopta.sensor.readout import expose_binary, expose_events, unpack

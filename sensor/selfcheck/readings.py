@@ -7,7 +7,7 @@ import numpy as np
 from scipy.special import comb
 from scipy.stats import poisson
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor import changed, event_moments
 from megalopta.sensor.counters import AnalogCounter, DigitalCounter
 from megalopta.sensor.ctia import (

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from scipy.special import gammainc, lambertw
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.effects import AvalancheEffects
 
 _SIGMAS, _EVENTS, _CLUMPS = 8, 12, 20

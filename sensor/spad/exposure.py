@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor import Exposure
 from megalopta.sensor.avalanches import FreeRunning, draw_counts, running_array
 from megalopta.sensor.counters import (

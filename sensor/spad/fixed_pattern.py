@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.counters import AnalogCounter, AnalogPixels, analog_pixels
 from megalopta.sensor.effects import MOST_ARRIVALS, AvalancheMaps, PixelRates
 from megalopta.sensor.spad.model import MOST_OFFSPRING, Sensor

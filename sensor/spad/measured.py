@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, model_validator
 
-from megalopta.arrays import Floats, plain_array
+from megalopta.core.arrays import Floats, plain_array
 from megalopta.sensor import file_content
 from megalopta.sensor.counters import AnalogPixels
 from megalopta.sensor.effects import AvalancheMaps, Effect, PixelRates, Stage

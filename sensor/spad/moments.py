@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor import Expectation
 from megalopta.sensor.avalanches import count_moments
 from megalopta.sensor.optics import photon_rate

@@ -52,8 +52,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from megalopta import strict_yaml
-from megalopta.bounded import cut, quoted, read_text
+from megalopta.core import strict_yaml
+from megalopta.core.bounded import cut, quoted, read_text
 from megalopta.sensor import merged
 from megalopta.sensor.counters import AnalogCounter
 from megalopta.sensor.effects import Bias, Crosstalk, DarkCounts, DeadTime

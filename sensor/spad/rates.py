@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.effects import MOST_ARRIVALS
 from megalopta.sensor.optics import check_brightness, detected_rate
 from megalopta.sensor.spad.fixed_pattern import FixedPattern, draw_fixed_pattern

@@ -9,7 +9,7 @@ anew with every frame.
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.arrays import Floats
+from megalopta.core.arrays import Floats
 from megalopta.sensor.avalanches import FreeRunning, SimulatedFrame
 from megalopta.sensor.change import changed
 from megalopta.sensor.effects import check_arrivals

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.bounded import printable
+from megalopta.core.bounded import printable
 from megalopta.sensor.spadcam.packets import Kind, Packet
 
 ROWS = COLUMNS = 16

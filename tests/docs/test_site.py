@@ -5,7 +5,7 @@ import json
 
 import pytest
 
-from megalopta.config import Configuration
+from megalopta.config.model import Configuration
 
 from .pages import DOCS
 

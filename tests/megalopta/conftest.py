@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from filelock import FileLock
 
-from megalopta.config import load
-from megalopta.making import make
-from megalopta.plan import Plan
-from megalopta.stages import run_all
+from megalopta.config.model import load
+from megalopta.config.recipe import Plan
+from megalopta.generation.making import make
+from megalopta.stages.pipeline import run_all
 
 TINY = {
     "camera.width": "48",

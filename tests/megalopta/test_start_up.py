@@ -68,7 +68,7 @@ def test_a_room_loads_what_it_uses(code, absent):
 
 
 def test_work_without_a_terminal_draws_no_bar():
-    code = "from megalopta.progress import progress\nwith progress('x', 1, 'step') as on: on()"
+    code = "from megalopta.core.progress import progress\nwith progress('x', 1, 'step') as on: on()"
     assert not loaded(code) & FILES
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from megalopta import info
+from megalopta.generation import versions
 from megalopta.render import variant
 from megalopta.render.variant import TRIED_LLVM, choose_variant, find_llvm, llvm_version
 
@@ -51,7 +51,7 @@ def render_in_a_process_of_its_own(library=None, before=""):
 @pytest.fixture
 def unbound(monkeypatch):
     """As if Dr.Jit were not imported yet: a library is searched."""
-    for module in (variant, info):
+    for module in (variant, versions):
         monkeypatch.setattr(module, "llvm_in_use", find_llvm)
 
 
@@ -134,8 +134,8 @@ def test_cuda_is_taken_only_where_it_is_asked_for(monkeypatch):
 
 @pytest.mark.parametrize("answers", [True, False])
 def test_info_says_in_one_line_why_cuda_is_not_used_and_how_to_ask_for_it(monkeypatch, answers):
-    monkeypatch.setattr(info, "has_cuda_device", lambda: answers)
-    lines = [line for line in info.describe().splitlines() if line.startswith("cuda")]
+    monkeypatch.setattr(versions, "has_cuda_device", lambda: answers)
+    lines = [line for line in versions.describe().splitlines() if line.startswith("cuda")]
     assert len(lines) == answers
     assert all("not been compared" in line and "--render.backend cuda" in line for line in lines)
 
@@ -143,7 +143,7 @@ def test_info_says_in_one_line_why_cuda_is_not_used_and_how_to_ask_for_it(monkey
 def test_info_names_the_library_in_use_and_its_version(monkeypatch, unbound):
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/somewhere/libLLVM.so")
     monkeypatch.setattr(variant, "llvm_version", lambda _: (21, 1, 8))
-    assert "libLLVM       21.1.8, /somewhere/libLLVM.so" in info.describe().splitlines()
+    assert "libLLVM       21.1.8, /somewhere/libLLVM.so" in versions.describe().splitlines()
 
 
 @pytest.fixture

@@ -1,8 +1,11 @@
 import numpy as np
 import pytest
 
-from megalopta.experiments import GratingTemplate, Sweep, Trial, detections, ranked, run
-from megalopta.experiments.leaderboard import FRAMES, SIZE_PX
+from megalopta.benchmark.detection import detections
+from megalopta.benchmark.leaderboard import FRAMES, SIZE_PX, ranked
+from megalopta.benchmark.runner import run
+from megalopta.benchmark.sweep import Sweep
+from megalopta.benchmark.trial import GratingTemplate, Trial
 from megalopta.flow import (
     METHODS,
     BenchmarkSettings,

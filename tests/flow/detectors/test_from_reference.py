@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from megalopta.errors import UserError
+from megalopta.core.errors import UserError
 from megalopta.flow.detectors import method
 
 

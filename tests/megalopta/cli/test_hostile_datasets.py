@@ -16,7 +16,7 @@ import pytest
 import yaml
 
 from megalopta.cli import main as cli
-from megalopta.dataset import file_hash
+from megalopta.dataset.store import file_hash
 
 LONGEST_S = 10
 """Of processor time, that a refusal may take"""

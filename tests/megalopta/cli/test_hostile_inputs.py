@@ -23,9 +23,11 @@ import yaml
 from PIL import Image
 
 from megalopta.cli import main as cli
-from megalopta.config import load, settings_of, to_yaml
+from megalopta.config.model import load
+from megalopta.config.recipe import Plan
+from megalopta.config.settings import settings_of
+from megalopta.config.yaml_model import to_yaml
 from megalopta.flow.files import read_flow, write_flo, write_flo5, write_kitti_png
-from megalopta.plan import Plan
 from megalopta.sensor import PRESETS
 from megalopta.sensor.formats import read_events, read_frames
 

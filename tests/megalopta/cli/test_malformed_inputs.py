@@ -15,9 +15,12 @@ import pytest
 import yaml
 
 from megalopta.cli import main as cli
-from megalopta.config import load, settings_of, to_yaml
+from megalopta.config.model import load
+from megalopta.config.settings import settings_of
+from megalopta.config.yaml_model import to_yaml
 from megalopta.sensor import PRESETS
-from megalopta.stages import STAGES, run_stage
+from megalopta.stages.pipeline import run_stage
+from megalopta.stages.registry import STAGES
 
 pytestmark = pytest.mark.slow
 

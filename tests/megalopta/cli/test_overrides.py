@@ -1,10 +1,11 @@
 import pytest
 
+from megalopta.benchmark.sweep import Sweep
 from megalopta.cli.overrides import split_overrides
 from megalopta.cli.parser import program
-from megalopta.config import Settings, load
-from megalopta.errors import UserError
-from megalopta.experiments import Sweep
+from megalopta.config.model import load
+from megalopta.config.settings import Settings
+from megalopta.core.errors import UserError
 
 OWN = ("--out", "--redo")
 DEMO = Settings(load("demo")).takes

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta.config import FlowSettings
+from megalopta.config.measuring import FlowSettings
 
 PURITY = np.array([0.0, 0.4, 0.75, 1.0])
 

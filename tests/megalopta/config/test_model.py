@@ -6,7 +6,7 @@ import yaml
 
 from megalopta.config.model import built_in_names, differences, load, parse
 from megalopta.config.yaml_model import to_yaml
-from megalopta.errors import UserError
+from megalopta.core.errors import UserError
 from megalopta.scenes.forest import Forest
 from megalopta.scenes.world import Haze
 

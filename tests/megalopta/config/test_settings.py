@@ -2,7 +2,8 @@
 
 from itertools import pairwise
 
-from megalopta.config import Settings, load
+from megalopta.config.model import load
+from megalopta.config.settings import Settings
 
 
 def test_help_lists_every_setting_with_a_meaning():

@@ -2,10 +2,10 @@
 
 import pytest
 
+from megalopta.benchmark.sweep import Sweep
 from megalopta.config.model import load, parse
 from megalopta.config.yaml_model import mapping, validated
-from megalopta.errors import UserError
-from megalopta.experiments import Sweep
+from megalopta.core.errors import UserError
 
 
 @pytest.mark.parametrize(

@@ -4,9 +4,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from megalopta.figures import BLACK, RULE, method_style, themed
 from megalopta.flow.detectors import METHODS
 from megalopta.flow.metrics import ErrorCurve, Threshold
+from megalopta.plotting.style import BLACK, RULE, method_style
+from megalopta.plotting.svg import themed
 from megalopta.report.budget import Budget
 from megalopta.report.charts import (
     MethodThresholds,

@@ -12,9 +12,9 @@ import pytest
 import zarr
 
 from megalopta.cli import main as cli
-from megalopta.config import Configuration, load
-from megalopta.dataset import Dataset
-from megalopta.errors import UserError
+from megalopta.config.model import Configuration, load
+from megalopta.core.errors import UserError
+from megalopta.dataset.store import Dataset
 from megalopta.report import page as report_page
 from megalopta.report.budget import exposed
 from megalopta.report.footage import read_footage, select
@@ -22,7 +22,10 @@ from megalopta.report.page import write_report
 from megalopta.report.records import read_benchmark, read_records
 from megalopta.sensor import PRESETS, DigitalCounter
 from megalopta.sensor.spad import active_effects
-from megalopta.stages import STAGES, Ledger, responses_path, run_all, run_stage
+from megalopta.stages.flow import responses_path
+from megalopta.stages.ledger import Ledger
+from megalopta.stages.pipeline import run_all, run_stage
+from megalopta.stages.registry import STAGES
 
 from ..accessibility import needs_axe, violations
 

@@ -1,6 +1,6 @@
 """The first finding names the best method and the darkest light at which it is still accurate."""
 
-from megalopta.dataset import FlowRecord
+from megalopta.dataset.flow_record import FlowRecord
 from megalopta.report.reach import reach_findings
 
 

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import pytest
 
-from megalopta.config import Configuration
+from megalopta.config.model import Configuration
 from megalopta.flow.metrics import ErrorCurve, Threshold
 from megalopta.report.budget import Budget
 from megalopta.report.motion import MotionSection, Wheel

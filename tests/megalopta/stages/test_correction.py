@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import megalopta
-from megalopta.config import load
-from megalopta.errors import UserError
+from megalopta.config.model import load
+from megalopta.core.errors import UserError
 from megalopta.sensor.correct import correct, simulated_calibration
-from megalopta.stages import run_stage
+from megalopta.stages.pipeline import run_stage
 
 SETTINGS = {
     "camera.width": "24",

@@ -7,11 +7,11 @@ import pytest
 import zarr
 from scipy.ndimage import binary_erosion
 
-from megalopta.config import light_scale, load, parse
-from megalopta.config.model import built_in_names
-from megalopta.dataset import read_radiance_frames, read_truth_frames
-from megalopta.errors import UserError
-from megalopta.report import write_report
+from megalopta.config.light_scale import light_scale
+from megalopta.config.model import built_in_names, load, parse
+from megalopta.core.errors import UserError
+from megalopta.dataset.frames import read_radiance_frames, read_truth_frames
+from megalopta.report.page import write_report
 from megalopta.scenes.spectra import MOONLESS_ZENITH
 from megalopta.sensor import (
     CtiaSensor,

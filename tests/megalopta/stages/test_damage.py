@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from megalopta.cli import main as cli
-from megalopta.dataset import open_dataset
-from megalopta.stages import Ledger, run_stage
+from megalopta.dataset.store import open_sequence
+from megalopta.stages.ledger import Ledger
+from megalopta.stages.pipeline import run_stage
 
 from .test_pipeline import content
 
@@ -87,7 +88,7 @@ def test_damage_to_what_a_stage_needs_is_named(whole_copy, tmp_path, capsys):
 
 
 def test_a_hash_is_computed_once_while_nothing_changes(whole_copy, monkeypatch):
-    dataset, opened = open_dataset(whole_copy), []
+    dataset, opened = open_sequence(whole_copy), []
     Ledger(dataset).finished()
     monkeypatch.setattr("hashlib.file_digest", lambda *given: opened.append(given))
     run_stage(whole_copy, dataset.configuration, "flow")

@@ -4,9 +4,9 @@ import shutil
 
 import pytest
 
-from megalopta.config import load
-from megalopta.errors import UserError
-from megalopta.experiments import Sweep
+from megalopta.benchmark.sweep import Sweep
+from megalopta.config.model import load
+from megalopta.core.errors import UserError
 from megalopta.stages import estimate
 from megalopta.stages.estimate import announce, refuse_absurd, size
 from megalopta.stages.pipeline import run_all, run_stage

@@ -5,9 +5,9 @@ import re
 
 import pytest
 
-from megalopta.config import Configuration, load
+from megalopta.config.model import Configuration, load
 from megalopta.flow.detectors import METHODS, THESIS_METHODS
-from megalopta.report import write_report
+from megalopta.report.page import write_report
 from megalopta.stages.pipeline import run_stage
 
 from ..conftest import TINY

@@ -7,11 +7,11 @@ import yaml
 import zarr
 
 from megalopta.cli import main as cli
-from megalopta.dataset import open_dataset
-from megalopta.errors import UserError
-from megalopta.format_numbers import written
+from megalopta.core.errors import UserError
+from megalopta.core.format_numbers import written
+from megalopta.dataset.store import open_sequence
 from megalopta.sensor import StoredFrames, open_counts
-from megalopta.stages import Ledger
+from megalopta.stages.ledger import Ledger
 
 COUNTS = "counts/grating/spadcam-starlight.zarr"
 STORES = (COUNTS, "results/grating/responses/spadcam-starlight.zarr")
@@ -61,4 +61,4 @@ def test_a_dataset_from_before_there_were_numbers_is_read(whole_copy):
     for line in lines:
         del line["provenance"]
     manifest.write_text("".join(f"{json.dumps(line)}\n" for line in lines))
-    assert Ledger(open_dataset(whole_copy)).finished() == ["render", "sense", "flow", "benchmark"]
+    assert Ledger(open_sequence(whole_copy)).finished() == ["render", "sense", "flow", "benchmark"]

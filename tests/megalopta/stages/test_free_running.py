@@ -7,9 +7,10 @@ import pytest
 import zarr
 
 from megalopta.cli import main
-from megalopta.config import load
-from megalopta.dataset import FRAMES_AT_ONCE, open_dataset
-from megalopta.errors import UserError
+from megalopta.config.model import load
+from megalopta.core.errors import UserError
+from megalopta.dataset.frames import FRAMES_AT_ONCE
+from megalopta.dataset.store import open_sequence
 from megalopta.sensor.formats import read_events, read_frames
 from megalopta.sensor.readout import histogram
 from megalopta.stages.estimate import estimate
@@ -61,7 +62,7 @@ def beside(root, suffix):
 
 
 def stored(root):
-    dataset = open_dataset(root)
+    dataset = open_sequence(root)
     return open_exposure(dataset, dataset.configuration.sensors[0], LEVEL)
 
 
@@ -121,7 +122,7 @@ def test_what_a_kill_left_out_is_made_again_alike(running):
     before = [path.read_bytes() for path in products]
     for path in products:
         path.unlink()
-    sense(open_dataset(running))
+    sense(open_sequence(running))
     assert [path.read_bytes() for path in products] == before
 
 

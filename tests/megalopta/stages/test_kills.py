@@ -16,8 +16,9 @@ import numpy as np
 import pytest
 
 from megalopta.cli import main
-from megalopta.config import load, to_yaml
-from megalopta.dataset import open_dataset
+from megalopta.config.model import load
+from megalopta.config.yaml_model import to_yaml
+from megalopta.dataset.store import open_sequence
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_all
 
@@ -107,13 +108,13 @@ def command(stage, root, *, redo=False):
 @pytest.mark.slow  # test_pipeline.py interrupts every stage in its own process
 def test_a_killed_stage_ends_like_an_undisturbed_one(finished, tmp_path, stage, redo):
     rng = np.random.default_rng([len(stage), redo])
-    configuration = open_dataset(finished).configuration
+    configuration = open_sequence(finished).configuration
     for name in ("undisturbed", "killed"):
         root = tmp_path / name / "data"
         shutil.copytree(finished, root)
         (root.parent / "start.yaml").write_text(to_yaml(configuration))
         if not redo:
-            Ledger(open_dataset(root)).forget(stage)
+            Ledger(open_sequence(root)).forget(stage)
     undisturbed, killed = (tmp_path / name / "data" for name in ("undisturbed", "killed"))
     before = content(killed)
     began = time.perf_counter()
@@ -137,7 +138,7 @@ def test_a_killed_stage_ends_like_an_undisturbed_one(finished, tmp_path, stage, 
 
 @pytest.mark.slow  # tests/megalopta/test_folders.py has two processes before one lock
 def test_two_processes_on_one_dataset_do_not_meet(finished, tmp_path, capsys):
-    root, configuration = tmp_path / "data", open_dataset(finished).configuration
+    root, configuration = tmp_path / "data", open_sequence(finished).configuration
     (tmp_path / "start.yaml").write_text(to_yaml(configuration))
     command = ("render", tmp_path / "start.yaml", "--out", root)
     process = start(*command)

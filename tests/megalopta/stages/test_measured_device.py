@@ -12,9 +12,9 @@ import pytest
 import yaml
 
 from megalopta.cli import main as cli
-from megalopta.config import load
-from megalopta.dataset import open_dataset
-from megalopta.errors import UserError
+from megalopta.config.model import load
+from megalopta.core.errors import UserError
+from megalopta.dataset.store import open_sequence
 from megalopta.sensor import read_counts
 from megalopta.stages.pipeline import run_all, run_stage
 
@@ -100,7 +100,7 @@ def test_the_dataset_describes_the_device_without_its_yaml_and_curve(folder, mon
     before = content(folder / "data")
     for name in ("device.yaml", "pde.csv"):
         (folder / name).unlink()
-    (sensor,) = open_dataset(folder / "data").configuration.sensors
+    (sensor,) = open_sequence(folder / "data").configuration.sensors
     assert sensor.measured.dark_counts.path == str(folder / "dark.npy")
     assert sensor.efficiency.values == (0.1, 0.2)
     monkeypatch.chdir(os.sep)

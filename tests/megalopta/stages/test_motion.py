@@ -7,16 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from megalopta.checks.footprint import footprint_residuals
-from megalopta.checks.truth import check_truth
 from megalopta.cli import main as cli
-from megalopta.config import load
-from megalopta.dataset import open_dataset, read_radiance_frames, read_truth_frames
-from megalopta.errors import UserError
+from megalopta.config.model import load
+from megalopta.core.errors import UserError
+from megalopta.dataset.frames import read_radiance_frames, read_truth_frames
+from megalopta.dataset.store import open_sequence
 from megalopta.render import read_attributes, read_radiance, read_truth, write_truth
 from megalopta.sensor import expectation, read_counts
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_stage
+from megalopta.verification.footprint import footprint_residuals
+from megalopta.verification.truth import check_truth
 
 OBJECTS = (
     "[{name: crate, position_m: [3, 0.3, 1.5], motion: {velocity_m_s: [0, -2, 0.4], "
@@ -89,13 +90,13 @@ def test_wrong_flow_fails_the_check(moving, tmp_path, wrong, failing, capsys):
     root = tmp_path / "data"
     shutil.copytree(moving.root, root)
     for index in (0, 1):
-        source = open_dataset(root).truth(index)
+        source = open_sequence(root).truth(index)
         truth, header = read_truth(source), read_attributes(source)
         values = {**vars(truth), "flow_forward": wrong(truth.flow_forward)}
         kept = {name: header[name] for name in ("camera", "cameraToWorld", "timeSeconds")}
         write_truth(source, type(truth)(**values), (0, 0, 1), kept)
-    Ledger(open_dataset(root)).finish("render")
-    assert any(failing in row.name for row in check_truth(open_dataset(root)) if not row.passed)
+    Ledger(open_sequence(root)).finish("render")
+    assert any(failing in row.name for row in check_truth(open_sequence(root)) if not row.passed)
     with pytest.raises(SystemExit) as stopped:
         cli.main(["check", "truth", str(root)])
     assert stopped.value.code == 1
@@ -208,7 +209,7 @@ def test_a_rolling_shutter_over_moving_objects_has_its_truth(tmp_path):
 
 def test_a_render_with_a_shutter_is_resumed_to_the_same_bytes(moving, tmp_path):
     shutil.copytree(moving.root, tmp_path / "data")
-    dataset = open_dataset(tmp_path / "data")
+    dataset = open_sequence(tmp_path / "data")
     lost = dataset.exposed_radiance(1)
     before = lost.read_bytes()
     lost.unlink()

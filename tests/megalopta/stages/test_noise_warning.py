@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta.config import load
+from megalopta.config.model import load
 from megalopta.render import neighbor_differences
 from megalopta.sensor import IMAGE_SENSORS, changed, detected_photons, expectation
 from megalopta.stages.noise_warning import LIMIT, noise_share, noise_warning

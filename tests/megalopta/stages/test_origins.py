@@ -1,6 +1,7 @@
 """What a stage's output depends on beside its settings."""
 
-from megalopta.stages import STAGES, provenance, provenance_changes
+from megalopta.stages.origins import provenance, provenance_changes
+from megalopta.stages.registry import STAGES
 
 
 def test_frames_depend_on_variant_and_libraries(tiny):

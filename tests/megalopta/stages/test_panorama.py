@@ -6,10 +6,10 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from megalopta.config import load
-from megalopta.errors import UserError
+from megalopta.config.model import load
+from megalopta.core.errors import UserError
 from megalopta.render import read_radiance, read_truth
-from megalopta.report import write_report
+from megalopta.report.page import write_report
 from megalopta.scenes.cameras import CylindricalCamera
 from megalopta.stages.pipeline import run_all, run_stage
 

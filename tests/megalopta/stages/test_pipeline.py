@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 import zarr
 
-from megalopta.checks import run_check_files
-from megalopta.checks.integrity import check_files
 from megalopta.cli import main as cli
-from megalopta.config import light_scale, load
-from megalopta.dataset import open_dataset
-from megalopta.errors import UserError
+from megalopta.config.light_scale import light_scale
+from megalopta.config.model import load
+from megalopta.core.errors import UserError
+from megalopta.dataset.store import open_sequence
 from megalopta.flow.benchmark import sequence as benchmark
 from megalopta.flow.files import read_flo
 from megalopta.flow.stimuli import draw_counts
@@ -22,10 +21,13 @@ from megalopta.render import read_radiance, read_truth
 from megalopta.scenes.lighting import LEVELS
 from megalopta.scenes.spectra import Spectrum, luminous
 from megalopta.sensor import expectation, read_counts
-from megalopta.stages import STAGES as ORDER, Ledger, flow as stage_flow, registry
+from megalopta.stages import flow as stage_flow, registry
+from megalopta.stages.ledger import Ledger
 from megalopta.stages.measurement import Measurement
 from megalopta.stages.pipeline import run_all, run_stage
+from megalopta.stages.registry import STAGES as ORDER
 from megalopta.stages.render import FrameWriter
+from megalopta.verification.integrity import check_files, run_check_files
 
 
 @pytest.fixture(scope="session")
@@ -37,7 +39,7 @@ def finished(tiny, tmp_path_factory):
 @pytest.fixture
 def copy(finished, tmp_path):
     shutil.copytree(finished.root, tmp_path / "data")
-    return open_dataset(tmp_path / "data")
+    return open_sequence(tmp_path / "data")
 
 
 def content(root):
@@ -129,7 +131,7 @@ def test_light_raises_no_error_in_bright_light(finished):
 
 
 def test_every_seed_and_setting_is_in_the_dataset(finished):
-    assert open_dataset(finished.root).configuration == finished.configuration
+    assert open_sequence(finished.root).configuration == finished.configuration
 
 
 def test_a_second_run_changes_no_byte(copy):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from filelock import FileLock
 
-from megalopta.config import load
+from megalopta.config.model import load
 from megalopta.stages.probing import Probe, Scale, foresee, probe, probe_folder
 
 

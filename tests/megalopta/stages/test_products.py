@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from megalopta.config import load
-from megalopta.dataset import Dataset
-from megalopta.errors import UserError
+from megalopta.config.model import load
+from megalopta.core.errors import UserError
+from megalopta.dataset.store import Dataset
 from megalopta.render import write_radiance
 from megalopta.sensor import Crosstalk, ctia_preset, preset
 from megalopta.sensor.formats import Shot, check_product, read_events, read_frames

@@ -8,8 +8,11 @@ from pathlib import Path
 import pytest
 
 from megalopta.cli import main as cli
-from megalopta.dataset import open_dataset
-from megalopta.stages import Ledger, open_dataset_whole, redo, run_stage
+from megalopta.dataset.store import open_sequence
+from megalopta.stages import redo
+from megalopta.stages.ledger import Ledger
+from megalopta.stages.pipeline import run_stage
+from megalopta.stages.redo import open_dataset_whole
 
 from .test_pipeline import content
 
@@ -22,7 +25,7 @@ def test_what_depends_on_new_output_survives_the_next_redo(whole_copy):
     run("sense", whole_copy, "--redo", "--light-levels", "[twilight]", "--sensors", "[ideal]")
     assert not (whole_copy / "results/grating/flow.json").exists()
     run("flow", whole_copy, "--redo", "--methods", "[LK]")
-    dataset = open_dataset(whole_copy)
+    dataset = open_sequence(whole_copy)
     assert Ledger(dataset).is_finished("flow")
     (record,) = json.loads(dataset.result("flow.json").read_text("utf-8"))
     assert (record["method"], record["sensor"], record["level"]) == ("LK", "ideal", "twilight")
@@ -33,7 +36,7 @@ def test_what_depends_on_new_output_survives_the_next_redo(whole_copy):
 @pytest.fixture
 def broken(whole_copy, monkeypatch):
     """A dataset whose new counts were about to move when the program stopped."""
-    configuration = open_dataset(whole_copy).configuration
+    configuration = open_sequence(whole_copy).configuration
     changed = configuration.model_copy(update={"light_levels": (0.5,)})
 
     def killed(root):
@@ -59,7 +62,7 @@ def test_who_only_reads_does_not_finish_a_move(broken, verb, capsys):
 
 def test_the_command_that_is_told_finishes_a_move(broken):
     run("render", broken, "--out", broken)
-    dataset = open_dataset(broken)
+    dataset = open_sequence(broken)
     assert dataset.configuration.light_levels == (0.5,)
     assert Ledger(dataset).finished() == ["render", "sense", "benchmark"]
     assert not (broken / ".redo").exists()

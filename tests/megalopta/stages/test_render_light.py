@@ -7,8 +7,8 @@ import OpenEXR
 import pytest
 import trimesh
 
-from megalopta.config import load, parse
-from megalopta.errors import UserError
+from megalopta.config.model import load, parse
+from megalopta.core.errors import UserError
 from megalopta.render import read_attributes, read_radiance
 from megalopta.scenes.spectra import flat
 from megalopta.scenes.world import Asset, Material, Placement, Scene

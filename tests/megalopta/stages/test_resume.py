@@ -5,9 +5,12 @@ import json
 
 import pytest
 
-from megalopta.dataset import open_dataset
-from megalopta.errors import UserError
-from megalopta.stages import STAGES, Ledger, registry, run_stage
+from megalopta.core.errors import UserError
+from megalopta.dataset.store import open_sequence
+from megalopta.stages import registry
+from megalopta.stages.ledger import Ledger
+from megalopta.stages.pipeline import run_stage
+from megalopta.stages.registry import STAGES
 from megalopta.stages.render import FrameWriter
 
 from .test_pipeline import content
@@ -26,8 +29,8 @@ def begun(whole, tmp_path, monkeypatch):
     root = tmp_path / "begun"
     with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
         patched.setattr(FrameWriter, "write", interrupted)
-        run_stage(root, open_dataset(whole).configuration, "render")
-    return open_dataset(root)
+        run_stage(root, open_sequence(whole).configuration, "render")
+    return open_sequence(root)
 
 
 def with_backend(configuration, backend):
@@ -55,12 +58,12 @@ def test_with_the_same_it_goes_on_to_the_same_bytes(begun, whole):
     found = content(begun.root / "radiance") | content(begun.root / "truth")
     assert found == expected
     (line,) = Ledger(begun).manifest()
-    assert line == Ledger(open_dataset(whole)).manifest()[0]
+    assert line == Ledger(open_sequence(whole)).manifest()[0]
 
 
 def test_a_finished_stage_is_kept_whatever_made_it(whole_copy, capsys):
     before = content(whole_copy)
-    scalar = with_backend(open_dataset(whole_copy).configuration, "scalar")
+    scalar = with_backend(open_sequence(whole_copy).configuration, "scalar")
     run_stage(whole_copy, scalar, "render")
     assert "has it already" in capsys.readouterr().err
     assert content(whole_copy).keys() == before.keys()
@@ -69,7 +72,7 @@ def test_a_finished_stage_is_kept_whatever_made_it(whole_copy, capsys):
 
 @pytest.mark.parametrize("what", ["model", "machinery"])
 def test_counts_of_two_sensor_models_or_libraries_are_not_mixed(whole_copy, monkeypatch, what):
-    dataset = open_dataset(whole_copy)
+    dataset = open_sequence(whole_copy)
     Ledger(dataset).forget("sense")
     Ledger(dataset).begin("sense")
     (whole_copy / "counts/grating/spadcam-starlight.zarr").mkdir(parents=True)  # one of several
@@ -86,7 +89,7 @@ def test_counts_of_two_sensor_models_or_libraries_are_not_mixed(whole_copy, monk
 
 
 def test_a_damaged_frame_is_not_replaced_by_another_renderers(whole_copy):
-    dataset = open_dataset(whole_copy)
+    dataset = open_sequence(whole_copy)
     if "llvm" not in STAGES["render"].machinery(dataset.configuration):
         pytest.skip("no LLVM here")
     dataset.radiance(1).write_bytes(bytes(dataset.radiance(1).stat().st_size))
@@ -95,7 +98,7 @@ def test_a_damaged_frame_is_not_replaced_by_another_renderers(whole_copy):
 
 
 def test_a_stage_of_which_nothing_came_is_not_remembered(whole_copy):
-    dataset = open_dataset(whole_copy)
+    dataset = open_sequence(whole_copy)
     Ledger(dataset).forget("render")
     Ledger(dataset).begin("render")
     Ledger(dataset).withdraw("render")

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from megalopta.cli import main
-from megalopta.config import load
-from megalopta.dataset import open_dataset
-from megalopta.errors import UserError
+from megalopta.config.model import load
+from megalopta.core.errors import UserError
+from megalopta.dataset.store import open_sequence
 from megalopta.sensor.formats import read_events, read_frames
 from megalopta.stages.estimate import estimate
 from megalopta.stages.pipeline import run_stage
@@ -60,7 +60,7 @@ def fast(tmp_path_factory):
 
 
 def mean_events(root):
-    dataset = open_dataset(root)
+    dataset = open_sequence(root)
     opened = open_exposure(dataset, dataset.configuration.sensors[0], LEVEL)
     return opened.exposure().expectation.mean_events.astype(float)
 
@@ -115,7 +115,7 @@ def test_events_carry_the_motion(moving, fast):
 
 
 def test_what_a_kill_left_out_is_made_again_alike(moving):
-    dataset = open_dataset(moving)
+    dataset = open_sequence(moving)
     products = [beside(moving, end) for end in (".burst.npy", ".events.npz")]
     before = [path.read_bytes() for path in products]
     for path in products:

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta import strict_yaml
+from megalopta.core import strict_yaml
 from megalopta.scenes.spectra.leaves import LEAVES, TABLE, leaf_of
 from megalopta.scenes.spectra.prospect import TOLERANCE, computed, tabulated
 

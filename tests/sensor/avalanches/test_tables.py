@@ -17,7 +17,7 @@ EFFECTS = AvalancheEffects(
 @pytest.fixture
 def after_a_start(tmp_path, monkeypatch):
     """Ratios at 10 arrivals as a program finds them that has just started, and what it computed."""
-    monkeypatch.setattr("megalopta.folders.user_cache_path", lambda *_, **__: tmp_path)
+    monkeypatch.setattr("megalopta.core.folders.user_cache_path", lambda *_, **__: tmp_path)
 
     def start():
         computed = []

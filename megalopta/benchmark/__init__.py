@@ -1,0 +1,1 @@
+"""Motion detectors compared: rankings, scores, boards, thresholds of photons."""

@@ -1,0 +1,171 @@
+"""Pictures of a ranking: curves, the grid of poolings, the atlas, flow fields."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from megalopta.benchmark.pooling import Pooling
+from megalopta.benchmark.ranking_errors import STILL
+from megalopta.benchmark.ranking_record import BOUND, Ranking
+from megalopta.benchmark.ranking_truth import (
+    PARALLAX_PX,
+    RANGES,
+    SPEEDS_PX,
+    cell_name,
+)
+from megalopta.core.arrays import Floats
+from megalopta.flow.files import flow_to_rgb
+from megalopta.plotting.style import BLACK, GRAY, method_style
+from megalopta.plotting.svg import in_style, to_svg
+from megalopta.plotting.text import number
+
+_LUX = np.logspace(-4, 5, 91)
+_EXPOSURES_S = np.logspace(-4, 0, 41)
+_WHITE = 1.0
+
+
+@in_style
+def error_curves(ranking: Ranking, pooling: Pooling, group: str) -> Markup:
+    """Mean endpoint error over photons, a curve per method with its interval."""
+    figure = Figure(figsize=(5.3, 4.2), layout="constrained")
+    axes = figure.add_subplot()
+    fluxes = sorted(ranking.settings.fluxes)
+    for name in (*ranking.settings.methods, STILL, BOUND):
+        keys = [(pooling, flux, group, name) for flux in fluxes]
+        found = [ranking.error_of(*key) for key in keys]
+        at = [flux for flux, each in zip(fluxes, found, strict=True) if each]
+        mean, low, high = np.array(
+            [(each.mean, each.low, each.high) for each in found if each], float
+        ).T
+        if name in (STILL, BOUND):
+            dash = ":" if name == STILL else "--"
+            axes.plot(at, mean, color=BLACK, linestyle=dash, linewidth=1.2, label=name)
+        else:
+            style = method_style(name)
+            axes.fill_between(at, low, high, color=style["color"], alpha=0.2, linewidth=0)
+            axes.plot(at, mean, **style, markersize=4, label=name)
+    axes.set(
+        xscale="log",
+        yscale="log",
+        xlabel="photons per frame",
+        ylabel="mean endpoint error (px per frame)",
+        title=f"{group}; {pooling}",
+    )
+    axes.grid(True)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    name = f"errors-{group}-{pooling.pixels}-{pooling.frames}".replace(" ", "-").replace(",", "")
+    return to_svg(figure, name, f"Endpoint error of every method over photons: {group}, {pooling}")
+
+
+@in_style
+def pooling_grid(ranking: Ranking) -> Markup:
+    """The best method, and its error, at every pooling and number of photons."""
+    settings = ranking.settings
+    poolings = [Pooling(p, f) for p in settings.pixels_pooled for f in settings.frames_pooled]
+    fluxes = sorted(settings.fluxes)
+    figure = Figure(
+        figsize=(max(4.5, 1.2 + 1.5 * len(poolings)), 1 + 0.55 * len(fluxes)), layout="constrained"
+    )
+    axes = figure.add_subplot()
+    colors = np.ones((len(fluxes), len(poolings), 3))
+    for row, flux in enumerate(fluxes):
+        for column, pooling in enumerate(poolings):
+            best = ranking.best_of(pooling, flux, "all")
+            if best is None:
+                continue
+            error = ranking.error_of(pooling, flux, "all", best.method)
+            colors[row, column] = _shade(best.method, best.is_sure)
+            text = f"{best.method}\n{error.mean if error else math.nan:.2g} px"
+            axes.text(column, row, text, ha="center", va="center", fontsize=9.5, color=BLACK)
+    axes.imshow(colors, aspect="auto", origin="lower")
+    axes.set_xticks(range(len(poolings)), [str(each).replace(", ", "\n") for each in poolings])
+    axes.set_yticks(range(len(fluxes)), [number(flux) for flux in fluxes])
+    axes.set(ylabel="photons per frame", title="best method by pooling")
+    axes.grid(False)
+    return to_svg(figure, "pooling", "The best method at every pooling and number of photons")
+
+
+@in_style
+def atlas(ranking: Ranking) -> Markup:
+    """The best method over illuminance and exposure, a panel for each speed and parallax."""
+    figure = Figure(figsize=(8.6, 8.8), layout="constrained")
+    panels = figure.subplots(3, 3, sharex=True, sharey=True)
+    shown: dict[str, None] = {}
+    for row, speed in enumerate(reversed(RANGES)):
+        for column, parallax in enumerate(RANGES):
+            axes = panels[row, column]
+            shown |= _panel(axes, ranking, cell_name(speed, parallax))
+            if row == 0:
+                axes.set_title(f"parallax {_range(PARALLAX_PX, column)}")
+            if row == 2:
+                axes.set_xlabel("exposure (s)")
+            if column == 0:
+                axes.set_ylabel(f"speed {_range(SPEEDS_PX, 2 - row)}\n\nilluminance (lux)")
+    patches = [Patch(color=tuple(_shade(name, True)), label=name) for name in shown]
+    figure.legend(handles=patches, loc="outside lower center", ncols=6)
+    return to_svg(figure, "atlas", "The best method over illuminance, exposure, speed and parallax")
+
+
+@in_style
+def flow_fields(
+    fields: Mapping[str, Sequence[Floats]], fluxes: Sequence[float], speed: float
+) -> Markup:
+    """Velocities of one pair of frames: the truth, and each method at each number of photons."""
+    rows, columns = len(fields), max(len(each) for each in fields.values())
+    figure = Figure(figsize=(0.9 + 1.7 * columns, 1.6 * rows), layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False)
+    for row, (name, flows) in enumerate(fields.items()):
+        for column in range(columns):
+            axes = panels[row, column]
+            axes.set(xticks=[], yticks=[])
+            axes.grid(False)
+            if column < len(flows):
+                axes.imshow(flow_to_rgb(flows[column], speed), interpolation="nearest")
+            else:
+                axes.set_axis_off()
+            if row == 0 and column == 0:
+                axes.set_title("truth")
+            elif row == 1:
+                axes.set_title(f"{number(fluxes[column])} photons", fontsize=10)
+        panels[row, 0].set_ylabel(name)
+    return to_svg(figure, "fields", "Flow of one pair of frames: truth, and methods over photons")
+
+
+def _panel(axes: Axes, ranking: Ranking, group: str) -> dict[str, None]:
+    fluxes = np.array(sorted(ranking.settings.fluxes))
+    shown: dict[str, None] = {}
+    colors = np.full((len(_LUX), len(_EXPOSURES_S), 3), _WHITE)
+    flux = ranking.photons_per_lux_s * np.outer(_LUX, _EXPOSURES_S)
+    nearest = np.argmin(np.abs(np.log(flux[..., np.newaxis] / fluxes)), axis=-1)
+    half = np.sqrt(fluxes[1] / fluxes[0]) if len(fluxes) > 1 else 3.0
+    measured = (flux > fluxes[0] / half) & (flux < fluxes[-1] * half)
+    for place, each in enumerate(fluxes):
+        best = ranking.best_of(ranking.settings.finest, float(each), group)
+        if best is not None:
+            shown[best.method] = None
+            colors[measured & (nearest == place)] = _shade(best.method, best.is_sure)
+    edges = [_EXPOSURES_S[0], _EXPOSURES_S[-1], _LUX[0], _LUX[-1]]
+    axes.pcolormesh(_EXPOSURES_S, _LUX, colors, shading="nearest", rasterized=True)
+    axes.set(xscale="log", yscale="log", xlim=edges[:2], ylim=edges[2:])
+    axes.grid(False)
+    if not shown:
+        axes.text(0.5, 0.5, "no blocks", transform=axes.transAxes, ha="center", color=GRAY)
+    return shown
+
+
+def _shade(method: str, is_sure: bool) -> Floats:
+    """Color of a method, paler where the data cannot tell it from the next."""
+    color = np.array(to_rgb(GRAY if method == STILL else method_style(method)["color"]))
+    share = 0.75 if is_sure else 0.3
+    return np.asarray(share * color + (1 - share))
+
+
+def _range(bounds: tuple[float, float], place: int) -> str:
+    low, high = bounds
+    return (f"below {low:g} px", f"{low:g} to {high:g} px", f"above {high:g} px")[place]

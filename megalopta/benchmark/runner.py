@@ -1,0 +1,154 @@
+"""Trials run side by side, each stored as soon as it is done.
+
+A result is found again by the hash of all that it depends on: the trial, the pixels of its template
+and the code that measures. So a run that was killed goes on where it stopped, figures share trials,
+and no stale result is ever used. Any `concurrent.futures` executor does: threads (the kernels
+release Python's lock), processes, or that of a Dask cluster, `Client.get_executor()`.
+"""
+
+import inspect
+import json
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+
+from megalopta.benchmark import trial
+from megalopta.benchmark.trial import (
+    Template,
+    Trial,
+    measure,
+    template_names,
+)
+from megalopta.core import files
+from megalopta.core.arrays import Floats
+from megalopta.core.errors import UserError
+from megalopta.core.folders import ensure_directory, locked
+from megalopta.core.freshness import code_digest, digest
+from megalopta.core.progress import progress
+from megalopta.flow.detectors import Detector
+from megalopta.flow.metrics import ErrorCurve
+from megalopta.flow.stimuli import BlackFrameError
+from megalopta.generation.cluster import connected
+
+Curves = tuple[ErrorCurve, ...]
+Results = Mapping[Trial, Curves]
+
+
+def run_trials(
+    trials: Iterable[Trial],
+    templates: Mapping[Template, Floats],
+    store: Path,
+    executor: Executor,
+    on_progress: Callable[[int], object] = lambda work: None,
+) -> dict[Trial, Curves]:
+    """Return the error curves of all trials; each is run once, however often it comes.
+
+    Results are stored in a folder, made if it does not exist; `on_progress` gets the work done
+    since its last call, in the units of `work_units`. Raises UserError when a template cannot be
+    measured, such as one with a black frame.
+    """
+    ensure_directory(store)
+    results: dict[Trial, Curves] = {}
+    running: dict[Future[Curves], tuple[Trial, Path]] = {}
+    hashes = {template: digest(pixels.tobytes()) for template, pixels in templates.items()}
+    # the longest first, so that no worker is left alone with one at the end
+    for each in sorted(set(trials), key=lambda trial: (-trial.size, trial.model_dump_json())):
+        template = hashes[each.template]
+        parts = each.model_dump_json(), template, _code(), *_methods(each)
+        path = store / f"{digest(*parts)}.json"
+        if (stored := _read(path)) is None:
+            stimulus = digest(json.dumps(each.stimulus), template)
+            running[executor.submit(measure, each, templates[each.template], stimulus)] = each, path
+        else:
+            results[each] = stored
+            on_progress(_work(each))
+    try:
+        for future in as_completed(running):
+            each, path = running[future]
+            try:
+                results[each] = future.result()
+            except BlackFrameError as problem:
+                raise UserError(f"{template_names([each.template])[0]}: {problem}") from None
+            _write(path, each, results[each])
+            on_progress(_work(each))
+    finally:
+        for future in running:
+            future.cancel()
+    return results
+
+
+def run(
+    trials: Sequence[Trial],
+    templates: Mapping[Template, Floats],
+    store: Path,
+    workers: int | None = None,
+    scheduler: str | None = None,
+) -> dict[Trial, Curves]:
+    """`run_trials` by threads, one for each core by default, or a Dask cluster; shows a bar."""
+    if not trials:
+        return {}
+    with locked(store):
+        files.sweep(store)
+        with (
+            _executor(workers, scheduler) as executor,
+            progress("Searching photon thresholds", work_units(trials), "kpixel") as advance,
+        ):
+            return run_trials(trials, templates, store, executor, advance)
+
+
+@contextmanager
+def _executor(workers: int | None, scheduler: str | None) -> Iterator[Executor]:
+    if scheduler is not None:
+        with connected(scheduler) as client:
+            yield client.get_executor()
+        return
+    threads = ThreadPoolExecutor(workers or os.cpu_count())
+    try:
+        yield threads
+    finally:
+        # who interrupts does not wait for trials that are half done
+        threads.shutdown(wait=False, cancel_futures=True)
+
+
+def work_units(trials: Iterable[Trial]) -> int:
+    """Return the work of trials: the thousands of pixels in one frame of each."""
+    return sum(map(_work, set(trials)))
+
+
+def _work(trial: Trial) -> int:
+    return max(1, trial.size**2 // 1000)
+
+
+def _code() -> str:
+    """Return the hash of the code that measures, and of the libraries that it measures with."""
+    return code_digest("megalopta.flow", "megalopta.sensor.sampling", trial.__name__)
+
+
+def _methods(trial: Trial) -> list[str]:
+    """Return parameters and code of the detectors, which may be other packages'."""
+    return [each.model_dump_json() + _source(type(each)) for each in trial.detectors]
+
+
+@cache
+def _source(detector: type[Detector]) -> str:
+    return Path(inspect.getfile(detector)).read_text("utf-8")
+
+
+def _read(path: Path) -> Curves | None:
+    """Return what is stored; None where there is nothing, or a file that is damaged."""
+    try:
+        record = json.loads(path.read_text("utf-8"))
+        return tuple(ErrorCurve.from_dict(fields) for fields in record["curves"])
+    except (FileNotFoundError, ValueError, LookupError, TypeError, AttributeError):
+        return None
+
+
+def _write(path: Path, trial: Trial, curves: Curves) -> None:
+    record = {
+        "trial": trial.model_dump(mode="json"),
+        "curves": [curve.to_dict() for curve in curves],
+    }
+    files.write_json(path, record)

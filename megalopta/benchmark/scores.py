@@ -1,0 +1,169 @@
+"""Scores of a folder of flow, or of a method: by sequence and overall, for every pass."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import FiniteFloat, NonNegativeInt, PositiveInt
+
+from megalopta.benchmark.answers import Answers, answers_of, name_of
+from megalopta.benchmark.pairing import TrueFlow, Truths, true_flows
+from megalopta.core.errors import UserError
+from megalopta.core.format_numbers import written
+from megalopta.core.freshness import digest
+from megalopta.core.pictures import read_picture
+from megalopta.core.progress import progress
+from megalopta.core.record import Record
+from megalopta.dataset.store import file_hash
+from megalopta.flow.detectors import Method
+from megalopta.flow.files import read_flow
+from megalopta.flow.metrics import GROUPS, DenseError, DenseErrors
+
+Number = FiniteFloat | None
+"""None where no pixel is of the group"""
+
+
+class GroupErrors(Record, frozen=True):
+    """Errors of a group of pixels: the fields of `flow.metrics.DenseError`."""
+
+    pixels: NonNegativeInt
+    epe_px: Number
+    epe_of_images_px: Number
+    epe_rms_px: Number
+    over_1px_percent: Number
+    over_3px_percent: Number
+    over_5px_percent: Number
+    fl_percent: Number
+    wauc_percent: Number
+    angular_deg: Number
+    missing_percent: Number
+
+
+Groups = Mapping[str, GroupErrors]
+"""By group of pixels, of `flow.metrics.GROUPS`"""
+
+
+class Entry(Record, frozen=True):
+    """A program's flow over one pass, as a line of the leaderboard."""
+
+    format: NonNegativeInt = written("scores")
+    """Of this line (`format_numbers`)"""
+    program: str
+    pass_name: str
+    """Sintel's "clean" or "final"; empty where there is none"""
+    truth: str
+    """Name of the folder of the true flow"""
+    truth_hash: str
+    """Of all its files: only entries with the same one can be compared"""
+    frames: PositiveInt
+    overall: Groups
+
+
+class Scores(Record, frozen=True):
+    """An entry for each pass, and the errors of every sequence."""
+
+    format: NonNegativeInt = written("scores")
+    """Of this file (`format_numbers`)"""
+    entries: tuple[Entry, ...]
+    sequences: tuple[Mapping[str, Groups], ...]
+    """By name, of each entry"""
+
+
+def score_submission(
+    flow: str | Path | Method, truth: str | Path, program: str | None = None
+) -> Scores:
+    """Score flow against the true flow of a dataset.
+
+    Parameters
+    ----------
+    flow
+        Folder of `.flo`, `.flo5`, `.pfm`, `.npy` or KITTI's PNG files (px per frame), in the
+        layout of Sintel (with or without a folder for each pass), KITTI or Middlebury. Or what
+        finds the flow between two frames, by name, `module:function`, ONNX file, or as a function
+        from Python: it is asked for that of the truth's own frames.
+    truth
+        Folder of a dataset of megalopta, of Sintel, KITTI or Middlebury.
+    program
+        Name of what wrote the flow; that of its folder, or of the method, if left out.
+
+    Raises
+    ------
+    UserError
+        When frames have no file or files no frame, when a file is damaged or of another size.
+    """
+    truth = Path(truth)
+    if not truth.is_dir():
+        raise UserError(f"{truth}: no such folder")
+    truths = true_flows(truth)
+    passes = answers_of(flow, truths)
+    with progress("Scoring flow", len(truths), "frame") as advance:
+        found, digest_of_all = _scored(passes, truths, advance)
+    entries = [
+        Entry(
+            program=program or name_of(flow),
+            pass_name=name,
+            truth=truth.resolve().name,
+            truth_hash=digest_of_all,
+            frames=len(truths),
+            overall=_groups(DenseErrors.joined(by_sequence.values())),
+        )
+        for name, by_sequence in found.items()
+    ]
+    sequences = [
+        {name: _groups(each) for name, each in by_sequence.items()}
+        for by_sequence in found.values()
+    ]
+    return Scores(entries=tuple(entries), sequences=tuple(sequences))
+
+
+def _scored(
+    passes: Mapping[str, Answers], truths: Truths, advance: Callable[[int], object]
+) -> tuple[dict[str, dict[str, DenseErrors]], str]:
+    """Errors by pass and sequence, and a hash of the truth, each frame of which is read once."""
+    found: dict[str, dict[str, DenseErrors]] = {name: {} for name in sorted(passes)}
+    hashes = []
+    for frame, files in sorted(truths.items()):
+        true, occluded = _truth(files)
+        hashes += ["/".join(frame), *(file_hash(path) for path in files if path)]
+        for name, errors in found.items():
+            where, answer = passes[name][frame]
+            try:
+                errors.setdefault(frame.sequence, DenseErrors()).add(answer(), true, occluded)
+            except ValueError as problem:
+                text = str(problem)
+                raise UserError(text if where in text else f"{where}: {text}") from None
+        advance(1)
+    return found, digest(*hashes)
+
+
+def _truth(files: TrueFlow) -> tuple[NDArray[np.float32], NDArray[np.bool_] | None]:
+    try:
+        true, occluded = read_flow(files.flow), None
+        if files.undefined:
+            true[_mask(files.undefined, true.shape)] = np.nan
+        if files.occlusion:
+            occluded = _mask(files.occlusion, true.shape)
+        if files.visible:
+            occluded = np.isnan(read_flow(files.visible)[..., 0])
+    except (ValueError, OSError) as problem:
+        raise UserError(f"the truth cannot be read: {problem}") from None
+    return true, occluded
+
+
+def _mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    mask = read_picture(path, "L") > 0
+    if mask.shape != shape[:2]:
+        raise ValueError(f"{path} is {mask.shape[1]} × {mask.shape[0]} px, its flow is not")
+    return mask
+
+
+def _groups(errors: DenseErrors) -> dict[str, GroupErrors]:
+    return {name: _record(errors.of(name)) for name in GROUPS}
+
+
+def _record(error: DenseError) -> GroupErrors:
+    values = {name: None if math.isnan(value) else value for name, value in asdict(error).items()}
+    return GroupErrors.model_validate(values)

@@ -1,0 +1,210 @@
+"""One trial of the flow benchmark: what moves how, what is measured of it, and how closely.
+
+A trial is plain data that travels to any worker and comes back from YAML; a template is the picture
+that its stimulus is made of.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import (
+    Field,
+    InstanceOf,
+    SerializeAsAny,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+
+from megalopta.assets_gen.stimuli import GratingVariant, moving_cycles, sine_grating
+from megalopta.core.arrays import Floats
+from megalopta.core.record import Record
+from megalopta.flow.benchmark import SearchSettings, each_once, photon_search
+from megalopta.flow.detectors import METHODS, THESIS_METHODS, Detector, IntensityMeasurement, method
+from megalopta.flow.metrics import ErrorCurve
+from megalopta.flow.stimuli import MovingTemplate, ResizeKind, blurred
+
+ROWS = 251
+"""Rows of every template, and columns of a frame before resizing (thesis, §4.2); a prime."""
+
+
+class GratingTemplate(Record, frozen=True):
+    """The 2-D sine grating of the thesis (§4.2.1), 251 × 251."""
+
+    kind: Literal["grating"] = "grating"
+    """Which template this is: grating, or panorama, which has the keys name and coding"""
+
+    cycles_per_frame: Annotated[float, Field(gt=0)] = 5.0
+    """Spatial frequency f (cycles per frame)"""
+
+    contrast: Annotated[float, Field(gt=0, le=1)] = 0.9
+    """Michelson contrast C"""
+
+    phases_rad: tuple[float, float] = (0.0, 0.0)
+    """Phases of its two factors (rad)"""
+
+    variant: GratingVariant = "rot"
+    """rot: as the thesis writes, √2·f moving cycles and a seam; periodic: exactly f, no seam"""
+
+    @property
+    def moving_cycles(self) -> float:
+        """Cycles per frame of the part that moves."""
+        return moving_cycles(self.cycles_per_frame, self.variant)
+
+    def pixels(self) -> Floats:
+        """Return the template, (251, 251)."""
+        x = np.arange(ROWS) / ROWS
+        return sine_grating(
+            x, x[:, np.newaxis], self.contrast, self.cycles_per_frame, self.phases_rad, self.variant
+        )
+
+
+class PanoramaTemplate(Record, frozen=True):
+    """A full turn of natural surroundings, 251 × m."""
+
+    kind: Literal["panorama"] = "panorama"
+    """Which template this is"""
+
+    name: Annotated[str, Field(min_length=1)]
+    """One of the forests rendered by this project, open, dense, understorey and clearing, or the
+    path of an equirectangular picture (EXR, HDR, PNG or JPEG). Paths are relative to the file that
+    they stand in; on the command line, to the working folder"""
+
+    coding: Literal["linear", "srgb"] = "linear"
+    """linear: light. srgb: gray values of a photograph of it, with the brightest hundredth white"""
+
+    @field_validator("name")
+    @classmethod
+    def _path_from_its_file(cls, name: str, validation: ValidationInfo) -> str:
+        return path_from_its_file(name, validation)
+
+
+def path_from_its_file(name: str, validation: ValidationInfo) -> str:
+    """Return a path relative to the file that is being read; a forest's name as it is."""
+    if not Path(name).suffix:
+        return name
+    return str((validation.context or {}).get("folder", Path()) / name)
+
+
+Template = Annotated[GratingTemplate | PanoramaTemplate, Field(discriminator="kind")]
+
+
+def template_names(templates: Sequence[Template]) -> list[str]:
+    """Return short names of templates; those of gratings tell in what they differ."""
+    gratings = [each for each in templates if isinstance(each, GratingTemplate)]
+    differing = [
+        field
+        for field in GratingTemplate.model_fields
+        if len({getattr(each, field) for each in gratings}) > 1
+    ]
+    return [
+        " ".join(["grating", *(f"{field}={getattr(each, field)}" for field in differing)])
+        if isinstance(each, GratingTemplate)
+        else each.name
+        if each.coding == "linear"
+        else f"{each.name} {each.coding}"
+        for each in templates
+    ]
+
+
+class Trial(Record, frozen=True):
+    """One stimulus, and the photons that detectors need on it."""
+
+    template: Template = GratingTemplate()
+    """What moves"""
+
+    velocity_px: Annotated[int, Field(ge=-(ROWS // 2), le=ROWS // 2)] = 5
+    """Motion of the template (columns per frame, positive to the right)"""
+
+    size: Annotated[int, Field(ge=3, le=ROWS)] = 60
+    """Spatial pooling: rows and columns of the frames that detectors see (px)"""
+
+    resize: ResizeKind = "nearest"
+    """How frames are resized: nearest subsamples as the thesis does, area pools the light"""
+
+    blurred: bool = False
+    """Whether frames are smeared by the motion within a frame"""
+
+    methods: Annotated[
+        tuple[str | SerializeAsAny[InstanceOf[Detector]], ...],
+        Field(min_length=1, description=f"Names of the detectors: {', '.join(METHODS)}"),
+    ] = THESIS_METHODS
+
+    search: SearchSettings = SearchSettings()
+    """What is measured, and how closely"""
+
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Of all random numbers"""
+
+    @field_validator("methods", mode="before")
+    @classmethod
+    def _functions_too(cls, methods: Any) -> Any:
+        """In Python a detector or a function may stand for a name."""
+        is_list = isinstance(methods, list | tuple)
+        return tuple(method(m) if callable(m) else m for m in methods) if is_list else methods
+
+    @field_validator("methods")
+    @classmethod
+    def _known_once(
+        cls, methods: tuple[str | Detector, ...], validation: ValidationInfo
+    ) -> tuple[str | Detector, ...]:
+        allows_code = (validation.context or {}).get("allows_code", True)
+        found = tuple(method(each, allows_code) for each in methods)
+        each_once(tuple(each.name for each in found))
+        return tuple(each.name if METHODS.get(each.name) == each else each for each in found)
+
+    @model_validator(mode="after")
+    def _is_resolved(self) -> "Trial":
+        if isinstance(self.template, GratingTemplate):
+            cycles, most = self.template.moving_cycles, self.size / 2
+            if cycles > most:
+                at_most = self.template.cycles_per_frame * most / cycles
+                raise ValueError(
+                    f"template.cycles_per_frame {self.template.cycles_per_frame:g} makes"
+                    f" {cycles:.3g} moving cycles on {self.size} px, beyond half a cycle per pixel:"
+                    f" use at most {at_most:.4g}, or a larger size"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _moves(self) -> "Trial":
+        intensity = IntensityMeasurement()
+        motion = [each.name for each in self.detectors if each != intensity]
+        if self.velocity_px == 0 and motion:
+            raise ValueError(
+                f"velocity_px 0: nothing moves, so the errors of {', '.join(motion)} are undefined;"
+                " give a velocity, or the method IM alone"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _methods_fit(self) -> "Trial":
+        for each in self.detectors:
+            try:
+                each.start((self.size, self.size))
+            except ValueError as problem:
+                raise ValueError(
+                    f"size {self.size} is too small for {each.name}: {problem}"
+                ) from None
+        return self
+
+    @property
+    def detectors(self) -> tuple[Detector, ...]:
+        """The methods."""
+        return tuple(map(method, self.methods))
+
+    @property
+    def stimulus(self) -> Mapping[str, Any]:
+        """What the light depends on beside the pixels of the template, as plain data."""
+        return self.model_dump(mode="json", include={"velocity_px", "size", "resize", "blurred"})
+
+
+def measure(trial: Trial, pixels: Floats, name: str) -> tuple[ErrorCurve, ...]:
+    """Return the error curves of a trial on its template (251, m); `name` seeds its noise."""
+    smeared = blurred(pixels, abs(trial.velocity_px)) if trial.blurred else pixels
+    stimulus = MovingTemplate(
+        smeared, trial.velocity_px, trial.size, trial.resize, trial.search.normalization
+    )
+    return photon_search(stimulus, trial.detectors, trial.search, trial.seed, name)

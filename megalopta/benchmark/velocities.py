@@ -1,0 +1,182 @@
+"""Velocities that methods read from the photons of a sequence, each kept as soon as it is known.
+
+Photons are drawn on perfect pixels from the rendered light, every frame scaled alike; all methods
+see the same draws. The light itself, at the same number of photons but without their noise, gives
+the velocities that a method is compared with itself by.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.benchmark.camera_motion import LIKELIHOODS, likely_motion
+from megalopta.benchmark.methods import identity
+from megalopta.benchmark.pooling import Pooling
+from megalopta.benchmark.ranking_settings import RankingSettings
+from megalopta.core import files
+from megalopta.core.arrays import Floats
+from megalopta.core.freshness import code_digest, digest
+from megalopta.dataset.frames import read_radiance_frames
+from megalopta.dataset.store import Dataset, file_hash
+from megalopta.flow.detectors import BlockGrid, Detector
+from megalopta.flow.metrics import cramer_rao_covariance, fisher_information
+from megalopta.flow.stimuli import draw_counts
+from megalopta.sensor import PRESETS, photon_rate
+
+
+class Drawn(NamedTuple):
+    """A draw of the photons of a sequence, or the light itself."""
+
+    pooling: Pooling
+    flux: float
+    """Photons per frame, before frames are pooled"""
+    repeat: int | None
+    """None for light without noise"""
+
+
+class Velocities:
+    """Velocities of one sequence, computed once and kept in a folder.
+
+    Parameters
+    ----------
+    dataset
+        One sequence.
+    settings
+    folder
+        Where they are kept.
+    advance
+        Called after each method and draw.
+    """
+
+    def __init__(
+        self,
+        dataset: Dataset,
+        settings: RankingSettings,
+        folder: Path,
+        advance: Callable[[int], object] = lambda _: None,
+    ) -> None:
+        self._dataset, self._settings, self._advance = dataset, settings, advance
+        self._folder = folder
+        self._pooled: dict[Pooling, Floats] = {}
+
+    def of(self, method: Detector, drawn: Drawn) -> Floats:
+        """Velocities (pairs, rows, columns, 2) of all blocks, px of the full image per frame.
+
+        Of a method without velocities its responses (T, H, W).
+        """
+        return self._kept(drawn, identity(method), lambda: self._measured(method, drawn))
+
+    def likely_motions(self, drawn: Drawn, name: str, pairs: Sequence[int]) -> Floats:
+        """Rotations (°) and headings of the camera, (pairs, 6), most likely around each pair."""
+        camera = self._dataset.configuration.camera
+
+        def measured() -> Floats:
+            counts = self._frames_of(drawn, self._means(drawn))
+            found = [likely_motion(camera, counts, LIKELIHOODS[name], pair) for pair in pairs]
+            return np.array(found)
+
+        return self._kept(drawn, f"{name}: {camera!r} {list(pairs)}", measured)
+
+    @property
+    def photons_per_lux_s(self) -> float:
+        """Photons of a mean frame on perfect pixels for each lux and second."""
+        return _per_lux_s(self._dataset, self._light)
+
+    def bound(self, grid: BlockGrid, pooling: Pooling, flux: float) -> Floats:
+        """Least mean endpoint error that the photons of a pair allow in each block inside.
+
+        (pairs, rows, columns), px of the full image per frame: √(π/4 · trace) of the covariance of
+        Cramér and Rao for two frames, exact where that has no direction.
+        """
+        means = self._light_at(pooling) * (flux * pooling.frames)
+        least = [cramer_rao_covariance(fisher_information(each, grid)) for each in means[:-1]]
+        trace = np.trace(np.array(least), axis1=-2, axis2=-1)[:, 1:-1, 1:-1]
+        return np.asarray(np.sqrt(np.pi / 4 * trace) * pooling.pixels / pooling.frames)
+
+    def _kept(self, drawn: Drawn, name: str, measure: Callable[[], Floats]) -> Floats:
+        """Return what was measured of a draw, now or earlier."""
+        what = digest(self._frames, name, repr(drawn), repr(self._settings.seed))
+        kept = self._folder / _model() / f"{what}.npy"
+        found = _read(kept)
+        if found is None:
+            found = measure().astype(np.float32)
+            with files.atomic_write(kept) as temporary:
+                np.save(temporary, found, allow_pickle=False)
+        self._advance(1)
+        return found.astype(np.float64)
+
+    def _measured(self, method: Detector, drawn: Drawn) -> Floats:
+        pooling, means = drawn.pooling, self._means(drawn)
+        found = method.respond(self._frames_of(drawn, means), 1 / means.mean())
+        return found * (pooling.pixels / pooling.frames if method.gives == "velocity" else 1.0)
+
+    def _frames_of(self, drawn: Drawn, means: Floats) -> NDArray[Any]:
+        """Counts (T, H, W) of a draw, or their means."""
+        if drawn.repeat is None:
+            return means
+        return draw_counts(means, self._settings.seed, self._dataset.sequence, *map(str, drawn))
+
+    def _means(self, drawn: Drawn) -> Floats:
+        return self._light_at(drawn.pooling) * (drawn.flux * drawn.pooling.frames)
+
+    def _light_at(self, pooling: Pooling) -> Floats:
+        """Share of the photons of a mean frame on each pixel of pooled frames."""
+        if pooling not in self._pooled:
+            light = pooling.light(self._light)
+            self._pooled = {pooling: light / light.sum(axis=(1, 2)).mean()}
+        return self._pooled[pooling]
+
+    @cached_property
+    def _light(self) -> Floats:
+        return _light(self._dataset)
+
+    @cached_property
+    def _frames(self) -> str:
+        """Hash of the frames: others have other velocities."""
+        count = self._dataset.configuration.trajectory.frames
+        return digest(*(file_hash(self._dataset.exposed_radiance(index)) for index in range(count)))
+
+
+def draws(settings: RankingSettings) -> Iterator[Drawn]:
+    """Yield every draw, those of a pooling together."""
+    for pixels in settings.pixels_pooled:
+        for frames in settings.frames_pooled:
+            for flux in settings.fluxes:
+                for repeat in (None, *range(settings.repeats)):
+                    yield Drawn(Pooling(pixels, frames), flux, repeat)
+
+
+def photons_per_lux_s(dataset: Dataset) -> float:
+    """Photons of a mean frame on perfect pixels for each lux and second; reads all frames."""
+    return _per_lux_s(dataset, _light(dataset))
+
+
+def _per_lux_s(dataset: Dataset, light: Floats) -> float:
+    photons_hz = float(light.sum(axis=(1, 2)).mean())
+    return photons_hz / dataset.configuration.light.resolved().illuminance_lux
+
+
+def _light(dataset: Dataset) -> Floats:
+    bands = dataset.configuration.render.bands_nm
+    parts = [
+        photon_rate(each, bands, PRESETS["ideal"]) for _, each in read_radiance_frames(dataset)
+    ]
+    return np.concatenate(parts).astype(np.float64)
+
+
+def _read(path: Path) -> Floats | None:
+    try:
+        return np.asarray(np.load(path, allow_pickle=False))
+    except (OSError, ValueError, EOFError, BadZipFile):
+        return None
+
+
+@cache
+def _model() -> str:
+    used = "megalopta.flow", "megalopta.sensor.sampling", "megalopta.scenes.cameras"
+    return code_digest(*used, "megalopta.benchmark.camera_motion", __name__)[:12]

@@ -1,0 +1,152 @@
+"""Rendered forests past which a camera flies: clips of whole frames with true parallax.
+
+Near plants move faster than far ones and hide them, which neither dead leaves nor a turning camera
+show. Light is baked, so that what is left of its error, 6 %, stands on surfaces and moves with
+them; what flickers is stated. Clips are kept in the cache folder.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.benchmark.panorama_recipes import LUMINANCE_BAND_NM
+from megalopta.benchmark.whole_frame_scenes import FRAMES, SHAPE, Clip
+from megalopta.core.array_store import ArrayStore
+from megalopta.core.arrays import Floats
+from megalopta.core.folders import cache_folder
+from megalopta.core.freshness import (
+    BAKE_MODEL,
+    RENDER_MODEL,
+    TRUTH_MODEL,
+    digest,
+)
+from megalopta.core.record import Record
+from megalopta.render import (
+    MeasuredPass,
+    RenderSettings,
+    SceneRenderer,
+    frame_seed,
+    render_once,
+)
+from megalopta.scenes import CameraPath, Forest, Light, PerspectiveCamera, Trajectory, build_scene
+
+_MOST_BYTES = 10**8
+"""Of all clips; one takes 5 MB."""
+_ARRAYS = "light", "flow", "noise"
+
+
+VIEW_SETTINGS = RenderSettings(
+    samples_per_pixel=64,
+    max_depth=4,
+    bands_nm=(LUMINANCE_BAND_NM,),
+    integrator="baked",
+    bake_error=0.06,
+)
+
+
+class MovingView(Record, frozen=True):
+    """A forest, its light, and how a camera moves in it."""
+
+    forest: Forest
+    """What grows."""
+
+    light: Light
+    """What lights it; clips have mean 1."""
+
+    trajectory: CameraPath
+    """Where the camera is in each frame."""
+
+    camera: PerspectiveCamera = PerspectiveCamera(width=SHAPE[1], height=SHAPE[0], fov_deg=60)
+    """What sees it."""
+
+    settings: RenderSettings = VIEW_SETTINGS
+    """How it is rendered."""
+
+
+def _view(
+    preset: str, velocity_m: tuple[float, float, float], turn_deg: float, **light: float
+) -> MovingView:
+    """Return a view of a forest from 1.6 m, with the way and the turn from frame to frame."""
+    rate_hz = 20.0
+    return MovingView(
+        forest=Forest.model_validate({"preset": preset, "seed": 5, "trees": 60}),
+        light=Light(level="daylight", **light),
+        trajectory=Trajectory(
+            frames=FRAMES,
+            frame_rate_hz=rate_hz,
+            position_m=(0, 0, 1.6),
+            look_at_m=(10, 0, 1.6),
+            velocity_m_s=tuple(rate_hz * way for way in velocity_m),
+            rotation_deg_s=rate_hz * turn_deg,
+        ),
+    )
+
+
+MOVING_VIEWS: Mapping[str, MovingView] = MappingProxyType(
+    {
+        "open, sideways": _view("open", (0, 0.08, 0), 0.0, disc_fraction=0.0),
+        "understorey, forward": _view("understorey", (0.12, 0.02, 0), 0.1, disc_fraction=0.3),
+        "open, around a tree": _view("open", (0, -0.1, 0), 0.7, disc_fraction=0.3),
+        "clearing, up and across": _view("clearing", (0, 0.1, 0.06), -0.4, disc_fraction=0.3),
+    }
+)
+"""By name: three densities, four kinds of motion. The light of a dense forest would take hours."""
+
+
+def forest_clips(
+    views: Mapping[str, MovingView] = MOVING_VIEWS,
+    cache: Path | None = None,
+    after_frame: Callable[[], object] = lambda: None,
+) -> Iterator[tuple[Clip, float]]:
+    """Yield clips of views by name, and how far a pixel flickers by rendering, σ over the mean.
+
+    Parameters
+    ----------
+    views
+        Of an even number of frames each.
+    cache
+        Folder for what is rendered; by default the user's.
+    after_frame
+        Called after each frame, also of clips that were there.
+    """
+    for name, view in views.items():
+        text = f"{RENDER_MODEL} {BAKE_MODEL} {TRUTH_MODEL} {view.model_dump_json()}"
+        store = ArrayStore(cache_folder(cache) / "clips", digest(text), _MOST_BYTES)
+        kept = store.read(_ARRAYS)
+        if kept is None:
+            kept = _rendered(view, after_frame)
+            store.write(kept)
+        else:
+            for _ in range(view.trajectory.frames):
+                after_frame()
+        yield Clip(name, kept["light"], kept["flow"]), float(kept["noise"])
+
+
+def _rendered(view: MovingView, after_frame: Callable[[], object]) -> dict[str, NDArray[Any]]:
+    """Light (T, H, W), flow (H, W, 2) and flicker of a view."""
+    scene = build_scene(view.forest, view.light, view.camera, view.trajectory)
+    poses = view.trajectory.poses()
+    renderer = SceneRenderer(scene, view.camera, view.settings, poses)
+    light, flicker, middle = [], 0.0, len(poses) // 2 - 1
+    for index, pose in enumerate(poses):
+
+        def render_pass(
+            number: int, pose: Floats = pose, index: int = index
+        ) -> NDArray[np.float32]:
+            return renderer.radiance(pose, frame_seed(0, index, number))
+
+        def measure_pass(number: int, pose: Floats = pose, index: int = index) -> MeasuredPass:
+            return renderer.measured(pose, frame_seed(0, index, number))
+
+        image, noise = render_once(render_pass, measure_pass if index == middle else None)
+        if noise and noise.surface:
+            flicker = (noise.surface.rms**2 - noise.surface.standing**2) ** 0.5
+        light.append(image[..., 0])
+        after_frame()
+    frames = np.array(light, np.float64)
+    flow = renderer.flow(poses, middle, middle + 1).displacement
+    return {"light": frames / frames.mean(), "flow": flow, "noise": np.array(flicker)}

@@ -1,0 +1,105 @@
+"""Scenes of the board of whole frames: eight frames of light, and the flow in their middle.
+
+Motion is steady. Methods that see two frames get the two in the middle, those that see eight all;
+both are held against the flow between the two in the middle, so that nothing has moved on.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from megalopta.assets_gen import generator
+from megalopta.assets_gen.stimuli import dead_leaves
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors import Frames
+from megalopta.flow.stimuli import Layer, MovingLayers, PanningView
+
+SHAPE = (240, 240)
+FRAMES = 8
+TIMES = tuple(range(1 - FRAMES // 2, FRAMES // 2 + 1))
+"""-3 to 4: the flow is that from 0 to 1"""
+
+RADII_PX = (3.0, 80.0)
+_TEXELS = 2
+_TEXTURE_PX = 320
+_FASTEST_PX = 4.0
+_STEEPEST = 0.008
+"""Largest change of velocity from a pixel to the next, px per frame"""
+
+_DISKS = 3
+_DISK_RADII_PX = (30.0, 55.0)
+
+_ZOOM = 1.25
+"""Focal length over that at which the horizon is seen as sharp as it is"""
+
+_HEADINGS = 2
+
+
+@dataclass(frozen=True)
+class Clip:
+    """A few frames of light and their motion."""
+
+    name: str
+    light: Floats
+    """(T, H, W), T even, of mean 1"""
+
+    flow: Floats
+    """(H, W, 2), px, between the two frames in the middle, on the pixels of the first"""
+
+
+def leaves_clip(seed: int, shape: tuple[int, int] = SHAPE) -> Clip:
+    """Return dead leaves that move as one affine field, and three disks of them that do not."""
+    rng = generator(seed, "whole frames, leaves")
+    side = _TEXTURE_PX * _TEXELS
+    smallest, largest = (radius * _TEXELS for radius in RADII_PX)
+    texture = dead_leaves((side, side), rng, (smallest, largest))
+    layers = [_layer(rng, texture, None)]
+    for _ in range(_DISKS):
+        x, y = ((rng.random() - 0.5) * 0.8 * side for side in shape[::-1])
+        layers.append(_layer(rng, texture, (x, y, rng.uniform(*_DISK_RADII_PX))))
+    scene = MovingLayers(layers, _TEXELS)
+    return _clip(f"leaves {seed}", scene.light(shape, TIMES), scene.flow(shape, 0))
+
+
+def leaves_clips(count: int, shape: tuple[int, int] = SHAPE) -> Iterator[Clip]:
+    """Yield `leaves_clip` of the seeds from 0."""
+    return (leaves_clip(seed, shape) for seed in range(count))
+
+
+def panorama_clips(
+    templates: Mapping[str, Floats], shape: tuple[int, int] = SHAPE, headings: int = _HEADINGS
+) -> Iterator[Clip]:
+    """Yield views of panoramas (rows, columns) by name, some headings of each, turning steadily.
+
+    The camera turns about an axis near the vertical, by 1 to 4 px per frame, and rolls.
+    """
+    for name, panorama in templates.items():
+        for number in range(headings):
+            rng = generator(number, "whole frames, panorama", name)
+            focal = _ZOOM * panorama.shape[1] / (2 * math.pi)
+            yaw = rng.choice((-1, 1)) * rng.uniform(1, 4) / focal
+            pitch, roll = rng.uniform(-0.8, 0.8) / focal, rng.uniform(-0.008, 0.008)
+            view = PanningView(panorama, focal, rng.uniform(0, 2 * math.pi), (pitch, yaw, roll))
+            yield _clip(f"{name} {number}", view.light(shape, TIMES), view.flow(shape))
+
+
+def middle(frames: Frames, count: int) -> Frames:
+    """Return the `count` frames in the middle of a sequence."""
+    first = (len(frames) - count) // 2
+    return frames[first : first + count]
+
+
+def _layer(
+    rng: np.random.Generator, texture: Floats, disk: tuple[float, float, float] | None
+) -> Layer:
+    """Return a layer of another part of the texture, with a motion of its own."""
+    elsewhere = np.roll(texture, rng.integers(texture.shape), axis=(0, 1))
+    speed, angle = rng.uniform(0.5, _FASTEST_PX), rng.uniform(0, 2 * math.pi)
+    velocity = speed * math.cos(angle), speed * math.sin(angle)
+    return Layer(elsewhere, velocity, rng.uniform(-_STEEPEST, _STEEPEST, (2, 2)), disk)
+
+
+def _clip(name: str, light: Floats, flow: Floats) -> Clip:
+    return Clip(name, light / light.mean(), flow)

@@ -1,0 +1,359 @@
+"""Recording a camera until told to stop."""
+
+import math
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.camera.link import (
+    Arrived,
+    Link,
+    LinkLostError,
+    Plugged,
+    Unplugged,
+)
+from megalopta.camera.nominal import sensor_as_identified, sensor_as_set
+from megalopta.camera.port import NoPortError
+from megalopta.camera.recorder import Recorder
+from megalopta.camera.recording import (
+    RAW,
+    RecordingSettings,
+    check_kind,
+    recover_command,
+)
+from megalopta.camera.silence import Silence
+from megalopta.core.bounded import quoted
+from megalopta.core.errors import UserError, machine_problem
+from megalopta.core.files import remove
+from megalopta.core.folders import locked
+from megalopta.core.progress import say
+from megalopta.sensor import Sensor
+from megalopta.sensor.spadcam import (
+    Kind,
+    Packet,
+    Settings,
+    set_exposure,
+    set_frame_rate,
+    set_row_window,
+    set_step_bias,
+)
+
+_WRITE_EVERY_S = 4.0
+_RATE_OVER_S = 1.0
+_SHOW_EVERY_S = 0.1
+_SWITCHING_S = 0.0002
+_LOOK_AGAIN_S = 0.1
+_LONGEST_WAIT_S = 604_800.0
+
+
+class State(NamedTuple):
+    """How a capture stands, for whoever looks on."""
+
+    record: RecordingSettings
+    frames: int
+    rate_hz: float
+    is_plugged: bool
+    counts: NDArray[np.uint16] | None
+    saturated: NDArray[np.bool_] | None
+
+
+@dataclass(frozen=True)
+class CaptureSettings:
+    """What to record.
+
+    Attributes
+    ----------
+    sensor : Sensor
+        The nominal one, through whose step counts are computed.
+    kind : str
+        "dark", "flat", …; kept with the recording.
+    exposure_s, frame_rate_hz : float
+    step_bias : int
+    row_window : (int, int)
+        First row that is read, and the one after the last.
+    frames : int, optional
+        How many to take; by default until stopped.
+    seconds : float, optional
+        For how long, from the first frame on.
+    """
+
+    sensor: Sensor
+    kind: str
+    exposure_s: float
+    frame_rate_hz: float
+    step_bias: int
+    row_window: tuple[int, int]
+    frames: int | None = None
+    seconds: float | None = None
+
+    def check(self) -> None:
+        """Make sure that the camera can be so. Raises UserError."""
+        check_kind(self.kind)
+        for name, limit in (("frames", self.frames), ("seconds", self.seconds)):
+            if limit is not None and not 0 < limit < math.inf:
+                raise UserError(f"--{name}: {quoted(limit)}; give more than 0, or leave it out")
+        for name, value, least in (
+            ("exposure", self.exposure_s, 1e-6),
+            ("rate", self.frame_rate_hz, 1e-3),
+        ):
+            if not least <= value <= 4000:
+                raise UserError(f"--{name}: {value:g}; give one between {least:g} and 4000")
+        if self.exposure_us > self.wanted().period_us:
+            raise UserError(
+                f"--exposure: {self.exposure_s:g} s is longer than a frame at --rate "
+                f"{self.frame_rate_hz:g}; lower the rate to {1 / self.exposure_s:g} or less"
+            )
+        if not self.wanted().are_possible:
+            first, end = self.row_window
+            raise UserError(
+                f"--step-bias {self.step_bias}, --rows {first} {end}: the bias goes from 0 to "
+                "4095, and 0 <= first row < end <= 16; change them"
+            )
+
+    @property
+    def exposure_us(self) -> int:
+        """Exposure, µs."""
+        return round(self.exposure_s * 1e6)
+
+    def wanted(self) -> Settings:
+        """As the camera takes them."""
+        rate_mhz = round(self.frame_rate_hz * 1e3)
+        return Settings(self.exposure_us, rate_mhz, self.step_bias, *self.row_window)
+
+
+def capture(
+    find: Callable[[], str],
+    out: Path,
+    settings: CaptureSettings,
+    stop: threading.Event,
+    show: Callable[[State], None] = lambda state: None,
+    wait_s: float = 0.0,
+) -> RecordingSettings:
+    """Record into a new folder until there is enough, or `stop` is set.
+
+    For a port that is not there yet it waits up to `wait_s`, and says so.
+
+    Raises
+    ------
+    UserError
+        When a setting is impossible, the folder exists, or the camera is not there, does not
+        answer, refuses, sends no frames, or has not answered when it is stopped. Frames that came
+        before are kept.
+    """
+    settings.check()
+    if not 0 <= wait_s <= _LONGEST_WAIT_S:
+        raise UserError(f"--wait: {wait_s:g}; give 0 to {_LONGEST_WAIT_S:g} s")
+    if out.exists() or out.is_symlink():
+        raise UserError(f"{out}: exists already; choose another --out, or remove it")
+    begun: _Capture | None = None
+    problem: OSError | UserError | None = None
+    frames = 0
+    with locked(out), _switching_fast():
+        try:
+            with _linked(find, out / RAW, wait_s, stop) as link:
+                begun = _Capture(link, out, settings, show)
+                begun.run(stop)
+        except (OSError, UserError) as error:
+            problem = error
+        finally:
+            frames = begun.finish() if begun else 0
+            if not frames and (problem or begun is None or begun.recorder is None):
+                remove(out)
+    if problem is not None:
+        raise _kept(problem, out, frames) from problem
+    if begun is None or begun.recorder is None:
+        raise UserError(f"{out}: not recorded, stopped before the camera answered; try again")
+    return begun.recorder.record
+
+
+@contextmanager
+def _switching_fast() -> Iterator[None]:
+    # The reader gives the interpreter up several times for every 4 KiB, and waits this long for it
+    # each time while a chunk is written: with the usual 5 ms, 1000 frames/s do not get through.
+    switching_s = sys.getswitchinterval()
+    sys.setswitchinterval(_SWITCHING_S)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(switching_s)
+
+
+def _kept(problem: OSError | UserError, out: Path, frames: int) -> OSError | UserError:
+    """What went wrong, and what there is of the recording."""
+    if not frames:
+        return problem
+    told = str(problem) if isinstance(problem, UserError) else _reason(problem)
+    return UserError(f"{told}; the {frames} frames before are kept in {out}")
+
+
+def _reason(problem: OSError) -> str:
+    return (machine_problem(problem) or str(problem)).partition(";")[0]
+
+
+def _linked(find: Callable[[], str], log: Path, wait_s: float, stop: threading.Event) -> Link:
+    end_s = time.monotonic() + wait_s
+    has_told = False
+    while True:
+        try:
+            return Link(find, log)
+        except NoPortError as problem:
+            if time.monotonic() >= end_s or stop.is_set():
+                raise
+            if not has_told:
+                say(f"capture: waiting up to {wait_s:g} s: {problem}")
+                has_told = True
+            stop.wait(_LOOK_AGAIN_S)
+
+
+class _Capture:
+    def __init__(
+        self, link: Link, out: Path, settings: CaptureSettings, show: Callable[[State], None]
+    ) -> None:
+        self._link, self._out, self._settings, self._show = link, out, settings, show
+        self._start_s = time.monotonic()
+        self._first_s: float | None = None
+        self._packets = 0
+        self._silence = Silence(link, settings.wanted().period_us * 1e-6)
+        self._valid_us = 0
+        self._is_plugged = False
+        self._written_s = self._shown_s = 0.0
+        self._rate_from = (self._start_s, 0)
+        self._rate_hz = 0.0
+        self.recorder: Recorder | None = None
+
+    def run(self, stop: threading.Event) -> None:
+        """Take what comes."""
+        while not stop.is_set() and not self._is_enough():
+            before_s = time.monotonic()
+            event = self._link.next(_SHOW_EVERY_S)
+            waited_s = time.monotonic() - before_s
+            self._take(event)
+            if self._is_plugged:
+                self._silence.waited(waited_s, self._frames(), self._packets)
+            self._look_around(time.monotonic())
+
+    def finish(self) -> int:
+        """Take what was read already, of a closed link, make the files whole, and count frames.
+
+        Raises
+        ------
+        UserError
+            When they cannot be written.
+        """
+        if self.recorder is None:
+            return 0
+        try:
+            while (event := self._link.read_already()) and not self._is_enough():
+                if isinstance(event, Arrived):
+                    self._take(event)
+            self.recorder.finish(self._link.damaged)
+        except OSError as problem:
+            raise UserError(
+                f"{_reason(problem)}; make room, then read back what came: "
+                f"{recover_command(self._out)}"
+            ) from problem
+        return self.recorder.frames
+
+    def _frames(self) -> int:
+        return self.recorder.frames if self.recorder else 0
+
+    def _is_enough(self) -> bool:
+        wanted = self._settings
+        if wanted.frames is not None and self._frames() >= wanted.frames:
+            return True
+        if wanted.seconds is None or self._first_s is None:
+            return False
+        return time.monotonic() - self._first_s >= wanted.seconds
+
+    def _take(self, event: Plugged | Unplugged | Arrived | None) -> None:
+        if isinstance(event, Plugged):
+            try:
+                self._begin(event.raw_offset)
+            except LinkLostError:
+                self._is_plugged = False
+        elif isinstance(event, Unplugged):
+            self._is_plugged = False
+        elif event is not None:
+            self._packets += 1
+            if self.recorder is not None and self._is_wanted(event.packet):
+                self.recorder.take(*event)
+                self._link.allow(self.recorder.frames)
+                self._first_s = self._first_s or event.host_s
+
+    def _is_wanted(self, packet: Packet) -> bool:
+        is_frame = packet.kind == Kind.FRAME
+        return is_frame and self._is_plugged and packet.device_us >= self._valid_us
+
+    def _begin(self, raw_offset: int) -> None:
+        identity = self._link.identity()
+        settings = self._configure()
+        if self.recorder is None:
+            sensor = sensor_as_set(sensor_as_identified(self._settings.sensor, identity), settings)
+            kind = self._settings.kind
+            self.recorder = Recorder(self._out, sensor, kind, identity, settings, self._start_s)
+        elif identity.serial_number != self.recorder.record.serial_number:
+            raise UserError(
+                f"{self._link.path}: camera {identity.serial_number} was plugged in instead of "
+                f"{self.recorder.record.serial_number}; record it on its own"
+            )
+        self.recorder.plugged(raw_offset)
+        self._silence.noted(self._packets)
+        self._is_plugged = True
+
+    def _configure(self) -> Settings:
+        """Set the camera; frames whose exposure began before are not taken."""
+        wanted = self._settings.wanted()
+        commands = (
+            # As short as can be, every frame rate is possible.
+            set_exposure(1),
+            set_frame_rate(wanted.frame_rate_mhz),
+            set_exposure(wanted.exposure_us),
+            set_step_bias(wanted.step_bias),
+            set_row_window(wanted.first_row, wanted.end_row),
+        )
+        for command in commands:
+            reply = self._link.request(*command)
+            if Settings.of(reply.payload).refused:
+                raise UserError(
+                    f"{self._link.path}: the camera refuses {command[0].name.lower()}; choose "
+                    "another --exposure, --rate, --step-bias or --rows"
+                )
+        said = Settings.of(reply.payload)
+        for name in wanted._fields:
+            asked, claimed = getattr(wanted, name), getattr(said, name)
+            if asked != claimed:
+                raise UserError(
+                    f"{self._link.path}: the camera says {name} {claimed} where it was set to "
+                    f"{asked}; flash this release's firmware, or unplug it and plug it in again"
+                )
+        self._valid_us = reply.device_us + wanted.exposure_us
+        return said
+
+    def _look_around(self, now_s: float) -> None:
+        if self.recorder is None:
+            return
+        if now_s - self._shown_s >= _SHOW_EVERY_S:
+            self._shown_s = now_s
+            self._show(self._state())
+        since_s, frames = self._rate_from
+        if now_s - since_s >= _RATE_OVER_S:
+            self._rate_hz = (self.recorder.frames - frames) / (now_s - since_s)
+            self._rate_from = (now_s, self.recorder.frames)
+        if now_s - self._written_s >= _WRITE_EVERY_S:
+            self._written_s = now_s
+            self.recorder.write(self._link.damaged)
+
+    def _state(self) -> State:
+        assert self.recorder is not None
+        recorder = self.recorder
+        counts, saturated = recorder.last() or (None, None)
+        record = recorder.record
+        return State(record, recorder.frames, self._rate_hz, self._is_plugged, counts, saturated)

@@ -1,0 +1,296 @@
+"""The link to a camera: a thread that reads, one that logs, and what their user sees of the bytes.
+
+The first does nothing but read and note the time, so that neither a disk that is slow nor a user
+who is busy makes it miss anything; what it read is in the log before the user sees it. When the
+camera is unplugged it looks for it until it is back.
+"""
+
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple, Self
+
+import serial
+
+from megalopta.camera.port import open_port
+from megalopta.core.errors import UserError
+from megalopta.sensor.spadcam import LONGEST, Identity, Kind, Packet, Parser, encode, identify
+
+_RETRY_S = 0.1
+_REPLY_S = 0.7
+_ASKED = 3
+"""Times; all commands may be repeated."""
+_MOST_WAITING = 20_000
+"""Pieces of bytes, a frame or more each. Further ones wait in the camera."""
+MOST_AHEAD = 16 * 1024**2
+"""Bytes that the log is ahead of the user; further ones wait with the reader."""
+MOST_ELSE = 16 * 1024**2
+"""Bytes that may be no frames, and nine times the frames' beside: `raw.bin` is bounded by both."""
+_TIMES = 10
+_GATHER_S = 0.003
+_MUCH = 3000
+"""Pause after whole packets of fewer bytes, in which further ones gather: at 1000 frames/s to wake
+up for each would cost more than to read it. Times rest on the fastest frames (`clock`) and do not
+suffer. A pseudo-terminal holds 4096 bytes; where as many wait, the reader is late."""
+
+
+class Plugged(NamedTuple):
+    """The camera was plugged in; its bytes begin there in the log."""
+
+    raw_offset: int
+
+
+class Unplugged(NamedTuple):
+    """The camera is gone."""
+
+
+class Arrived(NamedTuple):
+    """A packet, and when its last bytes were read, by the host's monotonic clock, s."""
+
+    host_s: float
+    packet: Packet
+
+
+Event = Plugged | Unplugged | Arrived
+_Piece = Plugged | Unplugged | tuple[float, bytes]
+
+
+class LinkLostError(Exception):
+    """The camera was unplugged before it answered."""
+
+
+class Link:
+    """An open link; a context manager that closes it.
+
+    Parameters
+    ----------
+    find : callable
+        Path of the port, at first and after unplugging. Raises UserError where there is none.
+    log : Path
+        New file for all bytes that come.
+
+    Raises
+    ------
+    UserError
+        When the port is not found or does not open.
+    """
+
+    def __init__(self, find: Callable[[], str], log: Path) -> None:
+        self._find = find
+        self.path = find()
+        self._port = open_port(self.path)
+        try:
+            self._log = log.open("xb", buffering=0)
+        except OSError:
+            self._port.close()
+            raise
+        self._read_bytes = self._logged_bytes = 0
+        self.decoded_bytes = 0
+        """Bytes that the user has seen the packets of."""
+        self._allowed_bytes = MOST_ELSE
+        self._unlogged: queue.Queue[_Piece | None] = queue.Queue(_MOST_WAITING)
+        self._pieces: queue.Queue[_Piece] = queue.Queue()
+        self._seen: deque[Event] = deque()
+        self._parser = Parser()
+        self._damaged_before = 0
+        self._commands = 0
+        self._stop = threading.Event()
+        self._failure: OSError | UserError | None = None
+        self._reader = threading.Thread(target=self._read, name="spadcam reader", daemon=True)
+        self._logger = threading.Thread(target=self._keep, name="spadcam log", daemon=True)
+        self._reader.start()
+        self._logger.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Stop reading; what was read until now can still be had from `next`."""
+        self._stop.set()
+        while self._logger.is_alive():
+            self._logger.join(0.05)
+            self._drain()
+        self._reader.join()
+        self._port.close()
+        self._log.close()
+
+    @property
+    def damaged(self) -> int:
+        """Packets refused so far."""
+        return self._damaged_before + self._parser.damaged
+
+    def next(self, timeout_s: float) -> Event | None:
+        """What happened next; None when nothing did.
+
+        Raises
+        ------
+        OSError
+            When the log cannot be written.
+        UserError
+            When far more came than frames.
+        """
+        if self.decoded_bytes > self._allowed_bytes:
+            raise self.given_up(f"{self.decoded_bytes} bytes came instead of frames")
+        if not self._seen:
+            self._wait(timeout_s)
+        return self.read_already()
+
+    def read_already(self) -> Event | None:
+        """What happened next, of what is decoded; after `close` there is no more."""
+        return self._seen.popleft() if self._seen else None
+
+    def allow(self, frames: int) -> None:
+        """Let come what goes with so many frames, in all."""
+        self._allowed_bytes = MOST_ELSE + _TIMES * frames * (LONGEST + 1)
+
+    def given_up(self, why: str) -> UserError:
+        """Log no more, and return what to raise."""
+        self._failure = UserError(
+            f"{self.path}: {why}; unplug the camera and plug it in again, or choose another --port"
+        )
+        return self._failure
+
+    def request(self, kind: Kind, payload: bytes) -> Packet:
+        """Send a command and return the reply; what comes meanwhile is kept for `next`.
+
+        Raises
+        ------
+        UserError
+            When there is no reply: what is there is no SPADCAM.
+        LinkLostError
+            When the camera was unplugged.
+        """
+        kept = list(self._seen)
+        self._seen.clear()
+        try:
+            for _ in range(_ASKED):
+                self._commands += 1
+                self._write(encode(Packet(kind, self._commands, 0, payload)))
+                end_s = time.monotonic() + _REPLY_S
+                while (left_s := end_s - time.monotonic()) > 0:
+                    event = self.next(left_s)
+                    if event is None:
+                        continue
+                    if isinstance(event, Arrived) and self._is_reply(event.packet):
+                        return event.packet
+                    kept.append(event)
+                    if isinstance(event, Unplugged):
+                        raise LinkLostError
+            raise UserError(f"{self.path}: {self._silence(kept)}")
+        finally:
+            self._seen.extendleft(reversed(kept))
+
+    def identity(self) -> Identity:
+        """Ask who the camera is; errors as `request`."""
+        return Identity.of(self.request(*identify()).payload)
+
+    def _is_reply(self, packet: Packet) -> bool:
+        is_reply = packet.kind in (Kind.IDENTITY, Kind.SETTINGS)
+        return is_reply and packet.sequence == self._commands
+
+    def _silence(self, seen: list[Event]) -> str:
+        remedy = "choose another port (see megalopta spadcam list) or flash the camera's firmware"
+        if self._parser.other_version is not None:
+            version = self._parser.other_version
+            return f"speaks version {version} of the protocol, not 1; flash this release's firmware"
+        if any(isinstance(event, Arrived) for event in seen):
+            return "sends frames but does not answer; unplug it and plug it in again"
+        if self._parser.damaged or self._read_bytes:
+            return f"speaks something else than SPADCAM's protocol; {remedy}"
+        return f"is silent; {remedy}, and keep ModemManager away from it"
+
+    def _write(self, line: bytes) -> None:
+        try:
+            self._port.write(line)
+        except (OSError, TypeError):  # of a port that the reader closes, which noticed first
+            time.sleep(_RETRY_S)
+
+    def _wait(self, timeout_s: float) -> None:
+        try:
+            self._decode(self._pieces.get(timeout=timeout_s))
+        except queue.Empty:
+            if self._failure is not None:
+                raise self._failure from None
+
+    def _drain(self) -> None:
+        while not self._pieces.empty():
+            self._decode(self._pieces.get())
+
+    def _decode(self, piece: _Piece) -> None:
+        if isinstance(piece, Plugged | Unplugged):
+            # Half a packet before does not belong to what comes.
+            self._damaged_before += self._parser.damaged
+            self._parser = Parser()
+            self._seen.append(piece)
+            return
+        host_s, data = piece
+        self.decoded_bytes += len(data)
+        self._seen.extend(Arrived(host_s, packet) for packet in self._parser.feed(data))
+
+    def _read(self) -> None:
+        while not self._stop.is_set():
+            self._unlogged.put(Plugged(self._read_bytes))
+            try:
+                self._read_until_unplugged()
+            except serial.SerialException:
+                self._port.close()
+            if not self._stop.is_set():
+                self._unlogged.put(Unplugged())
+                self._reopen()
+        self._unlogged.put(None)
+
+    def _read_until_unplugged(self) -> None:
+        while not self._stop.is_set():
+            data = self._received()
+            if data:
+                self._unlogged.put((time.monotonic(), data))
+                self._read_bytes += len(data)
+            if data.endswith(b"\0") and len(data) < _MUCH:
+                time.sleep(_GATHER_S)
+
+    def _keep(self) -> None:
+        while (piece := self._unlogged.get()) is not None:
+            if self._failure is None and not isinstance(piece, Plugged | Unplugged):
+                try:
+                    self._write_log(piece[1])
+                except OSError as problem:
+                    self._failure = problem
+                    self._stop.set()
+            if self._failure is None:
+                self._pieces.put(piece)
+
+    def _write_log(self, data: bytes) -> None:
+        while self._logged_bytes - self.decoded_bytes > MOST_AHEAD and self._failure is None:
+            time.sleep(_GATHER_S)
+        while data and self._failure is None:
+            written = self._log.write(data)  # of a disk that is nearly full, less than all
+            self._logged_bytes += written
+            data = data[written:]
+
+    def _received(self) -> bytes:
+        try:
+            first = b"" if self._port.in_waiting else bytes(self._port.read(1))
+            return first + bytes(self._port.read(self._port.in_waiting))
+        except (OSError, TypeError) as problem:  # of a port that goes away while it is read
+            raise serial.SerialException(str(problem)) from problem
+
+    def _reopen(self) -> None:
+        while not self._stop.wait(_RETRY_S):
+            try:
+                self.path = self._find()
+                self._port = open_port(self.path)
+            except UserError:
+                continue
+            return

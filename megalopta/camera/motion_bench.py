@@ -1,0 +1,218 @@
+"""The motion bench of §2.4.8 as an experiment: a plate's edge crosses SPADCAM and returns.
+
+The bench scene is rendered for one row of 16 pixels and exposed by a sensor of 16 such rows, which
+see the same edge: where the dissertation measures one row of its device, here are all. Frames
+follow each other at 10 per second and are open all the time, so a moving edge is blurred by its
+way in a frame. Light is set such that an open pixel detects 65 photons per frame, on average over
+the pixels, and a hidden one 27; dark counts come on top. The preset of SPADCAM has no afterpulsing,
+since none is known.
+
+Pooled from 16 to 12 pixels, a row goes through NDM and NDS without a low-pass at the output, which
+the dissertation does not mention here. The response of a detector to an edge is its largest value
+while one crossing is recorded, 32 frames at every speed. Standing still, the edge is in the middle.
+"""
+
+import math
+from functools import cache
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.camera.bench_light import BenchLight
+from megalopta.core.arrays import Floats
+from megalopta.flow import Detector, triangular_pool
+from megalopta.flow.detectors import NonDirectionalMultiplication, NonDirectionalSummation
+from megalopta.scenes.cameras import PerspectiveCamera
+from megalopta.scenes.lighting import Light
+from megalopta.scenes.stimuli import MotionBench, sky_radiance
+from megalopta.scenes.trajectories import Trajectory
+from megalopta.sensor import Exposure, Sensor, detection_rate, expose, preset
+from megalopta.sensor.spad import spad_expectation
+
+FRAME_RATE_HZ = 10.0
+FRAMES = 32
+"""Frames of one crossing; a recording has two of them."""
+PIXELS = 16
+OPEN_PHOTONS = 65.0
+SPEEDS_MM_S = tuple(float(speed) for speed in range(11))
+TIME_CONSTANTS_S = MappingProxyType({"NDM": 60e-3, "NDS": 40e-3})
+UNITS = MappingProxyType({"NDM": "counts²", "NDS": "counts"})
+"""Of the responses."""
+SENSORS = MappingProxyType({"Poisson noise only": preset("ideal"), "SPADCAM": preset("spadcam")})
+
+_CAMERA = PerspectiveCamera(width=PIXELS, height=1, fov_deg=20)
+_BANDS_NM = ((690.0, 710.0),)
+_SAMPLES = 16
+_LUX = 1.0
+_ROWS = 16
+_PHASES = 4
+"""Recordings differ by where the edge is at a frame, in this many equal parts of a frame's way."""
+_REPEATS = 4
+"""Recordings of each phase, which differ by noise."""
+
+
+class Peaks(NamedTuple):
+    """Peak responses at one speed."""
+
+    noisy: Floats
+    """(crossings, rows, detectors): in counts (NDS) or counts² (NDM)."""
+    ideal: Floats
+    """(crossings, rows, detectors): the same without noise."""
+
+    @property
+    def mean(self) -> float:
+        """Mean over crossings, rows and detectors."""
+        return float(self.noisy.mean())
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of one detector over crossings; mean square over the array."""
+        return float(np.sqrt(self.noisy.var(axis=0, ddof=1).mean()))
+
+    @property
+    def row_snr_db(self) -> Floats:
+        """20·log10 of mean over standard deviation of one detector, for each row."""
+        deviation = np.sqrt(self.noisy.var(axis=0, ddof=1).mean(axis=-1))
+        return np.asarray(20 * np.log10(self.noisy.mean(axis=(0, 2)) / deviation))
+
+    @property
+    def snr_db(self) -> float:
+        """20·log10 of mean over standard deviation of one detector."""
+        return float(20 * np.log10(self.mean / self.deviation))
+
+
+def pixels_per_frame(speed_mm_s: float) -> float:
+    """Way of the image in one frame (px)."""
+    return speed_mm_s * 1e3 / (MotionBench().pixel_pitch_um * FRAME_RATE_HZ)
+
+
+def filter_step(name: str) -> float:
+    """Step a of both filters of NDM or NDS."""
+    return 1 / (1 + TIME_CONSTANTS_S[name] * FRAME_RATE_HZ)
+
+
+def detector(name: str) -> Detector:
+    """NDM or NDS with the bench's time constant."""
+    step = filter_step(name)
+    if name == "NDM":
+        return NonDirectionalMultiplication(filter_step=step, output_step=1)
+    return NonDirectionalSummation(filter_step=step, output_step=1)
+
+
+@cache
+def stimulus(speed_mm_s: float) -> Floats:
+    """Radiance (phases, 2·FRAMES, 1, 16, 1) of recordings at one speed, W·m⁻²·sr⁻¹·nm⁻¹."""
+    # As many instants in a frame as pixels passed leave no steps in the blur.
+    per_frame = _PHASES * max(1, math.ceil(pixels_per_frame(speed_mm_s) / _PHASES))
+    seen = _passing(speed_mm_s, per_frame)
+    starts = range(0, per_frame, per_frame // _PHASES)
+    open_shutter = [seen[start : start + FRAMES * per_frame] for start in starts]
+    frames = np.reshape(open_shutter, (_PHASES, FRAMES, per_frame, *seen.shape[1:]))
+    forth = frames.mean(axis=2, dtype=np.float64)
+    return np.concatenate([forth, forth[:, ::-1]], axis=1)
+
+
+def _passing(speed_mm_s: float, instants_per_frame: int) -> NDArray[np.float32]:
+    """Radiance (instants, 1, 16, 1) while the edge passes; halfway it is in the middle."""
+    # Mitsuba takes a second to load: other figures do without it.
+    from megalopta.render import RenderSettings, SceneRenderer, frame_seed
+
+    path = Trajectory(
+        frames=(FRAMES + 1) * instants_per_frame,
+        frame_rate_hz=FRAME_RATE_HZ * instants_per_frame,
+        position_m=(0, 0, 0),
+        look_at_m=(1, 0, 0),
+        velocity_m_s=(0, -1e-3 * speed_mm_s, 0),
+    )
+    way_mm = speed_mm_s * path.duration_s
+    bench = MotionBench(edge_mm=way_mm / 2, plate_mm=way_mm + 10)
+    # Compiled backends need milliseconds to start an image, more than 16 pixels take.
+    settings = RenderSettings(
+        samples_per_pixel=_SAMPLES, max_depth=2, bands_nm=_BANDS_NM, backend="scalar"
+    )
+    scene = bench.build(Light(illuminance_lux=_LUX), _CAMERA, path)
+    renderer = SceneRenderer(scene, _CAMERA, settings)
+    return np.array(
+        [
+            renderer.radiance(pose, seed=frame_seed(0, instant))
+            for instant, pose in enumerate(path.poses())
+        ]
+    )
+
+
+def record(
+    speed_mm_s: float, sensor: Sensor, light: BenchLight | None = None, seed: int = 0
+) -> Exposure:
+    """Expose 16 rows, (recordings·2·FRAMES, 16, 16): recordings one after the other.
+
+    The light is by default that of the dissertation.
+    """
+    rows = np.tile(_frames(speed_mm_s, sensor, light), (_REPEATS, 1, 1, 1))
+    name = f"motion bench, {speed_mm_s:g} mm/s, {sensor.name}"
+    return expose(rows, _BANDS_NM, sensor, seed=seed, sequence=name)
+
+
+def _mean_readings(speed_mm_s: float, sensor: Sensor, light: BenchLight | None) -> Floats:
+    """Mean readings in the frames of `record`, computed once of those that are alike."""
+    frames = _frames(speed_mm_s, sensor, light)
+    forth = frames.reshape(_PHASES, 2, FRAMES, *frames.shape[1:])[:, 0]
+    seen = forth.reshape(-1, *frames.shape[1:])
+    mean = spad_expectation(seen, _BANDS_NM, sensor).mean_reading
+    mean = mean.reshape(_PHASES, FRAMES, *mean.shape[1:])
+    there_and_back = np.concatenate([mean, mean[:, ::-1]], axis=1)
+    return np.tile(there_and_back.reshape(-1, *mean.shape[2:]), (_REPEATS, 1, 1))
+
+
+def passing_rates(speed_mm_s: float, sensor: Sensor) -> Floats:
+    """Detection rates (recordings·2·FRAMES, 16, 16), Hz, of one recording of each phase."""
+    return detection_rate(_frames(speed_mm_s, sensor), _BANDS_NM, sensor)
+
+
+def _frames(speed_mm_s: float, sensor: Sensor, light: BenchLight | None = None) -> Floats:
+    """Radiance (recordings·2·FRAMES, 16, 16, 1) of one recording of each phase."""
+    seen = stimulus(speed_mm_s)
+    radiance = (seen if light is None else _relit(seen, light)) * _brightness(sensor)
+    frames = radiance.reshape(-1, *radiance.shape[2:])
+    return np.broadcast_to(frames, (len(frames), _ROWS, *frames.shape[2:]))
+
+
+def _relit(radiance: Floats, light: BenchLight) -> Floats:
+    """The same edge between other levels, relative to the rendered light of open pixels."""
+    bright, dark = sky_radiance(_LUX), float(stimulus(0.0).min())
+    share = (radiance - dark) / (bright - dark)
+    photons = light.hidden_photons + share * (light.open_photons - light.hidden_photons)
+    return np.asarray(np.maximum(photons, 0) / OPEN_PHOTONS * bright)
+
+
+def pooled(counts: NDArray[Any]) -> Floats:
+    """Exposed frames as recordings of single rows, (2·FRAMES, recordings·16, 12)."""
+    recordings = counts.reshape(-1, 2 * FRAMES, *counts.shape[1:]).swapaxes(0, 1)
+    return triangular_pool(recordings.reshape(2 * FRAMES, -1, PIXELS))
+
+
+@cache
+def peaks(speed_mm_s: float, sensor: Sensor, light: BenchLight | None = None) -> dict[str, Peaks]:
+    """Peak responses of NDM and NDS to every crossing at one speed."""
+    noisy = pooled(record(speed_mm_s, sensor, light).counts)
+    ideal = pooled(_mean_readings(speed_mm_s, sensor, light))
+    return {
+        name: Peaks(crossing_peaks(detector(name), noisy), crossing_peaks(detector(name), ideal))
+        for name in TIME_CONSTANTS_S
+    }
+
+
+def crossing_peaks(method: Detector, frames: Floats) -> Floats:
+    """Largest response (crossings, rows, detectors) once the filters forgot how they started."""
+    responses = method.respond(frames)[..., 1:-1]
+    crossings = responses.reshape(2, FRAMES, -1, _ROWS, responses.shape[-1])
+    largest = crossings[:, method.memory_frames :].max(axis=1)
+    return np.asarray(largest.reshape(-1, *largest.shape[2:]))
+
+
+@cache
+def _brightness(sensor: Sensor) -> float:
+    """Factor on the rendered light that makes open pixels detect 65 photons per frame."""
+    beam = np.full((1, _ROWS, PIXELS, 1), sky_radiance(_LUX))
+    return OPEN_PHOTONS / float(detection_rate(beam, _BANDS_NM, sensor).mean() * sensor.exposure_s)

@@ -1,0 +1,193 @@
+"""Frames of a link, as they come, into a recording that can be opened at any moment."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.camera.clock import Clock
+from megalopta.camera.recording import (
+    COUNTS,
+    SETTINGS,
+    Connection,
+    RecordingSettings,
+)
+from megalopta.core import strict_yaml
+from megalopta.core.files import write_text
+from megalopta.core.format_numbers import written
+from megalopta.sensor import AnalogCounter, Sensor
+from megalopta.sensor.counters import counts_of_codes, nominal_pixels
+from megalopta.sensor.readout import ExtraArray, GrowingCounts, Origin
+from megalopta.sensor.spadcam import COLUMNS, NOT_READ, ROWS, Identity, Packet, Settings, samples_of
+
+EXTRAS = {
+    "adc": ExtraArray(np.uint16, "codes of the ADC; 65535: not read", of_pixels=True),
+    "times_s": ExtraArray(np.float64, "s from the start, by the host's clock"),
+    "device_us": ExtraArray(np.uint64, "µs by the camera's clock"),
+    "sequence_number": ExtraArray(np.uint32, "the camera's frame counter"),
+}
+_WRAP = 2**32
+_AT_ONCE = _CODES = 65536
+
+
+class Recorder:
+    """Writes a recording; `write` makes what was taken readable.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the recording; exists.
+    sensor : Sensor
+        The nominal one, with the camera's exposure and step.
+    kind : str
+    identity : Identity
+    settings : Settings
+    start_s : float
+        Host's monotonic clock at the start of the recording, s.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        sensor: Sensor,
+        kind: str,
+        identity: Identity,
+        settings: Settings,
+        start_s: float,
+    ) -> None:
+        self._folder, self._start_s = folder, start_s
+        self._of_code = _counts_of_every_code(sensor)
+        self.record = RecordingSettings(
+            kind=kind,
+            started=datetime.now(UTC).isoformat(timespec="milliseconds"),
+            serial_number=identity.serial_number,
+            firmware=identity.firmware,
+            exposure_s=settings.exposure_us / 1e6,
+            frame_rate_hz=settings.frame_rate_mhz / 1e3,
+            step_bias=settings.step_bias,
+            row_window=(settings.first_row, settings.end_row),
+        )
+        """What recording.yaml will say."""
+        origin = Origin(sensor=sensor, seed=0, sequence=kind, extra={"camera": identity._asdict()})
+        self._store = GrowingCounts(folder / COUNTS, origin, (ROWS, COLUMNS), EXTRAS)
+        self._connections: list[Connection] = []
+        self._clock = Clock()
+        self._last: int | None = None
+        self._taken: list[Packet] = []
+        self._write_settings()
+
+    @property
+    def frames(self) -> int:
+        """Frames so far."""
+        return self._store.frames + len(self._taken)
+
+    def plugged(self, raw_offset: int, clock: Clock | None = None) -> None:
+        """Begin a connection: the camera's counter and clock start anew.
+
+        It is noted on the disk at once: where packets begin anew, raw.bin itself does not say.
+        """
+        self._append()
+        self._close_connection()
+        if self._connections:
+            self._count(gaps=1)
+        self._connections.append(Connection(first_frame=self.frames, raw_offset=raw_offset))
+        self._clock, self._last = clock or Clock(), None
+        self.note()
+        self._write_settings()
+
+    def note(self, **values: Any) -> None:
+        """Change what recording.yaml will say."""
+        connections = tuple(self._connections)
+        self.record = self.record.model_copy(update={**values, "connections": connections})
+
+    def take(self, host_s: float, packet: Packet) -> None:
+        """Take a frame; one that came before is left out."""
+        skipped = 0 if self._last is None else (packet.sequence - self._last - 1) % _WRAP
+        if skipped == _WRAP - 1:
+            return
+        if skipped >= _WRAP // 2:  # the camera began anew
+            self.plugged(self._connections[-1].raw_offset)
+        elif skipped:
+            self._count(gaps=1, missing_frames=skipped)
+        self._last = packet.sequence
+        self._clock.arrived(packet.device_us * 1e-6, host_s - self._start_s)
+        self._taken.append(packet)
+
+    def write(self, damaged_packets: int) -> None:
+        """Make what was taken readable."""
+        self._append()
+        self._store.publish()
+        self._close_connection()
+        self.note(frames=self._store.frames, damaged_packets=damaged_packets)
+        self._write_settings()
+
+    def finish(self, damaged_packets: int) -> None:
+        """Write the rest, and all times by the final fit of the clocks."""
+        self.write(damaged_packets)
+        ends = [each.first_frame for each in self._connections[1:]] + [self._store.frames]
+        for connection, end in zip(self._connections, ends, strict=True):
+            for first in range(connection.first_frame, end, _AT_ONCE):
+                device_us = self._store.read("device_us", first, min(first + _AT_ONCE, end))
+                self._store.rewrite("times_s", first, _times_s(device_us, connection))
+        self.note(finished=True)
+        self._write_settings()
+
+    def last(self) -> tuple[NDArray[np.uint16], NDArray[np.bool_]] | None:
+        """Counts and saturated pixels of the newest frame that is not written yet."""
+        if not self._taken:
+            return None
+        counts, saturated = self._counts(samples_of(self._taken[-1]))
+        return counts, saturated
+
+    def _append(self) -> None:
+        if not self._taken:
+            return
+        self._close_connection()
+        adc = np.array([samples_of(packet) for packet in self._taken])
+        counts, saturated = self._counts(adc)
+        device_us = np.array([packet.device_us for packet in self._taken], np.uint64)
+        values: dict[str, NDArray[Any]] = {
+            "counts": counts,
+            "saturated": saturated,
+            "adc": adc,
+            "times_s": _times_s(device_us, self._connections[-1]),
+            "device_us": device_us,
+            "sequence_number": np.array([each.sequence for each in self._taken], np.uint32),
+        }
+        self._taken.clear()
+        self._store.append(values)
+
+    def _counts(self, adc: NDArray[np.uint16]) -> tuple[NDArray[np.uint16], NDArray[np.bool_]]:
+        counts, saturated = self._of_code
+        return counts[adc], saturated[adc]
+
+    def _close_connection(self) -> None:
+        """Note the clocks' fit in the connection under way."""
+        if self._connections and (fit := self._clock.fit):
+            self._connections[-1] = self._connections[-1].model_copy(update=fit._asdict())
+
+    def _count(self, **more: int) -> None:
+        self.note(**{name: getattr(self.record, name) + each for name, each in more.items()})
+
+    def _write_settings(self) -> None:
+        values = {"format": written("recording"), **self.record.model_dump(mode="json")}
+        text = strict_yaml.dump(values)
+        write_text(self._folder / SETTINGS, text)
+
+
+def _counts_of_every_code(sensor: Sensor) -> tuple[NDArray[np.uint16], NDArray[np.bool_]]:
+    """Counts, and where they are a lower bound, by the code of the ADC, (65536,)."""
+    counter = sensor.counter
+    assert isinstance(counter, AnalogCounter)
+    codes = np.arange(_CODES).astype(np.uint16)
+    known = nominal_pixels(counter, sensor.exposure_s)
+    counts, saturated = counts_of_codes(codes, counter, known)
+    counts[NOT_READ], saturated[NOT_READ] = 0, True
+    return counts, saturated
+
+
+def _times_s(device_us: NDArray[np.uint64], connection: Connection) -> NDArray[np.float64]:
+    assert connection.offset_s is not None and connection.rate is not None
+    return np.asarray(connection.offset_s + connection.rate * (device_us * 1e-6), np.float64)

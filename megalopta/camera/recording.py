@@ -1,0 +1,240 @@
+"""A recording of the camera: what it holds, and how it is opened.
+
+    RECORDING/counts.zarr      counts, saturated, adc, times_s, device_us, sequence_number
+    RECORDING/raw.bin          every byte that the camera sent
+    RECORDING/recording.yaml   the fields of `RecordingSettings`
+
+`counts.zarr` is a counts store: `megalopta.sensor.open_counts` opens it, too.
+"""
+
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, Field, ValidationError
+
+from megalopta.core import strict_yaml
+from megalopta.core.bounded import printable, quoted, read_text
+from megalopta.core.errors import UserError
+from megalopta.core.format_numbers import check_format
+from megalopta.core.progress import say
+from megalopta.core.record import Record
+from megalopta.sensor import Sensor, StoredFrames, open_counts
+from megalopta.sensor.spadcam import COLUMNS, ROWS
+
+COUNTS = "counts.zarr"
+RAW = "raw.bin"
+SETTINGS = "recording.yaml"
+_SETTINGS_BYTES = 4 * 1024**2
+_MOST_CHUNK_FRAMES = 65536
+_MOST_LETTERS = 100
+
+Text = Annotated[str, AfterValidator(printable)]
+"""Of a camera, or of a file of somebody else: shown without control codes."""
+
+
+_SHAPES: Mapping[str, tuple[int, ...]] = {
+    **dict.fromkeys(("counts", "saturated", "adc"), (ROWS, COLUMNS)),
+    **dict.fromkeys(("times_s", "device_us", "sequence_number"), ()),
+}
+"""Arrays of a recording, and the shape of a frame in them."""
+
+
+class Connection(Record, frozen=True):
+    """A stretch between plugging and unplugging: host time = offset_s + rate · device time."""
+
+    first_frame: int
+    """Number, in the recording, of its first frame."""
+    raw_offset: int
+    """Where its bytes begin in raw.bin."""
+    offset_s: float | None = None
+    """Host time at device time 0 (s from the recording's start); none: too few frames."""
+    rate: float | None = None
+    """Host seconds per device second."""
+    error_s: float | None = None
+    """Mean distance of the earliest arrivals from that line (s)."""
+
+
+class RecordingSettings(Record, frozen=True):
+    """What recording.yaml says."""
+
+    kind: Text
+    """What was recorded, as told: "dark", "flat", …."""
+    started: Text
+    """UTC at the host, ISO 8601; `times_s` counts from here."""
+    finished: bool = False
+    """Whether the recording was stopped, not killed."""
+    recovered: bool = False
+    """Whether it was read back from raw.bin, which knows no host's clock."""
+    serial_number: Text
+    """Of the camera."""
+    firmware: Text
+    exposure_s: float = Field(gt=0)
+    frame_rate_hz: float = Field(gt=0)
+    step_bias: int
+    """Code of the DAC that sets the step of the counters."""
+    row_window: tuple[int, int]
+    """First row that was read, and the one after the last; others hold 0 and are saturated."""
+    frames: int = 0
+    gaps: int = 0
+    """Places where the frame counter skipped or started anew."""
+    missing_frames: int = 0
+    """Frames that it skipped there, as far as it tells."""
+    damaged_packets: int = 0
+    connections: tuple[Connection, ...] = ()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Recording:
+    """A recording; frames are read when they are sliced.
+
+    Attributes
+    ----------
+    path : Path
+    settings : RecordingSettings
+    sensor : Sensor
+        The nominal one, through which counts were computed.
+    counts, saturated, adc : StoredFrames
+        (T, 16, 16): slice them, `recording.counts[:]`.
+    times_s : (T,) float64
+        When each exposure ended, by the host's clock, s from the start.
+    sequence_number : (T,) uint32
+        The camera's frame counter.
+    """
+
+    path: Path
+    settings: RecordingSettings
+    sensor: Sensor
+    counts: StoredFrames
+    saturated: StoredFrames
+    adc: StoredFrames
+    times_s: NDArray[np.float64]
+    sequence_number: NDArray[np.uint32]
+
+    @property
+    def kind(self) -> str:
+        """What was recorded, as told."""
+        return self.settings.kind
+
+    @property
+    def exposure_s(self) -> float:
+        """How long a frame is exposed, s."""
+        return self.settings.exposure_s
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self.counts)
+
+
+def open_recording(path: str | Path) -> Recording:
+    """Open a recording, one of a capture that was killed included.
+
+    Raises
+    ------
+    FileNotFoundError
+        When there is nothing of this name.
+    ValueError
+        When it is no recording, or damaged.
+    """
+    path = Path(path)
+    check_folder(path)
+    settings = read_settings(path)
+    if not settings.finished and (path / RAW).exists():
+        say(
+            f"{path}: not finished; where its capture was killed, this reads back what is only in "
+            f"raw.bin: {recover_command(path)}"
+        )
+    try:
+        return _opened(path, settings)
+    except (ValueError, FileNotFoundError) as problem:
+        if (path / RAW).exists():
+            raise ValueError(
+                f"{problem}, or read raw.bin back: {recover_command(path)}"
+            ) from problem
+        raise
+
+
+def check_folder(path: Path) -> None:
+    """Refuse a folder that holds what no recording does. Raises UserError."""
+    for each in path.rglob("*"):
+        if each.is_symlink() or not (each.is_file() or each.is_dir()):
+            raise UserError(f"{each}: a link, device or pipe in a recording; remove it")
+
+
+def check_kind(kind: str) -> None:
+    """Refuse what is no name of a stimulus. Raises UserError."""
+    if not 0 < len(kind) <= _MOST_LETTERS or kind != printable(kind) or "/" in kind:
+        raise UserError(
+            f"--kind: {quoted(kind)!r}; give 1 to {_MOST_LETTERS} letters without a slash"
+        )
+
+
+def recover_command(path: Path) -> str:
+    """Return the command that reads raw.bin back."""
+    return f"megalopta spadcam recover {shlex.quote(str(path))}"
+
+
+def read_settings(folder: Path) -> RecordingSettings:
+    """Read recording.yaml.
+
+    Raises
+    ------
+    FileNotFoundError
+        When it is not there.
+    ValueError, UserError
+        When it is damaged, or newer than this program.
+    """
+    path = folder / SETTINGS
+    if not path.exists():
+        remedy = "give the folder of a recording"
+        if (folder / RAW).exists():
+            remedy = f"read raw.bin back: {recover_command(folder)}"
+        raise FileNotFoundError(f"{path}: no such file; {remedy}")
+    try:
+        values = strict_yaml.load(read_text(path, _SETTINGS_BYTES))
+        if isinstance(values, Mapping):
+            check_format("recording", values, path)
+            values = {name: value for name, value in values.items() if name != "format"}
+        return RecordingSettings.model_validate(values)
+    except ValidationError as error:
+        problem = error.errors(include_url=False)[0]
+        place = ".".join(map(str, problem["loc"]))
+        raise ValueError(f"{path}: {place}: {problem['msg']}") from None
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _opened(path: Path, settings: RecordingSettings) -> Recording:
+    opened = open_counts(path / COUNTS)
+    if not isinstance(opened.sensor, Sensor):
+        raise ValueError(f"{path / COUNTS}: of no sensor that counts; give a recording of SPADCAM")
+    frames = len(opened["counts"])
+    for name, shape in _SHAPES.items():
+        if name not in opened.arrays:
+            raise ValueError(f"{opened.path}: lacks {name}; give a recording of SPADCAM")
+        _check_array(opened.path / name, opened[name], (frames, *shape))
+    return Recording(
+        path=path,
+        settings=settings,
+        sensor=opened.sensor,
+        counts=opened["counts"],
+        saturated=opened["saturated"],
+        adc=opened["adc"],
+        times_s=opened["times_s"][:],
+        sequence_number=opened["sequence_number"][:],
+    )
+
+
+def _check_array(path: Path, frames: StoredFrames, shape: tuple[int, ...]) -> None:
+    """Refuse an array that is not what a capture writes, before it is read."""
+    at_once = frames.array.chunks[0]
+    if frames.shape != shape or at_once > _MOST_CHUNK_FRAMES:
+        told = f"is {frames.shape} in chunks of {at_once} frames, not {shape}"
+        raise ValueError(f"{path}: {quoted(told)}; give a recording of SPADCAM")
+    chunks = sum(each.is_file() for each in (path / "c").rglob("*"))
+    if chunks < -(-shape[0] // at_once):
+        raise ValueError(f"{path}: chunks are gone; restore them")

@@ -1,0 +1,110 @@
+"""A sequence of a plan, from seed and index alone."""
+
+from collections.abc import Mapping
+from itertools import product
+from typing import Any
+
+from megalopta.config.built_in import built_in_text
+from megalopta.config.model import Configuration
+from megalopta.config.ranges import (
+    Stream,
+    choose,
+    draw,
+    stream,
+)
+from megalopta.config.recipe import Plan
+from megalopta.config.yaml_model import mapping, validated
+from megalopta.sensor import ImageSensor, generator, merged
+
+_LARGEST_SEED = 2**31
+_DRAWN = ("scenes", "lights", "cameras", "trajectories")
+_PLACES = (0.0, 0.5, 1 - 2**-53)
+
+
+def sequence_name(index: int) -> str:
+    """Name of a sequence, and of its folders, such as "000731"."""
+    return f"{index:06d}"
+
+
+def configuration_of(plan: Plan, index: int) -> Configuration:
+    """Configuration of a sequence. Raises UserError where what was drawn does not fit together."""
+    return configuration_at(plan, index, stream(plan.seed, index))
+
+
+def check_plan(plan: Plan) -> list[Configuration]:
+    """Draw sequences at the lower end, in the middle and at the upper end of every range.
+
+    Every entry is drawn at least once. Raises UserError where one does not fit.
+    """
+    counts = {name: len(getattr(plan, name)) for name in _DRAWN}
+    # what may not fit is a path to a scene: all pairs of these, and the rest in turn
+    pairs = list(product(range(counts["scenes"]), range(max(1, counts["trajectories"]))))
+    made = []
+    for step in range(max(len(pairs), *counts.values())):
+        scene, trajectory = pairs[step % len(pairs)]
+        number = dict.fromkeys(counts, step) | {"scenes": scene, "trajectories": trajectory}
+        chosen = {name: (number[name] % n + 0.5) / n for name, n in counts.items() if n}
+        for place in _PLACES:
+            made.append(configuration_at(plan, 0, _fixed(chosen, place)))
+    return made
+
+
+def _fixed(chosen: Mapping[str, float], place: float) -> Stream:
+    return lambda path: chosen.get(path, place)
+
+
+def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
+    """Configuration of a sequence that is drawn by some stream."""
+    _, scene = _drawn(plan, "scenes", at)
+    fields = dict(scene) if isinstance(scene, Mapping) else {"preset": scene}
+    values = mapping(built_in_text(fields.pop("preset")), "preset")
+    values = merged(values, fields)
+    for name, field in (("lights", "light"), ("cameras", "camera"), ("trajectories", "trajectory")):
+        if getattr(plan, name):
+            _, chosen = _drawn(plan, name, at)
+            chosen = chosen if isinstance(chosen, Mapping) else {"level": chosen}
+            values = merged(values, {field: chosen})
+    values = merged(values, draw(plan.every, at, "every"))
+    values["name"] = sequence_name(index)
+    values["seed"] = int(generator(plan.seed, "plan", index, "seed").integers(_LARGEST_SEED))
+    values["light_levels"] = draw(plan.light_levels, at, "light_levels")
+    values["sensors"] = draw(plan.sensors, at, "sensors")
+    values["products"] = list(plan.products)
+    made = validated(Configuration, values, f"sequence {index} ({_told(scene)})")
+    return repeated(made, plan.repeats)
+
+
+def repeated(configuration: Configuration, repeats: int) -> Configuration:
+    """Every sensor so many times: the same device, with independent noise."""
+    sensors = [
+        repeated_name(sensor, number)
+        for sensor in configuration.sensors
+        for number in range(repeats)
+    ]
+    return configuration.model_copy(update={"sensors": tuple(sensors)})
+
+
+def repeated_name(sensor: ImageSensor, number: int) -> ImageSensor:
+    """A device under the name of its repeat, by which its noise goes; 0 is the device itself."""
+    return sensor.model_copy(update={"name": f"{sensor.name}-r{number + 1}"}) if number else sensor
+
+
+def split_of(plan: Plan, index: int) -> str:
+    """Split of a sequence."""
+    shares = sorted((name, share) for name, share in plan.splits.items() if share)
+    place = stream(plan.seed, index)("split") * sum(share for _, share in shares)
+    for name, share in shares:
+        if place < share:
+            return name
+        place -= share
+    return shares[-1][0]
+
+
+def _drawn(plan: Plan, name: str, at: Stream) -> tuple[int, Any]:
+    index, entry = choose(list(getattr(plan, name)), at, name)
+    return index, draw(entry, at, f"{name}.{index}")
+
+
+def _told(scene: Any) -> str:
+    name = scene["preset"] if isinstance(scene, Mapping) else scene
+    return f"scene {name}"

@@ -1,0 +1,151 @@
+"""A plan: a dataset of any size, in one file."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, field_validator
+
+from megalopta.config.built_in import built_in_names
+from megalopta.config.ranges import check_ranges
+from megalopta.config.yaml_model import mapping, read_text, validated
+from megalopta.core.bounded import quoted
+from megalopta.core.errors import UserError
+from megalopta.core.format_numbers import check_format
+from megalopta.core.record import Record
+from megalopta.flow.benchmark import each_once
+from megalopta.sensor.formats import ProductName
+
+FlowFile = Literal["kitti_png", "flo5"]
+_LONGEST_SPLIT = 60
+Entry = str | float | dict[str, Any]
+"""A name, a number, or fields, any of which may be a range."""
+
+
+class Plan(Record, frozen=True):
+    """Sequences to draw; each is a function of seed and index alone.
+
+    Any value inside `scenes`, `lights`, `cameras`, `trajectories`, `every`, `sensors` and
+    `light_levels` may be a range: `{uniform: [1, 5]}`, `{log_uniform: [1, 100]}`,
+    `{integer: [0, 9]}`, `{one_of: [a, b]}`.
+    """
+
+    name: str = "Low-light optical flow"
+    """Title of the dataset"""
+
+    description: str = (
+        "Rendered sequences with exact optical flow, and what photon-counting sensors read of them"
+    )
+    """What it is, in a sentence or two"""
+
+    sequences: Annotated[int, Field(ge=1, le=10_000_000)] = 10
+    """How many; more may be asked for later, and those that are there stay as they are"""
+
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Of all that is drawn"""
+
+    scenes: Annotated[tuple[Entry, ...], Field(min_length=1)] = ("demo",)
+    """What a sequence starts from, one for each at random: a built-in configuration's name, or a
+    mapping with `preset`, its name, and fields to change"""
+
+    lights: tuple[Entry, ...] = ()
+    """Light, one for each sequence at random: a level's name, or fields of `light`; none leaves the
+    preset's"""
+
+    cameras: tuple[dict[str, Any], ...] = ()
+    """Cameras, one for each at random: fields of `camera`; none leaves the preset's"""
+
+    trajectories: tuple[dict[str, Any], ...] = ()
+    """Camera paths, one for each at random: fields of `trajectory`; none leaves the preset's"""
+
+    every: dict[str, Any] = Field(default={})
+    """Fields of a configuration that are put into every sequence last"""
+
+    sensors: Annotated[tuple[Entry, ...], Field(min_length=1)] = ("spadcam",)
+    """Sensors that expose every sequence, as in a configuration"""
+
+    light_levels: Annotated[tuple[Entry, ...], Field(min_length=1)] = ("twilight",)
+    """Levels, by name or in lux, at which every sensor exposes every sequence"""
+
+    repeats: Annotated[int, Field(ge=1, le=1000)] = 1
+    """Exposures of every sensor at every level, with independent noise; from the second on the
+    sensor's name ends in -r2, -r3, …"""
+
+    products: tuple[ProductName, ...] = ("counts",)
+    """What is written of every exposure, as in a configuration"""
+
+    flow_files: tuple[FlowFile, ...] = ()
+    """Flow in further files beside .flo: kitti_png in training/flow_kitti, 16-bit PNG; flo5 in
+    training/flow_flo5, HDF5"""
+
+    splits: dict[str, Annotated[float, Field(ge=0)]] = Field(
+        default={"train": 0.8, "validation": 0.1, "test": 0.1}
+    )
+    """Shares of the sequences by the name of their split; each is assigned by seed and index"""
+
+    sample: Annotated[int, Field(ge=0)] = 2
+    """The first so many sequences are also listed in the split "sample", for a small download"""
+
+    @field_validator("scenes", "lights", "cameras", "trajectories", "sensors", "light_levels")
+    @classmethod
+    def _ranges_are_ranges(cls, entries: tuple[Any, ...]) -> tuple[Any, ...]:
+        for index, entry in enumerate(entries):
+            check_ranges(entry, str(index))
+        return entries
+
+    @field_validator("every")
+    @classmethod
+    def _every_is_drawn(cls, fields: dict[str, Any]) -> dict[str, Any]:
+        check_ranges(fields, "")
+        own = {"name", "seed", "sensors", "light_levels", "products"} & fields.keys()
+        if own:
+            raise ValueError(f"{sorted(own)[0]}: the plan has it; take it out of every")
+        return fields
+
+    @field_validator("scenes")
+    @classmethod
+    def _presets_are_known(cls, entries: tuple[Any, ...]) -> tuple[Any, ...]:
+        for index, entry in enumerate(entries):
+            name = entry.get("preset") if isinstance(entry, Mapping) else entry
+            if name not in built_in_names():
+                known = ", ".join(built_in_names())
+                raise ValueError(f"{index}: preset {name!r} is unknown: use one of {known}")
+        return entries
+
+    @field_validator("flow_files", "products")
+    @classmethod
+    def _each_once(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
+        return each_once(values)
+
+    @field_validator("splits")
+    @classmethod
+    def _splits_are_shares(cls, splits: dict[str, float]) -> dict[str, float]:
+        for name in splits:
+            if not name.isidentifier() or len(name) > _LONGEST_SPLIT or name == "sample":
+                raise ValueError(
+                    f"{quoted(name, 60)!r} cannot name a split: use letters, digits and _, at most "
+                    f"{_LONGEST_SPLIT}"
+                )
+        if not sum(splits.values()) > 0:
+            raise ValueError("give at least one split a share above 0")
+        return splits
+
+
+def load_plan(path: Path, overrides: Mapping[str, str] | None = None) -> Plan:
+    """Read a plan from a YAML file, or from a dataset's folder, and apply settings.
+
+    Paths in a plan are relative to the folder that the program runs in.
+
+    Raises
+    ------
+    UserError
+        When it is none, or a sequence of its entries cannot be made.
+    """
+    path = path / "dataset.yaml" if path.is_dir() else path
+    values = mapping(read_text(path, "plan; give a YAML file"), str(path))
+    if "megalopta" in values:
+        check_format("dataset", values, path)
+        if "plan" not in values:
+            raise UserError(f"{path}: a dataset of one sequence, without a plan; give a YAML file")
+        values = values["plan"]
+    return validated(Plan, values, str(path), overrides, path.parent)

@@ -1,0 +1,1 @@
+"""What all packages stand on: files, bounded reading, progress, records, formats."""

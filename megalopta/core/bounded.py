@@ -1,0 +1,123 @@
+"""Files read within bounds. Every room may import this module.
+
+What a file names may be a device, a pipe or endless: only regular files are read, and only so far.
+"""
+
+import json
+import os
+import stat
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from megalopta.core.errors import DamagedFileError
+
+TEXT_BYTES = 64 * 1024**2
+"""Most that a text file, such as YAML, JSON or CSV, may hold."""
+ARRAY_BYTES = 4 * 1024**3
+"""Most that a file of an array or a picture may hold."""
+QUOTED = 200
+"""Most characters of a value that a message shows."""
+SENTENCE = 800
+"""Most characters of a message."""
+
+
+def read_bytes(path: str | Path, at_most: int = TEXT_BYTES) -> bytes:
+    """Return the content of a regular file.
+
+    Raises
+    ------
+    DamagedFileError
+        When it is no regular file or is larger than `at_most` bytes.
+    OSError
+        When it cannot be read.
+    """
+    check_file(path, at_most)  # before it is opened, which some devices act upon
+    # Opening a pipe that nobody writes to would wait for ever.
+    descriptor = os.open(
+        path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    )
+    with os.fdopen(descriptor, "rb") as file:
+        _check(path, os.fstat(file.fileno()), at_most)
+        content = file.read(at_most + 1)
+    if len(content) > at_most:
+        raise DamagedFileError(_too_large(path, at_most))
+    return content
+
+
+def read_text(path: str | Path, at_most: int = TEXT_BYTES) -> str:
+    """Return the text of a regular file; errors as `read_bytes`, and ValueError where not UTF-8."""
+    return read_bytes(path, at_most).decode("utf-8")
+
+
+def read_json(path: str | Path, at_most: int = TEXT_BYTES) -> Any:
+    """Return what a JSON file holds; errors as `read_text`, ValueError where it is no JSON too."""
+    return from_json(read_text(path, at_most))
+
+
+def from_json(text: str) -> Any:
+    """Return what JSON text holds. Raises ValueError, also where it is nested too deeply."""
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
+
+
+def check_file(path: str | Path, at_most: int = ARRAY_BYTES) -> None:
+    """Refuse, before a library opens it, what is no regular file or too large; errors as above."""
+    _check(path, Path(path).stat(), at_most)
+
+
+def quoted(value: object, at_most: int = QUOTED) -> str:
+    """Return a value for a message, cut where it is long."""
+    text = value if isinstance(value, str) else repr(value)
+    return text if len(text) <= at_most else f"{text[:at_most]}…"
+
+
+def printable(text: str) -> str:
+    """Return a text of elsewhere for a terminal, a file or a page: one line, no control codes."""
+    return "".join(
+        each if each.isprintable() else each.encode("unicode_escape").decode("ascii")
+        for each in text
+    )
+
+
+def cut(message: str, given: Any) -> str:
+    """Return a message that quotes at most `QUOTED` characters of any text in what was given."""
+    if len(message) > QUOTED:
+        for text in _texts(given):
+            message = message.replace(text, quoted(text)) if len(text) > QUOTED else message
+    return message
+
+
+def _texts(values: Any) -> Iterator[str]:
+    if isinstance(values, str):
+        yield values
+    elif isinstance(values, Mapping):
+        yield from _texts(list(values.items()))
+    elif isinstance(values, list | tuple):
+        for value in values:
+            yield from _texts(value)
+
+
+def sentence(text: str, at_most: int = SENTENCE) -> str:
+    """Return a message as one line that a terminal only shows: what it would obey is spelled out.
+
+    A long one lacks its middle: the field stands at its beginning, the remedy at its end.
+    """
+    line = printable(" ".join(text.split()))
+    half = at_most // 2
+    return line if len(line) <= at_most else f"{line[:half]} … {line[-half:]}"
+
+
+def _check(path: str | Path, status: os.stat_result, at_most: int) -> None:
+    if stat.S_ISDIR(status.st_mode):
+        raise IsADirectoryError(21, "Is a directory", str(path))
+    if not stat.S_ISREG(status.st_mode):
+        raise DamagedFileError(f"{path}: not a regular file; give a file, no device or pipe")
+    if status.st_size > at_most:
+        raise DamagedFileError(_too_large(path, at_most))
+
+
+def _too_large(path: str | Path, at_most: int) -> str:
+    return f"{path}: larger than {at_most / 1e6:.0f} MB, the most that is read of such a file"

@@ -1,0 +1,38 @@
+"""Pictures of files, as arrays. Every room may import this module."""
+
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from megalopta.core.bounded import check_file
+from megalopta.core.errors import DamagedFileError
+
+_FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM", "WEBP", "GIF")
+"""Pillow hands some others, such as PostScript, to programs that run what the file says."""
+
+
+def read_picture(path: Path, mode: Literal["L", "RGB"]) -> NDArray[np.uint8]:
+    """Return a picture of 8 bits, gray (H, W) or in color (H, W, 3).
+
+    Raises
+    ------
+    DamagedFileError
+        When it is no picture, has more than 8 bits, or claims more pixels than Pillow trusts.
+    """
+    try:
+        check_file(path)
+        with Image.open(path, formats=_FORMATS) as image:
+            if image.mode[0] in "IF":
+                raise DamagedFileError(f"{path} has more than 8 bits; save it with 8")
+            return np.asarray(image.convert(mode))
+    except DamagedFileError:
+        raise
+    except Image.DecompressionBombError:
+        raise DamagedFileError(f"{path} claims too many pixels; give a smaller picture") from None
+    except Exception:  # of a damaged file, anything
+        raise DamagedFileError(
+            f"{path} cannot be read as a picture; give PNG, or another"
+        ) from None

@@ -1,0 +1,225 @@
+"""Progress: how far, how fast, how long still.
+
+A bar on the terminal. Without one a line every ten seconds, also while a single step takes longer,
+so that a log tells that something is going on, and which step it is.
+"""
+
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Protocol
+
+from megalopta.core.bounded import sentence
+
+INTERVAL_S = 10.0
+"""Longest silence without a terminal (s)."""
+STATUS_S = 1.0
+"""Time between two states on a terminal (s)."""
+
+_speakers: list[object] = []
+"""Work under way, the outermost first; only the innermost speaks."""
+_silences: list[object] = []
+"""Work that says nothing."""
+_steps: list[str] = []
+"""Steps under way, the outermost first; the innermost is told."""
+_status_stands = threading.Event()
+"""Set where a terminal's last line tells a step."""
+_clocks: list[dict[str, "Spent"]] = []
+"""Who counts the time of steps."""
+
+
+@dataclass
+class Spent:
+    """Time that a step took, all its runs together."""
+
+    seconds: float = 0.0
+    cpu_seconds: float = 0.0
+    runs: int = 0
+
+
+class Advance(Protocol):
+    """Moves a bar on."""
+
+    def __call__(self, steps: int = 1) -> None:
+        """Count `steps` more as done."""
+
+
+def say(text: str) -> None:
+    """Print one line on standard error."""
+    if not _silences:
+        _clear_status()
+        print(sentence(text, sys.maxsize), file=sys.stderr, flush=True)
+
+
+@contextmanager
+def silent() -> Iterator[None]:
+    """Say nothing of the work inside, and show no progress: it is a step of something larger."""
+    silence = object()
+    _silences.append(silence)
+    try:
+        yield
+    finally:
+        _silences.remove(silence)
+
+
+@contextmanager
+def step(name: str) -> Iterator[None]:
+    """Name what is done inside, for lines of progress and for who counts the time of steps.
+
+    A terminal shows it where it takes longer than a second and no bar stands there.
+    """
+    wall, cpu = time.monotonic(), time.process_time()
+    _steps.append(name)
+    try:
+        with _status_line(lambda: f"{_steps[-1]}: {duration(time.monotonic() - wall)}"):
+            yield
+    finally:
+        _steps.remove(name)
+        for clock in _clocks:
+            spent = clock.setdefault(name, Spent())
+            spent.seconds += time.monotonic() - wall
+            spent.cpu_seconds += time.process_time() - cpu
+            spent.runs += 1
+
+
+@contextmanager
+def times_of_steps() -> Iterator[dict[str, Spent]]:
+    """Count the time of all steps inside, by their names."""
+    clock: dict[str, Spent] = {}
+    _clocks.append(clock)
+    try:
+        yield clock
+    finally:
+        _clocks.remove(clock)
+
+
+@contextmanager
+def progress(description: str, total: int, unit: str) -> Iterator[Advance]:
+    """Show a bar for `total` steps, which the yielded function counts.
+
+    Without a terminal a line is printed every ten seconds, and one at the end.
+    """
+    if _silences:
+        yield lambda steps=1: None
+        return
+    if sys.stderr.isatty():
+        from megalopta.core.progress_bar import bar
+
+        bar_stands = object()  # no status line beside it
+        _clear_status()
+        _speakers.append(bar_stands)
+        try:
+            with bar(description, total, unit, rate_text, _step) as advance:
+                yield lambda steps=1: advance(steps)
+        finally:
+            _speakers.remove(bar_stands)
+        return
+    done, start = 0, time.monotonic()
+
+    def count(steps: int = 1) -> None:
+        nonlocal done
+        done += steps
+
+    with speaking(
+        lambda: (
+            f"{description}: {progress_line(done, total, unit, time.monotonic() - start)}{_step()}"
+        )
+    ):
+        yield count
+    elapsed = time.monotonic() - start
+    print(f"{description}: {total} {unit}s in {elapsed:.1f} s", file=sys.stderr)
+
+
+@contextmanager
+def working(description: str) -> Iterator[None]:
+    """Without a terminal, print a line every ten seconds while nothing inside does."""
+    start = time.monotonic()
+    with speaking(
+        lambda: f"{description}: at work for {duration(time.monotonic() - start)}{_step()}"
+    ):
+        yield
+
+
+def progress_line(done: int, total: int, unit: str, elapsed_s: float) -> str:
+    """How much is done, how fast, and how long the rest will take."""
+    text = f"{done} of {total} {unit}s"
+    if not done or not elapsed_s:
+        return f"{text} in {duration(elapsed_s)}"
+    left_s = elapsed_s * (total - done) / done
+    return f"{text}, {rate_text(done / elapsed_s, unit)}, {duration(left_s)} to go"
+
+
+def rate_text(per_s: float, unit: str) -> str:
+    """Steps per second, or seconds per step where that reads better."""
+    return f"{per_s:.1f} {unit}s/s" if per_s >= 1 else f"{1 / per_s:.1f} s/{unit}"
+
+
+def duration(seconds: float) -> str:
+    """A time for a person, such as "40 s", "9 min", "3 hours" or "12 days"."""
+    for unit, length, least in (("days", 86400, 2), ("hours", 3600, 2), ("min", 60, 2)):
+        if seconds >= least * length:
+            return f"{seconds / length:.0f} {unit}"
+    return f"{seconds:.0f} s"
+
+
+def _step() -> str:
+    """What is being done, to go on a line with."""
+    return "".join(f"; {name}" for name in _steps[-1:])  # another thread may take the last away
+
+
+@contextmanager
+def _status_line(state: Callable[[], str]) -> Iterator[None]:
+    """Show a state at the lower end of a terminal, once it takes longer, and clear it again."""
+    if not sys.stderr.isatty() or _silences or _speakers:
+        yield
+        return
+
+    def show() -> None:
+        _status_stands.set()
+        print(f"\r{state()}\x1b[K", end="", file=sys.stderr, flush=True)
+
+    try:
+        with _every(STATUS_S, show):
+            yield
+    finally:
+        _clear_status()
+
+
+def _clear_status() -> None:
+    if _status_stands.is_set():
+        _status_stands.clear()
+        print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def speaking(state: Callable[[], str]) -> Iterator[None]:
+    """Print a state at intervals from a thread of its own, unless there is a terminal."""
+    if sys.stderr.isatty() or _silences:
+        yield
+        return
+    with _every(INTERVAL_S, lambda: print(state(), file=sys.stderr, flush=True)):
+        yield
+
+
+@contextmanager
+def _every(interval_s: float, tell: Callable[[], None]) -> Iterator[None]:
+    """Tell at intervals, from a thread of its own, while this is the innermost work."""
+    over = threading.Event()
+
+    def speak() -> None:
+        while not over.wait(interval_s):
+            if _speakers[-1] is over:
+                tell()
+
+    _speakers.append(over)
+    thread = threading.Thread(target=speak, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+        _speakers.remove(over)

@@ -1,0 +1,170 @@
+"""YAML as plain data, without what YAML lets pass. Every folder may import this module.
+
+Read is the core schema of YAML 1.2, where values are what a person takes them for: `1e-3` is a
+number; `1:30`, `yes` and `2024-01-01` are text, which YAML 1.1 makes 90, true and a date of. Two
+things differ: `<<` merges mappings, as in YAML 1.1, and digits after a leading zero, such as
+`000731`, are text, which a field that asks for a number takes as decimal. Text that either version
+would take for something else is written in quotes.
+"""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import yaml
+from pydantic import BaseModel
+
+from megalopta.core.bounded import quoted, sentence
+
+try:  # a hundred times as fast
+    from yaml import CSafeLoader as SafeLoader
+except ImportError:
+    from yaml import SafeLoader  # type: ignore[assignment]
+
+MOST_NODES = 100_000
+"""Most keys and values of a text; what an alias stands for counts each time."""
+DEEPEST = 100
+"""Most mappings and lists inside one another."""
+
+_TAG = "tag:yaml.org,2002:"
+_CORE = {
+    "null": (r"~|null|Null|NULL|", "~nN"),
+    "bool": (r"true|True|TRUE|false|False|FALSE", "tTfF"),
+    "int": (r"[-+]?(0|[1-9][0-9]*)|0o[0-7]+|0x[0-9a-fA-F]+", "-+0123456789"),
+    "float": (
+        r"[-+]?(\.[0-9]+|[0-9]+\.[0-9]*|[0-9]+(?=[eE]))([eE][-+]?[0-9]+)?"
+        r"|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)",
+        "-+.0123456789",
+    ),
+    "merge": (r"<<", "<"),
+}
+"""Plain text that is no text: its pattern, and what it may begin with."""
+_KINDS = ("null", "bool", "int", "float", "str", "seq", "map")
+
+
+def _int(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int:
+    return int(node.value, 0)
+
+
+def _float(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> float:
+    return float(re.sub(r"\.(?=inf|nan)", "", node.value.lower()))
+
+
+class _Loader(SafeLoader):
+    """Knows the core schema alone, and refuses a key that comes twice, which YAML overwrites."""
+
+    yaml_implicit_resolvers = {}  # noqa: RUF012 - a class attribute of PyYAML
+    yaml_constructors = {
+        tag: SafeLoader.yaml_constructors[tag] for tag in (None, *(_TAG + kind for kind in _KINDS))
+    } | {f"{_TAG}int": _int, f"{_TAG}float": _float}
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen = set()
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode):
+                if (key.tag, key.value) in seen:
+                    raise _refused(
+                        f"the key {quoted(repr(key.value))} comes twice; leave one out", key
+                    )
+                seen.add((key.tag, key.value))
+        return super().construct_mapping(node, deep)
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        try:
+            return super().construct_object(node, deep)
+        except (ValueError, LookupError, AttributeError, TypeError):  # tags are not checked before
+            kind = node.tag.rpartition(":")[2]
+            raise _refused(f"{str(node.value)[:60]!r} is no {kind}", node) from None
+
+
+class _Dumper(yaml.SafeDumper):
+    """Quotes text that YAML 1.1 or 1.2 takes for something else."""
+
+
+for _kind, (_pattern, _first) in _CORE.items():
+    for _each in (_Loader, _Dumper):
+        _each.add_implicit_resolver(_TAG + _kind, re.compile(rf"(?:{_pattern})\Z"), [*_first, ""])
+
+
+def load(text: str) -> Any:
+    """Return what YAML holds.
+
+    Raises
+    ------
+    ValueError
+        With the problem and its line.
+    """
+    try:
+        _check_extent(yaml.parse(text, SafeLoader))
+        return yaml.load(text, _Loader)
+    except yaml.MarkedYAMLError as problem:
+        told = ", ".join(part for part in (problem.context, problem.problem) if part)
+        line = f" (line {problem.problem_mark.line + 1})" if problem.problem_mark else ""
+        raise ValueError(f"not valid YAML: {sentence(told)}{line}") from None
+    except (yaml.YAMLError, UnicodeError) as problem:
+        raise ValueError(f"not valid YAML: {sentence(str(problem))}") from None
+
+
+def dump(values: Any, **style: Any) -> str:
+    """Return YAML that `load` reads back, in the order of the keys; `style` is PyYAML's."""
+    style = {"sort_keys": False, "allow_unicode": True, "width": 100} | style
+    return str(yaml.dump(values, Dumper=_Dumper, **style))
+
+
+def booleans_for_others(values: Any, record: Any, place: str = "") -> Iterator[str]:
+    """Places where a boolean was given and something else was made of it, such as 1 of true."""
+    if isinstance(values, bool) and not isinstance(record, bool):
+        yield place
+    elif isinstance(values, Mapping) and isinstance(record, BaseModel | Mapping):
+        parts = record if isinstance(record, Mapping) else vars(record)
+        for key in values.keys() & parts.keys():
+            yield from booleans_for_others(values[key], parts[key], f"{place}.{key}".strip("."))
+    elif isinstance(values, list | tuple) and isinstance(record, list | tuple):
+        for index, pair in enumerate(zip(values, record, strict=False)):
+            yield from booleans_for_others(*pair, f"{place}.{index}".strip("."))
+
+
+@dataclass
+class _Extent:
+    """Of a key, a value or a collection, with what its aliases stand for."""
+
+    anchor: str | None
+    nodes: int = 1
+    height: int = 0
+
+    def take(self, part: "_Extent") -> None:
+        self.nodes += part.nodes
+        self.height = max(self.height, part.height + 1)
+
+
+def _check_extent(events: Iterable[yaml.Event]) -> None:
+    """Refuse what unfolds to too much, before anything is made of it: a few aliases make terabytes.
+
+    An alias to a collection that is still open would stand inside what it names.
+    """
+    around, named = [_Extent(None)], dict[str | None, _Extent]()
+    for event in events:
+        part = None
+        if isinstance(event, yaml.CollectionStartEvent):
+            around.append(_Extent(event.anchor))
+        elif isinstance(event, yaml.CollectionEndEvent):
+            part = around.pop()
+        elif isinstance(event, yaml.ScalarEvent):
+            part = _Extent(event.anchor)
+        elif isinstance(event, yaml.AliasEvent):
+            if any(each.anchor == event.anchor for each in around):
+                name = quoted(event.anchor)
+                raise _refused(f"*{name} stands inside what it names; write it out", event)
+            part = named.get(event.anchor)  # the loader refuses what has no name
+        if part:
+            around[-1].take(part)
+            named[part.anchor] = part
+        if len(around) + around[-1].height > DEEPEST:
+            raise _refused("nested too deeply; write it flatter", event)
+        if around[-1].nodes > MOST_NODES:
+            raise _refused(f"more than {MOST_NODES:,} keys and values; write less", event)
+
+
+def _refused(problem: str, where: yaml.Node | yaml.Event) -> yaml.MarkedYAMLError:
+    return yaml.MarkedYAMLError(problem=problem, problem_mark=where.start_mark)  # type: ignore[arg-type]

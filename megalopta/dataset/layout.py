@@ -1,0 +1,147 @@
+"""A dataset of many sequences on disk: the tree of `dataset.store`, which all of them share.
+
+dataset.yaml          the plan, and the version that began it
+sequences/SEQ.json    of each finished sequence: configuration, statistics, every file's hash
+manifest.jsonl        a line for each of them: name, hash of the configuration, hash of its record
+index.parquet         a row for each frame: relative paths, times, poses
+sequences.parquet     a row for each sequence: settings and statistics
+croissant.json        what is in them, for search engines and loaders
+splits/SPLIT/Sintel/  links to the sequences of a split, as an MPI-Sintel tree
+splits/SPLIT.txt      their names
+failed.jsonl          sequences that could not be made, with the reason
+.making/SEQ/          a sequence that is not finished; it appears in the tree whole
+
+A sequence belongs to the dataset from the moment its record is there.
+"""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from megalopta import __version__
+from megalopta.config.recipe import Plan
+from megalopta.core import bounded, files, strict_yaml
+from megalopta.core.enclosure import check_enclosed
+from megalopta.core.errors import UserError
+from megalopta.core.format_numbers import check_format, written
+from megalopta.dataset.finished import FinishedSequence
+from megalopta.dataset.manifest import is_as_written, read_manifest
+from megalopta.dataset.record import SequenceRecord, read_record, settings_of
+from megalopta.dataset.store import LICENSE
+
+BOOKS = ("index", "splits", "sequences", "card")
+"""Folders that hold no sequence's own files."""
+
+
+@dataclass(frozen=True)
+class Tree:
+    """Paths and records of one dataset."""
+
+    root: Path
+
+    @property
+    def records(self) -> Path:
+        """Folder of the records."""
+        return self.root / "sequences"
+
+    @property
+    def staging(self) -> Path:
+        """Folder of sequences that are being made."""
+        return self.root / ".making"
+
+    @property
+    def failures(self) -> Path:
+        """List of sequences that could not be made."""
+        return self.root / "failed.jsonl"
+
+    def record_path(self, name: str) -> Path:
+        """Record of a sequence."""
+        return self.records / f"{name}.json"
+
+    def names(self) -> list[str]:
+        """Names of the finished sequences, in order."""
+        return sorted(
+            path.stem for path in self.records.glob("*.json") if not files.is_temporary(path)
+        )
+
+    def record(self, name: str) -> SequenceRecord:
+        """Read the record of a sequence. Raises UserError."""
+        return read_record(self.record_path(name), name)
+
+    def all_records(self) -> Iterator[SequenceRecord]:
+        """Read the records one after another, in order."""
+        return map(self.record, self.names())
+
+    def dataset(self, record: SequenceRecord) -> FinishedSequence:
+        """One sequence, as the stages know it. Raises UserError for settings that are none."""
+        settings = settings_of(record, self.record_path(record.sequence))
+        return FinishedSequence(self.root, settings, record.files)
+
+    def opened(self, name: str) -> tuple[SequenceRecord, FinishedSequence]:
+        """Record and paths of a sequence, if the manifest knows the record. Raises UserError."""
+        record = self.record(name)
+        if not is_as_written(self.record_path(name), self._manifest):
+            raise UserError(changed_record(self, name))
+        return record, self.dataset(record)
+
+    @cached_property
+    def _manifest(self) -> Mapping[str, str]:
+        return read_manifest(self.root)
+
+    def plan(self) -> Plan:
+        """Read the plan. Raises UserError."""
+        path = self.root / "dataset.yaml"
+        check_enclosed(self.root)
+        try:
+            record = strict_yaml.load(bounded.read_text(path))
+            check_format("dataset", record, path)
+            return Plan.model_validate(record["plan"])
+        except OSError:
+            raise UserError(
+                f"{self.root}: no dataset here; make one with: megalopta dataset make"
+            ) from None
+        except (TypeError, KeyError, ValueError, AttributeError):
+            raise UserError(
+                f"{path}: no plan in it, or damaged; give a dataset of `megalopta dataset make`"
+            ) from None
+
+    def write_plan(self, plan: Plan) -> None:
+        """Write dataset.yaml."""
+        header = {"format": written("dataset"), "megalopta": __version__, "license": LICENSE}
+        body = {"plan": plan.model_dump(mode="json")}
+        text = strict_yaml.dump({**header, **body})
+        files.write_text(self.root / "dataset.yaml", text)
+
+    def sweep(self) -> None:
+        """Remove what a killed writer left among the books; nobody else may be writing."""
+        for folder in (self.root, *(self.root / name for name in BOOKS)):
+            for path in filter(files.is_temporary, folder.glob(".part-*")):
+                files.remove(path)
+
+    def read_failures(self) -> dict[int, str]:
+        """Sequences that could not be made, by index, with the reason."""
+        try:
+            lines = map(bounded.from_json, bounded.read_text(self.failures).splitlines())
+            return {int(each["index"]): str(each["reason"]) for each in lines}
+        except FileNotFoundError:
+            return {}
+        except (ValueError, KeyError, TypeError):
+            raise UserError(f"{self.failures} is damaged; remove it") from None
+
+    def write_failures(self, failures: dict[int, str]) -> None:
+        """Write the list of failures; without any, there is no file."""
+        lines = [{"index": index, "reason": failures[index]} for index in sorted(failures)]
+        if lines:
+            files.write_text(self.failures, "".join(json.dumps(each) + "\n" for each in lines))
+        else:
+            files.remove(self.failures)
+
+
+def changed_record(tree: Tree, name: str) -> str:
+    """Return what is wrong with a record that the manifest does not know, and the way out."""
+    return (
+        f"{tree.record_path(name)} is not as it was written; restore it, or remove it and run "
+        f"megalopta dataset make {tree.root} --out {tree.root}"
+    )

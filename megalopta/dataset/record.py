@@ -1,0 +1,156 @@
+"""What is known of a finished sequence."""
+
+import json
+import re
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from pydantic import BaseModel, Field, FiniteFloat, ValidationError, field_validator
+
+from megalopta.config.drawing import sequence_name
+from megalopta.config.model import Configuration
+from megalopta.config.validation import one_sentence
+from megalopta.core import bounded
+from megalopta.core.errors import DamagedFileError, UserError
+from megalopta.core.format_numbers import check_format
+from megalopta.core.freshness import digest
+
+KINDS = ("radiance", "truth", "radiance_shutter", "truth_shutter", "counts", "corrected")
+"""Folders of a dataset that hold a folder for each sequence, beside those in `training`."""
+_KIND = re.compile(rf"{'|'.join(KINDS)}|training/[a-z][a-z0-9_]*")
+_EXPOSURE = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]*")
+_MATRIX = 16
+
+
+class ExposureStatistics(BaseModel, frozen=True, use_attribute_docstrings=True):
+    """Of what one sensor read at one light level."""
+
+    name: str
+    """Of its files, such as "spadcam-starlight" """
+    sensor: str
+    level: float | str
+    unit: str
+    """Of the readings"""
+    exposure_s: float
+    photons_per_pixel: float
+    """Mean of the expected photons on a pixel, an exposure"""
+    mean_reading: float
+    saturated_fraction: float
+
+    @field_validator("name")
+    @classmethod
+    def _name_is_of_a_file(cls, name: str) -> str:
+        if not _EXPOSURE.fullmatch(name):
+            raise ValueError(f"{bounded.quoted(name, 60)!r} cannot name an exposure")
+        return name
+
+
+class SequenceStatistics(BaseModel, frozen=True, use_attribute_docstrings=True):
+    """Of a sequence, over all pixels of all frames."""
+
+    mean_speed_px: float | None
+    """Of the forward flow, px a frame; None where none is defined, as for the next three"""
+    median_speed_px: float | None
+    percentile_99_speed_px: float | None
+    unmatched_fraction: float
+    """Of the pixels: hidden in the next frame, or out of view"""
+    sky_fraction: float
+    median_depth_m: float | None
+    """Without the sky"""
+    texture: float
+    """Root mean square difference between neighboring pixels' light, relative to the mean"""
+    exposures: tuple[ExposureStatistics, ...]
+
+
+class SequenceRecord(BaseModel, frozen=True, use_attribute_docstrings=True):
+    """What is known of a finished sequence."""
+
+    format: int = 0
+    """Of this file (`format_numbers`)"""
+    sequence: str
+    """Its name"""
+    index: int = Field(ge=0)
+    split: str
+    version: str
+    """Of the program"""
+    models: dict[str, str]
+    """What of the program each stage depends on (`freshness`)"""
+    made_with: dict[str, dict[str, str]] = {}
+    """What else each stage depends on beside the settings: model, libraries, what runs them"""
+    replaced: str | None = None
+    """Hash of the record in the place of which this one came, with more exposures"""
+    configuration: dict[str, Any]
+    statistics: SequenceStatistics
+    poses: tuple[tuple[FiniteFloat, ...], ...]
+    """Of every frame the matrix (4, 4) from camera axes (+x right, +y down, +z forward) to world
+    meters, row by row"""
+    files: dict[str, tuple[int, str]]
+    """Every file by its path in the dataset: bytes and BLAKE2b hash (16 bytes, hexadecimal)"""
+
+    @field_validator("poses")
+    @classmethod
+    def _poses_are_matrices(cls, poses: tuple[tuple[float, ...], ...]) -> Any:
+        if any(len(pose) != _MATRIX for pose in poses):
+            raise ValueError("a pose is a matrix of 16 numbers")
+        return poses
+
+    @property
+    def configuration_hash(self) -> str:
+        """Fingerprint of all settings."""
+        return digest(json.dumps(self.configuration, sort_keys=True))
+
+    @property
+    def frames(self) -> int:
+        """How many frames it has."""
+        return int(self.configuration["trajectory"]["frames"])
+
+
+def read_record(path: Path, name: str) -> SequenceRecord:
+    """Return the record of the sequence of a name. Raises UserError, also where it is damaged."""
+    try:
+        values = bounded.read_json(path)
+        check_format("sequence", values, path)
+        record = SequenceRecord.model_validate(values)
+        _check_names(record, name)
+    except OSError as problem:
+        raise UserError(f"{path}: {problem.strerror}; make the dataset again") from None
+    except ValidationError as error:
+        raise _damaged(path, one_sentence(error, SequenceRecord)) from None
+    except (AttributeError, TypeError):
+        raise _damaged(path, "no record") from None
+    except ValueError as problem:
+        raise _damaged(path, bounded.quoted(str(problem))) from None
+    return record
+
+
+def settings_of(record: SequenceRecord, path: Path) -> Configuration:
+    """Return the settings that a record at a path holds. Raises DamagedFileError."""
+    try:
+        settings = Configuration.model_validate(record.configuration)
+    except ValidationError as error:
+        told = f"configuration: {one_sentence(error, Configuration)}"
+        raise _damaged(path, bounded.quoted(told, 400)) from None
+    if settings.name != record.sequence:
+        raise _damaged(path, f"configuration: it is of {bounded.quoted(settings.name, 60)!r}")
+    if settings.trajectory.frames != len(record.poses):
+        raise _damaged(path, f"{len(record.poses)} poses of {settings.trajectory.frames} frames")
+    return settings
+
+
+def _check_names(record: SequenceRecord, name: str) -> None:
+    """Refuse, with ValueError, names that are not a sequence's own: they may lead anywhere."""
+    if record.sequence != name or sequence_name(record.index) != name:
+        raise ValueError(f"it is of sequence {bounded.quoted(record.sequence, 60)!r}")
+    if not record.split.isidentifier():
+        raise ValueError(f"{bounded.quoted(record.split, 60)!r} cannot name a split")
+    for path in record.files:
+        kind, found, rest = path.partition(f"/{name}/")
+        is_plain = found and _KIND.fullmatch(kind) and str(PurePosixPath(rest)) == rest
+        if not is_plain or {"", "..", "."} & set(rest.split("/")) or "\0" in rest:
+            raise ValueError(f"{bounded.quoted(path, 60)!r} is no file of this sequence")
+
+
+def _damaged(path: Path, why: str) -> DamagedFileError:
+    return DamagedFileError(
+        f"{path} is damaged ({why}); remove it and run megalopta dataset make again"
+    )

@@ -1,0 +1,271 @@
+"""One sequence of a dataset: its light, its counts, its motion."""
+
+from collections.abc import Mapping
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.config.model import Configuration, LightLevel
+from megalopta.core.errors import UserError
+from megalopta.dataset.finished import FinishedSequence
+from megalopta.dataset.lazy import LazyFrames, frame_by_frame
+from megalopta.dataset.new_light import drawn_counts
+from megalopta.dataset.store import Dataset, exposure_name
+
+if TYPE_CHECKING:
+    import xarray
+
+    from megalopta.dataset.truth_reader import TruthReader
+    from megalopta.sensor import OpenedCounts, StoredFrames
+
+Float32 = NDArray[np.float32]
+
+
+class Sequence:
+    """Lazy arrays of one sequence; frames count from 0.
+
+    Attributes
+    ----------
+    name : str
+    split : str
+    dataset : Dataset
+        Paths of its files.
+    """
+
+    def __init__(self, dataset: Dataset, split: str, exposures: Mapping[str, str]) -> None:
+        """`exposures` maps the name of each stored exposure to the unit of its readings."""
+        self.dataset, self.split, self._units = dataset, split, exposures
+        self.name = dataset.sequence
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Go to another process without what is open and kept."""
+        return Sequence, (self.dataset, self.split, self._units)
+
+    def __repr__(self) -> str:
+        """Say what it is."""
+        size = f"{self.shape[1]} × {self.shape[0]}"
+        return f"Sequence({self.name!r}, {len(self)} frames of {size}, split {self.split!r})"
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return self.configuration.trajectory.frames
+
+    @property
+    def configuration(self) -> Configuration:
+        """Everything that it was made from."""
+        return self.dataset.configuration
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.configuration.camera.height, self.configuration.camera.width
+
+    @property
+    def bands_nm(self) -> tuple[tuple[float, float], ...]:
+        """Lower and upper edge of each band of the radiance, nm."""
+        return self.configuration.render.bands_nm
+
+    @property
+    def times_s(self) -> NDArray[np.float64]:
+        """Time of each frame (T,), s; the first is at 0."""
+        return self.configuration.trajectory.times_s
+
+    @cached_property
+    def poses(self) -> NDArray[np.float64]:
+        """Camera axes (+x right, +y down, +z forward) to world meters (T, 4, 4)."""
+        return self.configuration.trajectory.poses()
+
+    @property
+    def intrinsics(self) -> NDArray[np.float64] | None:
+        """Pinhole matrix (3, 3), px, pixel centers at half integers; None of a panorama."""
+        return self.configuration.camera.intrinsics
+
+    @property
+    def radiance(self) -> LazyFrames:
+        """Spectral radiance (T, H, W, B), W·m⁻²·sr⁻¹·nm⁻¹, as the shutter took it."""
+        from megalopta.dataset.frames import read_radiance_frame
+
+        shape = (len(self), *self.shape, len(self.bands_nm))
+        return LazyFrames(
+            shape,
+            np.dtype(np.float32),
+            "W·m⁻²·sr⁻¹·nm⁻¹",
+            ("frame", "row", "column", "band"),
+            frame_by_frame(lambda index: read_radiance_frame(self.dataset, index)),
+        )
+
+    @property
+    def exposures(self) -> tuple[str, ...]:
+        """Names of the stored exposures, such as "spadcam-starlight"."""
+        return tuple(self._units)
+
+    def counts(self, exposure: str | None = None, quantity: str = "counts") -> LazyFrames:
+        """What a sensor read (T, H, W); by default in the first exposure.
+
+        Quantities besides are "saturated", and of the mean over noise "photons", "mean_reading",
+        "reading_variance". Raises UserError where there is no such exposure.
+        """
+        return self._lazy(self._opened(self._exposure(exposure))[quantity], quantity)
+
+    def corrected(self, exposure: str | None = None, quantity: str = "detections") -> LazyFrames:
+        """Corrected frames of a SPAD array (T, H, W); by default of the first exposure.
+
+        Quantities are "detections", "variance", "filled" and "ambiguous". Raises UserError where
+        the dataset has none (`megalopta sense --correct`).
+        """
+        from megalopta.sensor import StoredFrames
+
+        name = f"{self._exposure(exposure)}.zarr"
+        path = self.dataset.root / "corrected" / self.name / name
+        try:
+            return self._lazy(StoredFrames.open(self._store(path), quantity), quantity)
+        except (OSError, ValueError, KeyError):
+            raise UserError(
+                f"{path} holds no corrected frames ({quantity}); make them with: "
+                f"megalopta sense {self.dataset.home} --correct --redo"
+            ) from None
+
+    def expose(
+        self,
+        sensor: Any,
+        level: LightLevel | None = None,
+        *,
+        gain: float = 1.0,
+        repeat: int = 0,
+        **changes: Any,
+    ) -> LazyFrames:
+        """What any sensor would read of this light (T, H, W), drawn when it is asked for.
+
+        Parameters
+        ----------
+        sensor
+            A preset's name, fields as in a configuration, or a sensor.
+        level : str or float or None
+            Light level by name or in lux; by default the rendered light.
+        gain : float
+            Factor on the light besides.
+        repeat : int
+            Another number draws other noise, independent of it; the device is the same.
+        **changes
+            Fields of the sensor, such as exposure_s=1e-3.
+
+        Raises
+        ------
+        UserError
+            When there is no such sensor or level.
+        """
+        return drawn_counts(self.dataset, sensor, level, gain, repeat, changes)
+
+    def flow(self, first: int, second: int | None = None) -> Float32:
+        """Flow (H, W, 2) from a frame to any other, by default the next.
+
+        In px of the image, +x right, +y down, NaN where undefined. Between neighbors it is the
+        stored one, otherwise it follows from depth, poses and motions.
+        """
+        return self._truth.flow(first, first + 1 if second is None else second)
+
+    def occlusion(self, first: int, second: int | None = None) -> NDArray[np.bool_]:
+        """Where a pixel (H, W) of a frame is hidden in another, or out of its view.
+
+        Between neighbors it is the stored one, traced; otherwise the depth of the other frame
+        tells, to about a pixel at edges.
+        """
+        return self._truth.occlusion(first, first + 1 if second is None else second)
+
+    @property
+    def depth(self) -> LazyFrames:
+        """Depth (T, H, W), m: along the optical axis, of a panorama along the ray; sky inf."""
+        return self._of_truth("depth", np.float32, "m")
+
+    @property
+    def normals(self) -> LazyFrames:
+        """Surface normals (T, H, W, 3), world axes, toward the camera; NaN for the sky."""
+        return self._of_truth("normal", np.float32, "1", (3,), ("axis",))
+
+    @property
+    def object_ids(self) -> LazyFrames:
+        """Number of the object (T, H, W); 0 is the sky."""
+        return self._of_truth("object_id", np.uint32, "1")
+
+    def to_xarray(self, *exposures: str) -> "xarray.Dataset":
+        """All of it as a lazy xarray.Dataset, with units; counts of all exposures by default.
+
+        Raises UserError where xarray is not installed.
+        """
+        from megalopta.dataset.labeled import labeled
+
+        return labeled(self, exposures or self.exposures)
+
+    def _of_truth(
+        self,
+        field: str,
+        dtype: type[np.generic],
+        unit: str,
+        more: tuple[int, ...] = (),
+        names: tuple[str, ...] = (),
+    ) -> LazyFrames:
+        return LazyFrames(
+            (len(self), *self.shape, *more),
+            np.dtype(dtype),
+            unit,
+            ("frame", "row", "column", *names),
+            frame_by_frame(lambda index: getattr(self._truth.frame(index), field)),
+        )
+
+    @cached_property
+    def _truth(self) -> "TruthReader":
+        from megalopta.dataset.truth_reader import TruthReader
+
+        return TruthReader(self.dataset)
+
+    @cached_property
+    def _opened(self) -> "Any":
+        return lru_cache(maxsize=8)(self._open)
+
+    def _exposure(self, wanted: str | None) -> str:
+        name = self.exposures[0] if wanted is None else wanted
+        if name not in self._units:
+            raise UserError(
+                f"{self.name}: no exposure {name!r}; there are {', '.join(self.exposures)}"
+            )
+        return name
+
+    def _open(self, name: str) -> "OpenedCounts":
+        from megalopta.sensor import open_counts
+
+        path = self.dataset.root / "counts" / self.name / f"{name}.zarr"
+        try:
+            return open_counts(self._store(path))
+        except (OSError, ValueError) as problem:
+            raise UserError(str(problem)) from None
+
+    def _store(self, path: Path) -> Path:
+        whole = self.dataset
+        return whole.store(path) if isinstance(whole, FinishedSequence) else path
+
+    def _lazy(self, stored: "StoredFrames", quantity: str) -> LazyFrames:
+        def read(numbers: list[int]) -> NDArray[Any]:
+            if isinstance(self.dataset, FinishedSequence):
+                chunks = {number // stored.array.chunks[0] for number in numbers}
+                self.dataset.compare_chunks(stored.path / quantity, sorted(chunks))
+            return stored[numbers]
+
+        return LazyFrames(
+            stored.shape,
+            np.dtype(stored.array.dtype),
+            str(stored.array.attrs["unit"]),
+            ("frame", "row", "column"),
+            read,
+        )
+
+
+def stored_exposures(configuration: Configuration) -> dict[str, str]:
+    """Units of readings by the names of a configuration's exposures."""
+    return {
+        exposure_name(sensor, level): sensor.unit
+        for sensor in configuration.sensors
+        for level in configuration.light_levels
+    }

@@ -1,5 +1,0 @@
-"""Benchmarks on stimuli that need no dataset, and what they are shown."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,5 +1,0 @@
-"""Chapter 2: SPADs, SPADCAM and its motion bench."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

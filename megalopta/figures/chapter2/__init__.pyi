@@ -1,1 +1,0 @@
-from .recorded import reproduce_captured as reproduce_captured

@@ -1,1 +1,0 @@
-"""All methods side by side, beyond the dissertation."""

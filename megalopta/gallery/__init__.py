@@ -1,5 +1,0 @@
-"""Every scene at every light level on one page."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

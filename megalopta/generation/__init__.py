@@ -1,0 +1,1 @@
+"""Datasets made from a recipe, by one process or several."""

@@ -1,0 +1,120 @@
+"""One sequence of a plan, made beside the tree and moved into it when it is whole.
+
+It is an ordinary dataset in `.making/SEQ/data` until then, so that a run that was killed goes on
+inside the sequence.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from megalopta import __version__
+from megalopta.config.drawing import configuration_of, sequence_name, split_of
+from megalopta.config.model import Configuration
+from megalopta.config.recipe import Plan
+from megalopta.core.errors import UserError
+from megalopta.core.folders import locked
+from megalopta.core.format_numbers import written
+from megalopta.core.progress import silent
+from megalopta.dataset.layout import Tree
+from megalopta.dataset.record import SequenceRecord
+from megalopta.dataset.store import file_hash, files_in
+from megalopta.generation.flow_files import write_flow_files
+from megalopta.generation.staging import (
+    MADE,
+    begin,
+    clear,
+    finish,
+    is_finished,
+    made_with,
+    publish,
+)
+from megalopta.generation.statistics import sequence_statistics
+from megalopta.stages.ledger import Ledger
+from megalopta.stages.origins import provenance_changes
+from megalopta.stages.pipeline import run_stage
+from megalopta.stages.registry import STAGES
+
+
+class Machinery(NamedTuple):
+    """With what one sequence of a plan would be made, in the process that asks for all of them."""
+
+    sequence: int
+    made_with: Mapping[str, Mapping[str, str]]
+
+    @classmethod
+    def here(cls, plan: Plan, index: int) -> "Machinery":
+        """Return that of this process."""
+        return cls(index, made_with(configuration_of(plan, index)))
+
+
+def make_sequence(root: Path, plan: Plan, wanted: Machinery, index: int) -> None:
+    """Make a sequence, or what is missing of it. Raises UserError and OSError."""
+    tree, name = Tree(root), sequence_name(index)
+    staged = tree.staging / name
+    _check_machinery(plan, wanted)
+    with locked(staged), silent():
+        if not tree.record_path(name).exists():
+            configuration = configuration_of(plan, index)
+            data = begin(staged, configuration)
+            if not is_finished(staged):
+                finish(staged, _made(data, configuration, plan, index))
+            publish(tree, staged, name)
+        clear(staged)
+
+
+def other_machinery(record: SequenceRecord, configuration: Configuration, *stages: str) -> str:
+    """Return how stages of a finished sequence were made otherwise than here, or nothing."""
+    here = made_with(configuration)
+    found = {
+        stage: provenance_changes(recorded_machinery(record, stage), here[stage])
+        for stage in stages or MADE
+    }
+    return "; ".join(f"{stage}: {told}" for stage, told in found.items() if told)
+
+
+def recorded_machinery(record: SequenceRecord, stage: str) -> Mapping[str, str]:
+    """Return with what a stage was made; of early records the model is known, and no more."""
+    models = {"model": record.models[stage]} if stage in record.models else {}
+    return record.made_with.get(stage, models)
+
+
+def _check_machinery(plan: Plan, wanted: Machinery) -> None:
+    """Refuse to make, in another process, what is not the same bytes."""
+    here = Machinery.here(plan, wanted.sequence)
+    for stage in MADE:
+        if told := provenance_changes(wanted.made_with[stage], here.made_with[stage]):
+            raise UserError(
+                f"this worker would make other bytes ({stage}: {told}); give all workers the same "
+                "libraries and variant"
+            )
+
+
+def _made(data: Path, configuration: Configuration, plan: Plan, index: int) -> SequenceRecord:
+    for stage in MADE:
+        dataset = run_stage(data, configuration, stage)
+    extra = write_flow_files(dataset, plan.flow_files)
+    ledger = Ledger(dataset)
+    lines = [entry for stage in MADE if (entry := ledger.entry(stage))]
+    hashes = {path: tuple(each) for line in lines for path, each in line["files"].items()}
+    return SequenceRecord(
+        format=written("sequence"),
+        sequence=configuration.name,
+        index=index,
+        split=split_of(plan, index),
+        version=__version__,
+        models={stage: STAGES[stage].model() for stage in MADE},
+        made_with=made_with(configuration),
+        configuration=configuration.model_dump(mode="json"),
+        statistics=sequence_statistics(dataset),
+        poses=tuple(map(tuple, configuration.trajectory.poses().reshape(-1, 16).tolist())),
+        files=dict(sorted({**hashes, **file_hashes(data, extra)}.items())),
+    )
+
+
+def file_hashes(root: Path, paths: list[Path]) -> dict[str, tuple[int, str]]:
+    """Bytes and hash of files, and of those in folders, by their paths in a dataset."""
+    return {
+        str(path.relative_to(root)): (path.stat().st_size, file_hash(path))
+        for path in sorted(files_in(paths))
+    }

@@ -1,0 +1,163 @@
+"""What is being made beside the tree: begun again or gone on with, and cleared when it is over.
+
+.making/SEQ/            a sequence until it is whole; .making/SEQ-exposed/ its new exposures
+    request.json        what was asked for, and with what it is made: another is begun again
+    data/               the files
+    record.json         all files are there; from then on they move, and the record goes last
+
+Every step of this can be broken off, also by a kill, and is done again or gone on with by whoever
+comes next.
+"""
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from megalopta.config.model import Configuration, differences
+from megalopta.core import bounded, files
+from megalopta.core.errors import UserError
+from megalopta.core.folders import LOCK_NAME, locked
+from megalopta.core.progress import say
+from megalopta.dataset.layout import Tree, changed_record
+from megalopta.dataset.manifest import is_as_written, is_in_manifest, read_manifest
+from megalopta.dataset.record import SequenceRecord, read_record
+from megalopta.stages.origins import provenance
+
+MADE = ("render", "sense")
+"""Stages of a sequence."""
+EXPOSED = "-exposed"
+_STAGED = re.compile(rf"(\d{{6,}})({EXPOSED})?")
+_RECORD, _REQUEST = "record.json", "request.json"
+
+
+def begin(staged: Path, configuration: Configuration) -> Path:
+    """Return the folder to work in, emptied where it was begun with other settings or otherwise."""
+    wanted = {
+        "made_with": made_with(configuration),
+        "configuration": configuration.model_dump(mode="json"),
+    }
+    before = _read(staged / _REQUEST)
+    if before != wanted:
+        if before and (changes := differences(before, wanted)):
+            say(f"{staged.name}: begun with others ({'; '.join(changes[:3])}), and begun again")
+        clear(staged)
+        files.write_json(staged / _REQUEST, wanted)
+    files.sweep(staged)
+    return staged / "data"
+
+
+def made_with(configuration: Configuration) -> dict[str, dict[str, str]]:
+    """Return what every stage's output depends on beside the settings, here and now."""
+    return {stage: provenance(stage, configuration) for stage in MADE}
+
+
+def finish(staged: Path, record: SequenceRecord) -> None:
+    """Note that all files of a record are there."""
+    files.write_text(staged / _RECORD, record.model_dump_json(indent=1) + "\n")
+
+
+def is_finished(staged: Path) -> bool:
+    """Whether all files are there, and move or have moved."""
+    return (staged / _RECORD).exists()
+
+
+def publish(tree: Tree, staged: Path, name: str) -> None:
+    """Move what is finished into the tree; a move that was broken off is completed."""
+    record = read_record(staged / _RECORD, name)
+    data = staged / "data"
+    for path in _moved(data, record, is_added=staged.name.endswith(EXPOSED)):
+        if (data / path).exists():
+            files.remove(tree.root / path)
+            (tree.root / path).parent.mkdir(parents=True, exist_ok=True)
+            (data / path).rename(tree.root / path)
+    tree.records.mkdir(exist_ok=True)
+    (staged / _RECORD).replace(tree.record_path(name))
+
+
+def clear(staged: Path) -> None:
+    """Remove everything but the lock, which its holder removes.
+
+    What says how far it is goes first, so that nobody takes what a kill leaves for whole.
+    """
+    for name in (_RECORD, _REQUEST):
+        files.remove(staged / name)
+    for path in sorted(staged.iterdir()):
+        if path.name != LOCK_NAME:
+            files.remove(path)
+
+
+def settle(tree: Tree, write_index: Callable[[], None]) -> None:
+    """Bring a tree to where its manifest knows all of its records, after whatever was broken off.
+
+    Raises
+    ------
+    UserError
+        When somebody changed a record.
+    """
+    tree.sweep()
+    manifest, names = read_manifest(tree.root), tree.names()
+    unknown = [name for name in names if not is_in_manifest(tree.record_path(name), manifest)]
+    for name in unknown:
+        if not is_as_written(tree.record_path(name), manifest):
+            raise UserError(changed_record(tree, name))
+    if manifest and (unknown or manifest.keys() - set(names)):
+        write_index()
+
+
+def tidy(tree: Tree, keep_exposures: bool = False) -> None:
+    """Complete what is finished, and remove what is over, of all that is beside the tree."""
+    for staged, name in staged_sequences(tree):
+        with locked(staged):
+            if _is_over(tree, staged, name, keep_exposures):
+                clear(staged)
+            elif is_finished(staged):
+                publish(tree, staged, name)
+                clear(staged)
+        if not any(staged.iterdir()):
+            staged.rmdir()
+    if tree.staging.is_dir() and not any(tree.staging.iterdir()):
+        tree.staging.rmdir()
+
+
+def staged_sequences(tree: Tree) -> Iterator[tuple[Path, str]]:
+    """Yield the folders of what is being made, with the name of the sequence."""
+    for path in sorted(tree.staging.glob("*")):
+        if (found := _STAGED.fullmatch(path.name)) and path.is_dir() and not path.is_symlink():
+            yield path, found[1]
+
+
+def _is_over(tree: Tree, staged: Path, name: str, keep_exposures: bool) -> bool:
+    if not staged.name.endswith(EXPOSED):
+        return tree.record_path(name).exists()
+    return not _is_wanted(tree, staged, name) if is_finished(staged) else not keep_exposures
+
+
+def _is_wanted(tree: Tree, staged: Path, name: str) -> bool:
+    """Whether new exposures are still those of the sequence, which may have been made again."""
+    try:
+        before, after = tree.record(name), read_record(staged / _RECORD, name)
+    except UserError:
+        return False
+    is_same = before.configuration == after.configuration
+    return is_same and before.files.items() <= after.files.items()
+
+
+def _moved(data: Path, record: SequenceRecord, is_added: bool) -> list[str]:
+    """Folders that hold all files of a sequence and nothing else; of exposures, the stores."""
+    if is_added:
+        stores = sorted((data / "counts" / record.sequence).glob("*"))
+        return [path.relative_to(data).as_posix() for path in stores]
+    return list(dict.fromkeys(_folder(path, record.sequence) for path in record.files))
+
+
+def _folder(path: str, sequence: str) -> str:
+    parts = Path(path).parts
+    return str(Path(*parts[: parts.index(sequence) + 1]))
+
+
+def _read(path: Path) -> Mapping[str, Any] | None:
+    try:
+        return dict(bounded.read_json(path))
+    except (OSError, ValueError, TypeError):
+        return None

@@ -1,5 +1,0 @@
-"""HTML pages: templates, pages of sections, numbers and names in print."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,1 @@
+"""Style, axes and files of figures; pages of sections."""

@@ -1,0 +1,66 @@
+"""Matplotlib figures as SVG that lives inside a page: its fonts, its colors in light and dark.
+
+Figures are drawn in the house style, whose black and grid become colors of the page's style sheet.
+"""
+
+import io
+import re
+from typing import Literal
+
+from markupsafe import Markup, escape
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullLocator
+
+from megalopta.plotting.style import BLACK, RULE, house_style
+
+_THEMED = {BLACK: "currentColor", RULE: "var(--rule)"}
+_POINTS_PER_INCH = 72
+
+in_style = house_style({"svg.fonttype": "none", "axes.grid": False})
+"""Lets a function draw in the page's style, lines and markers included."""
+
+
+def themed(color: str) -> str:
+    """Return a color of the house style for a style sheet."""
+    return _THEMED.get(color, color)
+
+
+def new_axes(width_pt: float, height_pt: float) -> tuple[Figure, Axes]:
+    """Return a figure of this size with one pair of axes; for functions that are `in_style`."""
+    size = width_pt / _POINTS_PER_INCH, height_pt / _POINTS_PER_INCH
+    figure = Figure(figsize=size, layout="constrained")
+    return figure, figure.add_subplot()
+
+
+def logarithmic(axes: Axes, which: Literal["x", "y"], labels: FuncFormatter) -> None:
+    """Make an axis logarithmic, its labels in words, with a faint grid."""
+    axes.set(**{f"{which}scale": "log"})
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    axis.set_major_formatter(labels)
+    axis.set_minor_locator(NullLocator())
+    axes.grid(axis=which)
+
+
+def to_svg(figure: Figure, name: str, description: str) -> Markup:
+    """Return a figure as an SVG element; for functions that are `in_style`.
+
+    The name, of letters, digits and dashes, makes its identifiers unique on the page; the
+    description is for those who do not see it.
+    """
+    file = io.StringIO()
+    with rc_context({"svg.hashsalt": name}):
+        figure.savefig(file, format="svg", transparent=True, metadata={"Date": None})
+    svg = file.getvalue()
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r"(?s)<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->", "", svg)
+    svg = re.sub(r"font-family:[^;]*; ", "", svg)
+    view = re.search(r'viewBox="[^"]*"', svg)
+    label = escape(description)
+    head = f'<svg class="plot" role="img" aria-label="{label}" {view[0] if view else ""}>'
+    svg = re.sub(r"<svg[^>]*>", lambda _: head, svg, count=1)
+    svg = re.sub(r'(\sid="|url\(#|href="#)', rf"\g<1>{name}-", svg)
+    for color in _THEMED:
+        svg = svg.replace(color.lower(), themed(color))
+    return Markup(svg)

@@ -1,0 +1,95 @@
+"""Numbers and names in the report as a person writes them."""
+
+import math
+from collections.abc import Sequence
+
+from megalopta.config.model import LightLevel
+from megalopta.flow.metrics import format_flux
+from megalopta.scenes.lighting import illuminance_of
+
+UNDEFINED = "–"
+FAILS = "fails"
+SENSELESS = 10.0
+"""Error, in what is asked for, from which on a number says no more than that it fails."""
+
+
+def number(value: float) -> str:
+    """Three digits, thousands with a prefix (12.3k), small numbers with two digits (0.0012)."""
+    if not math.isfinite(value):
+        return UNDEFINED
+    if value == 0:
+        return "0"
+    size = abs(value)
+    if size >= 999.5:
+        return ("-" if value < 0 else "") + format_flux(size)
+    if size >= 99.95:
+        return f"{value:.0f}"
+    if size >= 0.9995:
+        return f"{value:.1f}" if size >= 9.995 else f"{value:.2f}"
+    return f"{value:.2g}" if size >= 1e-4 else _power_of_ten(value)
+
+
+def short(value: float) -> str:
+    """A round number without spare digits: 1k, 10M, 0.01."""
+    text = number(value)
+    digits = text.rstrip("kMGT")
+    whole = digits.rstrip("0").rstrip(".") if "." in digits else digits
+    return whole + text[len(digits) :]
+
+
+def percent(fraction: float | None) -> str:
+    """A fraction as a percentage to two digits; 0 only where it is nothing at all."""
+    if fraction is None or not math.isfinite(fraction):
+        return UNDEFINED
+    if 0 < fraction < 1e-4:
+        return "< 0.01\u00a0%"
+    decimals = max(0, 1 - math.floor(math.log10(100 * fraction))) if 0 < fraction < 0.1 else 0
+    return f"{100 * fraction:.{decimals}f}\u00a0%"
+
+
+def relative_error(value: float | None) -> str:
+    """An error as a percentage; "fails" from ten times on what is asked for."""
+    if value is None or not math.isfinite(value):
+        return UNDEFINED
+    return percent(value) if value < SENSELESS else FAILS
+
+
+def duration(seconds: float) -> str:
+    """Seconds, or minutes and seconds."""
+    if seconds < 99.95:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s"
+
+
+def level_name(level: LightLevel) -> str:
+    """A light level's name: "full moon", "10 lux"."""
+    return level.replace("_", "\u00a0") if isinstance(level, str) else lux(level)
+
+
+def level_title(level: LightLevel) -> str:
+    """Name and illuminance of a light level: "full moon, 0.25 lux"."""
+    illuminance = f", {lux(illuminance_of(level))}" if isinstance(level, str) else ""
+    return f"{level_name(level)}{illuminance}"
+
+
+def lux(illuminance_lux: float) -> str:
+    """An illuminance, to three digits: "10 lux", "0.000314 lux"."""
+    return f"{float(f'{illuminance_lux:.3g}'):g}\u00a0lux"
+
+
+def enumerate_words(words: Sequence[str]) -> str:
+    """Words as part of a sentence: "a, b and c"."""
+    *first, last = words
+    return f"{', '.join(first)} and {last}" if first else last
+
+
+def plural(count: int, noun: str) -> str:
+    """A count and its noun: "1 frame", "2,534 objects"."""
+    return f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s"
+
+
+def _power_of_ten(value: float) -> str:
+    digits, exponent = f"{value:.1e}".split("e")
+    superscript = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"10{superscript}" if digits == "1.0" else f"{digits} · 10{superscript}"

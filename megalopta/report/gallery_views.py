@@ -1,0 +1,192 @@
+"""Larger views of forests under natural skies: noon, sunset, starlight, close by and all around.
+
+With a photographed panorama there are two more: the photograph through the same camera, and a
+forest in its light.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from megalopta.config.model import Configuration
+from megalopta.config.yaml_model import validated
+from megalopta.core.files import atomic_write, write_text
+from megalopta.core.progress import progress
+from megalopta.plotting.templates import render_page
+from megalopta.render import SceneRenderer, frame_seed
+from megalopta.report.gallery_page import gray_counts
+from megalopta.report.gallery_sheet import ALONG_THE_TRAIL
+from megalopta.report.images import data_uri
+from megalopta.scenes import preview, white_of
+from megalopta.sensor import expose_image
+from megalopta.stages.render import build
+
+SAMPLES = 64
+"""Per pixel."""
+_CAMERA = {"width": 360, "height": 240, "fov_deg": 75}
+_AHEAD = {"frames": 2, "look_at_m": [10, 0, 2.4]}
+_FLOOR = {"frames": 2, "look_at_m": [6, 0, 1.0]}
+_LOW = {"frames": 2, "position_m": [0, 0, 0.7], "look_at_m": [2.5, 0.6, 0.35]}
+_NOON = {"level": "daylight", "sky": "natural", "disc_azimuth_deg": 150}
+_CLOUDY = {"level": "daylight", "sky": "natural", "cloud_cover": 1.0}
+_FOG_M = 60.0
+"""Visibility"""
+_GAP, _LINE = 8, 20
+
+
+@dataclass(frozen=True)
+class View:
+    """What one picture shows."""
+
+    title: str
+    parts: Mapping[str, Any]
+    """Of a configuration."""
+    exposure_s: float | None = None
+    """Of an ideal sensor whose counts are shown, too."""
+    work: int = 1
+    """Times the samples of other views: light in fog is noisy."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A view as it is shown."""
+
+    title: str
+    image: NDArray[np.uint8]
+    """(H, W, 3)"""
+
+
+def _forest(preset: str, light: Mapping[str, Any], path: Mapping[str, Any]) -> dict[str, Any]:
+    return {"scene": {"kind": "forest", "preset": preset}, "light": light, "trajectory": path}
+
+
+def _foggy(parts: Mapping[str, Any]) -> dict[str, Any]:
+    return {**parts, "scene": {**parts["scene"], "haze": {"visibility_m": _FOG_M}}}
+
+
+VIEWS = (
+    View("A clearing at noon", _forest("clearing", _NOON, _AHEAD)),
+    View(
+        "An open forest where the sun went down",
+        _forest("open", {"level": "twilight", "sky": "natural", "disc_azimuth_deg": 0}, _AHEAD),
+    ),
+    View("The floor of a rain forest at noon", _forest("rainforest", _NOON, _FLOOR)),
+    View(
+        "The same by starlight",
+        _forest("rainforest", {"level": "starlight", "sky": "natural"}, _FLOOR),
+        exposure_s=0.1,
+    ),
+    View("A trail through a mixed wood at noon", _forest("trail", _NOON, ALONG_THE_TRAIL)),
+    View(
+        "The same in fog, under a cloud", _foggy(_forest("trail", _CLOUDY, ALONG_THE_TRAIL)), work=4
+    ),
+    View(
+        "Close to the ground",
+        {
+            **_forest("understorey", _NOON, _LOW),
+            "camera": {**_CAMERA, "fov_deg": 45},
+        },
+    ),
+    View(
+        "All around, in a dense forest",
+        {
+            **_forest("dense", _NOON, {"frames": 2, "look_at_m": [10, 0, 1.5]}),
+            "camera": {"kind": "equirectangular", "width": 480, "height": 240},
+        },
+    ),
+)
+
+
+def of_photograph(panorama: Path, turn_deg: float = 0.0) -> tuple[View, View]:
+    """A photograph, and a clearing in its light, seen by the same camera."""
+    scene = {"kind": "panorama", "file": str(panorama), "turn_deg": turn_deg}
+    light = {"level": "daylight", "panorama": str(panorama), "panorama_turn_deg": turn_deg}
+    day = {"level": "daylight"}
+    return (
+        View("A photographed forest", {"scene": scene, "light": day, "trajectory": _AHEAD}),
+        View("A clearing in its light", _forest("clearing", light, _AHEAD)),
+    )
+
+
+def write_views(
+    out: Path,
+    panorama: Path | None = None,
+    views: Sequence[View] = VIEWS,
+    samples_per_pixel: int = SAMPLES,
+) -> Path:
+    """Render the views into a folder; returns their page, views.html, beside views.jpg.
+
+    Raises
+    ------
+    UserError
+        When there is no such panorama.
+    ValueError
+        When the panorama cannot be read as a picture.
+    """
+    views = [*(of_photograph(panorama) if panorama else ()), *views]
+    settings = [_settings(view, samples_per_pixel * view.work) for view in views]
+    pictures: list[Picture] = []
+    with progress("Rendering views", len(views), "view") as advance:
+        for view, each in zip(views, settings, strict=True):
+            pictures += _pictures(view, each)
+            advance()
+    out.mkdir(parents=True, exist_ok=True)
+    write_sheet(out / "views.jpg", pictures)
+    values = {"pictures": [(each.title, Image.fromarray(each.image)) for each in pictures]}
+    page = render_page("megalopta.report", "gallery_views.html", {"data_uri": data_uri}, **values)
+    write_text(out / "views.html", page)
+    return out / "views.html"
+
+
+def _settings(view: View, samples_per_pixel: int) -> Configuration:
+    values = {
+        "camera": _CAMERA,
+        "render": {"samples_per_pixel": samples_per_pixel, "integrator": "path"},
+        "sensors": [{"preset": "ideal", "exposure_s": view.exposure_s or 1e-3}],
+        **view.parts,
+    }
+    return validated(Configuration, values, view.title)
+
+
+def _pictures(view: View, settings: Configuration) -> Iterator[Picture]:
+    renderer = SceneRenderer(build(settings), settings.camera, settings.render)
+    radiance = renderer.radiance(settings.trajectory.poses()[0], frame_seed(settings.seed, 0))
+    bands = settings.render.bands_nm
+    yield Picture(view.title, preview(radiance, bands, white_of(settings.scene, settings.light)))
+    if view.exposure_s:
+        exposure = expose_image(
+            radiance[np.newaxis], bands, settings.sensors[0], seed=settings.seed, sequence="view"
+        )
+        counts = exposure.counts[0]
+        told = f"{view.title}: {counts.mean():.2g} photons per pixel in {view.exposure_s:g} s"
+        yield Picture(told, np.asarray(gray_counts(counts).convert("RGB")))
+
+
+def write_sheet(path: Path, pictures: Sequence[Picture]) -> None:
+    """Write all pictures as one JPEG, two in a row, wider ones alone, with their titles."""
+    width = min(each.image.shape[1] for each in pictures)
+    rows: list[list[tuple[str, Image.Image]]] = []
+    for each in pictures:
+        image, is_wide = Image.fromarray(each.image), each.image.shape[1] > width
+        if is_wide:
+            whole = 2 * width + _GAP
+            image = image.resize((whole, round(whole * image.height / image.width)))
+        if is_wide or not rows or len(rows[-1]) == 2 or rows[-1][0][1].width > width:
+            rows.append([])
+        rows[-1].append((each.title, image))
+    height = sum(row[0][1].height + _LINE + _GAP for row in rows) + _GAP
+    sheet = Image.new("RGB", (2 * (width + _GAP) + _GAP, height), (255, 255, 255))
+    draw, font, top = ImageDraw.Draw(sheet), ImageFont.load_default(14), _GAP
+    for row in rows:
+        for column, (title, image) in enumerate(row):
+            left = _GAP + column * (width + _GAP)
+            sheet.paste(image, (left, top))
+            draw.text((left, top + image.height + 2), title, (26, 26, 26), font)
+        top += row[0][1].height + _LINE + _GAP
+    with atomic_write(path) as temporary:
+        sheet.save(temporary, "JPEG", quality=88)

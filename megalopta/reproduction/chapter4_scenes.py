@@ -1,0 +1,138 @@
+"""Chapter 4, §4.2: what the detectors look at. The grating of Fig. 4.2, the forests of Fig. 4.3."""
+
+from collections.abc import Mapping
+from dataclasses import asdict
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Canvas
+from matplotlib.ticker import PercentFormatter
+
+from megalopta.assets_gen import generator
+from megalopta.assets_gen.stimuli import GratingVariant, dead_leaves, moving_cycles, sine_grating
+from megalopta.benchmark.panorama_recipes import NATURAL_PANORAMAS
+from megalopta.benchmark.panoramas import natural_templates
+from megalopta.benchmark.trial import ROWS
+from megalopta.core.arrays import Floats
+from megalopta.flow.stimuli import ImageStatistics, image_statistics, power_spectrum, resize
+from megalopta.plotting.picture import Figure, columns_of
+from megalopta.plotting.style import BLACK, DASHES, PALETTE
+from megalopta.reproduction.recipe import FigureRecipe, Run
+from megalopta.scenes import ToneCurve
+from megalopta.scenes.spectra import encode_srgb
+
+POOLED, CYCLES = 60, 4.0
+"""Of Fig. 4.2."""
+_VARIANTS: tuple[GratingVariant, ...] = ("rot", "periodic")
+_LEAVES_COLUMNS = 753
+
+
+def _figure_4_2(_: Run) -> Figure:
+    center = (np.arange(ROWS) + 0.5) / ROWS
+    y, x = np.meshgrid(center, center, indexing="ij")
+    frames = {
+        variant: resize(sine_grating(x, y, 1.0, CYCLES, variant=variant), POOLED)
+        for variant in _VARIANTS
+    }
+
+    def draw(canvas: Canvas) -> None:
+        for axes, (variant, frame) in zip(canvas.subplots(1, 2), frames.items(), strict=True):
+            axes.imshow(frame, cmap="gray", vmin=0, vmax=2)
+            axes.set_title(f"{variant}: {moving_cycles(CYCLES, variant):.3g} cycles move")
+            axes.set(xlabel="Column (px)", ylabel="Row (px)")
+            axes.grid(visible=False)
+
+    rows, columns = np.indices((POOLED, POOLED))
+    return Figure(
+        title="Figure 4.2: 2-D sine grating, 4 cycles per frame, 60 × 60 px",
+        caption=(
+            "The grating is S = 1 + C·sin(2πf·xr)·sin(2πf·yr) in coordinates turned by 45°, with "
+            "C = 1 and nearest-neighbor pooling. The dissertation's rotation (rot) moves √2·f "
+            "cycles per frame, no whole number, so that a circular shift drags a seam along; the "
+            "other variant (periodic) has f cycles and no seam."
+        ),
+        draw=draw,
+        numbers={
+            "row": rows.ravel(),
+            "column": columns.ravel(),
+            **{f"brightness_{variant}": frame.ravel() for variant, frame in frames.items()},
+        },
+    )
+
+
+def _figure_4_3(run: Run) -> Figure:
+    forests = natural_templates(run.cache)
+    leaves = dead_leaves((ROWS, _LEAVES_COLUMNS), generator(1, "figure 4.3"))
+    templates = {**forests, "dead leaves": leaves}
+    statistics = {name: image_statistics(template) for name, template in templates.items()}
+
+    def draw(canvas: Canvas) -> None:
+        parts = canvas.subfigures(2, 1, height_ratios=[2.9, 1], squeeze=False)
+        pictures, numbers = parts[:, 0]
+        for letter, axes, (name, template) in zip(
+            "abcd", pictures.subplots(4, 1), forests.items(), strict=True
+        ):
+            axes.imshow(encode_srgb(ToneCurve.of([template])(template)), "gray")
+            fov = NATURAL_PANORAMAS[name].frame_fov_deg
+            axes.set_title(f"({letter}) {name}, 251 columns cover {fov:g}°", loc="left")
+            axes.set_anchor("W")
+            axes.set_axis_off()
+        spectra, gradients = numbers.subplots(1, 2)
+        _draw_spectra(spectra, templates)
+        _draw_gradients(gradients, templates)
+
+    return Figure(
+        title="Figure 4.3: rendered forests in place of photographs",
+        caption=_caption(statistics),
+        draw=draw,
+        numbers=columns_of({"template": name, **asdict(each)} for name, each in statistics.items()),
+        height_in=11.5,
+    )
+
+
+def _caption(statistics: Mapping[str, ImageStatistics]) -> str:
+    forests = [each for name, each in statistics.items() if name != "dead leaves"]
+    leaves = statistics["dead leaves"]
+
+    def span(name: str) -> str:
+        values = sorted(getattr(each, name) for each in forests)
+        text = f"{values[0]:.2g} to {values[-1]:.2g} (dead leaves {getattr(leaves, name):.2g})"
+        return text.replace("-", "−")
+
+    return (
+        "Four seeded forests in four lights stand in for the photographs of the dissertation, with "
+        "their fields of view, in cylindrical projection, where turning the camera shifts columns. "
+        "They are shown as sRGB, while templates are linear in light. "
+        f"The contrast (σ/mean) is {span('contrast')}, the power goes as frequency to the exponent "
+        f"{span('spectrum_slope')}, the kurtosis of the gradient (3 where normal) is "
+        f"{span('gradient_kurtosis')}, and the share of neighbors that differ by less than 1 % of "
+        f"the mean is {span('flat_share')}."
+    )
+
+
+def _draw_spectra(axes: Axes, templates: Mapping[str, Floats]) -> None:
+    for index, (name, template) in enumerate(templates.items()):
+        axes.loglog(*power_spectrum(template), **_line(index), label=name)
+    axes.set(xlabel="Frequency (cycles/px)", ylabel="Power (mean² px²)")
+    axes.legend()
+
+
+def _draw_gradients(axes: Axes, templates: Mapping[str, Floats]) -> None:
+    edges = np.linspace(-4, 4, 81)
+    for index, template in enumerate(templates.values()):
+        gradient = np.diff(template, axis=1, append=template[:, :1])
+        share, _ = np.histogram(gradient / gradient.std(), edges)
+        axes.semilogy((edges[:-1] + edges[1:]) / 2, share / gradient.size, **_line(index))
+    axes.set(xlabel="Gradient along rows (σ)", ylabel="Share of pixels")
+    axes.yaxis.set_major_formatter(PercentFormatter(1, decimals=1))
+
+
+def _line(index: int) -> dict[str, object]:
+    color = PALETTE[index] if index < len(NATURAL_PANORAMAS) else BLACK
+    return {"color": color, "linestyle": DASHES[index], "linewidth": 1.5}
+
+
+RECIPES = (
+    FigureRecipe("fig-4.2", _figure_4_2),
+    FigureRecipe("fig-4.3", _figure_4_3),
+)

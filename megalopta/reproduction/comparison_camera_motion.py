@@ -1,0 +1,148 @@
+"""How well the camera's own motion is estimated in forests, over the photons per pixel."""
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Canvas
+
+from megalopta.benchmark.forest_flight import (
+    FLIGHT_DRAWS,
+    FLIGHT_FLUXES,
+    FLIGHTS,
+    MotionErrors,
+    flight_errors,
+    forest_flights,
+    together,
+)
+from megalopta.benchmark.whole_frame_forests import forest_clips
+from megalopta.core.arrays import Floats
+from megalopta.core.progress import progress
+from megalopta.plotting.picture import Cell, Figure, columns_of
+from megalopta.plotting.style import BLACK, GRAY, method_style
+from megalopta.reproduction.recipe import FigureRecipe, Run
+
+_YAW, _HEADING_DEG = 0.05, 5.0
+
+
+def camera_motion(run: Run) -> Figure:
+    """Yaw rate and heading from one likelihood, from flow, and from weighted sums of answers."""
+    fluxes, draws = (FLIGHT_FLUXES[::2], 1) if run.is_quick else (FLIGHT_FLUXES, FLIGHT_DRAWS)
+    views = forest_flights(1 if run.is_quick else FLIGHTS)
+    frames = sum(view.trajectory.frames for view in views.values())
+    with progress("Rendering flights", frames, "frame") as advance:
+        clips = list(forest_clips(views, run.cache, advance))
+    flicker = max(each for _, each in clips)
+    drawn = len(views) * draws * len(fluxes)
+    with progress("Estimating the camera's motion", drawn, "draw") as advance:
+        board = together(
+            [
+                flight_errors(view, clip, fluxes, draws, advance)
+                for view, (clip, _) in zip(views.values(), clips, strict=True)
+            ]
+        )
+    rows, columns = clips[0][0].light.shape[1:]
+    windows = len(board[0].yaw_deg)
+    return Figure(
+        name="camera-motion",
+        title="Errors of the camera's own motion in forests with parallax",
+        caption=(
+            "Root mean square error of the yaw rate over that of the rate "
+            f"({board[0].rms_yaw_deg:.2f}° per frame), and median error of the heading, in "
+            f"{windows} windows of eight frames of {len(views)} flights, {draws} draws of photons "
+            f"each ({columns} × {rows} px, a pixel flickers by {100 * flicker:.0f} % by "
+            "rendering); whiskers hold 95 % of bootstraps over windows. Summed: answers weighted "
+            "as was learned from a flight's first half without noise, averaged over seven pairs; "
+            "fitted: the motion that fits the flow of blocks; likelihood: that under which the "
+            "counts are most likely. Only sums learn from these forests, and nothing but the "
+            "camera moves in them: what moves by itself would mislead all ways."
+        ),
+        draw=partial(_draw, board=board),
+        numbers=columns_of(row for each in board for row in _rows(each)),
+        height_in=4.2,
+        findings=tuple(_finding(each) for each in board),
+    )
+
+
+def _rows(errors: MotionErrors) -> list[Mapping[str, Cell]]:
+    yaw, heading = errors.intervals()
+    columns = {
+        "photons_per_px": errors.fluxes,
+        "yaw_error": errors.yaw,
+        "yaw_low": yaw[0],
+        "yaw_high": yaw[1],
+        "heading_error_deg": errors.heading,
+        "heading_low_deg": heading[0],
+        "heading_high_deg": heading[1],
+    }
+    return [
+        {"way": errors.name, **{name: float(each[place]) for name, each in columns.items()}}
+        for place in range(len(errors.fluxes))
+    ]
+
+
+def _finding(errors: MotionErrors) -> str:
+    """Say from which light on both errors are small."""
+    yaw = _light_for(errors.fluxes, errors.yaw, _YAW)
+    text = f"{errors.name}: yaw rate within {100 * _YAW:g} % {yaw}"
+    if np.isnan(errors.heading).all():
+        return f"{text}."
+    return f"{text}, heading within {_HEADING_DEG:g}° " + (
+        f"{_light_for(errors.fluxes, errors.heading, _HEADING_DEG)}."
+    )
+
+
+def _light_for(fluxes: Sequence[float], errors: Floats, level: float) -> str:
+    within = errors <= level
+    if not within[-1]:
+        return f"at none up to {fluxes[-1]:g} photons per pixel"
+    first = len(within) - int(np.argmin(within[::-1])) if not within.all() else 0
+    return f"from {fluxes[first]:g} photons per pixel on"
+
+
+def _draw(canvas: Canvas, board: Sequence[MotionErrors]) -> None:
+    """Draw a panel of the yaw rate and one of the heading, and their legend below."""
+    grid = canvas.add_gridspec(2, 2, height_ratios=(1, 0.3))
+    panels = [canvas.add_subplot(grid[0, column]) for column in range(2)]
+    for each in board:
+        style, (yaw, heading) = _style(each.name), each.intervals()
+        _draw_line(panels[0], each, 100 * each.yaw, 100 * yaw, style)
+        if np.isfinite(each.heading).any():
+            _draw_line(panels[1], each, each.heading, heading, style)
+    levels, titles = (100 * _YAW, _HEADING_DEG), ("Yaw rate (%)", "Heading (°)")
+    for axes, level, title in zip(panels, levels, titles, strict=True):
+        axes.axhline(level, color=GRAY, linestyle=":")
+        axes.set(title=title, xscale="log", yscale="log", xlabel="Photons per pixel and frame")
+    panels[0].set_ylabel("Error")
+    handles, labels = panels[0].get_legend_handles_labels()
+    legend = canvas.add_subplot(grid[1, :])
+    legend.set_axis_off()
+    legend.legend(handles, labels, loc="center", ncols=3, columnspacing=1)
+
+
+def _draw_line(
+    axes: Axes, errors: MotionErrors, middle: Floats, interval: Floats, style: Mapping[str, Any]
+) -> None:
+    low, high = interval
+    axes.errorbar(
+        errors.fluxes,
+        middle,
+        yerr=(middle - low, high - middle),
+        label=errors.name,
+        elinewidth=0.8,
+        **style,
+    )
+
+
+def _style(name: str) -> Mapping[str, Any]:
+    """Return the look of a way: that of its method, dashed by what is made of it, or black."""
+    method, _, how = name.partition(", ")
+    if not how:
+        return {"color": BLACK, "marker": "o" if name.endswith("8 frames") else "s"}
+    dash = ":" if how == "summed" else "--"
+    return {**method_style(method.partition(" ")[0]), "linestyle": dash}
+
+
+RECIPES = (FigureRecipe("camera-motion", camera_motion),)

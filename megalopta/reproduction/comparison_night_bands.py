@@ -1,0 +1,148 @@
+"""Figure "night-bands": what a SPAD and an InGaAs CTIA array see of a dark forest's floor.
+
+Contrast between neighbors is what motion detectors live on. Of two renderings with independent
+noise the product of differences has the noise-free square as its mean. What a device can tell of
+motion is the Poisson bound's sum over a block, the squared slope over the variance of the reading
+(`flow.metrics`): counts in another band, and in the dark, are noise to the rest.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure as Canvas
+from numpy.typing import NDArray
+
+from megalopta.benchmark.rainforest_floor import FLOOR_BANDS_NM, FLOOR_LIGHT, floor_passes
+from megalopta.core.arrays import Floats
+from megalopta.plotting.picture import Figure
+from megalopta.plotting.style import (
+    BLACK,
+    BLUE,
+    GRAY,
+    ORANGE,
+)
+from megalopta.reproduction.recipe import FigureRecipe, Run
+from megalopta.sensor import IMAGE_SENSORS, ImageSensor, expectation
+
+DEVICES = "array-12x4", "ctia_ingaas_quiet"
+EXPOSURE_S = 0.1
+"""Of both."""
+BLOCK_PX = 8
+Reals = NDArray[np.float32]
+_KINDS = "silicon SPAD", "InGaAs CTIA"
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a device gets of the floor in one exposure."""
+
+    events: Floats
+    """(B,): of light, mean over the pixels; 0 where the device is blind."""
+    dark: float
+    """The same in the dark."""
+    noise: float
+    """Root of the mean variance of the reading, in its unit."""
+    error_px: float
+    """Least standard error of motion along a row, of a block of 8 × 8 px, two frames."""
+
+
+def contrast(first: Reals, second: Reals) -> tuple[Floats, Floats]:
+    """Root mean square difference of neighbors along rows over the mean, and its error, (B,).
+
+    Of two renderings (H, W, B). The error is that of finding it with so many pixels, as if rows
+    were independent; both are NaN where noise hides the contrast.
+    """
+    light = np.sqrt(first.mean(axis=(0, 1)) * second.mean(axis=(0, 1)))
+    products = np.diff(first / light, axis=1) * np.diff(second / light, axis=1)
+    of_row = products.mean(axis=1, dtype=np.float64)
+    square, error = of_row.mean(axis=0), of_row.std(axis=0, ddof=1) / np.sqrt(len(of_row))
+    found = np.sqrt(np.where(square > error, square, np.nan))
+    return found, error / (2 * found)
+
+
+def seen_by(passes: tuple[Reals, Reals], sensor: ImageSensor) -> Seen:
+    """What a device gets of the floor, `passes` of (H, W, B) in `FLOOR_BANDS_NM`."""
+    curve = sensor.efficiency
+    inside = [
+        curve.wavelengths_nm[0] <= low and high <= curve.wavelengths_nm[-1]
+        for low, high in FLOOR_BANDS_NM
+    ]
+    bands = [band for band, is_inside in zip(FLOOR_BANDS_NM, inside, strict=True) if is_inside]
+    light = [each[np.newaxis, ..., inside].astype(np.float64) for each in passes]
+    dark = expectation(0 * light[0], bands, sensor)
+    events = np.zeros(len(FLOOR_BANDS_NM))
+    for place, index in enumerate(np.flatnonzero(inside)):
+        one = np.zeros_like(light[0])
+        one[..., place] = light[0][..., place]
+        lit = expectation(one, bands, sensor)
+        events[index] = (lit.mean_events - dark.mean_events).mean()
+    readings = [expectation(each, bands, sensor) for each in light]
+    rises = [np.diff(each.mean_reading - dark.mean_reading, axis=2) for each in readings]
+    variance = readings[0].reading_variance
+    # The difference of two frames has twice the variance.
+    information = float(np.mean(rises[0] * rises[1] / (2 * variance[..., 1:])))
+    least = 1 / np.sqrt(information * BLOCK_PX**2) if information > 0 else np.inf
+    noise = float(np.sqrt(variance.mean()))
+    return Seen(events, float(dark.mean_events.mean()), noise, float(least))
+
+
+def _figure(run: Run) -> Figure:
+    passes = floor_passes(24, 64) if run.is_quick else floor_passes()
+    spad, ctia = (seen_by(passes, IMAGE_SENSORS[name]) for name in DEVICES)
+    middle = np.array(FLOOR_BANDS_NM).mean(axis=1)
+    radiance = passes[0].mean(axis=(0, 1), dtype=np.float64)
+    light = FLOOR_LIGHT.resolved().spectrum()
+    sky = np.array([light(np.linspace(*band, 101)).mean() / np.pi for band in FLOOR_BANDS_NM])
+    sharp, error = contrast(*passes)
+    size = len(passes[0])
+
+    def draw(canvas: Canvas) -> None:
+        above, left, right = canvas.subplots(1, 3)
+        above.semilogy(middle, sky, color=GRAY, label="open sky")
+        above.semilogy(middle, radiance, color=BLACK, marker="o", label="floor")
+        above.set(xlabel="Wavelength (nm)", ylabel="Radiance (W/m²/sr/nm)")
+        for each, kind, color in zip((spad, ctia), _KINDS, (BLUE, ORANGE), strict=True):
+            shown = np.where(each.events > 0, each.events, np.nan)
+            left.semilogy(middle, shown, color=color, marker="o", label=kind)
+            left.axhline(each.dark, color=color, linestyle=":")
+        left.set(xlabel="Wavelength (nm)", ylabel="Events per pixel")
+        right.errorbar(middle, sharp, error, color=BLACK, marker="o")
+        right.set(xlabel="Wavelength (nm)", ylabel="Contrast of neighbors", ylim=(0, None))
+        above.legend(loc="upper left", fontsize="small")
+        left.legend(loc="upper left", bbox_to_anchor=(0, 0.93), fontsize="small")
+
+    return Figure(
+        title="The floor of a rain forest by starlight, seen by silicon and by InGaAs",
+        caption=(
+            f"Forest `rainforest` under a natural starlit sky, {size} × {size} px of 60°, in bands "
+            "of 100 nm; leaves absorb little beyond 700 nm, so more of the infrared comes down. "
+            f"Events in {EXPOSURE_S:g} s and a band are of the presets {DEVICES[0]} and "
+            f"{DEVICES[1]}, with lens, pixel and efficiency of their own; dotted lines are those "
+            "in the dark. Contrast is the root mean square difference of neighbors along rows "
+            "over the mean, without rendering noise."
+        ),
+        draw=draw,
+        numbers={
+            "wavelength_nm": middle,
+            "sky_radiance_W_m2_sr_nm": sky,
+            "floor_radiance_W_m2_sr_nm": radiance,
+            "contrast": sharp,
+            "contrast_error": error,
+            "spad_events": spad.events,
+            "ctia_electrons": ctia.events,
+        },
+        printed={
+            "events of light per pixel": (f"{spad.events.sum():.3g}", f"{ctia.events.sum():.3g}"),
+            "events in the dark": (f"{spad.dark:.3g}", f"{ctia.dark:.3g}"),
+            "noise of a reading": (f"{spad.noise:.3g}", f"{ctia.noise:.3g}"),
+            f"least error of {BLOCK_PX} × {BLOCK_PX} px, two frames": (
+                f"{spad.error_px:.2g} px",
+                f"{ctia.error_px:.2g} px",
+            ),
+        },
+        printed_by=_KINDS,
+        height_in=3.6,
+    )
+
+
+RECIPES = (FigureRecipe("night-bands", _figure),)

@@ -1,0 +1,176 @@
+"""The board of whole frames: error of all velocity methods over the photons per pixel.
+
+Unlike the leaderboard of isolated blocks, methods see all that is around a block, motion differs
+from place to place, and it has edges.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Canvas
+
+from megalopta.benchmark.baselines import methods_and_baselines
+from megalopta.benchmark.panoramas import natural_templates
+from megalopta.benchmark.whole_frame_board import (
+    BLOCK_PX,
+    FAR_PX,
+    PHOTONS_PER_PX,
+    FrameErrors,
+    frame_errors,
+)
+from megalopta.benchmark.whole_frame_forests import MOVING_VIEWS, forest_clips
+from megalopta.benchmark.whole_frame_scenes import leaves_clips, panorama_clips
+from megalopta.core.progress import progress
+from megalopta.flow.detectors import Method
+from megalopta.plotting.picture import Cell, Figure, columns_of
+from megalopta.plotting.style import method_style
+from megalopta.reproduction.recipe import FigureRecipe, Run
+
+_LEAVES, _PANORAMAS = "Dead leaves, four motions", "Forests, a turning camera"
+_PARALLAX = "Forests, a flying camera"
+_DRAWS = {_LEAVES: 1, _PANORAMAS: 1, _PARALLAX: 3}
+"""Of the photons of each scene: there are few flights"""
+
+_FRAMES, _PAIR = 8, 2
+
+
+def whole_frames(run: Run, methods: Sequence[Method] | None = None) -> Figure:
+    """Median endpoint errors on dead leaves and in forests; in quick form less of everything.
+
+    Forests past which a camera flies take minutes to render, so that quick form is without.
+    """
+    templates, fluxes = natural_templates(run.cache), PHOTONS_PER_PX
+    if run.is_quick:
+        templates, fluxes = dict(list(templates.items())[:2]), fluxes[::2]
+    clips = {
+        _LEAVES: list(leaves_clips(2 if run.is_quick else 6)),
+        _PANORAMAS: list(panorama_clips(templates, headings=1 if run.is_quick else 2)),
+    }
+    flicker = 0.0
+    if not run.is_quick:
+        with progress("Rendering moving views", len(MOVING_VIEWS) * _FRAMES, "frame") as advance:
+            flown = list(forest_clips(cache=run.cache, after_frame=advance))
+        clips[_PARALLAX] = [clip for clip, _ in flown]
+        flicker = max(noise for _, noise in flown)
+    chosen = methods or methods_and_baselines(_FRAMES)
+    with progress("Measuring whole frames", sum(map(len, clips.values())), "scene") as advance:
+        boards = {
+            kind: frame_errors(some, chosen, fluxes, _DRAWS[kind], advance)
+            for kind, some in clips.items()
+        }
+    number = ", ".join(str(len(some)) for some in clips.values())
+    size = " × ".join(map(str, clips[_LEAVES][0].light.shape[1:]))
+    return Figure(
+        name="whole-frames",
+        title="Median errors of velocity methods on whole frames, over the photons per pixel",
+        caption=(
+            f"Methods see frames of {size} px, of {number} scenes, as they are; drawn is the mean "
+            f"over scenes of the median over blocks of {BLOCK_PX} × {BLOCK_PX} px of the distance "
+            "from their true mean velocity, with what holds it in 95 % of bootstraps over scenes. "
+            "A median does not tell how far off the worse half is: the mean over blocks and the "
+            f"share beyond {FAR_PX:g} px stand in the file of numbers. On dead leaves the velocity "
+            "is affine and differs in three disks; forests are panoramas seen by a camera that "
+            f"only turns{_flown(flicker)}; √ is a method that sees roots of counts, 4+4 one that "
+            "sees sums of four frames."
+        ),
+        draw=partial(_draw_boards, boards=boards),
+        numbers=columns_of(row for kind, board in boards.items() for row in _rows(kind, board)),
+        height_in=2 + 3.3 * len(boards),
+        findings=tuple(f"{kind}: {_best(board)}." for kind, board in boards.items()),
+    )
+
+
+def _flown(flicker: float) -> str:
+    """Say what is seen with parallax, if anything is."""
+    if not flicker:
+        return ""
+    return (
+        f", or rendered with parallax ({_DRAWS[_PARALLAX]} draws of photons each), where up to "
+        f"{100 * flicker:.1f} % of a pixel flickers"
+    )
+
+
+def _rows(kind: str, board: Sequence[FrameErrors]) -> list[Mapping[str, Cell]]:
+    return [
+        {
+            "scenes": kind,
+            "method": each.detector.name,
+            "frames": float(each.frames),
+            "photons_per_px": flux,
+            "median_epe_px": median,
+            "low_px": low,
+            "high_px": high,
+            "mean_epe_px": mean,
+            "share_beyond_3_px": far,
+        }
+        for each in board
+        for flux, median, low, high, mean, far in zip(
+            each.fluxes,
+            each.median_px.mean,
+            *each.median_px.interval,
+            each.mean_px.mean,
+            each.far.mean,
+            strict=True,
+        )
+    ]
+
+
+def _best(board: Sequence[FrameErrors]) -> str:
+    """Say which have the least mean of medians at each flux, and whose intervals reach it."""
+    return "; ".join(
+        f"of {kind}, the least median error has "
+        + ", ".join(
+            f"{_leaders(some, place)} at {flux:g}" for place, flux in enumerate(some[0].fluxes)
+        )
+        for kind, some in _by_frames(board).items()
+        if some
+    )
+
+
+def _leaders(board: Sequence[FrameErrors], place: int) -> str:
+    first, *others = sorted(board, key=lambda each: float(each.median_px.mean[place]))
+    highest = first.median_px.interval[1][place]
+    level = [each.detector.name for each in others if each.median_px.interval[0][place] <= highest]
+    return first.detector.name + (f" (level with {', '.join(level)})" if level else "")
+
+
+def _by_frames(board: Sequence[FrameErrors]) -> dict[str, list[FrameErrors]]:
+    two = [each for each in board if each.frames == _PAIR]
+    return {"two frames": two, "eight frames": [each for each in board if each not in two]}
+
+
+def _draw_boards(canvas: Canvas, boards: Mapping[str, Sequence[FrameErrors]]) -> None:
+    """Draw a row of panels for each kind of scenes, a column for each number of frames."""
+    panels = canvas.subplots(
+        len(boards) + 1, 2, sharex=True, height_ratios=(*[1] * len(boards), 0.42)
+    )
+    for row, (kind, board) in zip(panels, boards.items(), strict=False):
+        for axes, (frames, some) in zip(row, _by_frames(board).items(), strict=True):
+            for each in some:
+                _draw_errors(axes, each)
+            axes.set(title=f"{kind},\n{frames}", xscale="log", yscale="log")
+        row[0].set_ylabel("Median endpoint error (px)")
+    for axes, above, labeled in zip(panels[-1], panels[0], panels[-2], strict=True):
+        labeled.set_xlabel("Photons per pixel and frame")
+        labeled.xaxis.set_tick_params(labelbottom=True)
+        axes.set_axis_off()
+        handles, labels = above.get_legend_handles_labels()
+        if labels:
+            axes.legend(handles, labels, loc="center", ncols=3, columnspacing=1, markerscale=0.7)
+
+
+def _draw_errors(axes: Axes, errors: FrameErrors) -> None:
+    medians, (low, high) = errors.median_px.mean, errors.median_px.interval
+    name = errors.detector.name
+    axes.errorbar(
+        errors.fluxes,
+        medians,
+        yerr=(medians - low, high - medians),
+        label=name,
+        elinewidth=0.8,
+        **method_style(name),
+    )
+
+
+RECIPES = (FigureRecipe("whole-frames", whole_frames),)

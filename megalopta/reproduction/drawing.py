@@ -1,0 +1,104 @@
+"""Figures and tables of the dissertation, drawn again from the models of this package.
+
+Each becomes a picture to look at (PNG), one to print (SVG) and the numbers behind it (CSV, and JSON
+with parameters and intervals). The bytes depend on the versions of this package, of NumPy and of
+matplotlib only; those of table-4.times and leaderboard on the machine as well.
+"""
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+from megalopta.benchmark.runner import run
+from megalopta.benchmark.sweep import Sweep
+from megalopta.benchmark.templates import pixels_of
+from megalopta.benchmark.trial import Trial
+from megalopta.core.errors import UserError
+from megalopta.core.folders import ensure_directory
+from megalopta.core.progress import progress
+from megalopta.plotting.picture import Figure
+from megalopta.plotting.writing import write_figure
+from megalopta.reproduction.recipe import Run
+from megalopta.reproduction.registry import find, names
+from megalopta.reproduction.side_by_side import side_by_side
+from megalopta.reproduction.sweep import sweep_figure
+
+
+def reproduce(
+    figures: Sequence[str],
+    out: Path,
+    is_quick: bool = False,
+    workers: int | None = None,
+    cache: Path | None = None,
+    scheduler: str | None = None,
+) -> list[Path]:
+    """Write NAME.png, NAME.svg, NAME.csv and NAME.json of every figure named; return their paths.
+
+    Parameters
+    ----------
+    figures : sequence of str
+        Names of figures or `GROUPS`.
+    out : Path
+        Made if it does not exist; files of the same name are replaced. Results of the flow
+        benchmark are kept in its folder `trials`, and are not measured again. With Table 4.1 comes
+        a page, chapter-4.html.
+    is_quick : bool
+        Whether to draw the figures of Chapter 4 in their quick form, into the folder `quick` of
+        `out`: whole ones stay as they are.
+    workers : int, optional
+        Threads that measure; by default one for each core. Changes no number.
+    cache : Path, optional
+        Folder of rendered panoramas; by default the user's.
+    scheduler : str, optional
+        Address of a Dask cluster that measures instead of threads.
+
+    Raises
+    ------
+    UserError
+        When a name is unknown, none is given or the folder is a file; nothing is written then.
+    """
+    if not figures:
+        raise UserError(f"reproduce: name at least one figure of {', '.join(names())}")
+    recipes = {recipe.name: recipe for name in figures for recipe in find(name)}.values()
+    drawn = ensure_directory(out / "quick" if is_quick else out)
+    trials = [trial for recipe in recipes for trial in recipe.trials(is_quick)]
+    measured = _measure(trials, out, is_quick, workers, cache, scheduler)
+    made = [recipe.make(measured) for recipe in recipes]
+    paths = _write_figures(made, drawn)
+    return paths + [recipe.page(drawn, made) for recipe in recipes if recipe.page]
+
+
+def reproduce_sweep(
+    name: str,
+    sweep: Sweep,
+    out: Path,
+    workers: int | None = None,
+    cache: Path | None = None,
+    scheduler: str | None = None,
+) -> list[Path]:
+    """Measure a sweep and write its figure under this name; else as `reproduce`."""
+    ensure_directory(out)
+    measured = _measure(sweep.trials, out, False, workers, cache, scheduler)
+    return write_figure(sweep_figure(name, sweep, measured.results), out)
+
+
+def _measure(
+    trials: Sequence[Trial],
+    out: Path,
+    is_quick: bool,
+    workers: int | None,
+    cache: Path | None,
+    scheduler: str | None,
+) -> Run:
+    templates = pixels_of((trial.template for trial in trials), cache)
+    results = run(trials, templates, out / "trials", workers, scheduler)
+    return Run(is_quick, results, templates, cache)
+
+
+def _write_figures(figures: Sequence[Figure], out: Path) -> list[Path]:
+    paths: list[Path] = []
+    with progress("Drawing figures", len(figures), "figure") as advance:
+        for written in side_by_side([partial(write_figure, figure, out) for figure in figures]):
+            paths += written
+            advance()
+    return paths

@@ -1,0 +1,1 @@
+"""Proofs for users: physics, truth, files."""

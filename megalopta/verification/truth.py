@@ -1,0 +1,184 @@
+"""`megalopta check truth`: a dataset's flow against another derivation, and against its images.
+
+Flow is derived again from stored depth, poses and motions by plain formulas (`rederive`), in both
+directions. A bending object differs from its motion by the straight edges of its triangles, which
+only shows in the largest percent. Then the next image is warped back along the stored flow, and
+what shift is left between it and this image is estimated by least squares on the gradient (Lucas
+and Kanade, 1981), over the whole image. Aliasing, noise and shadows that move leave a tenth or two
+of a pixel there, a wrong sign or a grid off by half a pixel leave more than the limit.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+from scipy.ndimage import gaussian_filter, map_coordinates
+
+from megalopta.core.errors import UserError
+from megalopta.core.progress import progress
+from megalopta.dataset.reprojection import View, motions_of, rederived_flow
+from megalopta.dataset.store import Dataset
+from megalopta.render import Truth, read_attributes, read_radiance, read_truth
+from megalopta.stages.ledger import Ledger
+from megalopta.verification.footprint import footprint_residuals
+
+LARGEST_MEDIAN_PX = 1e-3
+LARGEST_SHIFT_PX = 0.3
+LARGEST_STANDARD_ERRORS = 5.0
+LARGEST_PART_MISSED = 0.1
+
+_SMOOTHING_PX = 1.0
+
+
+@dataclass(frozen=True)
+class Residual:
+    """What is left of one comparison."""
+
+    name: str
+    pixels: int
+    """How many values went in."""
+    median: float
+    percentile_99: float
+    """Of the residual's length, px; of shares, in standard errors."""
+    limit: float
+    """Of the median."""
+
+    @property
+    def passed(self) -> bool:
+        """Whether the median keeps its limit."""
+        return self.median < self.limit
+
+
+def run_check_truth(dataset: Dataset, console: Console | None = None) -> bool:
+    """Check all frames of a dataset and print the table; return whether all passed."""
+    Ledger(dataset).require("render")
+    console = console or Console()
+    rows = check_truth(dataset)
+    console.print(
+        "at rest and sky: from depth and poses; moving: from position and motion; pixel mean: of "
+        "whole pixels, against their centers; shares: likewise, in standard errors; outlines: the "
+        "part that no mixed pixel is on; image: the next one, warped back along the flow",
+        highlight=False,
+    )
+    table = Table(caption="pass: median below its limit")
+    for name in ("residual (px)", "values", "median", "99 %", "limit", "pass"):
+        table.add_column(name, justify="left" if name.startswith("residual") else "right")
+    for row in rows:
+        numbers = (f"{number:.2g}" for number in (row.median, row.percentile_99, row.limit))
+        verdict = "[green]yes[/]" if row.passed else "[bold red]NO[/]"
+        table.add_row(row.name, f"{row.pixels:,}", *numbers, verdict)
+    console.print(table)
+    return all(row.passed for row in rows)
+
+
+def check_truth(dataset: Dataset) -> list[Residual]:
+    """Compare all frames of a dataset; needs a finished render stage."""
+    motions = motions_of(dataset)
+    kept: dict[str, list[NDArray[np.float64]]] = {}
+    frames = dataset.configuration.trajectory.frames
+    with progress("Deriving flow again", frames - 1, "pair") as advance:
+        for (truth, view), (next_truth, next_view), images in _pairs(dataset):
+            there = rederived_flow(truth, view, next_view, motions)
+            back = rederived_flow(next_truth, next_view, view, motions)
+            for way, seen, stored, again in (
+                ("forward", truth, truth.flow_forward, there),
+                ("backward", next_truth, next_truth.flow_backward, back),
+            ):
+                for name, where in _groups(seen, list(motions)).items():
+                    residual = _distance(stored[where], again[where])
+                    kept.setdefault(f"{name}, {way}", []).append(residual)
+            for name, values in footprint_residuals(truth):
+                kept.setdefault(name, []).append(values)
+            shift = remaining_shift(*images, truth)
+            if np.isfinite(shift):
+                kept.setdefault("image, warped", []).append(np.array([shift]))
+            advance()
+    return [_residual(name, np.concatenate(kept[name])) for name in sorted(kept)]
+
+
+def remaining_shift(
+    image: NDArray[np.float64], following: NDArray[np.float64], truth: Truth
+) -> float:
+    """Length (px) of the shift left between an image (H, W) and the next one warped along its flow.
+
+    NaN where nothing is seen in both.
+    """
+    height, width = image.shape
+    x = np.arange(width) + truth.flow_forward[..., 0]
+    y = np.arange(height)[:, None] + truth.flow_forward[..., 1]
+    margin = 2
+    inside = (x > margin) & (x < width - 1 - margin) & (y > margin) & (y < height - 1 - margin)
+    inside &= ~truth.occluded_forward
+    if not inside.any():
+        return float("nan")
+    # Smoothing before and after warping: the same filter for both, and gradients that are stable.
+    # Pixels without a partner take this image's value, so that they say nothing.
+    warped = image.copy()
+    warped[inside] = map_coordinates(following, [y[inside], x[inside]], order=3, mode="nearest")
+    first, second = (gaussian_filter(each, _SMOOTHING_PX) for each in (image, warped))
+    down, right = np.gradient((first + second) / 2)
+    slope = np.stack([right, down], axis=-1)[inside]
+    shift, *_ = np.linalg.lstsq(slope, (first - second)[inside], rcond=None)
+    return float(np.linalg.norm(shift))
+
+
+def _pairs(
+    dataset: Dataset,
+) -> Iterator[
+    tuple[tuple[Truth, View], tuple[Truth, View], tuple[NDArray[np.float64], NDArray[np.float64]]]
+]:
+    before, image = _frame(dataset, 0)
+    for index in range(1, dataset.configuration.trajectory.frames):
+        after, next_image = _frame(dataset, index)
+        yield before, after, (image, next_image)
+        before, image = after, next_image
+
+
+def _frame(dataset: Dataset, index: int) -> tuple[tuple[Truth, View], NDArray[np.float64]]:
+    path = dataset.truth(index)
+    try:
+        truth, view = read_truth(path), View.of(read_attributes(path))
+        radiance, _ = read_radiance(dataset.radiance(index))
+    except (OSError, KeyError, ValueError) as problem:
+        raise UserError(
+            f"{problem}; remove the file and run: megalopta render {dataset.root} "
+            f"--out {dataset.root}"
+        ) from None
+    return (truth, view), radiance.sum(axis=-1, dtype=np.float64)
+
+
+def _groups(truth: Truth, moving: list[int]) -> dict[str, NDArray[np.bool_]]:
+    is_moving = np.isin(truth.object_id, moving)
+    groups = {
+        "at rest": ~is_moving & (truth.object_id > 0),
+        "sky": truth.object_id == 0,
+        "moving": is_moving,
+    }
+    return {name: where for name, where in groups.items() if where.any()}
+
+
+def _distance(stored: NDArray[np.float32], again: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Lengths of the difference of flows (n, 2), px; infinite where only one of them is defined."""
+    length = np.linalg.norm(stored - again, axis=-1)
+    undefined = np.isnan(stored).any(axis=-1), np.isnan(again).any(axis=-1)
+    length[undefined[0] ^ undefined[1]] = np.inf
+    return np.asarray(length[~np.isnan(length)])
+
+
+def _residual(name: str, values: NDArray[np.float64]) -> Residual:
+    limit = _limit(name)
+    if not values.size:
+        return Residual(name, 0, 0.0, 0.0, limit)
+    median, high = np.percentile(values, [50, 99], method="nearest").tolist()
+    return Residual(name, values.size, median, high, limit)
+
+
+def _limit(name: str) -> float:
+    if name.startswith("outlines"):
+        return LARGEST_PART_MISSED
+    if "share" in name:
+        return LARGEST_STANDARD_ERRORS
+    return LARGEST_SHIFT_PX if name.startswith("image") else LARGEST_MEDIAN_PX

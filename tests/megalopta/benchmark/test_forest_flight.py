@@ -1,0 +1,117 @@
+"""The flight on which the camera's motion is told, and the errors of the ways to tell it."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from megalopta.benchmark.forest_flight import MotionErrors, flight_errors, forest_flight, together
+from megalopta.benchmark.whole_frame_scenes import Clip
+from megalopta.flow.egomotion import yaw_rates_deg_s
+from megalopta.reproduction import comparison_camera_motion as camera_motion
+from megalopta.reproduction.recipe import Run
+from megalopta.scenes import PerspectiveCamera
+
+from ...flow.egomotion.corner import ROOM, view as room
+
+
+def test_flight_turns_both_ways_and_goes_where_it_does_not_look():
+    path = forest_flight().trajectory
+    rates = yaw_rates_deg_s(path) / path.frame_rate_hz
+    # 0.7° is the derivative at the turning point; nods and rolls by 3° and .5° a frame take or add
+    # their product, .03°
+    assert rates.max() == pytest.approx(0.7, abs=0.04)
+    assert rates.min() == pytest.approx(-0.7, abs=0.04)
+    turns = Rotation.from_matrix(
+        np.swapaxes(path.poses()[:-1, :3, :3], 1, 2) @ path.poses()[1:, :3, :3]
+    )
+    largest = np.abs(turns.as_rotvec(degrees=True)).max(axis=0)
+    assert (largest > 0.4).all() and (largest < 0.75).all()
+    poses = path.poses()
+    steps = np.diff(poses[:, :3, 3], axis=0)
+    # a spline through 10 cm steps
+    np.testing.assert_allclose(np.linalg.norm(steps, axis=1), 0.1, rtol=0.02)
+    aside = np.degrees(np.arccos((steps[:, np.newaxis] @ poses[:-1, :3, 2:3])[:, 0, 0] / 0.1))
+    assert aside.max() == pytest.approx(31, abs=3)  # 30° aside and 8° upward, nodding by 3°
+    assert aside.min() == pytest.approx(8, abs=3.1)
+
+
+def test_errors_are_root_mean_squares_and_medians_with_their_intervals():
+    rng = np.random.default_rng(0)
+    yaw, heading = rng.normal(0, 0.1, (2, 200, 1, 2)), np.abs(rng.normal(0, 5, (2, 200, 1, 2)))
+    halves = [
+        [MotionErrors("x", *each, np.full(200, 0.5), (1.0, 10.0))]
+        for each in zip(yaw, heading, strict=True)
+    ]
+    (errors,) = together(halves)
+    np.testing.assert_allclose(errors.yaw, np.sqrt((yaw**2).mean(axis=(0, 1, 2))) / 0.5)
+    np.testing.assert_allclose(errors.heading, np.median(heading, axis=(0, 1, 2)))
+    (low, high), (nearest, farthest) = errors.intervals()
+    # a root mean square of 400 normal numbers has a standard error of 3.5 %: four of those
+    np.testing.assert_allclose(high - low, 4 * errors.yaw * 0.035, rtol=0.3)
+    assert (nearest < errors.heading).all() and (errors.heading < farthest).all()
+
+
+def test_draws_of_one_window_are_no_independent_estimates():
+    yaw = np.random.default_rng(0).normal(0, 0.1, (40, 1, 1))
+    once, twice = (
+        MotionErrors(
+            "x", np.tile(yaw, (1, n, 1)), np.tile(abs(yaw), (1, n, 1)), np.ones(40), (1.0,)
+        )
+        for n in (1, 5)
+    )
+    np.testing.assert_allclose(once.intervals(), twice.intervals())
+
+
+@cache
+def clip():
+    """A room through which the flight goes; a pixel is the mean of 2 × 2 rays."""
+    view = forest_flight()
+    finer = PerspectiveCamera(width=240, height=240, fov_deg=60)
+    poses = np.linalg.inv(view.trajectory.poses()[0]) @ view.trajectory.poses()
+    rays = [room(finer, pose[:3, 3], Rotation.from_matrix(pose[:3, :3]), ROOM) for pose in poses]
+    light = np.reshape(rays, (-1, 120, 2, 120, 2)).mean(axis=(2, 4))
+    return Clip("room", light / light.mean(), np.zeros((120, 120, 2)))
+
+
+@pytest.mark.slow
+def test_every_way_is_measured_and_the_likelihood_finds_the_motion():
+    found = {each.name: each for each in flight_errors(forest_flight(), clip(), (300.0,), 1)}
+    assert len(found) == 8
+    likely = found["likelihood of 8 frames"]
+    assert likely.yaw_deg.shape == (4, 1, 1)
+    # in three of the windows within .01°, in the last, a wall's end in view, within .1 of .7°
+    assert likely.yaw[0] < 0.2 < found["BM, summed"].yaw[0] and likely.heading[0] < 2
+    assert np.isnan(found["BM, summed"].heading).all()
+
+
+@pytest.mark.parametrize(
+    ("yaw", "said"),
+    [
+        ((0.2, 0.1, 0.06), "at none up to 30 photons per pixel"),
+        ((0.2, 0.04, 0.03), "from 3 photons per pixel on"),
+        ((0.04, 0.2, 0.03), "from 30 photons per pixel on"),
+        ((0.04, 0.04, 0.03), "from 0.3 photons per pixel on"),
+    ],
+)
+def test_figure_says_from_which_light_on_the_motion_is_known(monkeypatch, tmp_path, yaw, said):
+    def errors(view, clip, fluxes, *_):
+        assert fluxes == (0.3, 3.0, 30.0)
+        found = np.tile(yaw, (4, 1, 1))
+        return [MotionErrors("BM, summed", found, np.full_like(found, np.nan), np.ones(4), fluxes)]
+
+    light = Clip("flight", np.ones((80, 12, 12)), np.zeros((12, 12, 2)))
+    monkeypatch.setattr(camera_motion, "forest_clips", lambda *_: iter([(light, 0.01)]))
+    monkeypatch.setattr(camera_motion, "flight_errors", errors)
+    figure = camera_motion.camera_motion(Run(True, {}, {}, tmp_path))
+    assert figure.findings == (f"BM, summed: yaw rate within 5 % {said}.",)
+
+
+@pytest.mark.slow
+def test_figure_has_a_row_for_each_way_and_flux(monkeypatch, tmp_path):
+    monkeypatch.setattr(camera_motion, "forest_clips", lambda *_: iter([(clip(), 0.01)]))
+    figure = camera_motion.camera_motion(Run(True, {}, {}, tmp_path))
+    assert len(figure.findings) == 8
+    assert any("heading within 5° from" in each for each in figure.findings)
+    assert len(figure.numbers["way"]) == 8 * 3

@@ -1,0 +1,95 @@
+"""Intervals over units: coverage on drawn units, and closed forms."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from megalopta.benchmark.intervals import best, interval, ratio
+from megalopta.benchmark.ranking_errors import Sums
+
+RUNS = 400
+
+
+def sums(errors, blocks=None):
+    errors = np.asarray(errors, float)
+    return Sums(errors, np.ones(len(errors)) if blocks is None else np.asarray(blocks, float))
+
+
+def drawn(rng, count, effect):
+    """Two methods on units of unequal size and difficulty; the second is worse by `effect`."""
+    blocks = rng.integers(5, 60, count)
+    hard = rng.lognormal(0, 0.7, count)
+    own = rng.lognormal(-0.02, 0.2, (2, count))
+    return sums(hard * own[0] * blocks, blocks), sums(effect * hard * own[1] * blocks, blocks)
+
+
+@pytest.mark.parametrize("count", [6, 14])
+def test_95_of_100_intervals_of_a_ratio_hold_it(count):
+    """Both methods' own factors have the same mean: the ratio of the expectations is 1.3 (5 σ)."""
+    rng, held = np.random.default_rng(0), 0
+    for _ in range(RUNS):
+        one, other = drawn(rng, count, 1.3)
+        found = ratio(other, one)
+        held += found.low <= 1.3 <= found.high
+    assert held > RUNS * 0.95 - 5 * np.sqrt(RUNS * 0.95 * 0.05)
+
+
+def test_95_of_100_intervals_of_a_mean_hold_it():
+    rng, held = np.random.default_rng(0), 0
+    for _ in range(RUNS):
+        found = interval(sums(rng.gamma(16, 1 / 16, 8)))
+        held += found.low <= 1 <= found.high
+    assert held > RUNS * 0.95 - 5 * np.sqrt(RUNS * 0.95 * 0.05)
+
+
+def test_equal_methods_are_called_different_once_in_twenty():
+    rng, sure = np.random.default_rng(1), 0
+    for _ in range(RUNS):
+        one, other = drawn(rng, 10, 1.0)
+        sure += best({"a": one, "b": other}).is_sure
+    assert sure < RUNS * 0.05 + 5 * np.sqrt(RUNS * 0.05 * 0.95)
+
+
+def test_of_small_scatter_it_is_the_interval_of_a_mean():
+    """Units of one size whose errors hardly differ: the t-interval of their mean."""
+    errors = 1 + 1e-4 * np.random.default_rng(0).normal(size=12)
+    found = interval(sums(errors))
+    low, high = stats.t.interval(0.95, 11, errors.mean(), stats.sem(errors))
+    assert (found.low, found.high) == pytest.approx((low, high), abs=1e-8)
+
+
+def test_p_is_that_of_the_paired_t_test():
+    rng = np.random.default_rng(0)
+    one = 1 + 1e-4 * rng.normal(size=12)
+    other = one + 1e-4 * (rng.normal(size=12) + 0.5)
+    expected = stats.ttest_rel(other, one).pvalue
+    assert ratio(sums(other), sums(one)).p == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_common_difficulty_does_not_hide_a_difference():
+    """Units differ by far more than the two methods, which differ in every unit."""
+    rng = np.random.default_rng(0)
+    hard = rng.exponential(1, 40)
+    found = best({"a": sums(hard * 1.01), "b": sums(hard)})
+    assert (found.method, found.is_sure) == ("b", True)
+
+
+def test_draws_are_not_units():
+    """Twice as many draws of the same units: sums and blocks double, intervals do not shrink."""
+    one, other = drawn(np.random.default_rng(2), 8, 1.2)
+    twice = Sums(2 * one.errors, 2 * one.blocks)
+    np.testing.assert_allclose(ratio(other, twice), ratio(other, one))
+
+
+@pytest.mark.parametrize("blocks", [[5, 0, 0], [1000, 1, 1]])
+def test_one_unit_alone_has_no_interval(blocks):
+    one = sums([3.0, 1.0, 2.0] * np.sign(blocks), blocks)
+    assert interval(one).low is None
+    assert ratio(one, one) is None
+    assert not best({"a": one, "b": one}).is_sure
+
+
+def test_empty_groups_have_neither_mean_nor_best():
+    empty = sums(np.zeros(5), np.zeros(5))
+    assert interval(empty) is None
+    assert best({"a": empty}) is None

@@ -1,0 +1,180 @@
+"""Trials side by side: the same numbers at any number of workers, and nothing measured twice."""
+
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
+
+import numpy as np
+import pytest
+
+from megalopta.benchmark import runner as engine
+from megalopta.benchmark.runner import run_trials, work_units
+from megalopta.benchmark.sweep import Sweep
+from megalopta.benchmark.trial import GratingTemplate, PanoramaTemplate, Trial
+from megalopta.core.errors import UserError
+from megalopta.flow.benchmark import SearchSettings
+from megalopta.flow.detectors import METHODS
+
+FAST = SearchSettings(flux_min=1e4, flux_max=1e7, bits=(2,), metrics=("literal",), phases=2)
+TRIALS = Sweep(trial=Trial(search=FAST, methods=("BM", "NDS", "IM")), values=(3, 4, 5)).trials
+TEMPLATES = {GratingTemplate(): GratingTemplate().pixels()}
+
+
+def run(store, workers=1, trials=TRIALS, executor=ThreadPoolExecutor, **more):
+    with executor(workers, **more) as pool:
+        return run_trials(trials, TEMPLATES, store, pool)
+
+
+def files(store):
+    return {path.name: path.read_bytes() for path in store.iterdir()}
+
+
+@pytest.mark.parametrize(
+    ("workers", "executor", "more"),
+    [
+        (3, ThreadPoolExecutor, {}),
+        # two processes that load everything; engine/test_cluster.py runs a trial in another one
+        pytest.param(
+            2, ProcessPoolExecutor, {"mp_context": get_context("spawn")}, marks=pytest.mark.slow
+        ),
+    ],
+)
+def test_results_do_not_depend_on_workers(tmp_path, workers, executor, more):
+    alone = run(tmp_path / "alone")
+    together = run(tmp_path / "together", workers, TRIALS[::-1], executor, **more)
+    assert together == alone
+    assert files(tmp_path / "alone") == files(tmp_path / "together")
+
+
+def test_a_killed_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
+    complete = run(tmp_path / "whole")
+    measured = []
+
+    def dies_at_the_third(trial, *arguments):
+        if len(measured) == 2:
+            raise KeyboardInterrupt
+        measured.append(trial)
+        return real(trial, *arguments)
+
+    real = engine.measure
+    monkeypatch.setattr(engine, "measure", dies_at_the_third)
+    with pytest.raises(KeyboardInterrupt):
+        run(tmp_path / "killed")
+    assert len(files(tmp_path / "killed")) == 2
+    monkeypatch.setattr(
+        engine, "measure", lambda trial, *rest: measured.append(trial) or real(trial, *rest)
+    )
+    assert run(tmp_path / "killed") == complete
+    assert len(measured) == len(set(measured)) == 3
+
+
+def test_a_trial_that_comes_twice_is_measured_once(tmp_path, monkeypatch):
+    calls = []
+    monkeypatch.setattr(engine, "measure", lambda trial, *_: calls.append(trial) or ())
+    run(tmp_path, trials=[*TRIALS, *TRIALS])
+    assert len(calls) == len(TRIALS)
+
+
+@pytest.mark.parametrize("change", ["trial", "pixels", "code"])
+def test_a_result_is_not_used_for_anything_else(tmp_path, monkeypatch, change):
+    calls = []
+    monkeypatch.setattr(engine, "measure", lambda trial, *_: calls.append(trial) or ())
+    run(tmp_path / "store", trials=TRIALS[:1])
+    trials = TRIALS[:1]
+    if change == "trial":
+        trials = [TRIALS[0].model_copy(update={"seed": 1})]
+    elif change == "pixels":
+        monkeypatch.setitem(TEMPLATES, GratingTemplate(), np.ones((251, 251)))
+    elif change == "code":
+        monkeypatch.setattr(engine, "code_digest", lambda *modules: "of other code")
+    run(tmp_path / "store", trials=trials)
+    assert len(calls) == 2
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"{", b"\xff", b"[]", b'{"curves": [{}]}', b'{"curves": 1}']
+)
+def test_a_damaged_record_is_measured_again(tmp_path, content):
+    complete = run(tmp_path, trials=TRIALS[:1])
+    (path,) = tmp_path.iterdir()
+    whole = path.read_bytes()
+    path.write_bytes(content)
+    assert run(tmp_path, trials=TRIALS[:1]) == complete
+    assert path.read_bytes() == whole
+
+
+def test_results_of_one_name_of_panorama_depend_on_its_pixels_alone(tmp_path):
+    pixels = GratingTemplate().pixels()
+    trials = [
+        TRIALS[0].model_copy(update={"template": PanoramaTemplate(kind="panorama", name=name)})
+        for name in ("a", "b")
+    ]
+    with ThreadPoolExecutor(1) as pool:
+        results = run_trials(trials, {each.template: pixels for each in trials}, tmp_path, pool)
+    assert results[trials[0]] == results[trials[1]]
+
+
+def test_progress_adds_up_to_the_work_stored_or_not(tmp_path):
+    for _ in range(2):
+        done = []
+        with ThreadPoolExecutor(1) as pool:
+            run_trials(TRIALS, TEMPLATES, tmp_path, pool, done.append)
+        assert sum(done) == work_units(TRIALS)
+        assert len(done) == len(TRIALS)
+
+
+def test_a_template_that_cannot_be_measured_is_named_in_one_sentence(tmp_path):
+    template = PanoramaTemplate(kind="panorama", name="night.png")
+    pixels = np.ones((251, 700))
+    pixels[:, :300] = 0
+    with ThreadPoolExecutor(1) as pool, pytest.raises(UserError, match=r"^night.png: .* is black"):
+        run_trials(
+            [TRIALS[0].model_copy(update={"template": template})],
+            {template: pixels},
+            tmp_path,
+            pool,
+        )
+    assert not tmp_path.is_dir() or not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_every_method_can_be_swept(tmp_path, name):
+    few = SearchSettings(flux_min=1e5, flux_max=1e6, fluxes_per_decade=1, bits=(2,), phases=1)
+    trial = Trial(search=few.model_copy(update={"frames": 1}), methods=(name,))
+    with ThreadPoolExecutor(1) as pool:
+        (curves,) = run_trials([trial], TEMPLATES, tmp_path, pool).values()
+    assert {curve.method for curve in curves} == {name}
+    assert all(len(curve.errors) >= 2 for curve in curves)
+
+
+@pytest.mark.slow  # Ctrl-C in a process is tested by cli/test_main.py
+def test_who_interrupts_does_not_wait_for_trials_that_are_half_done(tmp_path):
+    sweep = tmp_path / "long.yaml"
+    search = "{phases: 250, repeats: 50, metrics: [literal], bits: [2]}"  # minutes
+    sweep.write_text(f"trial: {{methods: [BM], size: 240, search: {search}}}\nvalues: [5]\n")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "megalopta", "sweep", str(sweep), "--out", str(tmp_path / "out")],
+        stderr=subprocess.PIPE,
+        text=True,
+        # a shell that runs tests in the background has its children ignore Ctrl-C
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    deadline = time.monotonic() + 60
+    started = tmp_path / "out" / "trials"  # made before the first trial
+    while not started.exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    time.sleep(1)
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=20)
+    assert process.returncode == 130, stderr
+    assert "interrupted; every file is whole, and the same command goes on" in stderr
+    assert not list(started.iterdir())
+
+
+def test_a_store_that_is_a_file_is_refused_before_the_work(tmp_path):
+    (tmp_path / "trials").write_text("")
+    with pytest.raises(UserError, match="trials: a file is in the way"):
+        run(tmp_path / "trials")

@@ -1,0 +1,246 @@
+"""Flow of other programs, scored through the command line."""
+
+import json
+import shutil
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from megalopta.benchmark.board import read_board
+from megalopta.benchmark.scores import score_submission
+from megalopta.cli import main as cli
+from megalopta.core.errors import UserError
+from megalopta.flow.detectors import METHODS
+from megalopta.flow.files import read_flow, write_flo
+from megalopta.flow.metrics import DenseErrors
+
+SHAPE = (60, 80)
+MOTIONS = ((2, 1), (-3, 0))
+
+
+def pictures():
+    """Two sequences of two frames whose texture moves as a whole, from black to white."""
+    for index, motion in enumerate(MOTIONS):
+        random = np.random.default_rng(index).random((100, 120))
+        texture = cv2.GaussianBlur(random, (0, 0), 1.5)
+        texture = np.rint(255 * (texture - texture.min()) / np.ptp(texture)).astype(np.uint8)
+        first = texture[20:80, 20:100].copy()
+        second = texture[20 - motion[1] : 80 - motion[1], 20 - motion[0] : 100 - motion[0]].copy()
+        for each in (first, second):
+            each[0, :2] = 0, 255  # so that gray levels are not stretched
+        yield f"scene_{index}", motion, first, second
+
+
+@pytest.fixture
+def tree(tmp_path):
+    """True flow as Sintel lays it out, and that of OpenCV's DIS, written by cv2 alone."""
+    truth, submitted, rng = tmp_path / "truth", tmp_path / "dis", np.random.default_rng(0)
+    for name, motion, first, second in pictures():
+        true = np.broadcast_to(np.float32(motion), (*SHAPE, 2))
+        write_flo(truth / "training" / "flow" / name / "frame_0001.flo", true)
+        for kind, mask in (("occlusions", 255 * (rng.random(SHAPE) < 0.2)), ("invalid", 0)):
+            path = truth / "training" / kind / name / "frame_0001.png"
+            path.parent.mkdir(parents=True)
+            Image.fromarray(np.broadcast_to(mask, SHAPE).astype(np.uint8)).save(path)
+        dis = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+        found = dis.calc(first, second, None)
+        path = submitted / "clean" / name / "frame0001.flo"
+        path.parent.mkdir(parents=True)
+        assert cv2.writeOpticalFlow(str(path), found)
+    return truth, submitted
+
+
+def submit(capsys, truth, flow, *words):
+    cli.main(["benchmark", "submit", str(flow), "--truth", str(truth), *map(str, words)])
+    return capsys.readouterr().out
+
+
+def told(capsys, truth, flow, *words):
+    with pytest.raises(SystemExit) as end:
+        submit(capsys, truth, flow, *words)
+    assert end.value.code == 2
+    text = capsys.readouterr().err
+    assert "Traceback" not in text
+    return text
+
+
+def test_scores_are_those_of_an_independent_script(tree, tmp_path, capsys):
+    truth, submitted = tree
+    out = tmp_path / "scores.json"
+    printed = submit(capsys, truth, submitted, "--out", out)
+    assert "overall" in printed
+
+    epe, hidden = [], []
+    for path in sorted(submitted.glob("clean/*/*.flo")):
+        raw = np.fromfile(path, "<f4")[3:].reshape(*SHAPE, 2)
+        scene = truth / "training" / "flow" / path.parent.name / "frame_0001.flo"
+        true = np.fromfile(scene, "<f4")[3:].reshape(*SHAPE, 2)
+        epe.append(np.linalg.norm(raw - true, axis=-1))
+        mask = truth / "training" / "occlusions" / path.parent.name / "frame_0001.png"
+        hidden.append(np.asarray(Image.open(mask)) > 0)
+    epe, hidden = np.array(epe), np.array(hidden)
+
+    scores = json.loads(out.read_text())
+    (entry,) = scores["entries"]
+    assert (entry["pass_name"], entry["frames"]) == ("clean", 2)
+    overall = entry["overall"]
+    assert overall["all"]["epe_px"] == pytest.approx(epe.mean(), rel=1e-6)
+    assert overall["visible"]["epe_px"] == pytest.approx(epe[~hidden].mean(), rel=1e-6)
+    assert overall["occluded"]["epe_px"] == pytest.approx(epe[hidden].mean(), rel=1e-6)
+    assert overall["all"]["over_1px_percent"] == pytest.approx(100 * (epe > 1).mean())
+    assert overall["fast"]["epe_px"] is None
+    first = scores["sequences"][0]["scene_0"]["all"]
+    assert first["epe_px"] == pytest.approx(epe[0].mean(), rel=1e-6)
+
+
+def test_our_own_dis_scores_the_same(tree):
+    truth, submitted = tree
+    own = DenseErrors()
+    for _, motion, first, second in pictures():
+        own.add(METHODS["DIS"].dense(first, second), np.broadcast_to(motion, (*SHAPE, 2)))
+    (entry,) = score_submission(submitted, truth).entries
+    # float32 of the file against the detector's own float64
+    assert own.of("all").epe_px == pytest.approx(entry.overall["all"].epe_px, rel=1e-6)
+
+
+def with_pictures(truth):
+    for name, _, *frames in pictures():
+        for number, frame in enumerate(frames, start=1):
+            path = truth / "training" / "clean" / name / f"frame_{number:04}.png"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            Image.fromarray(frame).save(path)
+
+
+def test_a_method_is_scored_as_the_files_that_it_would_write(tree, tmp_path, capsys):
+    truth, submitted = tree
+    with_pictures(truth)
+    out = tmp_path / "scores.json"
+    submit(capsys, truth, "dis", "--out", out)
+    (entry,) = json.loads(out.read_text())["entries"]
+    (files,) = score_submission(submitted, truth).entries
+    assert (entry["program"], entry["pass_name"]) == ("DIS", "clean")
+    assert entry["truth_hash"] == files.truth_hash
+    for group in ("all", "visible", "occluded"):
+        assert entry["overall"][group]["epe_px"] == pytest.approx(
+            files.overall[group].epe_px, rel=1e-6
+        )
+
+
+def test_a_function_from_python_is_scored(tree):
+    truth, _ = tree
+    with_pictures(truth)
+    (entry,) = score_submission(lambda a, b: np.zeros((*a.shape, 2)), truth).entries
+    speeds = [np.hypot(*motion) for motion in MOTIONS]
+    assert entry.overall["all"].epe_px == pytest.approx(np.mean(speeds))
+
+
+def as_kitti(tree, folder):
+    """The same truth and flow as 16-bit PNG, without the hidden pixels in flow_noc."""
+    truth, submitted = tree
+    for number, path in enumerate(sorted(submitted.glob("clean/*/*.flo"))):
+        scene = path.parent.name
+        true = read_flow(truth / "training" / "flow" / scene / "frame_0001.flo")
+        mask = Image.open(truth / "training" / "occlusions" / scene / "frame_0001.png")
+        seen = np.where(np.asarray(mask)[..., None] > 0, np.nan, true)
+        name = f"{number:06}_10.png"
+        for kind, flow in (
+            ("truth/training/flow_occ", true),
+            ("truth/training/flow_noc", seen),
+            ("flow", read_flow(path)),
+        ):
+            known = np.isfinite(flow).all(axis=-1)
+            values = np.where(known[..., None], np.rint(flow * 64) + 2**15, 0)
+            image = np.dstack([known, values[..., 1], values[..., 0]]).astype(np.uint16)
+            (folder / kind).mkdir(parents=True, exist_ok=True)
+            assert cv2.imwrite(str(folder / kind / name), image)
+    return folder / "truth", folder / "flow"
+
+
+def test_kittis_layout_gives_the_same_errors_within_its_steps(tree, tmp_path):
+    (entry,) = score_submission(*reversed(tree)).entries
+    truth, flow = as_kitti(tree, tmp_path / "kitti")
+    (kitti,) = score_submission(flow, truth).entries
+    for group in ("all", "visible", "occluded"):
+        found, expected = kitti.overall[group], entry.overall[group]
+        assert found.pixels == expected.pixels
+        assert found.epe_px == pytest.approx(expected.epe_px, abs=1 / 64)
+
+
+def test_plain_folders_of_flow_are_paired_by_their_names(tree, tmp_path):
+    """As Middlebury: NAME/flow10.flo."""
+    for kind, root in (("a", tree[0] / "training" / "flow"), ("b", tree[1] / "clean")):
+        for path in root.glob("*/*.flo"):
+            target = tmp_path / kind / path.parent.name / "flow10.flo"
+            target.parent.mkdir(parents=True)
+            shutil.copy(path, target)
+    (entry,) = score_submission(tmp_path / "b", tmp_path / "a").entries
+    assert (entry.pass_name, entry.frames) == ("", 2)
+
+
+def test_a_leaderboard_keeps_the_last_entry_of_each_program(tree, tmp_path, capsys):
+    truth, submitted = tree
+    board, words = tmp_path / "board.jsonl", ("--out", tmp_path / "scores.json", "--leaderboard")
+    perfect = tmp_path / "perfect"
+    shutil.copytree(truth / "training" / "flow", perfect)
+    submit(capsys, truth, submitted, *words, board)
+    submit(capsys, truth, submitted, *words, board)
+    printed = submit(capsys, truth, perfect, *words, board, "--program", "oracle")
+    entries = read_board(board)
+    assert [(each.program, each.pass_name) for each in entries] == [
+        ("dis", "clean"),
+        ("oracle", ""),
+    ]
+    assert entries[1].overall["all"].epe_px == 0
+    assert entries[1].overall["all"].wauc_percent == 100
+    assert "oracle" in printed and "dis" in printed
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [('{"format": 2}', "scores format 2 is newer than 1"), ("[" * 100_000, "no leaderboard")],
+)
+def test_a_line_of_another_format_is_told(tmp_path, line, told):
+    (tmp_path / "board.jsonl").write_text(f"{line}\n")
+    with pytest.raises(UserError, match=told):
+        read_board(tmp_path / "board.jsonl")
+
+
+def test_frames_must_pair_strictly(tree, tmp_path, capsys):
+    truth, submitted = tree
+    some = submitted / "clean" / "scene_1" / "frame0001.flo"
+    extra = some.with_name("frame0009.flo")
+    shutil.copy(some, extra)
+    text = told(capsys, truth, submitted)
+    assert "frame0009.flo belongs to no frame" in text
+    extra.unlink()
+    some.unlink()
+    text = told(capsys, truth, submitted)
+    assert "lacks 1 of 2 frames, the first is scene_1/frame_0001" in text
+
+
+def test_mistakes_get_one_sentence(tree, tmp_path, capsys):
+    truth, submitted = tree
+    path = submitted / "clean" / "scene_0" / "frame0001.flo"
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-4])
+    assert "frame0001.flo" in told(capsys, truth, submitted)
+    write_flo(path, np.zeros((30, 40, 2)))
+    text = told(capsys, truth, submitted)
+    assert "frame0001.flo" in text and "a flow of 40 × 30 px, the truth has 80 × 60" in text
+    path.write_bytes(whole)
+    assert "no such folder" in told(capsys, truth, tmp_path / "none")
+    assert "the truth has no pictures" in told(capsys, truth, "DIS")
+    assert "gives no flow at every pixel" in told(capsys, truth, "BM")
+    (tmp_path / "empty").mkdir()
+    assert "no true flow" in told(capsys, tmp_path / "empty", submitted)
+    np.save(path.with_suffix(".npy"), np.zeros((*SHAPE, 2)))
+    assert "holds .flo and .npy: give one format" in told(capsys, truth, submitted)
+    path.with_suffix(".npy").unlink()
+    board = tmp_path / "board.jsonl"
+    board.write_text("something else\n")
+    assert "is no leaderboard" in told(
+        capsys, truth, submitted, "--leaderboard", board, "--out", tmp_path / "s.json"
+    )
+    assert board.read_text() == "something else\n"

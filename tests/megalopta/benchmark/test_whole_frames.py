@@ -1,0 +1,244 @@
+"""The board of whole frames, on scenes made here and on files in the layouts of others."""
+
+import csv
+
+import numpy as np
+import pytest
+from PIL import Image
+from scipy.ndimage import gaussian_filter, map_coordinates
+
+from megalopta.benchmark.baselines import methods_and_baselines, on_the_board
+from megalopta.benchmark.whole_frame_board import (
+    OverScenes,
+    block_errors,
+    block_methods,
+    frame_errors,
+)
+from megalopta.benchmark.whole_frame_scenes import (
+    FRAMES,
+    Clip,
+    leaves_clip,
+    middle,
+    panorama_clips,
+)
+from megalopta.cli import main as cli
+from megalopta.flow.detectors import METHODS, detector_from
+from megalopta.flow.files import write_flo, write_kitti_png
+from megalopta.plotting.style import house_style, new_canvas
+from megalopta.reproduction import comparison_whole_frames as whole_frames
+from megalopta.reproduction.recipe import Run
+
+MEASURES = "median_epe_px", "mean_epe_px", "share_beyond_3_px"
+
+
+@pytest.fixture(scope="module")
+def clip():
+    """Noise that moves by (2, 1) px per frame, around the edges."""
+    texture = 1 + np.random.default_rng(0).random((96, 120))
+    light = np.stack([np.roll(texture, (t, 2 * t), axis=(0, 1)) for t in range(FRAMES)])
+    return Clip("rolled", light / light.mean(), np.broadcast_to((2.0, 1.0), (96, 120, 2)))
+
+
+def test_the_truth_has_no_error_and_standstill_that_of_the_motion(clip):
+    def truth(first, second):
+        return np.broadcast_to((2.0, 1.0), (*first.shape, 2))
+
+    def still(first, second):
+        return np.zeros((*first.shape, 2))
+
+    methods = [
+        detector_from(truth),
+        detector_from(still),
+        detector_from(lambda a, _: still(a, a) + np.nan),
+    ]
+    found = frame_errors([clip], methods, (3.0, 10.0), draws=2)
+    assert [each.scenes for each in found] == [("rolled",)] * 3
+    for each, error in zip(found, (0, np.hypot(2, 1), np.hypot(2, 1)), strict=True):
+        for measure in (each.median_px, each.mean_px):
+            np.testing.assert_allclose(measure.of_scenes, np.full((1, 2), error))
+        np.testing.assert_array_equal(each.far.of_scenes, 0)
+
+
+def test_a_third_of_blocks_far_off_shows_in_mean_and_share_not_in_the_median(clip):
+    """Of 3 × 2 inner blocks of 24 px, the right two are taken to move by 10 px more."""
+
+    def wrong_at_the_right(first, second):
+        flow = np.full((*first.shape, 2), (2.0, 1.0))
+        flow[:, 72:, 0] += 10
+        return flow
+
+    (found,) = frame_errors([clip], [detector_from(wrong_at_the_right)], (3.0,))
+    assert found.median_px.mean[0] == pytest.approx(0)
+    assert found.mean_px.mean[0] == pytest.approx(10 / 3)
+    assert found.far.mean[0] == pytest.approx(1 / 3)
+
+
+def test_interval_is_that_of_the_mean_over_scenes():
+    of_scenes = np.random.default_rng(0).normal(1.0, 0.1, (400, 1))
+    low, high = OverScenes(of_scenes).interval[:, 0]
+    # of a normal mean, to the scatter of a bootstrap of 2000
+    assert high - low == pytest.approx(2 * 1.96 * 0.1 / 20, rel=0.15)
+    assert low < of_scenes.mean() < high
+
+
+def test_one_scene_has_no_interval():
+    assert np.isnan(OverScenes(np.ones((1, 3))).interval).all()
+
+
+@pytest.mark.parametrize("name", ["LK", "FB", "DIS", "TV-L1"])
+def test_a_baseline_is_found_under_its_name_on_the_board(name):
+    (on_board,) = (each for each in methods_and_baselines(2) if each.name == f"{name} √")
+    assert on_the_board(f"{name} √") == on_board
+    assert on_the_board(name) == name
+
+
+def test_methods_see_the_frames_in_the_middle(clip):
+    assert middle(clip.light, 2) is not None
+    np.testing.assert_array_equal(middle(clip.light, 2), clip.light[3:5])
+    errors = block_errors(METHODS["BM"].model_copy(update={"block_px": 24}), clip.light, clip)
+    np.testing.assert_array_equal(errors, np.zeros(6))
+
+
+def test_of_two_frames_those_that_need_more_are_left_out():
+    assert "PM" in block_methods(2)
+    assert "PPM" not in block_methods(2)
+    assert "PPM" in block_methods(8)
+    assert "EMD" not in block_methods(8)
+
+
+def test_shipped_scenes_move_as_their_flow_says():
+    """Nine pixels in ten are found again where the flow leads; the others are hidden, or edges."""
+    noise = gaussian_filter(np.random.default_rng(1).random((251, 600)), 2, mode="wrap")
+    for scene in (leaves_clip(0, (96, 96)), *panorama_clips({"noise": noise}, (96, 96), 1)):
+        assert scene.light.shape == (FRAMES, 96, 96)
+        assert scene.light.mean() == pytest.approx(1)
+        first, second = middle(scene.light, 2)
+        y, x = np.mgrid[:96, :96]
+        places = y + scene.flow[..., 1], x + scene.flow[..., 0]
+        moved = map_coordinates(second, places, order=1, mode="nearest")
+        assert np.quantile(np.abs(moved - first)[8:-8, 8:-8], 0.9) < 0.1 * first.std(), scene.name
+
+
+def test_figure_is_drawn_with_an_interval_for_each_number(clip, monkeypatch, check_words):
+    monkeypatch.setattr(whole_frames, "leaves_clips", lambda count: [clip] * count)
+    monkeypatch.setattr(whole_frames, "panorama_clips", lambda _, headings: [clip] * 4)
+    figure = whole_frames.whole_frames(Run(is_quick=True), ["BM", "PPM"])
+    with house_style():
+        canvas = new_canvas(figure.title, figure.caption, figure.height_in)
+        figure.draw(canvas)
+        canvas.draw_without_rendering()
+    check_words(figure)
+    assert len(figure.rows) == 2 * 2 * 3
+    ends = (figure.numbers[name] for name in ("low_px", "median_epe_px", "high_px"))
+    assert all(low <= median <= high for low, median, high in zip(*ends, strict=True))
+    assert "of eight frames, the least median error has PPM at 1" in figure.findings[0]
+
+
+def write_pictures(folder, names, clip):
+    folder.mkdir(parents=True, exist_ok=True)
+    # pictures are coded as sRGB: light² is near enough to tell motion
+    for name, light in zip(names, clip.light, strict=False):
+        Image.fromarray((200 * np.sqrt(light / clip.light.max())).astype(np.uint8)).save(
+            folder / name
+        )
+
+
+def middlebury(root, clip, name="Venus"):
+    write_pictures(root / "other-data" / name, ("frame10.png", "frame11.png"), clip)
+    truth = root / "other-gt-flow" / name
+    truth.mkdir(parents=True)
+    write_flo(truth / "flow10.flo", clip.flow.astype(np.float32))
+
+
+def sintel(root, clip):
+    names = ("frame_0001.png", "frame_0002.png")
+    write_pictures(root / "training/clean/alley", names, clip)
+    truth = root / "training/flow/alley"
+    truth.mkdir(parents=True)
+    write_flo(truth / "frame_0001.flo", clip.flow.astype(np.float32))
+
+
+def kitti(root, clip):
+    write_pictures(root / "training/image_2", ("000000_10.png", "000000_11.png"), clip)
+    truth = root / "training/flow_occ"
+    truth.mkdir(parents=True)
+    write_kitti_png(truth / "000000_10.png", clip.flow.astype(np.float32))
+
+
+def one_pair(root):
+    pictures = (root / f"other-data/Venus/frame{number}.png" for number in (10, 11))
+    return *pictures, root / "other-gt-flow/Venus/flow10.flo"
+
+
+def measured(folder, *words):
+    """Return the rows that `benchmark pairs` writes."""
+    out = folder / "errors.csv"
+    cli.main(["benchmark", "pairs", *map(str, words), "--out", str(out)])
+    return list(csv.DictReader(out.read_text().splitlines()))
+
+
+def run(capsys, *words):
+    with pytest.raises(SystemExit) as end:
+        cli.main(["benchmark", "pairs", *map(str, words)])
+    return end.value.code, capsys.readouterr().err
+
+
+@pytest.mark.parametrize("layout", [middlebury, sintel, kitti])
+def test_folders_of_others_become_a_table_of_error_against_flux(layout, clip, tmp_path, capsys):
+    layout(tmp_path / "data", clip)
+    rows = measured(tmp_path, tmp_path / "data", "--methods", "BM,LK", "--photons", "1,1000")
+    assert [(row["method"], row["photons_per_px"]) for row in rows] == [
+        ("BM", "1"),
+        ("BM", "1000"),
+        ("LK", "1"),
+        ("LK", "1000"),
+    ]
+    assert [float(rows[1][name]) for name in MEASURES] == [0, 0, 0]
+    assert float(rows[0]["mean_epe_px"]) > 0
+    assert "BM" in capsys.readouterr().out
+
+
+def test_two_pictures_and_their_flow_are_a_pair(clip, tmp_path):
+    middlebury(tmp_path, clip)
+    (row,) = measured(tmp_path, *one_pair(tmp_path), "--methods", "BM", "--photons", "300")
+    assert [float(row[name]) for name in MEASURES] == [0, 0, 0]
+
+
+def test_every_pair_has_its_row_and_only_several_pairs_have_an_interval(clip, tmp_path, capsys):
+    for name in ("Venus", "Urban2"):
+        middlebury(tmp_path / "data", clip, name)
+    words = "--methods", "BM,DIS √", "--photons", "2"
+    rows = measured(tmp_path, tmp_path / "data", *words)
+    assert [(row["pair"], row["method"]) for row in rows] == [
+        ("Urban2", "BM"),
+        ("Urban2", "DIS √"),
+        ("Venus", "BM"),
+        ("Venus", "DIS √"),
+    ]
+    several = capsys.readouterr().out
+    assert "mean over 2 pairs with 95 % over pairs" in several
+    assert several.count(" … ") == 2 * 3  # methods, measures
+    for draws in (1, 2):
+        measured(tmp_path, *one_pair(tmp_path / "data"), *words, "--draws", draws)
+        assert "…" not in capsys.readouterr().out
+
+
+def test_mistakes_are_told_in_a_sentence(clip, tmp_path, capsys):
+    middlebury(tmp_path, clip)
+    picture, truth = (
+        tmp_path / "other-data/Venus/frame10.png",
+        tmp_path / "other-gt-flow/Venus/flow10.flo",
+    )
+    assert "2 paths; give a folder" in run(capsys, picture, truth)[1]
+    assert "give numbers above 0" in run(capsys, tmp_path, "--photons", "1,-3")[1]
+    assert "NDS gives no velocity" in run(capsys, tmp_path, "--methods", "NDS")[1]
+    assert "has 2 frames; PPM needs 8" in run(capsys, tmp_path, "--methods", "PPM")[1]
+    small = tmp_path / "small.png"
+    Image.fromarray(np.full((20, 30), 9, np.uint8)).save(small)
+    code, words = run(capsys, picture, small, truth)
+    assert code == 2
+    assert "give pictures and flow of one size" in words
+    assert "cannot be read as a picture" in run(capsys, truth, small, truth)[1]
+    assert "no such folder" in run(capsys, tmp_path / "elsewhere")[1]
+    words = run(capsys, picture, picture, tmp_path / "none.flo")[1]
+    assert "none.flo cannot be read (no such file or directory); give a file of true flow" in words

@@ -1,0 +1,144 @@
+"""An emulated camera on a real pseudo-terminal."""
+
+import os
+import pty
+import select
+import subprocess
+import sys
+import threading
+import time
+import tty
+from contextlib import contextmanager, suppress
+from functools import partial
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from megalopta.camera.emulated import EmulatedCamera
+from megalopta.camera.nominal import sensor_as_set
+from megalopta.camera.stimuli import Flat
+from megalopta.camera.terminal import EmulatedPort
+from megalopta.sensor import expose_adc, preset
+from megalopta.sensor.spadcam import Kind, Parser, Settings, encode
+
+SENSOR = preset("spadcam")
+STIMULUS = Flat((5e6,))
+
+
+@contextmanager
+def emulating(link, faults=None, **camera):
+    """Run a camera; `sent` holds its bytes, a bytearray for each time it was plugged in."""
+    sent, stop = [], threading.Event()
+    given = {"sensor": SENSOR, "stimulus": STIMULUS} | camera
+    port = EmulatedPort(
+        EmulatedCamera(**given),
+        faults,
+        link,
+        lambda path: sent.append(bytearray()),
+        lambda data: sent[-1].extend(data),
+    )
+    thread = threading.Thread(target=port.run, args=(stop,), daemon=True)
+    thread.start()
+    try:
+        wait_for(link.exists)
+        yield SimpleNamespace(sent=sent, find=lambda: str(link))
+    finally:
+        stop.set()
+        thread.join(10)
+
+
+@contextmanager
+def acting(then, answered=lambda packet: packet):
+    """A terminal with a camera that answers, and, once it is set, sends what `then` yields.
+
+    `then` gets the camera and yields bytes; `answered` may change its replies.
+    """
+    end, other_end = pty.openpty()
+    tty.setraw(other_end)
+    os.set_blocking(end, False)
+    stop = threading.Event()
+    camera = EmulatedCamera(SENSOR, STIMULUS)  # takes a while
+    acts = partial(_act, end, camera, then, answered, stop)
+    thread = threading.Thread(target=acts, daemon=True)
+    thread.start()
+    try:
+        yield os.ttyname(other_end)
+    finally:
+        stop.set()
+        thread.join(10)
+        os.close(end)
+        os.close(other_end)
+
+
+def _act(end, camera, then, answered, stop):
+    parser, sending, waiting = Parser(), iter(()), b""
+    while not stop.is_set():
+        if select.select([end], [], [], 0.001)[0]:
+            for command in parser.feed(os.read(end, 4096)):
+                waiting += encode(answered(camera.answer(command, camera.due_us)))
+                if command.kind == Kind.SET_ROW_WINDOW:
+                    sending = then(camera)
+        waiting = waiting or next(sending, b"")
+        with suppress(BlockingIOError):
+            waiting = waiting[os.write(end, waiting) :]
+
+
+RUN = "from megalopta.__main__ import main; main()"
+
+
+@contextmanager
+def running(*words):
+    """A verb of `megalopta spadcam` in a process of its own."""
+    line = [sys.executable, "-c", RUN, "spadcam", *map(str, words)]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(line, stdout=pipe, stderr=pipe, text=True) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def wait_for(condition, seconds=60):
+    """Wait until something is so."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def expected_adc(settings: Settings, number: int, plugged_in: int = 0):
+    """What the emulated camera reads in a frame, by the sensor model alone."""
+    sensor = sensor_as_set(SENSOR, settings)
+    # Frames of 64 ms, and at most 64, share a stream.
+    together = min(max(64_000 // settings.period_us, 1), 64)
+    place = number % together
+    rate = STIMULUS.rates_hz(np.zeros(place + 1), sensor)
+    drawn = {"seed": 0, "sequence": plugged_in, "together": together}
+    return expose_adc(rate, sensor, first_frame=number - place, **drawn)[place]
+
+
+@pytest.fixture
+def emulated(tmp_path):
+    """Emulates a camera at `tmp_path / "cam"`."""
+    return partial(emulating, tmp_path / "cam")
+
+
+@pytest.fixture
+def expected():
+    return expected_adc
+
+
+@pytest.fixture
+def until():
+    return wait_for
+
+
+@pytest.fixture
+def acted():
+    return acting
+
+
+@pytest.fixture
+def command():
+    return running

@@ -1,0 +1,137 @@
+"""Recordings to a device file that a sensor is loaded from, and a report."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+import zarr
+
+from megalopta.camera.calibration import Beam, adc_of, calibrate_recordings
+from megalopta.camera.comparison import compare_captured
+from megalopta.camera.device_file import Light, write_device
+from megalopta.camera.recorded import Source, photons_on_pixel, read_recorded
+from megalopta.core.errors import UserError
+from megalopta.sensor import (
+    Exposure,
+    StoredCounts,
+    changed,
+    expose_rate,
+    load_sensor,
+    preset,
+    write_counts,
+)
+from megalopta.sensor.calibrate import Kernel, Level, calibrate_device
+from megalopta.sensor.spad import draw_fixed_pattern
+
+pytestmark = pytest.mark.slow
+
+SHAPE = (8, 8)
+DARK_EXPOSURES_S = (1e-3, 3e-3, 0.01, 0.03, 0.1)
+LIGHTS_HZ = (2e8, 1e9, 4e9)
+SENSOR = changed(preset("spadcam"), device_seed=9)
+EFFICIENCY = 1.1e-4
+"""Of the photons on a pixel at 700 nm: 0.11 % on a tenth of its area."""
+
+
+def write_recording(folder, exposure_s, light_hz, frames=100, seed=0):
+    """A recording as a capture leaves it, of codes that counts and read noise make."""
+    sensor = changed(SENSOR, exposure_s=exposure_s)
+    pattern, counter = draw_fixed_pattern(sensor, SHAPE), sensor.counter
+    rates = np.broadcast_to(light_hz * EFFICIENCY * pattern.efficiency_factor, (frames, *SHAPE))
+    counts = expose_rate(rates, sensor, seed=seed, sequence=folder.name).counts
+    volts = counter.supply_v - counts * pattern.counters.step_v - pattern.counters.leaked_v
+    noise = np.random.default_rng(seed + round(1e6 * exposure_s)).normal(0, 1e-3, volts.shape)
+    codes = np.rint((volts + noise) / counter.lsb_v).clip(0, 4095).astype(np.uint16)
+    folder.mkdir()
+    nothing = Exposure(np.zeros(codes.shape, np.uint16), np.zeros(codes.shape, bool))
+    stored = StoredCounts(sensor=sensor, seed=0, sequence="flat", exposure=nothing)
+    write_counts(folder / "counts.zarr", stored)
+    group = zarr.open_group(folder / "counts.zarr", mode="a")
+    numbers = np.arange(frames)
+    extra = {"times_s": 0.1 * numbers, "device_us": 100_000 * numbers, "sequence_number": numbers}
+    for name, values in {"adc": codes, **extra}.items():
+        group.create_array(name, data=values)
+    settings = {
+        "kind": "flat",
+        "started": "2026-01-01T00:00:00+00:00",
+        "serial_number": "1",
+        "firmware": "1.0",
+        "exposure_s": exposure_s,
+        "frame_rate_hz": 10.0,
+        "step_bias": 2048,
+        "row_window": [0, SHAPE[0]],
+    }
+    (folder / "recording.yaml").write_text(yaml.safe_dump(settings), "utf-8")
+    return Source(folder, light_hz)
+
+
+@pytest.fixture(scope="module")
+def calibrated(tmp_path_factory):
+    """Folder of recordings and the device file from them."""
+    folder = tmp_path_factory.mktemp("camera")
+    levels = [(exposure, 0.0) for exposure in DARK_EXPOSURES_S]
+    levels += [(2e-4, light) for light in LIGHTS_HZ]
+    sources = [write_recording(folder / f"{at}", *each) for at, each in enumerate(levels)]
+    sentence = calibrate_recordings(sources, folder / "device.yaml", beam=Beam(700.0))
+    return folder, sources, sentence
+
+
+def test_the_device_file_loads_with_its_maps(calibrated):
+    folder, _, sentence = calibrated
+    device = load_sensor(folder / "device.yaml")
+    found, truth = (draw_fixed_pattern(each, SHAPE) for each in (device, SENSOR))
+    # a pixel's dark counts are known to 1 to 2 %, its efficiency to 1.5 %, its step to 0.02 %
+    np.testing.assert_allclose(found.dark_counts_hz, truth.dark_counts_hz, rtol=0.15)
+    np.testing.assert_allclose(found.efficiency_factor, truth.efficiency_factor, rtol=0.1)
+    np.testing.assert_allclose(found.counters.step_v, truth.counters.step_v, rtol=2e-3)
+    assert device.dead_time.kind == "paralyzable"
+    assert "64 of 64 pixels" in sentence
+    assert "Saturation" in (folder / "device.html").read_text("utf-8")
+
+
+@pytest.mark.slow  # comparison/test_captured.py and test_motion.py enter by the same door
+def test_a_captured_device_is_like_its_model(calibrated):
+    folder, *_ = calibrated
+    new = [
+        write_recording(folder / f"new {at}", *each, frames=200, seed=5)
+        for at, each in enumerate(((0.03, 0.0), (2e-4, 2e8), (2e-4, 4e9)))
+    ]
+    page = folder / "comparison.html"
+    sentence = compare_captured(new, folder / "device.yaml", page, beam=Beam(700.0))
+    assert sentence == "Nothing differs beyond chance."
+    assert "rank correlation" in page.read_text("utf-8")
+
+
+def test_crosstalk_and_afterpulses_of_the_device_file_make_what_was_counted(calibrated, tmp_path):
+    _, sources, _ = calibrated
+    levels = [Level(read_recorded(s).codes, read_recorded(s).exposure_s, s.light) for s in sources]
+    device = calibrate_device(levels, adc_of(SENSOR))
+    share = np.array([0.01, 0.01, 2e-3, 2e-3, 0, 0])
+    kernel = Kernel(share, np.full(6, 1e-4), afterpulses=0.05, afterpulses_error=1e-3)
+    path = tmp_path / "fired.yaml"
+    write_device(path, replace(device, kernel=kernel), preset("spadcam"), Light(700.0), "spadcam")
+    found = changed(load_sensor(path), exposure_s=0.05)
+    assert found.crosstalk.mean_fired_neighbors == pytest.approx(2 * share.sum())
+    assert found.crosstalk.diagonal == pytest.approx(0.2)
+    counts = expose_rate(np.zeros((150, *SHAPE)), found, seed=1, sequence="dark").counts
+    # 150 000 events, of a variance a quarter above Poisson's: 5 standard errors are 1.5 %; dead
+    # time hides 0.03 %, and of afterpulses, a second time, below 0.1 %
+    expected = device.dark_counts_hz.value.mean()
+    assert counts.mean() / 0.05 == pytest.approx(expected, rel=0.016)
+
+
+def test_light_of_a_beam():
+    # dissertation §2.4.5: 17.5 nW over 100 mm² at 450 nm are 396 photons per µm² and second
+    assert photons_on_pixel(17.5e-9, 450, 100, 1e-6) == pytest.approx(396, rel=2e-3)
+
+
+@pytest.mark.parametrize("text", ["flat@bright", "flat@-1", "flat@1:0"])
+def test_impossible_light_is_refused(text):
+    with pytest.raises(UserError):
+        Source.parse(text)
+
+
+def test_a_missing_recording_is_told(tmp_path):
+    with pytest.raises(UserError, match="nothing"):
+        calibrate_recordings([Source(tmp_path / "nothing")], tmp_path / "a.yaml", beam=Beam())

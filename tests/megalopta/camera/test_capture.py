@@ -1,0 +1,363 @@
+"""Captures of the emulated camera over a real pseudo-terminal."""
+
+import os
+import pty
+import signal
+import threading
+import time
+import tty
+
+import numpy as np
+import pytest
+import serial
+
+from megalopta.camera.capturing import CaptureSettings, capture
+from megalopta.camera.emulated import EmulatedCamera
+from megalopta.camera.link import Arrived, Link, Plugged
+from megalopta.camera.port import open_port
+from megalopta.camera.recording import open_recording
+from megalopta.camera.stimuli import Flat
+from megalopta.camera.terminal import Faults
+from megalopta.core.errors import UserError
+from megalopta.sensor import changed, expose_rate, preset
+from megalopta.sensor.spadcam import (
+    Kind,
+    Packet,
+    Parser,
+    Settings,
+    samples_of,
+    set_exposure,
+    set_frame_rate,
+)
+
+FAST = Settings(exposure_us=5000, frame_rate_mhz=200_000)
+
+
+def wanted(frames=None, settings=FAST, **fields):
+    return CaptureSettings(
+        sensor=preset("spadcam"),
+        kind="flat",
+        exposure_s=settings.exposure_us / 1e6,
+        frame_rate_hz=settings.frame_rate_mhz / 1e3,
+        step_bias=settings.step_bias,
+        row_window=(settings.first_row, settings.end_row),
+        frames=frames,
+        **fields,
+    )
+
+
+def recorded(camera, out, settings, stop=None):
+    capture(camera.find, out, settings, stop or threading.Event())
+    return open_recording(out)
+
+
+def frames_in(data):
+    return [packet for packet in Parser().feed(data) if packet.kind == Kind.FRAME]
+
+
+def raw_frames(path):
+    return frames_in((path / "raw.bin").read_bytes())
+
+
+def test_what_arrives_is_what_the_sensor_model_reads(emulated, expected, tmp_path):
+    with emulated() as camera:
+        recording = recorded(camera, tmp_path / "a", wanted(60))
+    assert len(recording) == 60 and recording.settings.finished
+    assert (recording.settings.gaps, recording.settings.damaged_packets) == (0, 0)
+    np.testing.assert_array_equal(np.diff(recording.sequence_number), 1)
+    for place, number in enumerate(recording.sequence_number):
+        np.testing.assert_array_equal(recording.adc[place], expected(FAST, int(number)))
+    nominal = changed(preset("spadcam"), exposure_s=0.005, counter={"calibrated": False})
+    rate = Flat((5e6,)).rates_hz(np.zeros(1), nominal)
+    # Frames of 64 ms share a stream, named by the first of them.
+    place = int(np.flatnonzero(recording.sequence_number % 12 == 0)[0])
+    first = int(recording.sequence_number[place])
+    direct = expose_rate(rate, nominal, seed=0, sequence=0, first_frame=first)
+    np.testing.assert_array_equal(recording.counts[place], direct.counts[0])
+    np.testing.assert_allclose(np.diff(recording.times_s), 0.005, rtol=2e-3)
+
+
+def test_bias_and_rows_reach_the_camera(emulated, expected, tmp_path):
+    settings = FAST._replace(step_bias=3000, first_row=4, end_row=6)
+    with emulated() as camera:
+        recording = recorded(camera, tmp_path / "a", wanted(5, settings))
+    assert recording.sensor.counter.step_v == pytest.approx(10e-3 * 3000 / 2048)
+    adc = recording.adc[0]
+    assert (adc[:4] == 0xFFFF).all() and (adc[6:] == 0xFFFF).all()
+    assert recording.saturated[0][:4].all() and not recording.counts[0][:4].any()
+    number = int(recording.sequence_number[0])
+    np.testing.assert_array_equal(adc[4:6], expected(settings, number)[4:6])
+
+
+def test_damage_on_the_line_costs_frames_but_none_is_wrong(emulated, expected, tmp_path):
+    with emulated(Faults(noise=3e-4, lost=1e-4)) as camera:
+        recording = recorded(camera, tmp_path / "a", wanted(100))
+    settings = recording.settings
+    assert settings.damaged_packets > 5 and settings.gaps > 5
+    span = int(recording.sequence_number[-1]) - int(recording.sequence_number[0]) + 1
+    assert settings.missing_frames == span - 100
+    for place, number in enumerate(recording.sequence_number):
+        np.testing.assert_array_equal(recording.adc[place], expected(FAST, int(number)))
+    logged = {packet.sequence: packet for packet in raw_frames(tmp_path / "a")}
+    for place, number in enumerate(recording.sequence_number):
+        np.testing.assert_array_equal(recording.adc[place], samples_of(logged[int(number)]))
+
+
+def test_a_stalled_camera_leaves_gaps_that_are_counted(emulated, tmp_path):
+    with emulated(Faults(stall_every_s=1.5, stall_s=1.2)) as camera:
+        recording = recorded(camera, tmp_path / "a", wanted(500))
+    skipped = np.diff(recording.sequence_number.astype(int)) - 1
+    assert recording.settings.gaps == (skipped > 0).sum() >= 1
+    assert recording.settings.missing_frames == skipped.sum()
+    assert (skipped >= 0).all() and recording.settings.damaged_packets == 0
+
+
+def test_bursts_do_not_shift_times(emulated, tmp_path):
+    with emulated(Faults(burst_s=0.2, drift_ppm=300)) as camera:
+        recording = recorded(camera, tmp_path / "a", wanted(400))
+    (connection,) = recording.settings.connections
+    # Frames that are sent at once come within 20 ms of their time, in 2 s: 1 %, but for a clock at
+    # most LARGEST_DRIFT.
+    assert abs(connection.rate - 1) <= 1e-3
+    frames = np.diff(recording.sequence_number.astype(int))  # a busy machine may lose some
+    np.testing.assert_allclose(np.diff(recording.times_s) / frames, 0.005, rtol=1.1e-3)
+
+
+def test_unplugging_ten_times_loses_no_logged_byte(emulated, tmp_path):
+    faults = Faults(unplug_every_s=0.4, unplug_s=0.1)
+    events = []
+    with emulated(faults) as camera, Link(camera.find, tmp_path / "raw.bin") as link:
+        end = time.monotonic() + 60
+        while sum(isinstance(event, Plugged) for event in events) < 11:
+            assert time.monotonic() < end
+            if event := link.next(0.5):
+                events.append(event)
+        link.close()
+        while event := link.next(0):
+            events.append(event)
+        sent = list(map(bytes, camera.sent))
+    raw = (tmp_path / "raw.bin").read_bytes()
+    offsets = [event.raw_offset for event in events if isinstance(event, Plugged)]
+    pieces = [raw[a:b] for a, b in zip(offsets, [*offsets[1:], len(raw)], strict=True)]
+    assert offsets[0] == 0 and sum(map(len, pieces)) == len(raw) > 5 * 536
+    # Every connection's bytes are one unbroken piece of what the camera sent then.
+    assert all(any(piece in each for each in sent) for piece in pieces)
+    decoded = [packet for piece in pieces for packet in Parser().feed(piece)]
+    assert [event.packet for event in events if isinstance(event, Arrived)] == decoded
+
+
+def test_a_command_to_a_port_that_is_being_closed_is_sent_again(emulated, tmp_path, monkeypatch):
+    write, closing = serial.Serial.write, [TypeError("'NoneType' object")]
+
+    def failing_once(port, data):
+        if closing:
+            raise closing.pop()
+        return write(port, data)
+
+    monkeypatch.setattr(serial.Serial, "write", failing_once)
+    with emulated() as camera, Link(camera.find, tmp_path / "raw.bin") as link:
+        assert link.identity().serial_number == "EMULATED"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "unpluggings"), [(5, 1), pytest.param(45, 10, marks=pytest.mark.slow)]
+)
+def test_a_capture_goes_on_when_the_camera_is_back(emulated, tmp_path, seconds, unpluggings):
+    with emulated(Faults(unplug_every_s=2.5, unplug_s=0.2)) as camera:
+        recording = recorded(camera, tmp_path / "a", wanted(seconds=seconds))
+    settings, adc = recording.settings, recording.adc[:]
+    connections = settings.connections
+    assert len(connections) > unpluggings and settings.gaps >= len(connections) - 1
+    assert (np.diff(recording.times_s) > 0).all()
+    raw = (tmp_path / "a" / "raw.bin").read_bytes()
+    firsts = [each.first_frame for each in connections] + [len(recording)]
+    offsets = [each.raw_offset for each in connections] + [len(raw)]
+    for place in range(len(connections)):
+        frames = slice(*firsts[place : place + 2])
+        taken = list(map(int, recording.sequence_number[frames]))
+        if not taken:  # unplugged before it was set, or stopped
+            continue
+        # All that was logged is there, from the first frame with these settings on.
+        logged = {
+            packet.sequence: samples_of(packet)
+            for packet in frames_in(raw[slice(*offsets[place : place + 2])])
+            if taken[0] <= packet.sequence <= taken[-1]
+        }
+        is_last = place == len(connections) - 1
+        assert taken == sorted(logged)
+        assert is_last or taken[-1] == frames_in(raw[: offsets[place + 1]])[-1].sequence
+        np.testing.assert_array_equal(adc[frames], [logged[number] for number in taken])
+
+
+def test_1000_frames_a_second(emulated, tmp_path):
+    settings = Settings(exposure_us=1000, frame_rate_mhz=1_000_000)
+    with emulated() as camera:
+        recording = recorded(camera, tmp_path / "a", wanted(1500, settings))
+        sent = frames_in(bytes(camera.sent[0]))
+    # What the camera drops, because this machine stands still for longer than its buffer lasts,
+    # is not the link's fault; all that left it is there.
+    first, last = (int(recording.sequence_number[at]) for at in (0, -1))
+    numbers = [packet.sequence for packet in sent]
+    expected = numbers[numbers.index(first) : numbers.index(last) + 1]
+    np.testing.assert_array_equal(recording.sequence_number, expected)
+    missing = last - first + 1 - len(expected)
+    assert recording.settings.missing_frames == missing
+    assert recording.settings.damaged_packets == 0
+
+
+def test_what_the_sensor_cannot_do_is_refused_and_changes_nothing():
+    camera = EmulatedCamera(changed(preset("spadcam"), counter={"leak_v_s": 10.0}), Flat((5e6,)))
+    before = camera.settings
+    for kind, payload in (set_frame_rate(1000), set_exposure(900_000)):
+        reply = camera.answer(Packet(kind, 1, 0, payload), 0)
+    assert Settings.of(reply.payload).refused  # by then the leak has emptied the counters
+    assert camera.settings.exposure_us == before.exposure_us
+    with pytest.raises(UserError, match="leakage has taken"):
+        EmulatedCamera(changed(preset("spadcam"), counter={"leak_v_s": 70.0}), Flat())
+
+
+def test_a_seed_makes_the_same_frames():
+    def packets(seed):
+        camera = EmulatedCamera(preset("spadcam"), Flat((5e6,)), seed)
+        return [camera.next_frame() for _ in range(3)]
+
+    assert packets(1) == packets(1) != packets(2)
+
+
+TIMES_S = [0.0, *(pytest.param(0.4 * step, marks=pytest.mark.slow) for step in range(1, 10))]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("later_s", TIMES_S)
+def test_a_killed_capture_leaves_a_recording_that_opens(
+    emulated, command, until, tmp_path, later_s
+):
+    out = tmp_path / "a"
+    with emulated() as camera:
+        words = ["--port", camera.find(), "--out", out, "--kind", "dark", "--rate", 100]
+        with command("capture", *words, "--exposure", 0.01) as running:
+            until(lambda: (out / "recording.yaml").exists() and len(open_recording(out)) > 50)
+            time.sleep(later_s)  # it writes every four seconds
+            running.kill()
+            assert running.wait(60) == -signal.SIGKILL
+    recording = open_recording(out)
+    assert len(recording) > 50 and recording.kind == "dark" and not recording.settings.finished
+    logged = {packet.sequence: packet for packet in raw_frames(out)}
+    for number, samples in zip(recording.sequence_number, recording.adc[:], strict=True):
+        np.testing.assert_array_equal(samples, samples_of(logged[int(number)]))
+
+
+@pytest.mark.slow  # as a killed one, but with three processes
+def test_interrupting_leaves_whole_files_and_commands_meet(command, until, tmp_path):
+    link, out = tmp_path / "cam", tmp_path / "a"
+    words = ["--stimulus", "dark", "--link", link, "--serial", "S1"]
+    with command("emulate", *words) as emulating:
+        assert emulating.stdout.readline().strip() == str(link)
+        with command("capture", "--port", link, "--out", out) as running:
+            until(lambda: (out / "recording.yaml").exists() and len(open_recording(out)) > 5)
+            running.send_signal(signal.SIGINT)
+            printed, told = running.communicate(timeout=60)
+    assert running.returncode == 0, told
+    recording = open_recording(out)
+    assert recording.settings.finished and recording.settings.serial_number == "S1"
+    assert f"{len(recording)} frames of S1, 0 gaps" in printed
+
+
+def test_a_port_that_is_missing_is_told(tmp_path):
+    with pytest.raises(UserError, match="no such port; plug the camera in"):
+        open_port(str(tmp_path / "nothing"))
+    with pytest.raises(UserError, match="no such port"):
+        capture(lambda: str(tmp_path / "x"), tmp_path / "a", wanted(1), threading.Event())
+    assert not (tmp_path / "a").exists()
+
+
+def test_a_port_that_comes_later_is_waited_for(emulated, tmp_path, capsys):
+    """As of `megalopta spadcam emulate &`, which takes a while to begin."""
+    looked = []
+
+    def find():
+        looked.append(str(camera.find()) if len(looked) > 2 else str(tmp_path / "nothing"))
+        return looked[-1]
+
+    with emulated() as camera:
+        record = capture(find, tmp_path / "a", wanted(1), threading.Event(), wait_s=60)
+    assert record.frames == 1 and len(looked) == 4
+    assert capsys.readouterr().err.count("capture: waiting up to 60 s") == 1
+
+
+def test_what_is_no_serial_port_is_told(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UserError, match="no serial port"):
+        open_port(str(tmp_path / "file"))
+
+
+@pytest.fixture
+def terminal():
+    """A pseudo-terminal without a camera: what writes to it, and its path."""
+    end, other_end = pty.openpty()
+    tty.setraw(other_end)
+    yield end, os.ttyname(other_end)
+    os.close(end)
+    os.close(other_end)
+
+
+def test_a_busy_port_is_told(terminal):
+    with (
+        serial.Serial(terminal[1], exclusive=True),
+        pytest.raises(UserError, match="another program has it open.*ModemManager"),
+    ):
+        open_port(terminal[1])
+
+
+def test_a_port_that_is_not_permitted_is_told(monkeypatch):
+    def refuse(*_, **__):
+        raise serial.SerialException(13, "Permission denied")
+
+    monkeypatch.setattr(serial, "Serial", refuse)
+    with pytest.raises(UserError, match="dialout.*udev"):
+        open_port("/dev/ttyACM0")
+
+
+def test_what_says_nothing_or_something_else_is_told(terminal, tmp_path):
+    end, path = terminal
+    with pytest.raises(UserError, match="is silent"):
+        capture(lambda: path, tmp_path / "a", wanted(1), threading.Event())
+    stop = threading.Event()
+
+    def chatter():
+        while not stop.wait(0.05):
+            os.write(end, b"temperature 21.5\r\n")
+
+    thread = threading.Thread(target=chatter)
+    thread.start()
+    try:
+        with pytest.raises(UserError, match="something else than SPADCAM's protocol"):
+            capture(lambda: path, tmp_path / "a", wanted(1), threading.Event())
+    finally:
+        stop.set()
+        thread.join()
+    assert not (tmp_path / "a").exists()
+
+
+def test_stopped_before_it_began(emulated, tmp_path):
+    stop = threading.Event()
+    stop.set()
+    with emulated() as camera, pytest.raises(UserError, match="before the camera answered"):
+        capture(camera.find, tmp_path / "a", wanted(1), stop)
+    assert not (tmp_path / "a").exists()
+
+
+@pytest.mark.parametrize(
+    ("fields", "problem"),
+    [
+        ({"exposure_s": 0.2}, "--exposure: 0.2 s is longer than a frame at --rate 10"),
+        ({"frame_rate_hz": 0}, "--rate: 0"),
+        ({"step_bias": 5000}, "--step-bias 5000"),
+        ({"row_window": (3, 3)}, "--rows 3 3"),
+    ],
+)
+def test_impossible_settings_are_refused_before_anything(fields, problem, tmp_path):
+    possible = {"exposure_s": 0.05, "frame_rate_hz": 10, "step_bias": 2048, "row_window": (0, 16)}
+    settings = CaptureSettings(sensor=preset("spadcam"), kind="a", **{**possible, **fields})
+    with pytest.raises(UserError, match=problem):
+        capture(lambda: "/none", tmp_path / "a", settings, threading.Event())

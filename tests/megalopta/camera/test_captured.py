@@ -1,0 +1,181 @@
+"""`megalopta spadcam compare` through its door: recordings beside a device's model."""
+
+import numpy as np
+import pytest
+
+from megalopta.camera.calibration import Beam
+from megalopta.camera.comparison import compare_captured
+from megalopta.camera.comparison_cycle import Cycle, align, rendered_dataset
+from megalopta.camera.recorded import Source, read_recorded
+from megalopta.camera.rendered import Rendered
+from megalopta.config.model import load
+from megalopta.config.yaml_model import to_yaml
+from megalopta.core.errors import UserError
+from megalopta.sensor import expose_rate, load_sensor
+from megalopta.sensor.compare import CountedFrames
+from megalopta.sensor.formats import write_binary_npy, write_spad512, write_tiff
+from megalopta.stages.pipeline import run_stage
+
+pytestmark = pytest.mark.slow
+
+LUX = 3e-4
+
+
+def device(folder, **fields):
+    """File of a small camera of 1-bit or other counters."""
+    path = folder / "device.yaml"
+    lines = ["preset: ideal", "name: other", *(f"{name}: {text}" for name, text in fields.items())]
+    path.write_text("\n".join(lines), "utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def forest(tmp_path_factory):
+    """A rendered dataset of a few small frames."""
+    out = tmp_path_factory.mktemp("scene") / "grating"
+    words = {"camera.width": "32", "camera.height": "32", "trajectory.frames": "6"}
+    run_stage(out, load("grating", words | {"render.samples_per_pixel": "4"}), "render")
+    return out
+
+
+def seen(dataset, sensor, frames, first, brighter=1.0):
+    """Counts of frames that begin anywhere in the dataset, at its rate."""
+    rate_hz = load("grating", {}).trajectory.frame_rate_hz
+    rates = Rendered(dataset, LUX).rates_hz((first + np.arange(frames)) / rate_hz, sensor)
+    return expose_rate(brighter * rates, sensor, seed=4, sequence="seen").counts, rate_hz
+
+
+@pytest.mark.parametrize(
+    ("brighter", "words"),
+    [(1.0, "Nothing differs beyond chance."), (1.2, "brightness 20 % higher")],
+)
+def test_a_rendered_scene_is_compared_frame_by_frame(forest, tmp_path, brighter, words):
+    rate_hz = load("grating", {}).trajectory.frame_rate_hz
+    path = device(tmp_path, exposure_s=1 / rate_hz)
+    sensor = load_sensor(path)
+    counts, _ = seen(forest, sensor, 240, first=3.4, brighter=brighter)
+    write_tiff(tmp_path / "seen.tif", counts.astype(np.uint16), exposure_s=1 / rate_hz)
+    page = tmp_path / "page.html"
+    source = Source(tmp_path / "seen.tif", LUX)
+    sentence = compare_captured([source], path, page, scene=str(forest))
+    assert words in sentence
+    assert "aligned in time" in page.read_text("utf-8")
+
+
+FEW = "{kind: digital, capacity: 1}"
+
+
+def spc3(counts):
+    """The bytes of a recording of MPD's camera: counts (T, 32, columns) of 16 bits."""
+    header = np.zeros(1024, np.uint8)
+    size = counts[0].size
+    for place, dtype, value in (
+        (100, "u1", 32),
+        (101, "u1", size // 32),
+        (102, "u1", 16),
+        (103, "u1", 1),
+        (104, "<u2", 1000),
+        (106, "<u2", 1000),
+        (114, "<u4", len(counts)),
+        (126, "<u2", size),
+    ):
+        encoded = np.array([value], dtype).view(np.uint8)
+        header[place : place + encoded.size] = encoded
+    lines = np.swapaxes(counts, 1, 2).astype("<u2")
+    return bytes.fromhex("4d5044ff03000001") + header.tobytes() + lines.tobytes()
+
+
+def counts_file(folder, sensor, light_hz):
+    path = folder / f"counts{light_hz:g}.npy"
+    np.save(path, drawn(sensor, light_hz, (120, 16, 16)).astype(np.uint32))
+    return path
+
+
+def bits_file(folder, sensor, light_hz):
+    path = folder / f"bits{light_hz:g}.npy"
+    write_binary_npy(path, np.packbits(drawn(sensor, light_hz, (120, 16, 16)) > 0, axis=-1))
+    return path
+
+
+def tiff_file(folder, sensor, light_hz):
+    path = folder / f"stack{light_hz:g}.tif"
+    write_tiff(path, drawn(sensor, light_hz, (120, 16, 16)).astype(np.uint16))
+    return path
+
+
+def spc3_file(folder, sensor, light_hz):
+    path = folder / f"frames{light_hz:g}.spc3"
+    path.write_bytes(spc3(drawn(sensor, light_hz, (120, 32, 64))))
+    return path
+
+
+def spad512_folder(folder, sensor, light_hz):
+    path = folder / f"spad512-{light_hz:g}"
+    write_spad512(path, np.packbits(drawn(sensor, light_hz, (60, 512, 512)) > 0, axis=-1))
+    return path
+
+
+def swissspad2_file(folder, sensor, light_hz):
+    path = folder / f"swiss{light_hz:g}.bin"
+    bits = drawn(sensor, light_hz, (60, 256, 512)) > 0
+    path.write_bytes(np.packbits(bits, axis=-1, bitorder="little").tobytes())
+    return path
+
+
+def drawn(sensor, light_hz, shape):
+    rates = np.full(shape, light_hz)
+    return expose_rate(rates, sensor, seed=7, sequence=f"{light_hz}").counts
+
+
+@pytest.mark.parametrize(
+    ("write", "kind", "counter"),
+    [
+        (counts_file, None, None),
+        (tiff_file, None, None),
+        (spc3_file, None, None),
+        (bits_file, None, FEW),
+        (spad512_folder, None, FEW),
+        (swissspad2_file, "swissspad2", FEW),
+    ],
+)
+@pytest.mark.slow  # sensor/formats tests the files, sensor/compare what is found in counts
+def test_recordings_of_other_cameras(write, kind, counter, tmp_path):
+    path = device(tmp_path, exposure_s=0.01, **({"counter": counter} if counter else {}))
+    sensor = load_sensor(path)
+    lights = (40.0, 90.0)
+    sources = [Source(write(tmp_path, sensor, each), each, 0.01, None, kind) for each in lights]
+    page = tmp_path / "page.html"
+    sentence = compare_captured(sources, path, page, beam=Beam(700.0))
+    assert sentence == "Nothing differs beyond chance."
+    twice = [Source(each.path, 2 * each.light, 0.01, None, kind) for each in sources]
+    assert "efficiency" in compare_captured(twice, path, page, beam=Beam(700.0))
+
+
+def test_a_configuration_is_rendered_beside_the_page(tmp_path):
+    words = {"camera.width": "16", "camera.height": "16", "trajectory.frames": "2"}
+    small = load("grating", words | {"render.samples_per_pixel": "1"})
+    (tmp_path / "small.yaml").write_text(to_yaml(small), "utf-8")
+    root = rendered_dataset(str(tmp_path / "small.yaml"), tmp_path / "page")
+    assert root == tmp_path / "page"
+    assert len(list(root.rglob("*.exr"))) >= 2
+    with pytest.raises(UserError, match="nowhere"):
+        rendered_dataset("nowhere", tmp_path / "page")
+
+
+def test_frames_of_other_sizes_are_refused():
+    cycle = Cycle(np.ones((4, 16, 16)), 10.0)
+    with pytest.raises(UserError, match="16"):
+        align(CountedFrames(np.zeros((60, 8, 8)), 0.1), cycle)
+
+
+def test_a_range_of_frames_is_one_light(tmp_path):
+    counts = np.arange(60)[:, None, None] * np.ones((1, 4, 4), np.uint16)
+    np.save(tmp_path / "steps.npy", counts.astype(np.uint16))
+    source = Source.parse(f"{tmp_path}/steps.npy#10-30@2e6:0.5")
+    recorded = read_recorded(source)
+    assert (source.light, recorded.exposure_s) == (2e6, 0.5)
+    np.testing.assert_array_equal(recorded.counts, counts[10:30])
+    with pytest.raises(UserError, match="it has 60"):
+        read_recorded(Source.parse(f"{tmp_path}/steps.npy#10-99@2e6:0.5"))
+    with pytest.raises(UserError, match="#FIRST-END"):
+        Source.parse("steps#30@2e6")

@@ -1,0 +1,107 @@
+"""Frames into a recording: counted, timed, readable at any moment."""
+
+import numpy as np
+import pytest
+
+from megalopta.camera.recorder import Recorder
+from megalopta.camera.recording import open_recording
+from megalopta.sensor import open_counts, preset
+from megalopta.sensor.spadcam import Identity, Settings, frame_packet
+
+RNG = np.random.default_rng(0)
+ADC = RNG.integers(500, 4096, (3000, 16, 16)).astype(np.uint16)
+IDENTITY = Identity(16, 16, 12, 3300, "A", "test 1")
+
+
+@pytest.fixture
+def recorder(tmp_path):
+    made = Recorder(tmp_path, preset("spadcam"), "dark", IDENTITY, Settings(), 0.0)
+    made.plugged(0)
+    return made
+
+
+def take(recorder, numbers, first_us=0):
+    for place, number in enumerate(numbers):
+        device_us = first_us + 1000 * place
+        recorder.take(5 + device_us * 1e-6, frame_packet(number, device_us, ADC[place]))
+
+
+def test_it_opens_at_any_moment_with_what_was_written(recorder, tmp_path):
+    assert len(open_recording(tmp_path)) == 0
+    take(recorder, range(1500))
+    recorder.write(damaged_packets=3)
+    take(recorder, range(1500, 1600), 1_500_000)
+    recording = open_recording(tmp_path)
+    assert len(recording) == len(open_counts(tmp_path / "counts.zarr")["counts"]) == 1500
+    assert (recording.kind, recording.exposure_s) == ("dark", 0.05)
+    assert not recording.settings.finished and recording.settings.damaged_packets == 3
+    np.testing.assert_array_equal(recording.adc[:], ADC[:1500])
+    recorder.finish(3)
+    assert len(open_recording(tmp_path)) == 1600 and open_recording(tmp_path).settings.finished
+
+
+def test_times_are_the_hosts(recorder, tmp_path):
+    take(recorder, range(3000))
+    recorder.finish(0)
+    times_s = open_recording(tmp_path).times_s
+    np.testing.assert_allclose(times_s, 5 + np.arange(3000) * 1e-3, atol=1e-9)
+
+
+def test_counts_follow_from_codes_by_step_supply_and_leak(recorder, tmp_path):
+    take(recorder, range(100))
+    recorder.finish(0)
+    recording = open_recording(tmp_path)
+    volts = ADC[:100] * 3.3 / 4095
+    reference = 3.3 - 7.2e-3 * preset("spadcam").exposure_s
+    counts = np.clip(np.rint((reference - volts) / 10e-3), 0, 319)
+    np.testing.assert_array_equal(recording.counts[:], counts)
+    np.testing.assert_array_equal(recording.saturated[:], counts == 319)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "gaps", "missing"),
+    [
+        ([2**32 - 2, 2**32 - 1, 0, 1], 0, 0),
+        ([2**32 - 1, 3], 1, 3),
+        ([5, 6, 9, 10, 20], 2, 11),
+    ],
+)
+def test_gaps_are_counted_through_the_wrap(recorder, tmp_path, numbers, gaps, missing):
+    take(recorder, numbers)
+    recorder.finish(0)
+    settings = open_recording(tmp_path).settings
+    assert (settings.frames, settings.gaps, settings.missing_frames) == (
+        len(numbers),
+        gaps,
+        missing,
+    )
+    np.testing.assert_array_equal(open_recording(tmp_path).sequence_number, numbers)
+
+
+def test_a_frame_that_comes_twice_is_taken_once(recorder):
+    take(recorder, [4, 4, 5, 5, 5])
+    assert recorder.frames == 2
+
+
+def test_each_connection_has_its_clock(recorder, tmp_path):
+    take(recorder, range(50))
+    recorder.plugged(777)
+    for number in range(50):
+        recorder.take(60 + number * 1e-3, frame_packet(number, 1000 * number, ADC[number]))
+    recorder.finish(0)
+    recording = open_recording(tmp_path)
+    first, second = recording.settings.connections
+    assert (second.first_frame, second.raw_offset) == (50, 777)
+    assert recording.settings.gaps == 1
+    np.testing.assert_allclose(
+        recording.times_s[[0, 49, 50, 99]], [5, 5.049, 60, 60.049], atol=1e-9
+    )
+    assert first.offset_s == pytest.approx(5) and second.offset_s == pytest.approx(60)
+
+
+def test_what_is_no_recording_is_refused(tmp_path):
+    with pytest.raises(FileNotFoundError, match="give the folder of a recording"):
+        open_recording(tmp_path)
+    (tmp_path / "recording.yaml").write_text("kind: dark\n")
+    with pytest.raises(ValueError, match="started: Field required"):
+        open_recording(tmp_path)

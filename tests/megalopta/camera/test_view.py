@@ -1,0 +1,56 @@
+"""What a capture shows."""
+
+import io
+import sys
+
+import numpy as np
+
+from megalopta.camera.capturing import State
+from megalopta.camera.recording import RecordingSettings
+from megalopta.camera.view import status_line, viewing
+
+RECORD = RecordingSettings(
+    kind="dark",
+    started="2026-01-01T00:00:00+00:00",
+    serial_number="A",
+    firmware="f",
+    exposure_s=0.05,
+    frame_rate_hz=10,
+    step_bias=2048,
+    row_window=(0, 16),
+    gaps=2,
+    missing_frames=7,
+    damaged_packets=1,
+)
+
+
+def state(plugged=True):
+    counts = np.arange(256, dtype=np.uint16).reshape(16, 16)
+    return State(RECORD, 120, 9.98, plugged, counts, counts > 250)
+
+
+def test_a_line_tells_frames_rate_gaps_damage_and_saturated_pixels():
+    line = status_line(state())
+    assert line == (
+        "120 frames, 10.0 frames/s, 2 gaps (7 frames missing), 1 packets damaged, "
+        "5 pixels saturated"
+    )
+    assert status_line(state(plugged=False)).endswith("unplugged, waiting for it")
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_a_terminal_gets_a_picture_of_16_rows(monkeypatch):
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setenv("TERM", "xterm-256color")
+    monkeypatch.setenv("COLORTERM", "truecolor")
+    with viewing() as show:
+        show(state())
+    shown = terminal.getvalue()
+    assert "120 frames" in shown
+    # Red where a pixel is saturated, white where it is the brightest of the others.
+    assert "48;2;220;60;40" in shown and "48;2;255;255;255" in shown

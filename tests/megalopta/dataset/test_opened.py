@@ -1,0 +1,143 @@
+"""A dataset in Python: arrays agree with the files, and with each other."""
+
+import pickle
+
+import cv2
+import numpy as np
+import pytest
+
+import megalopta
+from megalopta.core.errors import UserError
+from megalopta.render import read_truth
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def opened(small_dataset):
+    return megalopta.open_dataset(small_dataset)
+
+
+def test_sequences_are_found_by_place_name_and_split(opened, small_plan):
+    assert [each.name for each in opened] == ["000000", "000001", "000002"]
+    assert opened["000001"] is opened[1]
+    assert sum(len(names) for split, names in opened.splits.items() if split != "sample") == 3
+    assert opened.splits["sample"] == ("000000", "000001")
+    with pytest.raises(UserError, match="no sequence 'x'; there are 000000"):
+        opened["x"]
+    with pytest.raises(UserError, match="no split"):
+        opened.of_split("tests")
+
+
+def test_arrays_are_lazy_and_have_units(opened):
+    sequence = opened[0]
+    assert sequence.radiance.shape == (3, 24, 32, 2)
+    assert sequence.radiance.unit == "W·m⁻²·sr⁻¹·nm⁻¹"
+    np.testing.assert_array_equal(np.asarray(sequence.radiance)[1:], sequence.radiance[1:])
+    np.testing.assert_array_equal(sequence.radiance[-1, 3], sequence.radiance[2][3])
+    spad, ctia = sequence.exposures
+    assert sequence.counts(spad).unit == "counts per exposure"
+    assert sequence.counts(ctia).unit == "electrons per exposure"
+    assert sequence.poses.shape == (3, 4, 4)
+    assert sequence.depth[0].shape == (24, 32)
+    np.testing.assert_array_equal(sequence.object_ids[0] == 0, np.isinf(sequence.depth[0]))
+    with pytest.raises(IndexError):
+        sequence.radiance[3]
+    with pytest.raises(UserError, match="no exposure 'eye'; there are spadcam"):
+        sequence.counts("eye")
+
+
+def test_flow_between_neighbors_is_the_stored_one(opened):
+    for sequence in opened:
+        files = sequence.dataset
+        flow = cv2.readOpticalFlow(str(files.frame("training/flow", 1, "flo")))
+        known = np.abs(flow) < 1e9
+        np.testing.assert_array_equal(sequence.flow(1)[known], flow[known])
+        backward = read_truth(files.truth(1)).flow_backward
+        np.testing.assert_array_equal(sequence.flow(1, 0), backward)
+        mask = cv2.imread(str(files.frame("training/occlusions", 1, "png")), 0)
+        np.testing.assert_array_equal(sequence.occlusion(1), mask > 0)
+
+
+def test_flow_between_distant_frames_is_the_sum_of_its_steps(opened):
+    # every board and cylinder here is smooth: what bilinear interpolation leaves is below 0.05 px
+    for sequence in opened:
+        first, second, both = sequence.flow(0, 1), sequence.flow(1, 2), sequence.flow(0, 2)
+        x, y = np.meshgrid(np.arange(32), np.arange(24))
+        there = cv2.remap(
+            second, (x + first[..., 0]).astype("f4"), (y + first[..., 1]).astype("f4"),
+            cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=(np.nan, np.nan),
+        )  # fmt: skip
+        apart = np.abs(first + there - both)
+        assert np.nanmax(apart) < 0.05
+        assert np.isfinite(apart).mean() > 0.5
+
+
+def test_occlusion_between_distant_frames_agrees_with_the_traced_one(opened):
+    # by the rule for distant frames, of neighbors, whose answer is known; nothing hides here, so
+    # it is the border alone
+    sequence = opened[0]
+    traced = sequence.occlusion(0, 1)
+    distant = sequence.occlusion(0, 2)
+    assert not (traced & ~distant).any()
+    np.testing.assert_array_equal(sequence.occlusion(1, 1), np.zeros((24, 32), bool))
+
+
+def test_new_light_has_independent_noise_and_the_same_mean(opened):
+    sequence = opened[0]
+    first, again, other = (
+        sequence.expose("spadcam", 5.0, exposure_s=0.01, repeat=repeat) for repeat in (0, 0, 1)
+    )
+    np.testing.assert_array_equal(first[1], again[1])
+    one, two = first[1].astype(float), other[1].astype(float)
+    assert (one != two).any()
+    # the difference of two independent counts has the variance of their sum: below 6 sigma
+    assert abs(one.sum() - two.sum()) < 6 * np.sqrt(one.sum() + two.sum() + 1)
+    brighter = (
+        sequence.expose("ideal", 5.0, gain=4.0)[:].sum() / sequence.expose("ideal", 5.0)[:].sum()
+    )
+    assert brighter == pytest.approx(4, rel=0.05)
+    with pytest.raises(UserError, match="preset 'eye' is unknown"):
+        sequence.expose("eye")
+
+
+def test_the_stored_exposure_is_drawn_again(opened):
+    sequence = opened[0]
+    sensor, level = sequence.configuration.sensors[0], sequence.configuration.light_levels[0]
+    np.testing.assert_array_equal(sequence.expose(sensor, level)[:], sequence.counts()[:])
+
+
+def test_pairs_of_all_sequences(opened):
+    pairs = opened.pairs()
+    assert len(pairs) == 3 * 2
+    last = pickle.loads(pickle.dumps(pairs))[-1]
+    assert (last["sequence"], last["frame"]) == ("000002", 1)
+    assert last["first"].shape == (1, 24, 32)
+    assert last["flow"].shape == (2, 24, 32)
+    np.testing.assert_array_equal(last["second"][0], opened[2].counts()[2])
+    light = opened.pairs(exposure="radiance", step=2)
+    assert len(light) == 3
+    assert light[0]["first"].shape == (2, 24, 32)
+    with pytest.raises(IndexError):
+        pairs[6]
+
+
+def test_xarray_shows_it_with_units(opened):
+    pytest.importorskip("xarray")
+    shown = opened[0].to_xarray()
+    assert shown["radiance"].units == "W·m⁻²·sr⁻¹·nm⁻¹"
+    assert shown["flow"].dims == ("frame", "row", "column", "component")
+    np.testing.assert_array_equal(shown["depth"][1].values, opened[0].depth[1])
+
+
+def test_a_torch_loader_gives_batches(opened):
+    torch = pytest.importorskip("torch")
+    loader = torch.utils.data.DataLoader(opened.torch(), batch_size=2, num_workers=2)
+    batches = list(loader)
+    assert sum(len(batch["frame"]) for batch in batches) == 6
+    assert batches[0]["flow"].shape == (2, 2, 24, 32)
+
+
+def test_no_dataset_is_told(tmp_path):
+    with pytest.raises(UserError, match="no dataset here"):
+        megalopta.open_dataset(tmp_path)

@@ -1,0 +1,258 @@
+"""Publishing broken off at any step, records that somebody changed, other models and variants."""
+
+import gc
+import json
+import os
+import shutil
+from contextlib import contextmanager, suppress
+from types import SimpleNamespace
+
+import pytest
+
+from megalopta.config.drawing import configuration_of
+from megalopta.core.errors import UserError
+from megalopta.core.freshness import SENSOR_MODEL
+from megalopta.dataset.layout import Tree
+from megalopta.dataset.record import read_record
+from megalopta.dataset.store import file_hash
+from megalopta.generation.exposing import Exposing, expose
+from megalopta.generation.making import make, whole_plan
+from megalopta.generation.sequence import Machinery, make_sequence
+from megalopta.generation.staging import begin, finish
+from megalopta.verification.tree import check_tree
+
+NEW_LIGHT = Exposing(sensors=("ideal",), light_levels=("full_moon",))
+STEPS = ("rename", "replace", "unlink", "rmdir", "mkdir", "symlink", "fsync")
+"""Of the file system, at each of which a run is broken off"""
+
+
+class Stopped(BaseException):
+    """As a kill: nothing is cleaned up, as every further step fails, too."""
+
+
+@contextmanager
+def stopped_at(step):
+    """Let a number of steps pass; no later one does anything. Yield whether there were fewer."""
+    outcome, done = SimpleNamespace(is_over=False), 0
+
+    def counted(call):
+        def stepped(*args, **options):
+            nonlocal done
+            done += 1
+            if done > step:
+                raise Stopped
+            return call(*args, **options)
+
+        return stepped
+
+    with pytest.MonkeyPatch.context() as patch:
+        for name in STEPS:
+            patch.setattr(os, name, counted(getattr(os, name)))
+        with suppress(Stopped):
+            yield outcome
+            outcome.is_over = True
+
+
+def copied(root, target):
+    """Copy with hard links: the program replaces files, and changes none."""
+    return shutil.copytree(root, target, symlinks=True, copy_function=os.link)
+
+
+@pytest.fixture
+def copy(single_dataset, tmp_path):
+    return copied(single_dataset, tmp_path / "data")
+
+
+def content(root):
+    return {path.relative_to(root): path.read_bytes() for path in root.rglob("*") if path.is_file()}
+
+
+def staged_again(root, plan):
+    """Move a finished sequence back to where it was made."""
+    tree = Tree(root)
+    record, staged = tree.record("000000"), tree.staging / "000000"
+    staged.mkdir(parents=True)
+    data = begin(staged, configuration_of(plan, 0))
+    for name in {"/".join(name.split("/000000/")[0].split("/")) for name in record.files}:
+        (data / name).mkdir(parents=True)
+        (root / name / "000000").rename(data / name / "000000")
+    finish(staged, record)
+    tree.record_path("000000").unlink()
+    (root / "manifest.jsonl").unlink()
+
+
+def broken_off_everywhere(begun, tmp_path, work, resume, whole):
+    """Work on a copy of what was begun, broken off at every step, and then brought to its end."""
+    for step in range(1000):
+        root = copied(begun, tmp_path / f"step-{step}")
+        with stopped_at(step) as outcome:
+            work(root)
+        gc.collect()  # a lock that was held ends with its process: here, with the last reference
+        if outcome.is_over:
+            assert step > 20
+            return
+        resume(root)
+        assert content(root) == whole, f"step {step}"
+        assert not check_tree(Tree(root)), f"step {step}"
+        shutil.rmtree(root)
+
+
+@pytest.mark.slow
+def test_a_sequence_is_published_whole_after_a_stop_at_any_step(
+    copy, single_plan, single_dataset, tmp_path
+):
+    staged_again(copy, single_plan)
+    broken_off_everywhere(
+        copy,
+        tmp_path,
+        lambda root: make(root, single_plan),
+        lambda root: make(root, single_plan),
+        content(single_dataset),
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("resumed", ["expose", "make"])
+def test_new_exposures_appear_whole_or_not_at_all(
+    copy, single_plan, single_dataset, tmp_path, resumed
+):
+    expose(copied(single_dataset, tmp_path / "whole"), NEW_LIGHT)
+    exposed = content(tmp_path / "whole")
+
+    def resume(root):
+        if resumed == "make":  # which leaves them out where they were not finished
+            make(root, single_plan)
+            assert not check_tree(Tree(root))
+            assert not (root / ".making").exists()
+        expose(root, NEW_LIGHT)
+
+    broken_off_everywhere(copy, tmp_path, lambda root: expose(root, NEW_LIGHT), resume, exposed)
+
+
+@pytest.mark.parametrize("verb", ["make", "expose"])
+def test_what_a_kill_after_the_last_move_leaves_is_cleared(copy, single_plan, verb):
+    left = copy / ".making" / "000000" / "data" / "radiance"
+    left.mkdir(parents=True)
+    (left.parents[1] / ".lock").touch()
+    (faults,) = check_tree(Tree(copy))
+    assert "dataset make" in faults.remedy
+    if verb == "make":
+        make(copy, single_plan)
+    else:
+        expose(copy, Exposing(sensors=("spadcam",), light_levels=("twilight",)))
+    assert not (copy / ".making").exists()
+    assert not check_tree(Tree(copy))
+
+
+def test_half_written_books_are_swept(copy, single_plan):
+    left = [copy / name for name in (".part-0123456789ab-x", "index/.part-0123456789ab-y")]
+    for path in left:
+        path.touch()
+    make(copy, single_plan)
+    assert not any(path.exists() for path in left)
+
+
+def test_a_kill_while_the_plan_is_written_leaves_a_folder_to_go_on_in(single_plan, tmp_path):
+    (tmp_path / ".lock").touch()
+    (tmp_path / ".part-0123456789ab-dataset.yaml").touch()
+    assert whole_plan(Tree(tmp_path), single_plan) == single_plan
+
+
+def test_failures_of_no_sequence_of_the_plan_are_not_made(copy, single_plan):
+    lines = [json.dumps({"index": index, "reason": "none"}) for index in (-1, 5)]
+    (copy / "failed.jsonl").write_text("\n".join(lines))
+    with pytest.raises(UserError, match="2 sequences failed"):
+        make(copy, single_plan, retry=True)
+    assert Tree(copy).names() == ["000000"]
+
+
+def changed(root, name="000000", **changes):
+    path = root / "sequences" / f"{name}.json"
+    record = json.loads(path.read_text())
+    path.unlink()
+    path.write_text(json.dumps({**record, **changes}, indent=1) + "\n")
+    return path
+
+
+@pytest.mark.parametrize("change", ["speed", "split"])
+def test_a_changed_record_is_refused_and_not_blessed(copy, single_plan, change):
+    statistics = json.loads((copy / "sequences/000000.json").read_text())["statistics"]
+    changes = {"split": "test"}
+    if change == "speed":
+        changes = {"statistics": {**statistics, "mean_speed_px": 9.0}}
+    changed(copy, **changes)
+    before = (copy / "manifest.jsonl").read_bytes()
+    for work in (lambda: make(copy, single_plan), lambda: expose(copy, NEW_LIGHT)):
+        with pytest.raises(UserError, match=r"000000\.json is not as it was written; restore it"):
+            work()
+    assert (copy / "manifest.jsonl").read_bytes() == before
+    assert any("not as it was written" in fault.what for fault in check_tree(Tree(copy)))
+
+
+def test_a_record_that_the_manifest_does_not_know_yet_is_taken(copy, single_plan, single_dataset):
+    (copy / "manifest.jsonl").unlink()
+    make(copy, single_plan)
+    assert content(copy) == content(single_dataset)
+
+
+def test_exposures_that_the_manifest_does_not_know_yet_are_taken(copy, single_plan):
+    before = (copy / "manifest.jsonl").read_bytes()
+    expose(copy, NEW_LIGHT)
+    whole = content(copy)
+    (copy / "manifest.jsonl").write_bytes(before)
+    faults = check_tree(Tree(copy))
+    assert ["exposed since" in fault.what for fault in faults] == [True]
+    make(copy, single_plan)
+    assert content(copy) == whole
+
+
+def test_exposures_by_another_sensor_model_are_refused(copy, monkeypatch):
+    before = content(copy)
+    monkeypatch.setattr("megalopta.stages.sense.SENSOR_MODEL", 99)
+    with pytest.raises(UserError, match=r"000000 was exposed otherwise .*sense: model: \d+ → 99"):
+        expose(copy, NEW_LIGHT)
+    assert content(copy) == before
+
+
+@pytest.mark.parametrize("model", ["render.RENDER_MODEL", "render.TRUTH_MODEL"])
+def test_more_sequences_of_another_model_are_refused(copy, single_plan, monkeypatch, model):
+    monkeypatch.setattr(f"megalopta.stages.{model}", 99)
+    make(copy, single_plan)  # nothing is missing, and nothing is mixed
+    with pytest.raises(UserError, match=r"000000 was made otherwise .*render: model: .*99"):
+        make(copy, single_plan.model_copy(update={"sequences": 2}))
+
+
+def test_what_another_variant_began_is_begun_again(single_plan, tmp_path, monkeypatch):
+    configuration = configuration_of(single_plan, 0)
+    (begin(tmp_path, configuration) / "radiance").mkdir(parents=True)
+    assert (begin(tmp_path, configuration) / "radiance").exists()
+    monkeypatch.setattr("megalopta.stages.render.RENDER_MODEL", 99)
+    assert not (begin(tmp_path, configuration) / "radiance").exists()
+
+
+def test_a_worker_of_another_variant_is_refused(single_plan, tmp_path):
+    wanted = Machinery.here(single_plan, 0)
+    wanted.made_with["render"]["variant"] = "cuda_spectral"
+    with pytest.raises(UserError, match="worker would make other bytes .*variant: cuda_spectral"):
+        make_sequence(tmp_path, single_plan, wanted, 0)
+    assert not list(tmp_path.iterdir())
+
+
+def test_check_names_sequences_of_mixed_models(copy):
+    root = Tree(copy)
+    for name in ("000001", "000002"):
+        text = root.record_path("000000").read_text().replace("000000", name)
+        values = {**json.loads(text), "index": int(name)}
+        if name == "000002":
+            values["made_with"]["sense"]["model"] = "earlier"
+        root.record_path(name).write_text(json.dumps(values))
+    mixed = [fault for fault in check_tree(root) if "otherwise than most" in fault.what]
+    assert [fault.path.stem for fault in mixed] == ["000002"]
+    assert f"sense: model: {SENSOR_MODEL} → earlier" in mixed[0].what
+
+
+def test_records_chain(copy):
+    path = Tree(copy).record_path("000000")
+    before = file_hash(path)
+    expose(copy, NEW_LIGHT)
+    assert read_record(path, "000000").replaced == before

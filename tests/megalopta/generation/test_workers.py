@@ -1,0 +1,73 @@
+"""Jobs by processes of this machine: replaced when they die, unreachable, gone with their parent."""
+
+import sys
+
+import psutil
+import pytest
+
+from megalopta.core.errors import UserError
+from megalopta.generation import workers
+from megalopta.generation.jobs import run_jobs
+
+from ..process_group import in_a_group, listening, members, wait_for
+
+RUN = """
+import sys
+from pathlib import Path
+from jobs_of_tests import Job, Slow
+from megalopta.generation.jobs import run_jobs; from megalopta.generation import workers
+
+job = {"Job": Job, "Slow": Slow}[sys.argv[1]](Path(sys.argv[2]))
+print([each.index for each in run_jobs(job, range(2), workers=2)])
+"""
+
+
+def test_workers_that_die_are_replaced_and_their_job_is_done(jobs, tmp_path):
+    outcomes = {each.index: each for each in run_jobs(jobs.Job(tmp_path), range(6), workers=2)}
+    assert {index: each.problem for index, each in outcomes.items()} == {
+        **dict.fromkeys(range(6)),
+        3: "three is too many",
+    }
+    written = {path.name for path in tmp_path.iterdir()}
+    assert written == {"0", "1", "2", "4", "5", "begun-4"}
+
+
+def test_a_job_that_kills_every_worker_is_given_up(jobs, monkeypatch):
+    monkeypatch.setattr(workers, "DEATHS", 2)
+    (outcome,) = run_jobs(jobs.die, [7], workers=1)
+    assert outcome.problem == "2 workers died of it"
+
+
+@pytest.mark.slow
+def test_workers_that_never_start_are_told(jobs, monkeypatch):
+    monkeypatch.delenv("PYTHONPATH")  # they find no job
+    with pytest.raises(UserError, match="end as soon as they start; see what"):
+        list(run_jobs(jobs.die, [7], workers=2))
+
+
+def test_workers_listen_nowhere_and_end_with_a_parent_that_was_killed(jobs, tmp_path):
+    with in_a_group([sys.executable, "-P", "-c", RUN, "Slow", tmp_path]) as parent:
+        wait_for(lambda: len(list(tmp_path.iterdir())) == 2)
+        assert len(members(parent.pid)) == 3
+        assert not listening(members(parent.pid))
+        parent.kill()
+        wait_for(lambda: not members(parent.pid), 5)
+
+
+def test_workers_end_when_no_more_outcomes_are_wanted(jobs, tmp_path):
+    outcomes = run_jobs(jobs.EndsOnce(tmp_path), range(2), workers=2)
+    next(outcomes)
+    outcomes.close()
+    assert not psutil.Process().children()
+
+
+def test_a_worker_imports_nothing_from_the_working_folder(jobs, tmp_path):
+    hostile, canary = tmp_path / "hostile", tmp_path / "canary"
+    hostile.mkdir()
+    for name in ("random", "psutil", "numpy", "pickle", "queue", "signal", "megalopta", "drjit"):
+        (hostile / f"{name}.py").write_text(f"open({str(canary)!r}, 'a').write({name!r})")
+    command = [sys.executable, "-P", "-c", RUN, "Job", tmp_path]
+    with in_a_group(command, cwd=hostile, stdout=-1) as parent:
+        told, errors = parent.communicate()
+    assert told == "[0, 1]\n" or told == "[1, 0]\n", errors
+    assert not canary.exists()

@@ -1,0 +1,82 @@
+import math
+
+import pytest
+
+from megalopta.plotting.text import (
+    duration,
+    enumerate_words,
+    level_title,
+    number,
+    percent,
+    plural,
+    relative_error,
+    short,
+)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0, "0"),
+        (0.000499, "0.0005"),
+        (1.234e-7, "1.2 · 10⁻⁷"),
+        (0.01433, "0.014"),
+        (1e-5, "10⁻⁵"),
+        (1, "1.00"),
+        (2.738, "2.74"),
+        (64.44, "64.4"),
+        (306.2, "306"),
+        (999.7, "1.00k"),
+        (305_400, "305k"),
+        (-2130, "-2.13k"),
+        (-2.13, "-2.13"),
+        (math.nan, "–"),
+        (math.inf, "–"),
+    ],
+)
+def test_numbers_have_three_digits_and_those_below_one_two(value, text):
+    assert number(value) == text
+
+
+@pytest.mark.parametrize(
+    ("fraction", "text"),
+    [
+        (0, "0 %"),
+        (1e-6, "< 0.01 %"),
+        (0.00345, "0.34 %"),
+        (0.0999, "10.0 %"),
+        (0.1534, "15 %"),
+        (1, "100 %"),
+        (math.nan, "–"),
+    ],
+)
+def test_percentages_are_zero_only_where_there_is_nothing(fraction, text):
+    assert percent(fraction).replace("\u00a0", " ") == text
+
+
+def test_errors_from_tenfold_on_fail():
+    assert relative_error(9.42) == "942\u00a0%"
+    assert relative_error(10.0) == "fails"
+    assert relative_error(4080.5) == "fails"
+    assert relative_error(None) == "–"
+
+
+def test_light_levels_have_their_illuminance():
+    assert level_title("full_moon") == "full\u00a0moon, 0.25\u00a0lux"
+    assert level_title(10.0) == "10\u00a0lux"
+
+
+def test_words_make_a_sentence():
+    assert enumerate_words(["a"]) == "a"
+    assert enumerate_words(["a", "b", "c"]) == "a, b and c"
+    assert plural(1, "frame") == "1 frame"
+    assert plural(2534, "object") == "2,534 objects"
+    assert duration(4.23) == "4.2 s"
+    assert duration(102.3) == "1 min 42 s"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(1e3, "1k"), (1e7, "10M"), (0.01, "0.01"), (1.0, "1"), (100.0, "100")]
+)
+def test_round_numbers_have_no_spare_digits(value, text):
+    assert short(value) == text

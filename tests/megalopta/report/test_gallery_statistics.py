@@ -1,0 +1,40 @@
+"""Statistics of views, through the door that users take."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from megalopta.cli import main
+from megalopta.report.gallery_statistics import degrees_per_px, write_statistics
+
+
+@pytest.mark.slow
+def test_a_photograph_is_measured_beside_forests(picture, tmp_path):
+    path = picture(np.random.default_rng(0).random((32, 64, 3)))
+    paths = write_statistics(tmp_path / "out", [path], 1, ["open"], 24)
+    assert [each.suffix for each in paths] == [".png", ".svg", ".csv", ".json"]
+    photograph, forest, blurred = csv.DictReader(paths[2].read_text().splitlines())
+    assert (photograph["scene"], forest["scene"]) == (path.stem, "open")
+    assert blurred["scene"] == "open, blurred"
+    assert float(blurred["gradient_contrast"]) < float(forest["gradient_contrast"])
+    assert all(np.isfinite(float(value)) for value in list(photograph.values())[1:])
+
+
+def test_forests_are_compared_at_an_angle_that_the_coarsest_photograph_resolves(picture):
+    """Two pixels of 360°/512, rounded up to 0.05°; without photographs 0.3°."""
+    rng = np.random.default_rng(0)
+    coarse, fine = (picture(rng.random((rows, 2 * rows, 3)), f"{rows}.exr") for rows in (256, 1024))
+    assert degrees_per_px([coarse, fine]) == pytest.approx(1.45)
+    assert degrees_per_px([fine]) == pytest.approx(0.4)
+    assert degrees_per_px([]) == 0.3
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [(["--views", "--statistics"], "give one"), (["--panorama", "x.hdr"], "or --statistics")],
+)
+def test_what_does_not_go_together_is_refused(options, message, tmp_path, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        main.main(["gallery", *options, "--out", str(tmp_path / "out")])
+    assert message in capsys.readouterr().err

@@ -1,0 +1,125 @@
+"""The motion bench through the emulated camera's line, beside the one simulated directly."""
+
+import re
+import signal
+import threading
+
+import numpy as np
+import pytest
+
+from megalopta.camera.bench_light import BenchLight
+from megalopta.camera.emulated import EmulatedCamera
+from megalopta.camera.motion_bench import record
+from megalopta.camera.passages import cut_passages
+from megalopta.camera.plate import Plate
+from megalopta.camera.recording import open_recording
+from megalopta.camera.terminal import EmulatedPort, Faults
+from megalopta.cli import main as cli
+from megalopta.reproduction.chapter2_captured import captured_figures
+from megalopta.reproduction.chapter2_estimate import Estimate, jackknifed
+from megalopta.sensor import changed, preset
+
+pytestmark = pytest.mark.slow
+
+SENSOR = preset("spadcam")
+NAMES = [f"fig-2.{number}" for number in range(14, 20)]
+
+
+@pytest.fixture
+def recording(tmp_path, request):
+    """A recording of the plate at so many mm/s, from a camera whose clock runs 20 times as fast."""
+    link, stop = tmp_path / "cam", threading.Event()
+    ready = threading.Event()
+    camera = EmulatedCamera(SENSOR, Plate(request.param), seed=3)
+    port = EmulatedPort(camera, Faults(drift_ppm=19e6), link, lambda path: ready.set())
+    thread = threading.Thread(target=port.run, args=(stop,), daemon=True)
+    thread.start()
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        assert ready.wait(60)
+        words = ["--rate", "10", "--exposure", "0.1", "--frames", "600", "--out"]
+        out = str(tmp_path / "plate")
+        cli.main(["spadcam", "capture", "--port", str(link), "--kind", "plate", *words, out])
+    finally:
+        for number, handler in handlers.items():  # the command has put in its own
+            signal.signal(number, handler)
+        stop.set()
+        thread.join(10)
+    return out
+
+
+@pytest.mark.slow  # capturing is tested by spadcam/test_capture.py, the figures below
+@pytest.mark.parametrize("recording", [10.0], indirect=True)
+def test_a_captured_bench_is_the_simulated_one_but_for_chance(recording):
+    captured = open_recording(recording)
+    sensor = changed(captured.sensor, counter={"calibrated": False})
+    figures = list(captured_figures({10.0: cut_passages(captured.counts[:])}, sensor))
+    assert [figure.name for figure in figures] == NAMES
+    table = [row for figure in figures for _, row in figure.printed.values()]
+    off = [float(each[1]) for row in table if (each := re.search(r"± .* \(([+-][\d.]+)\)", row))]
+    # 8 passages, both ways or one, against 16: of some 20 degrees of freedom 7 errors are beyond
+    # what chance does, 1e-6 each.
+    assert len(off) == 13 and max(map(abs, off)) < 7
+    numbers = dict(zip(figures[-1].columns, figures[-1].rows[0], strict=True))
+    assert numbers["captured_mean"] == pytest.approx(numbers["simulated_mean"], rel=0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("recording", [10.0], indirect=True)
+def test_a_recording_becomes_pictures_and_numbers(recording, tmp_path, capsys):
+    out = tmp_path / "figures"
+    capsys.readouterr()
+    cli.main(["spadcam", "figures", f"{recording}@10", "--own-light", "--out", str(out)])
+    kinds = ("png", "svg", "csv", "json")
+    paths = [str(out / f"{name}.{kind}") for name in NAMES for kind in kinds]
+    assert capsys.readouterr().out.splitlines() == paths
+
+
+def test_the_light_of_the_simulation_is_stated():
+    counts = record(10.0, SENSOR).counts
+    usual = next(captured_figures({10.0: counts}, SENSOR))
+    assert "an open pixel detects 65 photons per frame" in usual.caption
+    own = next(captured_figures({10.0: counts}, SENSOR, BenchLight(50.0, 20.0)))
+    assert "in the light of this recording, in which an open pixel detects 50" in own.caption
+
+
+def test_a_camera_of_half_the_signal_differs_by_half():
+    counts = record(10.0, SENSOR).counts // 2
+    *_, ndm, nds = captured_figures({10.0: counts}, SENSOR)
+    for figure, less in ((nds, 0.5), (ndm, 0.75)):
+        numbers = dict(zip(figure.columns, figure.rows[0], strict=True))
+        # halves are rounded down
+        assert -numbers["difference"] / numbers["simulated_mean"] == pytest.approx(less, abs=0.05)
+        assert abs(numbers["difference"]) > 20 * numbers["difference_error"]
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (["{0}@0"], "only a plate at rest; give recordings with its speed"),
+        (["{0}@5"], "capture with --rate 10 --exposure 0.1"),
+        (["nothing@5"], "nothing/recording.yaml: no such file"),
+    ],
+)
+def test_what_cannot_be_drawn_is_told_before_anything_is_written(words, problem, tmp_path, capsys):
+    from megalopta.camera.recorder import Recorder
+    from megalopta.sensor.spadcam import Identity, Settings
+
+    identity = Identity(16, 16, 12, 3300, "A", "test 1")
+    Recorder(tmp_path, changed(SENSOR, exposure_s=0.05), "plate", identity, Settings(), 0.0)
+    given = [word.format(tmp_path) for word in words]
+    with pytest.raises(SystemExit):
+        cli.main(["spadcam", "figures", *given, "--out", str(tmp_path / "new")])
+    assert problem in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()
+
+
+def test_errors_of_means_add_up_and_the_jackknife_of_a_mean_is_its_error():
+    samples = np.random.default_rng(0).normal(5, 2, 40)
+    mean = Estimate.of(samples)
+    again = jackknifed(lambda values: float(values.mean()), samples)
+    assert again == pytest.approx(mean)
+    apart = mean - Estimate(3.0, 0.4)
+    assert apart.error == pytest.approx(np.hypot(mean.error, 0.4))
+    assert str(Estimate(3.14159, 0.0123)) == "3.142 ± 0.012"
+    assert Estimate(-12.3, 4.1).as_difference() == "-12.3 ± 4.1 (-3.0)"

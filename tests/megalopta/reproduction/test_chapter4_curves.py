@@ -1,0 +1,408 @@
+"""Chapter 4: the figures' trials, the table, the page, and the claim about denominators."""
+
+import csv
+import json
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from megalopta.benchmark import templates
+from megalopta.benchmark.panorama_recipes import NATURAL_PANORAMAS
+from megalopta.benchmark.runner import run_trials
+from megalopta.benchmark.sweep import Sweep
+from megalopta.benchmark.thesis_sweeps import PHOTOGRAPHED, SWEEPS, in_form
+from megalopta.benchmark.trial import PanoramaTemplate, Trial, measure
+from megalopta.core.errors import UserError
+from megalopta.flow.detectors import METHODS
+from megalopta.flow.metrics import ErrorCurve, Threshold
+from megalopta.plotting.style import house_style, new_canvas
+from megalopta.reproduction import drawing as module
+from megalopta.reproduction.chapter4_denominators import FLOORS, floored_errors
+from megalopta.reproduction.chapter4_information import (
+    Seen,
+    implied_information,
+    information_per_photon,
+    needed_of,
+)
+from megalopta.reproduction.chapter4_page import write_page
+from megalopta.reproduction.chapter4_table import PRINTED, best
+from megalopta.reproduction.drawing import reproduce
+from megalopta.reproduction.recipe import Run
+from megalopta.reproduction.registry import find, names
+from megalopta.reproduction.sweep import sweep_figure
+from megalopta.reproduction.thresholds import mean_threshold, sweep_curve
+
+
+def crossing(flux):
+    return Threshold("crossing", 0.25, 1e3, 1e12, flux, 0.9 * flux, 1.1 * flux)
+
+
+def curves(flux_of):
+    """Curves of all methods in both metrics; ratio needs half of the light."""
+    return tuple(
+        ErrorCurve(
+            name, name, (60, 60), metric, (1e5, 1e6), (0.3, 0.2), (0.0, 0.0), 4, {2: threshold}
+        )
+        for name in METHODS
+        for metric, factor in (("literal", 1.0), ("ratio", 0.5))
+        for threshold in [crossing(factor * flux_of(name))]
+    )
+
+
+def results(trials):
+    """Thresholds that grow with distance from f = 7 or v = 8, and with the number of the forest."""
+    found = {}
+    for trial in trials:
+        if trial.template.kind == "grating":
+            away = abs(trial.template.cycles_per_frame - 7) + abs(trial.velocity_px - 5) / 100
+            flux = 1e5 * (1 + away)
+        else:
+            forest = list(NATURAL_PANORAMAS).index(trial.template.name)
+            flux = 1e6 * (1 + abs(trial.velocity_px - 8)) * (1 + forest) * (1 + trial.blurred)
+        found[trial] = curves(lambda name, flux=flux: flux)
+    return found
+
+
+def test_chapter_4_holds_every_figure_asked_for():
+    asked = [f"fig-4.{number}" for number in range(5, 14)]
+    others = ["table-4.1", "table-4.times", "denominators", "natural-information", "normalizations"]
+    assert set(names("chapter-4")) == {"fig-4.2", "fig-4.3", *asked, *others}
+
+
+def test_figures_share_their_trials():
+    asked = [trial for recipe in find("chapter-4") for trial in recipe.trials(False)]
+    # 36 over f, 32 more over C, 4 over dark counts, 18 over v; of each forest 22 + 20 + 4, photo 10,
+    # and 2 more by other conventions
+    assert len(set(asked)) == 90 + 4 * 58
+    assert len(asked) > len(set(asked))
+
+
+@pytest.mark.parametrize("name", SWEEPS)
+def test_fixed_parameters_are_those_of_the_text(name):
+    sweep = SWEEPS[name]
+    for trial in sweep.trials:
+        if sweep.vary != "velocity_px":
+            assert trial.velocity_px == 5
+        if sweep.vary != "search.dark_counts":
+            assert trial.search.dark_counts == 0.1
+        if trial.template.kind == "grating":
+            assert sweep.vary == "template.contrast" or trial.template.contrast == 0.9
+            assert sweep.vary == "template.cycles_per_frame" or trial.template.cycles_per_frame == 5
+    assert {trial.blurred for trial in sweep.trials} == {name == "fig-4.12"}
+
+
+@pytest.mark.parametrize("name", SWEEPS)
+def test_quick_form_is_a_small_part_of_the_whole(name):
+    quick, whole = (in_form(SWEEPS[name], is_quick) for is_quick in (True, False))
+    assert set(quick.values) < set(whole.values)
+    assert set(quick.templates) <= set(whole.templates)
+    assert max(trial.size for trial in quick.trials) <= 120
+
+
+def test_table_takes_the_least_of_all_experiments_and_the_mean_of_the_forests():
+    (recipe,) = find("table-4.1")
+    found = results(recipe.trials(False))
+    synthetic = best(found, "synthetic", "BM", "literal")
+    assert (synthetic.threshold.flux, synthetic.where) == (pytest.approx(1e5), "f = 7")
+    natural = best(found, "natural", "EMD", "ratio")
+    assert natural.threshold[:3] == pytest.approx((0.5 * 2.5e6, 0.5e6, 2e6))
+    assert natural.where == "v = 8"
+
+
+def pictures(of_templates, cache=None):
+    """Two pixels for each template: of contrast 1 in light, ½ in gray values."""
+    pixels = {"linear": np.array([[0.0, 2.0]]), "srgb": np.array([[1.0, 3.0]])}
+    return {each: pixels[getattr(each, "coding", "linear")] for each in of_templates}
+
+
+def drawn(name, is_quick=False, pixels=pictures):
+    (recipe,) = find(name)
+    trials = recipe.trials(is_quick)
+    return recipe.make(Run(is_quick, results(trials), pixels(trial.template for trial in trials)))
+
+
+def textured(of_templates):
+    rng = np.random.default_rng(0)
+    return {each: rng.uniform(1, 2, (251, 502)) for each in set(of_templates)}
+
+
+def test_table_has_both_columns_and_photographs_in_both_metrics():
+    figure = drawn("table-4.1")
+    assert len(figure.rows) == 3 * 2 * len(PRINTED)
+    row = dict(zip(figure.columns, figure.rows[0], strict=True))
+    assert row["ratio"] == pytest.approx(1e5 / 83e3)
+
+
+def test_photograph_of_a_forest_is_its_gray_values(monkeypatch):
+    light = np.array([[0.0, 0.25, 1.0] + [1.0] * 97])
+    monkeypatch.setattr(templates, "natural_templates", lambda cache, recipes: {"open": light})
+    photo = PanoramaTemplate(kind="panorama", name="open", coding="srgb")
+    gray = templates.pixels_of([photo])[photo]
+    assert gray.mean() == pytest.approx(1)
+    # sRGB: 0.25 is 0.537 of white, 137 of 255
+    np.testing.assert_allclose(gray[0, :3] / gray[0, 2], [0, 137 / 255, 1], rtol=1e-12)
+
+
+def test_mean_over_templates_spans_the_least_to_the_most_and_one_keeps_its_interval():
+    assert mean_threshold([crossing(1.0), crossing(3.0)]) == (2, 1, 3, "[1.00, 3.00]")
+    assert mean_threshold([crossing(2.0)])[:3] == pytest.approx((2, 1.8, 2.2))
+    above = Threshold("above", 0.25, 1e3, 1e12)
+    assert math.isnan(mean_threshold([crossing(1.0), above]).flux)
+
+
+def test_open_interval_has_no_limit_in_numbers_nor_in_print():
+    found = mean_threshold([Threshold("crossing", 0.25, 1e3, 1e12, 9e11, low=8e11)])
+    assert (found.low, found.high, found.interval) == (8e11, None, "[800G, > 1e12]")
+
+
+@pytest.mark.parametrize("name", ["fig-4.5", "fig-4.7", "fig-4.9", "fig-4.12"])
+def test_sweep_is_drawn_in_panels_and_its_numbers_are_those_of_the_trials(name):
+    sweep = SWEEPS[name]
+    figure = sweep_figure(name, sweep, results(sweep.trials))
+    assert len(figure.rows) == len(sweep.trials) * 2 * len(METHODS)
+    with house_style():
+        canvas = new_canvas(figure.title, figure.caption, figure.height_in)
+        figure.draw(canvas)
+    panels = [axes for axes in canvas.axes if axes.axison]
+    assert len(panels) == max(len(sweep.sizes), 1)
+    assert len(panels[0].containers) == len(sweep.trial.methods)
+
+
+def test_sweep_says_what_is_fixed_and_which_points_are_missing():
+    sweep = Sweep(trial=Trial(methods=("BM", "IM")), values=(1, 5), sizes=(60, 120))
+    found = results(sweep.trials)
+    missing = next(point.trial for point in sweep.points if (point.size, point.value) == (120, 5))
+    undefined = Threshold("undefined", 0.25, 1e3, 1e12)
+    found[missing] = tuple(
+        replace(curve, thresholds={2: undefined}) if curve.method == "IM" else curve
+        for curve in found[missing]
+    )
+    caption = sweep_figure("sweep", sweep, found).caption
+    assert "grating of 5 cycles per frame and 90 % contrast" in caption
+    assert "there is none for IM at 5 (N = 120) (undefined)." in caption
+    assert "px per frame" not in caption
+
+
+@pytest.mark.parametrize(
+    ("vary", "values", "told", "untold"),
+    [
+        ("template.contrast", (0.5, 0.9), "5 cycles per frame", "% contrast"),
+        ("template.cycles_per_frame", (3, 5), "90 % contrast", "cycles per frame"),
+        ("template.variant", ("rot", "periodic"), "5 cycles per frame and 90 % contrast", "(rot"),
+        ("search.dark_counts", (1, 10), "by 5 px per frame", "0.1 dark"),
+        ("velocity_px", (1, 5), "0.1 dark counts", "px per frame"),
+    ],
+)
+def test_varying_one_field_of_a_template_leaves_the_others_told(vary, values, told, untold):
+    sweep = Sweep(vary=vary, values=values)
+    caption = sweep_figure("sweep", sweep, results(sweep.trials)).caption
+    assert told in caption
+    assert untold not in caption
+
+
+@pytest.mark.parametrize(
+    ("fields", "size"),
+    [
+        ({"trial": Trial(size=120)}, "120 × 120 px"),
+        ({"sizes": (240,)}, "240 × 240 px"),
+        ({"sizes": (60, 240)}, "N × N px"),
+        ({"vary": "size", "values": (60, 120)}, "N × N px"),
+    ],
+)
+def test_caption_states_the_size_of_frames(fields, size):
+    sweep = Sweep(**fields)
+    assert f"brought to {size}." in sweep_figure("sweep", sweep, results(sweep.trials)).caption
+
+
+@pytest.mark.parametrize(("top", "labels"), [(1.05, True), (8, True), (1000, False)])
+def test_short_axes_have_labels_between_the_decades(top, labels):
+    sweep = Sweep(trial=Trial(methods=("BM",)), values=(4, 5))
+    fluxes = dict(zip(sweep.trials, (1.1e5, 1.1e5 * top), strict=True))
+    found = {trial: curves(lambda name, flux=flux: flux) for trial, flux in fluxes.items()}
+    with house_style():
+        canvas = new_canvas("", "", 4)
+        sweep_figure("sweep", sweep, found).draw(canvas)
+        canvas.draw_without_rendering()
+    minor = [label.get_text() for label in canvas.axes[0].get_yticklabels(minor=True)]
+    assert any(minor) == labels
+
+
+def test_error_diverges_with_the_logarithm_of_the_floor_where_responses_pass_zero():
+    # Δ = 1 and R uniform in (−1, 1): the mean of 1/max(|R|, ε) is 1 − ln ε, 7.9 at ε = 1e-3. Its
+    # standard error is 0.045 (the variance of 1/R is 2/ε): five are 2.8 %.
+    ideal = np.random.default_rng(0).uniform(-1, 1, 1_000_000)
+    errors = floored_errors(ideal, ideal + 1)
+    floors = FLOORS * np.abs(ideal).mean()
+    large = floors > 1e-3
+    np.testing.assert_allclose(errors[large], 1 - np.log(floors[large]), rtol=0.03)
+
+
+def test_page_shows_the_table_and_the_figures(tmp_path):
+    sweep = SWEEPS["fig-4.9"]
+    said = ("BM gains.", "And IIA < EMD.")
+    other = sweep_figure("fig-4.9", sweep, results(sweep.trials), said)
+    text = write_page(tmp_path, [other, drawn("table-4.1")]).read_text("utf-8")
+    assert text.count("<tr>") == 1 + 3 * len(PRINTED)
+    assert "1.20" in text  # 100k / 83k
+    assert 'src="fig-4.9.svg"' in text
+    assert "BM gains. And IIA &lt; EMD." in text
+    assert "Quick form" not in text
+
+
+def test_page_tells_no_finding_that_no_figure_has(tmp_path):
+    table = replace(drawn("table-4.1"), findings=())
+    text = write_page(tmp_path, [table]).read_text("utf-8")
+    assert "What this run shows" not in text
+
+
+def test_page_of_the_quick_form_says_so(tmp_path):
+    text = write_page(tmp_path, [drawn("table-4.1", is_quick=True)]).read_text("utf-8")
+    assert "Quick form" in text
+
+
+@pytest.mark.slow
+def test_chapter_4_is_written_and_measured_once(tmp_path, monkeypatch):
+    asked = []
+
+    def counted(trials, templates, store, workers, scheduler):
+        asked.append(set(trials))
+        return results(trials)
+
+    monkeypatch.setattr(module, "run", counted)
+    monkeypatch.setattr(module, "pixels_of", pictures)
+    paths = reproduce(["fig-4.9", "fig-4.13", "table-4.1", "fig-4.9"], tmp_path, is_quick=True)
+    assert len(asked) == 1
+    assert {path.name for path in paths} == {
+        *(
+            f"{n}.{kind}"
+            for n in ("fig-4.9", "fig-4.13", "table-4.1")
+            for kind in ("png", "svg", "csv", "json")
+        ),
+        "chapter-4.html",
+    }
+    assert all(path.is_file() for path in paths)
+    assert {path.parent for path in paths} == {tmp_path / "quick"}
+    record = json.loads((tmp_path / "quick" / "fig-4.9.json").read_text("utf-8"))
+    assert record["sweep"]["vary"] == "size"
+    assert record["quick"] is True
+    assert "quick form" in record["title"]
+    with (tmp_path / "quick" / "fig-4.9.csv").open(newline="", encoding="utf-8") as file:
+        assert len(list(csv.DictReader(file))) == len(record["rows"])
+
+
+@pytest.mark.parametrize("name", ["fig-4.8", "fig-4.11", "table-4.1"])
+def test_only_the_quick_form_says_so(name):
+    quick, whole = (drawn(name, is_quick) for is_quick in (True, False))
+    assert "quick form" in quick.title
+    assert quick.details["quick"] is True
+    assert "quick" not in whole.title
+    assert "quick" not in whole.details
+
+
+@pytest.mark.slow
+def test_quick_figures_leave_whole_ones_as_they_are(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "run", lambda trials, *_: results(trials))
+    monkeypatch.setattr(module, "pixels_of", pictures)
+    whole = {path: path.read_bytes() for path in reproduce(["fig-4.9"], tmp_path)}
+    quick = reproduce(["fig-4.9"], tmp_path, is_quick=True)
+    assert not set(quick) & set(whole)
+    assert {path: path.read_bytes() for path in whole} == whole
+
+
+@pytest.mark.parametrize("is_quick", [False, True])
+@pytest.mark.parametrize(
+    "name", [*SWEEPS, "table-4.1", "denominators", "natural-information", "normalizations"]
+)
+def test_words_name_the_figure_and_are_few(name, is_quick, check_words):
+    check_words(drawn(name, is_quick, textured))
+
+
+def test_groups_and_figures_of_chapter_4_are_known_by_name(tmp_path):
+    with pytest.raises(UserError, match=r"did you mean fig-4\.5"):
+        reproduce(["fig-4.55"], tmp_path)
+    with pytest.raises(UserError, match="did you mean chapter-4"):
+        reproduce(["chapter-5"], tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("method", "name", "value"),
+    [
+        ("BM", "fig-4.5", 8),
+        ("IIA", "fig-4.5", 9),
+        ("EMD", "fig-4.5", 7),
+        ("NDM", "fig-4.8", 10),
+        ("NDS", "fig-4.8", 10),
+    ],
+)
+def test_synthetic_column_is_within_a_factor_of_2_2_of_the_printed_one(method, name, value):
+    # where each method needs the fewest photons; intervals are within 4 %
+    (point,) = (each for each in SWEEPS[name].points if (each.size, each.value) == (60, value))
+    trial = point.trial.model_copy(update={"methods": (method,)})
+    found = measure(trial, trial.template.pixels(), "test")[0].thresholds[2].flux
+    assert 1 / 2.2 < found / PRINTED[method][0] < 2.2
+
+
+@pytest.mark.slow
+def test_natural_column_of_photographs_is_near_the_printed_one(tmp_path):
+    # velocities in which methods need least: BM and IIA, BM, NDM and NDS
+    sweep = PHOTOGRAPHED.model_copy(update={"values": (4, 8, 10)})
+    trials = sweep.trials
+    with ThreadPoolExecutor() as threads:
+        pixels = templates.pixels_of(sweep.templates)
+        found = run_trials(trials, pixels, tmp_path, threads)
+    ratio = {
+        method: min(
+            threshold.flux / printed
+            for _, threshold in sweep_curve(sweep, found, 60, method, "literal")
+            if threshold.flux > 0
+        )
+        for method, (_, printed) in PRINTED.items()
+    }
+    assert all(1 / 4 < ratio[method] < 4 for method in ("BM", "NDM", "NDS"))
+    assert 1 / 10 < ratio["EMD"] < 10
+    # the rest is explained by one number of each picture, to about a factor of two
+    seen = {}
+    for method in ("BM", "IIA", "NDM", "NDS"):
+        for picture in PHOTOGRAPHED.templates:
+            of_picture = [trial for trial in trials if trial.template == picture]
+            seen.setdefault(method, []).append(needed_of(method, of_picture, found, pixels))
+        products = [each.information * each.photons for each in seen[method]]
+        assert max(products) / min(products) < 2.2  # while photons vary by a factor of 2.3 to 3.3
+    implied = {each: implied_information(seen[each], PRINTED[each][1]) for each in seen}
+    same = [implied[method] for method in ("BM", "NDM", "NDS")]
+    assert max(same) / min(same) < 1.7
+    assert max(same) / implied["IIA"] < 4
+
+
+def test_information_of_a_grating_meets_the_closed_form():
+    # λ = 1 + C sin kx: the mean of λ'²/λ is k²·(1 − √(1 − C²)). A spline through six samples of a
+    # period has 0.992 of the slope, so 1.5 % is missing.
+    k, contrast = 2 * np.pi / 6, 0.3
+    columns = np.arange(480) / 4  # every fourth is sampled
+    template = np.tile(1 + contrast * np.sin(k * columns), (240, 1))
+    expected = k**2 * (1 - np.sqrt(1 - contrast**2))
+    assert information_per_photon(template) == pytest.approx(expected, rel=0.025)
+
+
+def test_printed_threshold_implies_the_information_at_which_ours_would_be_it():
+    seen = [Seen("BM", "", "srgb", 0.1, 200.0), Seen("BM", "", "srgb", 0.2, 100.0)]
+    assert implied_information(seen, printed=40) == pytest.approx(0.5)
+
+
+@pytest.mark.slow
+def test_stars_of_the_information_lie_on_the_lines_of_their_methods():
+    figure = drawn("natural-information", pixels=textured)
+    rows = [dict(zip(figure.columns, row, strict=True)) for row in figure.rows]
+    for method, (_, printed) in PRINTED.items():
+        *pictures_, star = [row for row in rows if row["method"] == method]
+        assert star["photons_per_frame"] == printed
+        products = [
+            row["photons_per_frame"] * row["information_per_photon"]
+            for row in pictures_
+            if row["coding"] == "srgb"
+        ]
+        at_star = star["information_per_photon"] * printed
+        assert at_star == pytest.approx(np.exp(np.mean(np.log(products))))

@@ -1,0 +1,132 @@
+import csv
+import json
+import subprocess
+import sys
+
+import matplotlib
+import numpy as np
+import pytest
+
+from megalopta.core.errors import UserError
+from megalopta.plotting.picture import Figure
+from megalopta.reproduction import drawing as module
+from megalopta.reproduction.drawing import reproduce, write_figure
+from megalopta.reproduction.recipe import FigureRecipe
+from megalopta.reproduction.registry import GROUPS, names
+
+
+def draw(canvas):
+    axes = canvas.subplots()
+    axes.plot([0, 1], [0, 2], label="line")
+    axes.set_xlabel("Time (s)")
+    axes.legend()
+
+
+EXAMPLE = Figure(
+    name="example",
+    title="An example",
+    caption="What it shows. " * 20,
+    draw=draw,
+    numbers={"time_s": (0.0, 1.0), "name": ("a, b", "c"), "output_v": np.array([1 / 3, np.nan])},
+)
+
+
+def test_each_figure_becomes_a_picture_a_drawing_and_its_numbers(tmp_path):
+    paths = write_figure(EXAMPLE, tmp_path / "new")
+    assert [path.suffix for path in paths] == [".png", ".svg", ".csv", ".json"]
+    assert {path.stem for path in paths} == {"example"}
+    assert paths[0].read_bytes().startswith(b"\x89PNG")
+    assert "<svg" in paths[1].read_text(encoding="utf-8")
+    assert sorted(path.name for path in (tmp_path / "new").iterdir()) == sorted(
+        path.name for path in paths
+    )
+
+
+def test_numbers_survive_the_file(tmp_path):
+    path = write_figure(EXAMPLE, tmp_path)[2]
+    with path.open(newline="", encoding="utf-8") as file:
+        head, *rows = csv.reader(file)
+    assert tuple(head) == EXAMPLE.columns
+    assert rows[0][1] == "a, b"
+    assert float(rows[0][2]) == pytest.approx(1 / 3, rel=1e-8)
+    assert np.isnan(float(rows[1][2]))
+
+
+def test_numbers_are_in_json_too_and_what_is_undefined_is_null(tmp_path):
+    record = json.loads(write_figure(EXAMPLE, tmp_path)[3].read_text("utf-8"))
+    assert record["columns"] == list(EXAMPLE.columns)
+    assert record["rows"] == [[0.0, "a, b", 1 / 3], [1.0, "c", None]]
+
+
+def test_same_figure_gives_the_same_bytes(tmp_path):
+    first, second = (write_figure(EXAMPLE, tmp_path / name) for name in "ab")
+    for one, other in zip(first, second, strict=True):
+        assert one.read_bytes() == other.read_bytes()
+
+
+def test_drawing_leaves_no_trace_in_matplotlib(tmp_path):
+    before = dict(matplotlib.rcParams)
+    write_figure(EXAMPLE, tmp_path)
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_failed_figure_leaves_no_file(tmp_path):
+    def fail(canvas):
+        raise RuntimeError("no ink")
+
+    broken = Figure("", "", fail, {}, name="broken")
+    with pytest.raises(RuntimeError, match="no ink"):
+        write_figure(broken, tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_reproduce_writes_every_figure_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "find", lambda name: [FigureRecipe(name, lambda _: EXAMPLE)])
+    paths = reproduce(["example"], tmp_path)
+    assert all(path.is_file() for path in paths)
+    assert len(paths) == 4
+
+
+def test_unknown_name_is_refused_with_the_closest_before_anything_is_written(tmp_path):
+    out = tmp_path / "out"
+    with pytest.raises(UserError, match=r"fig-3\.22.*did you mean fig-3\.2"):
+        reproduce(["fig-3.5", "fig-3.22"], out)
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("name", ["out", "out/deeper"])
+def test_file_in_place_of_the_folder_is_refused_before_anything_is_drawn(tmp_path, name):
+    (tmp_path / "out").touch()
+    with pytest.raises(UserError, match="a file is in the way; give the path of a folder"):
+        reproduce(["fig-2.9"], tmp_path / name)
+
+
+def test_no_name_is_refused_with_the_list(tmp_path):
+    with pytest.raises(UserError, match=r"fig-3\.2, fig-3\.5"):
+        reproduce([], tmp_path)
+
+
+def test_ragged_numbers_are_refused():
+    with pytest.raises(ValueError, match="differ in length"):
+        Figure("x", "", draw, {"a": (1.0,), "b": (1.0, 2.0)})
+
+
+def test_a_figure_is_found_by_its_name_and_under_no_other():
+    assert names("chapter-3") == [f"fig-3.{number}" for number in (2, 5, 6, 7, 8, 9, 10)] + [
+        "table-3.1"
+    ]
+    everything = names()
+    assert len(everything) == len(set(everything)) > 30
+    assert sorted(everything) == sorted(
+        name for group in GROUPS if group != "all" for name in names(group)
+    )
+
+
+@pytest.mark.slow
+def test_a_figure_loads_no_other_chapter():
+    code = (
+        "import sys; from megalopta.reproduction.registry import find; find('fig-3.2'); "
+        "print(any('figures.chapter4.' in name for name in sys.modules))"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout == "False\n"

@@ -1,0 +1,99 @@
+from functools import cache
+
+import numpy as np
+import pytest
+
+from megalopta.plotting.style import house_style, new_canvas
+from megalopta.reproduction.chapter3_suppression import bias_error
+from megalopta.reproduction.recipe import Run
+from megalopta.reproduction.registry import find, names
+from megalopta.sensor.ctia import PHOTODIODES, Photodiode, reverse_current
+
+
+@cache
+def figure(name):
+    (recipe,) = find(name)
+    return recipe.make(Run())
+
+
+def column(name, index):
+    return np.array([row[index] for row in figure(name).rows])
+
+
+@pytest.mark.parametrize("name", names("chapter-3"))
+def test_figure_draws_labeled_axes_that_are_not_empty(name, check_words):
+    one = figure(name)
+    assert one.name == name
+    check_words(one)
+    with house_style():
+        canvas = new_canvas(one.title, one.caption, one.height_in)
+        one.draw(canvas)
+        canvas.draw_without_rendering()
+    for axes in canvas.axes:
+        assert axes.lines or axes.texts
+        assert name.startswith("table") or (axes.get_xlabel() and axes.get_ylabel())
+
+
+def test_motion_of_the_input_is_the_swing_over_the_gain_as_printed():
+    printed = figure("fig-3.2").printed
+    # 3.3 V over 100 and over 100 000
+    assert printed["Motion of the input at 40 dB"] == ("33 mV", "33 mV")
+    assert printed["Motion of the input at 100 dB"] == ("33 µV", "33 µV")
+
+
+def test_discharge_at_high_gain_is_straight_and_at_low_gain_is_not():
+    times, low, high = column("fig-3.2", 0), column("fig-3.2", 1), column("fig-3.2", 6)
+
+    def bend(output):
+        inside = output > 0.3
+        line = np.polyval(np.polyfit(times[inside], output[inside], 1), times[inside])
+        return np.abs(output[inside] - line).max()
+
+    # at 90 dB the bias moves by a tenth, which bends the line by less than a hundredth of the swing
+    assert bend(high) < 0.033 < 0.2 < bend(low)
+
+
+def test_initial_slope_is_the_dark_current_at_1_mv_at_every_gain():
+    slope = reverse_current(Photodiode(saturation_current_a=100e-12), 1e-3) / 100e-15
+    steps = [column("fig-3.2", index)[:2] for index in range(1, 7)]
+    for first, second in steps[3:]:
+        assert (first - second) / 0.5e-3 == pytest.approx(slope, rel=0.01)
+
+
+def test_lower_bias_discharges_more_slowly_and_forward_bias_not_at_all():
+    outputs = np.array([column("fig-3.5", index) for index in range(1, 8)])
+    assert np.all(np.diff(outputs[:, 10]) > 0)
+    assert np.all(outputs[-1] == 3.3)
+
+
+def test_snr_is_the_ratio_of_the_currents_of_the_figure_before():
+    for currents, snr in (("fig-3.7", "fig-3.9"), ("fig-3.8", "fig-3.10")):
+        ratio = 20 * np.log10(column(currents, 2) / column(currents, 1))
+        np.testing.assert_allclose(column(snr, 1), ratio, rtol=1e-9)
+
+
+@pytest.mark.parametrize("diode", ["si", "ingaas", "ingaas_quiet"])
+def test_no_diode_with_a_shunt_gains_more_than_26_db(diode):
+    near, far = (float(reverse_current(PHOTODIODES[diode], bias)) for bias in (1e-3, 20e-3))
+    assert 23.0 < 20 * np.log10(far / near) <= 20 * np.log10(20) + 1e-9
+
+
+@pytest.mark.parametrize(("diode", "rise_db"), [("si", 30.0), ("ingaas_quiet", 40.0)])
+def test_bias_error_gives_the_rise_it_was_asked_for(diode, rise_db):
+    error = bias_error(PHOTODIODES[diode], rise_db)
+    near, far = (reverse_current(PHOTODIODES[diode], read - error) for read in (1e-3, 20e-3))
+    assert 20 * np.log10(far / near) == pytest.approx(rise_db, abs=1e-6)
+
+
+def test_table_orders_the_states_as_the_dissertation_does_for_the_adaptive_pixel():
+    states = column("table-3.1", 0)
+    poor, fine = (list(states).index(f"Adaptive ({state})") for state in ("poor", "fine"))
+    for printed, ours in ((1, 2), (3, 4)):
+        assert column("table-3.1", printed)[fine] < column("table-3.1", printed)[poor] / 10
+        assert column("table-3.1", ours)[fine] < column("table-3.1", ours)[poor] / 10
+
+
+def test_fine_tuning_ends_within_a_third_of_the_floor_of_the_leak():
+    for index in (2, 4):
+        fine, floor = column("table-3.1", index)[2:4]
+        assert 1 < fine / floor < 1.33
