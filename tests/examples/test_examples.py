@@ -1,0 +1,26 @@
+"""Examples run as they stand, and do not import what is not public."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.py"))
+LIBRARIES = {f"megalopta.{name}" for name in ("assets_gen", "flow", "render", "scenes", "sensor")}
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_examples_import_what_the_libraries_publish(path):
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("megalopta"):
+            assert node.module in LIBRARIES
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_examples_end_with_a_finite_n_2b(path):
+    done = subprocess.run([sys.executable, path], check=True, capture_output=True, text=True)
+    assert "N_2b = None" not in done.stdout
+    assert done.stdout.count("N_2b = ") == 3
