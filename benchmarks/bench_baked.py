@@ -26,7 +26,7 @@ from megalopta.render import RenderNoise, RunningMean, SceneRenderer, frame_seed
 from megalopta.render.baking.gathering import Gatherer
 from megalopta.render.baking.light import BakedLight
 from megalopta.scenes.build import build_scene
-from megalopta.scenes.lighting import LEVELS
+from megalopta.scenes.lighting.levels import LEVELS
 
 _REFERENCE = 32
 _SAMPLES, _BAKE_ERROR = 196, 0.1

@@ -22,7 +22,7 @@ from megalopta.core.files import atomic_write
 from megalopta.render.bands import Bands, channel_names
 
 if TYPE_CHECKING:
-    from megalopta.render.truth import Truth
+    from megalopta.render.truth.tracer import Truth
 
 RADIANCE_UNIT = "W.m^-2.sr^-1.nm^-1"
 
@@ -162,7 +162,8 @@ def write_truth(
 
 def read_truth(path: Path) -> "Truth":
     """Read the ground truth of one frame. Raises ValueError for a file that holds none."""
-    from megalopta.render.truth import FlowSpread, Footprint, Truth  # which loads Mitsuba
+    from megalopta.render.truth.footprint import FlowSpread, Footprint
+    from megalopta.render.truth.tracer import Truth
 
     header, channels = _read(path)
     try:

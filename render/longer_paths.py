@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from megalopta.core.arrays import Floats
-from megalopta.render.loading import Air
+from megalopta.render.loading.air import Air
 from megalopta.render.path_tracing import PathIntegrator
-from megalopta.render.sensors import Film
+from megalopta.render.sensors.film import Film
 
 _MORE_HITS = 32
 """Of leaves at 0.8 to 1.3 µm, the brightest that there are, 16 hits leave out a thousandth."""

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.render.light_paths import LightPaths
-from megalopta.render.loading import Air
+from megalopta.render.loading.air import Air
 from megalopta.render.mitsuba_loader import dr, mi
-from megalopta.render.sensors import developed, pixel_means
+from megalopta.render.sensors.primary import developed, pixel_means
 
 SCATTERINGS = 64
 """What the longest path of clear air grows by in haze: of 80 trees in fog of 50 m visibility, 16

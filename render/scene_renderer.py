@@ -9,25 +9,30 @@ from pathlib import Path as Files
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from megalopta.render.baking import BakedLightIntegrator, path_tracing_reason
+from megalopta.render.baking.choice import path_tracing_reason
+from megalopta.render.baking.integrator import BakedLightIntegrator
 from megalopta.render.canopy import Canopy, measure_canopy
 from megalopta.render.environment import EnvironmentView
 from megalopta.render.illuminance import LightSurvey
 from megalopta.render.layers import Layers, is_layered
-from megalopta.render.loading import fill, load_scene, merge
+from megalopta.render.loading.air import fill
+from megalopta.render.loading.meshes import merge
+from megalopta.render.loading.scene import load_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.path_tracing import PathIntegrator
 from megalopta.render.settings import RenderSettings, bake_seed, instant_seed
 from megalopta.render.surface_view import Integrator, SurfaceView
 from megalopta.render.surroundings import under_panorama
-from megalopta.render.truth import Flow, Geometry, Instant, Rolling, Truth, TruthTracer
+from megalopta.render.truth.geometry import Geometry
+from megalopta.render.truth.tracer import Flow, Truth, TruthTracer
+from megalopta.render.truth.views import Instant, Rolling
 from megalopta.render.variant import Variant, choose_variant
 from megalopta.render.views import Exposure, View
 from megalopta.scenes import Shutter
-from megalopta.scenes.cameras import Camera
-from megalopta.scenes.trajectories import Path
-from megalopta.scenes.world import Scene
+from megalopta.scenes.cameras.base import Camera
+from megalopta.scenes.trajectories.base import Path
+from megalopta.scenes.world.scene import Scene
 
 # Poses of an exposure whose rows all begin at the same time, and of one whose rows do not.
 _POSES, _ROLLING_POSES = 256, 64

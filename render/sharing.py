@@ -16,8 +16,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.render.loading import MovingMesh
-from megalopta.scenes.cameras import Camera
+from megalopta.render.loading.meshes import MovingMesh
+from megalopta.scenes.cameras.base import Camera
 
 Float64 = NDArray[np.float64]
 

@@ -8,15 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.render.illuminance import LightMeter, LightSurvey
-from megalopta.render.loading import Air, MergedMesh, MovingMesh, move_meshes
+from megalopta.render.loading.air import Air
+from megalopta.render.loading.meshes import MergedMesh, MovingMesh
+from megalopta.render.loading.scene import move_meshes
 from megalopta.render.longer_paths import share_left_out
 from megalopta.render.noise import MeasuredPass
-from megalopta.render.sensors import Film
+from megalopta.render.sensors.film import Film
 from megalopta.render.settings import RenderSettings
 from megalopta.render.sharing import rows_of_a_pose
 from megalopta.render.views import Exposure, Part
-from megalopta.scenes.cameras import Camera
-from megalopta.scenes.world import Scene
+from megalopta.scenes.cameras.base import Camera
+from megalopta.scenes.world.scene import Scene
 
 _PATHS = 2**15
 """Of a look at what longer ones would bring; one a pixel at least"""

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.render.environment import Floats, horizontal, load_panorama
-from megalopta.scenes.spectra import luminous, total
-from megalopta.scenes.world import (
+from megalopta.scenes.spectra.photometry import luminous
+from megalopta.scenes.spectra.spectrum import total
+from megalopta.scenes.world.scene import (
     Environment,
     Lighting,
     Scene,

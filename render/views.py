@@ -11,7 +11,7 @@ from megalopta.core.arrays import Floats
 from megalopta.render.illuminance import LightSurvey
 from megalopta.render.noise import MeasuredPass
 from megalopta.scenes import Shutter
-from megalopta.scenes.trajectories import Path
+from megalopta.scenes.trajectories.base import Path
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from megalopta.core.record import Record
-from megalopta.scenes.cameras import Camera
-from megalopta.scenes.lighting import Light
-from megalopta.scenes.trajectories import Path
-from megalopta.scenes.world import Scene
+from megalopta.scenes.cameras.base import Camera
+from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.trajectories.base import Path
+from megalopta.scenes.world.scene import Scene
 
 
 class SceneDescription(Record, frozen=True):

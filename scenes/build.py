@@ -7,14 +7,17 @@ from typing import TYPE_CHECKING, NamedTuple, get_args
 
 from megalopta.core.plug_ins import plug_ins
 from megalopta.scenes.base import SceneDescription
-from megalopta.scenes.cameras import Camera
-from megalopta.scenes.forest import Forest
+from megalopta.scenes.cameras.base import Camera
+from megalopta.scenes.forest.description import Forest
 from megalopta.scenes.kinds import any_of, kind_of
-from megalopta.scenes.lighting import Light
+from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.moving_objects import MovingObject, with_objects
-from megalopta.scenes.stimuli import Grating, MotionBench, Panorama, Plane
-from megalopta.scenes.trajectories import Path
-from megalopta.scenes.world import Scene
+from megalopta.scenes.stimuli.grating import Grating
+from megalopta.scenes.stimuli.motion_bench import MotionBench
+from megalopta.scenes.stimuli.panorama import Panorama
+from megalopta.scenes.stimuli.plane import Plane
+from megalopta.scenes.trajectories.base import Path
+from megalopta.scenes.world.scene import Scene
 
 OWN_SCENES = (Forest, Grating, Plane, MotionBench, Panorama)
 

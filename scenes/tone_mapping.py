@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.scenes.base import SceneDescription
-from megalopta.scenes.lighting import Light
-from megalopta.scenes.spectra import Bands, Spectrum, encode_srgb, flat, linear_srgb
+from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.spectra.color import Bands, encode_srgb, linear_srgb
+from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
 # The level is the brightest tenth, or less where an open sky would leave the ground in the dark.
 _LEVEL_PERCENTILE = 90.0

@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from megalopta.render import mi  # before tests import mitsuba, which chooses a libLLVM itself
-from megalopta.scenes.spectra import encode_srgb
+from megalopta.scenes.spectra.color import encode_srgb
 
 
 @pytest.fixture

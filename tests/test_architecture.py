@@ -104,12 +104,8 @@ def test_libraries_import_nothing_of_the_program_but_its_core():
 @pytest.mark.parametrize(
     "path", [path for path in sources() if path.name != "__main__.py"], ids=module_of
 )
-def test_libraries_are_entered_by_the_front_door(path):
-    own = room_of(module_of(path))
+def test_private_names_stay_in_their_module(path):
     for module, name in imports(path):
-        is_outside = not f"{own}.".startswith(f"{room_of(module)}.".lstrip("."))
-        if module in MODULES and is_outside and module.split(".")[0] in FOLDERS:
-            raise AssertionError(f"{path}: import {name} from megalopta.{room_of(module)}")
         assert not private(name), f"{path}: {name} is private to {module}"
 
 

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from megalopta.assets_gen import FloatArray, Surface, cross, unit
-from megalopta.assets_gen.patterns import PlaneWaves, plane_waves
-from megalopta.assets_gen.plants import GOLDEN_ANGLE, UP, outward, tube_faces
+from megalopta.assets_gen.patterns.noise import PlaneWaves, plane_waves
+from megalopta.assets_gen.plants.branching import GOLDEN_ANGLE, UP, outward
+from megalopta.assets_gen.plants.tube import tube_faces
 
 STONE_TILE_M = 1.2
 """Size of one tile of the stone's texture around the boulder (m)."""

@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from megalopta.flow.detectors import FloatArray
-from megalopta.scenes.cameras import Camera
+from megalopta.scenes.cameras.base import Camera
 
 _TRIED = 400
 _TRIED_ON = 400

@@ -46,7 +46,7 @@ from megalopta.flow.likelihood import (
     times_from_reference,
     to_nodes,
 )
-from megalopta.scenes.cameras import Camera
+from megalopta.scenes.cameras.base import Camera
 
 _SMOOTHNESS, _NEARNESS_SMOOTHNESS = 0.2, 0.02
 """That of Poisson flow, and what the nearness is charged in its stead. Set on other forests: what

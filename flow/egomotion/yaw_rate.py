@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors import Detector
 from megalopta.flow.egomotion.wide_field import SlopeSums, WideField, field_of_halves
-from megalopta.scenes.trajectories import Path
+from megalopta.scenes.trajectories.base import Path
 
 _STILL_DEG_S = 1e-6
 

@@ -12,7 +12,7 @@ from megalopta.core.arrays import Floats
 from megalopta.dataset.store import Dataset
 from megalopta.flow.detectors import BlockGrid
 from megalopta.flow.egomotion import CameraMotion, likely_camera_motion, motion_of_flow
-from megalopta.scenes.cameras import Camera
+from megalopta.scenes.cameras.base import Camera
 
 LIKELIHOODS: Mapping[str, int] = MappingProxyType(
     {"likelihood, 2 frames": 2, "likelihood, 8 frames": 8}

@@ -16,7 +16,8 @@ from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import read_picture
 from megalopta.flow.files import read_flow
-from megalopta.scenes.spectra import LUMINANCE_SHARES, decode_srgb
+from megalopta.scenes.spectra.color import decode_srgb
+from megalopta.scenes.spectra.primaries import LUMINANCE_SHARES
 
 Files = tuple[Path, Path, Path]
 """First picture, second picture, flow"""

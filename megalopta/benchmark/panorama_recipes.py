@@ -20,10 +20,11 @@ from pydantic import Field
 from megalopta.benchmark.trial import ROWS
 from megalopta.core.freshness import RENDER_MODEL
 from megalopta.core.record import Record
-from megalopta.scenes.cameras import CylindricalCamera
-from megalopta.scenes.forest import Forest
-from megalopta.scenes.lighting import Light, under_clouds
-from megalopta.scenes.trajectories import Trajectory
+from megalopta.scenes.cameras.panoramic import CylindricalCamera
+from megalopta.scenes.forest.description import Forest
+from megalopta.scenes.lighting.cloudy_sky import under_clouds
+from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.trajectories.steady import Trajectory
 
 if TYPE_CHECKING:
     from megalopta.render import RenderNoise

@@ -12,7 +12,7 @@ from megalopta.config.model import LightLevel, level_text
 from megalopta.dataset.store import Dataset
 from megalopta.plotting.sections import Section
 from megalopta.plotting.text import UNDEFINED, number
-from megalopta.scenes.lighting import LEVELS, illuminance_of
+from megalopta.scenes.lighting.levels import LEVELS, illuminance_of
 
 EXPOSURES_S = (0.001, 0.01, 0.1)
 _NEAR = 3.0

@@ -9,7 +9,7 @@ from megalopta.benchmark.pooling import Pooling
 from megalopta.config.model import LightLevel
 from megalopta.core.record import Record
 from megalopta.flow.benchmark import each_once
-from megalopta.scenes.lighting import illuminance_of
+from megalopta.scenes.lighting.levels import illuminance_of
 
 Flux = Annotated[float, Field(gt=0)]
 Frames = Annotated[int, Field(ge=1)]

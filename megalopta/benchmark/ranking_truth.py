@@ -17,7 +17,7 @@ from megalopta.dataset.frames import read_truth_frames
 from megalopta.dataset.store import Dataset
 from megalopta.flow.detectors import BlockGrid
 from megalopta.flow.metrics import OCCLUDED_SHARE, block_flow, block_share
-from megalopta.render.truth import Truth
+from megalopta.render.truth.tracer import Truth
 
 SPEEDS_PX = (1.0, 3.0)
 PARALLAX_PX = (0.3, 1.0)

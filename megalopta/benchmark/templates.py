@@ -10,7 +10,7 @@ from megalopta.benchmark.panoramas import natural_templates, template_from_file
 from megalopta.benchmark.trial import GratingTemplate, Template
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
-from megalopta.scenes.spectra import encode_srgb
+from megalopta.scenes.spectra.color import encode_srgb
 
 
 def pixels_of(templates: Iterable[Template], cache: Path | None = None) -> dict[Template, Floats]:

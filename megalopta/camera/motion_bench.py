@@ -24,10 +24,11 @@ from megalopta.camera.bench_light import BenchLight
 from megalopta.core.arrays import Floats
 from megalopta.flow import Detector, triangular_pool
 from megalopta.flow.detectors import NonDirectionalMultiplication, NonDirectionalSummation
-from megalopta.scenes.cameras import PerspectiveCamera
-from megalopta.scenes.lighting import Light
-from megalopta.scenes.stimuli import MotionBench, sky_radiance
-from megalopta.scenes.trajectories import Trajectory
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.stimuli.grating import sky_radiance
+from megalopta.scenes.stimuli.motion_bench import MotionBench
+from megalopta.scenes.trajectories.steady import Trajectory
 from megalopta.sensor import Exposure, Sensor, detection_rate, expose, preset
 from megalopta.sensor.spad import spad_expectation
 

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.config.model import Configuration, LightLevel
-from megalopta.scenes.lighting import LEVELS, illuminance_of
-from megalopta.scenes.spectra import Spectrum
+from megalopta.scenes.lighting.levels import LEVELS, illuminance_of
+from megalopta.scenes.spectra.spectrum import Spectrum
 
 
 def light_scale(configuration: Configuration, level: LightLevel) -> NDArray[np.float64]:

@@ -25,10 +25,13 @@ from megalopta.flow.benchmark import each_once
 from megalopta.flow.detectors import METHODS, THESIS_METHODS
 from megalopta.render import RenderSettings
 from megalopta.scenes import AnyScene, MovingObject, Shutter
-from megalopta.scenes.cameras import AnyCamera, PerspectiveCamera
-from megalopta.scenes.forest import Forest
-from megalopta.scenes.lighting import Light, illuminance_of
-from megalopta.scenes.trajectories import CameraPath, Trajectory
+from megalopta.scenes.cameras.choice import AnyCamera
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.forest.description import Forest
+from megalopta.scenes.lighting.levels import illuminance_of
+from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.trajectories.choice import CameraPath
+from megalopta.scenes.trajectories.steady import Trajectory
 from megalopta.sensor import IMAGE_SENSORS, ImageSensor, merged
 from megalopta.sensor.formats import ProductName
 from megalopta.sensor.spad import load_sensor, with_files

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from megalopta.core.errors import UserError
 from megalopta.dataset.store import Dataset
 from megalopta.render import read_radiance, read_truth
-from megalopta.render.truth import Truth
+from megalopta.render.truth.tracer import Truth
 
 FRAMES_AT_ONCE = 16
 """So many are in memory, in every stage."""

@@ -20,8 +20,8 @@ from megalopta.core import bounded
 from megalopta.core.errors import UserError
 from megalopta.dataset.store import Dataset
 from megalopta.render import Truth
-from megalopta.scenes.forest import Sway
-from megalopta.scenes.world import Motion, ObjectMotion, RigidMotion
+from megalopta.scenes.forest.sway import Sway
+from megalopta.scenes.world.motion import Motion, ObjectMotion, RigidMotion
 
 Float64 = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from PIL import Image
 
 from megalopta.core.files import atomic_write
 from megalopta.flow.files import write_flo
-from megalopta.render.truth import Truth, out_of_view
+from megalopta.render.truth.tracer import Truth, out_of_view
 
 TAG = np.float32(202021.25)
 SKY_DEPTH_M = 1e10

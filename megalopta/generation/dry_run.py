@@ -22,7 +22,7 @@ from megalopta.core.errors import UserError
 from megalopta.core.progress import duration, say, step
 from megalopta.dataset.store import Dataset
 from megalopta.generation.flow_files import write_flow_files
-from megalopta.render.baking import may_pay
+from megalopta.render.baking.choice import may_pay
 from megalopta.stages.estimate import size
 from megalopta.stages.pipeline import check_stage
 from megalopta.stages.probing import (

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from megalopta.config.model import LightLevel
 from megalopta.flow.metrics import format_flux
-from megalopta.scenes.lighting import illuminance_of
+from megalopta.scenes.lighting.levels import illuminance_of
 
 UNDEFINED = "–"
 FAILS = "fails"

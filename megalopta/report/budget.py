@@ -18,7 +18,7 @@ from megalopta.core.errors import UserError
 from megalopta.dataset.store import Dataset
 from megalopta.report.footage import ReportFrames
 from megalopta.report.records import Record
-from megalopta.scenes.lighting import illuminance_of
+from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.sensor import (
     ImageSensor,
     OpenedCounts,

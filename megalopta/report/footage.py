@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from megalopta.config.model import Configuration
 from megalopta.dataset.frames import read_radiance_frame, read_truth_frame
 from megalopta.dataset.store import Dataset
-from megalopta.render.truth import Truth
+from megalopta.render.truth.tracer import Truth
 from megalopta.scenes import ToneCurve, preview, white_of
-from megalopta.scenes.spectra import linear_srgb
+from megalopta.scenes.spectra.color import linear_srgb
 
 _LONGEST_SIDE_PX = 160
 _MOST_FRAMES = 40

@@ -8,7 +8,7 @@ from megalopta.config.model import LightLevel
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.plotting.text import level_name, percent, relative_error
 from megalopta.report.verdicts import ACCURATE, LIMIT
-from megalopta.scenes.lighting import illuminance_of
+from megalopta.scenes.lighting.levels import illuminance_of
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from megalopta.plotting.text import (
 from megalopta.report.budget import Budget, by_sensor
 from megalopta.report.motion import MotionSection
 from megalopta.report.verdicts import LIMIT
-from megalopta.scenes.lighting import illuminance_of
+from megalopta.scenes.lighting.levels import illuminance_of
 
 Thresholds = Mapping[str, Threshold]
 NO_MOTION = "IM"

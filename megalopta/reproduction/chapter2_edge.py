@@ -28,7 +28,7 @@ from megalopta.core.arrays import Floats
 from megalopta.plotting.picture import Figure
 from megalopta.plotting.style import BLUE, GRAY, VERMILION
 from megalopta.reproduction.recipe import FigureRecipe, Run
-from megalopta.scenes.stimuli import MotionBench
+from megalopta.scenes.stimuli.motion_bench import MotionBench
 from megalopta.sensor import Sensor
 
 _SPEED_MM_S = 1.0

@@ -9,7 +9,8 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import PercentFormatter
 
 from megalopta.assets_gen import generator
-from megalopta.assets_gen.stimuli import GratingVariant, dead_leaves, moving_cycles, sine_grating
+from megalopta.assets_gen.stimuli.dead_leaves_model import dead_leaves
+from megalopta.assets_gen.stimuli.grating import GratingVariant, moving_cycles, sine_grating
 from megalopta.benchmark.panorama_recipes import NATURAL_PANORAMAS
 from megalopta.benchmark.panoramas import natural_templates
 from megalopta.benchmark.trial import ROWS
@@ -19,7 +20,7 @@ from megalopta.plotting.picture import Figure, columns_of
 from megalopta.plotting.style import BLACK, DASHES, PALETTE
 from megalopta.reproduction.recipe import FigureRecipe, Run
 from megalopta.scenes import ToneCurve
-from megalopta.scenes.spectra import encode_srgb
+from megalopta.scenes.spectra.color import encode_srgb
 
 POOLED, CYCLES = 60, 4.0
 """Of Fig. 4.2."""

@@ -29,7 +29,7 @@ from megalopta.core.progress import (
 )
 from megalopta.dataset.store import Dataset, files_in
 from megalopta.render import MEASURED_EVERY
-from megalopta.render.baking import AT_EQUAL_ERROR, may_pay
+from megalopta.render.baking.choice import AT_EQUAL_ERROR, may_pay
 from megalopta.stages.estimate import estimate
 from megalopta.stages.render import FrameWriter, build, write_previews
 

@@ -27,8 +27,8 @@ from megalopta.dataset import sintel
 from megalopta.dataset.frames import read_radiance_frames
 from megalopta.dataset.store import Dataset, exposure_name
 from megalopta.scenes import ToneCurve
-from megalopta.scenes.lighting import illuminance_of
-from megalopta.scenes.spectra import encode_srgb
+from megalopta.scenes.lighting.levels import illuminance_of
+from megalopta.scenes.spectra.color import encode_srgb
 from megalopta.sensor import ImageSensor, OpenedCounts, check_sensor, open_counts
 from megalopta.sensor.formats import (
     Arrays,

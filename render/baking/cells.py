@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from megalopta.render import dr, mi
-from megalopta.render.loading import MergedMesh, MeshIndex
-from megalopta.scenes.cameras import Camera
+from megalopta.render.loading.meshes import MergedMesh
+from megalopta.render.loading.shapes import MeshIndex
+from megalopta.scenes.cameras.base import Camera
 
 UInt32 = NDArray[np.uint32]
 

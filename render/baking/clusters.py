@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from megalopta.render.baking.cells import NEAREST_M, Cells, pixel_angle
-from megalopta.render.loading import MergedMesh
-from megalopta.scenes.cameras import Camera
+from megalopta.render.loading.meshes import MergedMesh
+from megalopta.scenes.cameras.base import Camera
 
 UInt32 = NDArray[np.uint32]
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from megalopta.render import MEASURED_EVERY, frame_seed
 from megalopta.render.baking.choice import PATH, SAMPLE
-from megalopta.render.sensors import means_of_pixels
+from megalopta.render.sensors.primary import means_of_pixels
 
 GROUPS = 8
 GROUP = 64

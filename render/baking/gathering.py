@@ -34,9 +34,10 @@ from megalopta.render.baking.sampling import cell_sampler, hashed, recurrence
 from megalopta.render.baking.scattering import WAVELENGTHS, Scattering
 from megalopta.render.baking.visibility import unpacked
 from megalopta.render.light_paths import LightPaths
-from megalopta.render.loading import MergedMesh, SkyPatterns
-from megalopta.scenes.spectra import flat
-from megalopta.scenes.world import Scene
+from megalopta.render.loading.meshes import MergedMesh
+from megalopta.render.loading.sky import SkyPatterns
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.world.scene import Scene
 
 Integers = NDArray[np.int64]
 UInt32 = NDArray[np.uint32]

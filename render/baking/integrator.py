@@ -29,10 +29,11 @@ from megalopta.render.baking.pilot import Pilot
 from megalopta.render.baking.shading import SunLight, Textures
 from megalopta.render.baking.store import NAMES, key_of, light_store
 from megalopta.render.baking.visibility import survey
-from megalopta.render.loading import MergedMesh, MovingMesh, part_of_scene
-from megalopta.render.sensors import pixel_means
-from megalopta.scenes.cameras import Camera
-from megalopta.scenes.world import Scene
+from megalopta.render.loading.meshes import MergedMesh, MovingMesh
+from megalopta.render.loading.scene import part_of_scene
+from megalopta.render.sensors.primary import pixel_means
+from megalopta.scenes.cameras.base import Camera
+from megalopta.scenes.world.scene import Scene
 
 # Rays for each time that a cluster is seen, to learn how many the error asked for takes.
 _PILOT_DENSITY = 1.0

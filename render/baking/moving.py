@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.render import dr, mi
-from megalopta.render.loading import MergedMesh, MovingMesh
+from megalopta.render.loading.meshes import MergedMesh, MovingMesh
 
 MOST_OBJECTS = 16
 """Of which each point looks for the nearest."""

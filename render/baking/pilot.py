@@ -11,7 +11,7 @@ from megalopta.render import dr
 from megalopta.render.baking.cells import CellFinder
 from megalopta.render.baking.light import BakedLight
 from megalopta.render.baking.visibility import all_views, survey
-from megalopta.scenes.cameras import Camera
+from megalopta.scenes.cameras.base import Camera
 
 _FRAMES = 3
 _RAYS = 32

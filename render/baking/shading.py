@@ -8,8 +8,10 @@ import numpy as np
 from megalopta.render import Bands, dr, mi
 from megalopta.render.baking.cells import Sight
 from megalopta.render.baking.scattering import scattered
-from megalopta.render.loading import DISC_POINTS, MergedMesh, bitmap
-from megalopta.scenes.world import Scene, Sun
+from megalopta.render.loading.materials import bitmap
+from megalopta.render.loading.meshes import MergedMesh
+from megalopta.render.loading.scene import DISC_POINTS
+from megalopta.scenes.world.scene import Scene, Sun
 
 # Wavelengths of a band's mean.
 _GRID = 2**10

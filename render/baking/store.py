@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from megalopta.core.array_store import ArrayStore
 from megalopta.core.freshness import BAKE_MODEL, RENDER_MODEL
 from megalopta.render import RenderSettings, mi
-from megalopta.render.loading import MergedMesh
-from megalopta.scenes.cameras import Camera
-from megalopta.scenes.world import Scene
+from megalopta.render.loading.meshes import MergedMesh
+from megalopta.scenes.cameras.base import Camera
+from megalopta.scenes.world.scene import Scene
 
 NAMES = "density", "cells", "seen", "rows", "scatter"
 MOST_BYTES = 4 * 10**9

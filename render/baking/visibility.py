@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from megalopta.render import dr, mi
 from megalopta.render.baking.cells import CellFinder, pixel_angle
 from megalopta.render.baking.sampling import hashed
-from megalopta.scenes.cameras import Camera
+from megalopta.scenes.cameras.base import Camera
 
 UInt32 = NDArray[np.uint32]
 

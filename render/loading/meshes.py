@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.scenes.world import Material, Motion, Placement, Scene
+from megalopta.scenes.world.material import Material
+from megalopta.scenes.world.motion import Motion
+from megalopta.scenes.world.scene import Placement, Scene
 
 if TYPE_CHECKING:
     import trimesh

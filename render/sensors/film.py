@@ -14,7 +14,7 @@ from megalopta.render import Bands, RenderSettings, mi
 from megalopta.render.sensors.optics import cut_strip, plugin, sensor_transform
 from megalopta.render.sensors.passes import plan_passes
 from megalopta.render.sensors.rows import ROWS, register_rows
-from megalopta.scenes.cameras import Camera
+from megalopta.scenes.cameras.base import Camera
 
 Float64 = NDArray[np.float64]
 Trace = Callable[..., NDArray[np.float32]]

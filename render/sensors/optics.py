@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from megalopta.render import mi
 from megalopta.render.sensors.panoramic import PANORAMA, register_panorama
-from megalopta.scenes.cameras import Camera, PanoramicCamera, PerspectiveCamera
+from megalopta.scenes.cameras.base import Camera
+from megalopta.scenes.cameras.panoramic import PanoramicCamera
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
 
 
 @singledispatch

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from megalopta.render.truth.geometry import Geometry
 from megalopta.render.truth.surface import Surface
 from megalopta.render.truth.views import Eyes, View
-from megalopta.scenes.cameras import Camera
+from megalopta.scenes.cameras.base import Camera
 
 Float64 = NDArray[np.float64]
 

@@ -20,7 +20,7 @@ from megalopta.render.truth.coverage import ray_weights
 from megalopta.render.truth.geometry import Geometry
 from megalopta.render.truth.surface import Surface
 from megalopta.render.truth.views import Eyes, View
-from megalopta.scenes.cameras import Camera
+from megalopta.scenes.cameras.base import Camera
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]

@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.render.loading import MergedMesh, MovingMesh, bare_mesh, gather, move_meshes
+from megalopta.render.loading.meshes import MergedMesh, MovingMesh
+from megalopta.render.loading.scene import bare_mesh, gather, move_meshes
 from megalopta.render.truth import rays
 from megalopta.render.truth.passing import Passing
 from megalopta.render.truth.surface import Surface, same_side

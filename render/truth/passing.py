@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from megalopta.render.loading import MovingMesh
+from megalopta.render.loading.meshes import MovingMesh
 
 Float64 = NDArray[np.float64]
 Integers = NDArray[np.int64]

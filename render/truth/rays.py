@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.render import dr, mi
-from megalopta.render.loading import MeshIndex
+from megalopta.render.loading.shapes import MeshIndex
 
 Float64 = NDArray[np.float64]
 

@@ -20,8 +20,8 @@ from megalopta.render.truth.footprint import Footprint, Footprints
 from megalopta.render.truth.geometry import Geometry
 from megalopta.render.truth.surface import Surface
 from megalopta.render.truth.views import View
-from megalopta.scenes.cameras import Camera
-from megalopta.scenes.world import Scene
+from megalopta.scenes.cameras.base import Camera
+from megalopta.scenes.world.scene import Scene
 
 Float64 = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.scenes import Shutter
-from megalopta.scenes.cameras import Camera
+from megalopta.scenes.cameras.base import Camera
 
 Float64 = NDArray[np.float64]
 Times = float | Float64

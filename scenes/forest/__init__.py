@@ -1,5 +1,1 @@
 """Forests: what grows where."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -12,12 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import griddata
 from scipy.spatial import cKDTree
 
-from megalopta.assets_gen.ground import distance_to
+from megalopta.assets_gen.ground.scatter import distance_to
 from megalopta.scenes.forest.leaf_area import ground_area
 from megalopta.scenes.forest.planting import dense_path
 from megalopta.scenes.forest.plants import Woody
 from megalopta.scenes.forest.undergrowth import PLANTS
-from megalopta.scenes.world import Scene
+from megalopta.scenes.world.scene import Scene
 
 Float64 = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from pydantic import Field, field_validator, model_validator
 from scipy.spatial import cKDTree
 
 from megalopta.scenes.base import SceneDescription
-from megalopta.scenes.cameras import Camera
+from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.forest.floor import trail_of
 from megalopta.scenes.forest.flora import BUSHES, TREES
 from megalopta.scenes.forest.ground import even_ground, make_land
@@ -34,9 +34,10 @@ from megalopta.scenes.forest.specimens import (
 from megalopta.scenes.forest.stand import PRESETS
 from megalopta.scenes.forest.sway import Wind, swaying
 from megalopta.scenes.forest.undergrowth import LAYERS
-from megalopta.scenes.lighting import Light
-from megalopta.scenes.trajectories import Path
-from megalopta.scenes.world import Asset, Haze, Placement, Scene
+from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.trajectories.base import Path
+from megalopta.scenes.world.haze import Haze
+from megalopta.scenes.world.scene import Asset, Placement, Scene
 
 PIXEL_RAD = 0.0065
 """Pixels for which the levels of detail are made (rad)."""

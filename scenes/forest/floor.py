@@ -11,21 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.assets_gen import FloatArray, Surface, generator, unit
-from megalopta.assets_gen.ground import (
-    Fineness,
-    Terrain,
-    Trail,
-    Triangulation,
-    cut_at,
-    distance_to,
-    make_moss,
-    make_octaves,
-    make_trail,
-    triangulated,
-)
+from megalopta.assets_gen.ground.moss import cut_at, make_moss
+from megalopta.assets_gen.ground.octaves import make_octaves
+from megalopta.assets_gen.ground.scatter import distance_to
+from megalopta.assets_gen.ground.terrain import Terrain
+from megalopta.assets_gen.ground.trail import Trail, make_trail
+from megalopta.assets_gen.ground.triangulation import Fineness, Triangulation, triangulated
 from megalopta.scenes.forest.ground import HORIZON_M
 from megalopta.scenes.forest.planting import planted_reach
-from megalopta.scenes.world import Asset
+from megalopta.scenes.world.scene import Asset
 
 if TYPE_CHECKING:
     from megalopta.scenes.forest.description import Forest

@@ -4,10 +4,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from megalopta.assets_gen.plants import Species
+from megalopta.assets_gen.plants.species import Species
 from megalopta.core import strict_yaml
 from megalopta.scenes.forest.plants import Layer, Woody, by_name
-from megalopta.scenes.spectra import leaf_of, reflectance_of
+from megalopta.scenes.spectra.leaves import leaf_of
+from megalopta.scenes.spectra.reflectance import reflectance_of
 
 
 def _woody(name: str, entry: Mapping[str, Any]) -> Woody:

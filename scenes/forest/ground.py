@@ -3,8 +3,8 @@
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import generator
-from megalopta.assets_gen.ground import Terrain, ground_surface, make_terrain
-from megalopta.scenes.world import Asset
+from megalopta.assets_gen.ground.terrain import Terrain, ground_surface, make_terrain
+from megalopta.scenes.world.scene import Asset
 
 RIM_WIDTH_M, RIM_HEIGHT_M = 22.0, 7.0
 """Behind the stand the land rises over this width by this height (m)."""

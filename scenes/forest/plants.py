@@ -13,9 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.assets_gen import Surface
-from megalopta.assets_gen.plants import Furrows, Species, aged, coarsened, grow_plant
+from megalopta.assets_gen.plants.ages import aged
+from megalopta.assets_gen.plants.detail import coarsened
+from megalopta.assets_gen.plants.furrows import Furrows
+from megalopta.assets_gen.plants.growth import grow_plant
+from megalopta.assets_gen.plants.species import Species
 from megalopta.scenes.forest.stand import HEIGHTS, LodLevel
-from megalopta.scenes.spectra import Leaf, Spectrum
+from megalopta.scenes.spectra.leaves import Leaf
+from megalopta.scenes.spectra.spectrum import Spectrum
 
 Spectra = tuple[Spectrum, Spectrum]
 """Reflectances, or transmittances, where a texture is 0 and where it is 1."""

@@ -10,12 +10,13 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from megalopta.assets_gen import generator
-from megalopta.assets_gen.plants import some_leaves
+from megalopta.assets_gen.plants.detail import some_leaves
 from megalopta.scenes.forest.nursery import grown, texture
 from megalopta.scenes.forest.plants import Organs, Plant, Woody
 from megalopta.scenes.forest.stand import HEIGHTS, LODS, LodLevel
 from megalopta.scenes.forest.undergrowth import COVERS, PLANTS
-from megalopta.scenes.world import Asset, Material, Texture
+from megalopta.scenes.world.material import Material, Texture
+from megalopta.scenes.world.scene import Asset
 
 INDIVIDUALS = 5
 """Distinct grown plants of each kind; turned, leaning and scaled, they do not look repeated. Trees

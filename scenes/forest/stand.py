@@ -6,7 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from megalopta.assets_gen.plants import Detail
+from megalopta.assets_gen.plants.detail import Detail
 from megalopta.core import strict_yaml
 
 PRESETS: Mapping[str, Mapping[str, Any]] = MappingProxyType(

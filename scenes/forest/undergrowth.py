@@ -6,21 +6,22 @@ from types import MappingProxyType
 import numpy as np
 
 from megalopta.assets_gen import Surface
-from megalopta.assets_gen.ground import grow_rock
-from megalopta.assets_gen.plants import (
+from megalopta.assets_gen.ground.rocks import grow_rock
+from megalopta.assets_gen.plants.detail import merged_leaves
+from megalopta.assets_gen.plants.logs import grow_log
+from megalopta.assets_gen.plants.undergrowth import (
     grow_bilberry,
     grow_fern,
     grow_flowers,
     grow_grass,
     grow_herbs,
-    grow_log,
-    merged_leaves,
     strew_litter,
 )
 from megalopta.scenes.forest.flora import BUSHES, TREES
 from megalopta.scenes.forest.plants import Coat, Layer, Lying, Organs, Plant, Small, by_name
 from megalopta.scenes.forest.stand import LodLevel
-from megalopta.scenes.spectra import leaf_of, reflectance_of
+from megalopta.scenes.spectra.leaves import leaf_of
+from megalopta.scenes.spectra.reflectance import reflectance_of
 
 LITTER = "litter"
 """The kind of small plant that is loose fallen leaves."""

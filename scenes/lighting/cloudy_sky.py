@@ -15,9 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.assets_gen import generator, grid_corners
-from megalopta.assets_gen.patterns import plane_waves
-from megalopta.scenes.spectra import flat
-from megalopta.scenes.world import Asset, Emission, Lighting, Material, Placement, Scene, Sun
+from megalopta.assets_gen.patterns.noise import plane_waves
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.world.material import Emission, Material
+from megalopta.scenes.world.scene import (
+    Asset,
+    Lighting,
+    Placement,
+    Scene,
+    Sun,
+)
 
 if TYPE_CHECKING:
     import trimesh

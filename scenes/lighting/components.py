@@ -8,21 +8,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from megalopta.scenes.spectra import (
-    AIRGLOW,
-    CLEAR_SKY,
-    FAINT_STARLIGHT,
-    FULL_MOON,
-    OVERCAST,
-    QUARTER_MOON,
-    STARLIGHT,
-    SUN,
-    TWILIGHT,
-    Spectrum,
-    luminous,
-    moonlit,
-    total,
-)
+from megalopta.scenes.spectra.airglow import AIRGLOW, FAINT_STARLIGHT
+from megalopta.scenes.spectra.moonlight import FULL_MOON, QUARTER_MOON, moonlit
+from megalopta.scenes.spectra.overcast import OVERCAST
+from megalopta.scenes.spectra.photometry import luminous
+from megalopta.scenes.spectra.spectrum import Spectrum, total
+from megalopta.scenes.spectra.starlight import STARLIGHT
+from megalopta.scenes.spectra.sunlight import CLEAR_SKY, SUN
+from megalopta.scenes.spectra.twilight import TWILIGHT
 
 ComponentName = Literal[
     "sun", "daylit sky", "moon", "moonlit sky", "twilight", "airglow", "starlight", "clouds"

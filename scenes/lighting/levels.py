@@ -23,7 +23,7 @@ from megalopta.scenes.lighting.components import (
     Component,
     overcast,
 )
-from megalopta.scenes.spectra import Spectrum, total
+from megalopta.scenes.spectra.spectrum import Spectrum, total
 
 LevelName = Literal[
     "daylight",

@@ -19,8 +19,17 @@ from megalopta.scenes.lighting.levels import (
     shared,
 )
 from megalopta.scenes.lighting.sky_shapes import sky_shape
-from megalopta.scenes.spectra import flat, overcast_share, planckian, primaries, total
-from megalopta.scenes.world import Environment, Lighting, PictureFile, SkyPattern, Sun
+from megalopta.scenes.spectra.blackbody import planckian
+from megalopta.scenes.spectra.overcast import overcast_share
+from megalopta.scenes.spectra.primaries import primaries
+from megalopta.scenes.spectra.spectrum import flat, total
+from megalopta.scenes.world.hashed_file import PictureFile
+from megalopta.scenes.world.scene import (
+    Environment,
+    Lighting,
+    SkyPattern,
+    Sun,
+)
 
 _OF_ONE_SOURCE: Mapping[ComponentName, ComponentName] = {"sun": "daylit sky", "moon": "moonlit sky"}
 

@@ -13,11 +13,12 @@ from pathlib import PurePath
 from typing import Literal
 
 from megalopta.scenes.base import SceneDescription
-from megalopta.scenes.cameras import Camera
-from megalopta.scenes.lighting import Light
-from megalopta.scenes.spectra import primaries
-from megalopta.scenes.trajectories import Path
-from megalopta.scenes.world import Environment, PictureFile, Scene
+from megalopta.scenes.cameras.base import Camera
+from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.spectra.primaries import primaries
+from megalopta.scenes.trajectories.base import Path
+from megalopta.scenes.world.hashed_file import PictureFile
+from megalopta.scenes.world.scene import Environment, Scene
 
 
 class Panorama(SceneDescription, frozen=True):

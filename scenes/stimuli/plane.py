@@ -11,13 +11,19 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from megalopta.assets_gen import generator
-from megalopta.assets_gen.stimuli import Pattern, bars, board, random_dots, sine_grating
+from megalopta.assets_gen.stimuli.grating import (
+    Pattern,
+    bars,
+    board,
+    random_dots,
+    sine_grating,
+)
 from megalopta.scenes.base import SceneDescription
-from megalopta.scenes.cameras import Camera
-from megalopta.scenes.lighting import Light
+from megalopta.scenes.cameras.base import Camera
+from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.stimuli.grating import PATTERN_NAMES, glowing
-from megalopta.scenes.trajectories import Path
-from megalopta.scenes.world import Scene
+from megalopta.scenes.trajectories.base import Path
+from megalopta.scenes.world.scene import Scene
 
 _TEXELS = 1024
 _DOT_PERIODS = 32

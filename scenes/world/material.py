@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.scenes.spectra import Spectrum, flat
+from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
 _ROUNDING = 1e-6
 

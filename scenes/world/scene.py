@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.scenes.spectra import Spectrum, total
+from megalopta.scenes.spectra.spectrum import Spectrum, total
 from megalopta.scenes.world.hashed_file import HashedFile
 from megalopta.scenes.world.haze import Haze
 from megalopta.scenes.world.material import Material

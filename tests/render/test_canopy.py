@@ -13,7 +13,7 @@ from megalopta.render import (
     choose_variant,
     gap_fraction,
 )
-from megalopta.render.loading import bare_mesh, gather
+from megalopta.render.loading.scene import bare_mesh, gather
 from megalopta.scenes import Forest, Light, PerspectiveCamera, Trajectory, build_scene
 
 CAMERA = PerspectiveCamera(width=8, height=8, fov_deg=75)

@@ -7,9 +7,16 @@ import trimesh
 
 from megalopta.render import RenderSettings, SceneRenderer, choose_variant, has_cuda_device
 from megalopta.scenes import Light, PerspectiveCamera, Trajectory, build_scene
-from megalopta.scenes.forest import Forest
-from megalopta.scenes.spectra import flat
-from megalopta.scenes.world import Asset, Drift, Lighting, Material, Placement, RigidMotion, Scene
+from megalopta.scenes.forest.description import Forest
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.world.material import Material
+from megalopta.scenes.world.motion import Drift, RigidMotion
+from megalopta.scenes.world.scene import (
+    Asset,
+    Lighting,
+    Placement,
+    Scene,
+)
 
 from .conftest import quad
 

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.render.environment import EnvironmentView, read_picture
 from megalopta.scenes import Panorama, PerspectiveCamera, Trajectory
-from megalopta.scenes.lighting import Light
+from megalopta.scenes.lighting.light import Light
 
 BANDS = ((400.0, 475.0), (475.0, 550.0), (550.0, 625.0), (625.0, 700.0))
 CAMERA = PerspectiveCamera(width=33, height=25, fov_deg=60)

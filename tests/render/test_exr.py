@@ -6,7 +6,8 @@ import OpenEXR
 import pytest
 
 from megalopta.render.exr import read_radiance, read_truth, write_radiance, write_truth
-from megalopta.render.truth import FlowSpread, Footprint, Truth
+from megalopta.render.truth.footprint import FlowSpread, Footprint
+from megalopta.render.truth.tracer import Truth
 
 ORIGIN = (1000.0, -3.0, 1.0)
 BANDS = ((900.0, 1000.0), (400.0, 450.5), (450.5, 500.0))

@@ -14,16 +14,15 @@ from scipy.special import expn
 
 from megalopta.render import RenderSettings, SceneRenderer, choose_variant
 from megalopta.scenes import EquirectangularCamera, PerspectiveCamera, Shutter, Trajectory
-from megalopta.scenes.spectra import flat, luminous
-from megalopta.scenes.world import (
+from megalopta.scenes.spectra.photometry import luminous
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.world.haze import Haze
+from megalopta.scenes.world.material import Emission, Material
+from megalopta.scenes.world.motion import Drift, RigidMotion
+from megalopta.scenes.world.scene import (
     Asset,
-    Drift,
-    Emission,
-    Haze,
     Lighting,
-    Material,
     Placement,
-    RigidMotion,
     Scene,
     SkyPattern,
     Sun,

@@ -6,11 +6,20 @@ import trimesh
 
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.render.illuminance import LightMeter
-from megalopta.render.loading import load_scene, merge
+from megalopta.render.loading.meshes import merge
+from megalopta.render.loading.scene import load_scene
 from megalopta.scenes import Light, PerspectiveCamera, Trajectory
-from megalopta.scenes.lighting import LEVELS
-from megalopta.scenes.spectra import flat, luminous, luminous_efficiency
-from megalopta.scenes.world import Asset, Lighting, Material, Placement, Scene, Sun
+from megalopta.scenes.lighting.levels import LEVELS
+from megalopta.scenes.spectra.photometry import luminous, luminous_efficiency
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.world.material import Material
+from megalopta.scenes.world.scene import (
+    Asset,
+    Lighting,
+    Placement,
+    Scene,
+    Sun,
+)
 
 from .conftest import quad
 

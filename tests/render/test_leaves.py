@@ -8,17 +8,16 @@ import trimesh
 
 from megalopta.render import RenderSettings, RunningMean, SceneRenderer
 from megalopta.render.variant import choose_variant
-from megalopta.scenes.cameras import PerspectiveCamera
-from megalopta.scenes.spectra import Spectrum, flat
-from megalopta.scenes.trajectories import Trajectory
-from megalopta.scenes.world import (
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.spectra.spectrum import Spectrum, flat
+from megalopta.scenes.trajectories.steady import Trajectory
+from megalopta.scenes.world.material import Material, Texture
+from megalopta.scenes.world.scene import (
     Asset,
     Lighting,
-    Material,
     Placement,
     Scene,
     Sun,
-    Texture,
 )
 
 from .conftest import quad

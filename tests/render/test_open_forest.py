@@ -22,13 +22,21 @@ import pytest
 import trimesh
 
 from megalopta.render import RenderSettings, SceneRenderer, mi
-from megalopta.render.loading import load_scene, merge
+from megalopta.render.loading.meshes import merge
+from megalopta.render.loading.scene import load_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.truth import rays
 from megalopta.render.variant import choose_variant
-from megalopta.scenes.cameras import PerspectiveCamera
-from megalopta.scenes.spectra import flat
-from megalopta.scenes.world import Asset, Lighting, Material, Placement, Scene, Sun
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.world.material import Material
+from megalopta.scenes.world.scene import (
+    Asset,
+    Lighting,
+    Placement,
+    Scene,
+    Sun,
+)
 
 vectorized = pytest.mark.skipif(
     choose_variant().name.startswith("scalar"), reason="baking needs a vectorized variant"

@@ -13,7 +13,7 @@ import pytest
 
 from megalopta.render import RenderSettings, RunningMean, SceneRenderer, choose_variant
 from megalopta.scenes import Light, PerspectiveCamera, Trajectory, build_scene
-from megalopta.scenes.forest import Forest
+from megalopta.scenes.forest.description import Forest
 
 PRESETS = ("open", "clearing", "understorey", "dense")
 LEVELS = ("daylight", "twilight", "full_moon", "starlight", "airglow")

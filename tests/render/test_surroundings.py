@@ -15,9 +15,15 @@ from megalopta.render.surroundings import (
     without_disc,
 )
 from megalopta.scenes import Panorama, PerspectiveCamera, Trajectory
-from megalopta.scenes.lighting import Light
-from megalopta.scenes.spectra import flat
-from megalopta.scenes.world import Asset, Material, Placement, Scene, pattern_directions
+from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.world.material import Material
+from megalopta.scenes.world.scene import (
+    Asset,
+    Placement,
+    Scene,
+    pattern_directions,
+)
 
 from .conftest import quad
 

@@ -3,8 +3,8 @@ import pytest
 from pydantic import ValidationError
 
 from megalopta.scenes.moving_objects import MovingObject, with_objects
-from megalopta.scenes.world import Drift, Scene
-from megalopta.scenes.world.motion import Tour
+from megalopta.scenes.world.motion import Drift, Tour
+from megalopta.scenes.world.scene import Scene
 
 EMPTY = Scene({}, {}, ())
 

@@ -1,7 +1,7 @@
 import numpy as np
 
 from megalopta.scenes import ToneCurve, preview
-from megalopta.scenes.spectra import flat
+from megalopta.scenes.spectra.spectrum import flat
 
 BANDS = ((450.0, 550.0), (550.0, 650.0))
 

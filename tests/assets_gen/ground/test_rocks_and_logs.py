@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from megalopta.assets_gen.ground.rocks import grow_rock
-from megalopta.assets_gen.plants import grow_log
+from megalopta.assets_gen.plants.logs import grow_log
 
 from ..conftest import welded
 

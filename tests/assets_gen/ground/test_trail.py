@@ -1,7 +1,9 @@
 import numpy as np
 import pytest
 
-from megalopta.assets_gen.ground import cut_at, make_moss, make_octaves, make_trail
+from megalopta.assets_gen.ground.moss import cut_at, make_moss
+from megalopta.assets_gen.ground.octaves import make_octaves
+from megalopta.assets_gen.ground.trail import make_trail
 
 WAY = np.stack([np.linspace(0, 4, 9), np.zeros(9)], axis=-1)
 WIDTH_M = 1.2

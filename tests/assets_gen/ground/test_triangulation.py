@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from megalopta.assets_gen.ground import Fineness, distance_to, triangulated
+from megalopta.assets_gen.ground.scatter import distance_to
+from megalopta.assets_gen.ground.triangulation import Fineness, triangulated
 
 PATH = cKDTree(np.stack([np.linspace(0, 3, 13), np.linspace(0, 1, 13)], axis=-1))
 FINE = Fineness(finest_m=0.1, near_m=1.5)

@@ -8,7 +8,8 @@ from megalopta.benchmark.panoramas import natural_templates, panorama_file, temp
 from megalopta.core.errors import UserError
 from megalopta.render import RenderNoise
 from megalopta.scenes import Forest, Light
-from megalopta.scenes.spectra import LUMINANCE_SHARES, encode_srgb
+from megalopta.scenes.spectra.color import encode_srgb
+from megalopta.scenes.spectra.primaries import LUMINANCE_SHARES
 
 NOISE = RenderNoise(2, 0.1, 0.1, (1.0,), ((0.01,),))
 

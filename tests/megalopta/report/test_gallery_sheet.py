@@ -9,7 +9,7 @@ from skimage.io import imread
 from megalopta.config.model import Configuration
 from megalopta.report import gallery_sheet as gallery
 from megalopta.scenes.build import OWN_SCENES
-from megalopta.scenes.lighting import LEVELS
+from megalopta.scenes.lighting.levels import LEVELS
 
 
 @pytest.mark.parametrize("name", gallery.SCENES)

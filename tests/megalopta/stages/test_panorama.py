@@ -10,7 +10,7 @@ from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.render import read_radiance, read_truth
 from megalopta.report.page import write_report
-from megalopta.scenes.cameras import CylindricalCamera
+from megalopta.scenes.cameras.panoramic import CylindricalCamera
 from megalopta.stages.pipeline import run_all, run_stage
 
 from ..conftest import TINY

@@ -18,8 +18,9 @@ from megalopta.flow.benchmark import sequence as benchmark
 from megalopta.flow.files import read_flo
 from megalopta.flow.stimuli import draw_counts
 from megalopta.render import read_radiance, read_truth
-from megalopta.scenes.lighting import LEVELS
-from megalopta.scenes.spectra import Spectrum, luminous
+from megalopta.scenes.lighting.levels import LEVELS
+from megalopta.scenes.spectra.photometry import luminous
+from megalopta.scenes.spectra.spectrum import Spectrum
 from megalopta.sensor import expectation, read_counts
 from megalopta.stages import flow as stage_flow, registry
 from megalopta.stages.ledger import Ledger

@@ -4,13 +4,15 @@ import pytest
 from megalopta.render.baking import cells as cells_module
 from megalopta.render.baking.cells import CellFinder, Cells
 from megalopta.render.baking.visibility import survey
-from megalopta.render.loading import MergedMesh, load_scene
+from megalopta.render.loading.meshes import MergedMesh
+from megalopta.render.loading.scene import load_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.variant import choose_variant
-from megalopta.scenes.cameras import PerspectiveCamera
-from megalopta.scenes.spectra import flat
-from megalopta.scenes.trajectories import Trajectory
-from megalopta.scenes.world import Material, Scene
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.trajectories.steady import Trajectory
+from megalopta.scenes.world.material import Material
+from megalopta.scenes.world.scene import Scene
 
 vectorized = pytest.mark.skipif(
     choose_variant().name.startswith("scalar"), reason="cells are found by vectorized rays"

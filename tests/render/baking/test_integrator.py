@@ -17,20 +17,17 @@ from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.sensors import primary
 from megalopta.render.settings import RenderSettings, bake_seed, frame_seed
 from megalopta.render.variant import choose_variant
-from megalopta.scenes.cameras import PerspectiveCamera
-from megalopta.scenes.spectra import Spectrum, flat
-from megalopta.scenes.trajectories import Trajectory
-from megalopta.scenes.world import (
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.spectra.spectrum import Spectrum, flat
+from megalopta.scenes.trajectories.steady import Trajectory
+from megalopta.scenes.world.material import Emission, Material, Texture
+from megalopta.scenes.world.motion import Drift, RigidMotion
+from megalopta.scenes.world.scene import (
     Asset,
-    Drift,
-    Emission,
     Lighting,
-    Material,
     Placement,
-    RigidMotion,
     Scene,
     Sun,
-    Texture,
 )
 
 from ..conftest import quad

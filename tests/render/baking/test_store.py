@@ -7,11 +7,17 @@ import pytest
 
 from megalopta.render import RenderSettings
 from megalopta.render.baking.store import key_of
-from megalopta.render.loading import merge
-from megalopta.scenes.cameras import PerspectiveCamera
-from megalopta.scenes.spectra import flat
-from megalopta.scenes.trajectories import Trajectory
-from megalopta.scenes.world import Asset, Lighting, Material, Placement, Scene, Texture
+from megalopta.render.loading.meshes import merge
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.trajectories.steady import Trajectory
+from megalopta.scenes.world.material import Material, Texture
+from megalopta.scenes.world.scene import (
+    Asset,
+    Lighting,
+    Placement,
+    Scene,
+)
 
 from ..conftest import quad
 

@@ -5,11 +5,13 @@ import pytest
 import trimesh
 
 from megalopta.render import mi
-from megalopta.render.loading import load_scene, merge
+from megalopta.render.loading.meshes import merge
+from megalopta.render.loading.scene import load_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.variant import Variant, choose_variant
-from megalopta.scenes.spectra import Spectrum, flat
-from megalopta.scenes.world import Asset, Material, Placement, Scene, Texture
+from megalopta.scenes.spectra.spectrum import Spectrum, flat
+from megalopta.scenes.world.material import Material, Texture
+from megalopta.scenes.world.scene import Asset, Placement, Scene
 
 from ..conftest import quad
 

@@ -5,9 +5,17 @@ import pytest
 import trimesh
 
 from megalopta.render import activate, choose_variant, mi
-from megalopta.render.loading import MeshIndex, load_scene, merge
-from megalopta.scenes.spectra import flat
-from megalopta.scenes.world import Asset, Lighting, Material, Placement, Scene
+from megalopta.render.loading.meshes import merge
+from megalopta.render.loading.scene import load_scene
+from megalopta.render.loading.shapes import MeshIndex
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.world.material import Material
+from megalopta.scenes.world.scene import (
+    Asset,
+    Lighting,
+    Placement,
+    Scene,
+)
 
 
 @pytest.mark.skipif(choose_variant().name.startswith("scalar"), reason="of vectorized variants")

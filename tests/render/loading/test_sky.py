@@ -12,11 +12,11 @@ import pytest
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.render.variant import choose_variant
 from megalopta.scenes import PerspectiveCamera, Trajectory
-from megalopta.scenes.spectra import Spectrum, flat
-from megalopta.scenes.world import (
+from megalopta.scenes.spectra.spectrum import Spectrum, flat
+from megalopta.scenes.world.material import Material
+from megalopta.scenes.world.scene import (
     Asset,
     Lighting,
-    Material,
     Placement,
     Scene,
     SkyPattern,

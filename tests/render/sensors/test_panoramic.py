@@ -8,11 +8,18 @@ from scipy.spatial.transform import Rotation
 
 from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
-from megalopta.render.truth import out_of_view
-from megalopta.scenes.cameras import CylindricalCamera, EquirectangularCamera, PerspectiveCamera
-from megalopta.scenes.spectra import flat
-from megalopta.scenes.trajectories import Trajectory
-from megalopta.scenes.world import Asset, Lighting, Material, Placement, Scene
+from megalopta.render.truth.tracer import out_of_view
+from megalopta.scenes.cameras.panoramic import CylindricalCamera, EquirectangularCamera
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.trajectories.steady import Trajectory
+from megalopta.scenes.world.material import Material
+from megalopta.scenes.world.scene import (
+    Asset,
+    Lighting,
+    Placement,
+    Scene,
+)
 
 from ..conftest import glowing_room, placed
 from ..truth.test_tracer import plane_distance, sphere_cap, sphere_distance

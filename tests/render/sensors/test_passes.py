@@ -9,8 +9,9 @@ from megalopta.render import path_tracing
 from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.sensors.passes import pass_seed, plan_passes
 from megalopta.render.settings import RenderSettings
-from megalopta.scenes.cameras import CylindricalCamera, EquirectangularCamera, PerspectiveCamera
-from megalopta.scenes.trajectories import Trajectory
+from megalopta.scenes.cameras.panoramic import CylindricalCamera, EquirectangularCamera
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.trajectories.steady import Trajectory
 
 from ..conftest import glowing_room
 

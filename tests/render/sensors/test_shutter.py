@@ -6,10 +6,12 @@ import pytest
 from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings, frame_seed, instant_seed
 from megalopta.scenes import Shutter
-from megalopta.scenes.cameras import PerspectiveCamera
-from megalopta.scenes.spectra import flat
-from megalopta.scenes.trajectories import Trajectory
-from megalopta.scenes.world import Asset, Drift, Emission, Material, Placement, RigidMotion, Scene
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.trajectories.steady import Trajectory
+from megalopta.scenes.world.material import Emission, Material
+from megalopta.scenes.world.motion import Drift, RigidMotion
+from megalopta.scenes.world.scene import Asset, Placement, Scene
 
 from ..conftest import quad
 

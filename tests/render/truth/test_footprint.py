@@ -6,11 +6,19 @@ import trimesh
 
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.scenes import Light, build_scene
-from megalopta.scenes.cameras import CylindricalCamera, PerspectiveCamera
-from megalopta.scenes.forest import Forest
-from megalopta.scenes.spectra import flat
-from megalopta.scenes.trajectories import Trajectory
-from megalopta.scenes.world import Asset, Drift, Lighting, Material, Placement, RigidMotion, Scene
+from megalopta.scenes.cameras.panoramic import CylindricalCamera
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.forest.description import Forest
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.trajectories.steady import Trajectory
+from megalopta.scenes.world.material import Material
+from megalopta.scenes.world.motion import Drift, RigidMotion
+from megalopta.scenes.world.scene import (
+    Asset,
+    Lighting,
+    Placement,
+    Scene,
+)
 
 from ..conftest import quad
 

@@ -12,12 +12,18 @@ from scipy.spatial.transform import Rotation
 
 from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
-from megalopta.scenes.cameras import PerspectiveCamera
-from megalopta.scenes.forest import Sway
-from megalopta.scenes.spectra import flat
-from megalopta.scenes.trajectories import Trajectory
-from megalopta.scenes.world import Asset, Drift, Lighting, Material, Placement, RigidMotion, Scene
-from megalopta.scenes.world.motion import Tour
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.forest.sway import Sway
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.trajectories.steady import Trajectory
+from megalopta.scenes.world.material import Material
+from megalopta.scenes.world.motion import Drift, RigidMotion, Tour
+from megalopta.scenes.world.scene import (
+    Asset,
+    Lighting,
+    Placement,
+    Scene,
+)
 
 from ..conftest import quad, sphere_cap
 

@@ -8,10 +8,16 @@ from scipy.spatial.transform import Rotation
 from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
 from megalopta.render.truth.tracer import out_of_view
-from megalopta.scenes.cameras import PerspectiveCamera
-from megalopta.scenes.spectra import flat
-from megalopta.scenes.trajectories import Trajectory
-from megalopta.scenes.world import Asset, Lighting, Material, Placement, Scene
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.trajectories.steady import Trajectory
+from megalopta.scenes.world.material import Material
+from megalopta.scenes.world.scene import (
+    Asset,
+    Lighting,
+    Placement,
+    Scene,
+)
 
 from ..conftest import placed, quad, sphere_cap
 

@@ -7,12 +7,13 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
-from megalopta.scenes.cameras import PerspectiveCamera
-from megalopta.scenes.lighting import Light
-from megalopta.scenes.spectra import flat
-from megalopta.scenes.stimuli import Grating
-from megalopta.scenes.trajectories import Trajectory
-from megalopta.scenes.world import Asset, Emission, Material, Placement, Scene
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.stimuli.grating import Grating
+from megalopta.scenes.trajectories.steady import Trajectory
+from megalopta.scenes.world.material import Emission, Material
+from megalopta.scenes.world.scene import Asset, Placement, Scene
 
 from ..conftest import quad
 

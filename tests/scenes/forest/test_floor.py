@@ -7,7 +7,7 @@ import pytest
 from pydantic import ValidationError
 from scipy.spatial import cKDTree
 
-from megalopta.assets_gen.ground import distance_to
+from megalopta.assets_gen.ground.scatter import distance_to
 from megalopta.scenes.forest.canopy import floor_points
 from megalopta.scenes.forest.description import Forest, build_forest
 from megalopta.scenes.forest.floor import (
@@ -26,7 +26,7 @@ from megalopta.scenes.forest.planting import dense_path
 from megalopta.scenes.forest.size import foreseen
 from megalopta.scenes.forest.specimens import grow_specimens
 from megalopta.scenes.forest.undergrowth import LAYERS
-from megalopta.scenes.world import Placement
+from megalopta.scenes.world.scene import Placement
 
 PATH = np.stack([np.linspace(-1, 2, 7), np.linspace(0, 1, 7)], axis=-1)
 WAY = cKDTree(dense_path(PATH))

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from megalopta.scenes.forest import PRESETS, plant_area
+from megalopta.scenes.forest.canopy import plant_area
 from megalopta.scenes.forest.description import Forest, build_forest
 from megalopta.scenes.forest.leaf_area import ground_area
 from megalopta.scenes.forest.planting import dense_path
+from megalopta.scenes.forest.stand import PRESETS
 
 PATH = np.array([[-1.0, 0], [4, 1]])
 

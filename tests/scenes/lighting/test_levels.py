@@ -3,8 +3,9 @@ import math
 import numpy as np
 import pytest
 
-from megalopta.scenes.lighting import LEVELS, SOURCES, illuminance_of
-from megalopta.scenes.spectra import luminous
+from megalopta.scenes.lighting.components import SOURCES
+from megalopta.scenes.lighting.levels import LEVELS, illuminance_of
+from megalopta.scenes.spectra.photometry import luminous
 
 LUX = {
     "daylight": 1e5,

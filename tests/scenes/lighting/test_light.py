@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from megalopta.scenes.lighting import LEVELS, Light
-from megalopta.scenes.spectra import luminous, planckian
+from megalopta.scenes.lighting.levels import LEVELS
+from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.spectra.blackbody import planckian
+from megalopta.scenes.spectra.photometry import luminous
 
 COVERS = (0.1, 0.5, 0.9, 1.0)
 

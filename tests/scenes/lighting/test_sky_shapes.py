@@ -5,10 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from megalopta.scenes.lighting import LEVELS, Light
+from megalopta.scenes.lighting.levels import LEVELS
+from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.lighting.sky_shapes import GALACTIC_POLE, ROWS, SHAPES, sky_shape
 from megalopta.scenes.lighting.twilight_sky import twilight_sky
-from megalopta.scenes.spectra import luminous
+from megalopta.scenes.spectra.photometry import luminous
 
 ZENITH, AHEAD = 0, ROWS  # row of the zenith, column of azimuth 0
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta.scenes.lighting import Light
+from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.spectra.airglow import AIRGLOW, FAINT_STARLIGHT, MOONLESS_ZENITH
 
 ARCSEC2_SR = (np.pi / 180 / 3600) ** 2

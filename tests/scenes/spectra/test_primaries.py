@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from megalopta.scenes.lighting import LEVELS
-from megalopta.scenes.spectra import LUMINANCE_SHARES, luminous, primaries
+from megalopta.scenes.lighting.levels import LEVELS
+from megalopta.scenes.spectra.photometry import luminous
+from megalopta.scenes.spectra.primaries import LUMINANCE_SHARES, primaries
 
 
 @pytest.mark.parametrize("level", LEVELS)

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from scipy.constants import sigma
 
-from megalopta.scenes.spectra import Spectrum, flat, luminous_efficiency, planckian, total
+from megalopta.scenes.spectra.blackbody import planckian
+from megalopta.scenes.spectra.photometry import luminous_efficiency
+from megalopta.scenes.spectra.spectrum import Spectrum, flat, total
 
 
 def test_integral_of_luminous_efficiency_is_the_cie_value():

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta.scenes.spectra import luminous
+from megalopta.scenes.spectra.photometry import luminous
 from megalopta.scenes.spectra.sunlight import ABOVE_ATMOSPHERE, CLEAR_SKY, SUN
 
 BANDS = ((400, 700), (700, 900), (900, 1100), (1100, 1400), (1400, 1700))

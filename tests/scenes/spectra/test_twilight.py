@@ -3,7 +3,9 @@ import math
 import numpy as np
 import pytest
 
-from megalopta.scenes.spectra import AIRGLOW, TWILIGHT, luminous
+from megalopta.scenes.spectra.airglow import AIRGLOW
+from megalopta.scenes.spectra.photometry import luminous
+from megalopta.scenes.spectra.twilight import TWILIGHT
 
 
 def test_sky_of_that_brightness_gives_a_lux():

@@ -3,11 +3,12 @@ import math
 import numpy as np
 import pytest
 
-from megalopta.assets_gen.stimuli import open_cylinder, sine_grating
-from megalopta.scenes.cameras import CylindricalCamera, EquirectangularCamera, PerspectiveCamera
-from megalopta.scenes.lighting import Light
+from megalopta.assets_gen.stimuli.grating import open_cylinder, sine_grating
+from megalopta.scenes.cameras.panoramic import CylindricalCamera, EquirectangularCamera
+from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.stimuli.grating import Grating
-from megalopta.scenes.trajectories import Trajectory
+from megalopta.scenes.trajectories.steady import Trajectory
 
 TURNING = Trajectory(rotation_deg_s=15)
 CAMERA = PerspectiveCamera(width=120, height=120, fov_deg=72)

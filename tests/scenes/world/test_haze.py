@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from megalopta.scenes.spectra import flat
-from megalopta.scenes.world import Environment, HashedFile, Haze, Scene
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.world.hashed_file import HashedFile
+from megalopta.scenes.world.haze import Haze
+from megalopta.scenes.world.scene import Environment, Scene
 
 
 @pytest.mark.parametrize("visibility_m", [30.0, 4000.0])

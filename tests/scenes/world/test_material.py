@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta.scenes.spectra import Spectrum, flat
+from megalopta.scenes.spectra.spectrum import Spectrum, flat
 from megalopta.scenes.world.material import Emission, Material, Texture
 
 WEIGHT = np.zeros((2, 2), np.float32)
