@@ -16,7 +16,7 @@ from typing import NoReturn
 from megalopta.cli.overrides import split_overrides
 from megalopta.cli.parser import program
 from megalopta.core.bounded import sentence
-from megalopta.core.errors import UserError, machine_problem
+from megalopta.core.errors import UserError, machine_problem, missing_extra
 from megalopta.core.progress import say, working
 
 try:
@@ -40,6 +40,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _run(words)
     except UserError as error:
         _refuse(str(error))
+    except ModuleNotFoundError as error:
+        if (problem := missing_extra(error)) is None:
+            raise
+        _refuse(problem)
     except MemoryError as error:
         _refuse(f"the memory is too small ({error}); ask for less, or free some".replace(" ()", ""))
     except BrokenPipeError:

@@ -22,6 +22,15 @@ _REMEDIES = {
 }
 """What the machine refuses, and the way out."""
 
+_EXTRAS = {
+    **dict.fromkeys(("mitsuba", "drjit", "OpenEXR", "trimesh"), "render"),
+    **dict.fromkeys(("dask", "distributed"), "cluster"),
+    **dict.fromkeys(("serial", "cobs"), "camera"),
+    "torch": "torch",
+    "onnxruntime": "onnx",
+}
+"""Which extra installs a package."""
+
 
 class UserError(Exception):
     """What the user asked for cannot be done; the message says what, and the way out."""
@@ -37,3 +46,11 @@ def machine_problem(error: OSError) -> str | None:
     if remedy is None or error.filename is None:
         return remedy
     return f"{os.fsdecode(error.filename)}: {remedy}"
+
+
+def missing_extra(error: ModuleNotFoundError) -> str | None:
+    """Return which extra is to be installed, in a sentence; None where no extra has the module."""
+    package = (error.name or "").partition(".")[0]
+    if package not in _EXTRAS:
+        return None
+    return f"{package} is not installed; pip install 'megalopta[{_EXTRAS[package]}]'"

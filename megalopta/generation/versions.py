@@ -2,7 +2,7 @@
 
 import os
 import platform
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 
 from megalopta import __version__
 from megalopta.render import CUDA_NOTE, choose_variant, has_cuda_device, llvm_in_use
@@ -21,26 +21,36 @@ PACKAGES = (
     "pydantic",
     "matplotlib",
 )
+_MISSING = "not installed"
 _WIDTH = max(map(len, PACKAGES)) + 2
 
 
 def versions() -> dict[str, str]:
     """Version of the program, of Python and of every package that shapes a result."""
-    return {
-        "megalopta": __version__,
-        "python": platform.python_version(),
-        **{package: version(package) for package in PACKAGES},
-    }
+    own = {"megalopta": __version__, "python": platform.python_version()}
+    return own | {package: _version(package) for package in PACKAGES}
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return _MISSING
 
 
 def describe() -> str:
     """A few lines for a person."""
-    variant = choose_variant()
     lines = [f"{name:<{_WIDTH}}{number}" for name, number in versions().items()]
-    lines += [
-        f"{'machine':<{_WIDTH}}{platform.platform()}, {os.cpu_count()} cores",
-        f"{'rendering':<{_WIDTH}}{variant.name}: {variant.reason}",
-    ]
+    machine = f"{platform.platform()}, {os.cpu_count()} cores"
+    lines.append(f"{'machine':<{_WIDTH}}{machine}")
+    if _version("mitsuba") == _MISSING:
+        return "\n".join([*lines, f"{'rendering':<{_WIDTH}}pip install 'megalopta[render]'"])
+    return "\n".join([*lines, *_rendering()])
+
+
+def _rendering() -> list[str]:
+    variant = choose_variant()
+    lines = [f"{'rendering':<{_WIDTH}}{variant.name}: {variant.reason}"]
     library, found = llvm_in_use()
     if library:
         lines.append(f"{'libLLVM':<14}{found}, {library}")
@@ -48,4 +58,4 @@ def describe() -> str:
         lines.append(f"{'cuda':<14}{CUDA_NOTE}")
     if variant.advice:
         lines.append(f"{'faster':<{_WIDTH}}{variant.advice}")
-    return "\n".join(lines)
+    return lines

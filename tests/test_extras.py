@@ -1,0 +1,67 @@
+"""Sensors and flow without Mitsuba, Dask, LLVM and serial ports, which extras install."""
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+WITHOUT_EXTRAS = """
+import sys
+
+class Refused:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {"mitsuba", "drjit", "OpenEXR", "trimesh", "dask", "distributed", "serial", "cobs"}:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+sys.meta_path.insert(0, Refused())
+"""
+USE = """
+import numpy as np
+import megalopta.flow as flow, megalopta.sensor as sensor
+
+for library in (flow, sensor):
+    for name in library.__all__:
+        getattr(library, name)
+radiance = np.full((3, 24, 24, 1), 1e-6) * (1 + np.random.default_rng(0).random((24, 24, 1)))
+counts = sensor.expose(radiance, [(450, 650)], sensor.preset("spadcam"), seed=0, sequence="x").counts
+print(counts.shape, flow.METHODS["BM"].name)
+"""
+COMMAND = """
+from megalopta.cli.main import main
+main(sys.argv[1:])
+"""
+
+
+def run(code, *words):
+    command = [sys.executable, "-c", WITHOUT_EXTRAS + code, *words]
+    return subprocess.run(command, capture_output=True, text=True)
+
+
+def test_sensors_and_flow_need_no_extra():
+    done = run(USE)
+    assert (done.stdout, done.returncode) == ("(3, 24, 24) BM\n", 0), done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("render", "grating", "--out", "data"), "OpenEXR is not installed; pip install 'megalopta[render]'"),
+        (("spadcam", "list"), "serial is not installed; pip install 'megalopta[camera]'"),
+    ],
+)  # fmt: skip
+def test_a_missing_extra_is_named(tmp_path, monkeypatch, words, said):
+    monkeypatch.chdir(tmp_path)
+    done = run(COMMAND, *words)
+    assert done.stderr.splitlines()[-1] == f"megalopta: {said}"
+    assert done.returncode == 2
+    assert not list(tmp_path.iterdir())
+
+
+def test_all_has_every_extra_that_the_program_names():
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"][
+        "optional-dependencies"
+    ]
+    assert extras["all"] == ["megalopta[render,cluster,camera]"]
