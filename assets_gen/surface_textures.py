@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from megalopta.assets_gen.ground.rocks import STONE_TILE_M
 from megalopta.assets_gen.ground.terrain import GROUND_TILE_M
-from megalopta.assets_gen.patterns.noise import tileable_noise, to_weight
-from megalopta.assets_gen.patterns.splats import strew
+from megalopta.assets_gen.noise import tileable_noise, to_weight
 from megalopta.assets_gen.plants.bark import (
     furrowed_bark,
     papery_bark,
@@ -19,6 +18,7 @@ from megalopta.assets_gen.plants.bark import (
     smooth_bark,
 )
 from megalopta.assets_gen.plants.foliage import ATLAS_TILES
+from megalopta.assets_gen.splats import strew
 from megalopta.assets_gen.surface import FloatArray
 
 GROUND_SHAPE = (1024, 1024)

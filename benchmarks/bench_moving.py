@@ -18,7 +18,7 @@ from megalopta.dataset.store import Dataset
 from megalopta.render import RenderSettings
 from megalopta.scenes import Forest, MovingObject, PerspectiveCamera, Shutter, Trajectory
 from megalopta.scenes.forest.sway import Wind
-from megalopta.scenes.world.motion import Drift
+from megalopta.scenes.motion import Drift
 from megalopta.stages.render import FrameWriter
 
 CAMERA = PerspectiveCamera(width=128, height=64)

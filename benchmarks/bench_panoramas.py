@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.assets_gen.stimuli.dead_leaves_model import dead_leaves
+from megalopta.assets_gen.dead_leaves_model import dead_leaves
 from megalopta.benchmark.panorama_recipes import NATURAL_PANORAMAS
 from megalopta.benchmark.panoramas import natural_templates, panorama_file, template_from_file
 from megalopta.dataset.rendering_noise import ATTRIBUTE

@@ -15,7 +15,7 @@ import numpy as np
 from megalopta.config.model import Configuration, load
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.scenes import build_scene
-from megalopta.scenes.world.scene import Scene
+from megalopta.scenes.scene import Scene
 
 # Sampler, samples of a pass, passes averaged.
 SPLITS = (

@@ -17,7 +17,7 @@ from megalopta.render.illuminance import illuminances
 from megalopta.render.path_tracing import PathIntegrator
 from megalopta.render.truth import rays
 from megalopta.scenes.forest.canopy import floor_points, plant_area
-from megalopta.scenes.world.scene import Scene
+from megalopta.scenes.scene import Scene
 
 Float64 = NDArray[np.float64]
 

@@ -17,9 +17,9 @@ from megalopta.render.mitsuba_loader import mi
 from megalopta.render.noise import MeasuredPass
 from megalopta.render.views import Exposure
 from megalopta.scenes.cameras.base import Camera
+from megalopta.scenes.scene import Environment
 from megalopta.scenes.spectra.photometry import luminous
 from megalopta.scenes.spectra.spectrum import Spectrum
-from megalopta.scenes.world.scene import Environment
 
 Floats = NDArray[np.float32]
 

@@ -21,8 +21,8 @@ from megalopta.render.loading.air import Air
 from megalopta.render.loading.scene import DISC_POINTS
 from megalopta.render.path_tracing import PathIntegrator
 from megalopta.render.truth import rays
+from megalopta.scenes.scene import Lighting
 from megalopta.scenes.spectra.photometry import MAXIMUM_EFFICACY_LM_W, luminous, luminous_efficiency
-from megalopta.scenes.world.scene import Lighting
 
 Float64 = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from megalopta.render.loading.meshes import MergedMesh, MovingMesh
 from megalopta.render.loading.scene import load_again, move_meshes
 from megalopta.render.mitsuba_loader import dr, mi
 from megalopta.render.path_tracing import PathIntegrator
-from megalopta.scenes.world.scene import Scene
+from megalopta.scenes.scene import Scene
 
 _LARGEST_SHARE = 0.5
 """Of the triangles, that move: beyond, two scenes are not worth the second look of each ray."""

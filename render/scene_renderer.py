@@ -31,8 +31,8 @@ from megalopta.render.variant import Variant, choose_variant
 from megalopta.render.views import Exposure, View
 from megalopta.scenes import Shutter
 from megalopta.scenes.cameras.base import Camera
+from megalopta.scenes.scene import Scene
 from megalopta.scenes.trajectories.base import Path
-from megalopta.scenes.world.scene import Scene
 
 # Poses of an exposure whose rows all begin at the same time, and of one whose rows do not.
 _POSES, _ROLLING_POSES = 256, 64

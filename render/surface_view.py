@@ -18,7 +18,7 @@ from megalopta.render.settings import RenderSettings
 from megalopta.render.sharing import rows_of_a_pose
 from megalopta.render.views import Exposure, Part
 from megalopta.scenes.cameras.base import Camera
-from megalopta.scenes.world.scene import Scene
+from megalopta.scenes.scene import Scene
 
 _PATHS = 2**15
 """Of a look at what longer ones would bring; one a pixel at least"""

@@ -12,9 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.render.environment import Floats, horizontal, load_panorama
-from megalopta.scenes.spectra.photometry import luminous
-from megalopta.scenes.spectra.spectrum import total
-from megalopta.scenes.world.scene import (
+from megalopta.scenes.scene import (
     Environment,
     Lighting,
     Scene,
@@ -22,6 +20,8 @@ from megalopta.scenes.world.scene import (
     Sun,
     pattern_directions,
 )
+from megalopta.scenes.spectra.photometry import luminous
+from megalopta.scenes.spectra.spectrum import total
 
 DISC_DEG, RING_DEG = 3.0, 6.0
 """Angles from the brightest pixel: what belongs to the disc, and to the sky around it (degrees)."""

@@ -12,8 +12,10 @@ from .cameras.panoramic import (
 from .cameras.perspective import PerspectiveCamera as PerspectiveCamera
 from .forest.description import Forest as Forest
 from .forest.sway import Wind as Wind
+from .haze import Haze as Haze
 from .lighting.light import Light as Light
 from .moving_objects import MovingObject as MovingObject
+from .scene import Scene as Scene
 from .shutter import Shutter as Shutter
 from .stimuli.grating import Grating as Grating
 from .stimuli.motion_bench import MotionBench as MotionBench
@@ -30,4 +32,3 @@ from .trajectories.orbit import Orbit as Orbit
 from .trajectories.recorded import Recorded as Recorded
 from .trajectories.spline import Spline as Spline
 from .trajectories.steady import Trajectory as Trajectory
-from .world.scene import Scene as Scene

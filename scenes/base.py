@@ -11,8 +11,8 @@ from typing import ClassVar
 from megalopta.core.record import Record
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.scene import Scene
 from megalopta.scenes.trajectories.base import Path
-from megalopta.scenes.world.scene import Scene
 
 
 class SceneDescription(Record, frozen=True):

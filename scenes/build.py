@@ -12,12 +12,12 @@ from megalopta.scenes.forest.description import Forest
 from megalopta.scenes.kinds import any_of, kind_of
 from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.moving_objects import MovingObject, with_objects
+from megalopta.scenes.scene import Scene
 from megalopta.scenes.stimuli.grating import Grating
 from megalopta.scenes.stimuli.motion_bench import MotionBench
 from megalopta.scenes.stimuli.panorama import Panorama
 from megalopta.scenes.stimuli.plane import Plane
 from megalopta.scenes.trajectories.base import Path
-from megalopta.scenes.world.scene import Scene
 
 OWN_SCENES = (Forest, Grating, Plane, MotionBench, Panorama)
 

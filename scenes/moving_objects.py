@@ -10,14 +10,14 @@ from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from megalopta.assets_gen import generator
-from megalopta.assets_gen.patterns.noise import tileable_noise, to_weight
-from megalopta.assets_gen.stimuli.bodies import ball, box, checkerboard
+from megalopta.assets_gen.bodies import ball, box, checkerboard
+from megalopta.assets_gen.noise import tileable_noise, to_weight
 from megalopta.core.record import Record
 from megalopta.scenes.kinds import kind_unless_told
+from megalopta.scenes.material import Material, Texture
+from megalopta.scenes.motion import Drift, ObjectMotion, RigidMotion
+from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.world.material import Material, Texture
-from megalopta.scenes.world.motion import Drift, ObjectMotion, RigidMotion
-from megalopta.scenes.world.scene import Asset, Placement, Scene
 
 Vector = tuple[float, float, float]
 Length = Annotated[float, Field(gt=0)]

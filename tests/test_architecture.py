@@ -127,11 +127,6 @@ def test_every_room_is_packaged(monkeypatch):
     assert told["package_dir"] == {f"megalopta.{folder}": folder for folder in FOLDERS}
 
 
-def test_no_file_repeats_the_name_of_its_folder():
-    for path in sources():
-        assert not path.stem.startswith(path.parent.name.rstrip("s")), path
-
-
 def files_of_tests() -> list[Path]:
     return sorted((ROOT / "tests").rglob("*.py"))
 
@@ -167,13 +162,7 @@ def private_names_used(tree: ast.Module) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("path", files_of_tests(), ids=lambda path: str(path.relative_to(ROOT)))
-def test_tests_enter_rooms_by_the_front_door(path):
-    tree = ast.parse(path.read_text("utf-8"))
-    assert not list(private_names_used(tree))
-    parts = path.relative_to(ROOT / "tests").parent.parts
-    own = ".".join(parts[1:] if parts[:1] == ("megalopta",) else parts)
+def test_tests_use_no_private_names(path):
+    assert not list(private_names_used(ast.parse(path.read_text("utf-8"))))
     for module, name in imports(path):
         assert not private(name), f"{name} is private to {module}"
-        room = room_of(module)
-        if module in MODULES and not f"{own}.".startswith(f"{room}."):
-            assert published(room).get(name) != module, f"import {name} from megalopta.{room}"

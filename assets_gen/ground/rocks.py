@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from megalopta.assets_gen import FloatArray, Surface, cross, unit
-from megalopta.assets_gen.patterns.noise import PlaneWaves, plane_waves
+from megalopta.assets_gen.noise import PlaneWaves, plane_waves
 from megalopta.assets_gen.plants.branching import GOLDEN_ANGLE, UP, outward
 from megalopta.assets_gen.plants.tube import tube_faces
 

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import FloatArray, unit
 from megalopta.assets_gen.ground.scatter import distance_to
-from megalopta.assets_gen.patterns.noise import PlaneWaves, plane_waves
+from megalopta.assets_gen.noise import PlaneWaves, plane_waves
 
 STEP_M = 0.2
 """Points of the middle line are this far apart (m)."""

@@ -14,7 +14,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from megalopta.assets_gen import generator
-from megalopta.assets_gen.stimuli.dead_leaves_model import dead_leaves
+from megalopta.assets_gen.dead_leaves_model import dead_leaves
 from megalopta.core.arrays import Floats
 from megalopta.flow.benchmark import milliseconds_per_frame
 from megalopta.flow.detectors import BlockDetector, BlockGrid, Detector, Method, block_grid, method

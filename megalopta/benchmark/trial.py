@@ -18,7 +18,7 @@ from pydantic import (
     model_validator,
 )
 
-from megalopta.assets_gen.stimuli.grating import GratingVariant, moving_cycles, sine_grating
+from megalopta.assets_gen.grating import GratingVariant, moving_cycles, sine_grating
 from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
 from megalopta.flow.benchmark import SearchSettings, each_once, photon_search

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from megalopta.assets_gen import generator
-from megalopta.assets_gen.stimuli.dead_leaves_model import dead_leaves
+from megalopta.assets_gen.dead_leaves_model import dead_leaves
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors import Frames
 from megalopta.flow.stimuli import Layer, MovingLayers, PanningView

@@ -21,7 +21,7 @@ from megalopta.core.errors import UserError
 from megalopta.dataset.store import Dataset
 from megalopta.render import Truth
 from megalopta.scenes.forest.sway import Sway
-from megalopta.scenes.world.motion import Motion, ObjectMotion, RigidMotion
+from megalopta.scenes.motion import Motion, ObjectMotion, RigidMotion
 
 Float64 = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from megalopta.dataset.frames import read_truth_frame
 from megalopta.dataset.reprojection import View, carried_points, motions_of
 from megalopta.dataset.store import Dataset
 from megalopta.render import Truth, out_of_view, read_attributes
-from megalopta.scenes.world.motion import Motion
+from megalopta.scenes.motion import Motion
 
 _KEPT = 4
 _BEHIND = 1.01

@@ -23,7 +23,7 @@ from megalopta.report.gallery_page import Cell, write_page, write_sheet
 from megalopta.scenes import preview, white_of
 from megalopta.scenes.forest.stand import PRESETS
 from megalopta.scenes.lighting.levels import LEVELS
-from megalopta.scenes.world.scene import Scene
+from megalopta.scenes.scene import Scene
 from megalopta.sensor import expose_image
 from megalopta.stages.render import build
 

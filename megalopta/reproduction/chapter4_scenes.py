@@ -9,8 +9,8 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import PercentFormatter
 
 from megalopta.assets_gen import generator
-from megalopta.assets_gen.stimuli.dead_leaves_model import dead_leaves
-from megalopta.assets_gen.stimuli.grating import GratingVariant, moving_cycles, sine_grating
+from megalopta.assets_gen.dead_leaves_model import dead_leaves
+from megalopta.assets_gen.grating import GratingVariant, moving_cycles, sine_grating
 from megalopta.benchmark.panorama_recipes import NATURAL_PANORAMAS
 from megalopta.benchmark.panoramas import natural_templates
 from megalopta.benchmark.trial import ROWS

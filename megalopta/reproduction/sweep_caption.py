@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 
-from megalopta.assets_gen.stimuli.grating import GratingVariant
+from megalopta.assets_gen.grating import GratingVariant
 from megalopta.benchmark.runner import Results
 from megalopta.benchmark.sweep import Sweep
 from megalopta.benchmark.trial import ROWS, GratingTemplate, Template

@@ -34,8 +34,8 @@ from megalopta.render import (
     write_truth,
 )
 from megalopta.scenes import ToneCurve, build_scene, preview, white_of
+from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.color import linear_srgb
-from megalopta.scenes.world.scene import Scene
 from megalopta.stages.declaration import Stage
 
 # Points below the camera's path where the illuminance is measured.

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from megalopta.render import RenderSettings
 from megalopta.render.baking.moving import MOST_OBJECTS
-from megalopta.scenes.world.scene import Scene
+from megalopta.scenes.scene import Scene
 
 _FEWEST_SAMPLES = 1000
 """Per pixel in a whole sequence. Forests take 4000 rays and more for each pixel of a frame, and

@@ -36,8 +36,8 @@ from megalopta.render.baking.visibility import unpacked
 from megalopta.render.light_paths import LightPaths
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.sky import SkyPatterns
+from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.world.scene import Scene
 
 Integers = NDArray[np.int64]
 UInt32 = NDArray[np.uint32]

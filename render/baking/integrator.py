@@ -33,7 +33,7 @@ from megalopta.render.loading.meshes import MergedMesh, MovingMesh
 from megalopta.render.loading.scene import part_of_scene
 from megalopta.render.sensors.primary import pixel_means
 from megalopta.scenes.cameras.base import Camera
-from megalopta.scenes.world.scene import Scene
+from megalopta.scenes.scene import Scene
 
 # Rays for each time that a cluster is seen, to learn how many the error asked for takes.
 _PILOT_DENSITY = 1.0

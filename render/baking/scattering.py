@@ -11,8 +11,8 @@ import numpy as np
 
 from megalopta.core.arrays import Floats
 from megalopta.render import Bands
+from megalopta.scenes.material import Material
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
-from megalopta.scenes.world.material import Material
 
 WAVELENGTHS = 2**8
 """In a band, of which each path takes one."""

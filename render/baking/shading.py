@@ -11,7 +11,7 @@ from megalopta.render.baking.scattering import scattered
 from megalopta.render.loading.materials import bitmap
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.scene import DISC_POINTS
-from megalopta.scenes.world.scene import Scene, Sun
+from megalopta.scenes.scene import Scene, Sun
 
 # Wavelengths of a band's mean.
 _GRID = 2**10

@@ -12,7 +12,7 @@ from megalopta.core.freshness import BAKE_MODEL, RENDER_MODEL
 from megalopta.render import RenderSettings, mi
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.scenes.cameras.base import Camera
-from megalopta.scenes.world.scene import Scene
+from megalopta.scenes.scene import Scene
 
 NAMES = "density", "cells", "seen", "rows", "scatter"
 MOST_BYTES = 4 * 10**9

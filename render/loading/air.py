@@ -16,9 +16,9 @@ from megalopta.render import mi
 from megalopta.render.loading.materials import spectrum
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.scene import load_scene, part_of_scene
+from megalopta.scenes.haze import Haze
+from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.world.haze import Haze
-from megalopta.scenes.world.scene import Scene
 
 Float64 = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from megalopta.render import mi
 from megalopta.render.loading.blade import blade
+from megalopta.scenes.material import Emission, Material, Texture
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
-from megalopta.scenes.world.material import Emission, Material, Texture
 
 # Mitsuba's spectra are zero beyond their table; ours go on at the end values.
 _SPECTRUM_LIMITS_NM = (100.0, 4000.0)

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.scenes.world.material import Material
-from megalopta.scenes.world.motion import Motion
-from megalopta.scenes.world.scene import Placement, Scene
+from megalopta.scenes.material import Material
+from megalopta.scenes.motion import Motion
+from megalopta.scenes.scene import Placement, Scene
 
 if TYPE_CHECKING:
     import trimesh

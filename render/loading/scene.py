@@ -10,8 +10,8 @@ from megalopta.render import mi
 from megalopta.render.loading.materials import bsdf, emission, spectrum
 from megalopta.render.loading.meshes import MergedMesh
 from megalopta.render.loading.sky import uneven_sky
-from megalopta.scenes.world.material import Material
-from megalopta.scenes.world.scene import Lighting, Scene
+from megalopta.scenes.material import Material
+from megalopta.scenes.scene import Lighting, Scene
 
 # Points that stand for the disc of sun or moon: at 10 m they blur a shadow's edge in steps of 1 cm.
 # They cost no time, since a path looks at one of them.

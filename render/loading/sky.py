@@ -16,7 +16,7 @@ from scipy.ndimage import maximum_filter
 
 from megalopta.render import dr, mi
 from megalopta.render.loading.materials import bitmap, mean, spectrum
-from megalopta.scenes.world.scene import Lighting, SkyPattern
+from megalopta.scenes.scene import Lighting, SkyPattern
 
 _DISTANCE_M = 1e6
 """Of the points that stand for directions."""

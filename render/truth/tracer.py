@@ -21,7 +21,7 @@ from megalopta.render.truth.geometry import Geometry
 from megalopta.render.truth.surface import Surface
 from megalopta.render.truth.views import View
 from megalopta.scenes.cameras.base import Camera
-from megalopta.scenes.world.scene import Scene
+from megalopta.scenes.scene import Scene
 
 Float64 = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from megalopta.scenes.forest.leaf_area import ground_area
 from megalopta.scenes.forest.planting import dense_path
 from megalopta.scenes.forest.plants import Woody
 from megalopta.scenes.forest.undergrowth import PLANTS
-from megalopta.scenes.world.scene import Scene
+from megalopta.scenes.scene import Scene
 
 Float64 = NDArray[np.float64]
 

@@ -34,10 +34,10 @@ from megalopta.scenes.forest.specimens import (
 from megalopta.scenes.forest.stand import PRESETS
 from megalopta.scenes.forest.sway import Wind, swaying
 from megalopta.scenes.forest.undergrowth import LAYERS
+from megalopta.scenes.haze import Haze
 from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.trajectories.base import Path
-from megalopta.scenes.world.haze import Haze
-from megalopta.scenes.world.scene import Asset, Placement, Scene
 
 PIXEL_RAD = 0.0065
 """Pixels for which the levels of detail are made (rad)."""

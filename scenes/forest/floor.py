@@ -19,7 +19,7 @@ from megalopta.assets_gen.ground.trail import Trail, make_trail
 from megalopta.assets_gen.ground.triangulation import Fineness, Triangulation, triangulated
 from megalopta.scenes.forest.ground import HORIZON_M
 from megalopta.scenes.forest.planting import planted_reach
-from megalopta.scenes.world.scene import Asset
+from megalopta.scenes.scene import Asset
 
 if TYPE_CHECKING:
     from megalopta.scenes.forest.description import Forest

@@ -4,7 +4,7 @@ from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.ground.terrain import Terrain, ground_surface, make_terrain
-from megalopta.scenes.world.scene import Asset
+from megalopta.scenes.scene import Asset
 
 RIM_WIDTH_M, RIM_HEIGHT_M = 22.0, 7.0
 """Behind the stand the land rises over this width by this height (m)."""

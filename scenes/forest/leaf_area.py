@@ -18,7 +18,7 @@ from megalopta.assets_gen import Surface
 from megalopta.assets_gen.ground.scatter import distance_to
 from megalopta.scenes.forest.plants import Organs, Woody
 from megalopta.scenes.forest.specimens import SPECIMENS
-from megalopta.scenes.world.scene import Placement
+from megalopta.scenes.scene import Placement
 
 Float64 = NDArray[np.float64]
 Specimens = Mapping[str, Organs]

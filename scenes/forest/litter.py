@@ -9,7 +9,7 @@ from megalopta.assets_gen import Surface, generator
 from megalopta.scenes.forest.floor import Floor
 from megalopta.scenes.forest.specimens import grow_specimens
 from megalopta.scenes.forest.undergrowth import LITTER, PLANTS
-from megalopta.scenes.world.scene import Asset, Placement
+from megalopta.scenes.scene import Asset, Placement
 
 FLATTENED, LEAST_M = 0.65, 0.001
 """Leaves rise above the ground by so much of what they do where they were strewn, but no less."""

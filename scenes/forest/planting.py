@@ -17,13 +17,13 @@ from scipy.spatial.transform import Rotation
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.ground.scatter import distance_to, poisson_disk
 from megalopta.assets_gen.ground.trail import Trail
-from megalopta.assets_gen.patterns.noise import plane_waves
+from megalopta.assets_gen.noise import plane_waves
 from megalopta.scenes.forest.flora import BUSHES, TREES
 from megalopta.scenes.forest.plants import Plant
 from megalopta.scenes.forest.specimens import INDIVIDUALS, Specimen
 from megalopta.scenes.forest.stand import HEIGHTS, LODS
 from megalopta.scenes.forest.undergrowth import LAYERS, LITTER, PLANTS
-from megalopta.scenes.world.scene import Placement
+from megalopta.scenes.scene import Placement
 
 FloatArray = NDArray[np.float64]
 

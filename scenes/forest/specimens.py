@@ -15,8 +15,8 @@ from megalopta.scenes.forest.nursery import grown, texture
 from megalopta.scenes.forest.plants import Organs, Plant, Woody
 from megalopta.scenes.forest.stand import HEIGHTS, LODS, LodLevel
 from megalopta.scenes.forest.undergrowth import COVERS, PLANTS
-from megalopta.scenes.world.material import Material, Texture
-from megalopta.scenes.world.scene import Asset
+from megalopta.scenes.material import Material, Texture
+from megalopta.scenes.scene import Asset
 
 INDIVIDUALS = 5
 """Distinct grown plants of each kind; turned, leaning and scaled, they do not look repeated. Trees

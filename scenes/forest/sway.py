@@ -18,7 +18,7 @@ from pydantic import Field
 
 from megalopta.assets_gen import generator
 from megalopta.core.record import Record
-from megalopta.scenes.world.scene import Asset, Placement
+from megalopta.scenes.scene import Asset, Placement
 
 Float64 = NDArray[np.float64]
 

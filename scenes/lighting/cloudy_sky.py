@@ -15,16 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.assets_gen import generator, grid_corners
-from megalopta.assets_gen.patterns.noise import plane_waves
-from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.world.material import Emission, Material
-from megalopta.scenes.world.scene import (
+from megalopta.assets_gen.noise import plane_waves
+from megalopta.scenes.material import Emission, Material
+from megalopta.scenes.scene import (
     Asset,
     Lighting,
     Placement,
     Scene,
     Sun,
 )
+from megalopta.scenes.spectra.spectrum import flat
 
 if TYPE_CHECKING:
     import trimesh

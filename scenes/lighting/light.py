@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from megalopta.core.record import Record
+from megalopta.scenes.hashed_file import PictureFile
 from megalopta.scenes.lighting.components import Component, ComponentName, overcast
 from megalopta.scenes.lighting.levels import (
     BRIGHTEST_LUX,
@@ -19,17 +20,16 @@ from megalopta.scenes.lighting.levels import (
     shared,
 )
 from megalopta.scenes.lighting.sky_shapes import sky_shape
-from megalopta.scenes.spectra.blackbody import planckian
-from megalopta.scenes.spectra.overcast import overcast_share
-from megalopta.scenes.spectra.primaries import primaries
-from megalopta.scenes.spectra.spectrum import flat, total
-from megalopta.scenes.world.hashed_file import PictureFile
-from megalopta.scenes.world.scene import (
+from megalopta.scenes.scene import (
     Environment,
     Lighting,
     SkyPattern,
     Sun,
 )
+from megalopta.scenes.spectra.blackbody import planckian
+from megalopta.scenes.spectra.overcast import overcast_share
+from megalopta.scenes.spectra.primaries import primaries
+from megalopta.scenes.spectra.spectrum import flat, total
 
 _OF_ONE_SOURCE: Mapping[ComponentName, ComponentName] = {"sun": "daylit sky", "moon": "moonlit sky"}
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from megalopta.scenes.lighting.components import ComponentName
 from megalopta.scenes.lighting.twilight_sky import twilight_sky
-from megalopta.scenes.world.scene import pattern_directions
+from megalopta.scenes.scene import pattern_directions
 
 Floats = NDArray[np.float64]
 Shape = Callable[[Floats, Floats], Floats]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from megalopta.assets_gen import generator
-from megalopta.assets_gen.stimuli.grating import (
+from megalopta.assets_gen.grating import (
     GratingVariant,
     Pattern,
     bars,
@@ -29,12 +29,12 @@ from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.kinds import kind_of
 from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.material import Emission, Material
+from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.photometry import luminous
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.base import Path
 from megalopta.scenes.trajectories.steady import Trajectory
-from megalopta.scenes.world.material import Emission, Material
-from megalopta.scenes.world.scene import Asset, Placement, Scene
 
 if TYPE_CHECKING:
     import trimesh

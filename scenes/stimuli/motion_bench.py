@@ -17,16 +17,16 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from megalopta.assets_gen.stimuli.grating import board
+from megalopta.assets_gen.grating import board
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.material import Emission, Material
+from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.stimuli.grating import sky_radiance
 from megalopta.scenes.stimuli.plane import board_pose, seen_rectangle
 from megalopta.scenes.trajectories.base import Path
-from megalopta.scenes.world.material import Emission, Material
-from megalopta.scenes.world.scene import Asset, Placement, Scene
 
 
 class MotionBench(SceneDescription, frozen=True):

@@ -14,11 +14,11 @@ from typing import Literal
 
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
+from megalopta.scenes.hashed_file import PictureFile
 from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.scene import Environment, Scene
 from megalopta.scenes.spectra.primaries import primaries
 from megalopta.scenes.trajectories.base import Path
-from megalopta.scenes.world.hashed_file import PictureFile
-from megalopta.scenes.world.scene import Environment, Scene
 
 
 class Panorama(SceneDescription, frozen=True):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from megalopta.assets_gen import generator
-from megalopta.assets_gen.stimuli.grating import (
+from megalopta.assets_gen.grating import (
     Pattern,
     bars,
     board,
@@ -21,9 +21,9 @@ from megalopta.assets_gen.stimuli.grating import (
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.scene import Scene
 from megalopta.scenes.stimuli.grating import PATTERN_NAMES, glowing
 from megalopta.scenes.trajectories.base import Path
-from megalopta.scenes.world.scene import Scene
 
 _TEXELS = 1024
 _DOT_PERIODS = 32

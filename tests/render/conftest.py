@@ -4,9 +4,9 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from megalopta.scenes.material import Emission, Material
+from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.world.material import Emission, Material
-from megalopta.scenes.world.scene import Asset, Placement, Scene
 
 
 def quad(corners: NDArray[np.float64]) -> trimesh.Trimesh:

@@ -8,15 +8,15 @@ import trimesh
 from megalopta.render import RenderSettings, SceneRenderer, choose_variant, has_cuda_device
 from megalopta.scenes import Light, PerspectiveCamera, Trajectory, build_scene
 from megalopta.scenes.forest.description import Forest
-from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.world.material import Material
-from megalopta.scenes.world.motion import Drift, RigidMotion
-from megalopta.scenes.world.scene import (
+from megalopta.scenes.material import Material
+from megalopta.scenes.motion import Drift, RigidMotion
+from megalopta.scenes.scene import (
     Asset,
     Lighting,
     Placement,
     Scene,
 )
+from megalopta.scenes.spectra.spectrum import flat
 
 from .conftest import quad
 

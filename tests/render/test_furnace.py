@@ -8,14 +8,14 @@ import trimesh
 
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.scenes import PerspectiveCamera, Trajectory
-from megalopta.scenes.spectra.spectrum import Spectrum, flat
-from megalopta.scenes.world.material import Material
-from megalopta.scenes.world.scene import (
+from megalopta.scenes.material import Material
+from megalopta.scenes.scene import (
     Asset,
     Lighting,
     Placement,
     Scene,
 )
+from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
 LEVEL = 2e-9
 LOOKING = Trajectory(frames=2, position_m=(-4, 0.5, 1.0), look_at_m=(0, 0, 0)).poses()[0]

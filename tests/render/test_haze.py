@@ -14,12 +14,10 @@ from scipy.special import expn
 
 from megalopta.render import RenderSettings, SceneRenderer, choose_variant
 from megalopta.scenes import EquirectangularCamera, PerspectiveCamera, Shutter, Trajectory
-from megalopta.scenes.spectra.photometry import luminous
-from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.world.haze import Haze
-from megalopta.scenes.world.material import Emission, Material
-from megalopta.scenes.world.motion import Drift, RigidMotion
-from megalopta.scenes.world.scene import (
+from megalopta.scenes.haze import Haze
+from megalopta.scenes.material import Emission, Material
+from megalopta.scenes.motion import Drift, RigidMotion
+from megalopta.scenes.scene import (
     Asset,
     Lighting,
     Placement,
@@ -28,6 +26,8 @@ from megalopta.scenes.world.scene import (
     Sun,
     pattern_directions,
 )
+from megalopta.scenes.spectra.photometry import luminous
+from megalopta.scenes.spectra.spectrum import flat
 
 from .conftest import quad
 

@@ -10,16 +10,16 @@ from megalopta.render.loading.meshes import merge
 from megalopta.render.loading.scene import load_scene
 from megalopta.scenes import Light, PerspectiveCamera, Trajectory
 from megalopta.scenes.lighting.levels import LEVELS
-from megalopta.scenes.spectra.photometry import luminous, luminous_efficiency
-from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.world.material import Material
-from megalopta.scenes.world.scene import (
+from megalopta.scenes.material import Material
+from megalopta.scenes.scene import (
     Asset,
     Lighting,
     Placement,
     Scene,
     Sun,
 )
+from megalopta.scenes.spectra.photometry import luminous, luminous_efficiency
+from megalopta.scenes.spectra.spectrum import flat
 
 from .conftest import quad
 

@@ -9,16 +9,16 @@ import trimesh
 from megalopta.render import RenderSettings, RunningMean, SceneRenderer
 from megalopta.render.variant import choose_variant
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
-from megalopta.scenes.spectra.spectrum import Spectrum, flat
-from megalopta.scenes.trajectories.steady import Trajectory
-from megalopta.scenes.world.material import Material, Texture
-from megalopta.scenes.world.scene import (
+from megalopta.scenes.material import Material, Texture
+from megalopta.scenes.scene import (
     Asset,
     Lighting,
     Placement,
     Scene,
     Sun,
 )
+from megalopta.scenes.spectra.spectrum import Spectrum, flat
+from megalopta.scenes.trajectories.steady import Trajectory
 
 from .conftest import quad
 

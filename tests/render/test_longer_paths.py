@@ -6,14 +6,14 @@ import trimesh
 
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.scenes import PerspectiveCamera, Trajectory
-from megalopta.scenes.spectra.spectrum import Spectrum, flat
-from megalopta.scenes.world.material import Material
-from megalopta.scenes.world.scene import (
+from megalopta.scenes.material import Material
+from megalopta.scenes.scene import (
     Asset,
     Lighting,
     Placement,
     Scene,
 )
+from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
 BANDS = (500.0, 600.0), (800.0, 900.0)
 REFLECTANCES = 0.2, 0.8

@@ -6,7 +6,7 @@ from megalopta.render.noise import MeasuredPass, RenderNoise
 from megalopta.render.repeats import render_once, render_until
 from megalopta.render.scatter import RunningMean
 from megalopta.scenes import Light, PerspectiveCamera, Trajectory
-from megalopta.scenes.world.scene import Scene
+from megalopta.scenes.scene import Scene
 
 from .conftest import placed
 

@@ -28,15 +28,15 @@ from megalopta.render.mitsuba_loader import activate
 from megalopta.render.truth import rays
 from megalopta.render.variant import choose_variant
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
-from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.world.material import Material
-from megalopta.scenes.world.scene import (
+from megalopta.scenes.material import Material
+from megalopta.scenes.scene import (
     Asset,
     Lighting,
     Placement,
     Scene,
     Sun,
 )
+from megalopta.scenes.spectra.spectrum import flat
 
 vectorized = pytest.mark.skipif(
     choose_variant().name.startswith("scalar"), reason="baking needs a vectorized variant"

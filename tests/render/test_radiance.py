@@ -9,11 +9,11 @@ from megalopta.render.settings import RenderSettings, frame_seed
 from megalopta.render.variant import choose_variant
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.material import Material, Texture
+from megalopta.scenes.scene import Lighting, Scene, Sun
 from megalopta.scenes.spectra.reflectance import reflectance_of
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
 from megalopta.scenes.trajectories.steady import Trajectory
-from megalopta.scenes.world.material import Material, Texture
-from megalopta.scenes.world.scene import Lighting, Scene, Sun
 
 from .conftest import placed
 

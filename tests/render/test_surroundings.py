@@ -16,14 +16,14 @@ from megalopta.render.surroundings import (
 )
 from megalopta.scenes import Panorama, PerspectiveCamera, Trajectory
 from megalopta.scenes.lighting.light import Light
-from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.world.material import Material
-from megalopta.scenes.world.scene import (
+from megalopta.scenes.material import Material
+from megalopta.scenes.scene import (
     Asset,
     Placement,
     Scene,
     pattern_directions,
 )
+from megalopta.scenes.spectra.spectrum import flat
 
 from .conftest import quad
 

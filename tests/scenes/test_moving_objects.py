@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from megalopta.scenes.motion import Drift, Tour
 from megalopta.scenes.moving_objects import MovingObject, with_objects
-from megalopta.scenes.world.motion import Drift, Tour
-from megalopta.scenes.world.scene import Scene
+from megalopta.scenes.scene import Scene
 
 EMPTY = Scene({}, {}, ())
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from megalopta.assets_gen.stimuli.grating import sine_grating
+from megalopta.assets_gen.grating import sine_grating
 from megalopta.flow import METHODS, BenchmarkSettings, SearchSettings, photon_benchmark
 from megalopta.flow.benchmark.search import next_index, photon_search
 from megalopta.flow.benchmark.short_sequences import Comparison, ShortSequences, phase_shifts

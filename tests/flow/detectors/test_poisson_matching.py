@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from megalopta.assets_gen.stimuli.dead_leaves_model import dead_leaves
+from megalopta.assets_gen.dead_leaves_model import dead_leaves
 from megalopta.flow.detectors.poisson_matching import PoissonMatching
 from megalopta.flow.detectors.pooled_matching import PooledMatching
 

@@ -26,7 +26,7 @@ from megalopta.sensor.spad import draw_fixed_pattern
 
 pytestmark = pytest.mark.slow
 
-SHAPE = (8, 8)
+SHAPE = (16, 16)
 DARK_EXPOSURES_S = (1e-3, 3e-3, 0.01, 0.03, 0.1)
 LIGHTS_HZ = (2e8, 1e9, 4e9)
 SENSOR = changed(preset("spadcam"), device_seed=9)
@@ -86,7 +86,7 @@ def test_the_device_file_loads_with_its_maps(calibrated):
     np.testing.assert_allclose(found.efficiency_factor, truth.efficiency_factor, rtol=0.1)
     np.testing.assert_allclose(found.counters.step_v, truth.counters.step_v, rtol=2e-3)
     assert device.dead_time.kind == "paralyzable"
-    assert "64 of 64 pixels" in sentence
+    assert "256 of 256 pixels" in sentence
     assert "Saturation" in (folder / "device.html").read_text("utf-8")
 
 

@@ -8,7 +8,7 @@ from megalopta.config.model import built_in_names, differences, load, parse
 from megalopta.config.yaml_model import to_yaml
 from megalopta.core.errors import UserError
 from megalopta.scenes.forest.description import Forest
-from megalopta.scenes.world.haze import Haze
+from megalopta.scenes.haze import Haze
 
 
 @pytest.mark.parametrize("name", built_in_names())

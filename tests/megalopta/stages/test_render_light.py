@@ -10,9 +10,9 @@ import trimesh
 from megalopta.config.model import load, parse
 from megalopta.core.errors import UserError
 from megalopta.render import read_attributes, read_radiance
+from megalopta.scenes.material import Material
+from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.world.material import Material
-from megalopta.scenes.world.scene import Asset, Placement, Scene
 from megalopta.stages.pipeline import run_stage
 
 SMALL = {

@@ -7,10 +7,10 @@ import trimesh
 from pydantic import Field
 
 from megalopta.scenes import Camera, Light, SceneDescription
+from megalopta.scenes.material import Material
+from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.base import Path
-from megalopta.scenes.world.material import Material
-from megalopta.scenes.world.scene import Asset, Placement, Scene
 
 
 class Corridor(SceneDescription, frozen=True):

@@ -9,10 +9,10 @@ from megalopta.render.loading.scene import load_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.variant import choose_variant
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.material import Material
+from megalopta.scenes.scene import Scene
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory
-from megalopta.scenes.world.material import Material
-from megalopta.scenes.world.scene import Scene
 
 vectorized = pytest.mark.skipif(
     choose_variant().name.startswith("scalar"), reason="cells are found by vectorized rays"

@@ -18,17 +18,17 @@ from megalopta.render.sensors import primary
 from megalopta.render.settings import RenderSettings, bake_seed, frame_seed
 from megalopta.render.variant import choose_variant
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
-from megalopta.scenes.spectra.spectrum import Spectrum, flat
-from megalopta.scenes.trajectories.steady import Trajectory
-from megalopta.scenes.world.material import Emission, Material, Texture
-from megalopta.scenes.world.motion import Drift, RigidMotion
-from megalopta.scenes.world.scene import (
+from megalopta.scenes.material import Emission, Material, Texture
+from megalopta.scenes.motion import Drift, RigidMotion
+from megalopta.scenes.scene import (
     Asset,
     Lighting,
     Placement,
     Scene,
     Sun,
 )
+from megalopta.scenes.spectra.spectrum import Spectrum, flat
+from megalopta.scenes.trajectories.steady import Trajectory
 
 from ..conftest import quad
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from megalopta.render.baking.scattering import Scattering
+from megalopta.scenes.material import Emission, Material, Texture
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
-from megalopta.scenes.world.material import Emission, Material, Texture
 
 BANDS = ((400.0, 500.0), (700.0, 900.0))
 RISING = Spectrum((400.0, 900.0), (0.0, 0.5))

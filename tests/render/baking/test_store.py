@@ -9,15 +9,15 @@ from megalopta.render import RenderSettings
 from megalopta.render.baking.store import key_of
 from megalopta.render.loading.meshes import merge
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
-from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.trajectories.steady import Trajectory
-from megalopta.scenes.world.material import Material, Texture
-from megalopta.scenes.world.scene import (
+from megalopta.scenes.material import Material, Texture
+from megalopta.scenes.scene import (
     Asset,
     Lighting,
     Placement,
     Scene,
 )
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.trajectories.steady import Trajectory
 
 from ..conftest import quad
 

@@ -7,10 +7,10 @@ import trimesh
 from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.material import Emission, Material
+from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory
-from megalopta.scenes.world.material import Emission, Material
-from megalopta.scenes.world.scene import Asset, Placement, Scene
 
 from ..conftest import quad
 

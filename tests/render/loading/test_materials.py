@@ -9,9 +9,9 @@ from megalopta.render.loading.meshes import merge
 from megalopta.render.loading.scene import load_scene
 from megalopta.render.mitsuba_loader import activate
 from megalopta.render.variant import Variant, choose_variant
+from megalopta.scenes.material import Material, Texture
+from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
-from megalopta.scenes.world.material import Material, Texture
-from megalopta.scenes.world.scene import Asset, Placement, Scene
 
 from ..conftest import quad
 

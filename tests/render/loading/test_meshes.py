@@ -5,10 +5,10 @@ import pytest
 import trimesh
 
 from megalopta.render.loading.meshes import MovingMesh, merge
+from megalopta.scenes.material import Material, Texture
+from megalopta.scenes.motion import Drift, RigidMotion
+from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.world.material import Material, Texture
-from megalopta.scenes.world.motion import Drift, RigidMotion
-from megalopta.scenes.world.scene import Asset, Placement, Scene
 
 BOX = trimesh.creation.box((1, 2, 3))
 BALL = trimesh.creation.icosphere(2)

@@ -8,14 +8,14 @@ from megalopta.render import activate, choose_variant, mi
 from megalopta.render.loading.meshes import merge
 from megalopta.render.loading.scene import load_scene
 from megalopta.render.loading.shapes import MeshIndex
-from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.world.material import Material
-from megalopta.scenes.world.scene import (
+from megalopta.scenes.material import Material
+from megalopta.scenes.scene import (
     Asset,
     Lighting,
     Placement,
     Scene,
 )
+from megalopta.scenes.spectra.spectrum import flat
 
 
 @pytest.mark.skipif(choose_variant().name.startswith("scalar"), reason="of vectorized variants")

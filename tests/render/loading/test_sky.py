@@ -12,9 +12,8 @@ import pytest
 from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.render.variant import choose_variant
 from megalopta.scenes import PerspectiveCamera, Trajectory
-from megalopta.scenes.spectra.spectrum import Spectrum, flat
-from megalopta.scenes.world.material import Material
-from megalopta.scenes.world.scene import (
+from megalopta.scenes.material import Material
+from megalopta.scenes.scene import (
     Asset,
     Lighting,
     Placement,
@@ -22,6 +21,7 @@ from megalopta.scenes.world.scene import (
     SkyPattern,
     pattern_directions,
 )
+from megalopta.scenes.spectra.spectrum import Spectrum, flat
 
 from ..conftest import quad
 

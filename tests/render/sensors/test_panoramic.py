@@ -11,15 +11,15 @@ from megalopta.render.settings import RenderSettings
 from megalopta.render.truth.tracer import out_of_view
 from megalopta.scenes.cameras.panoramic import CylindricalCamera, EquirectangularCamera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
-from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.trajectories.steady import Trajectory
-from megalopta.scenes.world.material import Material
-from megalopta.scenes.world.scene import (
+from megalopta.scenes.material import Material
+from megalopta.scenes.scene import (
     Asset,
     Lighting,
     Placement,
     Scene,
 )
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.trajectories.steady import Trajectory
 
 from ..conftest import glowing_room, placed
 from ..truth.test_tracer import plane_distance, sphere_cap, sphere_distance

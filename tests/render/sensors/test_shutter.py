@@ -7,11 +7,11 @@ from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings, frame_seed, instant_seed
 from megalopta.scenes import Shutter
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
+from megalopta.scenes.material import Emission, Material
+from megalopta.scenes.motion import Drift, RigidMotion
+from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
 from megalopta.scenes.trajectories.steady import Trajectory
-from megalopta.scenes.world.material import Emission, Material
-from megalopta.scenes.world.motion import Drift, RigidMotion
-from megalopta.scenes.world.scene import Asset, Placement, Scene
 
 from ..conftest import quad
 

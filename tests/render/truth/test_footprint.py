@@ -9,16 +9,16 @@ from megalopta.scenes import Light, build_scene
 from megalopta.scenes.cameras.panoramic import CylindricalCamera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.forest.description import Forest
-from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.trajectories.steady import Trajectory
-from megalopta.scenes.world.material import Material
-from megalopta.scenes.world.motion import Drift, RigidMotion
-from megalopta.scenes.world.scene import (
+from megalopta.scenes.material import Material
+from megalopta.scenes.motion import Drift, RigidMotion
+from megalopta.scenes.scene import (
     Asset,
     Lighting,
     Placement,
     Scene,
 )
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.trajectories.steady import Trajectory
 
 from ..conftest import quad
 

@@ -14,16 +14,16 @@ from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.forest.sway import Sway
-from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.trajectories.steady import Trajectory
-from megalopta.scenes.world.material import Material
-from megalopta.scenes.world.motion import Drift, RigidMotion, Tour
-from megalopta.scenes.world.scene import (
+from megalopta.scenes.material import Material
+from megalopta.scenes.motion import Drift, RigidMotion, Tour
+from megalopta.scenes.scene import (
     Asset,
     Lighting,
     Placement,
     Scene,
 )
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.trajectories.steady import Trajectory
 
 from ..conftest import quad, sphere_cap
 

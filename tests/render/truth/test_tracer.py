@@ -9,15 +9,15 @@ from megalopta.render.scene_renderer import SceneRenderer
 from megalopta.render.settings import RenderSettings
 from megalopta.render.truth.tracer import out_of_view
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
-from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.trajectories.steady import Trajectory
-from megalopta.scenes.world.material import Material
-from megalopta.scenes.world.scene import (
+from megalopta.scenes.material import Material
+from megalopta.scenes.scene import (
     Asset,
     Lighting,
     Placement,
     Scene,
 )
+from megalopta.scenes.spectra.spectrum import flat
+from megalopta.scenes.trajectories.steady import Trajectory
 
 from ..conftest import placed, quad, sphere_cap
 

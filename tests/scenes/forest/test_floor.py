@@ -26,7 +26,7 @@ from megalopta.scenes.forest.planting import dense_path
 from megalopta.scenes.forest.size import foreseen
 from megalopta.scenes.forest.specimens import grow_specimens
 from megalopta.scenes.forest.undergrowth import LAYERS
-from megalopta.scenes.world.scene import Placement
+from megalopta.scenes.scene import Placement
 
 PATH = np.stack([np.linspace(-1, 2, 7), np.linspace(0, 1, 7)], axis=-1)
 WAY = cKDTree(dense_path(PATH))

@@ -6,9 +6,9 @@ from megalopta.render import RenderSettings, SceneRenderer
 from megalopta.scenes import PerspectiveCamera, Trajectory
 from megalopta.scenes.lighting.cloudy_sky import DOME_M, LOWEST_DEG, clouds, under_clouds
 from megalopta.scenes.lighting.light import Light
+from megalopta.scenes.material import Material
+from megalopta.scenes.scene import Asset, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.world.material import Material
-from megalopta.scenes.world.scene import Asset, Placement, Scene
 
 WAVELENGTH_NM = 560.0
 

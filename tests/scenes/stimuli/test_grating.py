@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from megalopta.assets_gen.stimuli.grating import open_cylinder, sine_grating
+from megalopta.assets_gen.grating import open_cylinder, sine_grating
 from megalopta.scenes.cameras.panoramic import CylindricalCamera, EquirectangularCamera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.lighting.light import Light

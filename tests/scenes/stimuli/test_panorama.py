@@ -3,7 +3,7 @@ import pytest
 from pydantic import ValidationError
 
 from megalopta.scenes import Light, Panorama
-from megalopta.scenes.world.hashed_file import HashedFile
+from megalopta.scenes.hashed_file import HashedFile
 
 
 def test_a_file_is_known_by_its_content(tmp_path):

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from megalopta.scenes.material import Emission, Material, Texture
 from megalopta.scenes.spectra.spectrum import Spectrum, flat
-from megalopta.scenes.world.material import Emission, Material, Texture
 
 WEIGHT = np.zeros((2, 2), np.float32)
 

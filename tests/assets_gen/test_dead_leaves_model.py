@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta.assets_gen.stimuli.dead_leaves_model import dead_leaves, paint_leaf
+from megalopta.assets_gen.dead_leaves_model import dead_leaves, paint_leaf
 
 
 def test_covariance_is_that_of_the_first_leaf_to_cover_either_of_two_points():

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.scenes.hashed_file import HashedFile
+from megalopta.scenes.haze import Haze
+from megalopta.scenes.material import Material
+from megalopta.scenes.motion import Motion
 from megalopta.scenes.spectra.spectrum import Spectrum, total
-from megalopta.scenes.world.hashed_file import HashedFile
-from megalopta.scenes.world.haze import Haze
-from megalopta.scenes.world.material import Material
-from megalopta.scenes.world.motion import Motion
 
 if TYPE_CHECKING:
     import trimesh

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta.assets_gen.stimuli.grating import bars, board, random_dots
+from megalopta.assets_gen.grating import bars, board, random_dots
 
 
 def test_a_sine_has_its_contrast_and_frequency_alone():

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta.assets_gen.stimuli.bodies import ball, box, checkerboard
+from megalopta.assets_gen.bodies import ball, box, checkerboard
 
 
 @pytest.mark.parametrize(

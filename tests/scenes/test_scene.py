@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from megalopta.scenes.scene import Asset, Material, Placement, Scene
 from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.world.scene import Asset, Material, Placement, Scene
 
 BOX = trimesh.creation.box((1, 1, 1))
 

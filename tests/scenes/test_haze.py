@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from megalopta.scenes.hashed_file import HashedFile
+from megalopta.scenes.haze import Haze
+from megalopta.scenes.scene import Environment, Scene
 from megalopta.scenes.spectra.spectrum import flat
-from megalopta.scenes.world.hashed_file import HashedFile
-from megalopta.scenes.world.haze import Haze
-from megalopta.scenes.world.scene import Environment, Scene
 
 
 @pytest.mark.parametrize("visibility_m", [30.0, 4000.0])

@@ -1,1 +1,0 @@
-"""Noise and splats that textures are made of."""

@@ -1,1 +1,0 @@
-"""Gratings, dead leaves and bodies."""

@@ -1,1 +1,0 @@
-"""What every scene consists of: placements, materials, emitters, motion."""
