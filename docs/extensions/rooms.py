@@ -50,7 +50,7 @@ def write_pages(folder: Path) -> None:
     """Write a page for every room and the list of them."""
     folder.mkdir(parents=True, exist_ok=True)
     index = [
-        "Names by room",
+        "Public names",
         "=============",
         "",
         "Import a name from the room that publishes it.",
