@@ -74,10 +74,12 @@ def test_a_cluster_with_a_worker_that_lacks_something_is_refused(lacking, told, 
                 cwd=tmp_path,
             ) as worker,
         ):
-            client.wait_for_workers(1, timeout=120)
-            with pytest.raises(UserError, match=rf"worker tcp://127\.0\.0\.1:\d+ {told}"):
-                list(run_jobs(print, range(3), scheduler=address))
-            worker.kill()
+            try:
+                client.wait_for_workers(1, timeout=120)
+                with pytest.raises(UserError, match=rf"worker tcp://127\.0\.0\.1:\d+ {told}"):
+                    list(run_jobs(print, range(3), scheduler=address))
+            finally:
+                worker.kill()
 
 
 @pytest.mark.slow

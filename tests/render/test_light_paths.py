@@ -1,0 +1,57 @@
+"""Our light paths against Mitsuba's integrator, and how often they are compiled."""
+
+import gc
+
+import numpy as np
+import pytest
+
+from megalopta.render import RenderSettings, SceneRenderer, activate, choose_variant, dr, mi
+from megalopta.render.sensors.film import Film
+from megalopta.scenes import Forest, Light, PerspectiveCamera, Trajectory, build_scene
+
+PATH = Trajectory(frames=2, position_m=(0, 0, 1.5), look_at_m=(10, 0, 1.5))
+SETTINGS = RenderSettings(samples_per_pixel=4, integrator="path")
+KERNEL = 100_000
+"""Characters; what traces paths has ten times as many, all else fewer."""
+
+
+@pytest.fixture(scope="module")
+def forest():
+    """A small forest, and whether kernels can be told of."""
+    activate(choose_variant("auto"))
+    if str(mi.variant()).startswith("scalar"):
+        pytest.skip("no kernels in scalar variants")
+    camera = PerspectiveCamera(width=4, height=4)
+    description = Forest(trees=3, density_per_ha=100)
+    return build_scene(description, Light(level="daylight", sky="natural"), camera, PATH)
+
+
+def renderer(scene, width, height, **settings):
+    camera = PerspectiveCamera(width=width, height=height)
+    return SceneRenderer(scene, camera, SETTINGS.model_copy(update=settings))
+
+
+def test_frames_are_those_of_mitsubas_path_tracer_to_the_last_bit(forest):
+    rendering = renderer(forest, 20, 13)
+    film, pose = Film(rendering.camera, SETTINGS, 4), PATH.poses()[0]
+    mitsubas = mi.load_dict({"type": "path", "max_depth": SETTINGS.max_depth})
+
+    def trace(scene, sensor, seed, spp):
+        return np.array(mitsubas.render(scene, sensor, seed=seed, spp=spp), np.float32)
+
+    expected = film.expose(trace, rendering._view._loaded, rendering._local(pose), seed=7)
+    np.testing.assert_array_equal(rendering.radiance(pose, seed=7), expected)
+
+
+def test_another_image_size_and_depth_trace_paths_by_the_same_kernel(forest):
+    pose = PATH.poses()[0]
+    renderer(forest, 8, 8).radiance(pose, seed=1)
+    gc.collect()  # code also depends on how many materials there are
+    other = renderer(forest, 11, 5, max_depth=3)
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        other.radiance(pose, seed=1)
+        kernels = [each for each in dr.kernel_history() if "ir" in each]
+    tracing = [each for each in kernels if len(each["ir"].getvalue()) > KERNEL]
+    assert len(tracing) == 1
+    assert all(each["cache_hit"] for each in tracing)
