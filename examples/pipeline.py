@@ -6,7 +6,7 @@ time and on disk; every function here is public.
 
 import numpy as np
 
-from megalopta.flow import METHODS, BenchmarkSettings, photon_benchmark
+from megalopta.flow import BenchmarkSettings, optical_flow, photon_benchmark
 from megalopta.render import RenderSettings, SceneRenderer, frame_seed
 from megalopta.scenes import Forest, Light, PerspectiveCamera, Trajectory, build_scene
 from megalopta.sensor import changed, expose, photon_rate, preset
@@ -36,7 +36,7 @@ print(f"{exposure.counts.mean():.0f} counts per pixel and frame")
 
 # Motion of the counts, against the true motion
 pair = exposure.counts[FRAMES // 2 : FRAMES // 2 + 2].astype(float)
-flow = METHODS["DIS"].dense(*pair)
+flow = optical_flow(*pair, method="DIS")
 errors_px = np.linalg.norm(flow - truth.flow_forward, axis=-1)
 known = ~truth.occluded_forward & ~truth.out_of_view_forward & np.isfinite(errors_px)
 print(f"DIS is off by {np.median(errors_px[known]):.2f} px in half of the pixels")

@@ -20,9 +20,8 @@ from itertools import product
 
 import numpy as np
 
-from megalopta.flow.benchmark.reused_memory import ReusedMemory
 from megalopta.flow.benchmark.settings import SearchSettings
-from megalopta.flow.benchmark.short_sequences import Comparison, ShortSequences
+from megalopta.flow.benchmark.short_sequences import Comparison, ReusedMemory, ShortSequences
 from megalopta.flow.detectors import Detector, Method, method
 from megalopta.flow.metrics import ErrorCurve, ErrorSums, Metric, combine, error_curve
 from megalopta.flow.stimuli import MovingTemplate
@@ -145,7 +144,7 @@ class _Search:
         self._fluxes = self._settings.fluxes
         self._last = len(self._fluxes) - 1
         self._measured: dict[int, ErrorSums] = {}
-        self._latest: dict[tuple[Metric, tuple[int, ...]], tuple[int, ErrorCurve]] = {}
+        self._made: dict[tuple[Metric, tuple[int, ...], int], ErrorCurve] = {}
 
     def curves(self) -> list[ErrorCurve]:
         """Return one curve for each metric."""
@@ -205,11 +204,10 @@ class _Search:
 
     def _curve(self, metric: Metric, bits: tuple[int, ...]) -> ErrorCurve:
         """Return the curve through what was measured, made again if that has become more."""
-        number, curve = self._latest.get((metric, bits), (0, None))
-        if curve is None or number < len(self._measured):
-            curve = self._new_curve(metric, bits)
-            self._latest[metric, bits] = len(self._measured), curve
-        return curve
+        key = metric, bits, len(self._measured)
+        if key not in self._made:
+            self._made[key] = self._new_curve(metric, bits)
+        return self._made[key]
 
     def _new_curve(self, metric: Metric, bits: tuple[int, ...]) -> ErrorCurve:
         indices = sorted(self._measured)

@@ -83,14 +83,11 @@ def photon_benchmark(
     warm_up = checked_warm_up(frames.shape, detectors, settings)
     curves: list[ErrorCurve] = []
     for size in settings.sizes:
-        stimulus = _Stimulus(frames, size, settings, seed, sequence)
+        at_size = _AtSize(frames, size, settings, seed, sequence)
         for detector, sums in zip(
-            detectors, _measured(stimulus, detectors, settings, on_progress, parts), strict=True
+            detectors, at_size.measured(detectors, on_progress, parts), strict=True
         ):
-            curves += [
-                _curve(stimulus, detector, sums, metric, warm_up, settings)
-                for metric in settings.metrics
-            ]
+            curves += [at_size.curve(detector, sums, each, warm_up) for each in settings.metrics]
     return BenchmarkResult(
         sequence=sequence,
         seed=seed,
@@ -102,38 +99,80 @@ def photon_benchmark(
     )
 
 
-class _Stimulus:
-    """A resized clean sequence, and the photons it gives."""
+class _AtSize:
+    """A resized clean sequence, and how methods do on the photons it gives."""
 
     def __init__(
         self, frames: Clip, size: int, settings: BenchmarkSettings, seed: int, sequence: str
     ) -> None:
-        self._frames, self._settings, self.seed = frames, settings, seed
+        self._frames, self._settings, self._seed = frames, settings, seed
         rows, columns = frames.shape[1], frames.shape[2]
-        self.shape = resized_shape((rows, columns), size)
-        self.pixels = self.shape[0] * self.shape[1]
+        self._shape = resized_shape((rows, columns), size)
+        self._pixels = self._shape[0] * self._shape[1]
         # of a resized pixel, per frame
-        self.dark_counts = settings.dark_counts * rows * columns / self.pixels
+        self._dark_counts = settings.dark_counts * rows * columns / self._pixels
         # names the sequence at this size in random streams
-        self.key = sequence, f"{self.shape[0]}x{self.shape[1]}"
+        self._key = sequence, f"{self._shape[0]}x{self._shape[1]}"
         light = np.concatenate([frame_light(chunk) for _, chunk in self._resized()])
         self._divisors = divisors(light, settings.normalization)
 
-    def chunks(self) -> Iterator[tuple[int, FloatArray]]:
-        """Yield the number of the first frame and the frames, as shares of the flux."""
-        for first, frames in self._resized():
-            yield first, frames / self._divisors[first : first + len(frames), None, None]
+    def measured(
+        self, methods: Sequence[Detector], on_progress: Progress | None, parts: Parts
+    ) -> list[ErrorSums]:
+        """Return the sums of each method, (fluxes, repeats, T)."""
+        repeats = [
+            parts(f"{self._key[1]}-{each}", partial(self._repeat, each, methods, on_progress))
+            for each in range(self._settings.repeats)
+        ]
+        return [
+            combine(sums, lambda each: np.stack(each, axis=1))
+            for sums in zip(*repeats, strict=True)
+        ]
 
-    def counts(self, means: FloatArray, flux: float, repeat: int, first_frame: int) -> Counts:
-        return draw_counts(
-            means, self.seed, *self.key, f"{flux:.6g}", repeat, first_frame=first_frame
-        )
+    def _repeat(
+        self, repeat: int, methods: Sequence[Detector], on_progress: Progress | None
+    ) -> list[ErrorSums]:
+        """Return the sums of each method, (fluxes, T)."""
+        fluxes, shape = self._settings.fluxes, self._shape
+        answers_to_light = [method.start(shape) for method in methods]
+        own = [self._settings.compares_with_means(method) for method in methods]
+        comparisons = [
+            [_Comparison(method, shape, has) for method, has in zip(methods, own, strict=True)]
+            for _ in fluxes
+        ]
+        for first, frames in self._resized():
+            light = frames / self._divisors[first : first + len(frames), None, None]
+            ideals = [answer(light, self._pixels) for answer in answers_to_light]
+            for flux, at_flux in zip(fluxes, comparisons, strict=True):
+                means = light * flux + self._dark_counts
+                key = *self._key, f"{flux:.6g}", repeat
+                counts = draw_counts(means, self._seed, *key, first_frame=first)
+                for ideal, comparison in zip(ideals, at_flux, strict=True):
+                    comparison.add(ideal, means, counts, self._pixels / flux)
+                if on_progress is not None:
+                    on_progress(counts.size)
+        return [
+            combine([combine(each.sums, np.concatenate) for each in of_method], np.stack)
+            for of_method in zip(*comparisons, strict=True)
+        ]
+
+    def curve(self, method: Detector, sums: ErrorSums, metric: Metric, warm_up: int) -> ErrorCurve:
+        """Return the curve of a method, with standard errors of blocks longer than its memory."""
+        scored = combine([sums], lambda parts: parts[0][..., warm_up:])
+        frames = scored.scored.shape[-1]
+        blocks = max(1, frames // (method.memory_frames + 1))
+        starts = [block * frames // blocks for block in range(blocks)]
+        asked = self._settings
+        return error_curve(
+            method, self._shape, metric, asked.fluxes, scored, starts, asked.bits, asked.confidence,
+            self._seed, *self._key,
+        )  # fmt: skip
 
     def _resized(self) -> Iterator[tuple[int, Frames]]:
         length = self._settings.chunk_frames
         for first in range(0, self._frames.shape[0], length):
             chunk = np.asarray(self._frames[first : first + length])
-            yield first, resize(chunk, self.shape, self._settings.resize)
+            yield first, resize(chunk, self._shape, self._settings.resize)
 
 
 class _Comparison:
@@ -149,79 +188,3 @@ class _Comparison:
         if self.answer_to_means is not None:
             ideal = self.answer_to_means(means, scale)
         self.sums.append(error_sums(self.method, ideal, self.answer_to_counts(counts, scale)))
-
-
-def _measured(
-    stimulus: _Stimulus,
-    methods: Sequence[Detector],
-    settings: BenchmarkSettings,
-    on_progress: Progress | None,
-    parts: Parts,
-) -> list[ErrorSums]:
-    """Return the sums of each method, (fluxes, repeats, T)."""
-    repeats = [
-        parts(
-            f"{stimulus.key[1]}-{repeat}",
-            partial(_one_repeat, stimulus, methods, settings, repeat, on_progress),
-        )
-        for repeat in range(settings.repeats)
-    ]
-    return [
-        combine(sums, lambda each: np.stack(each, axis=1)) for sums in zip(*repeats, strict=True)
-    ]
-
-
-def _one_repeat(
-    stimulus: _Stimulus,
-    methods: Sequence[Detector],
-    settings: BenchmarkSettings,
-    repeat: int,
-    on_progress: Progress | None,
-) -> list[ErrorSums]:
-    """Return the sums of each method, (fluxes, T)."""
-    answers_to_light = [method.start(stimulus.shape) for method in methods]
-    comparisons = [
-        [
-            _Comparison(method, stimulus.shape, settings.compares_with_means(method))
-            for method in methods
-        ]
-        for _ in settings.fluxes
-    ]
-    for first_frame, light in stimulus.chunks():
-        ideals = [answer(light, stimulus.pixels) for answer in answers_to_light]
-        for flux, at_flux in zip(settings.fluxes, comparisons, strict=True):
-            means = light * flux + stimulus.dark_counts
-            counts = stimulus.counts(means, flux, repeat, first_frame)
-            for ideal, comparison in zip(ideals, at_flux, strict=True):
-                comparison.add(ideal, means, counts, stimulus.pixels / flux)
-            if on_progress is not None:
-                on_progress(counts.size)
-    return [
-        combine([combine(each.sums, np.concatenate) for each in of_method], np.stack)
-        for of_method in zip(*comparisons, strict=True)
-    ]
-
-
-def _curve(
-    stimulus: _Stimulus,
-    method: Detector,
-    sums: ErrorSums,
-    metric: Metric,
-    warm_up: int,
-    settings: BenchmarkSettings,
-) -> ErrorCurve:
-    scored = combine([sums], lambda parts: parts[0][..., warm_up:])
-    frames = scored.scored.shape[-1]
-    blocks = max(1, frames // (method.memory_frames + 1))
-    return error_curve(
-        method,
-        stimulus.shape,
-        metric,
-        settings.fluxes,
-        scored,
-        [block * frames // blocks for block in range(blocks)],
-        settings.bits,
-        settings.confidence,
-        stimulus.seed,
-        *stimulus.key,
-    )

@@ -7,9 +7,13 @@ are drawn and not scored. Draws are named by seed, stimulus, flux, place and rep
 that needs few frames sees the first of those that another one sees.
 """
 
+import math
+import threading
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from megalopta.flow.benchmark.settings import SearchSettings
 from megalopta.flow.detectors import Detector, FloatArray, Frames, Responder
@@ -179,6 +183,30 @@ class Comparison:
 
     def _scale(self, flux: float) -> float:
         return self._sequences.pixels / (flux * self._sequences.settings.summed_frames)
+
+
+class ReusedMemory(threading.local):
+    """Memory of one thread for arrays that go, all of which is free again at `release`.
+
+    A system clears the memory that it hands out, which takes as long as drawing photons into it.
+    """
+
+    def __init__(self) -> None:
+        self._free: list[NDArray[np.uint8]] = []
+        self._taken: list[NDArray[np.uint8]] = []
+
+    def empty(self, shape: tuple[int, ...], kind: type[np.generic]) -> NDArray[Any]:
+        """Return an array as `numpy.empty` does, not to be used after `release`."""
+        size = math.prod(shape) * np.dtype(kind).itemsize
+        place = next((k for k, block in enumerate(self._free) if block.size >= size), None)
+        block = np.empty(size, np.uint8) if place is None else self._free.pop(place)
+        self._taken.append(block)
+        return block[:size].view(kind).reshape(shape)
+
+    def release(self) -> None:
+        """Take back all arrays."""
+        self._free += self._taken
+        self._taken = []
 
 
 def warm_up_frames(method: Detector) -> int:

@@ -1,4 +1,4 @@
-"""Motion detectors and estimators, one a file."""
+"""Motion detectors and estimators."""
 
 import lazy_loader
 

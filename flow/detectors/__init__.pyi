@@ -4,8 +4,8 @@ from .base import (
     Frames as Frames,
     Responder as Responder,
 )
-from .block_detector import BlockDetector as BlockDetector
 from .blocks import (
+    BlockDetector as BlockDetector,
     BlockGrid as BlockGrid,
     block_grid as block_grid,
     block_sums as block_sums,
@@ -13,27 +13,19 @@ from .blocks import (
 from .correlation import (
     NonDirectionalMultiplication as NonDirectionalMultiplication,
     NonDirectionalSummation as NonDirectionalSummation,
+    ndm_mean as ndm_mean,
+    nds_mean as nds_mean,
 )
-from .dense_detector import DenseDetector as DenseDetector
-from .from_function import (
-    DenseFlow as DenseFlow,
-    detector_from as detector_from,
+from .from_function import detector_from as detector_from
+from .gray_detector import (
+    DenseDetector as DenseDetector,
+    GrayDetector as GrayDetector,
 )
-from .from_reference import detector_at as detector_at
-from .gray_detector import GrayDetector as GrayDetector
 from .intensity import IntensityMeasurement as IntensityMeasurement
-from .onnx_detector import OnnxDetector as OnnxDetector
 from .registry import (
     METHODS as METHODS,
     THESIS_METHODS as THESIS_METHODS,
     Method as Method,
     method as method,
 )
-from .sinusoid_response import (
-    ndm_mean as ndm_mean,
-    nds_mean as nds_mean,
-)
-from .summed_frames import (
-    SummedFrames as SummedFrames,
-    summed_frames as summed_frames,
-)
+from .summed_frames import summed_frames as summed_frames

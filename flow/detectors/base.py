@@ -10,7 +10,7 @@ each parameter, and write one test; `megalopta.flow.detectors.registry` finds it
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -158,8 +158,19 @@ def in_pairs(match: Callable[[Frames], FloatArray]) -> Responder:
     return respond
 
 
-def check_finite(*frames: Frames) -> None:
-    """Refuse, with ValueError, frames (H, W) with pixels that are NaN or infinite."""
+def stacked(frames: Sequence[Frames]) -> Frames:
+    """Return frames (H, W) as one array (T, H, W).
+
+    Raises
+    ------
+    ValueError
+        When they are no images, differ in shape, or have pixels that are NaN or infinite.
+    """
+    shapes = {each.shape for each in frames}
+    if {len(shape) for shape in shapes} != {2} or len(shapes) > 1:
+        told = " and ".join(map(str, sorted(shapes)))
+        raise ValueError(f"frames of shape {told}: give images (H, W) of one channel and one size")
     for number, frame in enumerate(frames, 1):
         if not np.isfinite(frame).all():
             raise ValueError(f"frame {number} has pixels that are not finite; fill them in")
+    return np.stack(frames)

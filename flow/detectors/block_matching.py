@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from megalopta.flow.detectors.base import FloatArray, Frames, Responder, in_pairs
-from megalopta.flow.detectors.block_detector import BlockDetector
-from megalopta.flow.detectors.blocks import BlockGrid
+from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, thesis_radius_px
 
 
 class BlockMatching(BlockDetector, frozen=True):
@@ -35,10 +34,7 @@ class BlockMatching(BlockDetector, frozen=True):
     place: ClassVar[float] = 1
 
     name: str = "BM"
-    """Short name"""
-
     label: str = "Block matching"
-    """Name in words"""
 
     radius_px: Annotated[int, Field(ge=1)] | None = None
     """Largest shift searched in x and in y (px per frame); by default `thesis_radius_px`"""
@@ -47,14 +43,6 @@ class BlockMatching(BlockDetector, frozen=True):
         """Return the search for frames (H, W); see `Detector.start`."""
         radius = self.radius_px or thesis_radius_px(shape)
         return in_pairs(partial(_velocities, self.grid(shape), radius))
-
-
-def thesis_radius_px(shape: tuple[int, int]) -> int:
-    """Return the search radius that grows with the shorter side N of the frame.
-
-    (75 + N)/45, rounded: the thesis's 3, 4, 6 and 7 px at N = 60, 120, 180 and 240.
-    """
-    return round((75 + min(shape)) / 45)
 
 
 def _velocities(grid: BlockGrid, radius: int, frames: Frames) -> FloatArray:

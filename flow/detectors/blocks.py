@@ -1,15 +1,21 @@
-"""The square blocks for which block methods give one velocity each.
+"""The square blocks for which block methods give one velocity each, and what these methods share.
 
 The thesis cuts an N × N frame into 10 × 10 blocks. A frame that is not square gets square blocks
 of a tenth of its shorter side, as many as fit, centered. Blocks at the border see less of the
 motion (the match may have left the frame), so errors are scored on the blocks inside.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
+from scipy.ndimage import distance_transform_edt, map_coordinates
+
+from megalopta.flow.detectors.base import Detector, FloatArray, Frames, Responder, stacked
 
 BLOCKS_PER_SIDE = 10
 _SMALLEST_BLOCK_PX = 2
@@ -85,3 +91,152 @@ def block_sums(image: NDArray[Any], grid: BlockGrid) -> NDArray[Any]:
     covered = image[grid.top : grid.top + rows * size, grid.left : grid.left + columns * size]
     strips = covered.reshape(rows, size, columns * size).sum(axis=1)
     return np.asarray(strips.reshape(rows, columns, size).sum(axis=2))
+
+
+def mean_over_blocks(flow: FloatArray, grid: BlockGrid) -> FloatArray:
+    """Return the mean of a dense flow (H, W, 2) over each block, (rows, columns, 2)."""
+    sums = [block_sums(flow[..., axis], grid) for axis in range(2)]
+    return np.stack(sums, axis=-1) / grid.block_px**2
+
+
+def between_blocks(velocities: FloatArray, grid: BlockGrid) -> FloatArray:
+    """Return velocities of blocks (rows, columns, 2) at every pixel, (H, W, 2).
+
+    Linear between the middles of blocks, beyond the outermost as there. A block without a velocity
+    takes no part, and the flow is undefined (NaN) at its pixels.
+    """
+    missing: Any = ~np.isfinite(velocities).all(axis=-1)
+    if missing.all():
+        return np.full((*grid.shape, 2), np.nan)
+    _, nearest = distance_transform_edt(missing, return_indices=True)
+    known = velocities[tuple(nearest)]
+    along = (
+        (np.arange(side) + 0.5 - first) / grid.block_px - 0.5
+        for side, first in zip(grid.shape, (grid.top, grid.left), strict=True)
+    )
+    places = np.stack(np.meshgrid(*along, indexing="ij"))
+    between = partial(map_coordinates, coordinates=places, mode="nearest")
+    flow = [between(known[..., axis], order=1) for axis in range(2)]
+    is_missing = between(missing.astype(np.uint8), order=0)[..., np.newaxis]
+    return np.where(is_missing, np.nan, np.stack(flow, axis=-1))
+
+
+class BlockDetector(Detector, frozen=True):
+    """A detector that compares neighboring frames block by block."""
+
+    gives: ClassVar[Literal["response", "velocity"]] = "velocity"
+    tells_direction: ClassVar[bool] = True
+    minimum_frames: ClassVar[int] = 2
+
+    block_px: Annotated[int, Field(ge=2)] | None = None
+    """Side of a block (px); by default a tenth of the shorter side of the frame"""
+
+    fewest_blocks: Annotated[int, Field(ge=1)] = FEWEST_BLOCKS
+    """Smaller frames are refused; 1 lets a detector see a single block and the margin around it"""
+
+    @property
+    def memory_frames(self) -> int:
+        """1: a pair of frames."""
+        return 1
+
+    def scored(self, responses: FloatArray) -> FloatArray:
+        """Return the velocities of the blocks inside."""
+        return responses[:, 1:-1, 1:-1, :]
+
+    def grid(self, shape: tuple[int, int]) -> BlockGrid:
+        """Return where the blocks of a frame (H, W) lie.
+
+        Raises
+        ------
+        ValueError
+            When the frame is too small.
+        """
+        return block_grid(shape, self.block_px, self.fewest_blocks)
+
+    @property
+    def most_frames(self) -> float:
+        """How many frames `dense` takes together."""
+        return self.memory_frames + 1
+
+    def dense(self, *frames: Frames) -> FloatArray:
+        """Return the flow (H, W, 2) of frames of one steady motion, px per frame, x then y.
+
+        Velocities of blocks are linear between the middles of blocks, and beyond the outermost as
+        there; NaN at the pixels of blocks that have none.
+
+        Parameters
+        ----------
+        *frames : (H, W)
+            Two successive ones, or as many more as the method takes together; counts if it asks
+            for them (`takes_counts`).
+
+        Raises
+        ------
+        ValueError
+            When frames are too many or too small, differ in shape, or hold what is no light.
+        """
+        sequence = self.checked(frames)
+        grid = self.grid((sequence.shape[1], sequence.shape[2]))
+        return between_blocks(self.respond(sequence)[-1], grid)
+
+    def checked(self, frames: Sequence[Frames]) -> Frames:
+        """Return frames (H, W) of one motion as one array (T, H, W); raises as `dense`."""
+        sequence = stacked(frames)
+        if not self.minimum_frames <= len(frames) <= self.most_frames:
+            raise ValueError(
+                f"{len(frames)} frames: {self.name} takes {self.minimum_frames}"
+                + (f" to {self.most_frames}" if self.most_frames > self.minimum_frames else "")
+            )
+        if self.takes_counts and sequence.min() < 0:
+            raise ValueError(f"frames hold negative pixels: {self.name} takes counts, 0 or more")
+        return sequence
+
+    def over_window(
+        self,
+        grid: BlockGrid,
+        velocity: Callable[[list[Any], float], FloatArray],
+        prepared: Callable[[Frames], Any] = lambda frame: frame,
+    ) -> Responder:
+        """Return a responder that asks for the velocities of the newest frames, one by one.
+
+        Parameters
+        ----------
+        grid
+        velocity
+            Of the blocks, (rows × columns, 2) in any shape, from two to `memory_frames` + 1
+            prepared frames, the newest last, and the scale.
+        prepared
+            What is kept of a frame (H, W).
+        """
+        window: list[Any] = []
+
+        def respond(frames: Frames, scale: float) -> FloatArray:
+            velocities = []
+            for frame in frames:
+                window.append(prepared(frame))
+                del window[: -1 - self.memory_frames]
+                if len(window) > 1:
+                    velocities.append(velocity(window, scale))
+            return np.array(velocities).reshape(-1, grid.rows, grid.columns, 2)
+
+        return respond
+
+
+class PooledFrames(BlockDetector, frozen=True):
+    """A block detector that takes the newest frames together."""
+
+    frames: Annotated[int, Field(ge=3, le=32)] = 8
+    """Frames that are taken to have one velocity, the newest included"""
+
+    @property
+    def memory_frames(self) -> int:
+        """The frames that are pooled with the newest."""
+        return self.frames - 1
+
+
+def thesis_radius_px(shape: tuple[int, int]) -> int:
+    """Return the search radius that grows with the shorter side N of the frame.
+
+    (75 + N)/45, rounded: the thesis's 3, 4, 6 and 7 px at N = 60, 120, 180 and 240.
+    """
+    return round((75 + min(shape)) / 45)

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from megalopta.flow.detectors.base import FloatArray, Responder
-from megalopta.flow.detectors.blocks import BlockGrid, block_sums
-from megalopta.flow.detectors.pooled_frames import PooledFrames
-from megalopta.flow.detectors.shift_cost import parabola_minimum
+from megalopta.flow.detectors.blocks import BlockGrid, PooledFrames, block_sums
+from megalopta.flow.detectors.poisson_matching import parabola_minimum
 
 _SUMS = 4
 _NEIGHBORS = (0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)
@@ -32,10 +31,7 @@ class BurstAlignment(PooledFrames, frozen=True):
     place: ClassVar[float] = 11.5
 
     name: str = "BA"
-    """Short name"""
-
     label: str = "Burst alignment"
-    """Name in words"""
 
     levels: Annotated[int, Field(ge=1, le=6)] = 4
     """Levels of the pyramid, each binned by 2 × 2 px more; fewer where a block would not fit"""

@@ -20,18 +20,18 @@ brightness too. On ½(1 + C sin(ωt + jφ)), with Hh = (1 − a)(1 − z)/(1 −
     NDM: (C²/4)·h1²·h2·cos φ2·cos φ, before rectification
     NDS: 2A/π with A = (C/2)·h1·√(1 + 4·h2·cos φ·cos φ2 + 4·h2²·cos² φ)
 
-(Eq. 4.3 is misprinted; `sinusoid_response` computes the last two). Motion toward +x has φ < 0 and
-the delay φ2 < 0: EMD is then positive.
+(`ndm_mean`, `nds_mean`; Eq. 4.3 is misprinted). Motion toward +x has φ < 0 and the delay φ2 < 0:
+EMD is then positive.
 """
 
 import math
-from abc import abstractmethod
 from collections.abc import Callable
 from functools import cache
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numba import njit
+from numpy.typing import ArrayLike
 from pydantic import Field
 
 from megalopta.flow.detectors.base import Detector, FloatArray, Frames, Responder
@@ -87,6 +87,7 @@ class CorrelationDetector(Detector, frozen=True):
     """What EMD, NDM and NDS have in common: their filters and their state."""
 
     gives: ClassVar[Literal["response", "velocity"]] = "response"
+    _combination: ClassVar[int]
 
     filter_step: FilterStep
     """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
@@ -150,8 +151,8 @@ class CorrelationDetector(Detector, frozen=True):
         return responses[:, rows, 1:-1, np.newaxis]
 
     @property
-    @abstractmethod
-    def _kind(self) -> int: ...
+    def _kind(self) -> int:
+        return self._combination
 
 
 @cache
@@ -175,20 +176,14 @@ class ElementaryMotionDetector(CorrelationDetector, frozen=True):
     """EMD: directional, positive for motion toward +x; Hassenstein and Reichardt."""
 
     place: ClassVar[float] = 3
+    _combination: ClassVar[int] = _ELEMENTARY
     tells_direction: ClassVar[bool] = True
 
     name: str = "EMD"
-    """Short name"""
-
     label: str = "Elementary motion detector"
-    """Name in words"""
 
     filter_step: FilterStep = 0.30
     """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
-
-    @property
-    def _kind(self) -> int:
-        return _ELEMENTARY
 
 
 class NonDirectionalMultiplication(CorrelationDetector, frozen=True):
@@ -197,10 +192,7 @@ class NonDirectionalMultiplication(CorrelationDetector, frozen=True):
     place: ClassVar[float] = 4
 
     name: str = "NDM"
-    """Short name"""
-
     label: str = "Non-directional multiplication"
-    """Name in words"""
 
     filter_step: FilterStep = 0.625
     """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
@@ -217,16 +209,45 @@ class NonDirectionalSummation(CorrelationDetector, frozen=True):
     """NDS: blind to the direction of motion, linear in contrast; Rivera-Alvidrez."""
 
     place: ClassVar[float] = 5
+    _combination: ClassVar[int] = _RECTIFIED_SUM
 
     name: str = "NDS"
-    """Short name"""
-
     label: str = "Non-directional summation"
-    """Name in words"""
 
     filter_step: FilterStep = 0.714
     """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
 
-    @property
-    def _kind(self) -> int:
-        return _RECTIFIED_SUM
+
+def ndm_mean(filter_step: float, omega: ArrayLike, phase: float, contrast: float) -> FloatArray:
+    """Return the mean response of NDM before rectification, (C²/4)·h1²·h2·cos φ2·cos φ (Eq. 4.2).
+
+    Parameters
+    ----------
+    filter_step : float
+        Step a of the high-pass and of the delay, 0 < a < 1.
+    omega : array_like of any shape
+        Temporal frequency, rad per frame.
+    phase : float
+        Spatial frequency φ, rad per pixel.
+    contrast : float
+        Michelson contrast C.
+    """
+    high_pass, delayed = _gains(filter_step, omega)
+    return np.asarray(contrast**2 / 4 * high_pass**2 * delayed.real * np.cos(phase))
+
+
+def nds_mean(filter_step: float, omega: ArrayLike, phase: float, contrast: float) -> FloatArray:
+    """Return the mean response of NDS, rectified: 2A/π, A = (C/2)·h1·|1 + 2·Hl·cos φ|.
+
+    Parameters and shape as for `ndm_mean`.
+    """
+    high_pass, delayed = _gains(filter_step, omega)
+    amplitude = contrast / 2 * high_pass * np.abs(1 + 2 * delayed * np.cos(phase))
+    return np.asarray(2 / np.pi * amplitude)
+
+
+def _gains(step: float, omega: ArrayLike) -> tuple[FloatArray, np.ndarray]:
+    """Amplitude h1 of the high-pass and complex gain Hl of the delay."""
+    z = np.exp(-1j * np.asarray(omega, dtype=float))
+    rest = 1 - (1 - step) * z
+    return np.abs((1 - step) * (1 - z) / rest), step / rest

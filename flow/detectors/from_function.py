@@ -3,7 +3,7 @@
     photon_benchmark(frames, ["LK", detector_from(my_flow)], settings, seed=0, sequence="mine")
 
 The function gets gray levels from 0 to 1, as all dense estimators here do, and its flow is averaged
-over blocks (`dense_detector`). A method that must see the counts themselves derives from
+over blocks (`gray_detector`). A method that must see the counts themselves derives from
 `BlockDetector` instead.
 """
 
@@ -19,7 +19,7 @@ from pydantic import field_serializer
 from megalopta.core.bounded import quoted
 from megalopta.flow.detectors.base import FloatArray
 from megalopta.flow.detectors.blocks import BlockGrid
-from megalopta.flow.detectors.dense_detector import DenseDetector, MethodError, PairFlow
+from megalopta.flow.detectors.gray_detector import DenseDetector, MethodError, PairFlow
 
 DenseFlow: TypeAlias = Callable[[FloatArray, FloatArray], Any]
 """Two frames (H, W) to the flow (H, W, 2) from the first to the second, px, x before y."""

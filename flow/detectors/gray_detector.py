@@ -20,16 +20,16 @@ Velocities belong to the blocks of the first frame of a pair.
 from abc import abstractmethod
 from collections.abc import Callable
 from functools import partial
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 from scipy.ndimage import gaussian_filter
 
+from megalopta.core.errors import UserError
 from megalopta.flow.detectors.base import FloatArray, Frames, Responder, in_pairs
-from megalopta.flow.detectors.block_detector import BlockDetector
-from megalopta.flow.detectors.blocks import BlockGrid
+from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, mean_over_blocks
 
 _ANSCOMBE = 3 / 8
 _MIDDLE_PERCENT, _SPREADS = (1, 99), 3.0
@@ -91,3 +91,48 @@ def _velocities(
         if pair is not None:
             velocities[index] = estimate(pair)
     return velocities
+
+
+PairFlow: TypeAlias = Callable[[FloatArray], NDArray[Any]]
+"""Two frames (2, H, W), from 0 to 1, to their flow (H, W, 2)."""
+
+
+class MethodError(UserError, ValueError):
+    """A method of somebody else fails, or gives what is no flow; the message names it."""
+
+
+class DenseDetector(GrayDetector, frozen=True):
+    """Dense flow of pairs of pictures; a block's velocity is the mean over its pixels.
+
+    A flow that is undefined at a pixel leaves its block undefined.
+    """
+
+    def dense(self, *frames: Frames) -> FloatArray:
+        """Return the flow (H, W, 2) from one frame to the next, NaN without contrast.
+
+        Raises as `BlockDetector.dense`.
+        """
+        sequence = self.checked(frames)
+        shape = (sequence.shape[1], sequence.shape[2])
+        flow, pair = self._of_shape(self.grid(shape)), gray_levels(self._prepared(sequence))
+        return np.full((*shape, 2), np.nan) if pair is None else flow(pair)
+
+    def _estimator(self, grid: BlockGrid) -> Estimator:
+        flow = self._of_shape(grid)
+        return lambda pair: mean_over_blocks(flow(pair), grid)
+
+    def _of_shape(self, grid: BlockGrid) -> Estimator:
+        estimate, expected = self._dense(grid), (*grid.shape, 2)
+
+        def checked(pair: FloatArray) -> FloatArray:
+            flow = np.asarray(estimate(pair), np.float64)
+            if flow.shape != expected:
+                raise MethodError(
+                    f"{self.name}: a flow of shape {flow.shape}; give {expected}, x before y"
+                )
+            return flow
+
+        return checked
+
+    @abstractmethod
+    def _dense(self, grid: BlockGrid) -> PairFlow: ...

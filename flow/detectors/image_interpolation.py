@@ -20,8 +20,7 @@ import numpy as np
 from numba import njit
 
 from megalopta.flow.detectors.base import FloatArray, Frames, Responder, in_pairs
-from megalopta.flow.detectors.block_detector import BlockDetector
-from megalopta.flow.detectors.blocks import BlockGrid
+from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
 
 _SINGULAR = 1e-9
 """Share of AC below which AC − B² is rounding: gradients of one direction only."""
@@ -33,10 +32,7 @@ class ImageInterpolation(BlockDetector, frozen=True):
     place: ClassVar[float] = 2
 
     name: str = "IIA"
-    """Short name"""
-
     label: str = "Image interpolation"
-    """Name in words"""
 
     scored_components: Literal["x", "xy"] = "x"
     """What the benchmark compares: the thesis's motion is horizontal, so its x component"""

@@ -23,10 +23,7 @@ class IntensityMeasurement(Detector, frozen=True):
     ignores_offset: ClassVar[bool] = False
 
     name: str = "IM"
-    """Short name"""
-
     label: str = "Intensity measurement"
-    """Name in words"""
 
     @property
     def memory_frames(self) -> int:

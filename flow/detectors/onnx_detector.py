@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from megalopta.core.bounded import ARRAY_BYTES, read_bytes
 from megalopta.flow.detectors.base import FloatArray
 from megalopta.flow.detectors.blocks import BlockGrid
-from megalopta.flow.detectors.dense_detector import DenseDetector, PairFlow
+from megalopta.flow.detectors.gray_detector import DenseDetector, PairFlow
 
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession

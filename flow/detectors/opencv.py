@@ -1,13 +1,152 @@
-"""OpenCV, imported when it is first needed and kept to one thread while it works.
+"""Estimators of OpenCV: Lucas–Kanade (LK), Farnebäck (FB) and dense inverse search (DIS).
 
-Its parallel loops cut a frame by the number of threads, and some estimators pass results on within
-such a part: with one thread the numbers are the same on every machine. Sequences are spread over
-processes anyway. The number of threads is one setting of the whole process.
+OpenCV is imported when it is first needed, and kept to one thread while it works: its parallel
+loops cut a frame by the number of threads, and some estimators pass results on within such a part,
+so with one thread the numbers are the same on every machine. Sequences are spread over processes
+anyway. The number of threads is one setting of the whole process.
 """
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from threading import Lock
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from megalopta.flow.detectors.base import FloatArray
+from megalopta.flow.detectors.blocks import BlockGrid
+from megalopta.flow.detectors.gray_detector import (
+    DenseDetector,
+    Estimator,
+    GrayDetector,
+    PairFlow,
+    eight_bits,
+)
+
+_SMALLEST_WINDOW_PX = 3
+_SMALLEST_DIS_FRAME_PX = 12
+
+_FARNEBACK = {"pyr_scale": 0.5, "iterations": 3, "poly_n": 5, "poly_sigma": 1.1, "flags": 0}
+"""A neighborhood of 5 px, and the width of its weights that OpenCV recommends for it"""
+
+_GRAY_LEVELS = 255
+"""Farnebäck's regularization is an absolute number, made for 8-bit pictures."""
+
+
+class LucasKanade(GrayDetector, frozen=True):
+    """Newton search for the shift of a window around the center of each block, coarse to fine.
+
+    Bouguet's iterative form: the shift that minimizes the squared difference between a window of
+    frame t and frame t + 1, found by Newton steps from the coarsest level of a pyramid down to the
+    frames themselves. Only the finest level decides within a pixel, but the coarser ones see 2, 4,
+    … times as far, and where a texture has one period of a few pixels only they may start it in the
+    wrong one. With `pyramid_levels` 1 an estimate uses the photons of its window alone.
+
+    A window whose gradients have one direction only, or none, has no velocity (NaN): the smaller
+    eigenvalue of its structure tensor is below OpenCV's threshold, about a tenth of a squared gray
+    level per pixel. Nor has a window that was tracked out of the frame.
+    """
+
+    place: ClassVar[float] = 7
+    name: str = "LK"
+    label: str = "Lucas–Kanade, pyramidal"
+
+    window_blocks: Annotated[float, Field(gt=0)] = 1.0
+    """Side of the window in sides of a block; 1 sees the very pixels of the block"""
+
+    pyramid_levels: Annotated[int, Field(ge=1)] = 3
+    """Largest number of levels, the frames themselves included; 1 is no pyramid"""
+
+    def _estimator(self, grid: BlockGrid) -> Estimator:
+        import cv2
+
+        side = max(_SMALLEST_WINDOW_PX, round(self.window_blocks * grid.block_px))
+        centers = (grid.centers.reshape(-1, 2) - 0.5).astype(np.float32)
+
+        def estimate(pair: FloatArray) -> FloatArray:
+            first, second = eight_bits(pair)
+            sides, coarsest = (side, side), self.pyramid_levels - 1
+            with one_thread():
+                found, status, _ = cv2.calcOpticalFlowPyrLK(
+                    first, second, centers, np.empty_like(centers), winSize=sides, maxLevel=coarsest
+                )
+            moved = np.where(status > 0, found - centers, np.nan)
+            return moved.reshape(grid.rows, grid.columns, 2).astype(np.float64)
+
+        return estimate
+
+
+class Farneback(DenseDetector, frozen=True):
+    """Dense flow from local quadratic polynomials (Farnebäck 2003), averaged over blocks.
+
+    Around each pixel both frames are approximated by quadratic polynomials; how their linear terms
+    differ gives the shift, by least squares over a window. It takes the gray levels unrounded.
+    Where there is no texture the flow tends to 0, which it cannot tell from standstill. Right and
+    lower neighbors beyond the frame count as unmatched texture: two equal frames give a flow of
+    exactly 0 only away from the border.
+    """
+
+    place: ClassVar[float] = 8
+    name: str = "FB"
+    label: str = "Farnebäck"
+
+    window_blocks: Annotated[float, Field(gt=0)] = 1.0
+    """Side of the averaging window in sides of a block"""
+
+    pyramid_levels: Annotated[int, Field(ge=1)] = 3
+    """Largest number of levels, the frames themselves included; 1 is no pyramid"""
+
+    def _dense(self, grid: BlockGrid) -> PairFlow:
+        import cv2
+
+        window = max(1, round(self.window_blocks * grid.block_px))
+        settings: dict[str, Any] = {"levels": self.pyramid_levels, "winsize": window, **_FARNEBACK}
+
+        def flow(pair: FloatArray) -> NDArray[Any]:
+            first, second = (_GRAY_LEVELS * pair).astype(np.float32)
+            empty: Any = np.empty((*grid.shape, 2), np.float32)
+            with one_thread():
+                return np.asarray(cv2.calcOpticalFlowFarneback(first, second, empty, **settings))
+
+        return flow
+
+
+class DenseInverseSearch(DenseDetector, frozen=True):
+    """Dense flow from overlapping tracked patches (Kroeger et al. 2016), averaged over blocks.
+
+    Patches of 8 × 8 px are tracked by the inverse Lucas–Kanade search, coarse to fine; each pixel
+    averages the patches that cover it, and a variational refinement smooths the result. The preset
+    sets how many patches, steps and levels; all of them stop one or two levels above the frames. It
+    fills gaps in the texture from around them, so no block lacks a velocity.
+    """
+
+    place: ClassVar[float] = 9
+    name: str = "DIS"
+    label: str = "Dense inverse search"
+
+    preset: Literal["ultrafast", "fast", "medium"] = "medium"
+    """OpenCV's choice between speed and accuracy"""
+
+    def _dense(self, grid: BlockGrid) -> PairFlow:
+        import cv2
+
+        height, width = grid.shape
+        if max(grid.shape) < _SMALLEST_DIS_FRAME_PX:
+            raise ValueError(
+                f"frames of {height} × {width} px: {self.name} needs at least"
+                f" {_SMALLEST_DIS_FRAME_PX} px along one side"
+            )
+        preset = getattr(cv2, f"DISOPTICAL_FLOW_PRESET_{self.preset.upper()}")
+        search = cv2.DISOpticalFlow.create(preset)
+
+        def flow(pair: FloatArray) -> NDArray[Any]:
+            first, second = eight_bits(pair)
+            with one_thread():
+                return search.calc(first, second, np.zeros((*grid.shape, 2), np.float32))
+
+        return flow
 
 
 class _Users:

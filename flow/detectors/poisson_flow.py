@@ -1,4 +1,4 @@
-"""Poisson flow (PF): the flow of a whole frame by the likelihood of its counts, and smoothness.
+"""Poisson flow: the flow of a whole frame by the likelihood of its counts, of two frames or eight.
 
 All blocks share their evidence (`flow.likelihood`), where Poisson matching asks each alone. A
 block's velocity is the mean of the flow over it. Motion that differs by some 10 px between large
@@ -6,14 +6,13 @@ parts of the picture is smoothed away, and so are small fast objects: a lower `s
 them and errs more elsewhere.
 """
 
+import math
 from typing import Annotated, ClassVar
 
-import numpy as np
 from pydantic import Field
 
-from megalopta.flow.detectors.base import FloatArray, Frames, Responder, check_finite
-from megalopta.flow.detectors.block_detector import BlockDetector
-from megalopta.flow.detectors.dense_detector import mean_over_blocks
+from megalopta.flow.detectors.base import FloatArray, Frames, Responder, stacked
+from megalopta.flow.detectors.blocks import BlockDetector, PooledFrames, mean_over_blocks
 from megalopta.flow.likelihood import likelihood_flow
 
 
@@ -25,13 +24,15 @@ class PoissonFlow(BlockDetector, frozen=True):
     takes_counts: ClassVar[bool] = True
 
     name: str = "PF"
-    """Short name"""
-
     label: str = "Poisson flow"
-    """Name in words"""
 
     smoothness: Annotated[float, Field(gt=0)] = 0.2
     """Log-likelihood that a pixel's worth of flow is charged per unit of its gradient"""
+
+    @property
+    def most_frames(self) -> float:
+        """Any number, of one steady motion."""
+        return math.inf
 
     def dense(self, *frames: Frames) -> FloatArray:
         """Return the flow (H, W, 2), px per frame, at the first frame of the pair in the middle.
@@ -40,13 +41,34 @@ class PoissonFlow(BlockDetector, frozen=True):
         ----------
         *frames : (H, W)
             Counts, two or more frames of one steady motion; without photons the flow is NaN.
+
+        Raises
+        ------
+        ValueError
+            When frames differ in shape, or hold what is no count.
         """
-        check_finite(*frames)
-        return likelihood_flow(np.stack(frames), self.smoothness)
+        return likelihood_flow(self.checked(frames), self.smoothness)
 
     def start(self, shape: tuple[int, int]) -> Responder:
         """Return the estimator for frames (H, W); see `Detector.start`."""
         grid = self.grid(shape)
         return self.over_window(
-            grid, lambda window, scale: mean_over_blocks(self.dense(*window), grid)
+            grid,
+            lambda window, scale: mean_over_blocks(
+                likelihood_flow(stacked(window), self.smoothness), grid
+            ),
         )
+
+
+class PooledFlow(PooledFrames, PoissonFlow, frozen=True):
+    """Dense flow by the likelihood of counts in several frames, averaged over blocks.
+
+    All pairs of the frames count at once: aligned by a flow, their roots differ from their mean by
+    noise, and the sum of these squares is, up to a factor, that over all pairs. The flow is that of
+    the middle of the frames, under the assumption that nothing has accelerated between the oldest
+    and the newest; at the start of a sequence there are fewer frames.
+    """
+
+    place: ClassVar[float] = 15
+    name: str = "PPF"
+    label: str = "Pooled Poisson flow"

@@ -1,10 +1,22 @@
 """Block matching by Poisson likelihood (PM): two frames, a scale of its own, fractions of a pixel.
 
 As in block matching, each block of frame t + 1 is compared with the equally large parts of frame t
-around it. Three things differ, and each takes it closer to the bound of `translation_bound`: the
-difference is that of a likelihood of counts (`shift_cost`); each block is smoothed, and its pixels
-weighed, as its own counts ask for (`shot_noise_blur`); and the best shift is interpolated between
-pixels.
+around it. Three things differ, and each takes it closer to the bound of `translation_bound`.
+
+The difference is that of a likelihood of counts. Two Poisson counts x and y of one mean have the
+log-likelihood ratio x·ln(2x/(x + y)) + y·ln(2y/(x + y)) ≈ (√x − √y)² against two means of their
+own. The root makes the noise the same in the dark and in the light, so a sum of squared differences
+of roots is the likelihood of a shift, up to a factor for counts that were smoothed. A plain sum of
+squared differences prefers dark candidates, whose noise is smaller.
+
+Each block is smoothed as its own counts ask for (`likelihood.suited_blur_px`). Edges lie between
+plain areas, where differences are all noise; so each pixel is weighed as well, by the variance of
+the smoothed roots around it: texture over texture plus noise, no less than a fifth.
+
+The best shift is interpolated between pixels, by the parabola through 3 × 3 costs, which is meant
+for frames smoothed by at least 0.7 px; on sharper ones it draws velocities toward whole pixels. A
+neighborhood in which only one frame's part moves sees another strip of texture on either side,
+which tilts the parabola: the costs around the minimum are those of both frames' parts.
 
 A block uses its own pixels, those that the search compares them with, and what the smoothing mixes
 into both, 6 px at most; the weights look a little further. It needs nothing else of the frame
@@ -12,15 +24,32 @@ into both, 6 px at most; the weights look a little further. It needs nothing els
 all equal, has no velocity (NaN).
 """
 
-from typing import Annotated, ClassVar
+from collections.abc import Sequence
+from functools import partial
+from itertools import pairwise
+from typing import Annotated, Any, ClassVar
 
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 from pydantic import Field
+from scipy.ndimage import gaussian_filter, spline_filter, uniform_filter
 
-from megalopta.flow.detectors.base import Responder
-from megalopta.flow.detectors.block_detector import BlockDetector
-from megalopta.flow.detectors.block_matching import thesis_radius_px
-from megalopta.flow.detectors.block_pairs import neighbor_shifts
-from megalopta.flow.detectors.shot_noise_blur import SmoothedFrame
+from megalopta.flow.detectors.base import FloatArray, Frames, Responder
+from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, thesis_radius_px
+from megalopta.flow.likelihood import root_noise, suited_blur_px
+
+BLURS_PX = (0.7, 1.0, 1.4, 2.0)
+"""Standard deviations to choose from. Less than 0.7 px leaves too little to interpolate between
+pixels, more than 2 px reaches far out of a block."""
+
+_NEIGHBORHOOD_BLURS = 12
+"""Side of the square in which a pixel's texture is judged, in standard deviations of the blur."""
+
+_LEAST_WEIGHT = 0.2
+
+_DEGENERATE = 0.05
+"""Share of fxx·fyy below which the determinant of the parabola says nothing across the edge."""
 
 
 class PoissonMatching(BlockDetector, frozen=True):
@@ -31,10 +60,7 @@ class PoissonMatching(BlockDetector, frozen=True):
     takes_counts: ClassVar[bool] = True
 
     name: str = "PM"
-    """Short name"""
-
     label: str = "Poisson matching"
-    """Name in words"""
 
     radius_px: Annotated[int, Field(ge=1)] | None = None
     """Largest shift searched in x and in y (px per frame); by default as block matching"""
@@ -45,3 +71,249 @@ class PoissonMatching(BlockDetector, frozen=True):
         return self.over_window(
             grid, lambda window, scale: neighbor_shifts(window, grid, radius), SmoothedFrame
         )
+
+
+class SmoothedFrame:
+    """A frame of counts, smoothed on demand."""
+
+    def __init__(self, counts: Frames) -> None:
+        self._counts = counts.astype(np.float32)
+        self._roots: dict[int, NDArray[np.float32]] = {}
+        self._splines: dict[int, NDArray[np.float32]] = {}
+        self._weights: dict[int, NDArray[np.float32]] = {}
+        self._moments: dict[tuple[BlockGrid, int], FloatArray] = {}
+
+    def moments(self, grid: BlockGrid, margin_px: int) -> FloatArray:
+        """Return `block_moments` of the counts."""
+        if (grid, margin_px) not in self._moments:
+            self._moments[grid, margin_px] = block_moments(self._counts, grid, margin_px)
+        return self._moments[grid, margin_px]
+
+    def roots(self, level: int) -> NDArray[np.float32]:
+        """Return the roots of the counts smoothed by `BLURS_PX[level]`, (H, W)."""
+        if level not in self._roots:
+            self._roots[level] = np.sqrt(_smooth(self._counts, level))
+        return self._roots[level]
+
+    def splines(self, level: int) -> NDArray[np.float32]:
+        """Return the coefficients of cubic splines through `roots`, (H, W)."""
+        if level not in self._splines:
+            self._splines[level] = spline_filter(self.roots(level), 3, output=np.float32)
+        return self._splines[level]
+
+    def weights(self, level: int) -> NDArray[np.float32]:
+        """Return how much texture there is around each pixel of `roots`, from 0.2 to 1, (H, W)."""
+        if level not in self._weights:
+            side = round(_NEIGHBORHOOD_BLURS * BLURS_PX[level]) | 1
+            roots = self.roots(level)
+            variance = uniform_filter((roots - uniform_filter(roots, side)) ** 2, side)
+            texture = np.maximum(variance - _ROOT_NOISE[level], 0)
+            share = texture / (texture + _ROOT_NOISE[level])
+            self._weights[level] = np.float32(_LEAST_WEIGHT) + (1 - _LEAST_WEIGHT) * share
+        return self._weights[level]
+
+
+def suited_levels(
+    window: Sequence[SmoothedFrame], grid: BlockGrid, margin_px: int
+) -> NDArray[np.intp]:
+    """Return which of `BLURS_PX` suits each block, (blocks,), judged with a margin around it."""
+    moments = np.sum([frame.moments(grid, margin_px) for frame in window], axis=0)
+    return blur_levels(moments, len(window)).ravel()
+
+
+def block_moments(counts: NDArray[np.float32], grid: BlockGrid, margin_px: int) -> FloatArray:
+    """Return sums of 1, counts and squared counts over blocks and a margin, (3, rows, columns)."""
+    y = _windows(counts.shape[0], grid.top, grid.block_px, grid.rows, margin_px)
+    x = _windows(counts.shape[1], grid.left, grid.block_px, grid.columns, margin_px)
+    pixels = np.multiply.outer(y[1] - y[0], x[1] - x[0])
+    exact = counts.astype(np.float64)
+    return np.stack((pixels, *(_window_sums(each, y, x) for each in (exact, exact**2))))
+
+
+def blur_levels(moments: FloatArray, frames: int) -> NDArray[np.intp]:
+    """Return which of `BLURS_PX` suits each block.
+
+    Parameters
+    ----------
+    moments : (3, ...)
+        Sums of 1, counts and squared counts.
+    frames : int
+        How many frames are to agree.
+    """
+    pixels, total, squares = moments
+    with np.errstate(invalid="ignore", divide="ignore"):
+        excess = np.nan_to_num((squares - total**2 / pixels) / total - 1)
+    steps = np.log(suited_blur_px(excess, frames))[..., np.newaxis] - np.log(BLURS_PX)
+    return np.asarray(np.abs(steps).argmin(axis=-1))
+
+
+def _smooth(counts: NDArray[Any], level: int) -> NDArray[Any]:
+    return np.asarray(gaussian_filter(counts, BLURS_PX[level], mode="reflect", truncate=3.0))
+
+
+_ROOT_NOISE = [
+    np.float32(root_noise(partial(_smooth, level=level))) for level in range(len(BLURS_PX))
+]
+
+
+def _windows(length: int, start: int, size: int, number: int, margin: int) -> NDArray[np.int64]:
+    """Return the first pixel of each block and its margin, and the one after the last."""
+    first = start + size * np.arange(number)
+    return np.clip(np.stack((first - margin, first + size + margin)), 0, length)
+
+
+def _window_sums(
+    image: FloatArray, rows: NDArray[np.int64], columns: NDArray[np.int64]
+) -> FloatArray:
+    below = np.pad(image, ((1, 0), (0, 0))).cumsum(axis=0)
+    strips = below[rows[1]] - below[rows[0]]
+    beside = np.pad(strips, ((0, 0), (1, 0))).cumsum(axis=1)
+    return np.asarray(beside[:, columns[1]] - beside[:, columns[0]])
+
+
+# A sum of its own for each row, cut out beforehand, lets the compiler vectorize.
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})  # type: ignore[untyped-decorator]
+def add_costs(
+    first: NDArray[np.float32],
+    second: NDArray[np.float32],
+    weights: NDArray[np.float32],
+    origins: NDArray[np.int64],
+    corners: NDArray[np.int64],
+    size: int,
+    costs: FloatArray,
+) -> None:
+    """Add Σ weight·(second − first)² over blocks of `second` and parts of `first` near an origin.
+
+    Parameters
+    ----------
+    first, second : (H, W)
+        Roots of smoothed counts.
+    weights : (H, W)
+        Of the pixels of `second`.
+    origins : (n, 2)
+        Row and column in `first` of the part that the middle of `costs` compares with.
+    corners : (n, 2)
+        Row and column of each block in `second`; the blocks must lie inside.
+    size : int
+        Side of a block (px).
+    costs : (n, 2·radius + 1, 2·radius + 1)
+        Changed in place. Entry [radius + dy, radius + dx] compares with the part dx to the *left*
+        and dy *above* the origin: content that moved by (+dx, +dy). Parts that leave the frame
+        cost infinity.
+    """
+    height, width = first.shape
+    radius = costs.shape[1] // 2
+    for block in range(len(corners)):
+        row, column = corners[block, 0], corners[block, 1]
+        for dy in range(-radius, radius + 1):
+            for dx in range(-radius, radius + 1):
+                top, left = origins[block, 0] - dy, origins[block, 1] - dx
+                if top < 0 or left < 0 or top + size > height or left + size > width:
+                    costs[block, radius + dy, radius + dx] = np.inf
+                    continue
+                cost = np.float32(0)
+                for y in range(size):
+                    here = second[row + y, column : column + size]
+                    weight = weights[row + y, column : column + size]
+                    there = first[top + y, left : left + size]
+                    row_cost = np.float32(0)
+                    for x in range(size):
+                        difference = here[x] - there[x]
+                        row_cost += weight[x] * difference * difference
+                    cost += row_cost
+                costs[block, radius + dy, radius + dx] += cost
+
+
+def least_cost(costs: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Return the shift (x, y) of least cost of each block, (n, 2), and whether there is one, (n,).
+
+    There is none where all costs are equal, as without photons, or none is finite.
+
+    Parameters
+    ----------
+    costs : (n, 2·radius + 1, 2·radius + 1)
+        As from `add_costs`.
+    """
+    blocks, side = costs.shape[:2]
+    y, x = np.divmod(costs.reshape(blocks, -1).argmin(axis=1), side)
+    highest = np.where(np.isfinite(costs), costs, -np.inf).max(axis=(1, 2))
+    return np.stack((x, y), axis=-1) - side // 2, highest > costs.min(axis=(1, 2))
+
+
+def parabola_minimum(costs: FloatArray) -> FloatArray:
+    """Return where (x, y) the parabola through 3 × 3 costs has its minimum, (n, 2), at most 1 away.
+
+    0 along an axis on which a cost is infinite or the middle is no minimum.
+
+    Parameters
+    ----------
+    costs : (n, 3, 3)
+    """
+    c = {(i, j): costs[:, 1 + i, 1 + j] for i in (-1, 0, 1) for j in (-1, 0, 1)}
+    with np.errstate(invalid="ignore", divide="ignore"):
+        fx, fxx = (c[0, 1] - c[0, -1]) / 2, c[0, 1] - 2 * c[0, 0] + c[0, -1]
+        fy, fyy = (c[1, 0] - c[-1, 0]) / 2, c[1, 0] - 2 * c[0, 0] + c[-1, 0]
+        fxy = (c[1, 1] - c[1, -1] - c[-1, 1] + c[-1, -1]) / 4
+        determinant = fxx * fyy - fxy**2
+        coupled = determinant > _DEGENERATE * fxx * fyy
+        x = np.where(coupled, (fxy * fy - fyy * fx) / determinant, -fx / fxx)
+        y = np.where(coupled, (fxy * fx - fxx * fy) / determinant, -fy / fyy)
+        steps = np.where(np.stack((fxx, fyy), axis=-1) > 0, np.stack((x, y), axis=-1), 0)
+    return np.where(np.isfinite(steps), np.clip(steps, -1, 1), 0)
+
+
+def neighbor_shifts(window: Sequence[SmoothedFrame], grid: BlockGrid, radius: int) -> FloatArray:
+    """Return how far the content of each block moves from frame to frame, (blocks, 2), x and y, px.
+
+    NaN where all shifts are as likely.
+
+    Parameters
+    ----------
+    window : sequence of frames
+        Oldest first, two or more.
+    grid
+        Blocks of all frames.
+    radius : int
+        Largest shift searched in x and in y (px); so far around a block its texture and noise are
+        judged, too.
+    """
+    levels, seconds = suited_levels(window, grid, radius), grid.corners
+    pairs = list(pairwise(window))
+    costs = _costs(pairs, levels, seconds, seconds, grid.block_px, radius)
+    best, exists = least_cost(costs)
+    firsts = np.where(exists[:, np.newaxis], seconds - best[:, ::-1], seconds)
+    forth = _costs(pairs, levels, firsts, seconds, grid.block_px, 1)
+    swapped = [(later, earlier) for earlier, later in pairs]
+    back = _costs(swapped, levels, seconds, firsts, grid.block_px, 1)
+    shifts = best + parabola_minimum(forth + back[:, ::-1, ::-1])
+    return np.where(exists[:, np.newaxis], shifts, np.nan)
+
+
+def _costs(
+    pairs: Sequence[tuple[SmoothedFrame, SmoothedFrame]],
+    levels: NDArray[np.intp],
+    origins: NDArray[np.int64],
+    corners: NDArray[np.int64],
+    block_px: int,
+    radius: int,
+) -> FloatArray:
+    """Return the costs of shifts around those from origins to corners, summed over all pairs.
+
+    Blocks lie at `corners` in the second frame of a pair; the first is searched around `origins`.
+    """
+    costs = np.zeros((len(corners), 2 * radius + 1, 2 * radius + 1))
+    for level in np.unique(levels):
+        mine = np.flatnonzero(levels == level)
+        part = costs[mine]
+        for searched, frame in pairs:
+            add_costs(
+                searched.roots(level),
+                frame.roots(level),
+                frame.weights(level),
+                origins[mine],
+                corners[mine],
+                block_px,
+                part,
+            )
+        costs[mine] = part
+    return costs

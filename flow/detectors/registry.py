@@ -7,9 +7,10 @@ Python takes the place of a name without any of this, see `detector_from`; so do
 `detector_at`.
 """
 
+import inspect
+import sys
 from collections.abc import Iterator, Mapping
 from importlib import import_module
-from inspect import isabstract
 from pathlib import Path
 from pkgutil import iter_modules
 from types import MappingProxyType, ModuleType
@@ -19,7 +20,7 @@ from megalopta.core.bounded import quoted
 from megalopta.core.plug_ins import plug_ins
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.from_function import DenseFlow, detector_from
-from megalopta.flow.detectors.from_reference import detector_at
+from megalopta.flow.detectors.onnx_detector import onnx_detector
 
 Method: TypeAlias = str | Detector | DenseFlow
 """A detector: by name, itself, or made of a function."""
@@ -31,7 +32,7 @@ THESIS_METHODS: tuple[str, ...] = ("BM", "IIA", "EMD", "NDM", "NDS", "IM")
 def _in_file(module: ModuleType) -> Iterator[Detector]:
     for value in vars(module).values():
         is_detector = isinstance(value, type) and issubclass(value, Detector)
-        if not is_detector or value.__module__ != module.__name__ or isabstract(value):
+        if not is_detector or value.__module__ != module.__name__ or inspect.isabstract(value):
             continue
         if not any(field.is_required() for field in value.model_fields.values()):
             yield value()
@@ -80,3 +81,48 @@ def method(chosen: Method, allows_code: bool = True) -> Detector:
     raise ValueError(
         f"method {quoted(chosen)!r} is unknown: choose from {', '.join(METHODS)}, or {more}"
     )
+
+
+def detector_at(reference: str) -> Detector | None:
+    """Return the detector of `module:function` or of an ONNX file; None for any other text.
+
+    The module may lie in the working folder; what it names may also be a detector.
+
+    Raises
+    ------
+    ValueError
+        When there is no such module, function or file.
+    """
+    if reference.casefold().endswith(".onnx"):
+        return onnx_detector(Path(reference))
+    module, _, name = reference.partition(":")
+    if not (module and name):
+        return None
+    found = _attribute(reference, module, name)
+    if isinstance(found, Detector):
+        return found
+    if not callable(found):
+        raise ValueError(f"method {reference!r} is no function; give one of two frames")
+    try:
+        inspect.signature(found).bind(None, None)
+    except TypeError as problem:
+        raise ValueError(
+            f"method {reference!r}: {problem}; give a function of two frames"
+        ) from None
+    except ValueError:
+        pass  # built in: it does not tell
+    return detector_from(found, reference)
+
+
+def _attribute(reference: str, module: str, name: str) -> Any:
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.append(here)  # last: nothing there takes the place of what is installed
+    try:
+        return getattr(import_module(module), name)
+    except (Exception, SystemExit) as problem:  # somebody else's code can raise anything
+        told = " ".join(str(problem).split()) or type(problem).__name__
+        raise ValueError(
+            f"method {reference!r}: {told}; give the name of a module, a colon and the name of "
+            "a function in it"
+        ) from None

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field, SerializeAsAny
 
 from megalopta.flow.detectors.base import FloatArray, Responder
-from megalopta.flow.detectors.block_detector import BlockDetector
+from megalopta.flow.detectors.blocks import BlockDetector
 
 
 class SummedFrames(BlockDetector, frozen=True):

@@ -1,13 +1,9 @@
 from .heading import (
     CameraMotion as CameraMotion,
-    camera_motion as camera_motion,
     motion_of_flow as motion_of_flow,
 )
 from .likely_motion import likely_camera_motion as likely_camera_motion
-from .wide_field import (
-    WideField as WideField,
-    fit_wide_field as fit_wide_field,
-)
+from .wide_field import fit_wide_field as fit_wide_field
 from .yaw_rate import (
     YawRateTest as YawRateTest,
     yaw_rates_deg_s as yaw_rates_deg_s,

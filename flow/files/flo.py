@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from megalopta.core.bounded import ARRAY_BYTES, read_bytes
 from megalopta.core.files import atomic_write
-from megalopta.flow.files.checking import check_flow
 
 TAG = b"PIEH"
 UNKNOWN = 1e10
@@ -69,3 +68,9 @@ def read_flo(path: str | Path) -> NDArray[np.float32]:
     stored = np.frombuffer(content, "<f4", offset=_HEADER.size).reshape(height, width, 2)
     known = (np.abs(stored) <= LARGEST_KNOWN).all(axis=-1, keepdims=True)
     return np.where(known, stored, np.float32(np.nan)).astype(np.float32)
+
+
+def check_flow(flow: NDArray[np.floating]) -> None:
+    """Refuse, with ValueError, what is no flow (H, W, 2) of one pixel or more."""
+    if flow.ndim != 3 or flow.shape[-1] != 2 or 0 in flow.shape:
+        raise ValueError(f"flow of shape {flow.shape}: give (H, W, 2)")

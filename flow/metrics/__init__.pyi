@@ -23,10 +23,13 @@ from .efficiency import (
     variance_efficiency as variance_efficiency,
 )
 from .endpoint_error import (
-    TruthError as TruthError,
+    FAST_PX as FAST_PX,
+    OCCLUDED_SHARE as OCCLUDED_SHARE,
+    SLOW_PX as SLOW_PX,
     block_flow as block_flow,
     block_share as block_share,
     truth_error as truth_error,
+    truth_splits as truth_splits,
 )
 from .photon_threshold import (
     Threshold as Threshold,
@@ -40,19 +43,10 @@ from .response_error import (
     error_sums as error_sums,
     sums_of_errors as sums_of_errors,
 )
-from .splits import (
-    FAST_PX as FAST_PX,
-    OCCLUDED_SHARE as OCCLUDED_SHARE,
-    SLOW_PX as SLOW_PX,
-    truth_splits as truth_splits,
-)
 from .translation_bound import (
     cramer_rao_covariance as cramer_rao_covariance,
     cramer_rao_covariance_along_x as cramer_rao_covariance_along_x,
     fisher_information as fisher_information,
-)
-from .unknown_texture import (
     texture_spectrum as texture_spectrum,
-    unknown_texture_information as unknown_texture_information,
     unknown_texture_photons as unknown_texture_photons,
 )

@@ -120,20 +120,9 @@ class DenseErrors:
         if not pixels:
             return DenseError(0, *(math.nan,) * 10)
         epe, square, *shares, angle = (each / pixels for each in sums)
-        one, three, five, fl, wauc, missing = (100 * share for share in shares)
-        return DenseError(
-            pixels=int(pixels),
-            epe_px=epe,
-            epe_of_images_px=image_epe / images,
-            epe_rms_px=math.sqrt(square),
-            over_1px_percent=one,
-            over_3px_percent=three,
-            over_5px_percent=five,
-            fl_percent=fl,
-            wauc_percent=wauc,
-            angular_deg=angle,
-            missing_percent=missing,
-        )
+        *percents, missing = (100 * share for share in shares)
+        values = [epe, image_epe / images, math.sqrt(square), *percents, angle, missing]
+        return DenseError(int(pixels), *values)
 
 
 def _measures(answer: FloatArray, true: FloatArray) -> FloatArray:

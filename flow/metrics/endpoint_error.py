@@ -12,6 +12,7 @@ them lies the motion itself, which matters where the flow changes much over a fe
 """
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -22,6 +23,14 @@ from megalopta.flow.detectors import BlockGrid, FloatArray
 
 OUTLIER = 0.25
 """Relative error of a velocity beyond which it is an outlier: the thesis's 2-bit accuracy."""
+
+SLOW_PX, FAST_PX = 0.5, 2.0
+"""Per frame of the resized image: whole-pixel methods read 0 below half a pixel, and beyond two the
+pyramids and search radii begin to count."""
+
+OCCLUDED_SHARE = 0.1
+"""Of a block's pixels: as many, hidden in the next frame, and it is at an occlusion; its true
+velocity is that of its other pixels."""
 
 
 @dataclass(frozen=True)
@@ -97,14 +106,10 @@ def block_flow(
     """
     if true_flow.ndim != 4 or true_flow.shape[-1] != 2:
         raise ValueError(f"true_flow of shape {true_flow.shape}: give (T − 1, H, W, 2)")
-    if occluded is not None and occluded.shape != true_flow.shape[:3]:
-        raise ValueError(
-            f"occluded of shape {occluded.shape}: give {true_flow.shape[:3]}, as the flow"
-        )
-    if weights is not None and weights.shape != true_flow.shape[:3]:
-        raise ValueError(
-            f"weights of shape {weights.shape}: give {true_flow.shape[:3]}, as the flow"
-        )
+    for name, given in (("occluded", occluded), ("weights", weights)):
+        if given is not None and given.shape != true_flow.shape[:3]:
+            shape = true_flow.shape[:3]
+            raise ValueError(f"{name} of shape {given.shape}: give {shape}, as the flow")
     is_known = np.isfinite(true_flow).all(axis=-1)
     usable = is_known.astype(np.float64) if weights is None else is_known * weights
     if occluded is not None:
@@ -171,30 +176,73 @@ def truth_error(
     relative = _relative_errors(answer, truth)
     return TruthError(
         blocks=len(truth),
-        missing_fraction=_mean(~given),
-        endpoint_error_px=_mean(endpoint),
-        endpoint_error_median_px=_median(endpoint),
-        angular_error_deg=_mean(angles_deg(answer[given], truth[given])),
-        bias_px=(_mean(difference[:, 0]), _mean(difference[:, 1])),
-        spread_px=(_spread(difference[:, 0]), _spread(difference[:, 1])),
-        relative_error_median=_median(relative),
-        outlier_fraction=_mean(relative > OUTLIER),
+        missing_fraction=_of(np.mean, ~given),
+        endpoint_error_px=_of(np.mean, endpoint),
+        endpoint_error_median_px=_of(np.median, endpoint),
+        angular_error_deg=_of(np.mean, angles_deg(answer[given], truth[given])),
+        bias_px=(_of(np.mean, difference[:, 0]), _of(np.mean, difference[:, 1])),
+        spread_px=(_of(np.std, difference[:, 0]), _of(np.std, difference[:, 1])),
+        relative_error_median=_of(np.median, relative),
+        outlier_fraction=_of(np.mean, relative > OUTLIER),
     )
+
+
+def truth_splits(
+    velocities: FloatArray, true_velocities: FloatArray, hidden: FloatArray
+) -> Mapping[str, TruthError]:
+    """Return the errors of each group of blocks, by speed and by occlusion, under its name.
+
+    A method may be right on average and wrong where it matters: on what hardly moves, on what moves
+    beyond its reach, beside things that hide each other.
+
+    Parameters
+    ----------
+    velocities : (T − 1, rows, columns, 2)
+        As a detector gives them, px per frame.
+    true_velocities : (T − 1, rows, columns, 2)
+        From `block_flow` on the detector's blocks.
+    hidden : (T − 1, rows, columns)
+        Share of each block that is hidden in the next frame, from `block_share`.
+
+    Returns
+    -------
+    mapping
+        "slow", "medium" and "fast" share the blocks among them, and so do "clear" and "occlusion".
+
+    Raises
+    ------
+    ValueError
+        When the shapes differ.
+    """
+    return {
+        name: truth_error(velocities, true_velocities, among)
+        for name, among in _groups(true_velocities, hidden).items()
+    }
+
+
+def _groups(true_velocities: FloatArray, hidden: FloatArray) -> dict[str, NDArray[np.bool_]]:
+    speed = np.hypot(true_velocities[..., 0], true_velocities[..., 1])
+    return {
+        "slow": speed < SLOW_PX,
+        "medium": (speed >= SLOW_PX) & (speed < FAST_PX),
+        "fast": speed >= FAST_PX,
+        "clear": hidden < OCCLUDED_SHARE,
+        "occlusion": hidden >= OCCLUDED_SHARE,
+    }
 
 
 def _memberships(shape: tuple[int, int], grid: BlockGrid) -> tuple[FloatArray, FloatArray]:
-    """Return which rows and columns of a full image (H, W) lie in which blocks."""
-    return (
-        _membership(shape[0], grid.shape[0], grid.top, grid.block_px, grid.rows),
-        _membership(shape[1], grid.shape[1], grid.left, grid.block_px, grid.columns),
-    )
+    """Return 1 where rows and columns of a full image (H, W) have their middle in a block.
 
-
-def _membership(full: int, resized: int, start: int, block: int, blocks: int) -> FloatArray:
-    """Return 1 where a full pixel's center lies in a block, (blocks, full)."""
-    centers = (np.arange(full) + 0.5) * (resized / full)
-    index = np.floor((centers - start) / block)
-    return np.where(index == np.arange(blocks)[:, np.newaxis], 1.0, 0.0)
+    (rows of blocks, H) and (columns of blocks, W).
+    """
+    found = []
+    starts, blocks = (grid.top, grid.left), (grid.rows, grid.columns)
+    for full, resized, start, number in zip(shape, grid.shape, starts, blocks, strict=True):
+        centers = (np.arange(full) + 0.5) * (resized / full)
+        index = np.floor((centers - start) / grid.block_px)
+        found.append(np.where(index == np.arange(number)[:, np.newaxis], 1.0, 0.0))
+    return found[0], found[1]
 
 
 def _relative_errors(answer: FloatArray, truth: FloatArray) -> FloatArray:
@@ -217,13 +265,5 @@ def _json(value: Any) -> Any:
     return None if math.isnan(value) else value
 
 
-def _mean(values: NDArray[Any]) -> float:
-    return float(values.mean()) if values.size else math.nan
-
-
-def _median(values: FloatArray) -> float:
-    return float(np.median(values)) if values.size else math.nan
-
-
-def _spread(values: FloatArray) -> float:
-    return float(values.std()) if values.size else math.nan
+def _of(statistic: Callable[[NDArray[Any]], Any], values: NDArray[Any]) -> float:
+    return float(statistic(values)) if values.size else math.nan

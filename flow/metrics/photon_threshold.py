@@ -60,15 +60,15 @@ class Threshold:
 
     def __str__(self) -> str:
         if self.kind == "undefined" or self.flux is None:
-            outside = {"above": _above(self.range_max), "below": _below(self.range_min)}
+            outside = {"above": _bound(">", self.range_max), "below": _bound("<", self.range_min)}
             return outside.get(self.kind, "undefined")
         return f"{format_flux(self.flux)} {self.interval}"
 
     @property
     def interval(self) -> str:
         """The interval of a crossing in print: "[39.0k, 43.5k]", or "[39.0k, > 1e9]" if open."""
-        low = _below(self.range_min) if self.low is None else format_flux(self.low)
-        high = _above(self.range_max) if self.high is None else format_flux(self.high)
+        low = _bound("<", self.range_min) if self.low is None else format_flux(self.low)
+        high = _bound(">", self.range_max) if self.high is None else format_flux(self.high)
         return f"[{low}, {high}]"
 
     def to_dict(self) -> dict[str, Any]:
@@ -175,13 +175,5 @@ def _disturbed(
     return errors * np.exp(np.clip(exponents, -_LARGEST_EXPONENT, _LARGEST_EXPONENT))
 
 
-def _above(flux: float) -> str:
-    return f"> {_bound(flux)}"
-
-
-def _below(flux: float) -> str:
-    return f"< {_bound(flux)}"
-
-
-def _bound(flux: float) -> str:
-    return f"{flux:g}".replace("e+0", "e").replace("e+", "e")
+def _bound(sign: str, flux: float) -> str:
+    return f"{sign} {flux:g}".replace("e+0", "e").replace("e+", "e")

@@ -1,19 +1,13 @@
-from .log_statistics import (
-    PASSES as PASSES,
-    LogStatistics as LogStatistics,
-    log_statistics as log_statistics,
-    unlit_share as unlit_share,
-)
-from .moving_layers import (
+from .known_flow import (
     Layer as Layer,
     MovingLayers as MovingLayers,
+    PanningView as PanningView,
 )
 from .moving_template import (
     MovingTemplate as MovingTemplate,
     blurred as blurred,
     summed as summed,
 )
-from .panning_view import PanningView as PanningView
 from .photons import (
     BlackFrameError as BlackFrameError,
     Counts as Counts,
@@ -31,7 +25,11 @@ from .resizing import (
     resized_shape as resized_shape,
 )
 from .statistics import (
+    PASSES as PASSES,
     ImageStatistics as ImageStatistics,
+    LogStatistics as LogStatistics,
     image_statistics as image_statistics,
+    log_statistics as log_statistics,
     power_spectrum as power_spectrum,
+    unlit_share as unlit_share,
 )

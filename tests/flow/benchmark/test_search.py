@@ -7,7 +7,7 @@ from pydantic import ValidationError
 from megalopta.assets_gen.grating import sine_grating
 from megalopta.flow import METHODS, BenchmarkSettings, SearchSettings, photon_benchmark
 from megalopta.flow.benchmark.search import next_index, photon_search
-from megalopta.flow.benchmark.short_sequences import Comparison, ShortSequences, phase_shifts
+from megalopta.flow.benchmark.short_sequences import Comparison, ShortSequences
 from megalopta.flow.metrics.photon_threshold import first_crossing
 from megalopta.flow.stimuli import MovingTemplate
 
@@ -171,22 +171,6 @@ def test_interval_holds_the_truth_as_often_as_promised():
     assert sum(each.low <= truth <= each.high for each in thresholds) >= 29
 
 
-@pytest.mark.parametrize("name", ["BM", "EMD", "NDS"])
-def test_a_detector_that_needs_few_frames_sees_the_first_of_the_others(name):
-    settings = SearchSettings(frames=3)
-    alone, together = (
-        ShortSequences(grating(), settings, 0, "grating", [METHODS[each] for each in names])
-        for names in ((name,), ("BM", "EMD", "NDS"))
-    )
-    few = METHODS[name].noise_memory_frames + 3
-    many = METHODS["EMD"].noise_memory_frames + 3
-    together.counts(1e5, 2, 1, many)
-    np.testing.assert_array_equal(
-        alone.counts(1e5, 2, 1, few), together.counts(1e5, 2, 1, few), strict=False
-    )
-    np.testing.assert_array_equal(alone.clean(1, 0, few), together.clean(1, 0, few))
-
-
 def test_seed_and_name_each_give_other_draws():
     results = [
         fluxes(found(grating(), "NDS", seed=seed, name=name))[0]
@@ -273,12 +257,6 @@ def test_search_ends_on_any_falling_curve(per_decade, is_smooth):
         below = [i for i in range(19) if curve[i] < 0.25]
         assert not below or min(below) in errors
         assert below[:1] in ([], [0]) or min(below) - 1 in errors
-
-
-def test_places_of_a_grating_do_not_share_a_phase():
-    for cycles in range(1, 8):
-        phases = np.array(phase_shifts(251, 4)) * cycles / 251 % 1
-        assert np.ptp(np.append(phases, phases + 1)) > 1
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from megalopta.flow.detectors.block_matching import BlockMatching, thesis_radius_px
+from megalopta.flow.detectors.block_matching import BlockMatching
+from megalopta.flow.detectors.blocks import thesis_radius_px
 
 BENCHMARK = Path(__file__).parents[3] / "benchmarks" / "bench_flow.py"
 brute_force = runpy.run_path(str(BENCHMARK))["numpy_block_matching"]

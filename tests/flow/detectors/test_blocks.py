@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from megalopta.flow.detectors.blocks import block_grid, block_sums
+from megalopta.flow.detectors.blocks import BlockGrid, between_blocks, block_grid, block_sums
+from megalopta.flow.detectors.registry import METHODS
 
 
 @pytest.mark.parametrize("size", [60, 120, 180, 240])
@@ -31,3 +32,28 @@ def test_the_message_names_a_size_that_is_enough():
     with pytest.raises(ValueError, match="blocks of 2 px: give frames of 20 px or more"):
         block_grid((9, 60))
     assert block_grid((20, 60)).block_px == 2
+
+
+@pytest.mark.parametrize(("name", "most"), [("BM", 2), ("DIS", 2), ("PPM", 8), ("BA", 8)])
+def test_a_method_refuses_more_frames_than_it_takes_together(name, most):
+    frames = np.random.default_rng(0).poisson(9, (9, 40, 50))
+    assert METHODS[name].dense(*frames[:most]).shape == (40, 50, 2)
+    with pytest.raises(ValueError, match=f"9 frames: {name} takes 2"):
+        METHODS[name].dense(*frames)
+    with pytest.raises(ValueError, match="1 frames"):
+        METHODS[name].dense(frames[0])
+
+
+def test_between_blocks_velocities_are_linear_and_where_there_is_none_undefined():
+    grid = BlockGrid((22, 30), 5)  # 4 × 6 blocks, one row of pixels above them
+    x, y = np.moveaxis(grid.centers, -1, 0)
+    flow = between_blocks(np.stack((2 * x - y, y), axis=-1), grid)
+    rows, columns = (np.mgrid[:22, :30] + 0.5)[:, 4:18, 3:27]
+    np.testing.assert_allclose(flow[4:18, 3:27, 0], 2 * columns - rows, atol=1e-12)
+    np.testing.assert_allclose(flow[4:18, 3:27, 1], rows, atol=1e-12)
+    np.testing.assert_allclose(flow[0], flow[3], atol=1e-12)
+    holed = np.ones((4, 6, 2))
+    holed[1, 2] = np.nan
+    undefined = np.isnan(between_blocks(holed, grid)).any(axis=-1)
+    assert undefined.sum() == 25 and undefined[6:11, 10:15].all()
+    assert np.isnan(between_blocks(np.full((4, 6, 2), np.nan), grid)).all()

@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 
 from megalopta.flow.detectors.block_matching import BlockMatching
-from megalopta.flow.detectors.farneback import Farneback
 from megalopta.flow.detectors.gray_detector import eight_bits, gray_levels
-from megalopta.flow.detectors.inverse_search import DenseInverseSearch
-from megalopta.flow.detectors.lucas_kanade import LucasKanade
-from megalopta.flow.detectors.opencv import one_thread
-from megalopta.flow.detectors.phase_correlation import PhaseCorrelation
+from megalopta.flow.detectors.opencv import (
+    DenseInverseSearch,
+    Farneback,
+    LucasKanade,
+    one_thread,
+)
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.flow.detectors.total_variation import TotalVariation
+from megalopta.flow.detectors.scikit_image import PhaseCorrelation, TotalVariation
 
 from ..textures import drifting_texture
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from megalopta.flow.detectors import METHODS, BlockGrid
-from megalopta.flow.detectors.poisson_flow import PoissonFlow
-from megalopta.flow.detectors.pooled_flow import PooledFlow
+from megalopta.flow.detectors.poisson_flow import PoissonFlow, PooledFlow
 from megalopta.flow.metrics import fisher_information
 
 from ..textures import drifting_texture

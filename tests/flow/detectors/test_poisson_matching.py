@@ -1,10 +1,20 @@
-"""Poisson matching of two and of eight frames on textures whose motion is known."""
+"""Poisson matching of two and of eight frames on textures whose motion is known; its smoothing, costs."""
 
 import numpy as np
 import pytest
 
 from megalopta.assets_gen.dead_leaves_model import dead_leaves
-from megalopta.flow.detectors.poisson_matching import PoissonMatching
+from megalopta.flow.detectors.blocks import block_grid
+from megalopta.flow.detectors.poisson_matching import (
+    BLURS_PX,
+    PoissonMatching,
+    SmoothedFrame,
+    add_costs,
+    block_moments,
+    blur_levels,
+    least_cost,
+    parabola_minimum,
+)
 from megalopta.flow.detectors.pooled_matching import PooledMatching
 
 BOTH = [PoissonMatching(), PooledMatching()]
@@ -74,3 +84,115 @@ def test_pooling_forgets_what_is_older_than_its_frames(leaves):
     counts = drifting(leaves, (2, 1), 100)
     newest = PooledMatching(frames=4).respond(counts[4:])[-1]
     np.testing.assert_array_equal(PooledMatching(frames=4).respond(counts)[-1], newest)
+
+
+def moments(dispersion, pixels=1000.0, mean=2.0):
+    """Sums of counts whose variance is `dispersion` times their mean."""
+    return np.array([pixels, pixels * mean, pixels * (dispersion * mean + mean**2)])
+
+
+def level(dispersion, frames):
+    return int(blur_levels(moments(dispersion), frames))
+
+
+def test_moments_are_sums_over_blocks_and_margins_inside_the_frame():
+    counts = np.random.default_rng(1).poisson(3, (50, 64)).astype(np.float32)
+    sums = block_moments(counts, block_grid((50, 64), 15), 4)
+    assert sums.shape == (3, 3, 4)
+    corner, middle = counts[:21, :21].astype(float), counts[13:36, 13:36].astype(float)
+    for block, cut in (((0, 0), corner), ((1, 1), middle)):
+        expected = (cut.size, cut.sum(), (cut**2).sum())
+        np.testing.assert_allclose(sums[:, block[0], block[1]], expected)
+
+
+def test_blur_falls_as_texture_rises_over_shot_noise():
+    levels = [level(1 + q, 2) for q in (0.0, 0.03, 0.08, 0.25, 1.0, 100.0)]
+    assert [BLURS_PX[level] for level in levels] == [2.0, 2.0, 1.4, 1.0, 0.7, 0.7]
+
+
+def test_four_times_the_frames_count_as_four_times_the_texture():
+    for q in np.geomspace(0.01, 1, 20):
+        assert level(1 + q, 8) == level(1 + 4 * q, 2)
+
+
+@pytest.mark.parametrize("sums", [[100.0, 0.0, 0.0], [100.0, 200.0, 600.0]])
+def test_darkness_and_pure_shot_noise_get_the_widest_blur(sums):
+    assert blur_levels(np.array(sums), 2) == len(BLURS_PX) - 1
+
+
+@pytest.mark.parametrize("level", range(len(BLURS_PX)))
+def test_noise_of_the_roots_is_the_same_in_the_dark_and_in_the_light(level):
+    impulse = np.zeros((31, 31))
+    impulse[15, 15] = 1
+    weights = SmoothedFrame(impulse).roots(level) ** 2
+    for mean in (5, 500):
+        counts = np.random.default_rng(level).poisson(mean, (300, 300))
+        variance = SmoothedFrame(counts).roots(level)[10:-10, 10:-10].var()
+        # A quarter of what the smoothing leaves of a variance equal to the mean; a mean of 5 makes
+        # it 2 % more, and 280² pixels with 50 in common leave an error of 3 %: five of those.
+        assert variance == pytest.approx(0.25 * (weights**2).sum(), rel=0.17)
+
+
+@pytest.mark.parametrize("level", range(len(BLURS_PX)))
+def test_plain_areas_weigh_a_fifth_and_strong_edges_about_one(level):
+    counts = np.random.default_rng(level).poisson(20, (120, 240)).astype(np.uint32)
+    counts[:, 120:] *= np.tile([1, 40], 60).astype(np.uint32)[:, np.newaxis]
+    counts[:, 120:] = counts[:, 120:].repeat(8, axis=0)[:120]
+    weights = SmoothedFrame(counts).weights(level)
+    # A neighborhood holds 20 to 100 independent values of the noise, so its variance is off by
+    # tens of percent, half of them below; what is above counts as texture.
+    assert np.median(weights[:, :90]) < 0.3
+    assert weights[20:-20, 150:-20].min() > 0.95
+    assert 0.2 <= weights.min() <= weights.max() <= 1
+
+
+def test_costs_are_the_weighted_sums_of_squares_of_every_shift():
+    rng = np.random.default_rng(0)
+    first, second, weights = rng.random((3, 30, 34), np.float32)
+    corners, origins = np.array([[3, 5], [20, 22]]), np.array([[4, 5], [18, 20]])
+    costs = np.ones((2, 9, 9))
+    add_costs(first, second, weights, origins, corners, 8, costs)
+    for block, dy, dx in np.ndindex(costs.shape):
+        (row, column), (top, left) = corners[block], origins[block] - (dy - 4, dx - 4)
+        inside = 0 <= top <= 22 and 0 <= left <= 26
+        here = np.s_[row : row + 8, column : column + 8]
+        expected = np.inf
+        if inside:
+            difference = second[here].astype(float) - first[top : top + 8, left : left + 8]
+            expected = 1 + (weights[here] * difference**2).sum()
+        # float32 sums of 64 squares
+        assert costs[block, dy, dx] == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.parametrize("place", [(0.3, -0.2), (-0.4, 0.0), (0.49, 0.51)])
+def test_minimum_of_a_tilted_parabola_is_exact(place):
+    y, x = np.mgrid[-1:2, -1:2] - np.array(place)[::-1, np.newaxis, np.newaxis]
+    costs = (2 * x**2 + 1.2 * x * y + y**2)[np.newaxis]
+    np.testing.assert_allclose(parabola_minimum(costs)[0], place, atol=1e-12)
+
+
+def test_stripes_have_a_minimum_across_them_and_none_along():
+    y, x = np.mgrid[-1:2, -1:2].astype(float)
+    np.testing.assert_allclose(parabola_minimum((x - 0.3)[np.newaxis] ** 2)[0], (0.3, 0))
+    np.testing.assert_array_equal(parabola_minimum(-(y[np.newaxis] ** 2))[0], (0, 0))
+
+
+def test_edge_of_the_frame_leaves_whole_pixels_across_it():
+    y, x = np.mgrid[-1:2, -1:2].astype(float)
+    costs = ((x - 0.3) ** 2 + (y - 0.4) ** 2)[np.newaxis]
+    costs[:, :, 2] = np.inf
+    np.testing.assert_allclose(parabola_minimum(costs)[0], (0, 0.4), atol=1e-12)
+
+
+def test_least_of_all_costs_is_found_in_whole_pixels():
+    costs = np.random.default_rng(3).random((4, 7, 7))
+    costs[:, 0] = np.inf
+    costs[2, 6, 1] = -1
+    shifts, exist = least_cost(costs)
+    np.testing.assert_array_equal(shifts[2], (-2, 3))
+    assert exist.all()
+
+
+@pytest.mark.parametrize("value", [0.0, 5.0, np.inf])
+def test_equal_costs_have_no_least(value):
+    assert not least_cost(np.full((1, 5, 5), value))[1].any()

@@ -1,12 +1,22 @@
-"""Evidence of aligned frames: its slope, its noise, and sums over nodes."""
+"""Shot noise and blur, evidence of aligned frames, and the system of evidence and smoothness."""
 
 import numpy as np
 import pytest
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import gaussian_filter, map_coordinates, uniform_filter
 
-from megalopta.flow.likelihood import NODE_PX, evidence, finer, level_of, levels, to_nodes
+from megalopta.flow.likelihood import (
+    NODE_PX,
+    evidence,
+    finer,
+    level_of,
+    levels,
+    most_likely,
+    root_noise,
+    suited_blur_px,
+    to_nodes,
+)
 
-from ..textures import drifting_texture
+from .textures import drifting_texture
 
 SHAPE = (60, 72)
 TIMES = np.arange(4.0) - 1
@@ -93,3 +103,50 @@ def test_a_slope_known_at_nodes_is_that_slope_between_them():
     pixel_y, pixel_x = (np.mgrid[:20, :24] + 0.5) / NODE_PX - 0.5
     inside = np.s_[:, 2:-2, 2:-2]
     np.testing.assert_allclose(fine[inside], np.stack((2 * pixel_x, pixel_y - pixel_x))[inside])
+
+
+def test_system_of_nodes_is_solved_as_a_dense_matrix_would_be():
+    rng = np.random.default_rng(0)
+    n, m = 3, 4
+    roots = rng.normal(size=(2, 2, n, m))
+    xx, xy, yy = (
+        np.einsum("knm,knm->nm", roots[:, i], roots[:, j]) for i, j in ((0, 0), (0, 1), (1, 1))
+    )
+    slope = rng.normal(size=(2, n, m))
+    right, down = rng.random((n, m - 1)), rng.random((n - 1, m))
+
+    def energy(u):
+        u = u.reshape(2, n, m)
+        evidence = xx * u[0] ** 2 + 2 * xy * u[0] * u[1] + yy * u[1] ** 2
+        links = (right * np.diff(u, axis=2) ** 2).sum() + (down * np.diff(u, axis=1) ** 2).sum()
+        return (evidence.sum() + links) / 2 - (slope * u).sum()
+
+    found = most_likely(np.stack((xx, xy, yy)), slope, (right, down)).ravel()
+    # a quadratic form has equal, higher values on both sides of its minimum, along every axis
+    for step in 0.1 * np.eye(found.size):
+        assert energy(found + step) == pytest.approx(energy(found - step), abs=1e-6)
+        assert energy(found + step) > energy(found)
+
+
+def test_nodes_without_evidence_lie_on_a_line_between_those_that_have_it():
+    information, slope = np.zeros((3, 1, 5)), np.zeros((2, 1, 5))
+    information[[0, 2], :, ::4] = 1e9
+    slope[0, 0, 4] = 8e9
+    found = most_likely(information, slope, (np.ones((1, 4)), np.ones((0, 5))))
+    np.testing.assert_allclose(found[0, 0], (0, 2, 4, 6, 8), atol=1e-5)
+    np.testing.assert_allclose(found[1, 0], 0, atol=1e-5)
+
+
+def test_roots_of_counts_have_a_quarter_of_what_smoothing_leaves():
+    assert root_noise(np.copy) == 0.25
+    assert root_noise(lambda image: uniform_filter(image, 3)) == pytest.approx(0.25 / 9)
+    # ∫ of a squared Gaussian; sampling it at whole pixels changes 1e-6 at this width
+    wide = root_noise(lambda image: gaussian_filter(image, 2.0))
+    assert wide == pytest.approx(0.25 / (4 * np.pi * 2.0**2), rel=1e-3)
+
+
+def test_blur_goes_as_the_cubic_root_of_noise_over_texture():
+    assert suited_blur_px(np.array(1.0), 2) == pytest.approx(0.6)
+    np.testing.assert_allclose(suited_blur_px(np.array([8.0, 1.0]), 2), [0.3, 0.6])
+    np.testing.assert_allclose(suited_blur_px(np.array(1.0), 16), 0.3)
+    assert suited_blur_px(np.array(-0.1), 2) == suited_blur_px(np.array(0.0), 2)

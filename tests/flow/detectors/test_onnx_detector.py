@@ -1,11 +1,8 @@
-"""Methods that are named by where they are: `module:function` and ONNX files."""
-
-import sys
+"""Networks in ONNX files."""
 
 import numpy as np
 import pytest
 
-from megalopta.core.errors import UserError
 from megalopta.flow.detectors import method
 
 
@@ -77,62 +74,3 @@ def test_what_is_no_flow_network_is_told(tmp_path):
     path.write_text("no network")
     with pytest.raises(ValueError, match="give an ONNX file from two pictures to their flow"):
         method(str(path))
-
-
-def test_a_function_of_a_module_in_the_working_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "reference_flow.py").write_text(
-        "import numpy as np\n"
-        "from megalopta.flow.detectors import METHODS\n"
-        "def right(a, b):\n    return np.full((*a.shape, 2), [1.0, 0.0])\n"
-        "known = METHODS['BM']\nnumber = 3\n"
-    )
-    first, second = gray()
-    right = method("reference_flow:right")
-    assert right.name == "reference_flow:right"
-    np.testing.assert_array_equal(right.dense(first, second)[5, 5], [1, 0])
-    assert method("reference_flow:known").name == "BM"
-    for wrong, told in (
-        ("reference_flow:left", "has no attribute 'left'"),
-        ("reference_flow:number", "is no function"),
-        ("no_such_module:flow", "No module named"),
-    ):
-        with pytest.raises(ValueError, match=told):
-            method(wrong)
-
-
-@pytest.fixture
-def in_folder(tmp_path, monkeypatch):
-    """Makes the folder of modules the working folder."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", [*sys.path])
-    (tmp_path / "fails_to_load.py").write_text("import sys; sys.exit('no\\nlicense')")
-    (tmp_path / "fails_to_run.py").write_text("def flow(first, second):\n    return first['x']")
-    (tmp_path / "json.py").write_text("raise SystemExit('shadowed')")
-
-
-@pytest.mark.parametrize(
-    ("reference", "told"),
-    [
-        ("os:system", "give a function of two frames"),
-        ("fails_to_load:flow", "no license; give the name of a module"),
-        ("..:flow", "give the name of a module"),
-        ("json:flow", "no attribute 'flow'"),  # of Python's own module
-    ],
-)
-def test_code_that_is_no_method_is_told_in_one_sentence(in_folder, reference, told):
-    with pytest.raises(ValueError, match=told) as problem:
-        method(reference)
-    assert "\n" not in str(problem.value)
-
-
-def test_a_function_that_fails_is_told_with_its_line(in_folder):
-    with pytest.raises(UserError, match=r"fails_to_run:flow: IndexError.*fails_to_run\.py:2; give"):
-        method("fails_to_run:flow").dense(*gray())
-
-
-@pytest.mark.parametrize("reference", ["fails_to_load:flow", "net.onnx"])
-def test_code_is_looked_for_only_where_it_is_allowed(in_folder, reference):
-    with pytest.raises(ValueError, match="or run code that a file names by --allow-code"):
-        method(reference, allows_code=False)
-    assert "fails_to_load" not in sys.modules

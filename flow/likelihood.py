@@ -1,0 +1,322 @@
+"""The likelihood of counts in several frames, as a function of how what they show moved.
+
+**Smoothing.** Where a texture of power spectrum S meets shot noise of variance N (the mean count),
+the most likely shift between two frames is that of greatest correlation after a filter S/(S + N/2);
+over n frames that agree, after S/(S + N/n). Both pass what is stronger than the noise. Natural
+textures have edges, so S falls about as f⁻³ from a height that the excess of the counts' variance
+over their mean measures. With
+
+    q = (variance − mean)/mean          (index of dispersion − 1: texture over shot noise)
+
+S/N goes as q·f⁻³, the cutoff as (n·q)^(1/3), and the width of the filter in pixels as its inverse.
+Its shape hardly matters, so it is a Gaussian. Its constant was fitted on dead leaves and on one
+photographed forest at 10⁴ to 10⁶ photons per frame of 240 × 240 px; the best width is so broad an
+optimum that a step of √2 changes errors by a few percent.
+
+**Evidence.** Frames are binned by 2 × 2 px again and again, which keeps their counts Poisson. Roots
+of the counts have the same noise everywhere (`flow.detectors.poisson_matching`); smoothed and
+aligned by a motion, their squared differences from their mean are the log-likelihood of that
+motion. The gradient is that of the mean of the aligned frames: noise in it is then independent of
+noise in their differences, and draws no velocity toward 0. Where aligned frames differ by more than
+noise, something is hidden, or not modelled; evidence there counts less in proportion.
+
+**Flow.** From the coarsest scale to the finest the flow, known at nodes 4 px apart, is the least of
+
+    Σ over pixels of 2·Σₜ (gₜ(x + sₜ·u) − mean)²  +  Σ over links of prior(|change of u| / distance)
+
+gₜ are the smoothed roots; the first sum is their log-likelihood for a steady motion u, with sₜ the
+time from the frame of reference. So the weight of evidence against smoothness follows from the
+photons themselves, but for a small correction where they are few. A place without texture, whose
+Fisher information is 0, takes its velocity from its neighbors. The prior grows as the change of
+velocity, not its square: it allows edges. Newton steps, warping anew each time, go on with the
+roots interpolated by cubic splines. Each solves a sparse symmetric system of two unknowns a node by
+factorization, so that evidence reaches any distance in one step.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
+from scipy.sparse import coo_array
+from scipy.sparse.linalg import splu
+
+from megalopta.core.arrays import Floats
+
+NODE_PX = 4
+"""Distance of the nodes at which a motion is known"""
+
+_SMALLEST_LEVEL_PX = 12
+_BLURS_PX = 0.7, 2.5
+"""Least and most"""
+
+_AGREEMENT_PX = 2.0
+"""Standard deviation of the neighborhood in which aligned frames are compared"""
+
+_MOST_NOISE = 2.0
+"""Mean squared difference of aligned frames, over that of noise, from which evidence is less"""
+
+_BLUR_AT_EQUALITY_PX = 0.6
+"""Best standard deviation for two frames with as much texture as shot noise, q = 1"""
+
+_FAINTEST = 1e-6
+"""Smaller q are raised to this: no texture was seen, the widest blur is right."""
+
+_LEAST = 1e-9
+"""Evidence for the velocity 0 at every node, so that there is an answer without photons"""
+
+_STEADY = 0.003
+"""Change of velocity per pixel below which the prior is quadratic, 1/frame"""
+
+_NEWTON_STEPS, _PRIOR_STEPS = 4, 2
+_LONGEST_STEP_PX = 1.0
+_FEW_PHOTONS, _CHARGE_POWER = 20.0, 0.3
+"""Per pixel in all frames; fitted to dead leaves and forests, with the smoothness of `PoissonFlow`:
+with fewer, full smoothness loses small things that move for themselves"""
+
+
+class Level(NamedTuple):
+    """Frames at one scale."""
+
+    roots: Floats
+    """(n, H, W), smoothed"""
+    splines: Floats
+    """Their cubic splines"""
+    noise: float
+    """Variance of the roots"""
+    bins: int
+    """Pixels of the frames along one of this level"""
+
+
+class Evidence(NamedTuple):
+    """What aligned frames tell about the displacement of each pixel, to second order.
+
+    The displacement of a frame is a sum of patterns in time, each with an amplitude in px.
+    """
+
+    information: Floats
+    """(3, H, W): xx, xy, yy, of an amplitude whose pattern has products of 1"""
+    products: Floats
+    """(patterns, patterns), of the patterns about their means"""
+    slope: Floats
+    """(patterns, 2, H, W), along x and y: of the log-likelihood, at the motion that aligned them"""
+    misfit: float
+    """Mean squared difference of a pixel from the mean of its aligned frames, over that of noise;
+    where it is large, its logarithm, as evidence is less there"""
+
+
+def likelihood_flow(counts: NDArray[Any], smoothness: float) -> Floats:
+    """Return the flow (H, W, 2), px per frame, of the frame before the middle; NaN in the dark.
+
+    Parameters
+    ----------
+    counts : (n, H, W)
+        Frames of one steady motion, two or more.
+    smoothness : float
+        Log-likelihood that a pixel's worth of flow is charged per unit of its gradient; less
+        where there are few photons.
+
+    Raises
+    ------
+    ValueError
+        When there is one frame.
+    """
+    if len(counts) < 2:
+        raise ValueError("one frame has no flow: give two or more")
+    shape = (counts.shape[1], counts.shape[2])
+    if not counts.any():
+        return np.full((*shape, 2), np.nan)
+    times = times_from_reference(len(counts))
+    charge = charge_of(counts, smoothness)
+    nodes = np.zeros((2, 1, 1))
+    for level in levels(counts.astype(np.float64)):
+        here = level.roots.shape[1:]
+        nodes = 2 * finer(nodes, tuple(-(-side // NODE_PX) for side in here), 2)
+        for _ in range(_NEWTON_STEPS):
+            nodes = nodes + _step(level, times, nodes, charge * level.bins**2)
+    return np.moveaxis(finer(nodes, shape, NODE_PX), 0, -1)
+
+
+def times_from_reference(frames: int) -> Floats:
+    """Return the times of so many frames from the one before the middle, (frames,)."""
+    return np.arange(frames, dtype=np.float64) - (frames // 2 - 1)
+
+
+def charge_of(counts: NDArray[Any], smoothness: float) -> float:
+    """Return what counts (n, H, W) are charged per unit of the gradient of their flow."""
+    photons = counts.sum(axis=0).mean()
+    return float(smoothness * min(1.0, photons / _FEW_PHOTONS) ** _CHARGE_POWER)
+
+
+def stiffness(charge: float, squared_change: Floats) -> Floats:
+    """Return the stiffness (n, m) of links over which flow changes so: its square (n, m), px²."""
+    return np.asarray(charge / np.sqrt(squared_change / NODE_PX**2 + _STEADY**2))
+
+
+def _step(level: Level, times: Floats, nodes: Floats, smoothness: float) -> Floats:
+    """Return how far to go from a flow at nodes, (2, n, m)."""
+    shape = level.roots.shape[1:]
+    pixels = np.mgrid[: shape[0], : shape[1]].astype(np.float64)
+    flow = finer(nodes, shape, NODE_PX)[::-1]
+    found = evidence(level, times[np.newaxis], (pixels + time * flow for time in times))
+    information, slope = to_nodes(found.products[0] * found.information), to_nodes(found.slope[0])
+    xx, xy, yy = information
+    x, y = nodes
+    target = slope + np.stack((xx * x + xy * y, xy * x + yy * y))
+    best = nodes
+    for _ in range(_PRIOR_STEPS):
+        best = most_likely(information, target, _springs(best, smoothness))
+    return np.clip(best - nodes, -_LONGEST_STEP_PX, _LONGEST_STEP_PX)
+
+
+def _springs(nodes: Floats, smoothness: float) -> tuple[Floats, Floats]:
+    """Return the stiffness of links along x and y: that of a prior that grows as the gradient."""
+    right, down = (
+        stiffness(smoothness, (np.diff(nodes, axis=axis) ** 2).sum(axis=0)) for axis in (2, 1)
+    )
+    return right, down
+
+
+def suited_blur_px(excess: Floats, frames: int) -> Floats:
+    """Return the standard deviation of the best blur (px), of any shape.
+
+    Parameters
+    ----------
+    excess
+        q, of the unsmoothed counts.
+    frames : int
+        How many frames are to agree.
+    """
+    ratios = np.maximum(excess, _FAINTEST) * frames / 2
+    return np.asarray(_BLUR_AT_EQUALITY_PX * ratios ** (-1 / 3))
+
+
+def root_noise(smooth: Callable[[Floats], NDArray[Any]]) -> float:
+    """Return the variance that shot noise gives to the roots of smoothed counts, at any brightness.
+
+    A quarter of what smoothing leaves of a variance equal to the mean.
+
+    Parameters
+    ----------
+    smooth
+        (H, W) to the same; reaches 15 px at most.
+    """
+    impulse = np.zeros((31, 31))
+    impulse[15, 15] = 1
+    return float((smooth(impulse) ** 2).sum() / 4)
+
+
+def levels(counts: Floats) -> Iterator[Level]:
+    """Yield frames (n, H, W) from the coarsest level to the finest."""
+    binned = [counts]
+    while min(binned[-1].shape[1:]) // 2 >= _SMALLEST_LEVEL_PX:
+        height, width = (side // 2 * 2 for side in binned[-1].shape[1:])
+        even = binned[-1][:, :height, :width]
+        binned.append(even.reshape(-1, height // 2, 2, width // 2, 2).sum(axis=(2, 4)))
+    for power, frames in reversed(list(enumerate(binned))):
+        yield level_of(frames, 2**power)
+
+
+def level_of(frames: Floats, bins: int = 1) -> Level:
+    """Return frames (n, H, W) of so many bins as roots and splines."""
+    excess = frames.var(axis=(1, 2)).mean() / frames.mean() - 1
+    smooth = partial(gaussian_filter, sigma=suited_blur_px(excess, len(frames)).clip(*_BLURS_PX))
+    roots = np.sqrt(np.stack([smooth(frame) for frame in frames]))
+    splines = np.stack([spline_filter(root, 3, mode="nearest") for root in roots])
+    return Level(roots, splines, root_noise(smooth), bins)
+
+
+def evidence(level: Level, patterns: Floats, places: Iterable[Floats]) -> Evidence:
+    """Return what frames tell about a motion by which each is aligned.
+
+    Parameters
+    ----------
+    level
+    patterns : (patterns, n)
+        What a displacement is made of, at each frame; of a steady one the times from the frame of
+        reference.
+    places : (2, H, W), of each frame
+        Row and column at which it shows what the frame of reference shows at a pixel.
+    """
+    shape = level.roots.shape[1:]
+    inside = np.ones(shape, np.bool_)
+    aligned = np.empty_like(level.roots)
+    for frame, splines, moved in zip(aligned, level.splines, places, strict=True):
+        frame[:] = map_coordinates(splines, moved, order=3, mode="nearest", prefilter=False)
+        for along, side in zip(moved, shape, strict=True):
+            inside &= (along > -0.5) & (along < side - 0.5)
+    mean = aligned.mean(axis=0)
+    differences = aligned - mean
+    gradient = np.stack(np.gradient(mean)[::-1])
+    spread = patterns - patterns.mean(axis=1, keepdims=True)
+    noise = (patterns.shape[1] - 1) * level.noise
+    around = gaussian_filter((differences**2).sum(axis=0), _AGREEMENT_PX) / noise
+    excess = np.maximum(1, around / _MOST_NOISE)
+    weight = 4 * inside / excess
+    drift = -weight * np.tensordot(spread, differences, 1)
+    right, down = gradient
+    misfit = np.minimum(around, _MOST_NOISE) + _MOST_NOISE * np.log(excess)
+    return Evidence(
+        weight * np.stack((right * right, right * down, down * down)),
+        spread @ spread.T,
+        drift[:, np.newaxis] * gradient,
+        float(misfit[inside].mean()) if inside.any() else np.inf,
+    )
+
+
+def finer(coarse: Floats, shape: tuple[int, ...], factor: int) -> Floats:
+    """Return values (k, n, m) at a grid of this shape, so many times finer, linear between them."""
+    along = ((np.arange(side) + 0.5) / factor - 0.5 for side in shape)
+    places = np.stack(np.meshgrid(*along, indexing="ij"))
+    return np.stack([map_coordinates(each, places, order=1, mode="nearest") for each in coarse])
+
+
+def to_nodes(pixels: Floats) -> Floats:
+    """Return sums of (c, H, W) over the squares around nodes."""
+    count, *shape = pixels.shape
+    rows, columns = (-(-side // NODE_PX) for side in shape)
+    missing = [(0, 0), (0, rows * NODE_PX - shape[0]), (0, columns * NODE_PX - shape[1])]
+    whole = np.pad(pixels, missing).reshape(count, rows, NODE_PX, columns, NODE_PX)
+    return np.asarray(whole.sum(axis=(2, 4)))
+
+
+def most_likely(information: Floats, slope: Floats, springs: tuple[Floats, Floats]) -> Floats:
+    """Return the velocities u, (2, n, m), of least ½Σuᵀ·A·u − bᵀ·u + ½Σw·|u − u'|².
+
+    Parameters
+    ----------
+    information : (3, n, m)
+        A of each node: xx, xy, yy.
+    slope : (2, n, m)
+        b of each node.
+    springs : (n, m − 1) and (n − 1, m)
+        w to the right neighbor, and to the lower.
+    """
+    shape = slope.shape[1:]
+    nodes = int(np.prod(shape))
+    first, second = links(shape)
+    stiffness = np.concatenate([spring.ravel() for spring in springs])
+    ends = np.concatenate((first, second))
+    pull = np.bincount(ends, np.concatenate((stiffness, stiffness)), nodes) + _LEAST
+    xx, xy, yy = information.reshape(3, nodes)
+    x = np.arange(nodes)
+    y = x + nodes
+    # (row, column, value) of every entry
+    entries = [(x, x, xx + pull), (y, y, yy + pull), (x, y, xy), (y, x, xy)]
+    for offset in (0, nodes):
+        entries.append((first + offset, second + offset, -stiffness))
+        entries.append((second + offset, first + offset, -stiffness))
+    rows, columns, values = (np.concatenate(each) for each in zip(*entries, strict=True))
+    matrix = coo_array((values, (rows, columns)), shape=(2 * nodes, 2 * nodes)).tocsc()
+    factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    return np.asarray(factors.solve(slope.ravel())).reshape(2, *shape)
+
+
+def links(shape: tuple[int, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return both nodes of all links of a grid, (links,) each: to the right, then downward."""
+    index = np.arange(int(np.prod(shape))).reshape(shape)
+    first = np.concatenate((index[:, :-1].ravel(), index[:-1].ravel()))
+    second = np.concatenate((index[:, 1:].ravel(), index[1:].ravel()))
+    return first, second

@@ -1,5 +1,0 @@
-"""The likelihood of counts in several frames, as a function of how what they show moved."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

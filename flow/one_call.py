@@ -1,0 +1,90 @@
+"""The flow between two images in one call, by any method that gives velocities."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import ValidationError
+
+from megalopta.core.bounded import quoted
+from megalopta.flow.detectors import (
+    METHODS,
+    BlockDetector,
+    FloatArray,
+    Frames,
+    Method,
+    method as detector_of,
+)
+
+
+def optical_flow(
+    first: ArrayLike, second: ArrayLike, method: Method = "PF", **settings: Any
+) -> FloatArray:
+    """Return the flow from one image to the next, (H, W, 2) in px: x, to the right, then y, down.
+
+    Parameters
+    ----------
+    first, second : (H, W)
+        Photon counts for PM, PPM, PF and PPF; gray levels of any range will do for the others.
+    method
+        Name of a method in `METHODS`, a function of two images, `module:function`, the path of an
+        ONNX file, or a detector.
+    **settings
+        Of the method, such as `smoothness` of PF; its class tells all.
+
+    Returns
+    -------
+    FloatArray
+        At each pixel of the first image, NaN where undefined. Of a method that gives one velocity
+        per block it is linear between the middles of blocks, and beyond the outermost as there.
+
+    Raises
+    ------
+    ValueError
+        When the method gives no velocity, a setting is unknown or wrong, or the images are no
+        images of one size, too small, or no counts where the method needs them.
+    """
+    detector = detector_of(method)
+    if not isinstance(detector, BlockDetector):
+        able = (name for name, each in METHODS.items() if isinstance(each, BlockDetector))
+        raise ValueError(f"{detector.name} measures no velocity: choose from {', '.join(able)}")
+    detector, frames = _changed(detector, settings), [_image(each) for each in (first, second)]
+    if detector.takes_counts and all(map(_are_gray_levels, frames)):
+        raise ValueError(
+            f"{detector.name} takes photon counts, and these are gray levels from 0 to 1: multiply"
+            " them by the photons of the brightest, or choose another method, such as DIS"
+        )
+    return detector.dense(*frames)
+
+
+def _changed(detector: BlockDetector, settings: Mapping[str, Any]) -> BlockDetector:
+    fields = type(detector).model_fields
+    known = [name for name in fields if name not in ("name", "label")]
+    for name, value in settings.items():
+        if name not in known:
+            raise ValueError(
+                f"{detector.name} has no setting {name} (of value {quoted(value)}): choose from"
+                f" {', '.join(known)}"
+            )
+    try:
+        return type(detector).model_validate({**dict(detector), **settings})
+    except ValidationError as error:
+        problem = error.errors()[0]
+        name, told = ".".join(map(str, problem["loc"])), problem["msg"]
+        remedy = told.replace("Input should", "it should").removeprefix("Value error, ")
+        raise ValueError(
+            f"{detector.name}: {name} is {quoted(problem['input'])}; {remedy}"
+        ) from None
+
+
+def _image(values: ArrayLike) -> Frames:
+    image = np.asarray(values)
+    if image.dtype.kind not in "buif":
+        raise ValueError(f"an image of {image.dtype}: give numbers")
+    return image.astype(np.uint8) if image.dtype.kind == "b" else image
+
+
+def _are_gray_levels(image: Frames) -> bool:
+    is_within = image.size > 0 and image.min() >= 0 and image.max() <= 1
+    return bool(is_within and (image != np.round(image)).any())
