@@ -8,14 +8,9 @@ from numpy.typing import ArrayLike
 from pydantic import ValidationError
 
 from megalopta.core.bounded import quoted
-from megalopta.flow.detectors import (
-    METHODS,
-    BlockDetector,
-    FloatArray,
-    Frames,
-    Method,
-    method as detector_of,
-)
+from megalopta.flow.detectors.base import FloatArray, Frames
+from megalopta.flow.detectors.blocks import BlockDetector
+from megalopta.flow.detectors.registry import METHODS, Method, method as detector_of
 
 
 def optical_flow(

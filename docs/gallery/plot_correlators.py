@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from megalopta.flow import METHODS
-from megalopta.flow.detectors import ndm_mean, nds_mean
+from megalopta.flow.detectors.correlation import ndm_mean, nds_mean
 
 PHASE, CONTRAST = 0.3, 0.8
 t, x = np.arange(1200)[:, None], np.arange(40)[None, :]

@@ -3,8 +3,8 @@
 import statistics
 import time
 
-from megalopta.flow.detectors import Detector
-from megalopta.flow.stimuli import Counts
+from megalopta.flow.detectors.base import Detector
+from megalopta.flow.stimuli.photons import Counts
 
 _RUNS = 3
 

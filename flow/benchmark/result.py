@@ -7,8 +7,10 @@ from typing import Any, Self
 from pydantic import PositiveInt, TypeAdapter
 
 from megalopta.flow.benchmark.settings import BenchmarkSettings
-from megalopta.flow.detectors import METHODS, Detector
-from megalopta.flow.metrics import ErrorCurve, Metric
+from megalopta.flow.detectors.base import Detector
+from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.metrics.curve import ErrorCurve
+from megalopta.flow.metrics.response_error import Metric
 
 
 @dataclass(frozen=True)

@@ -22,9 +22,11 @@ import numpy as np
 
 from megalopta.flow.benchmark.settings import SearchSettings
 from megalopta.flow.benchmark.short_sequences import Comparison, ReusedMemory, ShortSequences
-from megalopta.flow.detectors import Detector, Method, method
-from megalopta.flow.metrics import ErrorCurve, ErrorSums, Metric, combine, error_curve
-from megalopta.flow.stimuli import MovingTemplate
+from megalopta.flow.detectors.base import Detector
+from megalopta.flow.detectors.registry import Method, method
+from megalopta.flow.metrics.curve import ErrorCurve, error_curve
+from megalopta.flow.metrics.response_error import ErrorSums, Metric, combine
+from megalopta.flow.stimuli.moving_template import MovingTemplate
 
 _MEAN_AT_TWO_BITS = 10.133
 """Count of a pixel whose relative error is 25 %; the error goes as its inverse root."""

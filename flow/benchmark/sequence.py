@@ -23,9 +23,22 @@ import numpy as np
 
 from megalopta.flow.benchmark.result import BenchmarkResult
 from megalopta.flow.benchmark.settings import BenchmarkSettings, checked_warm_up
-from megalopta.flow.detectors import Detector, FloatArray, Frames, Method, method
-from megalopta.flow.metrics import ErrorCurve, ErrorSums, Metric, combine, error_curve, error_sums
-from megalopta.flow.stimuli import Counts, divisors, draw_counts, frame_light, resize, resized_shape
+from megalopta.flow.detectors.base import Detector, FloatArray, Frames
+from megalopta.flow.detectors.registry import Method, method
+from megalopta.flow.metrics.curve import ErrorCurve, error_curve
+from megalopta.flow.metrics.response_error import (
+    ErrorSums,
+    Metric,
+    combine,
+    error_sums,
+)
+from megalopta.flow.stimuli.photons import (
+    Counts,
+    divisors,
+    draw_counts,
+    frame_light,
+)
+from megalopta.flow.stimuli.resizing import resize, resized_shape
 
 Progress = Callable[[int], object]
 """Called with the work done since the last call, in the units of `work_units`."""

@@ -8,9 +8,10 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
-from megalopta.flow.detectors import Detector
-from megalopta.flow.metrics import METRICS, Metric
-from megalopta.flow.stimuli import Normalization, ResizeKind, resized_shape
+from megalopta.flow.detectors.base import Detector
+from megalopta.flow.metrics.response_error import METRICS, Metric
+from megalopta.flow.stimuli.photons import Normalization
+from megalopta.flow.stimuli.resizing import ResizeKind, resized_shape
 
 THESIS_WARM_UP = 30
 

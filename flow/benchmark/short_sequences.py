@@ -16,9 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.flow.benchmark.settings import SearchSettings
-from megalopta.flow.detectors import Detector, FloatArray, Frames, Responder
-from megalopta.flow.metrics import ErrorSums, error_sums, sums_of_errors
-from megalopta.flow.stimuli import Empty, MovingTemplate, draw_in_one, narrowest, summed
+from megalopta.flow.detectors.base import (
+    Detector,
+    FloatArray,
+    Frames,
+    Responder,
+)
+from megalopta.flow.metrics.response_error import ErrorSums, error_sums, sums_of_errors
+from megalopta.flow.stimuli.moving_template import MovingTemplate, summed
+from megalopta.flow.stimuli.photons import Empty, draw_in_one, narrowest
 
 _PIXELS_AT_ONCE = 2**17
 

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from megalopta.flow.detectors import FloatArray
+from megalopta.flow.detectors.base import FloatArray
 from megalopta.scenes.cameras.base import Camera
 
 _TRIED = 400

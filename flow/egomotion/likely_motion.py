@@ -31,7 +31,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
-from megalopta.flow.detectors import FloatArray, Frames
+from megalopta.flow.detectors.base import FloatArray, Frames
 from megalopta.flow.egomotion.heading import CameraMotion, motion_of_flow
 from megalopta.flow.likelihood import (
     NODE_PX,

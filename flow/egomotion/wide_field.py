@@ -31,7 +31,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.flow.detectors import FloatArray
+from megalopta.flow.detectors.base import FloatArray
 
 _SHARED = 0.5
 """How far a variance is drawn to the median of all places: a few frames cannot tell a quiet place

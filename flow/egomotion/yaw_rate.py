@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
-from megalopta.flow.detectors import Detector
+from megalopta.flow.detectors.base import Detector
 from megalopta.flow.egomotion.wide_field import SlopeSums, WideField, field_of_halves
 from megalopta.scenes.trajectories.base import Path
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from pydantic import PositiveInt, TypeAdapter
 
-from megalopta.flow.detectors import Detector, FloatArray
+from megalopta.flow.detectors.base import Detector, FloatArray
 from megalopta.flow.metrics.photon_threshold import Flux, Threshold, threshold
 from megalopta.flow.metrics.response_error import ErrorSums, Metric, quotient
 from megalopta.sensor.sampling import generator

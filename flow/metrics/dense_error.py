@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.flow.detectors import FloatArray
+from megalopta.flow.detectors.base import FloatArray
 from megalopta.flow.metrics.endpoint_error import angles_deg
 
 SPEEDS_PX = (10.0, 40.0)

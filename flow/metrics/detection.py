@@ -18,7 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri
 
-from megalopta.flow.detectors import BlockDetector, Detector, FloatArray, block_grid, block_sums
+from megalopta.flow.detectors.base import Detector, FloatArray
+from megalopta.flow.detectors.blocks import BlockDetector, block_grid, block_sums
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.flow.detectors import BlockDetector, BlockGrid, FloatArray, Frames
+from megalopta.flow.detectors.base import FloatArray, Frames
+from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
 from megalopta.flow.metrics.photon_threshold import first_crossing
 from megalopta.flow.metrics.translation_bound import median_endpoint_error
 

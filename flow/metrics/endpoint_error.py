@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.flow.detectors import BlockGrid, FloatArray
+from megalopta.flow.detectors.base import FloatArray
+from megalopta.flow.detectors.blocks import BlockGrid
 
 OUTLIER = 0.25
 """Relative error of a velocity beyond which it is an outlier: the thesis's 2-bit accuracy."""

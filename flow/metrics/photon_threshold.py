@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from megalopta.flow.detectors import FloatArray
+from megalopta.flow.detectors.base import FloatArray
 
 _REPLICATES = 2000
 _LOWEST_ERROR = 1e-3

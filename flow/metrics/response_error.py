@@ -23,7 +23,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from megalopta.flow.detectors import Detector, FloatArray
+from megalopta.flow.detectors.base import Detector, FloatArray
 
 Metric = Literal["literal", "ratio"]
 METRICS: tuple[Metric, ...] = ("literal", "ratio")

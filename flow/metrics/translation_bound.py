@@ -41,7 +41,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
-from megalopta.flow.detectors import BlockGrid, FloatArray, block_sums
+from megalopta.flow.detectors.base import FloatArray
+from megalopta.flow.detectors.blocks import BlockGrid, block_sums
 
 _ANGLES = (np.arange(64) + 0.5) * (np.pi / 64)
 _SINGULAR = 1e-9

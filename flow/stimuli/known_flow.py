@@ -18,7 +18,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates, spline_filter
 from scipy.spatial.transform import Rotation
 
-from megalopta.flow.detectors import FloatArray
+from megalopta.flow.detectors.base import FloatArray
 
 _SAMPLES = 2
 """Samples along a pixel, which gathers their light"""

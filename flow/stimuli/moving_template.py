@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from megalopta.flow.detectors import FloatArray, Frames
+from megalopta.flow.detectors.base import FloatArray, Frames
 from megalopta.flow.stimuli.photons import Normalization, divisors
 from megalopta.flow.stimuli.resizing import ResizeKind, resize, resized_shape
 

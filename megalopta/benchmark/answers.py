@@ -15,8 +15,9 @@ from megalopta.benchmark.pairing import (
 )
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import read_picture
-from megalopta.flow.detectors import DenseDetector, Method, method
-from megalopta.flow.files import read_flow
+from megalopta.flow.detectors.gray_detector import DenseDetector
+from megalopta.flow.detectors.registry import Method, method
+from megalopta.flow.files.formats import read_flow
 
 Answers = Mapping[Frame, tuple[str, Callable[[], NDArray[Any]]]]
 """Where the answer to a frame comes from, and what gives it, (H, W, 2) in px"""

@@ -5,7 +5,10 @@ sums of the first and the second half of eight frames.
 """
 
 from megalopta.benchmark.whole_frame_board import block_detector, block_methods
-from megalopta.flow.detectors import METHODS, BlockDetector, GrayDetector, Method, summed_frames
+from megalopta.flow.detectors.blocks import BlockDetector
+from megalopta.flow.detectors.gray_detector import GrayDetector
+from megalopta.flow.detectors.registry import METHODS, Method
+from megalopta.flow.detectors.summed_frames import summed_frames
 
 _GRAY = ("LK", "FB", "DIS", "TV-L1")
 _BLUR_PX = 0.7

@@ -11,7 +11,7 @@ from megalopta.benchmark.whole_frame_board import FrameErrors, frame_errors
 from megalopta.core.errors import UserError
 from megalopta.core.files import write_text
 from megalopta.core.progress import progress
-from megalopta.flow.detectors import Method
+from megalopta.flow.detectors.registry import Method
 
 _PAIR_FRAMES = 2
 

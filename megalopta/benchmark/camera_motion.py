@@ -10,8 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
 from megalopta.dataset.store import Dataset
-from megalopta.flow.detectors import BlockGrid
-from megalopta.flow.egomotion import CameraMotion, likely_camera_motion, motion_of_flow
+from megalopta.flow.detectors.blocks import BlockGrid
+from megalopta.flow.egomotion.heading import CameraMotion, motion_of_flow
+from megalopta.flow.egomotion.likely_motion import likely_camera_motion
 from megalopta.scenes.cameras.base import Camera
 
 LIKELIHOODS: Mapping[str, int] = MappingProxyType(

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from megalopta.assets_gen.noise import tileable_noise
 from megalopta.core.arrays import Floats
-from megalopta.flow.detectors import Detector, Method, method
-from megalopta.flow.metrics import (
+from megalopta.flow.detectors.base import Detector
+from megalopta.flow.detectors.registry import Method, method
+from megalopta.flow.metrics.detection import (
     Roc,
     d_prime,
     false_alarm_rate,
@@ -23,7 +24,8 @@ from megalopta.flow.metrics import (
     rightward_evidence,
     roc,
 )
-from megalopta.flow.stimuli import Counts, MovingTemplate, draw_counts
+from megalopta.flow.stimuli.moving_template import MovingTemplate
+from megalopta.flow.stimuli.photons import Counts, draw_counts
 from megalopta.sensor.sampling import generator
 
 SEED = 0

@@ -21,15 +21,15 @@ from scipy.spatial.transform import Rotation
 from megalopta.benchmark.whole_frame_forests import VIEW_SETTINGS, MovingView
 from megalopta.benchmark.whole_frame_scenes import Clip
 from megalopta.core.arrays import Floats
-from megalopta.flow.detectors import METHODS, BlockDetector, Detector, Frames, summed_frames
-from megalopta.flow.egomotion import (
-    CameraMotion,
-    fit_wide_field,
-    likely_camera_motion,
-    motion_of_flow,
-    yaw_rates_deg_s,
-)
-from megalopta.flow.stimuli import draw_counts
+from megalopta.flow.detectors.base import Detector, Frames
+from megalopta.flow.detectors.blocks import BlockDetector
+from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.detectors.summed_frames import summed_frames
+from megalopta.flow.egomotion.heading import CameraMotion, motion_of_flow
+from megalopta.flow.egomotion.likely_motion import likely_camera_motion
+from megalopta.flow.egomotion.wide_field import fit_wide_field
+from megalopta.flow.egomotion.yaw_rate import yaw_rates_deg_s
+from megalopta.flow.stimuli.photons import draw_counts
 from megalopta.scenes import Camera, Forest, Light, PerspectiveCamera, Recorded
 from megalopta.sensor.sampling import generator
 

@@ -16,21 +16,26 @@ from numpy.typing import NDArray
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.dead_leaves_model import dead_leaves
 from megalopta.core.arrays import Floats
-from megalopta.flow.benchmark import milliseconds_per_frame
-from megalopta.flow.detectors import BlockDetector, BlockGrid, Detector, Method, block_grid, method
-from megalopta.flow.metrics import (
+from megalopta.flow.benchmark.frame_time import milliseconds_per_frame
+from megalopta.flow.detectors.base import Detector
+from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, block_grid
+from megalopta.flow.detectors.registry import Method, method
+from megalopta.flow.metrics.efficiency import (
     bound_photons,
     confined_velocities,
+    is_within,
+    photons_for_half,
+    variance_efficiency,
+)
+from megalopta.flow.metrics.translation_bound import (
     cramer_rao_covariance,
     cramer_rao_covariance_along_x,
     fisher_information,
-    is_within,
-    photons_for_half,
     texture_spectrum,
     unknown_texture_photons,
-    variance_efficiency,
 )
-from megalopta.flow.stimuli import MovingTemplate, draw_counts
+from megalopta.flow.stimuli.moving_template import MovingTemplate
+from megalopta.flow.stimuli.photons import draw_counts
 
 SIZE_PX = 240
 TEMPLATE_ROWS = 251

@@ -28,9 +28,9 @@ from megalopta.benchmark.velocities import Drawn, Velocities
 from megalopta.benchmark.yaw_rate import YawErrors
 from megalopta.core.arrays import Floats
 from megalopta.dataset.store import Dataset
-from megalopta.flow.detectors import BlockDetector, BlockGrid
-from megalopta.flow.egomotion import CameraMotion
-from megalopta.flow.metrics import combine, error_sums
+from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
+from megalopta.flow.egomotion.heading import CameraMotion
+from megalopta.flow.metrics.response_error import combine, error_sums
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from megalopta.core.freshness import digest
-from megalopta.flow.detectors import METHODS, BlockDetector, Detector, Method, method
+from megalopta.flow.detectors.base import Detector
+from megalopta.flow.detectors.blocks import BlockDetector
+from megalopta.flow.detectors.registry import METHODS, Method, method
 
 Methods = Mapping[str, BlockDetector]
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from megalopta.core.errors import UserError
-from megalopta.flow.files import FLOW_SUFFIXES
+from megalopta.flow.files.formats import FLOW_SUFFIXES
 
 _NUMBERED = re.compile(r"frame_?(\d{1,9})")
 

@@ -15,7 +15,7 @@ from megalopta.benchmark.whole_frame_scenes import Clip
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import read_picture
-from megalopta.flow.files import read_flow
+from megalopta.flow.files.formats import read_flow
 from megalopta.scenes.spectra.color import decode_srgb
 from megalopta.scenes.spectra.primaries import LUMINANCE_SHARES
 

@@ -24,7 +24,7 @@ from megalopta.core import files
 from megalopta.core.errors import UserError
 from megalopta.core.folders import cache_folder, locked
 from megalopta.core.progress import progress
-from megalopta.flow.stimuli import resize
+from megalopta.flow.stimuli.resizing import resize
 from megalopta.render import read_attributes, read_radiance, write_radiance
 from megalopta.scenes.spectra.primaries import LUMINANCE_SHARES
 

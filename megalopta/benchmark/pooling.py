@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from megalopta.core.arrays import Floats
-from megalopta.flow.stimuli import resize
+from megalopta.flow.stimuli.resizing import resize
 
 
 class Pooling(NamedTuple):

@@ -20,7 +20,7 @@ from megalopta.benchmark.ranking_truth import (
     cell_name,
 )
 from megalopta.core.arrays import Floats
-from megalopta.flow.files import flow_to_rgb
+from megalopta.flow.files.color_wheel import flow_to_rgb
 from megalopta.plotting.style import BLACK, GRAY, method_style
 from megalopta.plotting.svg import in_style, to_svg
 from megalopta.plotting.text import number

@@ -17,7 +17,7 @@ from megalopta.core.folders import locked
 from megalopta.core.format_numbers import check_format
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.store import Dataset, open_sequence
-from megalopta.flow.detectors import Method
+from megalopta.flow.detectors.registry import Method
 from megalopta.stages.ledger import Ledger
 
 FOLDER = "ranking"

@@ -8,7 +8,7 @@ from megalopta.benchmark.methods import velocity_names
 from megalopta.benchmark.pooling import Pooling
 from megalopta.config.model import LightLevel
 from megalopta.core.record import Record
-from megalopta.flow.benchmark import each_once
+from megalopta.flow.benchmark.settings import each_once
 from megalopta.scenes.lighting.levels import illuminance_of
 
 Flux = Annotated[float, Field(gt=0)]

@@ -15,8 +15,8 @@ from megalopta.benchmark.pooling import Pooling
 from megalopta.core.arrays import Floats
 from megalopta.dataset.frames import read_truth_frames
 from megalopta.dataset.store import Dataset
-from megalopta.flow.detectors import BlockGrid
-from megalopta.flow.metrics import OCCLUDED_SHARE, block_flow, block_share
+from megalopta.flow.detectors.blocks import BlockGrid
+from megalopta.flow.metrics.endpoint_error import OCCLUDED_SHARE, block_flow, block_share
 from megalopta.render.truth.tracer import Truth
 
 SPEEDS_PX = (1.0, 3.0)

@@ -28,9 +28,9 @@ from megalopta.core.errors import UserError
 from megalopta.core.folders import ensure_directory, locked
 from megalopta.core.freshness import code_digest, digest
 from megalopta.core.progress import progress
-from megalopta.flow.detectors import Detector
-from megalopta.flow.metrics import ErrorCurve
-from megalopta.flow.stimuli import BlackFrameError
+from megalopta.flow.detectors.base import Detector
+from megalopta.flow.metrics.curve import ErrorCurve
+from megalopta.flow.stimuli.photons import BlackFrameError
 from megalopta.generation.cluster import connected
 
 Curves = tuple[ErrorCurve, ...]

@@ -18,9 +18,9 @@ from megalopta.core.pictures import read_picture
 from megalopta.core.progress import progress
 from megalopta.core.record import Record
 from megalopta.dataset.store import file_hash
-from megalopta.flow.detectors import Method
-from megalopta.flow.files import read_flow
-from megalopta.flow.metrics import GROUPS, DenseError, DenseErrors
+from megalopta.flow.detectors.registry import Method
+from megalopta.flow.files.formats import read_flow
+from megalopta.flow.metrics.dense_error import GROUPS, DenseError, DenseErrors
 
 Number = FiniteFloat | None
 """None where no pixel is of the group"""

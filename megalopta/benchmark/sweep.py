@@ -30,7 +30,7 @@ from megalopta.config.yaml_model import (
 from megalopta.core.errors import UserError
 from megalopta.core.record import Record
 from megalopta.core.strict_yaml import booleans_for_others
-from megalopta.flow.benchmark import each_once
+from megalopta.flow.benchmark.settings import each_once
 
 Value = int | float | bool | str
 MOST_TRIALS = 10_000

@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple
 from megalopta.benchmark.panorama_recipes import NATURAL_PANORAMAS
 from megalopta.benchmark.sweep import Sweep, Value
 from megalopta.benchmark.trial import PanoramaTemplate, Trial
-from megalopta.flow.benchmark import SearchSettings
+from megalopta.flow.benchmark.settings import SearchSettings
 
 POOLING = (60, 120, 180, 240)
 VELOCITIES = tuple(range(1, 11))

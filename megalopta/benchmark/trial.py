@@ -21,10 +21,14 @@ from pydantic import (
 from megalopta.assets_gen.grating import GratingVariant, moving_cycles, sine_grating
 from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
-from megalopta.flow.benchmark import SearchSettings, each_once, photon_search
-from megalopta.flow.detectors import METHODS, THESIS_METHODS, Detector, IntensityMeasurement, method
-from megalopta.flow.metrics import ErrorCurve
-from megalopta.flow.stimuli import MovingTemplate, ResizeKind, blurred
+from megalopta.flow.benchmark.search import photon_search
+from megalopta.flow.benchmark.settings import SearchSettings, each_once
+from megalopta.flow.detectors.base import Detector
+from megalopta.flow.detectors.intensity import IntensityMeasurement
+from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS, method
+from megalopta.flow.metrics.curve import ErrorCurve
+from megalopta.flow.stimuli.moving_template import MovingTemplate, blurred
+from megalopta.flow.stimuli.resizing import ResizeKind
 
 ROWS = 251
 """Rows of every template, and columns of a frame before resizing (thesis, §4.2); a prime."""

@@ -17,9 +17,11 @@ import numpy as np
 
 from megalopta.benchmark.whole_frame_scenes import Clip, middle
 from megalopta.core.arrays import Floats
-from megalopta.flow.detectors import METHODS, BlockDetector, Frames, Method, block_grid, method
-from megalopta.flow.metrics import block_flow
-from megalopta.flow.stimuli import draw_counts
+from megalopta.flow.detectors.base import Frames
+from megalopta.flow.detectors.blocks import BlockDetector, block_grid
+from megalopta.flow.detectors.registry import METHODS, Method, method
+from megalopta.flow.metrics.endpoint_error import block_flow
+from megalopta.flow.stimuli.photons import draw_counts
 from megalopta.sensor.sampling import generator
 
 BLOCK_PX = 24

@@ -13,8 +13,8 @@ import numpy as np
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.dead_leaves_model import dead_leaves
 from megalopta.core.arrays import Floats
-from megalopta.flow.detectors import Frames
-from megalopta.flow.stimuli import Layer, MovingLayers, PanningView
+from megalopta.flow.detectors.base import Frames
+from megalopta.flow.stimuli.known_flow import Layer, MovingLayers, PanningView
 
 SHAPE = (240, 240)
 FRAMES = 8

@@ -10,9 +10,10 @@ from megalopta.benchmark.ranking_record import YawRateError
 from megalopta.benchmark.ranking_settings import RankingSettings
 from megalopta.benchmark.velocities import Drawn, Velocities
 from megalopta.dataset.store import Dataset
-from megalopta.flow.benchmark import default_warm_up
-from megalopta.flow.detectors import Detector, Method, method
-from megalopta.flow.egomotion import YawRateTest, yaw_rates_deg_s
+from megalopta.flow.benchmark.settings import default_warm_up
+from megalopta.flow.detectors.base import Detector
+from megalopta.flow.detectors.registry import Method, method
+from megalopta.flow.egomotion.yaw_rate import YawRateTest, yaw_rates_deg_s
 
 YawErrors = Mapping[tuple[float, str], tuple[float, float, float]]
 """True rate, error without noise and error on photons (deg/s, RMS), by photons and method"""

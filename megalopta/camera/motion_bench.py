@@ -23,7 +23,10 @@ from numpy.typing import NDArray
 from megalopta.camera.bench_light import BenchLight
 from megalopta.core.arrays import Floats
 from megalopta.flow import Detector, triangular_pool
-from megalopta.flow.detectors import NonDirectionalMultiplication, NonDirectionalSummation
+from megalopta.flow.detectors.correlation import (
+    NonDirectionalMultiplication,
+    NonDirectionalSummation,
+)
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.stimuli.grating import sky_radiance

@@ -50,7 +50,7 @@ def _run(options: Namespace) -> None:
     asked = configuration(options)  # refused before the rest is loaded
 
     from megalopta.benchmark.ranking_folder import FOLDER, run_ranking
-    from megalopta.flow.detectors import METHODS
+    from megalopta.flow.detectors.registry import METHODS
     from megalopta.report.page import write_report
     from megalopta.stages.pipeline import run_all
 

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from megalopta.core.record import Record
-from megalopta.flow.benchmark import BenchmarkSettings
-from megalopta.flow.stimuli import Normalization
+from megalopta.flow.benchmark.settings import BenchmarkSettings
+from megalopta.flow.stimuli.photons import Normalization
 
 Reference = Literal["self", "perfect"]
 

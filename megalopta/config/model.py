@@ -21,8 +21,8 @@ from megalopta.config.measuring import CalibrationFrames, FlowSettings, Sequence
 from megalopta.config.yaml_model import mapping, read_text, validated
 from megalopta.core.bounded import quoted
 from megalopta.core.record import Record
-from megalopta.flow.benchmark import each_once
-from megalopta.flow.detectors import METHODS, THESIS_METHODS
+from megalopta.flow.benchmark.settings import each_once
+from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
 from megalopta.render import RenderSettings
 from megalopta.scenes import AnyScene, MovingObject, Shutter
 from megalopta.scenes.cameras.choice import AnyCamera

@@ -13,7 +13,7 @@ from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError
 from megalopta.core.format_numbers import check_format
 from megalopta.core.record import Record
-from megalopta.flow.benchmark import each_once
+from megalopta.flow.benchmark.settings import each_once
 from megalopta.sensor.formats import ProductName
 
 FlowFile = Literal["kitti_png", "flo5"]

@@ -20,7 +20,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Canvas
 from matplotlib.typing import LineStyleType
 
-from megalopta.flow.detectors import METHODS, THESIS_METHODS
+from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
 
 WIDTH_IN = 7.0
 

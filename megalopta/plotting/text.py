@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 from megalopta.config.model import LightLevel
-from megalopta.flow.metrics import format_flux
+from megalopta.flow.metrics.photon_threshold import format_flux
 from megalopta.scenes.lighting.levels import illuminance_of
 
 UNDEFINED = "–"

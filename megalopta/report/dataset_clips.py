@@ -10,7 +10,7 @@ from PIL import Image
 
 from megalopta.core.errors import UserError
 from megalopta.dataset.sequence import Sequence
-from megalopta.flow.files import flow_to_rgb
+from megalopta.flow.files.color_wheel import flow_to_rgb
 from megalopta.plotting.text import number
 from megalopta.report.images import gray_scale, map_scale
 

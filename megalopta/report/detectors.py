@@ -13,9 +13,11 @@ from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.dataset.flow_record import FlowRecord, ResponseErrors
 from megalopta.dataset.store import Dataset
-from megalopta.flow.detectors import METHODS, BlockDetector, Detector
-from megalopta.flow.files import flow_to_rgb
-from megalopta.flow.metrics import block_flow
+from megalopta.flow.detectors.base import Detector
+from megalopta.flow.detectors.blocks import BlockDetector
+from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.files.color_wheel import flow_to_rgb
+from megalopta.flow.metrics.endpoint_error import block_flow
 from megalopta.plotting.text import (
     UNDEFINED,
     level_name,

@@ -23,7 +23,12 @@ from megalopta.config.model import Configuration
 from megalopta.config.yaml_model import validated
 from megalopta.core.arrays import Floats
 from megalopta.core.progress import progress
-from megalopta.flow.stimuli import PASSES, LogStatistics, log_statistics, unlit_share
+from megalopta.flow.stimuli.statistics import (
+    PASSES,
+    LogStatistics,
+    log_statistics,
+    unlit_share,
+)
 from megalopta.plotting.picture import Cell, Figure, columns_of
 from megalopta.plotting.style import BLUE, ORANGE
 from megalopta.plotting.writing import write_figure

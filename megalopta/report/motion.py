@@ -7,7 +7,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 from PIL import Image
 
-from megalopta.flow.files import flow_to_rgb, wheel_legend
+from megalopta.flow.files.color_wheel import flow_to_rgb, wheel_legend
 from megalopta.plotting.text import percent
 from megalopta.report.charts import speed_chart
 from megalopta.report.components import Picture, film

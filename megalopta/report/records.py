@@ -14,8 +14,8 @@ from megalopta.core import bounded
 from megalopta.core.errors import UserError
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.dataset.store import Dataset
-from megalopta.flow.benchmark import BenchmarkResult
-from megalopta.flow.detectors import METHODS
+from megalopta.flow.benchmark.result import BenchmarkResult
+from megalopta.flow.detectors.registry import METHODS
 
 Record = Mapping[str, Any]
 _Read = TypeVar("_Read")

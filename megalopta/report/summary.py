@@ -5,7 +5,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from megalopta.config.model import Configuration, LightLevel
-from megalopta.flow.metrics import ErrorCurve, Metric, Threshold, format_flux
+from megalopta.flow.metrics.curve import ErrorCurve
+from megalopta.flow.metrics.photon_threshold import Threshold, format_flux
+from megalopta.flow.metrics.response_error import Metric
 from megalopta.plotting.text import (
     enumerate_words,
     level_name,

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from megalopta.flow.benchmark import BenchmarkResult
-from megalopta.flow.metrics import ErrorCurve, Threshold
+from megalopta.flow.benchmark.result import BenchmarkResult
+from megalopta.flow.metrics.curve import ErrorCurve
+from megalopta.flow.metrics.photon_threshold import Threshold
 from megalopta.plotting.text import UNDEFINED, enumerate_words, short
 from megalopta.report.budget import Budget
 from megalopta.report.charts import MethodThresholds, error_chart, threshold_chart

@@ -11,7 +11,7 @@ from megalopta.dataset.flow_record import (
     RotationErrors,
     TruthErrors,
 )
-from megalopta.flow.metrics import FAST_PX, OCCLUDED_SHARE, SLOW_PX
+from megalopta.flow.metrics.endpoint_error import FAST_PX, OCCLUDED_SHARE, SLOW_PX
 from megalopta.plotting.text import (
     FAILS,
     SENSELESS,

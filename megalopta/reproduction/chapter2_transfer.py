@@ -23,7 +23,7 @@ from megalopta.camera.motion_bench import (
     pixels_per_frame,
 )
 from megalopta.core.arrays import Floats
-from megalopta.flow.detectors import ndm_mean, nds_mean
+from megalopta.flow.detectors.correlation import ndm_mean, nds_mean
 from megalopta.plotting.picture import Figure
 from megalopta.plotting.style import (
     BLACK,

@@ -15,9 +15,10 @@ from matplotlib.ticker import EngFormatter, NullFormatter
 from megalopta.benchmark.thesis_sweeps import SWEEPS
 from megalopta.benchmark.trial import Trial
 from megalopta.core.arrays import Floats
-from megalopta.flow.detectors import METHODS
-from megalopta.flow.metrics import METRICS, Metric
-from megalopta.flow.stimuli import MovingTemplate, draw_counts
+from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.metrics.response_error import METRICS, Metric
+from megalopta.flow.stimuli.moving_template import MovingTemplate
+from megalopta.flow.stimuli.photons import draw_counts
 from megalopta.plotting.picture import Figure, borne_out
 from megalopta.plotting.style import BLUE, ORANGE
 from megalopta.reproduction.chapter4_findings import division_sentence

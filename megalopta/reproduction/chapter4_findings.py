@@ -13,8 +13,8 @@ import numpy as np
 
 from megalopta.benchmark.runner import Results
 from megalopta.benchmark.sweep import Sweep
-from megalopta.flow.detectors import THESIS_METHODS
-from megalopta.flow.metrics import METRICS
+from megalopta.flow.detectors.registry import THESIS_METHODS
+from megalopta.flow.metrics.response_error import METRICS
 from megalopta.plotting.picture import borne_out
 from megalopta.reproduction.thresholds import sweep_curve, threshold_of
 

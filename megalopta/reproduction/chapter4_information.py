@@ -24,9 +24,9 @@ from megalopta.benchmark.trial import (
     Trial,
 )
 from megalopta.core.arrays import Floats
-from megalopta.flow.detectors import block_grid
-from megalopta.flow.metrics import fisher_information
-from megalopta.flow.stimuli import MovingTemplate
+from megalopta.flow.detectors.blocks import block_grid
+from megalopta.flow.metrics.translation_bound import fisher_information
+from megalopta.flow.stimuli.moving_template import MovingTemplate
 from megalopta.plotting.picture import Figure, borne_out
 from megalopta.plotting.style import method_style
 from megalopta.reproduction.chapter4_table import PRINTED, SIZE

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from megalopta.core.files import write_text
-from megalopta.flow.metrics import METRICS, format_flux
+from megalopta.flow.metrics.photon_threshold import format_flux
+from megalopta.flow.metrics.response_error import METRICS
 from megalopta.plotting.picture import Figure
 from megalopta.plotting.templates import render_page
 from megalopta.reproduction.registry import names

@@ -15,7 +15,8 @@ from megalopta.benchmark.panorama_recipes import NATURAL_PANORAMAS
 from megalopta.benchmark.panoramas import natural_templates
 from megalopta.benchmark.trial import ROWS
 from megalopta.core.arrays import Floats
-from megalopta.flow.stimuli import ImageStatistics, image_statistics, power_spectrum, resize
+from megalopta.flow.stimuli.resizing import resize
+from megalopta.flow.stimuli.statistics import ImageStatistics, image_statistics, power_spectrum
 from megalopta.plotting.picture import Figure, columns_of
 from megalopta.plotting.style import BLACK, DASHES, PALETTE
 from megalopta.reproduction.recipe import FigureRecipe, Run

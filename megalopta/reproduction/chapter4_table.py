@@ -10,7 +10,8 @@ from megalopta.benchmark.runner import Results
 from megalopta.benchmark.sweep import Sweep
 from megalopta.benchmark.thesis_sweeps import PHOTOGRAPHED, SWEEPS, in_form
 from megalopta.benchmark.trial import Trial
-from megalopta.flow.metrics import METRICS, Metric, format_flux
+from megalopta.flow.metrics.photon_threshold import format_flux
+from megalopta.flow.metrics.response_error import METRICS, Metric
 from megalopta.plotting.picture import (
     Cell,
     Figure,

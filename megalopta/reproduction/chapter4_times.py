@@ -5,9 +5,10 @@ from collections.abc import Mapping, Sequence
 from matplotlib.figure import Figure as Canvas
 
 from megalopta.benchmark.trial import GratingTemplate
-from megalopta.flow.benchmark import milliseconds_per_frame
-from megalopta.flow.detectors import METHODS
-from megalopta.flow.stimuli import Counts, MovingTemplate, draw_counts
+from megalopta.flow.benchmark.frame_time import milliseconds_per_frame
+from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.stimuli.moving_template import MovingTemplate
+from megalopta.flow.stimuli.photons import Counts, draw_counts
 from megalopta.plotting.picture import Figure
 from megalopta.plotting.style import draw_table
 from megalopta.reproduction.recipe import FigureRecipe, Run

@@ -20,8 +20,9 @@ from megalopta.benchmark.detection import (
     Detection,
     detections,
 )
-from megalopta.flow.detectors import METHODS, Method, method
-from megalopta.flow.metrics import d_prime, format_flux
+from megalopta.flow.detectors.registry import METHODS, Method, method
+from megalopta.flow.metrics.detection import d_prime
+from megalopta.flow.metrics.photon_threshold import format_flux
 from megalopta.plotting.picture import Figure, columns_of
 from megalopta.plotting.style import GRAY, method_style
 from megalopta.reproduction.recipe import FigureRecipe

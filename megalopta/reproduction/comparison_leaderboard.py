@@ -31,8 +31,9 @@ from megalopta.benchmark.leaderboard import (
     sequences,
     unknown_bound,
 )
-from megalopta.flow.detectors import METHODS, BlockDetector
-from megalopta.flow.metrics import format_flux
+from megalopta.flow.detectors.blocks import BlockDetector
+from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.metrics.photon_threshold import format_flux
 from megalopta.plotting.picture import Cell, Figure, columns_of
 from megalopta.plotting.style import (
     BLACK,

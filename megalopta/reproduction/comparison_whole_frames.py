@@ -22,7 +22,7 @@ from megalopta.benchmark.whole_frame_board import (
 from megalopta.benchmark.whole_frame_forests import MOVING_VIEWS, forest_clips
 from megalopta.benchmark.whole_frame_scenes import leaves_clips, panorama_clips
 from megalopta.core.progress import progress
-from megalopta.flow.detectors import Method
+from megalopta.flow.detectors.registry import Method
 from megalopta.plotting.picture import Cell, Figure, columns_of
 from megalopta.plotting.style import method_style
 from megalopta.reproduction.recipe import FigureRecipe, Run

@@ -9,7 +9,8 @@ import numpy as np
 from megalopta.benchmark.runner import Results
 from megalopta.benchmark.sweep import Sweep, Value
 from megalopta.benchmark.trial import Trial
-from megalopta.flow.metrics import Metric, Threshold, format_flux
+from megalopta.flow.metrics.photon_threshold import Threshold, format_flux
+from megalopta.flow.metrics.response_error import Metric
 
 
 class MeanThreshold(NamedTuple):

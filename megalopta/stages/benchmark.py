@@ -22,15 +22,11 @@ from megalopta.core.freshness import code_digest
 from megalopta.core.progress import progress, say
 from megalopta.dataset.frames import FRAMES_AT_ONCE, read_radiance_frames
 from megalopta.dataset.store import Dataset
-from megalopta.flow.benchmark import (
-    BenchmarkResult,
-    Clip,
-    checked_warm_up,
-    photon_benchmark,
-    work_units,
-)
-from megalopta.flow.detectors import METHODS
-from megalopta.flow.metrics import ErrorSums
+from megalopta.flow.benchmark.result import BenchmarkResult
+from megalopta.flow.benchmark.sequence import Clip, photon_benchmark
+from megalopta.flow.benchmark.settings import checked_warm_up, work_units
+from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.metrics.response_error import ErrorSums
 from megalopta.sensor import PRESETS, photon_rate
 from megalopta.stages.declaration import Stage
 

@@ -14,7 +14,7 @@ from megalopta.config.model import Configuration
 from megalopta.core.errors import UserError
 from megalopta.core.progress import duration, say
 from megalopta.dataset.frames import FRAMES_AT_ONCE
-from megalopta.flow.benchmark import work_units
+from megalopta.flow.benchmark.settings import work_units
 from megalopta.stages.sub_frames import burst_frames
 
 LONGEST_S = 30 * 86400.0

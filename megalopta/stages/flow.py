@@ -25,10 +25,11 @@ from megalopta.core.progress import progress
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.dataset.frames import FRAMES_AT_ONCE, read_truth_frames, write_frames
 from megalopta.dataset.store import Dataset, exposure_name
-from megalopta.flow.benchmark import default_warm_up
-from megalopta.flow.detectors import METHODS, BlockDetector, BlockGrid
-from megalopta.flow.egomotion import yaw_rates_deg_s
-from megalopta.flow.metrics import block_flow, block_share
+from megalopta.flow.benchmark.settings import default_warm_up
+from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
+from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.egomotion.yaw_rate import yaw_rates_deg_s
+from megalopta.flow.metrics.endpoint_error import block_flow, block_share
 from megalopta.render import Truth
 from megalopta.sensor import ImageSensor, OpenedCounts, StoredFrames
 from megalopta.sensor.readout import format_attribute

@@ -14,16 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
-from megalopta.flow.detectors import BlockDetector, Detector
-from megalopta.flow.egomotion import YawRateTest
-from megalopta.flow.metrics import (
+from megalopta.flow.detectors.base import Detector
+from megalopta.flow.detectors.blocks import BlockDetector
+from megalopta.flow.egomotion.yaw_rate import YawRateTest
+from megalopta.flow.metrics.endpoint_error import block_share, truth_error, truth_splits
+from megalopta.flow.metrics.response_error import (
     METRICS,
     ErrorSums,
-    block_share,
     combine,
     error_sums,
-    truth_error,
-    truth_splits,
 )
 
 Record = dict[str, Any]

@@ -9,7 +9,7 @@ from megalopta.flow import METHODS, BenchmarkSettings, SearchSettings, photon_be
 from megalopta.flow.benchmark.search import next_index, photon_search
 from megalopta.flow.benchmark.short_sequences import Comparison, ShortSequences
 from megalopta.flow.metrics.photon_threshold import first_crossing
-from megalopta.flow.stimuli import MovingTemplate
+from megalopta.flow.stimuli.moving_template import MovingTemplate
 
 ALL = tuple(METHODS[name] for name in ("BM", "IIA", "EMD", "NDM", "NDS", "IM"))
 

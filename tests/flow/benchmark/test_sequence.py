@@ -7,13 +7,9 @@ import pytest
 import zarr
 from pydantic import ValidationError
 
-from megalopta.flow.benchmark import (
-    BenchmarkSettings,
-    default_warm_up,
-    photon_benchmark,
-    work_units,
-)
-from megalopta.flow.detectors import THESIS_METHODS, method
+from megalopta.flow.benchmark.sequence import photon_benchmark
+from megalopta.flow.benchmark.settings import BenchmarkSettings, default_warm_up, work_units
+from megalopta.flow.detectors.registry import THESIS_METHODS, method
 
 ALL = tuple(method(name) for name in THESIS_METHODS)
 

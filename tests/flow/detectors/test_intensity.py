@@ -5,8 +5,8 @@ import pytest
 from scipy.stats import poisson
 
 from megalopta.flow.detectors.intensity import IntensityMeasurement, mean_absolute_deviation
-from megalopta.flow.metrics import error_sums
-from megalopta.flow.stimuli import draw_counts
+from megalopta.flow.metrics.response_error import error_sums
+from megalopta.flow.stimuli.photons import draw_counts
 
 
 @pytest.mark.parametrize("mean", [0.5, 3.7, 10.133, 162.9])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from megalopta.flow.detectors import method
+from megalopta.flow.detectors.registry import method
 
 
 def gray(shape=(48, 64)):

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from megalopta.flow.detectors import METHODS, BlockGrid
+from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.detectors.poisson_flow import PoissonFlow, PooledFlow
-from megalopta.flow.metrics import fisher_information
+from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.metrics.translation_bound import fisher_information
 
 from ..textures import drifting_texture
 

@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from megalopta.core.errors import UserError
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS, method
-from megalopta.flow.metrics import rightward_evidence
+from megalopta.flow.metrics.detection import rightward_evidence
 
 from ..textures import drifting_texture
 
@@ -128,7 +128,7 @@ def test_a_function_of_a_module_in_the_working_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "reference_flow.py").write_text(
         "import numpy as np\n"
-        "from megalopta.flow.detectors import METHODS\n"
+        "from megalopta.flow.detectors.registry import METHODS\n"
         "def right(a, b):\n    return np.full((*a.shape, 2), [1.0, 0.0])\n"
         "known = METHODS['BM']\nnumber = 3\n"
     )

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from megalopta.flow.detectors import METHODS
+from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.egomotion.wide_field import fit_wide_field
 
 DEGREES_PER_PX = 0.6  # 600 columns are a full turn

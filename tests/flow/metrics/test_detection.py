@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from megalopta.flow.detectors import METHODS
+from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.detection import (
     d_prime,
     false_alarm_rate,

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from megalopta.flow.detectors import METHODS, block_grid
+from megalopta.flow.detectors.blocks import block_grid
+from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.efficiency import (
     bound_photons,
     confined_velocities,

@@ -6,11 +6,11 @@ import math
 import numpy as np
 import pytest
 
-from megalopta.flow.detectors import block_grid
 from megalopta.flow.detectors.block_matching import BlockMatching
+from megalopta.flow.detectors.blocks import block_grid
 from megalopta.flow.detectors.image_interpolation import ImageInterpolation
 from megalopta.flow.metrics.endpoint_error import block_flow, block_share, truth_error, truth_splits
-from megalopta.flow.stimuli import resize
+from megalopta.flow.stimuli.resizing import resize
 
 
 def uniform(velocity, shape=(120, 120), pairs=2):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from megalopta.assets_gen import generator
-from megalopta.flow.detectors import block_grid
+from megalopta.flow.detectors.blocks import block_grid
 from megalopta.flow.metrics.translation_bound import (
     cramer_rao_covariance,
     cramer_rao_covariance_along_x,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from megalopta.flow.stimuli import Layer, MovingLayers, PanningView
+from megalopta.flow.stimuli.known_flow import Layer, MovingLayers, PanningView
 
 SHAPE = (48, 64)
 

@@ -2,8 +2,14 @@ import numpy as np
 import pytest
 from scipy.stats import kurtosis, skew
 
-from megalopta.flow.stimuli import PASSES, LogStatistics, log_statistics, unlit_share
-from megalopta.flow.stimuli.statistics import image_statistics, power_spectrum
+from megalopta.flow.stimuli.statistics import (
+    PASSES,
+    LogStatistics,
+    image_statistics,
+    log_statistics,
+    power_spectrum,
+    unlit_share,
+)
 
 from ..textures import drifting_texture
 

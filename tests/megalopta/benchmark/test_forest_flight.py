@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from megalopta.benchmark.forest_flight import MotionErrors, flight_errors, forest_flight, together
 from megalopta.benchmark.whole_frame_scenes import Clip
-from megalopta.flow.egomotion import yaw_rates_deg_s
+from megalopta.flow.egomotion.yaw_rate import yaw_rates_deg_s
 from megalopta.reproduction import comparison_camera_motion as camera_motion
 from megalopta.reproduction.recipe import Run
 from megalopta.scenes import PerspectiveCamera

@@ -10,8 +10,9 @@ import pytest
 from numpy.lib.stride_tricks import sliding_window_view
 
 from megalopta.benchmark import leaderboard
-from megalopta.flow.detectors import METHODS
-from megalopta.flow.metrics import fisher_information, format_flux
+from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.metrics.photon_threshold import format_flux
+from megalopta.flow.metrics.translation_bound import fisher_information
 from megalopta.plotting.style import house_style, new_canvas
 from megalopta.reproduction import comparison_leaderboard as figures_leaderboard
 from megalopta.reproduction.recipe import Run

@@ -15,7 +15,7 @@ from megalopta.cli import main as cli
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.dataset.store import open_sequence
-from megalopta.flow.detectors import METHODS
+from megalopta.flow.detectors.registry import METHODS
 from megalopta.stages.pipeline import run_stage
 
 pytestmark = pytest.mark.slow

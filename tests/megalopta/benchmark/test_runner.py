@@ -15,8 +15,8 @@ from megalopta.benchmark.runner import run_trials, work_units
 from megalopta.benchmark.sweep import Sweep
 from megalopta.benchmark.trial import GratingTemplate, PanoramaTemplate, Trial
 from megalopta.core.errors import UserError
-from megalopta.flow.benchmark import SearchSettings
-from megalopta.flow.detectors import METHODS
+from megalopta.flow.benchmark.settings import SearchSettings
+from megalopta.flow.detectors.registry import METHODS
 
 FAST = SearchSettings(flux_min=1e4, flux_max=1e7, bits=(2,), metrics=("literal",), phases=2)
 TRIALS = Sweep(trial=Trial(search=FAST, methods=("BM", "NDS", "IM")), values=(3, 4, 5)).trials

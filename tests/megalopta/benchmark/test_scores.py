@@ -12,9 +12,10 @@ from megalopta.benchmark.board import read_board
 from megalopta.benchmark.scores import score_submission
 from megalopta.cli import main as cli
 from megalopta.core.errors import UserError
-from megalopta.flow.detectors import METHODS
-from megalopta.flow.files import read_flow, write_flo
-from megalopta.flow.metrics import DenseErrors
+from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.files.flo import write_flo
+from megalopta.flow.files.formats import read_flow
+from megalopta.flow.metrics.dense_error import DenseErrors
 
 SHAPE = (60, 80)
 MOTIONS = ((2, 1), (-3, 0))

@@ -22,8 +22,10 @@ from megalopta.benchmark.whole_frame_scenes import (
     panorama_clips,
 )
 from megalopta.cli import main as cli
-from megalopta.flow.detectors import METHODS, detector_from
-from megalopta.flow.files import write_flo, write_kitti_png
+from megalopta.flow.detectors.from_function import detector_from
+from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.files.flo import write_flo
+from megalopta.flow.files.formats import write_kitti_png
 from megalopta.plotting.style import house_style, new_canvas
 from megalopta.reproduction import comparison_whole_frames as whole_frames
 from megalopta.reproduction.recipe import Run

@@ -2,7 +2,7 @@
 
 import pytest
 
-from megalopta.flow.detectors import METHODS
+from megalopta.flow.detectors.registry import METHODS
 from megalopta.plotting.style import (
     house_style,
     method_style,

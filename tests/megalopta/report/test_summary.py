@@ -3,7 +3,8 @@ from dataclasses import replace
 import pytest
 
 from megalopta.config.model import Configuration
-from megalopta.flow.metrics import ErrorCurve, Threshold
+from megalopta.flow.metrics.curve import ErrorCurve
+from megalopta.flow.metrics.photon_threshold import Threshold
 from megalopta.report.budget import Budget
 from megalopta.report.motion import MotionSection, Wheel
 from megalopta.report.summary import (

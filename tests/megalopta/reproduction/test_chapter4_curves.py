@@ -16,8 +16,9 @@ from megalopta.benchmark.sweep import Sweep
 from megalopta.benchmark.thesis_sweeps import PHOTOGRAPHED, SWEEPS, in_form
 from megalopta.benchmark.trial import PanoramaTemplate, Trial, measure
 from megalopta.core.errors import UserError
-from megalopta.flow.detectors import METHODS
-from megalopta.flow.metrics import ErrorCurve, Threshold
+from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.metrics.curve import ErrorCurve
+from megalopta.flow.metrics.photon_threshold import Threshold
 from megalopta.plotting.style import house_style, new_canvas
 from megalopta.reproduction import drawing as module
 from megalopta.reproduction.chapter4_denominators import FLOORS, floored_errors

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from megalopta.benchmark.thesis_sweeps import SWEEPS, in_form
-from megalopta.flow.detectors import THESIS_METHODS
-from megalopta.flow.metrics import ErrorCurve, Threshold
+from megalopta.flow.detectors.registry import THESIS_METHODS
+from megalopta.flow.metrics.curve import ErrorCurve
+from megalopta.flow.metrics.photon_threshold import Threshold
 from megalopta.reproduction import chapter4_findings as module
 from megalopta.reproduction.chapter4_denominators import FLOORS, growth_with_floor
 from megalopta.reproduction.chapter4_findings import findings

@@ -5,8 +5,8 @@ import pytest
 
 from megalopta.benchmark import detection as detection_sweep
 from megalopta.benchmark.detection import RESPONSES, SCORED_FRAMES, VIEWS, detections
-from megalopta.flow.detectors import METHODS
-from megalopta.flow.metrics import d_prime, motion_evidence
+from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.metrics.detection import d_prime, motion_evidence
 from megalopta.reproduction.comparison_detection import detection_figure
 from megalopta.reproduction.drawing import write_figure
 

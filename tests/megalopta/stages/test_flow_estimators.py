@@ -6,7 +6,7 @@ import re
 import pytest
 
 from megalopta.config.model import Configuration, load
-from megalopta.flow.detectors import METHODS, THESIS_METHODS
+from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
 from megalopta.report.page import write_report
 from megalopta.stages.pipeline import run_stage
 

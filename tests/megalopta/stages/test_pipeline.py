@@ -15,8 +15,8 @@ from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.dataset.store import open_sequence
 from megalopta.flow.benchmark import sequence as benchmark
-from megalopta.flow.files import read_flo
-from megalopta.flow.stimuli import draw_counts
+from megalopta.flow.files.flo import read_flo
+from megalopta.flow.stimuli.photons import draw_counts
 from megalopta.render import read_radiance, read_truth
 from megalopta.scenes.lighting.levels import LEVELS
 from megalopta.scenes.spectra.photometry import luminous
