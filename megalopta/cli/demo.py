@@ -15,8 +15,6 @@ _RANKED = {
     "camera_pairs": "1",
 }
 """Of the ranking: little, for the time that a demo has"""
-
-
 _QUICK = {
     "scene.trees": "30",
     "scene.undergrowth": "0.2",
@@ -29,8 +27,10 @@ _QUICK = {
     "methods": "[BM, DIS, PF]",
     "benchmark.sizes": "[24]",
     "benchmark.fluxes_per_decade": "1",
+    "benchmark.repeats": "2",
 }
 """Settings of --quick: everything once, small and noisy"""
+_QUICKLY_RANKED = {"methods": "[BM, DIS, PF]", "fluxes": "[1e5, 1e7]", "camera_pairs": "0"}
 
 
 def declare(verbs: Verbs) -> None:
@@ -38,7 +38,7 @@ def declare(verbs: Verbs) -> None:
     purpose = "do everything: render, sense, flow, benchmark and a report to open in a browser"
     command = add_first_stage(verbs, "demo", purpose, _run)
     command.add_argument(
-        "--quick", action="store_true", help="a small and noisy form of it, in a minute or two"
+        "--quick", action="store_true", help="a small and noisy form of it, in about a minute"
     )
 
 
@@ -56,5 +56,6 @@ def _run(options: Namespace) -> None:
 
     dataset = run_all(options.out, asked, options.redo)
     if any(METHODS[name].gives == "velocity" for name in dataset.configuration.methods):
-        run_ranking(dataset.root, dataset.root / FOLDER, _RANKED)
+        ranked = _RANKED | (_QUICKLY_RANKED if options.quick else {})
+        run_ranking(dataset.root, dataset.root / FOLDER, ranked)
     print(write_report(dataset))
