@@ -60,7 +60,7 @@ def test_help_version_and_mistyped_words_take_less_than_a_second_of_cpu(words):
         ("import megalopta.sensor", RENDERER | FILES | MODELS),
         ("from megalopta.sensor import PRESETS, expose, expose_image", RENDERER | FILES),
         ("import megalopta.config", RENDERER | FILES | MODELS),
-        ("import megalopta.config; megalopta.config.load('demo')", RENDERER | FILES),
+        ("from megalopta.config.model import load; load('demo')", RENDERER | FILES),
     ],
 )
 def test_a_room_loads_what_it_uses(code, absent):

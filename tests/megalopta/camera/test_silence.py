@@ -1,6 +1,7 @@
 """Captures of a camera that answers, and then sends no frames."""
 
 import itertools
+import re
 import threading
 
 import numpy as np
@@ -116,4 +117,6 @@ def test_the_command_ends_within_ten_seconds(acted, command, tmp_path):
         with command("capture", *words) as running:
             printed, told = running.communicate(timeout=60)
     assert running.returncode == 2 and printed == ""
-    assert told.splitlines()[-1].startswith(f"megalopta: {port}: no new frame in 8.3 s")
+    # whichever comes first, which the machine's speed decides: so long, or so many bytes
+    ends = rf"megalopta: {port}: (no new frame in 8\.3 s|\d+ bytes came instead of frames)"
+    assert re.match(ends, told.splitlines()[-1])
