@@ -404,7 +404,7 @@ def test_a_report_shows_the_frames_and_the_motion_that_sensors_saw(rolling):
     assert "Every frame is rendered at one instant" not in text
     # Damage is named, also of the frames of one instant, which nobody sees.
     rolling.radiance(1).write_bytes(bytes(rolling.radiance(1).stat().st_size))
-    with pytest.raises(UserError, match=r"frame_0001\.exr is missing or damaged"):
+    with pytest.raises(UserError, match=r"frame_0002\.exr is missing or damaged"):
         write_report(rolling)
 
 
