@@ -47,6 +47,11 @@ class SceneDescription(Record, frozen=True):
         """How many there are of what, for the report."""
         return {}
 
+    def expected_triangles(self, path_m: float) -> float:
+        """Return how many triangles there will be along a path of this length, roughly."""
+        del path_m
+        return 1.0
+
     @property
     def canopy_ring_m(self) -> tuple[float, float] | None:
         """Distances from the camera's path between which its canopy is measured; None without."""

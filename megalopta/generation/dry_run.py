@@ -1,8 +1,7 @@
 """How large a plan will be, measured on a few frames of a few of its sequences.
 
 Sequences that take the same code are a group. Of each group one is measured, or two where images
-differ much, with few trees; what more trees are is told by two scenes that are only built. All
-others follow between and beyond them (`stages/probing.py`).
+differ much, with few trees. All others follow between and beyond them (`stages/probing.py`).
 """
 
 import time
@@ -33,21 +32,18 @@ from megalopta.stages.probing import (
     foresee,
     memory_bytes,
     probe,
-    triangles,
 )
 from megalopta.stages.registry import STAGES
 
 _BUDGET_S = 20.0
 """Processor time, beyond which nothing more is measured."""
 _DRAWN = 200
-_BUILT, _FEW, _MORE = 150, 20, 60
-"""Things in a scene that is built as it is; else in the two from which more are told."""
+_BUILT, _FEW = 150, 20
+"""Things in a scene that is built as it is; else in the one from which more are told."""
 _SOON_S = 1.5
 """A first run of less is measured again: it loaded."""
 
 _Group: TypeAlias = tuple[object, ...]
-_Measured: TypeAlias = tuple[list[Probe], dict[int, int]]
-"""Probes, and triangles by the number of things in a scene."""
 
 
 def dry_run(root: Path, plan: Plan, workers: int = 1, only: Sequence[int] | None = None) -> None:
@@ -110,7 +106,7 @@ def _foreseen(drawn: Sequence[Configuration], finish: Finish) -> list[Foreseen]:
     for each in drawn:
         group, seed = _group(each), getattr(each.scene, "seed", 0)
         costs.append(
-            foresee(Scale.of(each), *probes[group], group not in compiled, seed not in grown)
+            foresee(Scale.of(each), probes[group], group not in compiled, seed not in grown)
         )
         compiled.add(group)
         grown.add(seed)
@@ -125,15 +121,16 @@ def _finish(plan: Plan, dataset: Dataset) -> None:
 
 def _measured(
     groups: Mapping[_Group, Sequence[Configuration]], finish: Finish
-) -> dict[_Group, _Measured]:
+) -> dict[_Group, list[Probe]]:
     """Probes of every group: of the most frequent first, of the rest by those of their like."""
     until = time.process_time() + _BUDGET_S
-    found: dict[_Group, _Measured] = {}
+    found: dict[_Group, list[Probe]] = {}
     for key in sorted(groups, key=lambda each: -len(groups[each])):
         if time.process_time() < until or not found:
-            found[key] = _first(groups[key], finish)
-    for key, (probes, sizes) in found.items():
-        _more(groups[key], finish, probes, sizes, until)
+            found[key] = [_of_largest(groups[key], finish)]
+    for key, probes in found.items():
+        if time.process_time() < until:
+            probes += _of_smallest(groups[key], probes[0].scale.things, finish)
     unmeasured = [key for key in groups if key not in found]
     for key in unmeasured:
         alike = [other for other in found if other[0] == key[0]] or list(found)
@@ -143,31 +140,19 @@ def _measured(
     return found
 
 
-def _first(members: Sequence[Configuration], finish: Finish) -> _Measured:
+def _of_largest(members: Sequence[Configuration], finish: Finish) -> Probe:
     """Measure the largest image of a group, with few things if these differ or are many."""
     things = [Scale.of(each).things for each in members]
     few = max(things) if max(things) == min(things) <= _BUILT else min(*things, _FEW)
-    found = _probed(max(members, key=_samples), few, finish)
-    return [found], {found.scale.things: found.triangles}
+    return _probed(max(members, key=_samples), few, finish)
 
 
-def _more(
-    members: Sequence[Configuration],
-    finish: Finish,
-    probes: list[Probe],
-    sizes: dict[int, int],
-    until: float,
-) -> None:
-    """Measure the smallest image too, and build a scene of more things, where these differ."""
-    smallest, most = min(members, key=_samples), max(members, key=lambda e: Scale.of(e).things)
-    things = probes[0].scale.things
-    differ = 4 * _samples(smallest) < _samples(max(members, key=_samples))
-    if differ and time.process_time() < until:
-        probes.append(_probed(smallest, things, finish))
-    if Scale.of(most).things > things:  # in any case: without it 1000 trees are told ten times off
-        more = min(Scale.of(most).things, max(_MORE, 3 * things))
-        with _told_step(f"building {most.scene.kind}, {more}"):
-            sizes[more] = triangles(most, more)
+def _of_smallest(members: Sequence[Configuration], things: int, finish: Finish) -> list[Probe]:
+    """Measure the smallest image too, where it is much smaller than the largest."""
+    smallest = min(members, key=_samples)
+    if 4 * _samples(smallest) >= max(map(_samples, members)):
+        return []
+    return [_probed(smallest, things, finish)]
 
 
 def _probed(settings: Configuration, things: int, finish: Finish) -> Probe:

@@ -2,9 +2,9 @@
 
 A strip of each image is rendered and exposed: as wide as the image, so that its pixels are those of
 the whole, and with as many rows as take a second or two. Times are then told by what they follow:
-building by the triangles, radiance by the samples, all else by the pixels and frames. Baked light
-that is asked for is baked for the strip; where `auto` may bake, paths are traced, and the time told
-is the most that `auto` takes.
+building by the expected triangles, radiance by the samples, all else by the pixels and frames.
+Baked light that is asked for is baked for the strip; where `auto` may bake, paths are traced, and
+the time told is the most that `auto` takes.
 """
 
 import math
@@ -53,6 +53,8 @@ class Scale:
 
     things: int
     """In the scene, such as trees; 0 where they are not counted."""
+    triangles: float
+    """Expected: of scenes of one kind in proportion, within a half."""
     pixels: int
     samples: float
     """Of a pass of a frame."""
@@ -72,12 +74,15 @@ class Scale:
         passes = 1 if shutter.is_instant else 2
         samples = float(pixels * settings.render.samples_per_pixel * passes)
         things = sum(settings.scene.counts.values())
+        way_m = np.diff(settings.trajectory.poses()[:, :3, 3], axis=0)
+        triangles = settings.scene.expected_triangles(float(np.linalg.norm(way_m, axis=1).sum()))
         frames, shading = settings.trajectory.frames, settings.render
         measured = 0 if shading.target_error else math.ceil(frames / MEASURED_EVERY)
         baked = shading.integrator == "auto" and may_pay(shading, frames, pixels)
         closing = _CLOSING if settings.scene.is_lit_from_outside else 0
         most = AT_EQUAL_ERROR if baked else 1.0
-        return cls(things, pixels, samples, frames, frames + measured, closing, most)
+        passes = frames + measured
+        return cls(things, triangles, pixels, samples, frames, passes, closing, most)
 
 
 @dataclass(frozen=True)
@@ -85,7 +90,6 @@ class Probe:
     """What a short piece of a sequence took."""
 
     scale: Scale
-    triangles: int
     growing: Time
     """Growing plants, which all scenes of a seed share."""
     setup: Time
@@ -131,12 +135,7 @@ def probe(settings: Configuration, things: int, finish: Finish) -> Probe:
             with step("files"):
                 write_previews(dataset)
                 finish(dataset)
-        return _probe(short, dataset, writer.triangles, growing, first, steps)
-
-
-def triangles(settings: Configuration, things: int) -> int:
-    """Count the triangles of a scene with at most so many things."""
-    return build(_small(settings, things)).triangle_count
+        return _probe(short, dataset, growing, first, steps)
 
 
 def memory_bytes(settings: Configuration) -> float:
@@ -147,7 +146,6 @@ def memory_bytes(settings: Configuration) -> float:
 def _probe(
     settings: Configuration,
     dataset: Dataset,
-    triangles: int,
     growing: Time,
     first: Mapping[str, Spent],
     steps: Mapping[str, Spent],
@@ -161,7 +159,6 @@ def _probe(
     fixed, of_frames = _bytes(dataset.root)
     return Probe(
         scale,
-        triangles,
         growing,
         setup=_time(first, *_SETUP) - once,
         compiling=np.maximum(beyond, 0),
@@ -176,11 +173,10 @@ def _probe(
 def foresee(
     scale: Scale,
     probes: Sequence[Probe],
-    sizes: Mapping[int, int],
     is_first: bool = True,
     grows: bool = False,
 ) -> Foreseen:
-    """Return what a sequence takes, by probes of its like and triangles by things.
+    """Return what a sequence takes, by probes of its like.
 
     If it is the first of its like it compiles what measures the light on the ground, the canopy and
     what paths leave out, which takes as long as what the probe compiled of frames. If it `grows` it
@@ -191,11 +187,10 @@ def foresee(
     def along(by: str, values: Sequence[Time]) -> Time:
         return _line(getattr(scale, by), [getattr(each.scale, by) for each in probes], values)
 
-    triangles = _line(scale.things, list(sizes), [np.array([each]) for each in sizes.values()])
     radiance = along("samples", [each.radiance for each in probes])
     rest = along("pixels", [each.rest for each in probes])
     bytes_ = along("pixels", [np.array([each.frame_bytes]) for each in probes])[0]
-    total = last.setup * triangles / last.triangles
+    total = last.setup * (scale.triangles / last.scale.triangles)
     total = total + last.once * scale.pixels / last.scale.pixels
     total = total + last.radiance * (scale.closing / last.scale.samples)
     total = total + scale.most * scale.passes * radiance + scale.frames * rest

@@ -24,7 +24,7 @@ from megalopta.scenes.forest.planting import (
     dense_path,
     tree_positions,
 )
-from megalopta.scenes.forest.size import check_size
+from megalopta.scenes.forest.size import check_size, foreseen
 from megalopta.scenes.forest.specimens import (
     SPECIMENS,
     grow_specimens,
@@ -182,6 +182,10 @@ class Forest(SceneDescription, frozen=True):
     def counts(self) -> dict[str, int]:
         """Its trees, without those of the belt."""
         return {"trees": self.trees}
+
+    def expected_triangles(self, path_m: float) -> float:
+        """Return how many triangles there will be along a path of this length, within a half."""
+        return foreseen(self, path_m)[1]
 
     @property
     def canopy_ring_m(self) -> tuple[float, float]:

@@ -11,8 +11,7 @@ from megalopta.stages.probing import Probe, Scale, foresee, probe, probe_folder
 def probe_of(things, pixels, *, setup, radiance, rest, frame_bytes):
     """A probe of one sample a pixel, of 10 triangles a thing and 100 more."""
     return Probe(
-        scale=Scale(things, pixels, float(pixels), 2, 3, 0, 1.0),
-        triangles=100 + 10 * things,
+        scale=Scale(things, 100.0 + 10 * things, pixels, float(pixels), 2, 3, 0, 1.0),
         growing=np.full(2, 12.0),
         setup=np.full(2, setup),
         compiling=np.full(2, 5.0),
@@ -29,7 +28,7 @@ LARGE = probe_of(60, 1100, setup=7.0, radiance=1.2, rest=0.1, frame_bytes=12000.
 
 
 def test_a_sequence_between_and_beyond_two_probes_lies_on_the_line_through_them():
-    told = foresee(Scale(1000, 2100, 2100.0, 10, 11, 550, 1.0), [SMALL, LARGE], {20: 300, 60: 700})
+    told = foresee(Scale(1000, 10_100.0, 2100, 2100.0, 10, 11, 550, 1.0), [SMALL, LARGE])
     # 0.01 s a triangle of 10,100, a kernel of 5 s, half of 1100 paths, 11 passes of 2.2 s
     np.testing.assert_allclose(told.time, 101 + 5 + 0.6 + 11 * 2.2 + 1)
     assert told.bytes == pytest.approx(1000 + 10 * 22_000)
@@ -38,13 +37,13 @@ def test_a_sequence_between_and_beyond_two_probes_lies_on_the_line_through_them(
 
 def test_a_line_that_falls_gives_way_to_proportion():
     compiled = probe_of(20, 100, setup=3.0, radiance=9.0, rest=0.1, frame_bytes=2000.0)
-    told = foresee(Scale(60, 2200, 2200.0, 1, 1, 0, 1.0), [compiled, LARGE], {60: 700}, False)
+    told = foresee(Scale(60, 700.0, 2200, 2200.0, 1, 1, 0, 1.0), [compiled, LARGE], False)
     np.testing.assert_allclose(told.time, 7 + 2 * 1.2 + 0.1)
 
 
 def test_only_the_first_scene_of_a_seed_grows_plants():
-    scale = Scale(60, 1100, 1100.0, 1, 1, 0, 1.0)
-    grown, growing = (foresee(scale, [LARGE], {60: 700}, False, grows) for grows in (False, True))
+    scale = Scale(60, 700.0, 1100, 1100.0, 1, 1, 0, 1.0)
+    grown, growing = (foresee(scale, [LARGE], False, grows) for grows in (False, True))
     np.testing.assert_allclose(growing.time - grown.time, 12)
 
 
