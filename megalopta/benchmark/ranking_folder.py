@@ -81,7 +81,7 @@ def sequences_of(root: Path) -> list[Dataset]:
     """Open the rendered sequences of a folder. Raises UserError."""
     tree = Tree(root)
     check_enclosed(root)
-    if tree.records.is_dir():
+    if not tree.lone:
         datasets = [tree.opened(name)[1] for name in tree.names()]
         if not datasets:
             raise UserError(f"{root}: no finished sequence; run megalopta dataset make")

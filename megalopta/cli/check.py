@@ -52,7 +52,7 @@ def _run(options: Namespace) -> None:
 
 def _passes(what: str, subjects: list[str], plots: Path | None) -> bool:
     from megalopta.dataset.store import open_sequence
-    from megalopta.verification import integrity, panoramas, physics, truth
+    from megalopta.verification import files, panoramas, physics, truth
 
     if what == "physics":
         return physics.run_check_physics(subjects, plots)
@@ -65,5 +65,6 @@ def _passes(what: str, subjects: list[str], plots: Path | None) -> bool:
         return panoramas.run_check_panoramas(folder)
     if folder is None:
         raise UserError(f"check {what}: which dataset? give its folder")
-    check = truth.run_check_truth if what == "truth" else integrity.run_check_files
-    return check(open_sequence(folder))
+    if what == "files":
+        return files.run_check_files(folder)
+    return truth.run_check_truth(open_sequence(folder))

@@ -16,7 +16,7 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.verification.tree import run_check_tree
+    from megalopta.verification.files import run_check_files
 
-    if not run_check_tree(options.dataset, options.truth):
+    if not run_check_files(options.dataset, options.truth):
         sys.exit(1)

@@ -18,8 +18,8 @@ class Format(NamedTuple):
 
 
 FORMATS: Mapping[str, Format] = {
-    "dataset": Format(1, 0),  # dataset.yaml, of one sequence or of many, and all results there
-    "sequence": Format(1, 0),  # sequences/SEQ.json
+    "dataset": Format(2, 2),  # dataset.yaml, of one sequence or of many, and all results there
+    "sequence": Format(2, 2),  # sequences/SEQ.json
     "counts": Format(1, 0),  # SENSOR-LEVEL.zarr and every other Zarr store
     "events": Format(1, 0),  # SENSOR-LEVEL.events.h5 and .events.npz
     "recording": Format(1, 0),  # recording.yaml

@@ -1,7 +1,9 @@
-"""A dataset of many sequences on disk: the tree of `dataset.store`, which all of them share.
+"""A dataset on disk: the tree of `dataset.store`, which all of its sequences share.
+
+One sequence is a dataset of one: dataset.yaml holds its configuration. Of many there are besides:
 
 dataset.yaml          the plan, and the version that began it
-sequences/SEQ.json    of each finished sequence: configuration, statistics, every file's hash
+sequences/SEQ.json    also configuration, statistics and poses
 manifest.jsonl        a line for each of them: name, hash of the configuration, hash of its record
 index.parquet         a row for each frame: relative paths, times, poses
 sequences.parquet     a row for each sequence: settings and statistics
@@ -15,6 +17,7 @@ A sequence belongs to the dataset from the moment its record is there.
 """
 
 import json
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,11 +28,11 @@ from megalopta.config.recipe import Plan
 from megalopta.core import bounded, files, strict_yaml
 from megalopta.core.enclosure import check_enclosed
 from megalopta.core.errors import UserError
-from megalopta.core.format_numbers import check_format, written
+from megalopta.core.format_numbers import written
 from megalopta.dataset.finished import FinishedSequence
-from megalopta.dataset.manifest import is_as_written, read_manifest
-from megalopta.dataset.record import SequenceRecord, read_record, settings_of
-from megalopta.dataset.store import LICENSE
+from megalopta.dataset.manifest import is_record_as_written, read_manifest
+from megalopta.dataset.record import SequenceRecord, read_lone_record, read_record, settings_of
+from megalopta.dataset.store import LICENSE, Dataset, open_sequence, read_header
 
 BOOKS = ("index", "splits", "sequences", "card")
 """Folders that hold no sequence's own files."""
@@ -60,15 +63,27 @@ class Tree:
         """Record of a sequence."""
         return self.records / f"{name}.json"
 
+    @cached_property
+    def lone(self) -> Dataset | None:
+        """The one sequence of a dataset of one; None of many, or of nothing. Raises UserError."""
+        check_enclosed(self.root)
+        if not os.path.lexists(self.root / "dataset.yaml"):
+            return None
+        return None if "plan" in read_header(self.root) else open_sequence(self.root)
+
     def names(self) -> list[str]:
-        """Names of the finished sequences, in order."""
+        """Names of the sequences, of many those that are finished, in order."""
+        if self.lone:
+            return [self.lone.sequence]
         return sorted(
             path.stem for path in self.records.glob("*.json") if not files.is_temporary(path)
         )
 
     def record(self, name: str) -> SequenceRecord:
-        """Read the record of a sequence. Raises UserError."""
-        return read_record(self.record_path(name), name)
+        """Read the record of a sequence; of a lone one it may be empty. Raises UserError."""
+        return (
+            read_lone_record(self.lone) if self.lone else read_record(self.record_path(name), name)
+        )
 
     def all_records(self) -> Iterator[SequenceRecord]:
         """Read the records one after another, in order."""
@@ -76,13 +91,16 @@ class Tree:
 
     def dataset(self, record: SequenceRecord) -> FinishedSequence:
         """One sequence, as the stages know it. Raises UserError for settings that are none."""
-        settings = settings_of(record, self.record_path(record.sequence))
+        if self.lone:
+            settings = self.lone.configuration
+        else:
+            settings = settings_of(record, self.record_path(record.sequence))
         return FinishedSequence(self.root, settings, record.files)
 
     def opened(self, name: str) -> tuple[SequenceRecord, FinishedSequence]:
         """Record and paths of a sequence, if the manifest knows the record. Raises UserError."""
         record = self.record(name)
-        if not is_as_written(self.record_path(name), self._manifest):
+        if not self.lone and not is_record_as_written(self.record_path(name), self._manifest):
             raise UserError(changed_record(self, name))
         return record, self.dataset(record)
 
@@ -95,13 +113,7 @@ class Tree:
         path = self.root / "dataset.yaml"
         check_enclosed(self.root)
         try:
-            record = strict_yaml.load(bounded.read_text(path))
-            check_format("dataset", record, path)
-            return Plan.model_validate(record["plan"])
-        except OSError:
-            raise UserError(
-                f"{self.root}: no dataset here; make one with: megalopta dataset make"
-            ) from None
+            return Plan.model_validate(read_header(self.root)["plan"])
         except (TypeError, KeyError, ValueError, AttributeError):
             raise UserError(
                 f"{path}: no plan in it, or damaged; give a dataset of `megalopta dataset make`"

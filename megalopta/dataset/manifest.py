@@ -43,12 +43,12 @@ def write_line(manifest: IO[str], record: SequenceRecord, path: Path) -> None:
     manifest.write(json.dumps(line) + "\n")
 
 
-def is_in_manifest(path: Path, manifest: Mapping[str, str]) -> bool:
+def is_record_known(path: Path, manifest: Mapping[str, str]) -> bool:
     """Whether the manifest has the record at a path as it is."""
     return manifest.get(path.stem) == _hash(path)
 
 
-def is_as_written(path: Path, manifest: Mapping[str, str]) -> bool:
+def is_record_as_written(path: Path, manifest: Mapping[str, str]) -> bool:
     """Whether the record at a path is what the program wrote. Raises UserError."""
     known = manifest.get(path.stem)
     return known in (None, _hash(path)) or read_record(path, path.stem).replaced == known

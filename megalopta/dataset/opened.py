@@ -5,13 +5,11 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from megalopta.core.enclosure import check_enclosed
 from megalopta.core.errors import UserError
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.pairs import FlowPairs
 from megalopta.dataset.sequence import Sequence, stored_exposures
 from megalopta.dataset.splits import read_lists
-from megalopta.dataset.store import open_sequence
 
 _KEPT = 64
 
@@ -30,10 +28,10 @@ class OpenedDataset:
     """
 
     def __init__(self, root: Path) -> None:
-        check_enclosed(root)
         self.root, self._tree = root, Tree(root)
-        self._one = None if self._tree.records.is_dir() else open_sequence(root)
-        self.names = (self._one.sequence,) if self._one else tuple(self._tree.names())
+        if not self._tree.lone:
+            self._tree.plan()
+        self.names = tuple(self._tree.names())
         self._open = lru_cache(maxsize=_KEPT)(self._opened)
 
     def __repr__(self) -> str:
@@ -94,10 +92,10 @@ class OpenedDataset:
         return TensorPairs(self.pairs(split, exposure, step))
 
     def _opened(self, name: str) -> Sequence:
-        if self._one:
-            return Sequence(self._one, "all", stored_exposures(self._one.configuration))
         record, dataset = self._tree.opened(name)
-        units = {each.name: each.unit for each in record.statistics.exposures}
+        units = {each.name: each.unit for each in record.exposures}
+        if self._tree.lone:
+            units = stored_exposures(dataset.configuration)
         return Sequence(dataset, record.split, units)
 
 

@@ -1,6 +1,7 @@
-"""What is known of a finished sequence."""
+"""What is known of a sequence: of each stage what it was made with, and the hash of every file."""
 
 import json
+import os
 import re
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -12,14 +13,21 @@ from megalopta.config.model import Configuration
 from megalopta.config.validation import one_sentence
 from megalopta.core import bounded
 from megalopta.core.errors import DamagedFileError, UserError
-from megalopta.core.format_numbers import check_format
+from megalopta.core.format_numbers import check_format, written
 from megalopta.core.freshness import digest
+from megalopta.dataset.store import Dataset
 
-KINDS = ("radiance", "truth", "radiance_shutter", "truth_shutter", "counts", "corrected")
+STAGE_NAMES = ("render", "sense", "flow", "benchmark")
+KINDS = (
+    *("radiance", "truth", "radiance_shutter", "truth_shutter"),
+    *("counts", "corrected", "results"),
+)
 """Folders of a dataset that hold a folder for each sequence, beside those in `training`."""
 _KIND = re.compile(rf"{'|'.join(KINDS)}|training/[a-z][a-z0-9_]*")
 _EXPOSURE = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]*")
 _MATRIX = 16
+_LONE_REMEDY = "restore it, or render into a new folder"
+_REMEDY = "remove it and run megalopta dataset make again"
 
 
 class ExposureStatistics(BaseModel, frozen=True, use_attribute_docstrings=True):
@@ -62,30 +70,39 @@ class SequenceStatistics(BaseModel, frozen=True, use_attribute_docstrings=True):
     exposures: tuple[ExposureStatistics, ...]
 
 
-class SequenceRecord(BaseModel, frozen=True, use_attribute_docstrings=True):
-    """What is known of a finished sequence."""
+class StageRecord(BaseModel, frozen=True, use_attribute_docstrings=True):
+    """What is known of one stage of a sequence."""
 
-    format: int = 0
+    settings: str
+    """Hash of the settings that its output depends on"""
+    made_with: dict[str, str]
+    """What it depends on besides: model of the program, libraries, what runs them"""
+    version: str
+    """Of the program"""
+    files: dict[str, tuple[int, str]] | None = None
+    """Every file by its path in the dataset: bytes and BLAKE2b hash (16 bytes, hexadecimal); None
+    until the stage is finished"""
+
+
+class SequenceRecord(BaseModel, frozen=True, use_attribute_docstrings=True):
+    """What is known of a sequence; of one of many, also its place, settings and statistics."""
+
+    format: int
     """Of this file (`format_numbers`)"""
     sequence: str
     """Its name"""
-    index: int = Field(ge=0)
-    split: str
-    version: str
-    """Of the program"""
-    models: dict[str, str]
-    """What of the program each stage depends on (`freshness`)"""
-    made_with: dict[str, dict[str, str]] = {}
-    """What else each stage depends on beside the settings: model, libraries, what runs them"""
+    stages: dict[str, StageRecord] = {}
+    """Of those that were begun"""
+    index: int = Field(default=0, ge=0)
+    split: str = "all"
     replaced: str | None = None
-    """Hash of the record in the place of which this one came, with more exposures"""
-    configuration: dict[str, Any]
-    statistics: SequenceStatistics
-    poses: tuple[tuple[FiniteFloat, ...], ...]
+    """Hash of the record in the place of which this one came, with more output"""
+    configuration: dict[str, Any] = {}
+    """Settings of one of many; those of a lone sequence stand in dataset.yaml"""
+    statistics: SequenceStatistics | None = None
+    poses: tuple[tuple[FiniteFloat, ...], ...] = ()
     """Of every frame the matrix (4, 4) from camera axes (+x right, +y down, +z forward) to world
     meters, row by row"""
-    files: dict[str, tuple[int, str]]
-    """Every file by its path in the dataset: bytes and BLAKE2b hash (16 bytes, hexadecimal)"""
 
     @field_validator("poses")
     @classmethod
@@ -95,9 +112,24 @@ class SequenceRecord(BaseModel, frozen=True, use_attribute_docstrings=True):
         return poses
 
     @property
+    def files(self) -> dict[str, tuple[int, str]]:
+        """Every file of its finished stages: bytes and hash."""
+        written = (stage.files or {} for stage in self.stages.values())
+        return {path: each for hashes in written for path, each in hashes.items()}
+
+    @property
+    def exposures(self) -> tuple[ExposureStatistics, ...]:
+        """Statistics of its exposures, where they were measured."""
+        return self.statistics.exposures if self.statistics else ()
+
+    @property
     def configuration_hash(self) -> str:
         """Fingerprint of all settings."""
         return digest(json.dumps(self.configuration, sort_keys=True))
+
+    def to_json(self) -> str:
+        """Return the text of its file."""
+        return self.model_dump_json(indent=1, exclude_unset=True) + "\n"
 
     @property
     def frames(self) -> int:
@@ -105,22 +137,45 @@ class SequenceRecord(BaseModel, frozen=True, use_attribute_docstrings=True):
         return int(self.configuration["trajectory"]["frames"])
 
 
-def read_record(path: Path, name: str) -> SequenceRecord:
-    """Return the record of the sequence of a name. Raises UserError, also where it is damaged."""
+def read_record(path: Path, name: str, is_lone: bool = False) -> SequenceRecord:
+    """Return the record of the sequence of a name, one of many or a lone one.
+
+    Raises
+    ------
+    UserError
+        With the remedy, when it is missing or damaged.
+    """
+    remedy = _LONE_REMEDY if is_lone else _REMEDY
     try:
         values = bounded.read_json(path)
         check_format("sequence", values, path)
         record = SequenceRecord.model_validate(values)
         _check_names(record, name)
+        if not is_lone:
+            _check_is_of_many(record)
     except OSError as problem:
-        raise UserError(f"{path}: {problem.strerror}; make the dataset again") from None
+        raise UserError(f"{path}: {problem.strerror}; {remedy}") from None
     except ValidationError as error:
-        raise _damaged(path, one_sentence(error, SequenceRecord)) from None
+        raise _damaged(path, one_sentence(error, SequenceRecord), remedy) from None
     except (AttributeError, TypeError):
-        raise _damaged(path, "no record") from None
+        raise _damaged(path, "no record", remedy) from None
     except ValueError as problem:
-        raise _damaged(path, bounded.quoted(str(problem))) from None
+        raise _damaged(path, bounded.quoted(str(problem)), remedy) from None
     return record
+
+
+def read_lone_record(dataset: Dataset) -> SequenceRecord:
+    """Return the record of a dataset of one; an empty one where nothing was begun.
+
+    Raises
+    ------
+    UserError
+        When it is damaged.
+    """
+    path, name = dataset.record_path, dataset.sequence
+    if not os.path.lexists(path):
+        return SequenceRecord(format=written("sequence"), sequence=name)
+    return read_record(path, name, is_lone=True)
 
 
 def settings_of(record: SequenceRecord, path: Path) -> Configuration:
@@ -139,10 +194,12 @@ def settings_of(record: SequenceRecord, path: Path) -> Configuration:
 
 def _check_names(record: SequenceRecord, name: str) -> None:
     """Refuse, with ValueError, names that are not a sequence's own: they may lead anywhere."""
-    if record.sequence != name or sequence_name(record.index) != name:
+    if record.sequence != name:
         raise ValueError(f"it is of sequence {bounded.quoted(record.sequence, 60)!r}")
     if not record.split.isidentifier():
         raise ValueError(f"{bounded.quoted(record.split, 60)!r} cannot name a split")
+    if strangers := record.stages.keys() - STAGE_NAMES:
+        raise ValueError(f"{bounded.quoted(min(strangers), 60)!r} is no stage")
     for path in record.files:
         kind, found, rest = path.partition(f"/{name}/")
         is_plain = found and _KIND.fullmatch(kind) and str(PurePosixPath(rest)) == rest
@@ -150,7 +207,13 @@ def _check_names(record: SequenceRecord, name: str) -> None:
             raise ValueError(f"{bounded.quoted(path, 60)!r} is no file of this sequence")
 
 
-def _damaged(path: Path, why: str) -> DamagedFileError:
-    return DamagedFileError(
-        f"{path} is damaged ({why}); remove it and run megalopta dataset make again"
-    )
+def _check_is_of_many(record: SequenceRecord) -> None:
+    """Refuse, with ValueError, what lacks anything that one of many has."""
+    if sequence_name(record.index) != record.sequence:
+        raise ValueError(f"index {record.index} is of sequence {sequence_name(record.index)!r}")
+    if record.statistics is None or not record.configuration or not record.stages:
+        raise ValueError("it lacks its stages, configuration or statistics")
+
+
+def _damaged(path: Path, why: str, remedy: str = _REMEDY) -> DamagedFileError:
+    return DamagedFileError(f"{path} is damaged ({why}); {remedy}")

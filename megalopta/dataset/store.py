@@ -1,7 +1,7 @@
 """The dataset on disk: one folder, MPI-Sintel's tree with what Sintel lacks beside it.
 
 dataset.yaml                 the whole configuration and the version that made it
-manifest.jsonl               one line per finished stage of a sequence, with file hashes
+sequences/SEQ.json           of each stage what it was made with, and every file's hash
 timings.json                 seconds each stage took
 training/clean|final/SEQ/    tone-mapped radiance | counts, PNG
 training/flow|occlusions|invalid|depth|camdata_left/SEQ/
@@ -36,7 +36,7 @@ from megalopta.sensor import ImageSensor
 LICENSE = "CC0-1.0"
 REDO_FOLDER = ".redo"
 """Where output is made again while the old one stays."""
-_CONFIGURATION_BYTES = 2**20
+_HEADER_BYTES = 2**20
 """Most that dataset.yaml may hold: larger YAML takes seconds to parse."""
 _KEPT_HASHES = 2**17
 
@@ -60,6 +60,11 @@ class Dataset:
     def home(self) -> Path:
         """The folder that the user knows: what is made again stands in one inside it."""
         return self.root.parent if self.root.name == REDO_FOLDER else self.root
+
+    @property
+    def record_path(self) -> Path:
+        """Record of what of the sequence is finished."""
+        return self.root / "sequences" / f"{self.sequence}.json"
 
     @property
     def sequence(self) -> str:
@@ -134,20 +139,31 @@ def moving_plan(root: Path) -> Path:
     return root / REDO_FOLDER / "publish.json"
 
 
-def read_dataset(root: Path) -> Dataset:
-    """Read dataset.yaml, whatever else is in the folder. Raises UserError."""
+def read_header(root: Path) -> dict[str, Any]:
+    """Read dataset.yaml, with a `configuration`, or the `plan` of many. Raises UserError."""
     path = root / "dataset.yaml"
     try:
-        record = dict(strict_yaml.load(bounded.read_text(path, _CONFIGURATION_BYTES)))
-        check_format("dataset", record, path)
-        if "plan" in record:
-            raise UserError(
-                f"{root}: a dataset of many sequences, this needs one; see megalopta dataset --help"
-            )
-        values = dict(record["configuration"])
-        return Dataset(root, Configuration.model_validate(values))
+        record = dict(strict_yaml.load(bounded.read_text(path, _HEADER_BYTES)))
     except OSError:
-        raise UserError(f"{root}: no dataset here; make one with: megalopta render") from None
+        raise UserError(
+            f"{root}: no dataset here; make one with: megalopta render, or of many sequences with: "
+            "megalopta dataset make"
+        ) from None
+    except (TypeError, ValueError):
+        raise UserError(f"{path} is damaged; make the dataset again in a new folder") from None
+    check_format("dataset", record, path)
+    return record
+
+
+def read_dataset(root: Path) -> Dataset:
+    """Read the configuration of one sequence, whatever else is in the folder. Raises UserError."""
+    record, path = read_header(root), root / "dataset.yaml"
+    if "plan" in record:
+        raise UserError(
+            f"{root}: a dataset of many sequences, this needs one; see megalopta dataset --help"
+        )
+    try:
+        return Dataset(root, Configuration.model_validate(dict(record["configuration"])))
     except ValidationError as error:
         raise UserError(f"{path}: {one_sentence(error, Configuration)}") from None
     except (TypeError, KeyError, ValueError):
@@ -181,6 +197,14 @@ def files_in(paths: Iterable[Path]) -> Iterable[Path]:
     for path in paths:
         inside = path.rglob("*") if path.is_dir() else [path]
         yield from (each for each in inside if each.is_file() and not files.is_temporary(each))
+
+
+def hashes_of(root: Path, paths: Iterable[Path]) -> dict[str, tuple[int, str]]:
+    """Bytes and hash of files, and of those in folders, by their paths in a dataset."""
+    return {
+        str(path.relative_to(root)): (path.stat().st_size, file_hash(path))
+        for path in sorted(files_in(paths))
+    }
 
 
 def whole_of(path: Path, root: Path) -> Path:

@@ -142,7 +142,7 @@ def _sequence(record: SequenceRecord) -> dict[str, Any]:
 
 
 def _exposures(record: SequenceRecord) -> Iterator[dict[str, Any]]:
-    for each in record.statistics.exposures:
+    for each in record.exposures:
         values = each.model_dump(exclude={"name"})
         values["level"] = str(each.level)
         yield {

@@ -25,10 +25,9 @@ from megalopta.core.record import Record
 from megalopta.dataset.books import write_index
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.record import SequenceRecord
-from megalopta.dataset.store import Dataset, file_hash
+from megalopta.dataset.store import Dataset, file_hash, hashes_of
 from megalopta.generation.attempt import Outcome
 from megalopta.generation.jobs import run_jobs
-from megalopta.generation.sequence import file_hashes, recorded_machinery
 from megalopta.generation.staging import (
     EXPOSED,
     begin,
@@ -103,7 +102,7 @@ def _checked(tree: Tree, name: str, wanted: Exposing) -> int:
     Raises UserError.
     """
     record, model = tree.record(name), STAGES["sense"].model()
-    known = recorded_machinery(record, "sense").get("model", model)
+    known = record.stages["sense"].made_with.get("model", model)
     if known != model:
         raise UserError(
             f"{tree.root}: sequence {name} was exposed otherwise than it would be here (sense: "
@@ -146,15 +145,16 @@ def _expose(tree: Tree, record: SequenceRecord, dataset: Dataset) -> None:
     for path in sorted((dataset.root / "counts" / name).iterdir()):
         if product_stem(path) in _known(record):
             files.remove(path)
-    hashes = file_hashes(dataset.root, [dataset.root / "counts" / name])
-    statistics = record.statistics.model_copy(
-        update={"exposures": (*record.statistics.exposures, *made)}
-    )
+    hashes = hashes_of(dataset.root, [dataset.root / "counts" / name])
+    sensed = record.stages["sense"]
+    more = sensed.model_copy(update={"files": {**(sensed.files or {}), **hashes}})
+    assert record.statistics is not None
+    statistics = record.statistics.model_copy(update={"exposures": (*record.exposures, *made)})
     changes = {
         "format": written("sequence"),
         "replaced": file_hash(tree.record_path(name)),
         "statistics": statistics,
-        "files": dict(sorted({**record.files, **hashes}.items())),
+        "stages": {**record.stages, "sense": more},
     }
     finish(dataset.root.parent, record.model_copy(update=changes))
 
@@ -196,4 +196,4 @@ def _new(tree: Tree, record: SequenceRecord, wanted: Configuration) -> list[str]
 
 
 def _known(record: SequenceRecord) -> set[str]:
-    return {each.name for each in record.statistics.exposures}
+    return {each.name for each in record.exposures}

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from megalopta import __version__
 from megalopta.config.drawing import configuration_of, sequence_name, split_of
 from megalopta.config.model import Configuration
 from megalopta.config.recipe import Plan
@@ -18,7 +17,7 @@ from megalopta.core.format_numbers import written
 from megalopta.core.progress import silent
 from megalopta.dataset.layout import Tree
 from megalopta.dataset.record import SequenceRecord
-from megalopta.dataset.store import file_hash, files_in
+from megalopta.dataset.store import hashes_of
 from megalopta.generation.flow_files import write_flow_files
 from megalopta.generation.staging import (
     MADE,
@@ -33,7 +32,6 @@ from megalopta.generation.statistics import sequence_statistics
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.origins import provenance_changes
 from megalopta.stages.pipeline import run_stage
-from megalopta.stages.registry import STAGES
 
 
 class Machinery(NamedTuple):
@@ -67,16 +65,10 @@ def other_machinery(record: SequenceRecord, configuration: Configuration, *stage
     """Return how stages of a finished sequence were made otherwise than here, or nothing."""
     here = made_with(configuration)
     found = {
-        stage: provenance_changes(recorded_machinery(record, stage), here[stage])
+        stage: provenance_changes(record.stages[stage].made_with, here[stage])
         for stage in stages or MADE
     }
     return "; ".join(f"{stage}: {told}" for stage, told in found.items() if told)
-
-
-def recorded_machinery(record: SequenceRecord, stage: str) -> Mapping[str, str]:
-    """Return with what a stage was made; of early records the model is known, and no more."""
-    models = {"model": record.models[stage]} if stage in record.models else {}
-    return record.made_with.get(stage, models)
 
 
 def _check_machinery(plan: Plan, wanted: Machinery) -> None:
@@ -93,28 +85,17 @@ def _check_machinery(plan: Plan, wanted: Machinery) -> None:
 def _made(data: Path, configuration: Configuration, plan: Plan, index: int) -> SequenceRecord:
     for stage in MADE:
         dataset = run_stage(data, configuration, stage)
-    extra = write_flow_files(dataset, plan.flow_files)
-    ledger = Ledger(dataset)
-    lines = [entry for stage in MADE if (entry := ledger.entry(stage))]
-    hashes = {path: tuple(each) for line in lines for path, each in line["files"].items()}
+    stages = Ledger(dataset).record().stages
+    extra = hashes_of(data, write_flow_files(dataset, plan.flow_files))
+    rendered = stages["render"]
+    more = rendered.model_copy(update={"files": {**(rendered.files or {}), **extra}})
     return SequenceRecord(
         format=written("sequence"),
         sequence=configuration.name,
+        stages={**stages, "render": more},
         index=index,
         split=split_of(plan, index),
-        version=__version__,
-        models={stage: STAGES[stage].model() for stage in MADE},
-        made_with=made_with(configuration),
         configuration=configuration.model_dump(mode="json"),
         statistics=sequence_statistics(dataset),
         poses=tuple(map(tuple, configuration.trajectory.poses().reshape(-1, 16).tolist())),
-        files=dict(sorted({**hashes, **file_hashes(data, extra)}.items())),
     )
-
-
-def file_hashes(root: Path, paths: list[Path]) -> dict[str, tuple[int, str]]:
-    """Bytes and hash of files, and of those in folders, by their paths in a dataset."""
-    return {
-        str(path.relative_to(root)): (path.stat().st_size, file_hash(path))
-        for path in sorted(files_in(paths))
-    }

@@ -20,7 +20,7 @@ from megalopta.core.errors import UserError
 from megalopta.core.folders import LOCK_NAME, locked
 from megalopta.core.progress import say
 from megalopta.dataset.layout import Tree, changed_record
-from megalopta.dataset.manifest import is_as_written, is_in_manifest, read_manifest
+from megalopta.dataset.manifest import is_record_as_written, is_record_known, read_manifest
 from megalopta.dataset.record import SequenceRecord, read_record
 from megalopta.stages.origins import provenance
 
@@ -54,7 +54,7 @@ def made_with(configuration: Configuration) -> dict[str, dict[str, str]]:
 
 def finish(staged: Path, record: SequenceRecord) -> None:
     """Note that all files of a record are there."""
-    files.write_text(staged / _RECORD, record.model_dump_json(indent=1) + "\n")
+    files.write_text(staged / _RECORD, record.to_json())
 
 
 def is_finished(staged: Path) -> bool:
@@ -97,9 +97,9 @@ def settle(tree: Tree, write_index: Callable[[], None]) -> None:
     """
     tree.sweep()
     manifest, names = read_manifest(tree.root), tree.names()
-    unknown = [name for name in names if not is_in_manifest(tree.record_path(name), manifest)]
+    unknown = [name for name in names if not is_record_known(tree.record_path(name), manifest)]
     for name in unknown:
-        if not is_as_written(tree.record_path(name), manifest):
+        if not is_record_as_written(tree.record_path(name), manifest):
             raise UserError(changed_record(tree, name))
     if manifest and (unknown or manifest.keys() - set(names)):
         write_index()

@@ -1,8 +1,9 @@
-"""What of a dataset is finished: the manifest, with the hash of every file, and times."""
+"""What of a sequence is finished: its record, with the hash of every file, and times."""
 
 import json
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,12 +14,8 @@ from megalopta.core import bounded, files
 from megalopta.core.errors import UserError
 from megalopta.core.freshness import digest
 from megalopta.core.progress import progress
-from megalopta.dataset.store import (
-    Dataset,
-    file_hash,
-    files_in,
-    is_as_written,
-)
+from megalopta.dataset.record import SequenceRecord, StageRecord, read_lone_record
+from megalopta.dataset.store import Dataset, hashes_of, is_as_written
 from megalopta.stages.origins import provenance, provenance_changes
 from megalopta.stages.registry import STAGES, with_dependents
 
@@ -28,7 +25,7 @@ _WORTH_TELLING_BYTES = 5e9
 
 @dataclass(frozen=True)
 class Ledger:
-    """Bookkeeping of one dataset."""
+    """Bookkeeping of one sequence."""
 
     dataset: Dataset
 
@@ -47,33 +44,33 @@ class Ledger:
 
     def is_finished(self, stage: str) -> bool:
         """Whether a stage was finished with this configuration and its files are there."""
-        line = self.entry(stage)
-        return line is not None and not self.damaged(line)
+        entry = self.entry(stage)
+        return entry is not None and not self.damaged(stage, entry)
 
     def is_outdated(self, stage: str) -> bool:
         """Whether a stage was finished with this configuration by another model."""
-        line = self.entry(stage)
-        return line is not None and line.get("model") != STAGES[stage].model()
+        entry = self.entry(stage)
+        return entry is not None and entry.made_with.get("model") != STAGES[stage].model()
 
-    def entry(self, stage: str) -> dict[str, Any] | None:
-        """Line of the manifest on a stage finished with this configuration."""
-        line = self._line(stage)
-        return line if line and "files" in line else None
+    def entry(self, stage: str) -> StageRecord | None:
+        """What is recorded of a stage finished with this configuration."""
+        entry = self._begun(stage)
+        return entry if entry and entry.files is not None else None
 
     def mixture(self, stage: str) -> str:
         """What is other now than when a stage was begun that is to be gone on with, or nothing."""
-        line = self._line(stage)
+        entry = self._begun(stage)
         now = provenance(stage, self.dataset.configuration)
-        return provenance_changes(line.get("provenance", {}), now) if line else ""
+        return provenance_changes(entry.made_with, now) if entry else ""
 
-    def damaged(self, line: Mapping[str, Any]) -> list[Path]:
-        """Files of a line of the manifest that are missing or have another size or hash."""
-        written = {self.root / name: each for name, each in line["files"].items()}
-        if sum(size for size, _ in written.values()) < _WORTH_TELLING_BYTES:
-            return [path for path, each in written.items() if not is_as_written(path, *each)]
+    def damaged(self, stage: str, entry: StageRecord) -> list[Path]:
+        """Files of a stage that are missing or have another size or hash."""
+        known = {self.root / name: each for name, each in (entry.files or {}).items()}
+        if sum(size for size, _ in known.values()) < _WORTH_TELLING_BYTES:
+            return [path for path, each in known.items() if not is_as_written(path, *each)]
         found = []
-        with progress(f"Comparing files of {line['stage']}", len(written), "file") as advance:
-            for path, each in written.items():
+        with progress(f"Comparing files of {stage}", len(known), "file") as advance:
+            for path, each in known.items():
                 if not is_as_written(path, *each):
                     found.append(path)
                 advance()
@@ -88,9 +85,9 @@ class Ledger:
 
     def require(self, stage: str) -> None:
         """Refuse to go on when a stage is not finished with this configuration, or damaged."""
-        line, home = self.entry(stage), self.dataset.home
-        damaged = self.damaged(line) if line else []
-        if line and not damaged:
+        entry, home = self.entry(stage), self.dataset.home
+        damaged = self.damaged(stage, entry) if entry else []
+        if entry and not damaged:
             return
         target = f"{home} --out {home}" if stage == "render" else home
         what = (
@@ -100,23 +97,18 @@ class Ledger:
         )
         raise UserError(f"{what}; run first: megalopta {STAGES[stage].command} {target}")
 
-    def manifest(self) -> list[dict[str, Any]]:
-        """Lines of the manifest: sequence, stage, configuration, provenance; when finished, hashes.
+    def record(self) -> SequenceRecord:
+        """Read the record; an empty one where nothing was begun.
 
         Raises
         ------
         UserError
             When it is damaged, or names a file that no stage of this dataset writes.
         """
-        path = self.root / "manifest.jsonl"
-        try:
-            lines = bounded.read_text(path).splitlines() if path.exists() else []
-            found = [dict(bounded.from_json(line)) for line in lines if line]
-            for line in found:
-                _check_line(line, self.dataset)
-        except (ValueError, TypeError, KeyError, AttributeError):
-            raise UserError(f"{path} is damaged; restore it, or render into a new folder") from None
-        return found
+        record = read_lone_record(self.dataset)
+        for stage, entry in record.stages.items():
+            self._check_entry(stage, entry)
+        return record
 
     def timings(self) -> dict[str, float]:
         """Seconds spent on each stage, interrupted runs included."""
@@ -134,64 +126,68 @@ class Ledger:
 
     def begin(self, stage: str) -> None:
         """Note what the output of a stage is made with, so that it goes on with the same."""
-        if not self._line(stage) or not self.has(stage):
-            self._enter(stage, {})
+        if not self._begun(stage) or not self.has(stage):
+            self._enter(stage, None)
 
     def finish(self, stage: str) -> None:
-        """Enter a finished stage, with the hashes of its files, into the manifest."""
-        hashes = {
-            str(path.relative_to(self.root)): (path.stat().st_size, file_hash(path))
-            for path in sorted(files_in(self.outputs(stage)))
-        }
-        self._enter(stage, {"files": hashes})
+        """Enter a finished stage, with the hashes of its files, into the record."""
+        self._enter(stage, hashes_of(self.root, self.outputs(stage)))
 
     def withdraw(self, stage: str) -> None:
         """Forget that a stage was begun of which nothing came."""
         if not self.entry(stage) and not self.has(stage):
-            lines = self._manifest_without(stage)
-            self._write_manifest(lines)
-            if not lines:
-                files.remove(self.root / "manifest.jsonl")
+            self._remove(stage)
 
     def forget(self, *stages: str) -> None:
         """Remove the output of stages and of every stage that needs them."""
         for stage in with_dependents(stages):
-            self._write_manifest(self._manifest_without(stage))
+            self._remove(stage)
             self._write_timings({name: t for name, t in self.timings().items() if name != stage})
             for path in (*self.outputs(stage), self.root / "report.html"):
                 files.remove(path)
 
-    def _line(self, stage: str) -> dict[str, Any] | None:
-        wanted = (stage, self.dataset.sequence, stage_hash(self.dataset.configuration, stage))
-        keys = ("stage", "sequence", "configuration")
-        lines = (line for line in self.manifest() if tuple(map(line.get, keys)) == wanted)
-        return next(lines, None)
+    def _begun(self, stage: str) -> StageRecord | None:
+        entry = self.record().stages.get(stage)
+        is_same = entry and entry.settings == stage_hash(self.dataset.configuration, stage)
+        return entry if is_same else None
 
-    def _enter(self, stage: str, more: Mapping[str, Any]) -> None:
+    def _enter(self, stage: str, hashes: dict[str, tuple[int, str]] | None) -> None:
         configuration = self.dataset.configuration
-        line = {
-            "sequence": self.dataset.sequence,
-            "stage": stage,
-            "configuration": stage_hash(configuration, stage),
-            "model": STAGES[stage].model(),
-            "provenance": provenance(stage, configuration),
-            "version": __version__,
-            **more,
-        }
-        lines: list[Mapping[str, Any]] = [*self._manifest_without(stage), line]
-        order = list(STAGES)
-        self._write_manifest(sorted(lines, key=lambda each: order.index(each["stage"])))
+        entry = StageRecord(
+            settings=stage_hash(configuration, stage),
+            made_with=provenance(stage, configuration),
+            version=__version__,
+            files=hashes,
+        )
+        self._write({**self.record().stages, stage: entry})
 
-    def _manifest_without(self, stage: str) -> list[dict[str, Any]]:
-        mine = (stage, self.dataset.sequence)
-        return [line for line in self.manifest() if (line["stage"], line["sequence"]) != mine]
+    def _remove(self, stage: str) -> None:
+        left = {name: each for name, each in self.record().stages.items() if name != stage}
+        if left:
+            self._write(left)
+        else:
+            files.remove(self.dataset.record_path)
+            with suppress(OSError):  # it holds something else, or was never made
+                self.dataset.record_path.parent.rmdir()
 
-    def _write_manifest(self, lines: Iterable[Mapping[str, Any]]) -> None:
-        text = "".join(json.dumps(line) + "\n" for line in lines)
-        files.write_text(self.root / "manifest.jsonl", text)
+    def _write(self, stages: Mapping[str, StageRecord]) -> None:
+        ordered = {name: stages[name] for name in STAGES if name in stages}
+        record = self.record().model_copy(update={"stages": ordered})
+        files.write_text(self.dataset.record_path, record.to_json())
 
     def _write_timings(self, timings: Mapping[str, float]) -> None:
         files.write_json(self.root / "timings.json", timings)
+
+    def _check_entry(self, stage: str, entry: StageRecord) -> None:
+        """Refuse what `Ledger` does not write."""
+        names = [str(path.relative_to(self.root)) for path in self.outputs(stage)]
+        inside = tuple(f"{name}{os.sep}" for name in names)
+        for name in entry.files or {}:
+            if name not in names and not name.startswith(inside):
+                raise UserError(
+                    f"{self.dataset.record_path} is damaged ({bounded.quoted(name, 60)!r} is no "
+                    f"output of stage {stage!r}); restore it, or render into a new folder"
+                )
 
 
 def stage_configuration(configuration: Configuration, stage: str) -> dict[str, Any]:
@@ -205,23 +201,3 @@ def stage_configuration(configuration: Configuration, stage: str) -> dict[str, A
 def stage_hash(configuration: Configuration, stage: str) -> str:
     """Fingerprint of every setting that a stage's output depends on."""
     return digest(json.dumps(stage_configuration(configuration, stage), sort_keys=True))
-
-
-def _check_line(line: Mapping[str, Any], dataset: Dataset) -> None:
-    """Raise where a line of the manifest is not as `Ledger` writes it."""
-    if line["stage"] not in STAGES or not isinstance(line["sequence"], str):
-        raise ValueError(line["stage"])
-    if any(not isinstance(each, str) for each in line.get("provenance", {}).values()):
-        raise TypeError("provenance")
-    outputs = [
-        str(path.relative_to(dataset.root)) for path in STAGES[line["stage"]].outputs(dataset)
-    ]
-    inside = tuple(f"{output}{os.sep}" for output in outputs)
-    for name, (size, hashed) in line.get("files", {}).items():
-        if not isinstance(size, int) or not isinstance(hashed, str):
-            raise TypeError(name)
-        is_output = name in outputs or name.startswith(inside)
-        if line["sequence"] == dataset.sequence and not (
-            is_output and name == os.path.normpath(name)
-        ):
-            raise ValueError(name)

@@ -114,9 +114,9 @@ def _bring_to_end(dataset: Dataset, name: str) -> None:
 
 def _remove_damaged(ledger: Ledger, name: str) -> None:
     """Remove what a finished stage wrote and somebody changed, so that it is made again."""
-    line = ledger.entry(name)
-    damaged = sorted({whole_of(path, ledger.root) for path in ledger.damaged(line)}) if line else []
-    for path in damaged:
+    entry = ledger.entry(name)
+    damaged = ledger.damaged(name, entry) if entry else []
+    for path in sorted({whole_of(path, ledger.root) for path in damaged}):
         say(f"{name}: {path} is missing or damaged, and is made again")
         files.remove(path)
 

@@ -29,8 +29,8 @@ from megalopta.stages.ledger import Ledger
 from megalopta.stages.origins import provenance
 from megalopta.stages.registry import STAGES
 
-_BOOKS = ("timings.json", "manifest.jsonl", "dataset.yaml")
-"""In the order in which they move: as long as dataset.yaml is there, something is left to do."""
+_LAST = "dataset.yaml"
+"""Moves last: as long as it is there, something is left to do."""
 
 
 def begin_redo(old: Dataset, configuration: Configuration, stages: Sequence[str]) -> Dataset:
@@ -54,9 +54,10 @@ def begin_redo(old: Dataset, configuration: Configuration, stages: Sequence[str]
 def publish(old: Dataset, new: Dataset, stages: Sequence[str], doomed: Sequence[str]) -> None:
     """Put finished output of stages in the place of the old, of which some stages' is doomed."""
     made = {path for stage in (*stages, *doomed) for path in Ledger(new).outputs(stage)}
+    made |= {new.root / name for name in _books(new) if name != _LAST}
     moves = {_name(path, new) for path in made if path.exists() and not path.is_symlink()}
     gone = {_name(path, old) for stage in doomed for path in Ledger(old).outputs(stage)}
-    goes = (gone | {"report.html"}).difference(moves)
+    goes = (gone | {"report.html", _name(old.record_path, old)}).difference(moves)
     files.write_json(moving_plan(old.root), {"moves": sorted(moves), "goes": sorted(goes)})
     complete_redo(old.root)
 
@@ -72,14 +73,14 @@ def complete_redo(root: Path) -> None:
     new = root / REDO_FOLDER
     if not os.path.lexists(moving_plan(root)):
         return
-    if (new / _BOOKS[-1]).exists():
+    if (new / _LAST).exists():
         moves, goes = _read_plan(root)
-        for name in (*moves, *_BOOKS[:-1]):
+        for name in moves:
             _move(new / name, root / name)
         for name in goes:
             files.remove(root / name)
             _remove_if_empty((root / name).parent, root)
-        _move(new / _BOOKS[-1], root / _BOOKS[-1])
+        _move(new / _LAST, root / _LAST)
     discard(root)
 
 
@@ -113,9 +114,15 @@ def _link(old: Dataset, new: Dataset) -> None:
         target = os.path.relpath(path.resolve(), link.parent.resolve())
         link.symlink_to(target, target_is_directory=path.is_dir())
     new.root.mkdir(exist_ok=True)
-    for name in _BOOKS:
+    for name in _books(old):
         if (old.root / name).exists():
+            (new.root / name).parent.mkdir(exist_ok=True)
             shutil.copy(old.root / name, new.root / name)
+
+
+def _books(dataset: Dataset) -> tuple[str, ...]:
+    """What a dataset holds beside the output of its stages."""
+    return "timings.json", _name(dataset.record_path, dataset), _LAST
 
 
 def _name(path: Path, dataset: Dataset) -> str:
@@ -143,7 +150,7 @@ def _read_plan(root: Path) -> tuple[list[str], list[str]]:
         raise UserError(f"{path} cannot be followed ({problem}); {remedy}") from None
     except (ValueError, KeyError, TypeError):
         raise UserError(f"{path} is damaged; {remedy}") from None
-    outputs |= {*_BOOKS, "report.html"}
+    outputs |= {"report.html"}
     for name in (*moves, *goes):
         if name not in outputs or not all(_is_plain(root, base, name) for base in (root, new)):
             raise UserError(f"{path}: {bounded.quoted(name)} is no output of a stage; {remedy}")
@@ -158,7 +165,8 @@ def _is_plain(root: Path, base: Path, name: str) -> bool:
 
 
 def _output_names(dataset: Dataset) -> set[str]:
-    return {_name(path, dataset) for stage in STAGES for path in Ledger(dataset).outputs(stage)}
+    outputs = {_name(path, dataset) for stage in STAGES for path in Ledger(dataset).outputs(stage)}
+    return outputs | {*_books(dataset)}
 
 
 def _read(path: Path) -> Any:

@@ -89,8 +89,8 @@ def moving(moves, goes, links=()):
 
     def put(root, home):
         new = root / ".redo"
-        new.mkdir()
-        for name in ("dataset.yaml", "manifest.jsonl"):
+        (new / RECORD).parent.mkdir(parents=True)
+        for name in ("dataset.yaml", RECORD):
             shutil.copy(root / name, new / name)
         for name, target in dict(links).items():
             replaced(root / name, lambda path, to=target: path.symlink_to(to.format(home=home)))
@@ -116,35 +116,41 @@ def settings(change):
     return put
 
 
+def entries(root):
+    """Path and content of the record, and its stages."""
+    path = root / RECORD
+    record = json.loads(path.read_text("utf-8"))
+    return path, record, record["stages"].values()
+
+
 def hashed(name, size, digest="0" * 32):
-    """A manifest that names a file for every stage."""
+    """A record that names a file for every stage."""
 
     def put(root, home):
-        path = root / "manifest.jsonl"
-        lines = [json.loads(line) for line in path.read_text("utf-8").splitlines()]
-        for line in lines:
-            line["files"][name.format(home=home)] = [size, digest]
-        path.write_text("".join(f"{json.dumps(line)}\n" for line in lines))
+        path, record, stages = entries(root)
+        for stage in stages:
+            stage["files"][name.format(home=home)] = [size, digest]
+        path.write_text(json.dumps(record))
 
     return put
 
 
 def consistent(put):
-    """What somebody changed, with a manifest that agrees."""
+    """What somebody changed, with a record that agrees."""
 
     def both(root, home):
         put(root, home)
-        path = root / "manifest.jsonl"
-        lines = [json.loads(line) for line in path.read_text("utf-8").splitlines()]
-        for line in lines:
-            for name in line["files"]:
+        path, record, stages = entries(root)
+        for stage in stages:
+            for name in stage["files"]:
                 found = root / name
-                line["files"][name] = [found.stat().st_size, file_hash(found)]
-        path.write_text("".join(f"{json.dumps(line)}\n" for line in lines))
+                stage["files"][name] = [found.stat().st_size, file_hash(found)]
+        path.write_text(json.dumps(record))
 
     return both
 
 
+RECORD = "sequences/grating.json"
 DEEP = "[" * 200_000
 COUNTS = "counts/grating/spadcam-starlight.zarr"
 RESPONSES = "results/grating/responses/spadcam-starlight.zarr"
@@ -152,7 +158,7 @@ HARM = {
     "link to a folder": link("results", "{home}/docs"),
     "link to a folder by ..": link("training/clean/grating", "../../../home/docs"),
     "link to a file": link("report.html", "{home}/.bashrc"),
-    "link of the books": link("manifest.jsonl", "{home}/.bashrc"),
+    "link of the books": link(RECORD, "{home}/.bashrc"),
     "link of the settings": link("dataset.yaml", "{home}/.bashrc"),
     "link to nothing outside": link("corrected", "{home}/new"),
     "link of a frame": link("radiance/grating/frame_0001.exr", "{home}/.bashrc"),
@@ -176,19 +182,19 @@ HARM = {
     "move that is nested": text(".redo/publish.json", DEEP),
     "move that is endless": link(".redo/publish.json", "/dev/zero"),
     "pipe as settings": pipe("dataset.yaml"),
-    "pipe as the manifest": pipe("manifest.jsonl"),
+    "pipe as the record of the sequence": pipe(RECORD),
     "pipe as a record": pipe("radiance/grating/scene.json"),
     "pipe as a result": pipe("results/grating/flow.json"),
     "endless settings": link("dataset.yaml", "/dev/zero"),
-    "endless manifest": link("manifest.jsonl", "/dev/zero"),
+    "endless record": link(RECORD, "/dev/zero"),
     "endless chunk": link(f"{COUNTS}/counts/c/0/0/0", "/dev/urandom"),
     "large settings": sparse("dataset.yaml"),
-    "large manifest": sparse("manifest.jsonl"),
+    "large record of the sequence": sparse(RECORD),
     "large times": sparse("timings.json"),
     "large metadata": sparse(f"{COUNTS}/zarr.json"),
     "large record": sparse("radiance/grating/scene.json"),
     "nested settings": text("dataset.yaml", DEEP[:5000]),
-    "nested manifest": text("manifest.jsonl", DEEP),
+    "nested record of the sequence": text(RECORD, DEEP),
     "nested times": text("timings.json", DEEP),
     "nested record": consistent(text("radiance/grating/scene.json", DEEP)),
     "nested results": consistent(text("results/grating/flow.json", DEEP)),
@@ -197,12 +203,12 @@ HARM = {
     "nested metadata of responses": consistent(text(f"{RESPONSES}/zarr.json", DEEP)),
     "settings that are a list": text("dataset.yaml", "[1, 2]"),
     "settings that are nothing": text("dataset.yaml", ""),
-    "manifest of numbers": text("manifest.jsonl", "1\n2\n"),
-    "manifest of a file outside": hashed("{home}/.bashrc", 8),
-    "manifest by ..": hashed("../home/.bashrc", 8),
-    "manifest of the folder itself": hashed(".", 1),
-    "manifest of a folder above": hashed("results/../..", 1),
-    "manifest of the settings": hashed("dataset.yaml", 1),
+    "record of numbers": text(RECORD, "1\n2\n"),
+    "record of a file outside": hashed("{home}/.bashrc", 8),
+    "record by ..": hashed("../home/.bashrc", 8),
+    "record of the folder itself": hashed(".", 1),
+    "record of a folder above": hashed("results/../..", 1),
+    "record of the settings": hashed("dataset.yaml", 1),
     "name that is absolute": settings(lambda values, home: values.update(name=str(home))),
     "name by ..": settings(lambda values, _: values.update(name="../../home/docs")),
     "sensor's name by ..": settings(
@@ -261,8 +267,8 @@ def run(command):
 
 FAST = (
     *("link to a folder", "link of the books", "link to nothing outside", "link of the lock"),
-    *("move of absolute names", "move of no output", "pipe as the manifest", "endless settings"),
-    *("manifest by ..", "name by .."),
+    *("move of absolute names", "move of no output", "pipe as the record of the sequence", "endless settings"),
+    *("record by ..", "name by .."),
 )
 """What is refused at the door, of every kind: the others let some verbs work for seconds."""
 

@@ -37,6 +37,10 @@ def in_record(change):
     return spoil
 
 
+def files(**more):
+    return lambda record: record["stages"]["render"]["files"].update(more)
+
+
 def in_place_of(name, content):
     return lambda root: put(root / name, content)
 
@@ -62,8 +66,8 @@ RECORD, STORE = "sequences/000000.json", "counts/000000/spadcam-twilight.zarr/za
 SPOILED = {
     "bad configuration": in_record(lambda each: each["configuration"].update(camera=7)),
     "no configuration": in_record(lambda each: each.update(configuration={})),
-    "file elsewhere": in_record(lambda each: each["files"].update({"/dev/zero": [1, "0"]})),
-    "file above": in_record(lambda each: each["files"].update({"../x": [1, "0"]})),
+    "file elsewhere": in_record(files(**{"/dev/zero": [1, "0"]})),
+    "file above": in_record(files(**{"../x": [1, "0"]})),
     "split above": in_record(lambda each: each.update(split="../../outside")),
     "sequence above": in_record(lambda each: each.update(sequence="../../outside")),
     "many poses": in_record(lambda each: each.update(poses=[[0.0] * 16] * 100_000)),

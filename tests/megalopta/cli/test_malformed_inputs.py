@@ -253,7 +253,7 @@ def record(rng, done, folder):
 RECORDS = (
     ("dataset.yaml", "sense"),
     ("dataset.yaml", "report"),
-    ("manifest.jsonl", "flow"),
+    ("sequences/grating.json", "flow"),
     ("timings.json", "sense"),
     ("radiance/*/scene.json", "check truth"),
 )
@@ -415,7 +415,7 @@ def test_malformed_input_gets_one_sentence_and_loses_nothing(
     assert not [path for path in lost if path.name not in BOOKS], words
 
 
-BOOKS = ("manifest.jsonl", "dataset.yaml", "report.html")
+BOOKS = ("grating.json", "dataset.yaml", "report.html")
 """Written anew by a stage that succeeds."""
 
 

@@ -40,20 +40,24 @@ def told(tmp_path, text):
     ],
 )
 def test_files_that_are_not_the_sequences_own_are_refused(values, tmp_path, name):
-    files = {**values["files"], name: [1, "00"]}
-    assert "no file of this sequence" in told(tmp_path, json.dumps({**values, "files": files}))
+    stages = {**values["stages"]}
+    stages["render"] = {**stages["render"], "files": {name: [1, "00"]}}
+    assert "no file of this sequence" in told(tmp_path, json.dumps({**values, "stages": stages}))
 
 
 @pytest.mark.parametrize(
     ("change", "problem"),
     [
         ({"sequence": "../../x"}, "it is of sequence"),
-        ({"index": 7}, "it is of sequence"),
+        ({"index": 7}, "index 7 is of sequence"),
         ({"index": -1}, "index"),
         ({"split": "../../x"}, "cannot name a split"),
         ({"poses": [[0.0] * 15]}, "a pose is a matrix of 16 numbers"),
-        ({"files": []}, "files"),
-        ({"format": 2}, "sequence format 2 is newer than 1"),
+        ({"stages": []}, "stages"),
+        ({"stages": {"x": {"settings": "", "made_with": {}, "version": ""}}}, "'x' is no stage"),
+        ({"statistics": None}, "lacks"),
+        ({"format": 3}, "sequence format 3 is newer than 2"),
+        ({"format": 1}, "sequence format 1 is older than 2"),
         ({"format": "x"}, "not a format number"),
     ],
 )
@@ -88,11 +92,3 @@ def test_settings_of_another_sequence_are_refused(single_dataset, values):
             tree.dataset(record.model_copy(update={"configuration": configuration}))
     with pytest.raises(UserError, match="0 poses of 2 frames"):
         tree.dataset(record.model_copy(update={"poses": ()}))
-
-
-def test_a_record_of_before_there_were_formats_is_read(values, tmp_path):
-    path = tmp_path / "000000.json"
-    old = {key: values[key] for key in values if key not in ("format", "made_with", "replaced")}
-    path.write_text(json.dumps(old))
-    record = read_record(path, "000000")
-    assert (record.format, record.made_with, record.replaced) == (0, {}, None)

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from megalopta.dataset.layout import Tree
-from megalopta.verification.tree import check_tree
+from megalopta.verification.files import check_files
 
 pytestmark = pytest.mark.slow
 
@@ -62,7 +62,7 @@ def broken_off_and_gone_on_with(words_of, begun, folder, kills=KILLS):
         killed(moment, *words_of(root))
         run(*words_of(root))
         assert content(root) == whole, root
-        assert not check_tree(Tree(root)), root
+        assert not check_files(Tree(root)), root
         shutil.rmtree(root)
 
 

@@ -14,7 +14,7 @@ import psutil
 import pytest
 
 from megalopta.generation.making import make
-from megalopta.verification.tree import check_tree
+from megalopta.verification.files import check_files
 
 
 def content(root):
@@ -70,7 +70,7 @@ def made_twice(plan, folder, kills, monkeypatch):
     killer.over.set()
     killer.join()
     assert content(disturbed.root) == content(undisturbed.root)
-    assert not check_tree(disturbed)
+    assert not check_files(disturbed)
     return killer.killed
 
 

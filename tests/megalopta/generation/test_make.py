@@ -15,7 +15,7 @@ from megalopta.core.errors import UserError
 from megalopta.dataset.layout import Tree
 from megalopta.generation.making import make, parse_indices
 from megalopta.sensor import open_counts
-from megalopta.verification.tree import check_tree
+from megalopta.verification.files import check_files
 
 
 @pytest.fixture
@@ -54,7 +54,7 @@ def test_one_sequence_alone_is_that_of_the_whole(small_plan, small_dataset, tmp_
     assert len(alone) > 50
     assert alone == {name: each for name, each in whole.items() if "000001" in name}
     assert Tree(tmp_path / "alone").names() == ["000001"]
-    faults = check_tree(Tree(tmp_path / "alone"))
+    faults = check_files(Tree(tmp_path / "alone"))
     assert ["999 sequences of the plan are not made" in each.what for each in faults] == [True]
 
 
@@ -64,7 +64,7 @@ def test_more_sequences_leave_what_is_there(copy, small_plan):
     after = without_books(copy)
     assert {name: after[name] for name in before} == before
     assert Tree(copy).names() == [f"00000{n}" for n in range(4)]
-    assert not check_tree(Tree(copy), truths=4)
+    assert not check_files(Tree(copy), truths=4)
 
 
 def test_another_plan_is_refused_with_the_difference(copy, small_plan):
@@ -95,11 +95,11 @@ def test_a_sequence_that_fails_is_listed_and_retried_alone(copy, small_plan):
         make(copy, more)
     (line,) = (copy / "failed.jsonl").read_text().splitlines()
     assert json.loads(line)["index"] == 3
-    assert any("could not be made" in fault.what for fault in check_tree(Tree(copy)))
+    assert any("could not be made" in fault.what for fault in check_files(Tree(copy)))
     blocked.unlink()
     make(copy, more, retry=True)
     assert not (copy / "failed.jsonl").exists()
-    assert not check_tree(Tree(copy))
+    assert not check_files(Tree(copy))
 
 
 @pytest.mark.slow
@@ -130,7 +130,7 @@ def test_what_is_damaged_is_found_and_made_again(copy, small_plan):
     (copy / "radiance/000001/frame_0002.exr").write_bytes(b"broken")
     (copy / "training/flow/000002/frame_0001.flo").unlink()
     (copy / "counts/stray.txt").write_text("")
-    faults = {fault.path.name: fault for fault in check_tree(Tree(copy))}
+    faults = {fault.path.name: fault for fault in check_files(Tree(copy))}
     assert set(faults) == {"frame_0002.exr", "frame_0001.flo", "stray.txt"}
     assert "not as it was written" in faults["frame_0002.exr"].what
     assert "is missing" in faults["frame_0001.flo"].what
@@ -138,7 +138,7 @@ def test_what_is_damaged_is_found_and_made_again(copy, small_plan):
     for name in ("000001", "000002"):
         (copy / "sequences" / f"{name}.json").unlink()
     make(copy, small_plan)
-    assert not check_tree(Tree(copy))
+    assert not check_files(Tree(copy))
 
 
 @pytest.mark.slow
@@ -156,7 +156,7 @@ def test_new_light_on_old_frames(copy, small_dataset):
     # independent Poisson noise: correlation of 2304 pixels below 6 / sqrt(2304), P < 1e-6
     noise = [(each - mean).ravel() / np.sqrt(mean.ravel() + 1e-9) for each in (first, second)]
     assert abs(np.corrcoef(*noise)[0, 1]) < 6 / np.sqrt(len(noise[0]))
-    assert not check_tree(Tree(copy))
+    assert not check_files(Tree(copy))
     before = without_books(copy)
     run(*words, "--repeats", "2")
     assert without_books(copy) == before

@@ -19,7 +19,7 @@ from megalopta.generation.exposing import Exposing, expose
 from megalopta.generation.making import make, whole_plan
 from megalopta.generation.sequence import Machinery, make_sequence
 from megalopta.generation.staging import begin, finish
-from megalopta.verification.tree import check_tree
+from megalopta.verification.files import check_files
 
 NEW_LIGHT = Exposing(sensors=("ideal",), light_levels=("full_moon",))
 STEPS = ("rename", "replace", "unlink", "rmdir", "mkdir", "symlink", "fsync")
@@ -93,7 +93,7 @@ def broken_off_everywhere(begun, tmp_path, work, resume, whole):
             return
         resume(root)
         assert content(root) == whole, f"step {step}"
-        assert not check_tree(Tree(root)), f"step {step}"
+        assert not check_files(Tree(root)), f"step {step}"
         shutil.rmtree(root)
 
 
@@ -122,7 +122,7 @@ def test_new_exposures_appear_whole_or_not_at_all(
     def resume(root):
         if resumed == "make":  # which leaves them out where they were not finished
             make(root, single_plan)
-            assert not check_tree(Tree(root))
+            assert not check_files(Tree(root))
             assert not (root / ".making").exists()
         expose(root, NEW_LIGHT)
 
@@ -134,14 +134,14 @@ def test_what_a_kill_after_the_last_move_leaves_is_cleared(copy, single_plan, ve
     left = copy / ".making" / "000000" / "data" / "radiance"
     left.mkdir(parents=True)
     (left.parents[1] / ".lock").touch()
-    (faults,) = check_tree(Tree(copy))
+    (faults,) = check_files(Tree(copy))
     assert "dataset make" in faults.remedy
     if verb == "make":
         make(copy, single_plan)
     else:
         expose(copy, Exposing(sensors=("spadcam",), light_levels=("twilight",)))
     assert not (copy / ".making").exists()
-    assert not check_tree(Tree(copy))
+    assert not check_files(Tree(copy))
 
 
 def test_half_written_books_are_swept(copy, single_plan):
@@ -186,7 +186,7 @@ def test_a_changed_record_is_refused_and_not_blessed(copy, single_plan, change):
         with pytest.raises(UserError, match=r"000000\.json is not as it was written; restore it"):
             work()
     assert (copy / "manifest.jsonl").read_bytes() == before
-    assert any("not as it was written" in fault.what for fault in check_tree(Tree(copy)))
+    assert any("not as it was written" in fault.what for fault in check_files(Tree(copy)))
 
 
 def test_a_record_that_the_manifest_does_not_know_yet_is_taken(copy, single_plan, single_dataset):
@@ -200,7 +200,7 @@ def test_exposures_that_the_manifest_does_not_know_yet_are_taken(copy, single_pl
     expose(copy, NEW_LIGHT)
     whole = content(copy)
     (copy / "manifest.jsonl").write_bytes(before)
-    faults = check_tree(Tree(copy))
+    faults = check_files(Tree(copy))
     assert ["exposed since" in fault.what for fault in faults] == [True]
     make(copy, single_plan)
     assert content(copy) == whole
@@ -244,9 +244,9 @@ def test_check_names_sequences_of_mixed_models(copy):
         text = root.record_path("000000").read_text().replace("000000", name)
         values = {**json.loads(text), "index": int(name)}
         if name == "000002":
-            values["made_with"]["sense"]["model"] = "earlier"
+            values["stages"]["sense"]["made_with"]["model"] = "earlier"
         root.record_path(name).write_text(json.dumps(values))
-    mixed = [fault for fault in check_tree(root) if "otherwise than most" in fault.what]
+    mixed = [fault for fault in check_files(root) if "otherwise than most" in fault.what]
     assert [fault.path.stem for fault in mixed] == ["000002"]
     assert f"sense: model: {SENSOR_MODEL} → earlier" in mixed[0].what
 

@@ -11,7 +11,7 @@ from PIL import Image
 from megalopta.cli import main
 from megalopta.dataset.layout import Tree
 from megalopta.report.dataset_card import plain
-from megalopta.verification.tree import check_tree
+from megalopta.verification.files import check_files
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def test_the_contact_sheet_has_four_clips_of_every_sequence(root):
 
 
 def test_they_belong_to_the_dataset(root):
-    assert not check_tree(Tree(root))
+    assert not check_files(Tree(root))
 
 
 def test_names_of_strangers_are_shown_as_they_stand():

@@ -9,9 +9,7 @@ import zarr
 from megalopta.cli import main as cli
 from megalopta.core.errors import UserError
 from megalopta.core.format_numbers import written
-from megalopta.dataset.store import open_sequence
 from megalopta.sensor import StoredFrames, open_counts
-from megalopta.stages.ledger import Ledger
 
 COUNTS = "counts/grating/spadcam-starlight.zarr"
 STORES = (COUNTS, "results/grating/responses/spadcam-starlight.zarr")
@@ -24,7 +22,9 @@ def change(root, **values):
 
 
 def test_every_folder_and_store_has_its_number(whole):
-    assert yaml.safe_load((whole / "dataset.yaml").read_text("utf-8"))["format"] == 1
+    assert yaml.safe_load((whole / "dataset.yaml").read_text("utf-8"))["format"] == written(
+        "dataset"
+    )
     for name in STORES:
         attributes = zarr.open_group(whole / name, mode="r").attrs
         assert attributes["format_number"] == written("counts")
@@ -36,7 +36,7 @@ def test_a_newer_dataset_is_refused(whole_copy, capsys):
         with pytest.raises(SystemExit):
             cli.main([*words, str(whole_copy)])
         told = capsys.readouterr().err
-        assert "dataset format 99 is newer than 1, which this program reads; update" in told
+        assert "dataset format 99 is newer than 2, which this program reads; update" in told
 
 
 def test_a_newer_store_is_refused(whole_copy):
@@ -51,14 +51,9 @@ def test_a_newer_store_is_refused(whole_copy):
         open_counts(whole_copy / COUNTS)
 
 
-def test_a_dataset_from_before_there_were_numbers_is_read(whole_copy):
-    path = whole_copy / "dataset.yaml"
-    record = yaml.safe_load(path.read_text("utf-8"))
-    del record["format"]
-    path.write_text(yaml.safe_dump(record), "utf-8")
-    manifest = whole_copy / "manifest.jsonl"
-    lines = [json.loads(line) for line in manifest.read_text("utf-8").splitlines()]
-    for line in lines:
-        del line["provenance"]
-    manifest.write_text("".join(f"{json.dumps(line)}\n" for line in lines))
-    assert Ledger(open_sequence(whole_copy)).finished() == ["render", "sense", "flow", "benchmark"]
+def test_an_older_dataset_is_refused_with_the_way_to_its_data(whole_copy, capsys):
+    change(whole_copy, format=1)
+    with pytest.raises(SystemExit):
+        cli.main(["report", str(whole_copy)])
+    told = capsys.readouterr().err
+    assert "dataset format 1 is older than 2, which this program reads; read it with the" in told

@@ -13,6 +13,7 @@ from megalopta.cli import main as cli
 from megalopta.config.light_scale import light_scale
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
+from megalopta.dataset.layout import Tree
 from megalopta.dataset.store import open_sequence
 from megalopta.flow.benchmark import sequence as benchmark
 from megalopta.flow.files.flo import read_flo
@@ -28,7 +29,7 @@ from megalopta.stages.measurement import Measurement
 from megalopta.stages.pipeline import run_all, run_stage
 from megalopta.stages.registry import STAGES as ORDER
 from megalopta.stages.render import FrameWriter
-from megalopta.verification.integrity import check_files, run_check_files
+from megalopta.verification.files import check_files, run_check_files
 
 
 @pytest.fixture(scope="session")
@@ -221,8 +222,10 @@ def test_a_truncated_file_is_made_again_by_its_stage_alone(copy, name):
         run_stage(copy.root, copy.configuration, later)
     run_stage(copy.root, copy.configuration, stage)
     run_stage(copy.root, copy.configuration, later)
-    assert {name: before[name] for name in content(copy.root) if name != "manifest.jsonl"} == {
-        name: each for name, each in content(copy.root).items() if name != "manifest.jsonl"
+    assert {
+        name: before[name] for name in content(copy.root) if name != "sequences/grating.json"
+    } == {
+        name: each for name, each in content(copy.root).items() if name != "sequences/grating.json"
     }
 
 
@@ -338,22 +341,22 @@ def test_frames_of_another_renderer_are_refused_until_they_are_to_be_made_again(
 
 
 def test_damage_is_named_with_its_remedy(copy, capsys):
-    assert check_files(copy) == []
+    assert check_files(Tree(copy.root)) == []
     (copy.root / "litter.txt").write_text("?")
     path = copy.counts(copy.configuration.sensors[0], "twilight") / "counts/c/0/0/0"
     path.write_bytes(bytes(path.stat().st_size))
     copy.radiance(3).unlink()
-    assert not run_check_files(copy)
+    assert not run_check_files(copy.root)
     text = capsys.readouterr().out
     assert f"{copy.radiance(3)}: is missing; run: megalopta render {copy.root} --out" in text
     assert f"{path}: is not as it was written; remove {path.parents[4]} and run" in text
-    assert "litter.txt: belongs to no stage" in text
-    assert "3 damaged, missing or unknown" in text
+    assert "litter.txt: belongs to no sequence" in text
+    assert "3 faults" in text
 
 
 def test_damaged_bookkeeping_is_named(copy):
-    (copy.root / "manifest.jsonl").write_text("{half")
-    with pytest.raises(UserError, match=r"manifest\.jsonl is damaged"):
+    copy.record_path.write_text("{half")
+    with pytest.raises(UserError, match=r"grating\.json is damaged"):
         run_stage(copy.root, copy.configuration, "benchmark")
 
 
@@ -430,10 +433,9 @@ def test_frames_too_small_for_a_method_are_refused_before_any_work(tmp_path, tin
 
 
 def test_every_stage_is_entered_with_the_hash_of_its_files(finished):
-    lines = Ledger(finished).manifest()
-    assert [line["stage"] for line in lines] == list(ORDER)
-    for line in lines:
-        for name, (size, digest) in line["files"].items():
-            data = (finished.root / name).read_bytes()
-            assert len(data) == size
-            assert hashlib.blake2b(data, digest_size=16).hexdigest() == digest
+    record = Ledger(finished).record()
+    assert list(record.stages) == list(ORDER)
+    for name, (size, digest) in record.files.items():
+        data = (finished.root / name).read_bytes()
+        assert len(data) == size
+        assert hashlib.blake2b(data, digest_size=16).hexdigest() == digest

@@ -112,7 +112,7 @@ def test_frames_are_rendered_to_the_stated_error_and_say_so(yard, tmp_path):
     image = read_radiance(dataset.radiance(2))[0]
     for path in (dataset.radiance(2), dataset.scene_record):
         path.unlink()
-    (dataset.root / "manifest.jsonl").unlink()
+    dataset.record_path.unlink()
     run_stage(tmp_path / "data", settings, "render")
     np.testing.assert_array_equal(read_radiance(dataset.radiance(2))[0], image)
 

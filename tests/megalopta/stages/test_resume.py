@@ -57,8 +57,7 @@ def test_with_the_same_it_goes_on_to_the_same_bytes(begun, whole):
     expected = content(whole / "radiance") | content(whole / "truth")
     found = content(begun.root / "radiance") | content(begun.root / "truth")
     assert found == expected
-    (line,) = Ledger(begun).manifest()
-    assert line == Ledger(open_sequence(whole)).manifest()[0]
+    assert Ledger(begun).entry("render") == Ledger(open_sequence(whole)).entry("render")
 
 
 def test_a_finished_stage_is_kept_whatever_made_it(whole_copy, capsys):
@@ -76,16 +75,15 @@ def test_counts_of_two_sensor_models_or_libraries_are_not_mixed(whole_copy, monk
     Ledger(dataset).forget("sense")
     Ledger(dataset).begin("sense")
     (whole_copy / "counts/grating/spadcam-starlight.zarr").mkdir(parents=True)  # one of several
-    manifest = whole_copy / "manifest.jsonl"
     changed = {"model": lambda: "8"} if what == "model" else {"machinery": lambda _: {"numpy": "9"}}
     other = dataclasses.replace(registry.STAGES["sense"], **changed)
     monkeypatch.setitem(registry.STAGES, "sense", other)
-    before = manifest.read_text("utf-8")
+    before = dataset.record_path.read_text("utf-8")
     with pytest.raises(
         UserError, match=r"'sense' output is not whole .*(model: 7 → 8|numpy: .* → 9)"
     ):
         run_stage(whole_copy, dataset.configuration, "sense")
-    assert manifest.read_text("utf-8") == before
+    assert dataset.record_path.read_text("utf-8") == before
 
 
 def test_a_damaged_frame_is_not_replaced_by_another_renderers(whole_copy):
@@ -102,4 +100,4 @@ def test_a_stage_of_which_nothing_came_is_not_remembered(whole_copy):
     Ledger(dataset).forget("render")
     Ledger(dataset).begin("render")
     Ledger(dataset).withdraw("render")
-    assert not (whole_copy / "manifest.jsonl").exists()
+    assert not dataset.record_path.parent.exists()

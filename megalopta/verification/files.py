@@ -1,17 +1,22 @@
-"""`megalopta dataset check`: a dataset of many sequences against its records and its plan.
+"""`megalopta check files` and `dataset check`: a dataset against its records and its plan.
 
-Every file against its hash, shapes against the configuration, the records against the manifest, the
-index against the Croissant file, and of a few sequences the truth derived another way.
+Every file against its hash, shapes against the configuration, and that nothing else is there. Of
+many sequences also the records against the manifest, the index against the Croissant file, and of a
+few sequences the truth derived another way.
 """
 
 import json
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import pyarrow.parquet as pq
+import zarr
 from rich.console import Console
 
+from megalopta.benchmark.ranking_folder import FOLDER
 from megalopta.config.drawing import sequence_name
 from megalopta.core import files
 from megalopta.core.bounded import printable
@@ -19,47 +24,144 @@ from megalopta.core.errors import UserError
 from megalopta.core.folders import LOCK_NAME
 from megalopta.core.progress import progress, silent
 from megalopta.dataset.croissant import table_path
-from megalopta.dataset.finished import FinishedSequence, difference
 from megalopta.dataset.layout import BOOKS, Tree
-from megalopta.dataset.manifest import is_as_written, is_in_manifest, read_manifest
-from megalopta.dataset.record import SequenceRecord
+from megalopta.dataset.manifest import is_record_as_written, is_record_known, read_manifest
+from megalopta.dataset.record import SequenceRecord, StageRecord
 from megalopta.dataset.splits import read_lists
-from megalopta.dataset.store import Dataset, files_in, whole_of
+from megalopta.dataset.store import Dataset, files_in, is_as_written, whole_of
 from megalopta.dataset.tables import TABLES
-from megalopta.generation.sequence import recorded_machinery
 from megalopta.generation.staging import MADE, staged_sequences
+from megalopta.render import read_size
+from megalopta.stages.ledger import Ledger
 from megalopta.stages.origins import provenance_changes
-from megalopta.verification.integrity import Fault, wrong_shape
+from megalopta.stages.registry import STAGES
 from megalopta.verification.truth import check_truth
 
 _OWN = (
-    *("dataset.yaml", "manifest.jsonl", "croissant.json", "README.md", "index.html"),
-    *("failed.jsonl", LOCK_NAME),
+    *("dataset.yaml", "manifest.jsonl", "timings.json", "report.html", "croissant.json"),
+    *("README.md", "index.html", "failed.jsonl", LOCK_NAME),
 )
 
 
-def run_check_tree(root: Path, truths: int, console: Console | None = None) -> bool:
+@dataclass(frozen=True)
+class Fault:
+    """Something that is not as it was written."""
+
+    path: Path
+    what: str
+    remedy: str
+    """How to mend it."""
+
+
+def run_check_files(root: Path, truths: int = 0, console: Console | None = None) -> bool:
     """Check a dataset, with the truth of so many sequences; print what is wrong, return if nothing.
 
-    Raises UserError where there is no dataset of many sequences.
+    Raises UserError where there is no dataset.
     """
     console, tree = console or Console(), Tree(root)
-    faults = check_tree(tree, truths)
+    faults = check_files(tree, truths)
     for fault in faults:
         console.print(
             printable(f"{fault.path}: {fault.what}; {fault.remedy}"),
             markup=False, highlight=False, soft_wrap=True,
         )  # fmt: skip
-    names = tree.names()
-    console.print(
-        f"{len(names)} of {tree.plan().sequences} sequences, truth of {min(truths, len(names))} "
-        f"derived again: {len(faults) or 'no'} faults"
-    )
+    console.print(f"{_checked(tree, truths)}: {len(faults) or 'no'} faults")
     return not faults
 
 
-def check_tree(tree: Tree, truths: int = 0) -> list[Fault]:
-    """Everything that is not as it was written, or is missing."""
+def check_files(tree: Tree, truths: int = 0) -> list[Fault]:
+    """Everything that is not as it was written, is missing, or belongs to nothing."""
+    if tree.lone:
+        return _lone_faults(tree.lone)
+    return _faults_of_many(tree, truths)
+
+
+def wrong_shape(dataset: Dataset, path: Path) -> str | None:
+    """What is wrong with the size of a file of a dataset; None where nothing is, or it has none."""
+    camera = dataset.configuration.camera
+    size = (camera.height, camera.width)
+    try:
+        if path.suffix == ".exr" and (found := read_size(path)) != size:
+            return f"has {found[1]} × {found[0]} px instead of {size[1]} × {size[0]}"
+        if path.name == "zarr.json" and path.parent.parent.name == dataset.sequence:
+            shape = _shape_of_counts(path.parent)
+            wanted = (dataset.configuration.trajectory.frames, *size)
+            if shape not in (None, wanted):
+                return f"has counts of shape {shape} instead of {wanted}"
+    except Exception as problem:  # of a file that somebody made up, anything
+        return f"cannot be read ({problem or type(problem).__name__})"
+    return None
+
+
+def _shape_of_counts(store: Path) -> tuple[int, ...] | None:
+    group = zarr.open_group(store, mode="r")
+    counts = group.get("counts")
+    return tuple(counts.shape) if isinstance(counts, zarr.Array) else None
+
+
+def _checked(tree: Tree, truths: int) -> str:
+    """What was checked, for a person."""
+    if tree.lone:
+        ledger = Ledger(tree.lone)
+        entries = {stage: entry for stage in STAGES if (entry := ledger.entry(stage))}
+        total = sum(len(entry.files or {}) for entry in entries.values())
+        return f"{total} files of {', '.join(entries) or 'no finished stage'}"
+    names = tree.names()
+    derived = min(truths, len(names))
+    return f"{len(names)} of {tree.plan().sequences} sequences, truth of {derived} derived again"
+
+
+def _lone_faults(dataset: Dataset) -> list[Fault]:
+    """Those of one sequence. What is not finished has no hashes yet and is not checked."""
+    ledger = Ledger(dataset)
+    known = set(files_in([dataset.record_path, dataset.root / FOLDER]))
+    faults: list[Fault] = []
+    for stage in STAGES:
+        if entry := ledger.entry(stage):
+            with progress(f"Checking files of {stage}", len(entry.files or {}), "file") as advance:
+                faults += _file_faults(dataset, entry, partial(_mend, dataset, stage), advance)
+            known.update(dataset.root / name for name in entry.files or {})
+        else:
+            known.update(files_in(ledger.outputs(stage)))
+    return [*faults, *_unknown(dataset.root, known)]
+
+
+def _mend(dataset: Dataset, stage: str, whole: Path) -> str:
+    out = f" --out {dataset.root}" if stage == "render" else ""
+    remove = f"remove {whole} and " if whole.exists() else ""
+    return f"{remove}run: megalopta {STAGES[stage].command} {dataset.root}{out}"
+
+
+def _file_faults(
+    dataset: Dataset,
+    entry: StageRecord,
+    remedy: Callable[[Path], str],
+    advance: Callable[[], None] = lambda: None,
+) -> list[Fault]:
+    """Files of a stage that are not as they were written, whole stores once."""
+    faults: dict[Path, Fault] = {}
+    for name, (size, hashed) in (entry.files or {}).items():
+        path = dataset.root / name
+        what = None if is_as_written(path, size, hashed) else "is not as it was written"
+        what = what if path.is_file() else "is missing"
+        if what := what or wrong_shape(dataset, path):
+            whole = whole_of(path, dataset.root)
+            faults[whole] = Fault(path, what, remedy(whole))
+        advance()
+    return list(faults.values())
+
+
+def _unknown(root: Path, known: set[Path], *folders: str) -> Iterator[Fault]:
+    """Files that no sequence wrote, but for those in folders of the dataset's own."""
+    known = known | {root / name for name in _OWN}
+    for top in root.iterdir():
+        if top.name in folders or files.is_temporary(top):
+            continue
+        for path in sorted(set(files_in([top])) - known):
+            yield Fault(path, "belongs to no sequence of this dataset", "move it elsewhere")
+
+
+def _faults_of_many(tree: Tree, truths: int) -> list[Fault]:
     plan, names = tree.plan(), tree.names()
     faults = list(_unmade(tree, plan.sequences, names))
     faults += _manifest_faults(tree, names)
@@ -74,11 +176,12 @@ def check_tree(tree: Tree, truths: int = 0) -> list[Fault]:
                 record = tree.record(name)
                 known.update(tree.root / path for path in record.files)
                 machinery[name] = _machinery(record)
-                faults += _sequence_faults(tree, record, tree.dataset(record), name in chosen)
+                faults += _sequence_faults(tree, record, name in chosen)
             except UserError as problem:
                 faults.append(Fault(tree.record_path(name), "is damaged", str(problem)))
             advance()
-    return [*faults, *_mixture(tree, machinery), *_unfinished(tree), *_unknown(tree, known)]
+    faults += [*_mixture(tree, machinery), *_unfinished(tree)]
+    return [*faults, *_unknown(tree.root, known, *BOOKS, tree.staging.name)]
 
 
 def _unmade(tree: Tree, sequences: int, names: list[str]) -> Iterator[Fault]:
@@ -114,9 +217,9 @@ def _manifest_faults(tree: Tree, names: list[str]) -> Iterator[Fault]:
 
 def _record_fault(record: Path, hashes: Mapping[str, str]) -> str | None:
     try:
-        if is_in_manifest(record, hashes):
+        if is_record_known(record, hashes):
             return None
-        if is_as_written(record, hashes):
+        if is_record_as_written(record, hashes):
             return "was exposed since the index was written"
     except UserError:  # which is told where the record is read
         return None
@@ -143,16 +246,20 @@ def _list_faults(tree: Tree, names: list[str]) -> Iterator[Fault]:
         yield Fault(tree.root / "splits", "cannot be relied on", str(problem))
 
 
-def _sequence_faults(
-    tree: Tree, record: SequenceRecord, dataset: FinishedSequence, with_truth: bool
-) -> list[Fault]:
-    faults = _file_faults(tree, record, dataset)
+def _sequence_faults(tree: Tree, record: SequenceRecord, with_truth: bool) -> list[Fault]:
+    dataset = tree.dataset(record)
+    remedy = f"remove {tree.record_path(record.sequence)} and {_again(tree)}"
+    faults = [
+        fault
+        for entry in record.stages.values()
+        for fault in _file_faults(dataset, entry, lambda _: remedy)
+    ]
     return faults if faults or not with_truth else list(_truth_faults(tree, dataset))
 
 
 def _machinery(record: SequenceRecord) -> str:
     """With what a sequence was made, and the backend that was asked for: of these it may differ."""
-    made = {stage: recorded_machinery(record, stage) for stage in MADE}
+    made = {stage: record.stages[stage].made_with for stage in MADE}
     backend = record.configuration.get("render", {}).get("backend")
     return json.dumps({"made": made, "backend": backend}, sort_keys=True)
 
@@ -176,24 +283,7 @@ def _mixture(tree: Tree, machinery: Mapping[str, str]) -> Iterator[Fault]:
             )
 
 
-def _file_faults(tree: Tree, record: SequenceRecord, dataset: FinishedSequence) -> list[Fault]:
-    faults: dict[Path, Fault] = {}
-    remedy = f"remove {tree.record_path(record.sequence)} and {_again(tree)}"
-    for name, (size, hashed) in record.files.items():
-        path = tree.root / name
-        if what := difference(path, size, hashed) or _wrong_shape(dataset, path):
-            faults[whole_of(path, tree.root)] = Fault(path, what, remedy)
-    return list(faults.values())
-
-
-def _wrong_shape(dataset: Dataset, path: Path) -> str | None:
-    try:
-        return wrong_shape(dataset, path)
-    except Exception as problem:  # of a file that somebody made up, anything
-        return f"cannot be read ({type(problem).__name__})"
-
-
-def _truth_faults(tree: Tree, dataset: FinishedSequence) -> Iterator[Fault]:
+def _truth_faults(tree: Tree, dataset: Dataset) -> Iterator[Fault]:
     place = tree.root / "truth" / dataset.sequence
     try:
         with silent():
@@ -219,13 +309,3 @@ def _unfinished(tree: Tree) -> Iterator[Fault]:
     if tree.failures.exists():
         remedy = f"{_again(tree)} --retry"
         yield Fault(tree.failures, "lists sequences that could not be made", remedy)
-
-
-def _unknown(tree: Tree, known: set[Path]) -> Iterator[Fault]:
-    own = {tree.root / name for name in _OWN}
-    folders = {*BOOKS, tree.staging.name}
-    for top in tree.root.iterdir():
-        if top.name in folders or files.is_temporary(top):
-            continue
-        for path in sorted(set(files_in([top])) - known - own):
-            yield Fault(path, "belongs to no sequence of this dataset", "move it elsewhere")
