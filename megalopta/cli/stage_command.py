@@ -4,7 +4,7 @@ from argparse import Namespace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from megalopta.cli.command import Command, Run, Verbs, add_dataset, add_out, add_verb
+from megalopta.cli.command import Command, Run, Verbs, add_cluster, add_dataset, add_out, add_verb
 from megalopta.config.built_in import built_in_names
 from megalopta.core.errors import UserError
 
@@ -29,6 +29,7 @@ def add_later_stage(verbs: Verbs, name: str, purpose: str, stage: str | None = N
     command = _add_stage(verbs, name, purpose, _run, stage)
     command.set_defaults(stage=stage or name)
     add_dataset(command)
+    add_cluster(command)
 
 
 def configuration(options: Namespace) -> "Configuration":
@@ -68,6 +69,36 @@ def _settings(stage: str) -> "Settings":
 
 
 def _run(options: Namespace) -> None:
+    """Run a stage on a dataset of one sequence or of many."""
+    from megalopta.dataset.layout import is_of_many
+
+    if is_of_many(options.dataset):
+        _run_on_many(options)
+        return
+    if options.workers or options.scheduler:
+        raise UserError(f"{options.stage}: a dataset of one sequence; leave --workers out")
+    _run_on_one(options)
+
+
+def _run_on_many(options: Namespace) -> None:
+    from megalopta.generation.exposing import expose, load_exposing
+    from megalopta.generation.measuring import measure
+
+    root, workers, scheduler = options.dataset, options.workers, options.scheduler
+    if options.stage == "sense":
+        expose(root, load_exposing(options.overrides), workers, scheduler)
+    else:
+        measure(
+            root,
+            options.stage,
+            options.overrides,
+            redo=options.redo,
+            workers=workers,
+            scheduler=scheduler,
+        )
+
+
+def _run_on_one(options: Namespace) -> None:
     from megalopta.config.model import parse
     from megalopta.config.yaml_model import to_yaml
     from megalopta.stages.pipeline import run_stage

@@ -58,6 +58,12 @@ class FinishedSequence(Dataset):
             self._check(name, is_hashed=True)
         return path
 
+    def compare_all(self, start: str) -> None:
+        """Compare all files whose path in the dataset begins so. Raises UserError."""
+        for name in self.files:
+            if name.startswith(start):
+                self._check(name, is_hashed=True)
+
     def compare_chunks(self, array: Path, chunks: Iterable[int]) -> None:
         """Compare what holds some chunks of frames of an array in a store."""
         for chunk in chunks:

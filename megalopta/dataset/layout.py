@@ -69,7 +69,7 @@ class Tree:
         check_enclosed(self.root)
         if not os.path.lexists(self.root / "dataset.yaml"):
             return None
-        return None if "plan" in read_header(self.root) else open_sequence(self.root)
+        return None if is_of_many(self.root) else open_sequence(self.root)
 
     def names(self) -> list[str]:
         """Names of the sequences, of many those that are finished, in order."""
@@ -149,6 +149,11 @@ class Tree:
             files.write_text(self.failures, "".join(json.dumps(each) + "\n" for each in lines))
         else:
             files.remove(self.failures)
+
+
+def is_of_many(root: Path) -> bool:
+    """Whether a folder holds a dataset of many sequences, begun or made. Raises UserError."""
+    return os.path.lexists(root / "dataset.yaml") and "plan" in read_header(root)
 
 
 def changed_record(tree: Tree, name: str) -> str:

@@ -1,6 +1,6 @@
 """What is being made beside the tree: begun again or gone on with, and cleared when it is over.
 
-.making/SEQ/            a sequence until it is whole; .making/SEQ-exposed/ its new exposures
+.making/SEQ/            a sequence until it is whole; .making/SEQ-added/ more output of it
     request.json        what was asked for, and with what it is made: another is begun again
     data/               the files
     record.json         all files are there; from then on they move, and the record goes last
@@ -21,13 +21,14 @@ from megalopta.core.folders import LOCK_NAME, locked
 from megalopta.core.progress import say
 from megalopta.dataset.layout import Tree, changed_record
 from megalopta.dataset.manifest import is_record_as_written, is_record_known, read_manifest
-from megalopta.dataset.record import SequenceRecord, read_record
+from megalopta.dataset.record import KINDS, SequenceRecord, read_record
+from megalopta.dataset.store import file_hash
 from megalopta.stages.origins import provenance
 
 MADE = ("render", "sense")
 """Stages of a sequence."""
-EXPOSED = "-exposed"
-_STAGED = re.compile(rf"(\d{{6,}})({EXPOSED})?")
+ADDED = "-added"
+_STAGED = re.compile(rf"(\d{{6,}})({ADDED})?")
 _RECORD, _REQUEST = "record.json", "request.json"
 
 
@@ -66,7 +67,7 @@ def publish(tree: Tree, staged: Path, name: str) -> None:
     """Move what is finished into the tree; a move that was broken off is completed."""
     record = read_record(staged / _RECORD, name)
     data = staged / "data"
-    for path in _moved(data, record, is_added=staged.name.endswith(EXPOSED)):
+    for path in _moved(data, record, is_added=staged.name.endswith(ADDED)):
         if (data / path).exists():
             files.remove(tree.root / path)
             (tree.root / path).parent.mkdir(parents=True, exist_ok=True)
@@ -105,11 +106,11 @@ def settle(tree: Tree, write_index: Callable[[], None]) -> None:
         write_index()
 
 
-def tidy(tree: Tree, keep_exposures: bool = False) -> None:
+def tidy(tree: Tree, keep_added: bool = False) -> None:
     """Complete what is finished, and remove what is over, of all that is beside the tree."""
     for staged, name in staged_sequences(tree):
         with locked(staged):
-            if _is_over(tree, staged, name, keep_exposures):
+            if _is_over(tree, staged, name, keep_added):
                 clear(staged)
             elif is_finished(staged):
                 publish(tree, staged, name)
@@ -127,27 +128,27 @@ def staged_sequences(tree: Tree) -> Iterator[tuple[Path, str]]:
             yield path, found[1]
 
 
-def _is_over(tree: Tree, staged: Path, name: str, keep_exposures: bool) -> bool:
-    if not staged.name.endswith(EXPOSED):
+def _is_over(tree: Tree, staged: Path, name: str, keep_added: bool) -> bool:
+    if not staged.name.endswith(ADDED):
         return tree.record_path(name).exists()
-    return not _is_wanted(tree, staged, name) if is_finished(staged) else not keep_exposures
+    return not _is_wanted(tree, staged, name) if is_finished(staged) else not keep_added
 
 
 def _is_wanted(tree: Tree, staged: Path, name: str) -> bool:
-    """Whether new exposures are still those of the sequence, which may have been made again."""
+    """Whether what is added is still of the sequence as it is: it may have been made again."""
     try:
-        before, after = tree.record(name), read_record(staged / _RECORD, name)
-    except UserError:
+        replaced = read_record(staged / _RECORD, name).replaced
+        return replaced == file_hash(tree.record_path(name))
+    except (OSError, UserError):
         return False
-    is_same = before.configuration == after.configuration
-    return is_same and before.files.items() <= after.files.items()
 
 
 def _moved(data: Path, record: SequenceRecord, is_added: bool) -> list[str]:
-    """Folders that hold all files of a sequence and nothing else; of exposures, the stores."""
+    """Folders that hold all files of a sequence and nothing else; of what is added, all of it."""
     if is_added:
-        stores = sorted((data / "counts" / record.sequence).glob("*"))
-        return [path.relative_to(data).as_posix() for path in stores]
+        made = (data / kind / record.sequence for kind in KINDS)
+        parts = [path for folder in made if not folder.is_symlink() for path in folder.glob("*")]
+        return sorted(path.relative_to(data).as_posix() for path in parts)
     return list(dict.fromkeys(_folder(path, record.sequence) for path in record.files))
 
 

@@ -211,7 +211,7 @@ def _manifest_faults(tree: Tree, names: list[str]) -> Iterator[Fault]:
         yield Fault(path, f"lists {len(hashes)} sequences, there are {len(names)}", _again(tree))
     for record in map(tree.record_path, set(names) & hashes.keys()):
         if what := _record_fault(record, hashes):
-            remedy = _again(tree) if "exposed" in what else f"remove it and {_again(tree)}"
+            remedy = _again(tree) if "more output" in what else f"remove it and {_again(tree)}"
             yield Fault(record, what, remedy)
 
 
@@ -220,7 +220,7 @@ def _record_fault(record: Path, hashes: Mapping[str, str]) -> str | None:
         if is_record_known(record, hashes):
             return None
         if is_record_as_written(record, hashes):
-            return "was exposed since the index was written"
+            return "has more output than the index knows"
     except UserError:  # which is told where the record is read
         return None
     return "is not as it was written"

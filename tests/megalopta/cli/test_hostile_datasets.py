@@ -267,7 +267,12 @@ def run(command):
 
 FAST = (
     *("link to a folder", "link of the books", "link to nothing outside", "link of the lock"),
-    *("move of absolute names", "move of no output", "pipe as the record of the sequence", "endless settings"),
+    *(
+        "move of absolute names",
+        "move of no output",
+        "pipe as the record of the sequence",
+        "endless settings",
+    ),
     *("record by ..", "name by .."),
 )
 """What is refused at the door, of every kind: the others let some verbs work for seconds."""

@@ -1,0 +1,98 @@
+"""Verbs of stages on a dataset of many sequences."""
+
+import json
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+import megalopta
+from megalopta.cli.main import main
+from megalopta.core.errors import UserError
+from megalopta.dataset.layout import Tree
+from megalopta.dataset.store import hashes_of
+from megalopta.generation.measuring import measure, measure_sequence
+from megalopta.verification.files import check_files
+
+METHODS = {"methods": "[BM]"}
+
+
+@pytest.fixture
+def copy(small_dataset, tmp_path):
+    target = tmp_path / "data"
+    return shutil.copytree(small_dataset, target, symlinks=True, copy_function=os.link)
+
+
+def responses(root):
+    return hashes_of(root, [root / "results"])
+
+
+def test_flow_of_many_is_that_of_each_and_the_same_by_workers(small_dataset, tmp_path):
+    roots = [tmp_path / name for name in ("here", "workers")]
+    for root, more in zip(roots, ([], ["--workers", "2"]), strict=True):
+        shutil.copytree(small_dataset, root, symlinks=True, copy_function=os.link)
+        main(["flow", str(root), "--methods", "[BM]", *more])
+        assert not check_files(Tree(root))
+        for name in Tree(root).names():
+            (errors,) = json.loads((root / "results" / name / "flow.json").read_text("utf-8"))[:1]
+            assert errors["method"] == "BM"
+    assert responses(roots[0]) == responses(roots[1]) != {}
+
+
+def test_what_is_finished_is_kept_and_other_settings_are_refused(copy):
+    measure(copy, "flow", METHODS)
+    before = {path: path.stat().st_mtime_ns for path in copy.rglob("results/**/*")}
+    measure(copy, "flow", METHODS)
+    assert {path: path.stat().st_mtime_ns for path in copy.rglob("results/**/*")} == before
+    with pytest.raises(UserError, match="holds flow output of other settings; add --redo"):
+        measure(copy, "flow", {"methods": "[LK]"})
+    with pytest.raises(UserError, match="would change what 'render' made; flow takes settings"):
+        measure(copy, "flow", {"camera.width": "16"})
+    measure(copy, "flow", {"methods": "[LK]"}, redo=True)
+    assert not check_files(Tree(copy))
+
+
+def test_a_stop_at_any_step_leaves_all_or_nothing(copy, monkeypatch):
+    whole = shutil.copytree(copy, copy.with_name("whole"), symlinks=True)
+    expected = responses(measure(whole, "flow", METHODS).root)
+
+    class Stop(BaseException):
+        pass
+
+    for step in range(20):
+        root = shutil.copytree(copy, copy.with_name(f"at{step}"), symlinks=True)
+        left = [step]
+
+        def rename(path, target, done=Path.rename, left=left):
+            if not left[0]:
+                raise Stop
+            left[0] -= 1
+            return done(path, target)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(Path, "rename", rename)
+            try:
+                measure_sequence(root, "flow", METHODS, False, 0)
+            except Stop:
+                pass
+            else:
+                break
+        measure(root, "flow", METHODS)
+        assert not check_files(Tree(root)), step
+        assert responses(root) == expected
+    assert step > 0
+
+
+def test_sense_report_and_render_take_many_too(copy, capsys):
+    main(["sense", str(copy), "--sensors", "[array-12x4]", "--light_levels", "[starlight]"])
+    assert "array-12x4-starlight" in megalopta.open_dataset(copy)[0].exposures
+    main(["report", str(copy)])
+    assert capsys.readouterr().out.split() == [str(copy / n) for n in ("README.md", "index.html")]
+    names = Tree(copy).names()
+    main(["render", str(copy), "--out", str(copy), "--sequences", "4"])
+    assert len(Tree(copy).names()) == len(names) + 1
+    assert not check_files(Tree(copy))
+    with pytest.raises(SystemExit):
+        main(["render", str(copy), "--out", str(copy), "--redo"])
+    assert "remove a sequence's record to make it again" in capsys.readouterr().err
