@@ -3,7 +3,7 @@
 import json
 import os
 import re
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, Field, FiniteFloat, ValidationError, field_validator
@@ -178,6 +178,14 @@ def read_lone_record(dataset: Dataset) -> SequenceRecord:
     return read_record(path, name, is_lone=True)
 
 
+def is_output(path: str, sequence: str) -> bool:
+    """Whether a path in a dataset is that of output of a sequence, and leads nowhere else."""
+    kind, found, rest = f"{path}/".partition(f"/{sequence}/")
+    parts = set(rest.removesuffix("/").split("/")) if rest else set()
+    is_plain = not parts & {"", "..", "."} and "\0" not in path
+    return is_plain and bool(found and _KIND.fullmatch(kind))
+
+
 def settings_of(record: SequenceRecord, path: Path) -> Configuration:
     """Return the settings that a record at a path holds. Raises DamagedFileError."""
     try:
@@ -201,9 +209,7 @@ def _check_names(record: SequenceRecord, name: str) -> None:
     if strangers := record.stages.keys() - STAGE_NAMES:
         raise ValueError(f"{bounded.quoted(min(strangers), 60)!r} is no stage")
     for path in record.files:
-        kind, found, rest = path.partition(f"/{name}/")
-        is_plain = found and _KIND.fullmatch(kind) and str(PurePosixPath(rest)) == rest
-        if not is_plain or {"", "..", "."} & set(rest.split("/")) or "\0" in rest:
+        if not is_output(path, name) or path.endswith(f"/{name}"):
             raise ValueError(f"{bounded.quoted(path, 60)!r} is no file of this sequence")
 
 

@@ -31,6 +31,7 @@ from megalopta.core.enclosure import check_enclosed
 from megalopta.core.errors import UserError
 from megalopta.core.folders import LOCK_NAME
 from megalopta.core.format_numbers import check_format, written
+from megalopta.dataset.publishing import PLAN
 from megalopta.sensor import ImageSensor
 
 LICENSE = "CC0-1.0"
@@ -126,17 +127,12 @@ def open_sequence(root: Path) -> Dataset:
     if os.path.lexists(root / "dataset.yaml"):  # elsewhere there may be much to walk
         check_enclosed(root)
     dataset = read_dataset(root)
-    if os.path.lexists(moving_plan(root)):
+    if os.path.lexists(root / REDO_FOLDER / PLAN):
         raise UserError(
             f"{root}: the program stopped while it put new output in the place of the old; to "
             f"finish that, run: megalopta render {root} --out {root}"
         )
     return dataset
-
-
-def moving_plan(root: Path) -> Path:
-    """Return the path of the file that is there while new output moves to its place."""
-    return root / REDO_FOLDER / "publish.json"
 
 
 def read_header(root: Path) -> dict[str, Any]:

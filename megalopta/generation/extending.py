@@ -67,7 +67,7 @@ def extend_sequence(
             "format": written("sequence"),
             "replaced": file_hash(tree.record_path(name)),
         }
-        finish(staged, work(dataset).model_copy(update=changes))
+        finish(tree, staged, work(dataset).model_copy(update=changes))
         publish(tree, staged, name)
         clear(staged)
 

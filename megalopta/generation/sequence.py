@@ -56,7 +56,7 @@ def make_sequence(root: Path, plan: Plan, wanted: Machinery, index: int) -> None
             configuration = configuration_of(plan, index)
             data = begin(staged, configuration)
             if not is_finished(staged):
-                finish(staged, _made(data, configuration, plan, index))
+                finish(tree, staged, _made(data, configuration, plan, index))
             publish(tree, staged, name)
         clear(staged)
 

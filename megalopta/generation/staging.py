@@ -3,7 +3,8 @@
 .making/SEQ/            a sequence until it is whole; .making/SEQ-added/ more output of it
     request.json        what was asked for, and with what it is made: another is begun again
     data/               the files
-    record.json         all files are there; from then on they move, and the record goes last
+    record.json         the record, which moves last
+    publish.json        all is there, and moves (`dataset.publishing`)
 
 Every step of this can be broken off, also by a kill, and is done again or gone on with by whoever
 comes next.
@@ -11,6 +12,7 @@ comes next.
 
 import re
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +23,8 @@ from megalopta.core.folders import LOCK_NAME, locked
 from megalopta.core.progress import say
 from megalopta.dataset.layout import Tree, changed_record
 from megalopta.dataset.manifest import is_record_as_written, is_record_known, read_manifest
-from megalopta.dataset.record import KINDS, SequenceRecord, read_record
+from megalopta.dataset.publishing import PLAN, Move
+from megalopta.dataset.record import KINDS, SequenceRecord, is_output, read_record
 from megalopta.dataset.store import file_hash
 from megalopta.stages.origins import provenance
 
@@ -53,27 +56,21 @@ def made_with(configuration: Configuration) -> dict[str, dict[str, str]]:
     return {stage: provenance(stage, configuration) for stage in MADE}
 
 
-def finish(staged: Path, record: SequenceRecord) -> None:
+def finish(tree: Tree, staged: Path, record: SequenceRecord) -> None:
     """Note that all files of a record are there."""
     files.write_text(staged / _RECORD, record.to_json())
+    is_added = staged.name.endswith(ADDED)
+    _move(tree, staged, record.sequence).announce(_moved(staged / "data", record, is_added))
 
 
 def is_finished(staged: Path) -> bool:
     """Whether all files are there, and move or have moved."""
-    return (staged / _RECORD).exists()
+    return (staged / PLAN).exists()
 
 
 def publish(tree: Tree, staged: Path, name: str) -> None:
     """Move what is finished into the tree; a move that was broken off is completed."""
-    record = read_record(staged / _RECORD, name)
-    data = staged / "data"
-    for path in _moved(data, record, is_added=staged.name.endswith(ADDED)):
-        if (data / path).exists():
-            files.remove(tree.root / path)
-            (tree.root / path).parent.mkdir(parents=True, exist_ok=True)
-            (data / path).rename(tree.root / path)
-    tree.records.mkdir(exist_ok=True)
-    (staged / _RECORD).replace(tree.record_path(name))
+    _move(tree, staged, name).complete(partial(is_output, sequence=name))
 
 
 def clear(staged: Path) -> None:
@@ -81,7 +78,7 @@ def clear(staged: Path) -> None:
 
     What says how far it is goes first, so that nobody takes what a kill leaves for whole.
     """
-    for name in (_RECORD, _REQUEST):
+    for name in (PLAN, _RECORD, _REQUEST):
         files.remove(staged / name)
     for path in sorted(staged.iterdir()):
         if path.name != LOCK_NAME:
@@ -141,6 +138,10 @@ def _is_wanted(tree: Tree, staged: Path, name: str) -> bool:
         return replaced == file_hash(tree.record_path(name))
     except (OSError, UserError):
         return False
+
+
+def _move(tree: Tree, staged: Path, name: str) -> Move:
+    return Move(tree.root, staged, staged / "data", (staged / _RECORD, tree.record_path(name)))
 
 
 def _moved(data: Path, record: SequenceRecord, is_added: bool) -> list[str]:

@@ -1,9 +1,8 @@
 """Output made again beside the old one, which stays until the new one is whole.
 
 DATASET/.redo is a dataset of its own: its links lead to the output that stays, its files are the
-new ones. When all of them are there, `publish.json` in it lists what moves and what goes. From then
-on whoever runs a stage completes the move first, and whoever only reads is refused, so that a kill
-at any moment leaves either the old output or the new.
+new ones. When all of them are there they move (`dataset.publishing`); whoever only reads meanwhile
+is refused, so that a kill at any moment leaves either the old output or the new.
 """
 
 import os
@@ -14,13 +13,12 @@ from typing import Any
 
 from megalopta.config.model import Configuration
 from megalopta.core import bounded, files
-from megalopta.core.enclosure import check_enclosed, check_no_links
-from megalopta.core.errors import UserError
+from megalopta.core.enclosure import check_enclosed
 from megalopta.core.folders import locked
+from megalopta.dataset.publishing import Move
 from megalopta.dataset.store import (
     REDO_FOLDER,
     Dataset,
-    moving_plan,
     open_sequence,
     read_dataset,
     write_configuration,
@@ -57,8 +55,8 @@ def publish(old: Dataset, new: Dataset, stages: Sequence[str], doomed: Sequence[
     made |= {new.root / name for name in _books(new) if name != _LAST}
     moves = {_name(path, new) for path in made if path.exists() and not path.is_symlink()}
     gone = {_name(path, old) for stage in doomed for path in Ledger(old).outputs(stage)}
-    goes = (gone | {"report.html", _name(old.record_path, old)}).difference(moves)
-    files.write_json(moving_plan(old.root), {"moves": sorted(moves), "goes": sorted(goes)})
+    gone |= {"report.html", _name(old.record_path, old)}
+    _move(old.root).announce(moves, gone - moves)
     complete_redo(old.root)
 
 
@@ -70,18 +68,13 @@ def complete_redo(root: Path) -> None:
     UserError
         When what is to move or to go is no output of this dataset.
     """
-    new = root / REDO_FOLDER
-    if not os.path.lexists(moving_plan(root)):
-        return
-    if (new / _LAST).exists():
-        moves, goes = _read_plan(root)
-        for name in moves:
-            _move(new / name, root / name)
-        for name in goes:
-            files.remove(root / name)
-            _remove_if_empty((root / name).parent, root)
-        _move(new / _LAST, root / _LAST)
-    discard(root)
+    move = _move(root)
+    if move.is_announced:
+        if (move.made / _LAST).exists():
+            both = read_dataset(root), read_dataset(move.made)
+            known = {"report.html", *_output_names(both[0]), *_output_names(both[1])}
+            move.complete(known.__contains__)
+        discard(root)
 
 
 def finish_move(root: Path) -> None:
@@ -89,7 +82,7 @@ def finish_move(root: Path) -> None:
 
     Reading does not: `open_sequence` refuses such a folder.
     """
-    if os.path.lexists(moving_plan(root)):
+    if _move(root).is_announced:
         check_enclosed(root)
         with locked(root):
             complete_redo(root)
@@ -129,39 +122,9 @@ def _name(path: Path, dataset: Dataset) -> str:
     return str(path.relative_to(dataset.root))
 
 
-def _move(source: Path, target: Path) -> None:
-    if source.exists():
-        files.remove(target)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        source.rename(target)
-
-
-def _read_plan(root: Path) -> tuple[list[str], list[str]]:
-    """What moves and what goes, if it is output of the dataset as it was or as it will be."""
-    path, new = moving_plan(root), root / REDO_FOLDER
-    remedy = f"remove the folder {new}"
-    try:
-        record = bounded.read_json(path)
-        moves, goes = ([str(name) for name in record[key]] for key in ("moves", "goes"))
-        outputs = _output_names(read_dataset(root)) | _output_names(read_dataset(new))
-        for name in moves:
-            check_no_links(new / name)  # what a link leads to changes with its place
-    except UserError as problem:
-        raise UserError(f"{path} cannot be followed ({problem}); {remedy}") from None
-    except (ValueError, KeyError, TypeError):
-        raise UserError(f"{path} is damaged; {remedy}") from None
-    outputs |= {"report.html"}
-    for name in (*moves, *goes):
-        if name not in outputs or not all(_is_plain(root, base, name) for base in (root, new)):
-            raise UserError(f"{path}: {bounded.quoted(name)} is no output of a stage; {remedy}")
-    return moves, goes
-
-
-def _is_plain(root: Path, base: Path, name: str) -> bool:
-    """Whether no folder between the root and something in it is a link."""
-    folder = (base / name).parent
-    real = Path(os.path.realpath(root), folder.relative_to(root))
-    return Path(os.path.realpath(folder)) == real
+def _move(root: Path) -> Move:
+    new = root / REDO_FOLDER
+    return Move(root, new, new, (new / _LAST, root / _LAST))
 
 
 def _output_names(dataset: Dataset) -> set[str]:
@@ -174,9 +137,3 @@ def _read(path: Path) -> Any:
         return bounded.read_json(path)
     except (OSError, ValueError):
         return None
-
-
-def _remove_if_empty(folder: Path, root: Path) -> None:
-    while folder != root and folder.is_dir() and not any(folder.iterdir()):
-        folder.rmdir()
-        folder = folder.parent

@@ -28,6 +28,7 @@ def responses(root):
     return hashes_of(root, [root / "results"])
 
 
+@pytest.mark.slow
 def test_flow_of_many_is_that_of_each_and_the_same_by_workers(small_dataset, tmp_path):
     roots = [tmp_path / name for name in ("here", "workers")]
     for root, more in zip(roots, ([], ["--workers", "2"]), strict=True):
@@ -53,6 +54,7 @@ def test_what_is_finished_is_kept_and_other_settings_are_refused(copy):
     assert not check_files(Tree(copy))
 
 
+@pytest.mark.slow
 def test_a_stop_at_any_step_leaves_all_or_nothing(copy, monkeypatch):
     whole = shutil.copytree(copy, copy.with_name("whole"), symlinks=True)
     expected = responses(measure(whole, "flow", METHODS).root)

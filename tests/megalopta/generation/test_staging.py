@@ -76,7 +76,7 @@ def staged_again(root, plan):
     for name in {"/".join(name.split("/000000/")[0].split("/")) for name in record.files}:
         (data / name).mkdir(parents=True)
         (root / name / "000000").rename(data / name / "000000")
-    finish(staged, record)
+    finish(tree, staged, record)
     tree.record_path("000000").unlink()
     (root / "manifest.jsonl").unlink()
 

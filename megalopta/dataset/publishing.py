@@ -1,0 +1,103 @@
+"""Finished output moved to its place in a dataset, whole however often the move is broken off.
+
+What is made lies in a folder of its own inside the dataset: output that is made again in `.redo`, a
+new sequence, or more output of one, in `.making/SEQ`. When all of it is there, `publish.json` lists
+what moves and what goes. From then on whoever works in the dataset completes the move first.
+"""
+
+import os
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+from megalopta.core import bounded, files
+from megalopta.core.enclosure import check_no_links
+from megalopta.core.errors import UserError
+
+PLAN = "publish.json"
+
+
+class Move(NamedTuple):
+    """A move into a dataset.
+
+    Attributes
+    ----------
+    root : Path
+        The dataset.
+    folder : Path
+        Where the list of what moves lies.
+    made : Path
+        What moves, under the names that it has in the dataset.
+    last : tuple of Path
+        What moves last, and where to: as long as it is there, something is left to do.
+    """
+
+    root: Path
+    folder: Path
+    made: Path
+    last: tuple[Path, Path]
+
+    def announce(self, moves: Iterable[str], goes: Iterable[str] = ()) -> None:
+        """List what moves and what goes: all of it is there."""
+        files.write_json(self.folder / PLAN, {"moves": sorted(moves), "goes": sorted(goes)})
+
+    @property
+    def is_announced(self) -> bool:
+        """Whether all is there, and moves or has moved."""
+        return os.path.lexists(self.folder / PLAN)
+
+    def complete(self, is_output: Callable[[str], bool]) -> None:
+        """Move what is announced, remove what goes; what was moved before is left.
+
+        Raises
+        ------
+        UserError
+            When something listed is no output of this dataset.
+        """
+        source, target = self.last
+        if not source.exists():
+            return
+        moves, goes = self._read(is_output)
+        for name in moves:
+            _move(self.made / name, self.root / name)
+        for name in goes:
+            files.remove(self.root / name)
+            _remove_if_empty((self.root / name).parent, self.root)
+        _move(source, target)
+
+    def _read(self, is_output: Callable[[str], bool]) -> tuple[list[str], list[str]]:
+        path, remedy = self.folder / PLAN, f"remove the folder {self.folder}"
+        try:
+            record = bounded.read_json(path)
+            moves, goes = ([str(name) for name in record[key]] for key in ("moves", "goes"))
+            for name in moves:
+                check_no_links(self.made / name)  # what a link leads to changes with its place
+        except UserError as problem:
+            raise UserError(f"{path} cannot be followed ({problem}); {remedy}") from None
+        except (ValueError, KeyError, TypeError):
+            raise UserError(f"{path} is damaged; {remedy}") from None
+        for name in (*moves, *goes):
+            is_plain = all(_is_plain(self.root, base / name) for base in (self.root, self.made))
+            if not is_output(name) or not is_plain:
+                raise UserError(f"{path}: {bounded.quoted(name)} is no output of a stage; {remedy}")
+        return moves, goes
+
+
+def _is_plain(root: Path, path: Path) -> bool:
+    """Whether no folder between the root and something in it is a link."""
+    real = Path(os.path.realpath(root), path.parent.relative_to(root))
+    return Path(os.path.realpath(path.parent)) == real
+
+
+def _move(source: Path, target: Path) -> None:
+    if source.exists():
+        if source.is_dir() or target.is_dir():
+            files.remove(target)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        source.rename(target)  # of a file at once: a record is never missing
+
+
+def _remove_if_empty(folder: Path, root: Path) -> None:
+    while folder != root and folder.is_dir() and not any(folder.iterdir()):
+        folder.rmdir()
+        folder = folder.parent
