@@ -1,36 +1,42 @@
 """`megalopta check physics`: every effect of the sensor against theory, as a table.
 
-The rows come from `megalopta.sensor`: closed forms, integrals and differential equations left to
-SciPy, and a plain event-by-event simulation that shares no code with the sensor. Streams are fixed.
-A row fails at |z| >= 5.
+The rows come from `megalopta.sensor.selfcheck`: a plain event-by-event simulation that shares no
+code with the sensor, integrals and differential equations left to SciPy. Streams are fixed. A row
+fails at |z| >= 5.
 """
 
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
 from megalopta.core.errors import UserError
 from megalopta.core.folders import ensure_directory
 from megalopta.plotting.style import PALETTE, house_style, new_canvas
-from megalopta.sensor import ORDER_OF_EFFECTS
+from megalopta.sensor import (
+    ORDER_OF_EFFECTS,
+    Afterpulsing,
+    changed,
+    expose_rate,
+    generator,
+    preset,
+)
 from megalopta.sensor.selfcheck import (
-    AFTERPULSING,
     CHECKS,
     LARGEST_Z,
-    Kind,
     Row,
-    effects_of,
+    brute_force_counts,
     false_alarm,
-    operating_point,
     run_checks,
-    samples,
 )
 
 EXPOSURES_OF_A_PICTURE = 100_000
-_DEAD_TIMES: dict[Kind, str] = {
+_TAU_S, _COUNTS = 1e-6, 30
+_TRAPS = Afterpulsing(mean_carriers=0.2, delay_s=2e-6)
+_DEAD_TIMES = {
     "ideal": "no dead time",
     "nonparalyzable": "non-paralyzable dead time",
     "paralyzable": "paralyzable dead time",
@@ -85,31 +91,43 @@ def table_of(rows: list[Row]) -> Table:
 
 def draw_pictures(folder: Path) -> list[Path]:
     """Draw the law of the counts for each kind of dead time: brute force and frames."""
-    kinds: tuple[Kind, ...] = ("ideal", "nonparalyzable", "paralyzable")
-    return [_draw_law(folder, kind) for kind in kinds]
+    return [_draw_law(folder, kind) for kind in _DEAD_TIMES]
 
 
-def _draw_law(folder: Path, kind: Kind) -> Path:
+def _samples(kind: str, a: float) -> list[NDArray[np.int64]]:
+    """Counts of exposures, by brute force and as frames are drawn, at a rate of `a` per τ."""
+    counted = {"ideal": 1.0, "nonparalyzable": 1 / (1 + a), "paralyzable": np.exp(-a)}[kind]
+    sensor = changed(
+        preset("ideal"),
+        exposure_s=_COUNTS * _TAU_S / (a * counted),
+        dead_time={"kind": kind, "dead_time_s": _TAU_S * (kind != "ideal")},
+        afterpulsing=_TRAPS,
+    )
+    rate, exposures = a / _TAU_S, EXPOSURES_OF_A_PICTURE
+    frames = expose_rate(np.full((1, exposures, 1), rate), sensor, seed=2, sequence="drawn")
+    plain = brute_force_counts(generator(1), rate, sensor.exposure_s, sensor, exposures)
+    return [plain, frames.counts.ravel().astype(np.int64)]
+
+
+def _draw_law(folder: Path, kind: str) -> Path:
     traps = (
-        f"Each avalanche traps {AFTERPULSING.mean_carriers:g} carriers, released after "
-        f"{1e6 * AFTERPULSING.delay_s:g} µs on average"
+        f"Each avalanche traps {_TRAPS.mean_carriers:g} carriers, released after "
+        f"{1e6 * _TRAPS.delay_s:g} µs on average"
     )
     with house_style():
         canvas = new_canvas(
             f"Counts of an exposure, {_DEAD_TIMES[kind]}",
-            f"{traps}; live start; 30 counts on average without afterpulses. r is the rate of "
-            f"arrivals, τ = 1 µs{' only a unit here' if kind == 'ideal' else ' the dead time'}. "
+            f"{traps}; live start; {_COUNTS} counts on average without afterpulses. r is the rate "
+            f"of arrivals, τ = 1 µs{' only a unit here' if kind == 'ideal' else ' the dead time'}. "
             "Steps: event by event; points: as frames are drawn, "
             f"{EXPOSURES_OF_A_PICTURE:,} exposures each.",
             3.4,
         )
         axes = canvas.subplots()
         for a, color in zip((0.01, 0.1, 1.0), PALETTE, strict=False):
-            effects = effects_of(kind, "live", AFTERPULSING)
-            point = operating_point(kind, a, 30)
-            plain, drawn = samples(effects, *point, EXPOSURES_OF_A_PICTURE)
-            n = np.arange(int(max(plain.max(), drawn.max())) + 1)
-            law = [np.bincount(each, minlength=n.size) / each.size for each in (plain, drawn)]
+            samples = _samples(kind, a)
+            n = np.arange(max(int(each.max()) for each in samples) + 1)
+            law = [np.bincount(each, minlength=n.size) / each.size for each in samples]
             axes.step(n, law[0], where="mid", color=color, lw=1.2, label=f"r·τ = {a:g}")
             axes.plot(n, law[1], "o", color=color, ms=3)
         axes.set_xlabel("Counts per exposure")

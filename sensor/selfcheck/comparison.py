@@ -1,23 +1,22 @@
-"""Every effect of a SPAD array held against its closed form or a plain event simulation.
+"""What is compared of two samples, and the row of a table that it makes.
 
 Streams are fixed, so the result is always the same; a change of the code that is right draws other
-numbers. Each comparison then fails with probability 6e-7 (|z| >= 5). A row may be the worst of
-several comparisons; `false_alarm` counts them all.
+numbers. Each comparison then fails with a probability of at most 6e-7 (|z| >= 5). A row is the
+worst of several comparisons; `false_alarm` counts them all.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
-from megalopta.core.arrays import Floats
-
 LARGEST_Z = 5.0
 
-Counts = NDArray[np.int64]
+Sample = NDArray[Any]
 
 
 @dataclass(frozen=True)
@@ -50,13 +49,13 @@ class Row:
         return abs(self.z) < LARGEST_Z
 
 
-Check = Callable[[], Iterator[Row]]
+Check = Callable[[], Row]
 
 
-def run_checks(checks: tuple[Check, ...], threads: int = 2) -> list[Row]:
+def run_checks(checks: Sequence[Check], threads: int = 2) -> list[Row]:
     """Run checks in threads and return their rows in the order of the checks."""
     with ThreadPoolExecutor(threads) as pool:
-        return [row for rows in pool.map(lambda check: list(check()), checks) for row in rows]
+        return list(pool.map(lambda check: check(), checks))
 
 
 def false_alarm(rows: Sequence[Row]) -> float:
@@ -66,38 +65,52 @@ def false_alarm(rows: Sequence[Row]) -> float:
 
 def worst(rows: Sequence[Row]) -> Row:
     """Row farthest off, which stands for all of them."""
-    largest = max(rows, key=lambda row: abs(row.z))
+    largest = max(rows, key=lambda row: np.inf if np.isnan(row.z) else abs(row.z))
     return replace(largest, comparisons=sum(row.comparisons for row in rows))
 
 
-def worst_of_each(rows: Iterable[Sequence[Row]]) -> Iterator[Row]:
-    """Of the same quantities compared at several places, the worst row of each quantity."""
-    return (worst(kind) for kind in zip(*rows, strict=True))
+def mean_row(term: str, quantity: str, expected: float, sample: Sample, allowed: float = 0) -> Row:
+    """Compare the mean of independent draws with a number that may be off by so much itself."""
+    mean, error = float(sample.mean()), float(sample.std()) / sample.size**0.5
+    return Row(term, quantity, expected, mean, _z(mean - expected, error, allowed))
 
 
-def mean_row(term: str, quantity: str, expected: float, sample: Floats | Counts) -> Row:
-    """Compare the mean of independent draws with a number."""
-    error = float(sample.std()) / sample.size**0.5
-    return Row(term, quantity, expected, float(sample.mean()), _z(sample.mean() - expected, error))
-
-
-def variance_row(term: str, quantity: str, expected: float, sample: Floats | Counts) -> Row:
-    """Compare the variance of independent draws with a number."""
-    squares = (sample - sample.mean()) ** 2
-    error = float(squares.std()) / sample.size**0.5
-    return Row(
-        term, quantity, expected, float(squares.mean()), _z(squares.mean() - expected, error)
-    )
+def variance_row(
+    term: str, quantity: str, expected: float, sample: Sample, allowed: float = 0
+) -> Row:
+    """Compare the variance of independent draws with a number that may be off by so much itself."""
+    return mean_row(term, quantity, expected, (sample - sample.mean()) ** 2, allowed)
 
 
 def exact_row(term: str, quantity: str, expected: float, measured: float, tolerance: float) -> Row:
     """Compare two numbers that should agree to within a tolerance."""
     z = LARGEST_Z * (measured - expected) / tolerance
-    return Row(term, quantity, expected, measured, float(z))
+    return Row(term, quantity, float(expected), float(measured), float(z))
 
 
-def two_sample_z(first: Counts, second: Counts) -> tuple[float, float, float]:
-    """Z of the difference in mean, in variance and in law of two samples of counts."""
+def largest_row(term: str, quantity: str, expected: Any, measured: Any, relative: float) -> Row:
+    """Compare arrays of numbers that should agree to within a relative tolerance."""
+    pairs = np.broadcast_arrays(expected, measured)
+    return worst(
+        [
+            exact_row(term, quantity, right, got, relative * abs(right))
+            for right, got in zip(*(each.ravel() for each in pairs), strict=True)
+        ]
+    )
+
+
+def sample_rows(term: str, where: str, plain: Sample, drawn: Sample) -> list[Row]:
+    """Compare mean, variance and law of two samples."""
+    mean_z, variance_z, law = two_sample_z(plain, drawn)
+    return [
+        Row(term, f"mean, {where}", float(plain.mean()), float(drawn.mean()), mean_z),
+        Row(term, f"variance, {where}", float(plain.var()), float(drawn.var()), variance_z),
+        Row(term, f"law as z, {where}", 0.0, law, law),
+    ]
+
+
+def two_sample_z(first: Sample, second: Sample) -> tuple[float, float, float]:
+    """Return z of the difference in mean, in variance and in law of two samples (n,) of counts."""
     n, m = first.size, second.size
     deviations = [(sample - sample.mean()) ** 2 for sample in (first, second)]
     mean_error = (first.var() / n + second.var() / m) ** 0.5
@@ -109,14 +122,9 @@ def two_sample_z(first: Counts, second: Counts) -> tuple[float, float, float]:
     )
 
 
-def z_rows(term: str, first: Counts, second: Counts, of: str = "") -> Iterator[Row]:
-    """Compare mean, variance and law of two samples of counts, by nothing but their z."""
-    for quantity, z in zip(("mean", "variance", "law"), two_sample_z(first, second), strict=True):
-        yield Row(term, f"{quantity}{of}, as z", 0.0, z, z)
-
-
-def law_z(first: Counts, second: Counts) -> float:
+def law_z(first: Sample, second: Sample) -> float:
     """Pearson's test of homogeneity, bins of 20 or more, as the z of the same probability."""
+    first, second = (np.asarray(sample).astype(np.int64) for sample in (first, second))
     size = int(max(first.max(), second.max())) + 1
     table = np.array([np.bincount(sample, minlength=size) for sample in (first, second)])
     # neighboring counts share a bin until it holds enough
@@ -130,7 +138,8 @@ def law_z(first: Counts, second: Counts) -> float:
     return float(norm.isf(max(chi2.sf(statistic, table.shape[1] - 1), 1e-300)))
 
 
-def _z(difference: float, error: float) -> float:
+def _z(difference: float, error: float, allowed: float = 0.0) -> float:
+    beyond = max(abs(difference) - allowed, 0.0)
     if error == 0:
-        return 0.0 if difference == 0 else np.inf
-    return float(difference / error)
+        return 0.0 if beyond == 0 else np.inf
+    return float(np.copysign(beyond / error, difference))

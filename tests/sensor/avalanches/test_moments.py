@@ -2,14 +2,22 @@ import numpy as np
 import pytest
 
 from megalopta.sensor.avalanches.moments import pixel_moments
-from megalopta.sensor.effects import Afterpulsing, Gate, gated_paralyzable, paralyzable
+from megalopta.sensor.effects import (
+    Afterpulsing,
+    AvalancheEffects,
+    DeadTime,
+    Gate,
+    gated_paralyzable,
+    paralyzable,
+)
 from megalopta.sensor.effects.dead_time import moments
 from megalopta.sensor.sampling import generator
-from megalopta.sensor.selfcheck import AFTERPULSING, effects_of
 from megalopta.sensor.selfcheck.brute_force import brute_force_counts
-from megalopta.sensor.selfcheck.counting import GATE
 
 TAU_S = 1e-6
+AFTERPULSING = Afterpulsing(mean_carriers=0.2, delay_s=2e-6)
+GATE = Gate(period_s=7e-6, width_s=3e-6, phase_s=5e-6)
+UNGATED = Gate()
 EXPOSURES = 4_000
 # longer and shorter than the dead time; the last opens with the exposure
 GATES = [
@@ -17,6 +25,11 @@ GATES = [
     Gate(period_s=0.3e-6, width_s=0.1e-6, phase_s=0.2e-6),
     Gate(period_s=1.3e-6, width_s=0.9e-6),
 ]
+
+
+def effects_of(kind, start, afterpulsing, gate=UNGATED):
+    dead_time = DeadTime(kind=kind, dead_time_s=TAU_S * (kind != "ideal"), start=start)
+    return AvalancheEffects(dead_time=dead_time, afterpulsing=afterpulsing, gate=gate)
 
 
 def slow(*values):
