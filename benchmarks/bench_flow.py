@@ -29,7 +29,8 @@ from megalopta.flow.benchmark import short_sequences
 from megalopta.flow.detectors.base import FloatArray
 from megalopta.flow.detectors.registry import method
 from megalopta.flow.stimuli.photons import draw_counts, draw_in_one
-from megalopta.sensor.sampling import EDGES, LANES, fill_normals, word_streams
+from megalopta.sensor.sampling.normals import EDGES, fill_normals
+from megalopta.sensor.sampling.words import LANES, word_streams
 
 FRAMES = 16
 

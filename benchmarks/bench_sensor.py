@@ -40,7 +40,9 @@ from megalopta.sensor import (
     preset,
     reading_moments,
 )
-from megalopta.sensor.formats import EventOrigin, write_events_hdf5, write_events_npz
+from megalopta.sensor.formats.event_hdf5 import write_events_hdf5
+from megalopta.sensor.formats.event_npz import write_events_npz
+from megalopta.sensor.formats.event_stream import EventOrigin
 from megalopta.sensor.readout.binary import draw_binary
 from megalopta.sensor.sampling.streams import generator
 from megalopta.sensor.selfcheck.brute_force import brute_force_counts

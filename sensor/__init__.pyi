@@ -34,6 +34,13 @@ from .effects.dead_time import DeadTime as DeadTime
 from .effects.gating import Gate as Gate
 from .effects.jitter import Jitter as Jitter
 from .effects.temperature import Temperature as Temperature
+from .formats.event_hdf5 import write_events_hdf5 as write_events_hdf5
+from .formats.event_npz import write_events_npz as write_events_npz
+from .formats.event_stream import EventOrigin as EventOrigin
+from .formats.reading import (
+    read_events as read_events,
+    read_frames as read_frames,
+)
 from .input_files import file_content as file_content
 from .optics.efficiency import Efficiency as Efficiency
 from .optics.lens import Lens as Lens

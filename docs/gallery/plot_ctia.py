@@ -9,7 +9,8 @@ rises by 33 mV over the swing, and the dark current with it. Theory: :doc:`/theo
 import matplotlib.pyplot as plt
 import numpy as np
 
-from megalopta.sensor.ctia import Photodiode, Pixel, discharge, gain_from_db
+from megalopta.sensor import Photodiode
+from megalopta.sensor.ctia.integration import Pixel, discharge, gain_from_db
 
 diode = Photodiode(saturation_current_a=100e-12)
 time_s = np.linspace(0, 0.1, 300)

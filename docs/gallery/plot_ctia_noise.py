@@ -11,8 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from scipy.constants import e, k
 
-from megalopta.sensor import changed
-from megalopta.sensor.ctia import ctia_preset, expose_photocurrent
+from megalopta.sensor import changed, ctia_preset, expose_photocurrent
 
 EXPOSURE_S, SATURATION_A = 0.01, 100e-12
 biases_v = np.linspace(0.002, 0.1, 12)

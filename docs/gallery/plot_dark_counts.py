@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from megalopta.sensor import changed, preset
-from megalopta.sensor.effects import dark_count_rate
+from megalopta.sensor.effects.dark_counts import dark_count_rate
 
 sensor = changed(preset("spadcam"), device_seed=7)
 rates_hz = dark_count_rate(

@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from megalopta.sensor import changed, expose_rate, preset
-from megalopta.sensor.effects import DeadTime, expected_counts
+from megalopta.sensor.effects.dead_time import DeadTime, expected_counts
 
 EXPOSURE_S, DEAD_TIME_S = 1e-4, 1e-6
 rates_hz = np.geomspace(1e4, 1e7, 13)

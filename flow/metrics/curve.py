@@ -17,7 +17,7 @@ from pydantic import PositiveInt, TypeAdapter
 from megalopta.flow.detectors.base import Detector, FloatArray
 from megalopta.flow.metrics.photon_threshold import Flux, Threshold, threshold
 from megalopta.flow.metrics.response_error import ErrorSums, Metric, quotient
-from megalopta.sensor.sampling import generator
+from megalopta.sensor.sampling.streams import generator
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.sensor.sampling import fill_poisson, generator, poisson_streams
+from megalopta.sensor.sampling.poisson import fill_poisson, poisson_streams
+from megalopta.sensor.sampling.streams import generator
 
 _LARGEST_MEAN = 9e18
 Counts = NDArray[np.unsignedinteger[Any]]

@@ -26,7 +26,7 @@ from megalopta.flow.metrics.detection import (
 )
 from megalopta.flow.stimuli.moving_template import MovingTemplate
 from megalopta.flow.stimuli.photons import Counts, draw_counts
-from megalopta.sensor.sampling import generator
+from megalopta.sensor.sampling.streams import generator
 
 SEED = 0
 COLUMNS, SIZE, SPEED_COLUMNS = 251, 60, 5

@@ -31,7 +31,7 @@ from megalopta.flow.egomotion.wide_field import fit_wide_field
 from megalopta.flow.egomotion.yaw_rate import yaw_rates_deg_s
 from megalopta.flow.stimuli.photons import draw_counts
 from megalopta.scenes import Camera, Forest, Light, PerspectiveCamera, Recorded
-from megalopta.sensor.sampling import generator
+from megalopta.sensor.sampling.streams import generator
 
 FRAMES = 80
 POOLED = 8

@@ -22,7 +22,7 @@ from megalopta.flow.detectors.blocks import BlockDetector, block_grid
 from megalopta.flow.detectors.registry import METHODS, Method, method
 from megalopta.flow.metrics.endpoint_error import block_flow
 from megalopta.flow.stimuli.photons import draw_counts
-from megalopta.sensor.sampling import generator
+from megalopta.sensor.sampling.streams import generator
 
 BLOCK_PX = 24
 PHOTONS_PER_PX: tuple[float, ...] = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)

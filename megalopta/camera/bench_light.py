@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from megalopta.sensor import Sensor, reading_moments
-from megalopta.sensor.spad import draw_fixed_pattern
+from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
 
 _BRIGHTEST = 1e6
 

@@ -15,7 +15,8 @@ from megalopta.plotting.style import (
     line_style,
 )
 from megalopta.plotting.svg import in_style, new_axes, to_svg
-from megalopta.sensor.calibrate import DeadTimeKind, Device, dead_time_moments
+from megalopta.sensor.calibrate.device import Device
+from megalopta.sensor.calibrate.saturation import DeadTimeKind, dead_time_moments
 
 _WIDTH_PT, _HEIGHT_PT = 380, 270
 _MAP, _BAR = (0.1, 0.13, 0.68, 0.78), (0.8, 0.17, 0.025, 0.7)

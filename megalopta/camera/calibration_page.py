@@ -15,7 +15,8 @@ from megalopta.camera.calibration_charts import (
 )
 from megalopta.plotting.sections import Section, captioned, write_sections
 from megalopta.plotting.text import number
-from megalopta.sensor.calibrate import OFFSETS, Device, Estimate, Kernel
+from megalopta.sensor.calibrate.device import Device, Estimate
+from megalopta.sensor.calibrate.neighbors import OFFSETS, Kernel
 
 _FITTED = 2
 """Efficiency and dead time; dark counts are told by dark frames."""

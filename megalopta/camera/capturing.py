@@ -36,15 +36,14 @@ from megalopta.core.files import remove
 from megalopta.core.folders import locked
 from megalopta.core.progress import say
 from megalopta.sensor import Sensor
-from megalopta.sensor.spadcam import (
-    Kind,
-    Packet,
+from megalopta.sensor.spadcam.messages import (
     Settings,
     set_exposure,
     set_frame_rate,
     set_row_window,
     set_step_bias,
 )
+from megalopta.sensor.spadcam.packets import Kind, Packet
 
 _WRITE_EVERY_S = 4.0
 _RATE_OVER_S = 1.0

@@ -16,7 +16,8 @@ from megalopta.camera.moving import compare_scene
 from megalopta.camera.recorded import Source, read_recorded
 from megalopta.core.errors import UserError
 from megalopta.sensor import Sensor, load_sensor
-from megalopta.sensor.compare import MARGIN, CountedFrames, compare_recordings
+from megalopta.sensor.compare.counted import CountedFrames
+from megalopta.sensor.compare.recordings import MARGIN, compare_recordings
 
 
 def compare_captured(

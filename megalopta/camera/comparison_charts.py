@@ -13,7 +13,9 @@ from megalopta.camera.comparison_motion import SpeedResponse
 from megalopta.core.arrays import Floats
 from megalopta.plotting.style import BLACK, BLUE, VERMILION
 from megalopta.plotting.svg import in_style, new_axes, to_svg
-from megalopta.sensor.compare import SEGMENT, Comparison, CountedFrames, mean_spectrum
+from megalopta.sensor.compare.counted import CountedFrames
+from megalopta.sensor.compare.recordings import Comparison
+from megalopta.sensor.compare.spectrum import SEGMENT, mean_spectrum
 
 Levels = Sequence[CountedFrames]
 

@@ -16,7 +16,7 @@ from megalopta.config.model import load
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.sensor import Sensor
-from megalopta.sensor.compare import CountedFrames
+from megalopta.sensor.compare.counted import CountedFrames
 from megalopta.stages.pipeline import run_stage
 from megalopta.stages.redo import open_dataset_whole
 

@@ -9,7 +9,8 @@ from scipy.stats import norm
 from megalopta.camera.calibration_charts import color_limits, map_chart
 from megalopta.core.arrays import Floats
 from megalopta.plotting.sections import Section
-from megalopta.sensor.compare import Comparison, CountedFrames
+from megalopta.sensor.compare.counted import CountedFrames
+from megalopta.sensor.compare.recordings import Comparison
 
 _LARGEST_Z = 6.0
 _GUIDE = (

@@ -11,7 +11,9 @@ from megalopta.camera.moving import SceneComparison
 from megalopta.camera.pixel_sections import pixel_sections
 from megalopta.plotting.sections import Section, captioned, write_sections
 from megalopta.plotting.text import number
-from megalopta.sensor.compare import Comparison, CountedFrames, Difference
+from megalopta.sensor.compare.counted import CountedFrames
+from megalopta.sensor.compare.equivalence import Difference
+from megalopta.sensor.compare.recordings import Comparison
 
 Levels = Sequence[CountedFrames]
 

@@ -11,8 +11,10 @@ from megalopta.core import strict_yaml
 from megalopta.core.arrays import Floats
 from megalopta.core.files import atomic_write, write_text
 from megalopta.sensor import Sensor
-from megalopta.sensor.calibrate import Device, Estimate, Kernel
-from megalopta.sensor.effects import Crosstalk, crosstalk
+from megalopta.sensor.calibrate.device import Device, Estimate
+from megalopta.sensor.calibrate.neighbors import Kernel
+from megalopta.sensor.effects import crosstalk
+from megalopta.sensor.effects.crosstalk import Crosstalk
 
 _INTERVALS = ("low", "high")
 _SLOWEST_DEAD_TIMES = 5.0

@@ -11,16 +11,15 @@ from megalopta.camera.nominal import sensor_as_set
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError
 from megalopta.sensor import AnalogCounter, Sensor, expose_adc
-from megalopta.sensor.spadcam import (
+from megalopta.sensor.spadcam.messages import (
     COLUMNS,
     NOT_READ,
     ROWS,
     Identity,
-    Kind,
-    Packet,
     Settings,
     frame_packet,
 )
+from megalopta.sensor.spadcam.packets import Kind, Packet
 
 if TYPE_CHECKING:
     from megalopta.camera.stimuli import Stimulus

@@ -18,7 +18,14 @@ import serial
 
 from megalopta.camera.port import open_port
 from megalopta.core.errors import UserError
-from megalopta.sensor.spadcam import LONGEST, Identity, Kind, Packet, Parser, encode, identify
+from megalopta.sensor.spadcam.messages import Identity, identify
+from megalopta.sensor.spadcam.packets import (
+    LONGEST,
+    Kind,
+    Packet,
+    Parser,
+    encode,
+)
 
 _RETRY_S = 0.1
 _REPLY_S = 0.7

@@ -33,7 +33,7 @@ from megalopta.scenes.stimuli.grating import sky_radiance
 from megalopta.scenes.stimuli.motion_bench import MotionBench
 from megalopta.scenes.trajectories.steady import Trajectory
 from megalopta.sensor import Exposure, Sensor, detection_rate, expose, preset
-from megalopta.sensor.spad import spad_expectation
+from megalopta.sensor.spad.moments import spad_expectation
 
 FRAME_RATE_HZ = 10.0
 FRAMES = 32

@@ -8,13 +8,10 @@ from megalopta.camera.comparison_cycle import Aligned, Cycle, align
 from megalopta.camera.comparison_levels import map_error
 from megalopta.core.arrays import Floats
 from megalopta.sensor import Sensor, changed, expose_rate
-from megalopta.sensor.compare import (
-    Comparison,
-    CountedFrames,
-    compare_recordings,
-    scene_differences,
-)
-from megalopta.sensor.spad import draw_fixed_pattern
+from megalopta.sensor.compare.counted import CountedFrames
+from megalopta.sensor.compare.recordings import Comparison, compare_recordings
+from megalopta.sensor.compare.scene import scene_differences
+from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,13 @@
 
 from megalopta.core.errors import UserError
 from megalopta.sensor import AnalogCounter, Sensor, changed, load_sensor, preset
-from megalopta.sensor.spadcam import COLUMNS, NOMINAL_STEP_BIAS, ROWS, Identity, Settings
+from megalopta.sensor.spadcam.messages import (
+    COLUMNS,
+    NOMINAL_STEP_BIAS,
+    ROWS,
+    Identity,
+    Settings,
+)
 
 _POSSIBLE = {
     "rows": (ROWS, ROWS),

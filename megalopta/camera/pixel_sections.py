@@ -14,7 +14,8 @@ from megalopta.camera.comparison_charts import (
 from megalopta.camera.comparison_maps import map_sections
 from megalopta.plotting.sections import Section, captioned
 from megalopta.plotting.text import number
-from megalopta.sensor.compare import Comparison, CountedFrames
+from megalopta.sensor.compare.counted import CountedFrames
+from megalopta.sensor.compare.recordings import Comparison
 
 Levels = Sequence[CountedFrames]
 

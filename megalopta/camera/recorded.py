@@ -16,7 +16,7 @@ from megalopta.camera.recording import open_recording
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.sensor import Sensor
-from megalopta.sensor.formats import FrameKind, read_frames
+from megalopta.sensor.formats.reading import FrameKind, read_frames
 
 _PLANCK_TIMES_C = 1.98644586e-25
 

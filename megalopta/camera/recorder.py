@@ -18,9 +18,19 @@ from megalopta.core import strict_yaml
 from megalopta.core.files import write_text
 from megalopta.core.format_numbers import written
 from megalopta.sensor import AnalogCounter, Sensor
-from megalopta.sensor.counters import counts_of_codes, nominal_pixels
-from megalopta.sensor.readout import ExtraArray, GrowingCounts, Origin
-from megalopta.sensor.spadcam import COLUMNS, NOT_READ, ROWS, Identity, Packet, Settings, samples_of
+from megalopta.sensor.counters.analog import nominal_pixels
+from megalopta.sensor.counters.conversion import counts_of_codes
+from megalopta.sensor.readout.growing import ExtraArray, GrowingCounts
+from megalopta.sensor.readout.store import Origin
+from megalopta.sensor.spadcam.messages import (
+    COLUMNS,
+    NOT_READ,
+    ROWS,
+    Identity,
+    Settings,
+    samples_of,
+)
+from megalopta.sensor.spadcam.packets import Packet
 
 EXTRAS = {
     "adc": ExtraArray(np.uint16, "codes of the ADC; 65535: not read", of_pixels=True),

@@ -14,7 +14,7 @@ from megalopta.core.errors import UserError
 from megalopta.dataset.frames import read_radiance_frame
 from megalopta.dataset.store import open_sequence
 from megalopta.sensor import Sensor, detection_rate
-from megalopta.sensor.spadcam import COLUMNS, ROWS
+from megalopta.sensor.spadcam.messages import COLUMNS, ROWS
 
 
 @dataclass(frozen=True)

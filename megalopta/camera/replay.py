@@ -18,15 +18,14 @@ from megalopta.camera.survey import (
 )
 from megalopta.core.errors import UserError
 from megalopta.sensor import AnalogCounter, Sensor
-from megalopta.sensor.spadcam import (
+from megalopta.sensor.spadcam.messages import (
     COLUMNS,
     NOMINAL_STEP_BIAS,
     ROWS,
     Identity,
-    Kind,
-    Parser,
     Settings,
 )
+from megalopta.sensor.spadcam.packets import Kind, Parser
 
 _WRITE_EVERY = 16384
 _UNKNOWN = "unknown"

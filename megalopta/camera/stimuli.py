@@ -12,7 +12,7 @@ import numpy as np
 
 from megalopta.core.arrays import Floats
 from megalopta.sensor import Sensor, detection_rate, photon_rate
-from megalopta.sensor.spadcam import COLUMNS, ROWS
+from megalopta.sensor.spadcam.messages import COLUMNS, ROWS
 
 BAND_NM = (699.99, 700.01)
 """Of the flat light: as narrow as a laser, so that its efficiency is that of one wavelength."""

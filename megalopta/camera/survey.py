@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from megalopta.core.errors import UserError
-from megalopta.sensor.spadcam import Identity, Kind, Packet, Parser, Settings
+from megalopta.sensor.spadcam.messages import Identity, Settings
+from megalopta.sensor.spadcam.packets import Kind, Packet, Parser
 
 _PIECE_BYTES = 256 * 1024
 _COMMANDS = 5

@@ -15,7 +15,12 @@ import numpy as np
 from megalopta.camera.emulated import EmulatedCamera
 from megalopta.core.errors import UserError
 from megalopta.sensor import generator
-from megalopta.sensor.spadcam import Kind, Packet, Parser, encode
+from megalopta.sensor.spadcam.packets import (
+    Kind,
+    Packet,
+    Parser,
+    encode,
+)
 
 BUFFER_BYTES = 24576 + 65536
 """Room for what waits to be read, in the firmware and in the host's driver, which for a USB port

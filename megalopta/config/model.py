@@ -33,8 +33,8 @@ from megalopta.scenes.lighting.light import Light
 from megalopta.scenes.trajectories.choice import CameraPath
 from megalopta.scenes.trajectories.steady import Trajectory
 from megalopta.sensor import IMAGE_SENSORS, ImageSensor, merged
-from megalopta.sensor.formats import ProductName
-from megalopta.sensor.spad import load_sensor, with_files
+from megalopta.sensor.formats.names import ProductName
+from megalopta.sensor.spad.presets import load_sensor, with_files
 
 LightLevel = float | str
 

@@ -14,7 +14,7 @@ from megalopta.core.errors import UserError
 from megalopta.core.format_numbers import check_format
 from megalopta.core.record import Record
 from megalopta.flow.benchmark.settings import each_once
-from megalopta.sensor.formats import ProductName
+from megalopta.sensor.formats.names import ProductName
 
 FlowFile = Literal["kitti_png", "flo5"]
 _LONGEST_SPLIT = 60

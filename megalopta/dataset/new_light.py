@@ -34,7 +34,7 @@ def drawn_counts(
     def read(numbers: list[int]) -> NDArray[Any]:
         from megalopta.config.light_scale import light_scale
         from megalopta.dataset.frames import read_radiance_frame
-        from megalopta.sensor.formats import Shot
+        from megalopta.sensor.formats.shot import Shot
 
         scale = (light_scale(exposed, chosen) * gain).astype(np.float32)
         sequence = f"{dataset.sequence}/{exposure_name(device, chosen)}"

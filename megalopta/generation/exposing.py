@@ -19,7 +19,7 @@ from megalopta.dataset.record import SequenceRecord
 from megalopta.dataset.store import Dataset, hashes_of
 from megalopta.generation.extending import extend, extend_sequence
 from megalopta.generation.statistics import exposure_statistics
-from megalopta.sensor.formats import ProductName, product_stem
+from megalopta.sensor.formats.names import ProductName, product_stem
 from megalopta.stages.pipeline import check_stage
 from megalopta.stages.registry import STAGES
 from megalopta.stages.sense import open_exposure

@@ -22,8 +22,8 @@ from megalopta.report.components import RADIANCE_FILM, Picture, Table, film
 from megalopta.report.footage import ReportFrames
 from megalopta.report.images import gray_scale
 from megalopta.sensor import CtiaSensor, ImageSensor
-from megalopta.sensor.counters import LARGEST_CAPACITY
-from megalopta.sensor.spad import active_effects
+from megalopta.sensor.counters.digital import LARGEST_CAPACITY
+from megalopta.sensor.spad.order import active_effects
 
 _RECOVERY = {
     "ideal": "no dead time",

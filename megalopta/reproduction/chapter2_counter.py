@@ -15,7 +15,7 @@ from megalopta.core.arrays import Floats
 from megalopta.plotting.picture import Figure
 from megalopta.reproduction.recipe import FigureRecipe
 from megalopta.sensor import Sensor, changed, expose_events, preset
-from megalopta.sensor.counters import AnalogCounter, analog_pixels
+from megalopta.sensor.counters.analog import AnalogCounter, analog_pixels
 
 ROW = (1, 16)
 LIGHT_HZ = 300.0

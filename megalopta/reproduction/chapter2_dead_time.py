@@ -8,7 +8,7 @@ from megalopta.plotting.picture import Figure
 from megalopta.plotting.style import BLACK, GRAY, PALETTE
 from megalopta.reproduction.recipe import FigureRecipe, Run
 from megalopta.sensor import DeadTime
-from megalopta.sensor.effects import expected_counts
+from megalopta.sensor.effects.dead_time import expected_counts
 
 _DEAD_TIMES_S = (1e-9, 1e-8, 1e-7, 1e-6)
 _DASHES = {"nonparalyzable": "-", "paralyzable": "--"}

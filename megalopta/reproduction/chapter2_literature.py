@@ -9,7 +9,7 @@ from megalopta.plotting.picture import Cell, Figure, columns_of
 from megalopta.plotting.style import draw_table
 from megalopta.reproduction.recipe import FigureRecipe, Run
 from megalopta.sensor import changed, expose_rate, preset
-from megalopta.sensor.spad import TABLE_2_1
+from megalopta.sensor.spad.presets import TABLE_2_1
 
 _PHOTONS_HZ, _EXPOSURE_S = 1e5, 4.0
 _HEAD = ("Device", "V_ex, V", "Hz", "µm²", "Hz/µm²", "ours", "peak, %", "ours", "at, nm")

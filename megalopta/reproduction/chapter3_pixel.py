@@ -21,17 +21,16 @@ from megalopta.plotting.style import (
     write_at,
 )
 from megalopta.reproduction.recipe import FigureRecipe, Run
-from megalopta.sensor.ctia import (
-    PHOTODIODES,
-    DacBias,
-    Photodiode,
+from megalopta.sensor.ctia.bias import DacBias
+from megalopta.sensor.ctia.integration import (
     Pixel,
     discharge,
     discharge_time,
     estimate_current,
     gain_from_db,
-    reverse_current,
 )
+from megalopta.sensor.ctia.photodiode import Photodiode, reverse_current
+from megalopta.sensor.ctia.presets import PHOTODIODES
 
 SWING_V = 3.3
 BUILT_FARAD, BUILT_GAIN_DB = 10e-12, 130.0

@@ -18,9 +18,10 @@ from megalopta.core.progress import progress
 from megalopta.dataset.frames import FRAMES_AT_ONCE, write_frames
 from megalopta.dataset.store import Dataset, exposure_name
 from megalopta.sensor import ImageSensor, OpenedCounts, Sensor, StoredFrames
-from megalopta.sensor.correct import Calibration, Corrected, correct, simulated_calibration
-from megalopta.sensor.readout import format_attribute
-from megalopta.sensor.spad import settled
+from megalopta.sensor.correct.calibration import Calibration, simulated_calibration
+from megalopta.sensor.correct.chain import Corrected, correct
+from megalopta.sensor.readout.store import format_attribute
+from megalopta.sensor.spad.running import settled
 
 _UNITS = {
     "detections": "photons detected per exposure, by pixels of nominal efficiency",

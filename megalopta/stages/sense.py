@@ -30,16 +30,13 @@ from megalopta.scenes import ToneCurve
 from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.scenes.spectra.color import encode_srgb
 from megalopta.sensor import ImageSensor, OpenedCounts, check_sensor, open_counts
-from megalopta.sensor.formats import (
-    Arrays,
-    ProductName,
-    Shot,
-    check_product,
-    product_path,
-    product_writer,
-)
-from megalopta.sensor.readout import NextFrames, Origin
-from megalopta.sensor.spad import PARTS_ERROR, RUNNING_ERROR
+from megalopta.sensor.formats.names import ProductName, product_path
+from megalopta.sensor.formats.products import check_product, product_writer
+from megalopta.sensor.formats.shot import Arrays, Shot
+from megalopta.sensor.readout.store import Origin
+from megalopta.sensor.readout.sub_frames import NextFrames
+from megalopta.sensor.spad.moments import PARTS_ERROR
+from megalopta.sensor.spad.running import RUNNING_ERROR
 from megalopta.stages.correction import write_corrected
 from megalopta.stages.declaration import Stage
 from megalopta.stages.free_running import check_free_running

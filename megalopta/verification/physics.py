@@ -24,11 +24,11 @@ from megalopta.sensor import (
     generator,
     preset,
 )
-from megalopta.sensor.selfcheck import (
-    CHECKS,
+from megalopta.sensor.selfcheck.brute_force import brute_force_counts
+from megalopta.sensor.selfcheck.cases import CHECKS
+from megalopta.sensor.selfcheck.comparison import (
     LARGEST_Z,
     Row,
-    brute_force_counts,
     false_alarm,
     run_checks,
 )

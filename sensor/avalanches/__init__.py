@@ -1,5 +1,1 @@
 """How effects act on each other in time: avalanches simulated, counts drawn, their moments."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from megalopta.sensor.effects import open_time, wall_time
+from megalopta.sensor.effects.gating import open_time, wall_time
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

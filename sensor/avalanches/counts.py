@@ -15,14 +15,11 @@ from megalopta.core.arrays import Floats
 from megalopta.sensor.avalanches.coupled import coupled_moments
 from megalopta.sensor.avalanches.moments import open_rate, pixel_moments
 from megalopta.sensor.avalanches.simulation import simulate_counts
-from megalopta.sensor.effects import (
-    AvalancheEffects,
-    AvalancheMaps,
-    check_arrivals,
-    crosstalk,
-    dead_time,
-    part_weights,
-)
+from megalopta.sensor.effects import crosstalk, dead_time
+from megalopta.sensor.effects.dead_time import check_arrivals
+from megalopta.sensor.effects.fields import AvalancheEffects
+from megalopta.sensor.effects.gating import part_weights
+from megalopta.sensor.effects.mismatch import AvalancheMaps
 
 
 def draw_counts(

@@ -6,7 +6,8 @@ import numpy as np
 
 from megalopta.core.arrays import Floats
 from megalopta.sensor.avalanches.simulation import PixelState, SimulatedFrame, simulate_frame
-from megalopta.sensor.effects import AvalancheEffects, AvalancheMaps
+from megalopta.sensor.effects.fields import AvalancheEffects
+from megalopta.sensor.effects.mismatch import AvalancheMaps
 
 
 @dataclass

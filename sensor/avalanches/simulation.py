@@ -18,7 +18,8 @@ import numpy as np
 
 from megalopta.core.arrays import Floats, Ints
 from megalopta.sensor.avalanches.kernel import KINDS, parameters_of, run_frame
-from megalopta.sensor.effects import AvalancheEffects, AvalancheMaps
+from megalopta.sensor.effects.fields import AvalancheEffects
+from megalopta.sensor.effects.mismatch import AvalancheMaps
 
 
 class PixelState(NamedTuple):

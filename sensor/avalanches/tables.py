@@ -26,8 +26,8 @@ from megalopta.core.arrays import Floats
 from megalopta.core.folders import cache_folder
 from megalopta.core.freshness import code_digest, digest
 from megalopta.sensor.avalanches.simulation import simulate_counts, simulate_events
-from megalopta.sensor.effects import AvalancheEffects
-from megalopta.sensor.sampling import generator
+from megalopta.sensor.effects.fields import AvalancheEffects
+from megalopta.sensor.sampling.streams import generator
 
 NODES_PER_DECADE = 8
 MEAN_ERROR, VARIANCE_ERROR = 3e-3, 1.5e-2

@@ -1,5 +1,1 @@
 """What dark, flat and stepped-exposure recordings tell of a device: one estimator a file."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

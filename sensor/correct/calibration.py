@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor import expose_rate
 from megalopta.sensor.correct.defects import hot_pixels
 from megalopta.sensor.correct.response_curve import ResponseCurve, response_curve
-from megalopta.sensor.spad import Sensor, draw_fixed_pattern
+from megalopta.sensor.spad.exposure import expose_rate
+from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
+from megalopta.sensor.spad.model import Sensor
 
 _FRAMES_AT_ONCE = 16
 _NEARLY_FULL = 0.95

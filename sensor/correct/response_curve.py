@@ -16,9 +16,12 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor import MeasuredMaps, changed, reading_moments, without
-from megalopta.sensor.effects import MOST_ARRIVALS
-from megalopta.sensor.spad import Sensor
+from megalopta.sensor.change import changed
+from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
+from megalopta.sensor.spad.measured import MeasuredMaps
+from megalopta.sensor.spad.model import Sensor
+from megalopta.sensor.spad.moments import reading_moments
+from megalopta.sensor.spad.order import without
 
 _NODES = 400
 _DIMMEST = 1e-3

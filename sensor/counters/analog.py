@@ -34,8 +34,8 @@ from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats
 from megalopta.sensor.counters.digital import DigitalCounter
-from megalopta.sensor.effects import Effect, Stage
-from megalopta.sensor.sampling import pixel_normals
+from megalopta.sensor.effects.base import Effect, Stage
+from megalopta.sensor.sampling.streams import pixel_normals
 
 _LARGEST_CAPACITY = 65535
 # More than any `pixel_normals`.

@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 from pydantic import Field
 
-from megalopta.sensor.effects import Effect, Stage
+from megalopta.sensor.effects.base import Effect, Stage
 
 LARGEST_CAPACITY = 2**32 - 1
 """Counts are stored in at most 32 bits."""

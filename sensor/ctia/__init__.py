@@ -1,5 +1,1 @@
 """The adaptive CTIA pixel for short-wave infrared, and its array."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -22,8 +22,8 @@ from megalopta.sensor.ctia.integration import Pixel, discharge
 from megalopta.sensor.ctia.model import CtiaSensor, pixels
 from megalopta.sensor.ctia.noise import draw_noise, noise_variance
 from megalopta.sensor.ctia.photodiode import ELEMENTARY_CHARGE_C, Reals
-from megalopta.sensor.optics import check_brightness, detected_rate
-from megalopta.sensor.sampling import generator
+from megalopta.sensor.optics.pixels import check_brightness, detected_rate
+from megalopta.sensor.sampling.streams import generator
 
 # Swings: where the electrons of a full pixel are no longer followed.
 _FAR = 1e3

@@ -18,8 +18,9 @@ from megalopta.sensor.ctia.bias import Bias, FixedBias, drift_rate, trimmed_bias
 from megalopta.sensor.ctia.integration import Pixel, gain_from_db
 from megalopta.sensor.ctia.noise import CtiaNoise
 from megalopta.sensor.ctia.photodiode import Photodiode
-from megalopta.sensor.optics import Efficiency, PixelOptics
-from megalopta.sensor.sampling import pixel_normals
+from megalopta.sensor.optics.efficiency import Efficiency
+from megalopta.sensor.optics.pixels import PixelOptics
+from megalopta.sensor.sampling.streams import pixel_normals
 
 
 class CtiaSensor(PixelOptics, frozen=True):

@@ -25,7 +25,8 @@ from megalopta.sensor.ctia.bias import FloatingGateBias
 from megalopta.sensor.ctia.model import CtiaSensor
 from megalopta.sensor.ctia.noise import CtiaNoise
 from megalopta.sensor.ctia.photodiode import Photodiode
-from megalopta.sensor.optics import Efficiency, Lens
+from megalopta.sensor.optics.efficiency import Efficiency
+from megalopta.sensor.optics.lens import Lens
 
 TYPICAL_OFFSET_V = 18.7e-3
 

@@ -35,7 +35,7 @@ from pydantic import Field, model_validator
 
 from megalopta.core.arrays import Floats
 from megalopta.sensor.effects.base import Effect, PixelRates, Stage
-from megalopta.sensor.sampling import pixel_normals
+from megalopta.sensor.sampling.streams import pixel_normals
 
 
 class Bias(Effect, frozen=True):

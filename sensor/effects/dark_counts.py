@@ -18,7 +18,7 @@ from pydantic import Field, model_validator
 from scipy.special import ndtr, ndtri
 
 from megalopta.sensor.effects.base import Effect, PixelRates, Stage
-from megalopta.sensor.sampling import pixel_uniforms
+from megalopta.sensor.sampling.streams import pixel_uniforms
 
 _UM2_PER_M2 = 1e12
 

@@ -30,7 +30,7 @@ from megalopta.core.arrays import Floats
 from megalopta.sensor.effects import nonparalyzable, paralyzable
 from megalopta.sensor.effects.base import Effect, PixelRates, Stage
 from megalopta.sensor.effects.mismatch import draw_mismatch
-from megalopta.sensor.sampling import draw_poisson
+from megalopta.sensor.sampling.poisson import draw_poisson
 
 MOST_ARRIVALS = 1e15
 # Far below any detector's; denormal times have no finite inverse.

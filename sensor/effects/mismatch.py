@@ -6,7 +6,7 @@ import numpy as np
 
 from megalopta.core.arrays import Floats
 from megalopta.sensor.effects.base import PixelRates
-from megalopta.sensor.sampling import pixel_normals
+from megalopta.sensor.sampling.streams import pixel_normals
 
 
 class AvalancheMaps(NamedTuple):

@@ -9,7 +9,7 @@ and of structure (HDF5 1.10) betray damage.
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import h5py
 import numpy as np
@@ -25,9 +25,9 @@ from megalopta.sensor.formats.event_stream import (
     stored_events,
 )
 from megalopta.sensor.formats.record import file_bytes
-from megalopta.sensor.readout import Events
+from megalopta.sensor.readout.events import Events
 
-HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
 
 _FORMAT = "megalopta events"
 _CHUNK = 16384

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from io import BytesIO
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +25,9 @@ from megalopta.sensor.formats.event_stream import (
     stored_events,
 )
 from megalopta.sensor.formats.record import file_bytes
-from megalopta.sensor.readout import Events
+from megalopta.sensor.readout.events import Events
 
-NPZ_SIGNATURE = b"PK\x03\x04"
+NPZ_SIGNATURE: Final = b"PK\x03\x04"
 
 _TYPES = {"t": "<i8", "x": "<u2", "y": "<u2"}
 _COPIED_BYTES = 2**22

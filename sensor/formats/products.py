@@ -15,8 +15,11 @@ from megalopta.sensor.formats.packed_npy import binary_npy_writer
 from megalopta.sensor.formats.shot import Shot
 from megalopta.sensor.formats.spad512 import check_spad512_size, spad512_writer
 from megalopta.sensor.formats.tiff import tiff_writer
-from megalopta.sensor.readout import Events, ImageSensor, Origin, check_binary, counts_writer
-from megalopta.sensor.spad import Sensor
+from megalopta.sensor.readout.binary import check_binary
+from megalopta.sensor.readout.events import Events
+from megalopta.sensor.readout.images import ImageSensor
+from megalopta.sensor.readout.store import Origin, counts_writer
+from megalopta.sensor.spad.model import Sensor
 
 Write: TypeAlias = Callable[[Shot], None]
 

@@ -18,18 +18,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor import Exposure, changed
-from megalopta.sensor.avalanches import FreeRunning
-from megalopta.sensor.readout import (
-    Events,
-    ImageSensor,
-    NextFrames,
-    expose_binary,
-    expose_events,
-    expose_image,
-    light_between,
-)
-from megalopta.sensor.spad import Sensor, detection_rate, expose_rate, settled, spad_expectation
+from megalopta.sensor.avalanches.running import FreeRunning
+from megalopta.sensor.change import changed
+from megalopta.sensor.quantities import Exposure
+from megalopta.sensor.readout.binary import expose_binary
+from megalopta.sensor.readout.events import Events, expose_events
+from megalopta.sensor.readout.images import ImageSensor, expose_image
+from megalopta.sensor.readout.sub_frames import NextFrames, light_between
+from megalopta.sensor.spad.exposure import expose_rate
+from megalopta.sensor.spad.model import Sensor
+from megalopta.sensor.spad.moments import spad_expectation
+from megalopta.sensor.spad.rates import detection_rate
+from megalopta.sensor.spad.running import settled
 
 Arrays = Mapping[str, FreeRunning]
 

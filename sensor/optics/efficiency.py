@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
-from megalopta.sensor.effects import Effect, Stage
+from megalopta.sensor.effects.base import Effect, Stage
 from megalopta.sensor.optics.lens import Lens, check_bands
 from megalopta.sensor.optics.transmission import Transmission, check_curve
 

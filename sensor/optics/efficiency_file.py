@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from megalopta.sensor import file_content
+from megalopta.sensor.input_files import file_content
 
 Point = tuple[float, float]
 

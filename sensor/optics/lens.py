@@ -24,7 +24,7 @@ from pydantic import Field
 from scipy.ndimage import gaussian_filter
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor.effects import Effect, Stage
+from megalopta.sensor.effects.base import Effect, Stage
 from megalopta.sensor.optics.transmission import Transmission
 
 PLANCK_TIMES_LIGHT_SPEED = 1.98644586e-25

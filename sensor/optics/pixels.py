@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, Field, model_validator
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor.effects import MOST_ARRIVALS
+from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
 from megalopta.sensor.optics.efficiency import Efficiency, band_efficiency, band_transmission
 from megalopta.sensor.optics.lens import (
     Lens,

@@ -1,5 +1,1 @@
 """Products of a sensor: frames, binary frames, event streams, and their store on disk."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

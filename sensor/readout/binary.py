@@ -17,11 +17,15 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor.avalanches import FreeRunning, running_array
-from megalopta.sensor.effects import open_fraction, part_weights
+from megalopta.sensor.avalanches.running import FreeRunning, running_array
+from megalopta.sensor.effects.gating import open_fraction, part_weights
 from megalopta.sensor.readout.chance import CHANCE_ERROR, chance
-from megalopta.sensor.sampling import LANES, fill_words, generator, word_streams
-from megalopta.sensor.spad import Sensor, checked_rate, over_frames, running_counts
+from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.sampling.words import LANES, fill_words, word_streams
+from megalopta.sensor.spad.frames import over_frames
+from megalopta.sensor.spad.model import Sensor
+from megalopta.sensor.spad.rates import checked_rate
+from megalopta.sensor.spad.running import running_counts
 
 # Times a word of eight bytes of 0 or 1: these bits in the highest byte, the first one on top.
 _GATHER = np.uint64(0x8040201008040201)

@@ -15,10 +15,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from megalopta.sensor.avalanches import FreeRunning, running_array
-from megalopta.sensor.effects import stamp
-from megalopta.sensor.sampling import generator
-from megalopta.sensor.spad import Sensor, checked_rate, over_frames, running_frame
+from megalopta.sensor.avalanches.running import FreeRunning, running_array
+from megalopta.sensor.effects.jitter import stamp
+from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.spad.frames import over_frames
+from megalopta.sensor.spad.model import Sensor
+from megalopta.sensor.spad.rates import checked_rate
+from megalopta.sensor.spad.running import running_frame
 
 
 @dataclass(frozen=True, eq=False)

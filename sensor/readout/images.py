@@ -14,27 +14,24 @@ from pydantic import Field
 
 from megalopta.core.arrays import Floats
 from megalopta.core.plug_ins import plug_ins
-from megalopta.sensor import Expectation, Exposure
-from megalopta.sensor.ctia import (
-    CTIA_PRESETS,
-    CtiaSensor,
+from megalopta.sensor.ctia.array import (
     electron_moments,
     expose_ctia,
     photocurrent,
-    pixels,
     reading_electrons,
     volt_moments,
 )
-from megalopta.sensor.optics import band_efficiency, detected_rate, photon_rate
-from megalopta.sensor.spad import (
-    PRESETS,
-    Sensor,
-    detection_rate,
-    draw_fixed_pattern,
-    expose,
-    load_sensor,
-    spad_expectation,
-)
+from megalopta.sensor.ctia.model import CtiaSensor, pixels
+from megalopta.sensor.ctia.presets import CTIA_PRESETS
+from megalopta.sensor.optics.efficiency import band_efficiency
+from megalopta.sensor.optics.pixels import detected_rate, photon_rate
+from megalopta.sensor.quantities import Expectation, Exposure
+from megalopta.sensor.spad.exposure import expose
+from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
+from megalopta.sensor.spad.model import Sensor
+from megalopta.sensor.spad.moments import spad_expectation
+from megalopta.sensor.spad.presets import PRESETS, load_sensor
+from megalopta.sensor.spad.rates import detection_rate
 
 ImageSensor: TypeAlias = Annotated[Sensor | CtiaSensor, Field(discriminator="kind")]
 """A sensor of either kind; `kind` tells which."""

@@ -14,7 +14,7 @@ from pydantic import TypeAdapter
 
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.format_numbers import check_format
-from megalopta.sensor import Expectation, Exposure
+from megalopta.sensor.quantities import Expectation, Exposure
 from megalopta.sensor.readout.images import ImageSensor
 from megalopta.sensor.readout.store import (
     FORMAT,

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from megalopta.core.files import atomic_write
 from megalopta.core.format_numbers import written
-from megalopta.sensor import Exposure
+from megalopta.sensor.quantities import Exposure
 from megalopta.sensor.readout.images import ImageSensor
 
 FORMAT = "megalopta counts"

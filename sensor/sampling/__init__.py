@@ -1,5 +1,1 @@
 """Random streams with names, and fast draws from them."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

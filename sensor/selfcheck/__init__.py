@@ -1,5 +1,1 @@
 """Proofs: every effect against theory and against simulations event by event."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

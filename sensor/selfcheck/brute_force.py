@@ -24,7 +24,7 @@ from scipy.integrate import dblquad, quad
 
 from megalopta.core.arrays import Floats
 from megalopta.sensor import AnalogCounter, Crosstalk, Sensor
-from megalopta.sensor.effects import AvalancheEffects
+from megalopta.sensor.effects.fields import AvalancheEffects
 
 Counts = NDArray[np.int64]
 _DEAD_TIMES_TO_FORGET = 300
@@ -354,7 +354,8 @@ def _analog_readings(
         code_v = counter.supply_v / (2**counter.adc_bits - 1)
         volts = np.clip(np.rint(volts / code_v) * code_v, 0.0, counter.supply_v)
     if not counter.calibrated:
-        step, leak, offset = counter.step_v, counter.leak_v_s * exposure_s, 0.0
+        step, leak = np.array(counter.step_v), np.array(counter.leak_v_s * exposure_s)
+        offset = np.zeros(1)
     counts = np.maximum(np.rint((counter.supply_v + offset - leak - volts) / step), 0.0)
     largest = np.floor((counter.swing_v - leak) / step + 1e-9)
     return np.minimum(counts, largest), (fallen > counter.swing_v) | (counts >= largest)

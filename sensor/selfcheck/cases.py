@@ -39,7 +39,7 @@ from megalopta.sensor import (
     preset,
     reading_moments,
 )
-from megalopta.sensor.readout import unpack
+from megalopta.sensor.readout.binary import unpack
 from megalopta.sensor.selfcheck.brute_force import (
     brute_force_events,
     plain_light_hz,
@@ -145,7 +145,7 @@ def check_case(case: Case) -> Row:
 def check_table_2_1() -> Row:
     """Devices of the literature, in the dark and in light: dark counts and efficiency."""
     names = sorted(set(PRESETS) - {"ideal", "spadcam", "array-12x4"})
-    light = {"arrivals": (0.0, 30.0), "samples": 2_000, "by_radiance": True}
+    light: dict[str, Any] = {"arrivals": (0.0, 30.0), "samples": 2_000, "by_radiance": True}
     rows = [check_case(Case(f"Table 2.1, {name}", PRESETS[name], **light)) for name in names]
     return worst(rows)
 

@@ -38,8 +38,9 @@ from megalopta.sensor import (
     reading_moments,
     volt_moments,
 )
-from megalopta.sensor.correct import correct, simulated_calibration
-from megalopta.sensor.optics import Transmission
+from megalopta.sensor.correct.calibration import simulated_calibration
+from megalopta.sensor.correct.chain import correct
+from megalopta.sensor.optics.transmission import Transmission
 from megalopta.sensor.selfcheck.brute_force import plain_light_hz, seen_pupil
 from megalopta.sensor.selfcheck.comparison import (
     Check,
@@ -52,7 +53,7 @@ from megalopta.sensor.selfcheck.comparison import (
     worst,
 )
 
-_SEED = {"seed": 4, "sequence": "theory"}
+_SEED: dict[str, Any] = {"seed": 4, "sequence": "theory"}
 _CURVE = Efficiency(wavelengths_nm=(400, 550, 700), values=(0.1, 0.4, 0.2))
 _FILTER = Transmission(wavelengths_nm=(350, 500, 750), values=(0.2, 0.9, 0.5))
 _NO_NOISE = CtiaNoise(photon_shot=False, dark_shot=False, reset=False)
@@ -156,6 +157,7 @@ def check_discharge() -> Row:
         (_ctia(changed(_JUNCTION, shunt_ohm=1e9), offset_v=-10e-3), 1e-10),
         (_ctia(_JUNCTION, bias=FixedBias(reverse_bias_v=0.1)), 1e-9),
     ):
+        assert isinstance(sensor.bias, FixedBias)
         expected.append(_integrated(sensor, sensor.offset_v + sensor.bias.reverse_bias_v, light_a))
         measured.append(volt_moments(np.full((1, 1, 1), light_a), sensor)[0].item())
     return largest_row("CTIA discharge", "output (V)", expected, measured, 1e-5)

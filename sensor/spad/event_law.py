@@ -16,7 +16,7 @@ from numba import njit
 from scipy.special import gammainc, lambertw
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor.effects import AvalancheEffects
+from megalopta.sensor.effects.fields import AvalancheEffects
 
 _SIGMAS, _EVENTS, _CLUMPS = 8, 12, 20
 # Branches fall as (r·τ·e^(−rτ)/(2πk))^(T/τ).

@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor import Expectation
-from megalopta.sensor.avalanches import count_moments
-from megalopta.sensor.optics import photon_rate
+from megalopta.sensor.avalanches.counts import count_moments
+from megalopta.sensor.optics.pixels import photon_rate
+from megalopta.sensor.quantities import Expectation
 from megalopta.sensor.spad.frames import over_frames
 from megalopta.sensor.spad.model import Sensor
 from megalopta.sensor.spad.rates import checked_rate, detection_rate

@@ -7,8 +7,8 @@ wherever more than one is on.
 
 from typing import Any, get_args
 
-from megalopta.sensor import changed
-from megalopta.sensor.effects import Effect
+from megalopta.sensor.change import changed
+from megalopta.sensor.effects.base import Effect
 from megalopta.sensor.spad.measured import MeasuredMaps
 from megalopta.sensor.spad.model import Sensor
 

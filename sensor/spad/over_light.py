@@ -20,14 +20,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor.avalanches import count_moments
-from megalopta.sensor.counters import (
-    AnalogCounter,
-    AnalogPixels,
-    LawTable,
-    tabulated_moments,
-)
-from megalopta.sensor.effects import AvalancheEffects
+from megalopta.sensor.avalanches.counts import count_moments
+from megalopta.sensor.counters.analog import AnalogCounter, AnalogPixels
+from megalopta.sensor.counters.tabulated import LawTable, tabulated_moments
+from megalopta.sensor.effects.fields import AvalancheEffects
 from megalopta.sensor.spad.event_law import event_law, reach_of_events
 
 _STEPS = 8

@@ -5,8 +5,8 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor.effects import MOST_ARRIVALS
-from megalopta.sensor.optics import check_brightness, detected_rate
+from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
+from megalopta.sensor.optics.pixels import check_brightness, detected_rate
 from megalopta.sensor.spad.fixed_pattern import FixedPattern, draw_fixed_pattern
 from megalopta.sensor.spad.model import Sensor
 

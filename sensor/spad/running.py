@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor.avalanches import FreeRunning, SimulatedFrame
+from megalopta.sensor.avalanches.running import FreeRunning
+from megalopta.sensor.avalanches.simulation import SimulatedFrame
 from megalopta.sensor.change import changed
-from megalopta.sensor.effects import check_arrivals
-from megalopta.sensor.sampling import generator
+from megalopta.sensor.effects.dead_time import check_arrivals
+from megalopta.sensor.sampling.streams import generator
 from megalopta.sensor.spad.fixed_pattern import FixedPattern
 from megalopta.sensor.spad.model import Sensor
 

@@ -24,6 +24,6 @@ def test_no_public_name_is_without_an_example(uses):
 
 
 def test_an_example_names_what_it_shows_or_what_gives_it(uses):
-    key = next(key for key, (_, name, _) in uses.public().items() if name == "expected_counts")
+    key = next(key for key, (_, name, _) in uses.public().items() if name == "detection_rate")
     use = uses.examples()[key]
-    assert "expected_counts" in (uses.ROOT / use.path).read_text("utf-8")
+    assert "detection_rate" in (uses.ROOT / use.path).read_text("utf-8")

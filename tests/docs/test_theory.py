@@ -7,7 +7,7 @@ import pytest
 
 from megalopta.flow import METHODS
 from megalopta.sensor import Sensor
-from megalopta.sensor.effects import Effect
+from megalopta.sensor.effects.base import Effect
 
 from .pages import DOCS
 

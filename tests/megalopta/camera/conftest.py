@@ -20,7 +20,8 @@ from megalopta.camera.nominal import sensor_as_set
 from megalopta.camera.stimuli import Flat
 from megalopta.camera.terminal import EmulatedPort
 from megalopta.sensor import expose_adc, preset
-from megalopta.sensor.spadcam import Kind, Parser, Settings, encode
+from megalopta.sensor.spadcam.messages import Settings
+from megalopta.sensor.spadcam.packets import Kind, Parser, encode
 
 SENSOR = preset("spadcam")
 STIMULUS = Flat((5e6,))

@@ -12,7 +12,8 @@ import pytest
 
 from megalopta.camera.recording import open_recording
 from megalopta.camera.recovering import recover
-from megalopta.sensor.spadcam import Kind, Parser, encode, samples_of
+from megalopta.sensor.spadcam.messages import samples_of
+from megalopta.sensor.spadcam.packets import Kind, Parser, encode
 
 
 def on(port, out):

@@ -21,8 +21,10 @@ from megalopta.sensor import (
     preset,
     write_counts,
 )
-from megalopta.sensor.calibrate import Kernel, Level, calibrate_device
-from megalopta.sensor.spad import draw_fixed_pattern
+from megalopta.sensor.calibrate.chain import calibrate_device
+from megalopta.sensor.calibrate.level import Level
+from megalopta.sensor.calibrate.neighbors import Kernel
+from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
 
 pytestmark = pytest.mark.slow
 

@@ -9,7 +9,8 @@ from megalopta.camera.port import find_port, port_lines
 from megalopta.camera.recording import open_recording
 from megalopta.core.errors import UserError
 from megalopta.sensor import preset
-from megalopta.sensor.spadcam import Identity, Kind, Settings, encode
+from megalopta.sensor.spadcam.messages import Identity, Settings
+from megalopta.sensor.spadcam.packets import Kind, encode
 
 ESCAPES = "\x1b[31mA\x07\x00\r\nB"
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from megalopta.camera.comparison_page import write_comparison_report
-from megalopta.sensor.compare import CountedFrames, compare_recordings
+from megalopta.sensor.compare.counted import CountedFrames
+from megalopta.sensor.compare.recordings import compare_recordings
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from megalopta.camera.comparison_page import write_motion_report
 from megalopta.camera.motion_bench import FRAMES, record
 from megalopta.core.errors import UserError
 from megalopta.sensor import preset
-from megalopta.sensor.compare import CountedFrames
+from megalopta.sensor.compare.counted import CountedFrames
 
 SENSOR = preset("spadcam")
 

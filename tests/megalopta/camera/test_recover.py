@@ -17,7 +17,13 @@ from megalopta.camera.stimuli import Flat
 from megalopta.camera.terminal import Faults
 from megalopta.core.errors import UserError
 from megalopta.sensor import open_counts, preset
-from megalopta.sensor.spadcam import Kind, Packet, Parser, encode, samples_of
+from megalopta.sensor.spadcam.messages import samples_of
+from megalopta.sensor.spadcam.packets import (
+    Kind,
+    Packet,
+    Parser,
+    encode,
+)
 
 EXACT = ("counts", "saturated", "adc", "device_us", "sequence_number")
 TOLD = ("kind", "serial_number", "firmware", "exposure_s", "frame_rate_hz", "step_bias")

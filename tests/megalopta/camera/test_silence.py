@@ -11,7 +11,7 @@ from megalopta.camera.capturing import CaptureSettings, capture
 from megalopta.camera.recording import open_recording
 from megalopta.core.errors import UserError
 from megalopta.sensor import preset
-from megalopta.sensor.spadcam import LONGEST, encode
+from megalopta.sensor.spadcam.packets import LONGEST, encode
 
 RNG = np.random.default_rng(0)
 GARBAGE = RNG.integers(0, 256, 4096, np.uint8).tobytes()

@@ -3,7 +3,7 @@
 import pytest
 
 from megalopta.cli import check as cli_check, main as cli
-from megalopta.sensor.selfcheck import CHECKS
+from megalopta.sensor.selfcheck.cases import CHECKS
 from megalopta.verification import physics
 
 

@@ -30,7 +30,7 @@ from megalopta.config.yaml_model import to_yaml
 from megalopta.flow.files.flo import write_flo
 from megalopta.flow.files.formats import read_flow, write_flo5, write_kitti_png
 from megalopta.sensor import PRESETS
-from megalopta.sensor.formats import read_events, read_frames
+from megalopta.sensor.formats.reading import read_events, read_frames
 
 CPU_S, WALL_S = 10, 120
 """Longest a case may compute; and wait, which depends on what else the machine does."""

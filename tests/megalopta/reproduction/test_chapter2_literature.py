@@ -1,7 +1,7 @@
 import pytest
 
 from megalopta.reproduction.drawing import write_figure
-from megalopta.sensor.spad import TABLE_2_1
+from megalopta.sensor.spad.presets import TABLE_2_1
 
 
 def test_table_is_drawn_with_a_line_for_each_device(made, tmp_path, check_words):

@@ -7,7 +7,8 @@ from megalopta.plotting.style import house_style, new_canvas
 from megalopta.reproduction.chapter3_suppression import bias_error
 from megalopta.reproduction.recipe import Run
 from megalopta.reproduction.registry import find, names
-from megalopta.sensor.ctia import PHOTODIODES, Photodiode, reverse_current
+from megalopta.sensor.ctia.photodiode import Photodiode, reverse_current
+from megalopta.sensor.ctia.presets import PHOTODIODES
 
 
 @cache

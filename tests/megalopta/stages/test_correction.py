@@ -6,7 +6,8 @@ import pytest
 import megalopta
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
-from megalopta.sensor.correct import correct, simulated_calibration
+from megalopta.sensor.correct.calibration import simulated_calibration
+from megalopta.sensor.correct.chain import correct
 from megalopta.stages.pipeline import run_stage
 
 SETTINGS = {

@@ -9,7 +9,7 @@ from megalopta.cli import main
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.dataset.store import open_sequence
-from megalopta.sensor.formats import read_events, read_frames
+from megalopta.sensor.formats.reading import read_events, read_frames
 from megalopta.stages.estimate import estimate
 from megalopta.stages.pipeline import run_stage
 from megalopta.stages.sense import open_exposure, sense

@@ -5,8 +5,10 @@ import pytest
 
 from megalopta.sensor.avalanches.counts import count_moments
 from megalopta.sensor.avalanches.simulation import simulate_counts
-from megalopta.sensor.effects import AvalancheEffects, Crosstalk, DeadTime
-from megalopta.sensor.sampling import generator
+from megalopta.sensor.effects.crosstalk import Crosstalk
+from megalopta.sensor.effects.dead_time import DeadTime
+from megalopta.sensor.effects.fields import AvalancheEffects
+from megalopta.sensor.sampling.streams import generator
 from megalopta.sensor.selfcheck.comparison import two_sample_z
 
 TAU_S, EXPOSURE_S, RATE_HZ, EXPOSURES = 1e-6, 2e-5, 8e5, 1000

@@ -2,16 +2,12 @@ import numpy as np
 import pytest
 
 from megalopta.sensor.avalanches.moments import pixel_moments
-from megalopta.sensor.effects import (
-    Afterpulsing,
-    AvalancheEffects,
-    DeadTime,
-    Gate,
-    gated_paralyzable,
-    paralyzable,
-)
-from megalopta.sensor.effects.dead_time import moments
-from megalopta.sensor.sampling import generator
+from megalopta.sensor.effects import gated_paralyzable, paralyzable
+from megalopta.sensor.effects.afterpulsing import Afterpulsing
+from megalopta.sensor.effects.dead_time import DeadTime, moments
+from megalopta.sensor.effects.fields import AvalancheEffects
+from megalopta.sensor.effects.gating import Gate
+from megalopta.sensor.sampling.streams import generator
 from megalopta.sensor.selfcheck.brute_force import brute_force_counts
 
 TAU_S = 1e-6

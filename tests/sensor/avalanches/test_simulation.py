@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from megalopta.sensor.avalanches.simulation import simulate_counts, simulate_frame
-from megalopta.sensor.effects import AvalancheEffects, DeadTime
-from megalopta.sensor.sampling import generator
+from megalopta.sensor.effects.dead_time import DeadTime
+from megalopta.sensor.effects.fields import AvalancheEffects
+from megalopta.sensor.sampling.streams import generator
 
 
 @pytest.mark.slow

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from megalopta.sensor.avalanches import tables
-from megalopta.sensor.effects import Afterpulsing, AvalancheEffects, DeadTime
+from megalopta.sensor.effects.afterpulsing import Afterpulsing
+from megalopta.sensor.effects.dead_time import DeadTime
+from megalopta.sensor.effects.fields import AvalancheEffects
 
 EFFECTS = AvalancheEffects(
     dead_time=DeadTime(kind="nonparalyzable", dead_time_s=1e-6),

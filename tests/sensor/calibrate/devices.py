@@ -3,8 +3,8 @@
 import numpy as np
 
 from megalopta.sensor import AnalogCounter, DeadTime, DigitalCounter, changed, expose_rate, preset
-from megalopta.sensor.calibrate import Adc, Level
-from megalopta.sensor.spad import draw_fixed_pattern
+from megalopta.sensor.calibrate.level import Adc, Level
+from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
 
 SHAPE = (16, 16)
 DARK_EXPOSURES_S = (1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)

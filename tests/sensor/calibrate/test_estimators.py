@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 from scipy.stats import poisson
 
-from megalopta.sensor.calibrate import dead_time_moments, garwood_interval, neighbor_kernel
-from megalopta.sensor.effects import Crosstalk, DeadTime, crosstalk, dead_time
+from megalopta.sensor.calibrate.garwood import garwood_interval
+from megalopta.sensor.calibrate.neighbors import neighbor_kernel
+from megalopta.sensor.calibrate.saturation import dead_time_moments
+from megalopta.sensor.effects import crosstalk, dead_time
+from megalopta.sensor.effects.crosstalk import Crosstalk
+from megalopta.sensor.effects.dead_time import DeadTime
 
 
 @pytest.mark.parametrize("counts", [0, 1, 7, 300])

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from megalopta.sensor import Afterpulsing, AnalogCounter, changed, expose_adc, preset
-from megalopta.sensor.calibrate import Curve, Level, calibrate_device, neighbor_kernel
-from megalopta.sensor.spad import draw_fixed_pattern
+from megalopta.sensor.calibrate.chain import calibrate_device
+from megalopta.sensor.calibrate.curve import Curve
+from megalopta.sensor.calibrate.level import Level
+from megalopta.sensor.calibrate.neighbors import neighbor_kernel
+from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
 
 from .devices import DARK_EXPOSURES_S, NANOMETERS, adc_of
 

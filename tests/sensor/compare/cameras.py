@@ -3,8 +3,8 @@
 import numpy as np
 
 from megalopta.sensor import Crosstalk, DeadTime, DigitalCounter, changed, expose_rate, preset
-from megalopta.sensor.compare import CountedFrames
-from megalopta.sensor.spad import draw_fixed_pattern
+from megalopta.sensor.compare.counted import CountedFrames
+from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
 
 SHAPE = (16, 16)
 LEVELS = ((0.02, 0.0), (2e-4, 2e7), (2e-4, 7e8))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from megalopta.sensor.compare import compare_recordings
+from megalopta.sensor.compare.recordings import compare_recordings
 
 from .cameras import camera, recorded
 

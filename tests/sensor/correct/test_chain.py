@@ -8,15 +8,11 @@ import numpy as np
 import pytest
 
 from megalopta.sensor import DeadTime, DigitalCounter, changed, expose_rate, preset
-from megalopta.sensor.correct import (
-    calibrate,
-    correct,
-    filled_in,
-    hot_pixels,
-    response_curve,
-    simulated_calibration,
-)
-from megalopta.sensor.spad import draw_fixed_pattern
+from megalopta.sensor.correct.calibration import calibrate, simulated_calibration
+from megalopta.sensor.correct.chain import correct
+from megalopta.sensor.correct.defects import filled_in, hot_pixels
+from megalopta.sensor.correct.response_curve import response_curve
+from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
 
 SHAPE = (8, 16)
 FRAMES = 500

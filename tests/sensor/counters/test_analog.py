@@ -5,7 +5,7 @@ from scipy.stats import linregress, norm
 from megalopta.sensor import DarkCounts, changed, expose_rate, preset
 from megalopta.sensor.counters.analog import AnalogCounter, analog_pixels
 from megalopta.sensor.counters.conversion import read_analog
-from megalopta.sensor.sampling import generator
+from megalopta.sensor.sampling.streams import generator
 
 QUIET = AnalogCounter(step_v=10e-3)
 SPREAD = AnalogCounter(

@@ -15,8 +15,8 @@ from megalopta.sensor.ctia.model import CtiaSensor, pixels
 from megalopta.sensor.ctia.noise import CtiaNoise
 from megalopta.sensor.ctia.photodiode import ELEMENTARY_CHARGE_C, Photodiode, reverse_current
 from megalopta.sensor.ctia.presets import CTIA_PRESETS, PHOTODIODES, ctia_preset
-from megalopta.sensor.optics import Efficiency, Lens
-from megalopta.sensor.optics.lens import PLANCK_TIMES_LIGHT_SPEED
+from megalopta.sensor.optics.efficiency import Efficiency
+from megalopta.sensor.optics.lens import PLANCK_TIMES_LIGHT_SPEED, Lens
 
 BANDS = np.array([[900.0, 1300.0], [1300.0, 1700.0]])
 SILENT = CtiaNoise(photon_shot=False, dark_shot=False, reset=False)

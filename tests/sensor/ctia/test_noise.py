@@ -5,7 +5,7 @@ from scipy.constants import e, k
 from megalopta.sensor.ctia.integration import Pixel
 from megalopta.sensor.ctia.noise import CtiaNoise, draw_noise, noise_variance
 from megalopta.sensor.ctia.photodiode import ELEMENTARY_CHARGE_C, Photodiode
-from megalopta.sensor.sampling import generator
+from megalopta.sensor.sampling.streams import generator
 
 OFF = CtiaNoise(photon_shot=False, dark_shot=False, reset=False)
 DIODE = Photodiode(saturation_current_a=2e-15, shunt_ohm=5e12)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from megalopta.sensor.effects.afterpulsing import Afterpulsing, draw_carriers, draw_delay, moments
-from megalopta.sensor.sampling import generator
+from megalopta.sensor.sampling.streams import generator
 
 TRAPS = Afterpulsing(mean_carriers=0.4, delay_s=1e-6)
 

@@ -10,7 +10,7 @@ from megalopta.sensor.effects.bias import (
     efficiency_factor,
     since_measurement,
 )
-from megalopta.sensor.spad import preset
+from megalopta.sensor.spad.presets import preset
 
 SPADCAM = preset("spadcam").bias
 OFFSETS = np.linspace(-0.15, 0.15, 31)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from megalopta.sensor.effects.crosstalk import Crosstalk, mean, neighborhood, spread, variance
-from megalopta.sensor.sampling import generator
+from megalopta.sensor.sampling.streams import generator
 
 POINT = np.zeros((25, 25))
 POINT[12, 12] = 1.0

@@ -18,7 +18,7 @@ from megalopta.sensor.effects.dead_time import (
     expected_counts,
     moments,
 )
-from megalopta.sensor.sampling import generator
+from megalopta.sensor.sampling.streams import generator
 
 KINDS = ["ideal", "nonparalyzable", "paralyzable"]
 RATE_TIMES_DEAD_TIME = [1e-3, 0.01, 0.1, 0.5, 1.0, 3.0, 10.0]

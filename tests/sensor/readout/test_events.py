@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from megalopta.sensor import Crosstalk, DeadTime, Gate, Jitter, changed, expose_events, preset
-from megalopta.sensor.avalanches import simulate_events
+from megalopta.sensor.avalanches.simulation import simulate_events
 from megalopta.sensor.readout.events import histogram
-from megalopta.sensor.sampling import generator
+from megalopta.sensor.sampling.streams import generator
 
 IDEAL = preset("ideal")
 RATE = np.random.default_rng(0).uniform(0, 300, (6, 5, 7))

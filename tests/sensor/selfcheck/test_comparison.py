@@ -15,11 +15,11 @@ from megalopta.sensor.ctia import (
     noise as ctia_noise,
 )
 from megalopta.sensor.effects import bias
-from megalopta.sensor.optics import falloff, pixels
+from megalopta.sensor.optics import pixels
+from megalopta.sensor.optics.lens import falloff
 from megalopta.sensor.readout import binary
-from megalopta.sensor.sampling import generator
-from megalopta.sensor.selfcheck import CHECKS
-from megalopta.sensor.selfcheck.cases import Case
+from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.selfcheck.cases import CHECKS, Case
 from megalopta.sensor.selfcheck.comparison import (
     Row,
     exact_row,

@@ -21,8 +21,9 @@ from megalopta.sensor import (
     preset,
     without,
 )
-from megalopta.sensor.effects import Stage
-from megalopta.sensor.spad import active_effects, draw_fixed_pattern
+from megalopta.sensor.effects.base import Stage
+from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
+from megalopta.sensor.spad.order import active_effects
 
 NO_EFFECT = {"kind", "name", "source", "pitch_m", "fill_factor", "exposure_s", "device_seed"}
 SHAPE = (10, 10)

@@ -7,19 +7,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from megalopta.sensor.spadcam import (
-    PAYLOAD_BYTES,
+from megalopta.sensor.spadcam.messages import (
     Identity,
-    Kind,
-    Packet,
-    Parser,
     Settings,
-    encode,
     identify,
     set_exposure,
     set_frame_rate,
     set_row_window,
     set_step_bias,
+)
+from megalopta.sensor.spadcam.packets import (
+    PAYLOAD_BYTES,
+    Kind,
+    Packet,
+    Parser,
+    encode,
 )
 
 HERE = Path(__file__).parent

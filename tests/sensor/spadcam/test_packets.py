@@ -9,15 +9,14 @@ import numpy as np
 import pytest
 from cobs import cobs
 
-from megalopta.sensor.spadcam import (
+from megalopta.sensor.spadcam.messages import frame_packet, samples_of
+from megalopta.sensor.spadcam.packets import (
     LONGEST,
     PAYLOAD_BYTES,
     Kind,
     Packet,
     Parser,
     encode,
-    frame_packet,
-    samples_of,
 )
 
 RNG = np.random.default_rng(0)
