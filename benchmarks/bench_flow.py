@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from megalopta.benchmark.templates import pixels_of
-from megalopta.benchmark.thesis_sweeps import SWEEPS
 from megalopta.benchmark.trial import Trial, measure
 from megalopta.flow.benchmark import short_sequences
 from megalopta.flow.detectors.base import FloatArray
 from megalopta.flow.detectors.registry import method
 from megalopta.flow.stimuli.photons import draw_counts, draw_in_one
+from megalopta.reproduction.chapter4_sweeps import SWEEPS
 from megalopta.sensor.sampling import EDGES, LANES, fill_normals, word_streams
 
 FRAMES = 16

@@ -5,7 +5,7 @@ import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from megalopta.benchmark.baselines import methods_and_baselines, on_the_board
+from megalopta.benchmark.methods import methods_and_baselines, on_the_board
 from megalopta.benchmark.pairs_on_disk import Files, read_pair
 from megalopta.benchmark.whole_frame_board import FrameErrors, frame_errors
 from megalopta.core.errors import UserError

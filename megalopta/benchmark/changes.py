@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from megalopta.benchmark.ranking_record import Order, Ranking
-from megalopta.benchmark.ranking_truth import Opposed, opposed
+from megalopta.benchmark.sequence_truth import Opposed, opposed
 from megalopta.core.arrays import Floats
 
 _FALSE_SHARE = 0.05

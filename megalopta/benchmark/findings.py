@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from megalopta.benchmark.changes import Change, changes
 from megalopta.benchmark.ranking_errors import FEWEST_SEQUENCES, STILL
 from megalopta.benchmark.ranking_record import Order, Ranking
-from megalopta.benchmark.ranking_truth import opposed
+from megalopta.benchmark.sequence_truth import opposed
 from megalopta.plotting.text import number
 
 _TOLD = 3

@@ -14,7 +14,6 @@ from megalopta.benchmark.camera_motion import (
     errors_of_motion,
 )
 from megalopta.benchmark.methods import Methods
-from megalopta.benchmark.pooling import Pooling
 from megalopta.benchmark.ranking_errors import (
     STILL,
     Sums,
@@ -22,8 +21,8 @@ from megalopta.benchmark.ranking_errors import (
     pair_sums,
 )
 from megalopta.benchmark.ranking_record import BOUND
-from megalopta.benchmark.ranking_settings import RankingSettings
-from megalopta.benchmark.ranking_truth import BlockTruths, SequenceTruth
+from megalopta.benchmark.ranking_settings import Pooling, RankingSettings
+from megalopta.benchmark.sequence_truth import BlockTruths, SequenceTruth
 from megalopta.benchmark.velocities import Drawn, Velocities
 from megalopta.benchmark.yaw_rate import YawErrors
 from megalopta.core.arrays import Floats

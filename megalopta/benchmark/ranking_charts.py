@@ -10,10 +10,10 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from megalopta.benchmark.pooling import Pooling
 from megalopta.benchmark.ranking_errors import STILL
 from megalopta.benchmark.ranking_record import BOUND, Ranking
-from megalopta.benchmark.ranking_truth import (
+from megalopta.benchmark.ranking_settings import Pooling
+from megalopta.benchmark.sequence_truth import (
     PARALLAX_PX,
     RANGES,
     SPEEDS_PX,

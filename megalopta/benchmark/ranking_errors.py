@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.benchmark.ranking_truth import BlockTruths
+from megalopta.benchmark.sequence_truth import BlockTruths
 from megalopta.core.arrays import Floats
 
 STILL = "answer 0"

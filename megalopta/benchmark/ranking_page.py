@@ -20,8 +20,8 @@ from megalopta.benchmark.ranking_charts import (
 )
 from megalopta.benchmark.ranking_light import levels_section
 from megalopta.benchmark.ranking_record import Ranking
-from megalopta.benchmark.ranking_truth import DISTANCES_M, PARALLAX_PX, SPEEDS_PX
 from megalopta.benchmark.ratios import error_ratios
+from megalopta.benchmark.sequence_truth import DISTANCES_M, PARALLAX_PX, SPEEDS_PX
 from megalopta.core import files
 from megalopta.plotting.sections import Section, write_sections
 from megalopta.plotting.text import UNDEFINED, number, percent

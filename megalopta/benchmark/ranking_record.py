@@ -5,8 +5,7 @@ from functools import cached_property
 
 from pydantic import FiniteFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
-from megalopta.benchmark.pooling import Pooling
-from megalopta.benchmark.ranking_settings import RankingSettings
+from megalopta.benchmark.ranking_settings import Pooling, RankingSettings
 from megalopta.core.format_numbers import written
 from megalopta.core.record import Record
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from megalopta.benchmark.ranking_record import Ranking
-from megalopta.benchmark.ranking_truth import RANGES, opposed
+from megalopta.benchmark.sequence_truth import RANGES, opposed
 from megalopta.plotting.style import BLACK, PALETTE
 from megalopta.plotting.svg import in_style, to_svg
 from megalopta.plotting.text import number

@@ -16,12 +16,8 @@ from functools import cache
 from pathlib import Path
 
 from megalopta.benchmark import trial
-from megalopta.benchmark.trial import (
-    Template,
-    Trial,
-    measure,
-    template_names,
-)
+from megalopta.benchmark.templates import Template, template_names
+from megalopta.benchmark.trial import Trial, measure
 from megalopta.core import files
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError

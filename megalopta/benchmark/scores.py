@@ -1,16 +1,24 @@
-"""Scores of a folder of flow, or of a method: by sequence and overall, for every pass."""
+"""Scores of files of flow, or of a method's answers: by sequence and overall, for every pass."""
 
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import FiniteFloat, NonNegativeInt, PositiveInt
 
-from megalopta.benchmark.answers import Answers, answers_of, name_of
-from megalopta.benchmark.pairing import TrueFlow, Truths, true_flows
+from megalopta.benchmark.pairs_on_disk import (
+    Frame,
+    TrueFlow,
+    Truths,
+    pictures_of,
+    submitted_flows,
+    true_flows,
+)
 from megalopta.core.errors import UserError
 from megalopta.core.format_numbers import written
 from megalopta.core.freshness import digest
@@ -18,12 +26,17 @@ from megalopta.core.pictures import read_picture
 from megalopta.core.progress import progress
 from megalopta.core.record import Record
 from megalopta.dataset.store import file_hash
-from megalopta.flow.detectors.registry import Method
+from megalopta.flow.detectors.gray_detector import DenseDetector
+from megalopta.flow.detectors.registry import Method, method
 from megalopta.flow.files.formats import read_flow
 from megalopta.flow.metrics.dense_error import GROUPS, DenseError, DenseErrors
 
 Number = FiniteFloat | None
 """None where no pixel is of the group"""
+
+
+Answers = Mapping[Frame, tuple[str, Callable[[], NDArray[Any]]]]
+"""Where the answer to a frame comes from, and what gives it, (H, W, 2) in px"""
 
 
 class GroupErrors(Record, frozen=True):
@@ -98,12 +111,12 @@ def score_submission(
     if not truth.is_dir():
         raise UserError(f"{truth}: no such folder")
     truths = true_flows(truth)
-    passes = answers_of(flow, truths)
+    passes = _answers_of(flow, truths)
     with progress("Scoring flow", len(truths), "frame") as advance:
         found, digest_of_all = _scored(passes, truths, advance)
     entries = [
         Entry(
-            program=program or name_of(flow),
+            program=program or _name_of(flow),
             pass_name=name,
             truth=truth.resolve().name,
             truth_hash=digest_of_all,
@@ -117,6 +130,45 @@ def score_submission(
         for by_sequence in found.values()
     ]
     return Scores(entries=tuple(entries), sequences=tuple(sequences))
+
+
+def _answers_of(flow: str | Path | Method, truths: Truths) -> Mapping[str, Answers]:
+    """Return the answers to all frames, by pass. Raises UserError."""
+    if isinstance(flow, str | Path) and Path(flow).is_dir():
+        passes = submitted_flows(Path(flow), truths)
+        return {
+            name: {frame: (str(path), partial(read_flow, path)) for frame, path in paths.items()}
+            for name, paths in passes.items()
+        }
+    detector = _dense(flow)
+    return {
+        name: {
+            frame: (str(first), partial(_answer, detector, first, second))
+            for frame, (first, second) in pictures.items()
+        }
+        for name, pictures in pictures_of(truths).items()
+    }
+
+
+def _name_of(flow: str | Path | Method) -> str:
+    """Name of what gave the flow, unless it is told."""
+    if isinstance(flow, str | Path) and Path(flow).is_dir():
+        return Path(flow).resolve().name
+    return _dense(flow).name
+
+
+def _dense(flow: str | Path | Method) -> DenseDetector:
+    try:
+        found = method(str(flow) if isinstance(flow, Path) else flow)
+    except ValueError as problem:
+        raise UserError(f"{flow}: no such folder; {problem}") from None
+    if not isinstance(found, DenseDetector):
+        raise UserError(f"{found.name} gives no flow at every pixel; give a method that does")
+    return found
+
+
+def _answer(detector: DenseDetector, first: Path, second: Path) -> NDArray[Any]:
+    return detector.dense(read_picture(first, "L"), read_picture(second, "L"))
 
 
 def _scored(

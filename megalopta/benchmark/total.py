@@ -8,7 +8,6 @@ import numpy as np
 from megalopta.benchmark.camera_motion import CameraErrors
 from megalopta.benchmark.intervals import best, interval, ratio
 from megalopta.benchmark.measured import Part
-from megalopta.benchmark.pooling import Pooling
 from megalopta.benchmark.ranking_errors import STILL, Sums, units
 from megalopta.benchmark.ranking_record import (
     BestMethod,
@@ -18,8 +17,8 @@ from megalopta.benchmark.ranking_record import (
     Order,
     Ranking,
 )
-from megalopta.benchmark.ranking_settings import RankingSettings
-from megalopta.benchmark.ranking_truth import opposed
+from megalopta.benchmark.ranking_settings import Pooling, RankingSettings
+from megalopta.benchmark.sequence_truth import opposed
 from megalopta.benchmark.yaw_rate import typical
 from megalopta.core.arrays import Floats
 from megalopta.dataset.store import Dataset

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from megalopta.benchmark.camera_motion import LIKELIHOODS, likely_motion
 from megalopta.benchmark.methods import identity
-from megalopta.benchmark.pooling import Pooling
-from megalopta.benchmark.ranking_settings import RankingSettings
+from megalopta.benchmark.ranking_settings import Pooling, RankingSettings
 from megalopta.core import files
 from megalopta.core.arrays import Floats
 from megalopta.core.freshness import code_digest, digest

@@ -15,16 +15,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from megalopta.benchmark.whole_frame_scenes import Clip, middle
+from megalopta.benchmark.clips import Clip, middle
+from megalopta.benchmark.methods import BLOCK_PX, block_detector
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector, block_grid
-from megalopta.flow.detectors.registry import METHODS, Method, method
+from megalopta.flow.detectors.registry import Method
 from megalopta.flow.metrics.endpoint_error import block_flow
 from megalopta.flow.stimuli.photons import draw_counts
 from megalopta.sensor.sampling import generator
 
-BLOCK_PX = 24
 PHOTONS_PER_PX: tuple[float, ...] = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
 FAR_PX = 3.0
 """Endpoint error beyond which a block is counted as far off"""
@@ -130,23 +130,6 @@ def frame_errors(
         median_px, mean_px, far = (OverScenes(of_scenes) for of_scenes in each)
         found.append(FrameErrors(detector, scenes, median_px, mean_px, far, tuple(fluxes)))
     return found
-
-
-def block_methods(frames: int) -> list[str]:
-    """Return the names of the methods that give velocities of blocks from so many frames."""
-    return [
-        name
-        for name, each in METHODS.items()
-        if isinstance(each, BlockDetector) and each.memory_frames < frames
-    ]
-
-
-def block_detector(chosen: Method) -> BlockDetector:
-    """Return a method that gives velocities of blocks. Raises ValueError for any other."""
-    found = method(chosen)
-    if not isinstance(found, BlockDetector):
-        raise ValueError(f"{found.name} gives no velocity of blocks; choose a method that does")
-    return found.model_copy(update={"block_px": BLOCK_PX})
 
 
 def measures(error_px: Floats) -> Floats:

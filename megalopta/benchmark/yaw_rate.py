@@ -5,9 +5,8 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from megalopta.benchmark.methods import Methods
-from megalopta.benchmark.pooling import Pooling
 from megalopta.benchmark.ranking_record import YawRateError
-from megalopta.benchmark.ranking_settings import RankingSettings
+from megalopta.benchmark.ranking_settings import Pooling, RankingSettings
 from megalopta.benchmark.velocities import Drawn, Velocities
 from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark.settings import default_warm_up

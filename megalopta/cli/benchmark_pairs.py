@@ -55,8 +55,8 @@ def _run(options: Namespace) -> None:
     from rich.console import Console
 
     from megalopta.benchmark.board_of_pairs import errors_of_pairs, write_board
+    from megalopta.benchmark.methods import BLOCK_PX
     from megalopta.benchmark.pairs_on_disk import pairs_below, spread
-    from megalopta.benchmark.whole_frame_board import BLOCK_PX
 
     if len(options.paths) == 1:
         pairs = spread(pairs_below(options.paths[0]), options.pairs)

@@ -29,9 +29,8 @@ def declare(verbs: Verbs) -> None:
 def _run(options: Namespace) -> None:
     from rich.console import Console
 
-    from megalopta.benchmark.board import add_entries, read_board
+    from megalopta.benchmark.leaderboard import add_entries, board_table, read_board, score_table
     from megalopta.benchmark.scores import score_submission
-    from megalopta.benchmark.tables import board_table, score_table
     from megalopta.core import files
 
     if options.leaderboard:

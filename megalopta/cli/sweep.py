@@ -31,8 +31,7 @@ def _settings() -> "Settings":
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.benchmark.sweep import load_sweep
-    from megalopta.benchmark.sweep_cost import announce_sweep
+    from megalopta.benchmark.sweep import announce_sweep, load_sweep
     from megalopta.reproduction.drawing import reproduce_sweep
 
     sweep = load_sweep(options.sweep, options.overrides, options.allow_code)

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
-from megalopta.benchmark.forest_flight import (
+from megalopta.benchmark.flights import (
     FLIGHT_DRAWS,
     FLIGHT_FLUXES,
     FLIGHTS,
@@ -17,7 +17,7 @@ from megalopta.benchmark.forest_flight import (
     forest_flights,
     together,
 )
-from megalopta.benchmark.whole_frame_forests import forest_clips
+from megalopta.benchmark.moving_forests import forest_clips
 from megalopta.core.arrays import Floats
 from megalopta.core.progress import progress
 from megalopta.plotting.picture import Cell, Figure, columns_of

@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import EngFormatter
 
-from megalopta.benchmark.leaderboard import (
+from megalopta.benchmark.isolated_blocks import (
     EFFICIENCY_FLUXES,
     FLUXES,
     GRID,

@@ -10,17 +10,11 @@ from functools import partial
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
-from megalopta.benchmark.baselines import methods_and_baselines
+from megalopta.benchmark.clips import leaves_clips, panorama_clips
+from megalopta.benchmark.methods import BLOCK_PX, methods_and_baselines
+from megalopta.benchmark.moving_forests import MOVING_VIEWS, forest_clips
 from megalopta.benchmark.panoramas import natural_templates
-from megalopta.benchmark.whole_frame_board import (
-    BLOCK_PX,
-    FAR_PX,
-    PHOTONS_PER_PX,
-    FrameErrors,
-    frame_errors,
-)
-from megalopta.benchmark.whole_frame_forests import MOVING_VIEWS, forest_clips
-from megalopta.benchmark.whole_frame_scenes import leaves_clips, panorama_clips
+from megalopta.benchmark.whole_frame_board import FAR_PX, PHOTONS_PER_PX, FrameErrors, frame_errors
 from megalopta.core.progress import progress
 from megalopta.flow.detectors.registry import Method
 from megalopta.plotting.picture import Cell, Figure, columns_of

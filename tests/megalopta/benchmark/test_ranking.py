@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from megalopta.benchmark.findings import findings
-from megalopta.benchmark.pooling import Pooling
 from megalopta.benchmark.ranking_errors import STILL
 from megalopta.benchmark.ranking_folder import read_ranking, run_ranking
 from megalopta.benchmark.ranking_record import BOUND, Ranking
-from megalopta.benchmark.ranking_truth import SequenceTruth
+from megalopta.benchmark.ranking_settings import Pooling
+from megalopta.benchmark.sequence_truth import SequenceTruth
 from megalopta.cli import main as cli
 from megalopta.config.model import load
 from megalopta.core.errors import UserError

@@ -1,7 +1,6 @@
 import pytest
 
-from megalopta.benchmark.sweep import Sweep
-from megalopta.benchmark.sweep_cost import announce_sweep
+from megalopta.benchmark.sweep import Sweep, announce_sweep
 from megalopta.core.errors import UserError
 
 

@@ -7,20 +7,15 @@ import pytest
 from PIL import Image
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from megalopta.benchmark.baselines import methods_and_baselines, on_the_board
-from megalopta.benchmark.whole_frame_board import (
-    OverScenes,
-    block_errors,
-    block_methods,
-    frame_errors,
-)
-from megalopta.benchmark.whole_frame_scenes import (
+from megalopta.benchmark.clips import (
     FRAMES,
     Clip,
     leaves_clip,
     middle,
     panorama_clips,
 )
+from megalopta.benchmark.methods import block_methods, methods_and_baselines, on_the_board
+from megalopta.benchmark.whole_frame_board import OverScenes, block_errors, frame_errors
 from megalopta.cli import main as cli
 from megalopta.flow.detectors.from_function import detector_from
 from megalopta.flow.detectors.registry import METHODS

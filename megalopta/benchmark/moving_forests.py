@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.benchmark.clips import FRAMES, SHAPE, Clip
 from megalopta.benchmark.panorama_recipes import LUMINANCE_BAND_NM
-from megalopta.benchmark.whole_frame_scenes import FRAMES, SHAPE, Clip
 from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats
 from megalopta.core.folders import cache_folder

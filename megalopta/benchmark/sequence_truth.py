@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.benchmark.pooling import Pooling
+from megalopta.benchmark.ranking_settings import Pooling
 from megalopta.core.arrays import Floats
 from megalopta.dataset.frames import read_truth_frames
 from megalopta.dataset.store import Dataset

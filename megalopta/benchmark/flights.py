@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from megalopta.benchmark.whole_frame_forests import VIEW_SETTINGS, MovingView
-from megalopta.benchmark.whole_frame_scenes import Clip
+from megalopta.benchmark.clips import Clip
+from megalopta.benchmark.moving_forests import VIEW_SETTINGS, MovingView
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Detector, Frames
 from megalopta.flow.detectors.blocks import BlockDetector

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from megalopta.benchmark.forest_flight import MotionErrors, flight_errors, forest_flight, together
-from megalopta.benchmark.whole_frame_scenes import Clip
+from megalopta.benchmark.clips import Clip
+from megalopta.benchmark.flights import MotionErrors, flight_errors, forest_flight, together
 from megalopta.flow.egomotion.yaw_rate import yaw_rates_deg_s
 from megalopta.reproduction import comparison_camera_motion as camera_motion
 from megalopta.reproduction.recipe import Run
