@@ -51,6 +51,25 @@ def velocity_names() -> tuple[str, ...]:
     return tuple(name for name, each in METHODS.items() if isinstance(each, BlockDetector))
 
 
+def directional_methods(ranked: Methods, more: Iterable[Method]) -> Mapping[str, Detector]:
+    """Return the ranked methods, and others that tell the direction of motion.
+
+    Raises
+    ------
+    ValueError
+        When one is unknown, or blind to direction.
+    """
+    found: dict[str, Detector] = dict(ranked)
+    for detector in map(method, more):
+        if not detector.tells_direction:
+            raise ValueError(
+                f"wide_field: {detector.name!r} is blind to direction, so no yaw rate follows from "
+                "it; leave it out"
+            )
+        found[detector.name] = detector
+    return found
+
+
 def block_methods(frames: int) -> list[str]:
     """Return the names of the methods that give velocities of blocks from so many frames."""
     return [

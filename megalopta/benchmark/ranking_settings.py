@@ -1,7 +1,7 @@
 """What `megalopta benchmark sequence` measures: methods, photons, and how these are pooled."""
 
 from collections.abc import Iterator
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 from pydantic import Field, field_validator, model_validator
 
@@ -27,10 +27,6 @@ class Pooling(NamedTuple):
         """Say it in words."""
         return f"{self.pixels} × {self.pixels} px, {self.frames} frame{'s'[: self.frames > 1]}"
 
-    def record(self, flux: float) -> dict[str, Any]:
-        """Return it and a number of photons by name."""
-        return {**self._asdict(), "photons_per_frame": flux}
-
     def light(self, light: Floats) -> Floats:
         """Add the light (T, H, W) of neighbors; frames and pixels that are left over are cut."""
         count = len(light) // self.frames
@@ -46,6 +42,9 @@ class Pooling(NamedTuple):
         middle = (self.frames - 1) // 2
         for first in range(middle, frames // self.frames * self.frames - self.frames, self.frames):
             yield slice(first, first + self.frames)
+
+
+NO_POOLING = Pooling(1, 1)
 
 
 class RankingSettings(Record, frozen=True):
@@ -103,3 +102,8 @@ class RankingSettings(Record, frozen=True):
         if not self.fluxes and not self.light_levels:
             raise ValueError("give fluxes, or light_levels")
         return self
+
+
+def photons_at(per_lux_s: float, level: LightLevel, exposure_s: float) -> float:
+    """Photons of a mean frame at a level, of the color that was rendered; four digits."""
+    return float(f"{per_lux_s * illuminance_of(level) * exposure_s:.4g}")

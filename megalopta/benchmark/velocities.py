@@ -50,7 +50,7 @@ class Velocities:
     folder
         Where they are kept.
     advance
-        Called after each method and draw.
+        Called after each method and draw that was not asked for before.
     """
 
     def __init__(
@@ -63,6 +63,7 @@ class Velocities:
         self._dataset, self._settings, self._advance = dataset, settings, advance
         self._folder = folder
         self._pooled: dict[Pooling, Floats] = {}
+        self._asked: set[str] = set()
 
     def of(self, method: Detector, drawn: Drawn) -> Floats:
         """Velocities (pairs, rows, columns, 2) of all blocks, px of the full image per frame.
@@ -107,7 +108,9 @@ class Velocities:
             found = measure().astype(np.float32)
             with files.atomic_write(kept) as temporary:
                 np.save(temporary, found, allow_pickle=False)
-        self._advance(1)
+        if what not in self._asked:
+            self._asked.add(what)
+            self._advance(1)
         return found.astype(np.float64)
 
     def _measured(self, method: Detector, drawn: Drawn) -> Floats:

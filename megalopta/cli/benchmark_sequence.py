@@ -26,6 +26,6 @@ def _settings() -> "Settings":
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.benchmark.ranking_folder import run_ranking
+    from megalopta.benchmark.ranking_run import run_ranking
 
     print(run_ranking(options.dataset, options.out, options.overrides))

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from megalopta.benchmark.findings import findings, summary
 from megalopta.benchmark.ranking_charts import atlas
-from megalopta.benchmark.ranking_folder import FOLDER, read_ranking
+from megalopta.benchmark.ranking_page import findings, summary
+from megalopta.benchmark.ranking_run import FOLDER, read_ranking
 from megalopta.dataset.store import Dataset
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import zarr
 from rich.console import Console
 
-from megalopta.benchmark.ranking_folder import FOLDER
+from megalopta.benchmark.ranking_run import FOLDER
 from megalopta.core.progress import progress
 from megalopta.dataset.store import (
     Dataset,

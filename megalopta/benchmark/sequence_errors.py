@@ -1,0 +1,206 @@
+"""What is measured on one rendered sequence: each metric is a function that adds its cases.
+
+A block's error is the endpoint error in px of the full image per frame; a block without velocity
+counts as one that reports zero motion. Means are over all blocks of a group.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import TypeAlias
+
+import numpy as np
+
+from megalopta.benchmark.camera_motion import (
+    LIKELIHOODS,
+    CameraErrors,
+    chosen_pairs,
+    errors_of_flow,
+    errors_of_motion,
+)
+from megalopta.benchmark.intervals import Sums
+from megalopta.benchmark.methods import Methods, directional_methods
+from megalopta.benchmark.ranking_settings import NO_POOLING, Pooling, RankingSettings
+from megalopta.benchmark.sequence_truth import BlockTruths, SequenceTruth
+from megalopta.benchmark.table import Case
+from megalopta.benchmark.velocities import Drawn, Velocities
+from megalopta.core.arrays import Floats
+from megalopta.dataset.store import Dataset
+from megalopta.flow.benchmark.settings import default_warm_up
+from megalopta.flow.detectors.blocks import BlockGrid
+from megalopta.flow.egomotion.heading import CameraMotion
+from megalopta.flow.egomotion.yaw_rate import YawRateTest, yaw_rates_deg_s
+from megalopta.flow.metrics.response_error import combine, error_sums
+
+ERROR = "epe_px"
+SELF_ERROR = "self_error"
+ROTATION, HEADING = "rotation_error_deg", "heading_error_deg"
+YAW, YAW_OF_LIGHT, TRUE_YAW = "yaw_error_deg_s", "yaw_error_of_light_deg_s", "true_yaw_deg_s"
+
+STILL = "zero motion"
+"""What a method must beat: no motion anywhere"""
+
+BOUND = "Poisson bound"
+
+Measured: TypeAlias = Iterator[tuple[Case, Sums]]
+"""Sums over the pairs of frames of a sequence, or one number of it, by case"""
+
+
+@dataclass(frozen=True)
+class Example:
+    """Velocities (rows, columns, 2) of one pair of frames, not pooled more than any."""
+
+    truth: Floats
+    found: Mapping[str, Mapping[float, Floats]]
+    """By method and photons per frame"""
+
+
+class SequenceBenchmark:
+    """A sequence, the methods on it, and what is true of it."""
+
+    def __init__(
+        self,
+        dataset: Dataset,
+        settings: RankingSettings,
+        methods: Methods,
+        velocities: Velocities,
+    ) -> None:
+        self.dataset, self.settings, self.methods = dataset, settings, methods
+        self.velocities = velocities
+        self._traced: dict[BlockGrid, SequenceTruth] = {}
+        self._truths: dict[tuple[BlockGrid, Pooling], BlockTruths] = {}
+
+    @property
+    def conditions(self) -> Iterator[tuple[Pooling, float]]:
+        """Yield every pooling and number of photons per frame."""
+        settings = self.settings
+        for pixels, frames in product(settings.pixels_pooled, settings.frames_pooled):
+            for flux in settings.fluxes:
+                yield Pooling(pixels, frames), flux
+
+    def grid(self, name: str, pixels: int) -> BlockGrid:
+        """Return the blocks of a method on pooled frames; ValueError where these are too small."""
+        camera = self.dataset.configuration.camera
+        return self.methods[name].grid(Pooling(pixels, 1).shape((camera.height, camera.width)))
+
+    def truth(self, grid: BlockGrid, pooling: Pooling) -> BlockTruths:
+        """Return the truth of the blocks between pooled frames."""
+        if (grid, pooling) not in self._truths:
+            if grid not in self._traced:
+                self._traced[grid] = SequenceTruth(self.dataset, grid)
+            self._truths[grid, pooling] = self._traced[grid].at(pooling)
+        return self._truths[grid, pooling]
+
+    def noisy(self, name: str, pooling: Pooling, flux: float) -> list[Floats]:
+        """Return the velocities that a method finds in each draw of the photons."""
+        repeats = range(self.settings.repeats)
+        found = (Drawn(pooling, flux, repeat) for repeat in repeats)
+        return [self.velocities.of(self.methods[name], drawn) for drawn in found]
+
+
+def endpoint_errors(sequence: SequenceBenchmark) -> Measured:
+    """Yield errors of every method by group, of zero motion, and the least that photons allow."""
+    for pooling, flux in sequence.conditions:
+        grids = {name: sequence.grid(name, pooling.pixels) for name in sequence.methods}
+        for name, grid in grids.items():
+            truth = sequence.truth(grid, pooling)
+            found = sequence.noisy(name, pooling, flux)
+            distances = [_distances(each, truth) for each in found]
+            yield from _by_group(distances, truth, Case(ERROR, name, flux, "", *pooling))
+        grid = next(iter(grids.values()))
+        truth = sequence.truth(grid, pooling)
+        speed = np.linalg.norm(truth.velocities, axis=-1)
+        bound = np.minimum(sequence.velocities.bound(grid, pooling, flux), speed)
+        yield from _by_group([speed], truth, Case(ERROR, STILL, flux, "", *pooling))
+        yield from _by_group([bound], truth, Case(ERROR, BOUND, flux, "", *pooling))
+
+
+def self_errors(sequence: SequenceBenchmark) -> Measured:
+    """Yield how far each method is from its own answer to the light (Eq. 4.5)."""
+    for pooling, flux in sequence.conditions:
+        for name, detector in sequence.methods.items():
+            ideal = sequence.velocities.of(detector, Drawn(pooling, flux, None))
+            sums = [
+                combine([error_sums(detector, ideal, each)], np.concatenate)
+                for each in sequence.noisy(name, pooling, flux)
+            ]
+            mean = float(np.mean([each.of_sequence("literal") for each in sums]))
+            yield Case(SELF_ERROR, name, flux, "all", *pooling), _values([mean])
+
+
+def camera_errors(sequence: SequenceBenchmark) -> Measured:
+    """Yield errors of the camera's rotation and heading, from flow and as the most likely ones."""
+    dataset, settings, velocities = sequence.dataset, sequence.settings, sequence.velocities
+    frames = dataset.configuration.trajectory.frames
+    pairs = chosen_pairs(frames, settings.camera_pairs).tolist()
+    if not pairs:
+        return
+    for flux in settings.fluxes:
+        for name in sequence.methods if settings.finest == NO_POOLING else ():
+            found, grid = sequence.noisy(name, NO_POOLING, flux)[0], sequence.grid(name, 1)
+            errors = [errors_of_flow(dataset, grid, found[pair], pair) for pair in pairs]
+            yield from _camera_cases(name, flux, errors)
+        for name in LIKELIHOODS:
+            motions = velocities.likely_motions(Drawn(NO_POOLING, flux, 0), name, pairs)
+            errors = [
+                errors_of_motion(dataset, CameraMotion(each[:3], each[3:]), pair)
+                for pair, each in zip(pairs, motions, strict=True)
+            ]
+            yield from _camera_cases(name, flux, errors)
+
+
+def yaw_errors(sequence: SequenceBenchmark) -> Measured:
+    """Learn the yaw rate from clean answers to the first half of a sequence; try it on the rest."""
+    rates = yaw_rates_deg_s(sequence.dataset.configuration.trajectory)
+    settings = sequence.settings
+    for name, detector in directional_methods(sequence.methods, settings.wide_field).items():
+        for flux in settings.fluxes:
+            test = YawRateTest(detector, rates, default_warm_up(len(rates) + 1, [detector]))
+            draws = (Drawn(NO_POOLING, flux, repeat) for repeat in (None, 0))
+            test.add(*(sequence.velocities.of(detector, drawn) for drawn in draws))
+            if found := test.result():
+                yield Case(TRUE_YAW, name, flux), _values([found.true_deg_s])
+                yield Case(YAW_OF_LIGHT, name, flux), _values([found.ideal_deg_s])
+                yield Case(YAW, name, flux), _values([found.counts_deg_s])
+
+
+METRICS = (endpoint_errors, self_errors, camera_errors, yaw_errors)
+"""All that is measured: `ERROR` is averaged over blocks, of others the median counts"""
+
+
+def example_of(sequence: SequenceBenchmark) -> Example:
+    """Return true and found velocities of the pair in the middle."""
+    finest, found = sequence.settings.finest, {}
+    for name in sequence.methods:
+        truth = sequence.truth(sequence.grid(name, finest.pixels), finest).velocities
+        middle = len(truth) // 2
+        found[name] = {
+            flux: sequence.noisy(name, finest, flux)[0][middle, 1:-1, 1:-1]
+            for flux in sequence.settings.fluxes
+        }
+    grid = sequence.grid(next(iter(found)), finest.pixels)
+    return Example(sequence.truth(grid, finest).velocities[middle], found)
+
+
+def _distances(velocities: Floats, truth: BlockTruths) -> Floats:
+    """Return the endpoint errors (pairs, rows, columns) of the blocks inside."""
+    inside = velocities[:, 1:-1, 1:-1]
+    answered = np.isfinite(inside).all(axis=-1, keepdims=True)
+    return np.asarray(np.linalg.norm(np.where(answered, inside, 0) - truth.velocities, axis=-1))
+
+
+def _by_group(errors: Sequence[Floats], truth: BlockTruths, case: Case) -> Measured:
+    """Sum errors (pairs, rows, columns) of several draws over the blocks of each group."""
+    for group, among in truth.groups.items():
+        totals = np.sum([np.where(among, each, 0).sum(axis=(1, 2)) for each in errors], axis=0)
+        blocks = len(errors) * among.sum(axis=(1, 2)).astype(np.float64)
+        yield case._replace(group=group), Sums(np.asarray(totals), blocks)
+
+
+def _camera_cases(name: str, flux: float, errors: Sequence[CameraErrors]) -> Measured:
+    yield Case(ROTATION, name, flux), _values([each.rotation_deg for each in errors])
+    yield Case(HEADING, name, flux), _values([each.heading_deg for each in errors])
+
+
+def _values(values: Sequence[float]) -> Sums:
+    return Sums(np.array(values), np.ones(len(values)))
