@@ -15,6 +15,7 @@ from megalopta.assets_gen.dead_leaves_model import dead_leaves
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.stimuli.known_flow import Layer, MovingLayers, PanningView
+from megalopta.flow.stimuli.photons import Counts, draw_counts
 
 SHAPE = (240, 240)
 FRAMES = 8
@@ -47,6 +48,10 @@ class Clip:
 
     flow: Floats
     """(H, W, 2), px, between the two frames in the middle, on the pixels of the first"""
+
+    def counts(self, flux: float, draw: int, key: tuple[str, ...] = ()) -> Counts:
+        """Return a draw (T, H, W) of so many photons per pixel; the key tells it from others."""
+        return draw_counts(self.light * flux, 0, *key, self.name, f"{flux:.6g}", draw)
 
 
 def leaves_clip(seed: int, shape: tuple[int, int] = SHAPE) -> Clip:
