@@ -1,6 +1,6 @@
-from .benchmark.result import BenchmarkResult as BenchmarkResult
 from .benchmark.search import photon_search as photon_search
 from .benchmark.sequence import (
+    BenchmarkResult as BenchmarkResult,
     Clip as Clip,
     photon_benchmark as photon_benchmark,
 )

@@ -7,13 +7,9 @@ are drawn and not scored. Draws are named by seed, stimulus, flux, place and rep
 that needs few frames sees the first of those that another one sees.
 """
 
-import math
-import threading
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from megalopta.flow.benchmark.settings import SearchSettings
 from megalopta.flow.detectors.base import (
@@ -24,7 +20,7 @@ from megalopta.flow.detectors.base import (
 )
 from megalopta.flow.metrics.response_error import ErrorSums, error_sums, sums_of_errors
 from megalopta.flow.stimuli.moving_template import MovingTemplate, summed
-from megalopta.flow.stimuli.photons import Empty, draw_in_one, narrowest
+from megalopta.flow.stimuli.photons import draw_in_one, narrowest
 
 _PIXELS_AT_ONCE = 2**17
 
@@ -42,8 +38,6 @@ class ShortSequences:
         Of the stimulus.
     methods
         Detectors that will see it.
-    empty
-        Makes the arrays of counts.
     """
 
     def __init__(
@@ -53,9 +47,8 @@ class ShortSequences:
         seed: int,
         name: str,
         methods: Sequence[Detector],
-        empty: Empty = np.empty,
     ) -> None:
-        self.settings, self.seed, self._empty = settings, seed, empty
+        self.settings, self.seed = settings, seed
         self.key = (name, f"{stimulus.size}x{stimulus.size}")
         self.shape = (stimulus.size, stimulus.size)
         self.pixels = stimulus.size**2
@@ -91,7 +84,6 @@ class ShortSequences:
                 self.seed,
                 *(*self.key, f"{flux:.6g}", phase, repeat),
                 brightest=self._brightest,
-                empty=self._empty,
             )
             if self.settings.summed_frames > 1:
                 counts = narrowest(summed(counts, self.settings.summed_frames))
@@ -189,30 +181,6 @@ class Comparison:
 
     def _scale(self, flux: float) -> float:
         return self._sequences.pixels / (flux * self._sequences.settings.summed_frames)
-
-
-class ReusedMemory(threading.local):
-    """Memory of one thread for arrays that go, all of which is free again at `release`.
-
-    A system clears the memory that it hands out, which takes as long as drawing photons into it.
-    """
-
-    def __init__(self) -> None:
-        self._free: list[NDArray[np.uint8]] = []
-        self._taken: list[NDArray[np.uint8]] = []
-
-    def empty(self, shape: tuple[int, ...], kind: type[np.generic]) -> NDArray[Any]:
-        """Return an array as `numpy.empty` does, not to be used after `release`."""
-        size = math.prod(shape) * np.dtype(kind).itemsize
-        place = next((k for k, block in enumerate(self._free) if block.size >= size), None)
-        block = np.empty(size, np.uint8) if place is None else self._free.pop(place)
-        self._taken.append(block)
-        return block[:size].view(kind).reshape(shape)
-
-    def release(self) -> None:
-        """Take back all arrays."""
-        self._free += self._taken
-        self._taken = []
 
 
 def warm_up_frames(method: Detector) -> int:

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 from megalopta.benchmark.camera_motion import LIKELIHOODS, likely_motion
 from megalopta.benchmark.methods import identity
 from megalopta.benchmark.ranking_settings import Pooling, RankingSettings
-from megalopta.core import files
+from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats
 from megalopta.core.freshness import code_digest, digest
 from megalopta.dataset.frames import read_radiance_frames
@@ -27,6 +26,9 @@ from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.metrics.translation_bound import cramer_rao_covariance, fisher_information
 from megalopta.flow.stimuli.photons import draw_counts
 from megalopta.sensor import PRESETS, photon_rate
+
+_MOST_BYTES = 2**62
+"""Of what is kept: any number"""
 
 
 class Drawn(NamedTuple):
@@ -102,16 +104,14 @@ class Velocities:
     def _kept(self, drawn: Drawn, name: str, measure: Callable[[], Floats]) -> Floats:
         """Return what was measured of a draw, now or earlier."""
         what = digest(self._frames, name, repr(drawn), repr(self._settings.seed))
-        kept = self._folder / _model() / f"{what}.npy"
-        found = _read(kept)
-        if found is None:
-            found = measure().astype(np.float32)
-            with files.atomic_write(kept) as temporary:
-                np.save(temporary, found, allow_pickle=False)
+        store = ArrayStore(self._folder / _model(), what, _MOST_BYTES)
+        kept = store.read(["found"])
+        if kept is None:
+            store.write(kept := {"found": measure().astype(np.float32)})
         if what not in self._asked:
             self._asked.add(what)
             self._advance(1)
-        return found.astype(np.float64)
+        return kept["found"].astype(np.float64)
 
     def _measured(self, method: Detector, drawn: Drawn) -> Floats:
         pooling, means = drawn.pooling, self._means(drawn)
@@ -170,13 +170,6 @@ def _light(dataset: Dataset) -> Floats:
         photon_rate(each, bands, PRESETS["ideal"]) for _, each in read_radiance_frames(dataset)
     ]
     return np.concatenate(parts).astype(np.float64)
-
-
-def _read(path: Path) -> Floats | None:
-    try:
-        return np.asarray(np.load(path, allow_pickle=False))
-    except (OSError, ValueError, EOFError, BadZipFile):
-        return None
 
 
 @cache
