@@ -8,6 +8,8 @@ margin of 7 px (`flow.efficiency`) and is held against the true velocity, 2.87 p
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -21,6 +23,7 @@ from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, block_grid
 from megalopta.flow.detectors.registry import Method, method
 from megalopta.flow.metrics.efficiency import (
+    MedianPhotons,
     bound_photons,
     confined_velocities,
     is_within,
@@ -54,37 +57,38 @@ _TIMING_FLUX = 3e5
 GRID = block_grid((SIZE_PX, SIZE_PX))
 
 
+class Bounds(NamedTuple):
+    """Photons per frame at which blocks can err by 25 %, the median, seen in so many frames."""
+
+    known: float
+    """From the block's own pixels, of known texture"""
+
+    with_margin: float
+    """From all pixels seen, block and margin"""
+
+    unknown: float
+    """From the block's own pixels where only the power spectrum of the texture is known"""
+
+
 @dataclass(frozen=True)
-class Entry:
-    """One line of the leaderboard."""
+class BlockPhotons:
+    """Photons that one method needs; a line of the leaderboard."""
 
     detector: Detector
-    photons: float
+    needed: MedianPhotons
     """Photons per frame for a median error of 25 % of the truth; infinite where never"""
-
-    low: float
-    high: float
-    """What infinitely many textures and photons would give, in 95 % of cases"""
 
     frames: int
     """Frames behind one estimate"""
 
-    bound_photons: float
-    """What the bound of the block's own pixels needs with so many frames"""
-
-    cut_bound_photons: float
-    """What the bound of all pixels seen, block and margin, needs"""
-
-    unknown_bound_photons: float
-    """What the bound of the block's own pixels needs where the texture is not known"""
-
+    bounds: Bounds
     ms_per_frame: float
     """CPU time of 240 × 240 px, in this process"""
 
     @property
     def efficiency(self) -> float:
         """Photons that the bound of the block needs over those that the method needs."""
-        return self.bound_photons / self.photons if self.photons > 0 else math.inf
+        return self.bounds.known / self.needed.photons if self.needed.photons > 0 else math.inf
 
 
 def sequences(smallest_radius_px: float = 3.0, count: int = _SEQUENCES) -> Floats:
@@ -110,57 +114,45 @@ def information(clean: Floats, margin_px: int = 0) -> Floats:
     return np.asarray(windows[:, rows, columns].sum(axis=(-2, -1)))
 
 
-def bound(information: Floats, frames: int) -> float:
-    """Return photons per frame at which blocks of J (..., 2, 2) can err by 25 %, the median."""
-    return bound_photons(cramer_rao_covariance(information, frames), SPEED_PX, LEVEL)
+def bounds(clean: Floats, frames: int) -> Bounds:
+    """Return the bounds of so many frames of sequences (n, T, H, W)."""
+    known = (
+        bound_photons(cramer_rao_covariance(information(clean, margin), frames), SPEED_PX, LEVEL)
+        for margin in (0, MARGIN_PX)
+    )
+    newest = clean[:, -1]
+    unknown = unknown_texture_photons(
+        texture_spectrum(newest), float(newest.mean()), GRID.block_px**2, frames, SPEED_PX, LEVEL
+    )
+    return Bounds(*known, unknown)
 
 
 def bound_along_x(information: Floats) -> float:
-    """Return `bound` of two frames, J (..., 2, 2), were it known that nothing moves in y."""
+    """Return the bound of two frames, J (..., 2, 2), were it known that nothing moves in y."""
     return bound_photons(cramer_rao_covariance_along_x(information), SPEED_PX, LEVEL)
 
 
-def unknown_bound(clean: Floats, frames: int) -> float:
-    """Return `bound` where only the power spectrum of `clean`, (n, T, H, W), is known."""
-    newest = clean[:, -1]
-    return unknown_texture_photons(
-        texture_spectrum(newest), float(newest.mean()), GRID.block_px**2, frames, SPEED_PX, LEVEL
-    )
-
-
-def ranked(clean: Floats, methods: Iterable[Method]) -> list[Entry]:
+def ranked(clean: Floats, methods: Iterable[Method]) -> list[BlockPhotons]:
     """Return the methods that give velocities, fewest photons first, on sequences (n, T, H, W)."""
-    known, known_with_margin = information(clean), information(clean, MARGIN_PX)
-    drawn: dict[float, list[NDArray[np.unsignedinteger]]] = {}
-
-    def counts(flux: float) -> Sequence[NDArray[np.unsignedinteger]]:
-        if flux not in drawn:
-            drawn[flux] = [draw(each, flux, index) for index, each in enumerate(clean)]
-        return drawn[flux]
-
-    def entry(detector: BlockDetector) -> Entry:
-        def is_good(flux: float) -> NDArray[np.bool_]:
-            velocities = [
-                confined_velocities(detector, each, GRID, MARGIN_PX) for each in counts(flux)
-            ]
-            return is_within(np.stack(velocities), (SPEED_PX, 0.0), LEVEL)
-
-        frames = detector.memory_frames + 1
-        return Entry(
-            detector,
-            *photons_for_half(is_good, FLUXES, generator(0, "leaderboard interval")),
-            frames,
-            bound(known, frames),
-            bound(known_with_margin, frames),
-            unknown[frames],
-            milliseconds_per_frame(detector, counts(_TIMING_FLUX)[0]),
-        )
-
     detectors = [each for each in map(method, methods) if isinstance(each, BlockDetector)]
-    frame_counts = {each.memory_frames + 1 for each in detectors}
-    unknown = {frames: unknown_bound(clean, frames) for frames in frame_counts}
-    entries = [entry(each) for each in detectors]
-    return sorted(entries, key=lambda each: (each.photons, each.detector.name))
+    bounds_of = {each: bounds(clean, each) for each in {one.memory_frames + 1 for one in detectors}}
+
+    @cache
+    def counts(flux: float) -> Sequence[NDArray[np.unsignedinteger]]:
+        return [draw(each, flux, index) for index, each in enumerate(clean)]
+
+    def photons(detector: BlockDetector) -> BlockPhotons:
+        def is_good(flux: float) -> NDArray[np.bool_]:
+            found = [confined_velocities(detector, each, GRID, MARGIN_PX) for each in counts(flux)]
+            return is_within(np.stack(found), (SPEED_PX, 0.0), LEVEL)
+
+        needed = photons_for_half(is_good, FLUXES, generator(0, "leaderboard interval"))
+        time_ms = milliseconds_per_frame(detector, counts(_TIMING_FLUX)[0])
+        frames = detector.memory_frames + 1
+        return BlockPhotons(detector, needed, frames, bounds_of[frames], time_ms)
+
+    found = map(photons, detectors)
+    return sorted(found, key=lambda each: (each.needed.photons, each.detector.name))
 
 
 def draw(clean: Floats, flux: float, sequence: int, repeat: int = 0) -> NDArray[np.unsignedinteger]:
