@@ -21,7 +21,7 @@ _DRAWS_OF_ONE = 5
 
 def declare(verbs: Verbs) -> None:
     """Add the verb."""
-    purpose = "measure flow methods on photons drawn from photographs with true flow"
+    purpose = "rank flow methods on photographs with true flow, over the photons drawn from them"
     command = add_verb(verbs, "pairs", purpose, _run)
     text = (
         "two pictures and their flow (.flo or another format); or a folder in the layout of"

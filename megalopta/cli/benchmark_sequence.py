@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 def declare(verbs: Verbs) -> None:
     """Add the verb."""
-    purpose = "rank flow methods against the true motion of rendered sequences, over photons"
+    purpose = "rank flow methods on rendered sequences against the true motion, over the photons"
     command = add_verb(verbs, "sequence", purpose, _run)
     command.settings = _settings
     add_dataset(command)

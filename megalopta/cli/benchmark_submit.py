@@ -10,12 +10,13 @@ _WIDTH = 150  # of the tables, whatever the terminal's
 
 def declare(verbs: Verbs) -> None:
     """Add the verb."""
-    purpose = "score flow that any program wrote (.flo, .flo5, .pfm, .npy, KITTI's PNG), or methods"
+    purpose = "score flow that any program wrote, or methods, on pictures as they are: no photons"
     command = add_verb(verbs, "submit", purpose, _run)
     command.add_argument(
         "flow",
-        help="folder of flow files (px per frame), laid out as the truth is; or a method, such as "
-        "DIS, module:function or an ONNX file, that is asked for the flow of the truth's pictures",
+        help="folder of flow files (.flo, .flo5, .pfm, .npy or KITTI's PNG, px per frame), laid out "
+        "as the truth is; or a method, such as DIS, module:function or an ONNX file, that is asked "
+        "for the flow of the truth's pictures",
     )
     text = "folder of the true flow: a dataset, or one of Sintel, KITTI or Middlebury"
     command.add_argument("--truth", type=Path, required=True, help=text)

@@ -157,7 +157,16 @@ def test_who_interrupts_does_not_wait_for_trials_that_are_half_done(tmp_path):
     search = "{phases: 250, repeats: 50, metrics: [literal], bits: [2]}"  # minutes
     sweep.write_text(f"trial: {{methods: [BM], size: 240, search: {search}}}\nvalues: [5]\n")
     process = subprocess.Popen(
-        [sys.executable, "-m", "megalopta", "sweep", str(sweep), "--out", str(tmp_path / "out")],
+        [
+            sys.executable,
+            "-m",
+            "megalopta",
+            "benchmark",
+            "photons",
+            str(sweep),
+            "--out",
+            str(tmp_path / "out"),
+        ],
         stderr=subprocess.PIPE,
         text=True,
         # a shell that runs tests in the background has its children ignore Ctrl-C
