@@ -8,7 +8,7 @@ from typing import Any
 from rich.box import SIMPLE
 from rich.table import Table
 
-from megalopta.benchmark.scores import Entry, GroupErrors, Groups, Scores
+from megalopta.benchmark.scores import Entry, Groups, Scores
 from megalopta.core import bounded, files
 from megalopta.core.bounded import sentence
 from megalopta.core.errors import UserError
@@ -94,14 +94,10 @@ def _table(title: str, first: Iterable[str]) -> Table:
 
 
 def _cells(groups: Groups) -> list[str]:
-    return [_text(groups[group], name) for group, name in _COLUMNS.values()]
-
-
-def _text(errors: GroupErrors, name: str) -> str:
-    value = getattr(errors, name)
-    return "–" if value is None else f"{value:.3g}"
+    values = (groups[group][name] for group, name in _COLUMNS.values())
+    return ["–" if value is None else f"{value:.3g}" for value in values]
 
 
 def _epe(entry: Entry) -> float:
-    found = entry.overall["all"].epe_px
+    found = entry.overall["all"]["epe_px"]
     return math.inf if found is None else found

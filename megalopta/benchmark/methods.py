@@ -5,7 +5,8 @@ alike, and two-frame ones on the sums of the first and the second half of eight 
 """
 
 import inspect
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache
 from pathlib import Path
 
 from megalopta.core.freshness import digest
@@ -115,8 +116,13 @@ def methods_and_baselines(frames: int) -> list[BlockDetector]:
 
 
 def identity(detector: Detector) -> str:
-    """Tell a method from others: its parameters, and the file that a function stands in."""
+    """Tell a method from others: its parameters, its class, and the file that a function is in."""
     function = getattr(detector, "function", None)
-    file = inspect.getsourcefile(inspect.unwrap(function)) if inspect.isfunction(function) else None
-    source = Path(file).read_bytes() if file and Path(file).is_file() else b""
-    return digest(detector.model_dump_json(), source)
+    places = type(detector), inspect.unwrap(function) if inspect.isfunction(function) else None
+    return digest(detector.model_dump_json(), *(_source(each) for each in places if each))
+
+
+@cache
+def _source(place: type[Detector] | Callable[..., object]) -> bytes:
+    file = Path(inspect.getsourcefile(place) or "")
+    return file.read_bytes() if file.is_file() else b""

@@ -12,7 +12,7 @@ from megalopta.benchmark.ranking import Ranking, blocks_of, rows_of
 from megalopta.benchmark.ranking_page import NAME, write_ranking
 from megalopta.benchmark.ranking_settings import NO_POOLING, Pooling, RankingSettings, photons_at
 from megalopta.benchmark.sequence_errors import METRICS, Example, SequenceBenchmark, example_of
-from megalopta.benchmark.velocities import Drawn, Velocities, draws, photons_per_lux_s
+from megalopta.benchmark.velocities import Velocities, photons_per_lux_s
 from megalopta.config.yaml_model import validated
 from megalopta.core import bounded
 from megalopta.core.enclosure import check_enclosed
@@ -145,7 +145,8 @@ def _work(dataset: Dataset, settings: RankingSettings, methods: Methods) -> int:
                 method.grid(Pooling(pixels, 1).shape((camera.height, camera.width)))
             except ValueError as problem:
                 raise ValueError(f"pixels_pooled {pixels} for {name}: {problem}") from None
-    clips = {(name, drawn) for name in methods for drawn in draws(settings)}
-    for name, flux in product(directional_methods(methods, settings.wide_field), settings.fluxes):
-        clips |= {(name, Drawn(NO_POOLING, flux, repeat)) for repeat in (None, 0)}
+    repeats, poolings = (None, *range(settings.repeats)), settings.poolings
+    clips = set(product(methods, poolings, settings.fluxes, repeats))
+    wide = directional_methods(methods, settings.wide_field)
+    clips |= set(product(wide, (NO_POOLING,), settings.fluxes, (None, 0)))
     return len(clips) + len(settings.fluxes) * len(LIKELIHOODS) * (settings.camera_pairs > 0)

@@ -85,6 +85,11 @@ class RankingSettings(Record, frozen=True):
         """The least pooling."""
         return Pooling(min(self.pixels_pooled), min(self.frames_pooled))
 
+    @property
+    def poolings(self) -> list[Pooling]:
+        """All of them."""
+        return [Pooling(p, f) for p in self.pixels_pooled for f in self.frames_pooled]
+
     @field_validator("methods", "fluxes", "pixels_pooled", "frames_pooled", "wide_field")
     @classmethod
     def _each_once(cls, values: tuple[object, ...]) -> tuple[object, ...]:

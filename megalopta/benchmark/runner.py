@@ -6,16 +6,15 @@ and no stale result is ever used. Any `concurrent.futures` executor does: thread
 release Python's lock), processes, or that of a Dask cluster, `Client.get_executor()`.
 """
 
-import inspect
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 
 from megalopta.benchmark import trial
+from megalopta.benchmark.methods import identity
 from megalopta.benchmark.templates import Template, template_names
 from megalopta.benchmark.trial import Trial, measure
 from megalopta.core import files
@@ -24,7 +23,6 @@ from megalopta.core.errors import UserError
 from megalopta.core.folders import ensure_directory, locked
 from megalopta.core.freshness import code_digest, digest
 from megalopta.core.progress import progress
-from megalopta.flow.detectors.base import Detector
 from megalopta.flow.metrics.curve import ErrorCurve
 from megalopta.flow.stimuli.photons import BlackFrameError
 from megalopta.generation.cluster import connected
@@ -52,11 +50,9 @@ def run_trials(
     hashes = {template: digest(pixels.tobytes()) for template, pixels in templates.items()}
     # the longest first, so that no worker is left alone with one at the end
     for each in sorted(set(trials), key=lambda trial: (-trial.size, trial.model_dump_json())):
-        template = hashes[each.template]
-        parts = each.model_dump_json(), template, _code(), *_methods(each)
-        path = store / f"{digest(*parts)}.json"
+        path = store / f"{_key(each, hashes[each.template])}.json"
         if (stored := _read(path)) is None:
-            stimulus = digest(json.dumps(each.stimulus), template)
+            stimulus = digest(json.dumps(each.stimulus), hashes[each.template])
             running[executor.submit(measure, each, templates[each.template], stimulus)] = each, path
         else:
             results[each] = stored
@@ -64,10 +60,7 @@ def run_trials(
     try:
         for future in as_completed(running):
             each, path = running[future]
-            try:
-                results[each] = future.result()
-            except BlackFrameError as problem:
-                raise UserError(f"{template_names([each.template])[0]}: {problem}") from None
+            results[each] = _result(future, each)
             _write(path, each, results[each])
             on_progress(_work(each))
     finally:
@@ -118,19 +111,17 @@ def _work(trial: Trial) -> int:
     return max(1, trial.size**2 // 1000)
 
 
-def _code() -> str:
-    """Return the hash of the code that measures, and of the libraries that it measures with."""
-    return code_digest("megalopta.flow", "megalopta.sensor.sampling", trial.__name__)
+def _key(asked: Trial, template: str) -> str:
+    """Return the hash of all that a result depends on: also code, libraries, and detectors."""
+    code = code_digest("megalopta.flow", "megalopta.sensor.sampling", trial.__name__)
+    return digest(asked.model_dump_json(), template, code, *map(identity, asked.detectors))
 
 
-def _methods(trial: Trial) -> list[str]:
-    """Return parameters and code of the detectors, which may be other packages'."""
-    return [each.model_dump_json() + _source(type(each)) for each in trial.detectors]
-
-
-@cache
-def _source(detector: type[Detector]) -> str:
-    return Path(inspect.getfile(detector)).read_text("utf-8")
+def _result(future: Future[Curves], measured: Trial) -> Curves:
+    try:
+        return future.result()
+    except BlackFrameError as problem:
+        raise UserError(f"{template_names([measured.template])[0]}: {problem}") from None
 
 
 def _read(path: Path) -> Curves | None:

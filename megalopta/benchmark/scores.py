@@ -31,32 +31,12 @@ from megalopta.flow.detectors.registry import Method, method
 from megalopta.flow.files.formats import read_flow
 from megalopta.flow.metrics.dense_error import GROUPS, DenseError, DenseErrors
 
-Number = FiniteFloat | None
-"""None where no pixel is of the group"""
-
-
 Answers = Mapping[Frame, tuple[str, Callable[[], NDArray[Any]]]]
 """Where the answer to a frame comes from, and what gives it, (H, W, 2) in px"""
 
-
-class GroupErrors(Record, frozen=True):
-    """Errors of a group of pixels: the fields of `flow.metrics.DenseError`."""
-
-    pixels: NonNegativeInt
-    epe_px: Number
-    epe_of_images_px: Number
-    epe_rms_px: Number
-    over_1px_percent: Number
-    over_3px_percent: Number
-    over_5px_percent: Number
-    fl_percent: Number
-    wauc_percent: Number
-    angular_deg: Number
-    missing_percent: Number
-
-
-Groups = Mapping[str, GroupErrors]
-"""By group of pixels, of `flow.metrics.GROUPS`"""
+Groups = Mapping[str, Mapping[str, int | FiniteFloat | None]]
+"""By group of pixels, of `flow.metrics.GROUPS`, the fields of `flow.metrics.DenseError`; None where
+no pixel is of the group"""
 
 
 class Entry(Record, frozen=True):
@@ -212,10 +192,9 @@ def _mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     return mask
 
 
-def _groups(errors: DenseErrors) -> dict[str, GroupErrors]:
-    return {name: _record(errors.of(name)) for name in GROUPS}
+def _groups(errors: DenseErrors) -> Groups:
+    return {name: _fields(errors.of(name)) for name in GROUPS}
 
 
-def _record(error: DenseError) -> GroupErrors:
-    values = {name: None if math.isnan(value) else value for name, value in asdict(error).items()}
-    return GroupErrors.model_validate(values)
+def _fields(error: DenseError) -> dict[str, int | float | None]:
+    return {name: None if math.isnan(value) else value for name, value in asdict(error).items()}

@@ -70,14 +70,6 @@ class SequenceBenchmark:
         self._traced: dict[BlockGrid, SequenceTruth] = {}
         self._truths: dict[tuple[BlockGrid, Pooling], BlockTruths] = {}
 
-    @property
-    def conditions(self) -> Iterator[tuple[Pooling, float]]:
-        """Yield every pooling and number of photons per frame."""
-        settings = self.settings
-        for pixels, frames in product(settings.pixels_pooled, settings.frames_pooled):
-            for flux in settings.fluxes:
-                yield Pooling(pixels, frames), flux
-
     def grid(self, name: str, pixels: int) -> BlockGrid:
         """Return the blocks of a method on pooled frames; ValueError where these are too small."""
         camera = self.dataset.configuration.camera
@@ -100,7 +92,7 @@ class SequenceBenchmark:
 
 def endpoint_errors(sequence: SequenceBenchmark) -> Measured:
     """Yield errors of every method by group, of zero motion, and the least that photons allow."""
-    for pooling, flux in sequence.conditions:
+    for pooling, flux in product(sequence.settings.poolings, sequence.settings.fluxes):
         grids = {name: sequence.grid(name, pooling.pixels) for name in sequence.methods}
         for name, grid in grids.items():
             truth = sequence.truth(grid, pooling)
@@ -117,7 +109,7 @@ def endpoint_errors(sequence: SequenceBenchmark) -> Measured:
 
 def self_errors(sequence: SequenceBenchmark) -> Measured:
     """Yield how far each method is from its own answer to the light (Eq. 4.5)."""
-    for pooling, flux in sequence.conditions:
+    for pooling, flux in product(sequence.settings.poolings, sequence.settings.fluxes):
         for name, detector in sequence.methods.items():
             ideal = sequence.velocities.of(detector, Drawn(pooling, flux, None))
             sums = [

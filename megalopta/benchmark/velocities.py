@@ -5,7 +5,7 @@ see the same draws. The light itself, at the same number of photons but without 
 the velocities that a method is compared with itself by.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -143,15 +143,6 @@ class Velocities:
         """Hash of the frames: others have other velocities."""
         count = self._dataset.configuration.trajectory.frames
         return digest(*(file_hash(self._dataset.exposed_radiance(index)) for index in range(count)))
-
-
-def draws(settings: RankingSettings) -> Iterator[Drawn]:
-    """Yield every draw, those of a pooling together."""
-    for pixels in settings.pixels_pooled:
-        for frames in settings.frames_pooled:
-            for flux in settings.fluxes:
-                for repeat in (None, *range(settings.repeats)):
-                    yield Drawn(Pooling(pixels, frames), flux, repeat)
 
 
 def photons_per_lux_s(dataset: Dataset) -> float:

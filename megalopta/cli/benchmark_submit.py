@@ -14,9 +14,9 @@ def declare(verbs: Verbs) -> None:
     command = add_verb(verbs, "submit", purpose, _run)
     command.add_argument(
         "flow",
-        help="folder of flow files (.flo, .flo5, .pfm, .npy or KITTI's PNG, px per frame), laid out "
-        "as the truth is; or a method, such as DIS, module:function or an ONNX file, that is asked "
-        "for the flow of the truth's pictures",
+        help="folder of flow files (.flo, .flo5, .pfm, .npy or KITTI's PNG, px per frame), laid "
+        "out as the truth is; or a method, such as DIS, module:function or an ONNX file, that is "
+        "asked for the flow of the truth's pictures",
     )
     text = "folder of the true flow: a dataset, or one of Sintel, KITTI or Middlebury"
     command.add_argument("--truth", type=Path, required=True, help=text)
