@@ -65,11 +65,13 @@ def error(ranked, method, flux, group="all", pooling=NO_POOLING):
     return read_ranking(ranked).error_of(pooling, flux, group, method).value
 
 
-def test_light_without_much_noise_gives_the_true_motion(ranked):
+def test_light_without_much_noise_gives_the_true_motion_and_the_best_method(ranked):
     for pooling in ((1, 1), (1, 2), (2, 1), (2, 2)):
         dis = error(ranked, "DIS", 1e8, pooling=pooling)
         assert dis < 0.2 * error(ranked, STILL, 1e8, pooling=pooling)
         assert dis < error(ranked, "BM", 1e3, pooling=pooling)
+        best = read_ranking(ranked).best_of(pooling, 1e8, "all")
+        assert (best.method, best.value) == ("DIS", 1)
 
 
 def test_zero_motion_is_wrong_by_the_true_speed(ranked, grating):
@@ -142,7 +144,6 @@ def test_functions_and_references_are_methods_too(grating, tmp_path, monkeypatch
     [
         ('{"format": 3}', "ranking format 3 is newer than 2"),
         ("[" * 100_000, "is damaged"),
-        ("7", "is damaged"),
         ('{"format": 1}', "older than 2.*make it again"),
         ('{"format": 2}', "is damaged"),
     ],
@@ -206,13 +207,6 @@ def test_the_likelihood_tells_the_rotation_better_than_blocks(ranked):
     assert "likelihood, 8 frames" in (ranked / "ranking.html").read_text()
 
 
-def test_best_has_the_least_error_and_is_sure_where_all_ratios_say_so(ranked):
-    ranking = read_ranking(ranked)
-    best = ranking.best_of(NO_POOLING, 1e8, "all")
-    assert (best.method, best.value) == ("DIS", 1)
-    assert ranking.order_of(1e8, "all", "BM", "DIS") is None  # a group that is not compared
-
-
 def test_a_camera_that_only_turns_is_told_from_one_that_moves(grating, tmp_path):
     """The grating's camera turns; blocks of a board that is flown past have parallax."""
     moving = {"velocity_m_s": [0, 1, 0], "rotation_deg_s": 0}
@@ -271,11 +265,9 @@ def test_levels_are_measured_at_their_photons(grating, tmp_path):
     [
         (["--methods", "EMD"], "'EMD' is no method that gives velocities; choose from BM"),
         (["--methods", "nobody:flow"], "No module named 'nobody'"),
-        (["--methods", "none.onnx"], "none.onnx: "),
         (["--wide-field", "NDM"], "'NDM' is blind to direction"),
         (["--light-levels", "noon"], "light level 'noon' is unknown"),
         (["--fluxes", "[]"], "give fluxes, or light_levels"),
-        (["--fluxes", "0"], "fluxes"),
         (["--pixels-pooled", "30"], "pixels_pooled 30 for BM"),
         (["--frames-pooled", "4"], "has 8 frames: frames_pooled 4 needs 12"),
     ],
