@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from megalopta.benchmark.templates import pixels_of
-from megalopta.benchmark.trial import Trial, measure
+from megalopta.benchmark.trial import Trial, measure_trial
 from megalopta.flow.benchmark import short_sequences
 from megalopta.flow.detectors.base import FloatArray
 from megalopta.flow.detectors.registry import method
@@ -104,7 +104,7 @@ def chapter(every: int = 16) -> None:
     trials = sorted({trial for sweep in SWEEPS.values() for trial in sweep.trials}, key=_size_first)
     some = trials[::every]
     pixels = pixels_of(each.template for each in some)
-    measure(some[0], pixels[some[0].template], "benchmark")  # compiles
+    measure_trial(some[0], pixels[some[0].template], "benchmark")  # compiles
     drawn = 0
 
     def counted(light: FloatArray, *arguments: Any, **more: Any) -> Any:
@@ -115,7 +115,7 @@ def chapter(every: int = 16) -> None:
     profile = cProfile.Profile(time.process_time)
     with patch.object(short_sequences, "draw_in_one", counted), profile:
         for each in some:
-            measure(each, pixels[each.template], "benchmark")
+            measure_trial(each, pixels[each.template], "benchmark")
     spent: Counter[str] = Counter()
     for (file, _, _), (_, _, own, _, _) in pstats.Stats(profile).stats.items():  # type: ignore[attr-defined]
         spent[next((what for part, what in _PARTS.items() if part in file), "the rest")] += own

@@ -21,7 +21,7 @@ from itertools import product
 import numpy as np
 
 from megalopta.flow.benchmark.settings import SearchSettings
-from megalopta.flow.benchmark.short_sequences import Comparison, ShortSequences
+from megalopta.flow.benchmark.short_sequences import DetectorErrors, ShortSequences
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.registry import Method, method
 from megalopta.flow.metrics.curve import ErrorCurve, error_curve
@@ -129,7 +129,7 @@ class _Search:
 
     def __init__(self, sequences: ShortSequences, method: Detector) -> None:
         self._sequences, self._method = sequences, method
-        self._comparison = Comparison(sequences, method)
+        self._comparison = DetectorErrors(sequences, method)
         self._is_exact = self._comparison.is_exact
         self._settings = (
             sequences.settings.model_copy(update={"fluxes_per_decade": _EXACT_PER_DECADE})

@@ -89,7 +89,7 @@ class ShortSequences:
         return self._counts[name][:frames]
 
 
-class Comparison:
+class DetectorErrors:
     """One detector's responses to counts against those to clean frames."""
 
     def __init__(self, sequences: ShortSequences, method: Detector) -> None:

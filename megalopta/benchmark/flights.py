@@ -13,10 +13,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.benchmark.clips import Clip
+from megalopta.benchmark.clips import FlowClip
 from megalopta.benchmark.intervals import Interval, bootstrap
 from megalopta.benchmark.moving_forests import MovingView
-from megalopta.benchmark.table import Case, Samples, joined, measured
+from megalopta.benchmark.table import Case, Samples, joined, measure_samples
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Detector, Frames
 from megalopta.flow.detectors.blocks import BlockDetector
@@ -95,7 +95,7 @@ def together(flights: Sequence[FlightErrors]) -> FlightErrors:
 
 def flight_errors(
     view: MovingView,
-    clip: Clip,
+    clip: FlowClip,
     fluxes: Sequence[float] = FLIGHT_FLUXES,
     draws: int = FLIGHT_DRAWS,
     after_draw: Callable[[], object] = lambda: None,
@@ -130,7 +130,7 @@ def flight_errors(
             yield HEADING, np.degrees(np.arccos(cosines))
 
     estimates = {name: partial(errors, way) for name, way in ways.items()}
-    samples = measured(clip.counts, estimates, fluxes, draws, after_draw)
+    samples = measure_samples(clip.counts, estimates, fluxes, draws, after_draw)
     return FlightErrors(samples, rates[middles])
 
 

@@ -54,7 +54,7 @@ class Ratio(NamedTuple):
     """Two-sided, of the ratio being 1"""
 
 
-class Best(NamedTuple):
+class Lowest(NamedTuple):
     """The method with the lowest mean error."""
 
     method: str
@@ -110,14 +110,14 @@ def ratio(one: Sums, other: Sums) -> Ratio | None:
     return Ratio(found, found / spread.factor(), found * spread.factor(), p)
 
 
-def best(sums: Mapping[str, Sums]) -> Best | None:
-    """Return the best method, and whether the data can tell; None where there are no blocks."""
+def lowest(sums: Mapping[str, Sums]) -> Lowest | None:
+    """Return the method of the lowest mean; None where there are no blocks."""
     means = {name: _mean(each) for name, each in sums.items() if each.blocks.any()}
     if not means:
         return None
     first = min(means, key=lambda name: means[name])
     ratios = [ratio(sums[name], sums[first]) for name in means if name != first]
-    return Best(first, all(each is not None and each.low > 1 for each in ratios))
+    return Lowest(first, all(each is not None and each.low > 1 for each in ratios))
 
 
 def bootstrap(samples: Floats, statistic: Callable[[Floats], Floats], key: str) -> Interval:

@@ -139,7 +139,7 @@ def ranked(clean: Floats, methods: Iterable[Method]) -> list[BlockPhotons]:
 
     @cache
     def counts(flux: float) -> Sequence[NDArray[np.unsignedinteger]]:
-        return [draw(each, flux, index) for index, each in enumerate(clean)]
+        return [leaf_counts(each, flux, index) for index, each in enumerate(clean)]
 
     def photons(detector: BlockDetector) -> BlockPhotons:
         def is_good(flux: float) -> NDArray[np.bool_]:
@@ -155,7 +155,9 @@ def ranked(clean: Floats, methods: Iterable[Method]) -> list[BlockPhotons]:
     return sorted(found, key=lambda each: (each.needed.photons, each.detector.name))
 
 
-def draw(clean: Floats, flux: float, sequence: int, repeat: int = 0) -> NDArray[np.unsignedinteger]:
+def leaf_counts(
+    clean: Floats, flux: float, sequence: int, repeat: int = 0
+) -> NDArray[np.unsignedinteger]:
     """Return counts of one sequence at a flux; every (sequence, flux, repeat) has its stream."""
     return draw_counts(clean * flux, 0, "leaderboard", sequence, f"{flux:.6g}", repeat)
 
@@ -173,7 +175,7 @@ def efficiencies(
     for flux in fluxes:
         velocities = [
             [
-                detector.respond(draw(each[-frames:], flux, index, repeat))[-1, 1:-1, 1:-1]
+                detector.respond(leaf_counts(each[-frames:], flux, index, repeat))[-1, 1:-1, 1:-1]
                 for index, each in enumerate(clean)
             ]
             for repeat in range(1, draws + 1)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from megalopta.benchmark.clips import FRAMES, SHAPE, Clip
+from megalopta.benchmark.clips import FRAMES, SHAPE, FlowClip
 from megalopta.benchmark.panorama_recipes import LUMINANCE_BAND_NM
 from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats
@@ -138,7 +138,7 @@ def forest_clips(
     views: Mapping[str, MovingView] = MOVING_VIEWS,
     cache: Path | None = None,
     after_frame: Callable[[], object] = lambda: None,
-) -> Iterator[tuple[Clip, float]]:
+) -> Iterator[tuple[FlowClip, float]]:
     """Yield clips of views by name, and how far a pixel flickers by rendering, σ over the mean.
 
     Parameters
@@ -160,7 +160,7 @@ def forest_clips(
         else:
             for _ in range(view.trajectory.frames):
                 after_frame()
-        yield Clip(name, kept["light"], kept["flow"]), float(kept["noise"])
+        yield FlowClip(name, kept["light"], kept["flow"]), float(kept["noise"])
 
 
 def _rendered(view: MovingView, after_frame: Callable[[], object]) -> dict[str, NDArray[Any]]:

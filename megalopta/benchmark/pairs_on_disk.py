@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from megalopta.benchmark.clips import Clip
+from megalopta.benchmark.clips import FlowClip
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import read_picture
@@ -126,14 +126,14 @@ def pairs_below(folder: Path) -> dict[str, Files]:
     }
 
 
-def spread(pairs: dict[str, Files], most: int) -> dict[str, Files]:
+def evenly_spread(pairs: dict[str, Files], most: int) -> dict[str, Files]:
     """Return at most so many pairs, evenly spread over all."""
     names = list(pairs)
     chosen = np.unique(np.linspace(0, len(names) - 1, min(most, len(names))).round().astype(int))
     return {names[index]: pairs[names[index]] for index in chosen}
 
 
-def read_pair(name: str, files: Sequence[Path]) -> Clip:
+def read_pair(name: str, files: Sequence[Path]) -> FlowClip:
     """Return a pair as a clip of two frames. Raises UserError when a file is not what it should be.
 
     Parameters
@@ -160,7 +160,7 @@ def read_pair(name: str, files: Sequence[Path]) -> Clip:
     light = np.stack(frames)
     if not light.any():
         raise UserError(f"{first} and {second} are black; give pictures with light in them")
-    return Clip(name, light / light.mean(), flow)
+    return FlowClip(name, light / light.mean(), flow)
 
 
 def _pictures(frame: Frame, flow: Path) -> dict[str, tuple[Path, Path]]:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import FiniteFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
-from megalopta.benchmark.intervals import Sums, best, interval, ratio, units
+from megalopta.benchmark.intervals import Sums, interval, lowest, ratio, units
 from megalopta.benchmark.ranking_settings import Pooling, RankingSettings
 from megalopta.benchmark.sequence_errors import ERROR, STILL
 from megalopta.benchmark.sequence_truth import Opposed, opposed
@@ -33,7 +33,7 @@ above 1, or not"""
 _FALSE_SHARE = 0.05
 
 
-class Row(Record, frozen=True):
+class RankingRow(Record, frozen=True):
     """A line of the long table: what was found, and what holds it in 95 % of cases."""
 
     metric: str
@@ -73,36 +73,36 @@ class Ranking(Record, frozen=True):
     """Photons of a frame on perfect pixels for each lux and second."""
     blocks: Mapping[str, NonNegativeInt]
     """Blocks of each group without pooling, over all pairs of frames."""
-    rows: tuple[Row, ...]
+    rows: tuple[RankingRow, ...]
 
-    def found(self, metric: str, method: str, flux: float, group: str = "all") -> Row | None:
+    def found(self, metric: str, method: str, flux: float, group: str = "all") -> RankingRow | None:
         """Return the row of a method without pooling; None where there is nothing to be found."""
         return self._rows.get((Case(metric, method, flux, group, *self.settings.finest), ""))
 
-    def error_of(self, pooling: Pooling, flux: float, group: str, method: str) -> Row | None:
+    def error_of(self, pooling: Pooling, flux: float, group: str, method: str) -> RankingRow | None:
         """Return the mean error of a method; None where the group has no blocks."""
         return self._rows.get((Case(ERROR, method, flux, group, *pooling), ""))
 
-    def best_of(self, pooling: Pooling, flux: float, group: str) -> Row | None:
+    def best_of(self, pooling: Pooling, flux: float, group: str) -> RankingRow | None:
         """Return the best method; None where the group has no blocks."""
         return self._rows.get((Case(BEST, "", flux, group, *pooling), ""))
 
-    def order_of(self, flux: float, group: str, one: str, other: str) -> Row | None:
+    def order_of(self, flux: float, group: str, one: str, other: str) -> RankingRow | None:
         """Return the worse one's ratio to the better one; None where it cannot be told at all."""
         cases = (Case(RATIO, name, flux, group, *self.settings.finest) for name in (one, other))
         found = (self._rows.get(key) for key in zip(cases, (other, one), strict=True))
         return next(filter(None, found), None)
 
     @cached_property
-    def _rows(self) -> Mapping[tuple[Case, str], Row]:
+    def _rows(self) -> Mapping[tuple[Case, str], RankingRow]:
         found = {(row.case, row.against): row for row in self.rows}
         best = {row.case._replace(method=""): row for row in self.rows if row.metric == BEST}
         return found | {(case, ""): row for case, row in best.items()}
 
 
-def rows_of(
+def ranking_rows(
     parts: Sequence[Mapping[Case, Sums]], settings: RankingSettings, blocks: Mapping[str, int]
-) -> Iterator[Row]:
+) -> Iterator[RankingRow]:
     """Yield the long table.
 
     Parameters
@@ -143,8 +143,8 @@ class Change(NamedTuple):
     """Two methods that change places."""
 
     groups: Opposed
-    first: Row
-    second: Row
+    first: RankingRow
+    second: RankingRow
     """The ratio of the same methods the other way round"""
     p: float
 
@@ -171,16 +171,16 @@ def _bound(values: Floats) -> float:
     return float(ordered[accepted].max()) if accepted.any() else -1.0
 
 
-def _best(means: Mapping[Case, Sums], methods: Sequence[str]) -> Iterator[Row]:
+def _best(means: Mapping[Case, Sums], methods: Sequence[str]) -> Iterator[RankingRow]:
     for case in dict.fromkeys(case._replace(method="") for case in means):
         own = {name: means[case._replace(method=name)] for name in (*methods, STILL)}
-        if (found := best(own)) is not None:
+        if (found := lowest(own)) is not None:
             yield _row(Case(BEST, found.method, *case[2:]), value=float(found.is_sure))
 
 
 def _orders(
     means: Mapping[Case, Sums], settings: RankingSettings, blocks: Mapping[str, int]
-) -> Iterator[Row]:
+) -> Iterator[RankingRow]:
     fluxes, methods, finest = settings.fluxes, settings.methods, settings.finest
     groups = dict.fromkeys(name for each in opposed(blocks) for name in each[:2])
     for flux, group, (one, other) in product(fluxes, groups, permutations(methods, 2)):
@@ -191,7 +191,7 @@ def _orders(
             yield _row(case, against=one, **found._asdict())
 
 
-def _row(case: Case, against: str = "", **numbers: float | None) -> Row:
+def _row(case: Case, against: str = "", **numbers: float | None) -> RankingRow:
     fields = case._asdict()
     fields["photons_per_frame"] = fields.pop("photons")
-    return Row.model_validate({**fields, "against": against, **numbers})
+    return RankingRow.model_validate({**fields, "against": against, **numbers})

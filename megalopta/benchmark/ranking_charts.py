@@ -10,7 +10,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from megalopta.benchmark.ranking import Ranking, Row
+from megalopta.benchmark.ranking import Ranking, RankingRow
 from megalopta.benchmark.ranking_settings import Pooling
 from megalopta.benchmark.sequence_errors import BOUND, STILL
 from megalopta.benchmark.sequence_truth import (
@@ -218,7 +218,7 @@ def _panel(axes: Axes, ranking: Ranking, group: str) -> dict[str, None]:
     return shown
 
 
-def _shade(best: Row) -> Floats:
+def _shade(best: RankingRow) -> Floats:
     """Color of a method, paler where the data cannot tell it from the next."""
     return _tint(best.method, 0.75 if best.value else 0.3)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from megalopta.benchmark.intervals import FEWEST_SEQUENCES
-from megalopta.benchmark.ranking import Change, Ranking, Row, changes
+from megalopta.benchmark.ranking import Change, Ranking, RankingRow, changes
 from megalopta.benchmark.ranking_charts import (
     atlas,
     error_curves,
@@ -104,11 +104,11 @@ def write_ranking(folder: Path, ranking: Ranking, example: Example) -> Path:
     files.write_text(folder / NAME, ranking.model_dump_json(indent=1) + "\n")
     page = folder / "ranking.html"
     sections = [section(ranking, example) for section in SECTIONS]
-    write_sections(page, "Flow methods on rendered sequences", summary(ranking), sections)
+    write_sections(page, "Flow methods on rendered sequences", best_methods(ranking), sections)
     return page
 
 
-def summary(ranking: Ranking) -> str:
+def best_methods(ranking: Ranking) -> str:
     """Return a sentence with the method of the lowest error at each number of photons."""
     found = []
     for flux in sorted(ranking.settings.fluxes):
@@ -117,7 +117,7 @@ def summary(ranking: Ranking) -> str:
     return f"Lowest mean error by photons per frame: {', '.join(found)}."
 
 
-def findings(ranking: Ranking) -> list[str]:
+def order_changes(ranking: Ranking) -> list[str]:
     """Return how often the order of methods changes beyond chance, and of what this holds."""
     counts = Counter(each.groups.what for each in changes(ranking))
     has_blocks: dict[str, bool] = {}
@@ -149,7 +149,7 @@ def _measured(ranking: Ranking, _: Example) -> Section:
 def _changes(ranking: Ranking, _: Example) -> Section:
     head = ("changes with", "photons", "errors of", "in one group", "in the other")
     rows = tuple(map(_change, changes(ranking)))
-    text = f"{' '.join(findings(ranking))} {_CHANGES}"
+    text = f"{' '.join(order_changes(ranking))} {_CHANGES}"
     return Section("Where the ranking changes", text, head, rows, (error_ratios(ranking),))
 
 
@@ -259,15 +259,15 @@ def _by_photons(
     return Section(title, text, head, rows)
 
 
-def _named(best: Row) -> str:
+def _named(best: RankingRow) -> str:
     method = "no method beats zero motion" if best.method == STILL else best.method
     return method if best.value else f"{method} (not sure)"
 
 
-def _csv(rows: Iterable[Row]) -> str:
+def _csv(rows: Iterable[RankingRow]) -> str:
     text = io.StringIO()
     lines = csv.writer(text, lineterminator="\n")
-    lines.writerow(Row.model_fields)
+    lines.writerow(RankingRow.model_fields)
     for row in rows:
         lines.writerow([_cell(value) for value in row.model_dump().values()])
     return text.getvalue()

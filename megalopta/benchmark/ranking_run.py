@@ -6,13 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from megalopta.benchmark.camera_motion import LIKELIHOODS
 from megalopta.benchmark.methods import Methods, directional_methods, velocity_methods
-from megalopta.benchmark.ranking import Ranking, blocks_of, rows_of
+from megalopta.benchmark.ranking import Ranking, blocks_of, ranking_rows
 from megalopta.benchmark.ranking_page import NAME, write_ranking
 from megalopta.benchmark.ranking_settings import NO_POOLING, Pooling, RankingSettings, photons_at
-from megalopta.benchmark.sequence_errors import METRICS, Example, SequenceBenchmark, example_of
-from megalopta.benchmark.velocities import Velocities, photons_per_lux_s
+from megalopta.benchmark.sequence_errors import METRICS, Example, RankedSequence, example_of
+from megalopta.benchmark.velocities import LIKELIHOODS, Velocities, photons_per_lux_s
 from megalopta.config.yaml_model import validated
 from megalopta.core import bounded
 from megalopta.core.enclosure import check_enclosed
@@ -115,7 +114,7 @@ def _ranked(
     with progress("Ranking methods", work, "clip") as advance:
         for dataset in datasets:
             velocities = Velocities(dataset, settings, folder / dataset.sequence, advance)
-            sequence = SequenceBenchmark(dataset, settings, methods, velocities)
+            sequence = RankedSequence(dataset, settings, methods, velocities)
             parts.append(dict(each for metric in METRICS for each in metric(sequence)))
             lights.append(velocities.photons_per_lux_s)
             examples = examples or [example_of(sequence)]
@@ -126,7 +125,7 @@ def _ranked(
         frames=sum(each.configuration.trajectory.frames for each in datasets),
         photons_per_lux_s=float(np.mean(lights)),
         blocks=blocks,
-        rows=tuple(rows_of(parts, settings, blocks)),
+        rows=tuple(ranking_rows(parts, settings, blocks)),
     )
     return ranking, examples[0]
 

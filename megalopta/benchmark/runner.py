@@ -16,7 +16,7 @@ from pathlib import Path
 from megalopta.benchmark import trial
 from megalopta.benchmark.methods import identity
 from megalopta.benchmark.templates import Template, template_names
-from megalopta.benchmark.trial import Trial, measure
+from megalopta.benchmark.trial import Trial, measure_trial
 from megalopta.core import files
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
@@ -41,7 +41,7 @@ def run_trials(
     """Return the error curves of all trials; each is run once, however often it comes.
 
     Results are stored in a folder, made if it does not exist; `on_progress` gets the work done
-    since its last call, in the units of `work_units`. Raises UserError when a template cannot be
+    since its last call, in the units of `trial_work`. Raises UserError when a template cannot be
     measured, such as one with a black frame.
     """
     ensure_directory(store)
@@ -53,7 +53,8 @@ def run_trials(
         path = store / f"{_key(each, hashes[each.template])}.json"
         if (stored := _read(path)) is None:
             stimulus = digest(json.dumps(each.stimulus), hashes[each.template])
-            running[executor.submit(measure, each, templates[each.template], stimulus)] = each, path
+            work = measure_trial, each, templates[each.template], stimulus
+            running[executor.submit(*work)] = each, path
         else:
             results[each] = stored
             on_progress(_work(each))
@@ -83,7 +84,7 @@ def run(
         files.sweep(store)
         with (
             _executor(workers, scheduler) as executor,
-            progress("Searching photon thresholds", work_units(trials), "kpixel") as advance,
+            progress("Searching photon thresholds", trial_work(trials), "kpixel") as advance,
         ):
             return run_trials(trials, templates, store, executor, advance)
 
@@ -102,7 +103,7 @@ def _executor(workers: int | None, scheduler: str | None) -> Iterator[Executor]:
         threads.shutdown(wait=False, cancel_futures=True)
 
 
-def work_units(trials: Iterable[Trial]) -> int:
+def trial_work(trials: Iterable[Trial]) -> int:
     """Return the work of trials: the thousands of pixels in one frame of each."""
     return sum(map(_work, set(trials)))
 

@@ -7,28 +7,23 @@ counts as one that reports zero motion. Means are over all blocks of a group.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
-from megalopta.benchmark.camera_motion import (
-    LIKELIHOODS,
-    CameraErrors,
-    chosen_pairs,
-    errors_of_flow,
-    errors_of_motion,
-)
 from megalopta.benchmark.intervals import Sums
 from megalopta.benchmark.methods import Methods, directional_methods
 from megalopta.benchmark.ranking_settings import NO_POOLING, Pooling, RankingSettings
 from megalopta.benchmark.sequence_truth import BlockTruths, SequenceTruth
 from megalopta.benchmark.table import Case
-from megalopta.benchmark.velocities import Drawn, Velocities
+from megalopta.benchmark.velocities import LIKELIHOODS, Drawn, Velocities
 from megalopta.core.arrays import Floats
 from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark.settings import default_warm_up
 from megalopta.flow.detectors.blocks import BlockGrid
-from megalopta.flow.egomotion.heading import CameraMotion
+from megalopta.flow.egomotion.heading import CameraMotion, motion_of_flow
 from megalopta.flow.egomotion.yaw_rate import YawRateTest, yaw_rates_deg_s
 from megalopta.flow.metrics.response_error import combine, error_sums
 
@@ -36,6 +31,8 @@ ERROR = "epe_px"
 SELF_ERROR = "self_error"
 ROTATION, HEADING = "rotation_error_deg", "heading_error_deg"
 YAW, YAW_OF_LIGHT, TRUE_YAW = "yaw_error_deg_s", "yaw_error_of_light_deg_s", "true_yaw_deg_s"
+
+_STILL_M = 1e-9
 
 STILL = "zero motion"
 """What a method must beat: no motion anywhere"""
@@ -55,7 +52,17 @@ class Example:
     """By method and photons per frame"""
 
 
-class SequenceBenchmark:
+class CameraErrors(NamedTuple):
+    """Of one pair of frames, in degrees; NaN where it could not be told."""
+
+    rotation_deg: float
+    """Angle of the rotation that is left between the estimated and the true one"""
+
+    heading_deg: float
+    """Angle between the estimated and the true direction of translation"""
+
+
+class RankedSequence:
     """A sequence, the methods on it, and what is true of it."""
 
     def __init__(
@@ -90,7 +97,7 @@ class SequenceBenchmark:
         return [self.velocities.of(self.methods[name], drawn) for drawn in found]
 
 
-def endpoint_errors(sequence: SequenceBenchmark) -> Measured:
+def endpoint_errors(sequence: RankedSequence) -> Measured:
     """Yield errors of every method by group, of zero motion, and the least that photons allow."""
     for pooling, flux in product(sequence.settings.poolings, sequence.settings.fluxes):
         grids = {name: sequence.grid(name, pooling.pixels) for name in sequence.methods}
@@ -107,7 +114,7 @@ def endpoint_errors(sequence: SequenceBenchmark) -> Measured:
         yield from _by_group([bound], truth, Case(ERROR, BOUND, flux, "", *pooling))
 
 
-def self_errors(sequence: SequenceBenchmark) -> Measured:
+def self_errors(sequence: RankedSequence) -> Measured:
     """Yield how far each method is from its own answer to the light (Eq. 4.5)."""
     for pooling, flux in product(sequence.settings.poolings, sequence.settings.fluxes):
         for name, detector in sequence.methods.items():
@@ -120,28 +127,28 @@ def self_errors(sequence: SequenceBenchmark) -> Measured:
             yield Case(SELF_ERROR, name, flux, "all", *pooling), _values([mean])
 
 
-def camera_errors(sequence: SequenceBenchmark) -> Measured:
+def camera_errors(sequence: RankedSequence) -> Measured:
     """Yield errors of the camera's rotation and heading, from flow and as the most likely ones."""
     dataset, settings, velocities = sequence.dataset, sequence.settings, sequence.velocities
     frames = dataset.configuration.trajectory.frames
-    pairs = chosen_pairs(frames, settings.camera_pairs).tolist()
+    pairs = _chosen_pairs(frames, settings.camera_pairs).tolist()
     if not pairs:
         return
     for flux in settings.fluxes:
         for name in sequence.methods if settings.finest == NO_POOLING else ():
             found, grid = sequence.noisy(name, NO_POOLING, flux)[0], sequence.grid(name, 1)
-            errors = [errors_of_flow(dataset, grid, found[pair], pair) for pair in pairs]
+            errors = [_errors_of_flow(dataset, grid, found[pair], pair) for pair in pairs]
             yield from _camera_cases(name, flux, errors)
         for name in LIKELIHOODS:
             motions = velocities.likely_motions(Drawn(NO_POOLING, flux, 0), name, pairs)
             errors = [
-                errors_of_motion(dataset, CameraMotion(each[:3], each[3:]), pair)
+                _errors_of_motion(dataset, CameraMotion(each[:3], each[3:]), pair)
                 for pair, each in zip(pairs, motions, strict=True)
             ]
             yield from _camera_cases(name, flux, errors)
 
 
-def yaw_errors(sequence: SequenceBenchmark) -> Measured:
+def yaw_errors(sequence: RankedSequence) -> Measured:
     """Learn the yaw rate from clean answers to the first half of a sequence; try it on the rest."""
     rates = yaw_rates_deg_s(sequence.dataset.configuration.trajectory)
     settings = sequence.settings
@@ -160,7 +167,7 @@ METRICS = (endpoint_errors, self_errors, camera_errors, yaw_errors)
 """All that is measured: `ERROR` is averaged over blocks, of others the median counts"""
 
 
-def example_of(sequence: SequenceBenchmark) -> Example:
+def example_of(sequence: RankedSequence) -> Example:
     """Return true and found velocities of the pair in the middle."""
     finest, found = sequence.settings.finest, {}
     for name in sequence.methods:
@@ -187,6 +194,47 @@ def _by_group(errors: Sequence[Floats], truth: BlockTruths, case: Case) -> Measu
         totals = np.sum([np.where(among, each, 0).sum(axis=(1, 2)) for each in errors], axis=0)
         blocks = len(errors) * among.sum(axis=(1, 2)).astype(np.float64)
         yield case._replace(group=group), Sums(np.asarray(totals), blocks)
+
+
+def _chosen_pairs(frames: int, count: int) -> NDArray[np.intp]:
+    """Return so many pairs, by their first frames, spread over a sequence of so many frames.
+
+    All have the frames around them that the likelihood sees, if the sequence is long enough.
+    """
+    most = max(LIKELIHOODS.values())
+    before = most // 2 - 1 if frames >= most else 0
+    return np.unique(np.linspace(before, frames - 2 - before, count).astype(int))
+
+
+def _errors_of_flow(
+    dataset: Dataset, grid: BlockGrid, velocities: Floats, pair: int
+) -> CameraErrors:
+    """Return the errors of the motion that fits the flow (rows, columns, 2) of a pair best."""
+    camera = dataset.configuration.camera
+    inside = np.s_[1:-1, 1:-1]
+    scale = np.array([camera.width / grid.shape[1], camera.height / grid.shape[0]])
+    try:
+        found = motion_of_flow(camera, grid.centers[inside] * scale, velocities[inside])
+    except ValueError:  # too few blocks have a velocity
+        return CameraErrors(np.nan, np.nan)
+    return _errors_of_motion(dataset, found, pair)
+
+
+def _errors_of_motion(dataset: Dataset, found: CameraMotion, pair: int) -> CameraErrors:
+    """Return the errors of a motion between a frame and the next."""
+    if np.isnan(found.rotation_deg).any():
+        return CameraErrors(np.nan, np.nan)
+    poses = dataset.configuration.trajectory.poses()[pair : pair + 2]
+    turn = poses[0, :3, :3].T @ poses[1, :3, :3]
+    way = poses[0, :3, :3].T @ (poses[1, :3, 3] - poses[0, :3, 3])
+    left = Rotation.from_rotvec(found.rotation_deg, degrees=True).inv() * Rotation.from_matrix(turn)
+    length = float(np.linalg.norm(way))
+    heading = np.nan if length < _STILL_M else _angle_deg(found.heading, way / length)
+    return CameraErrors(float(np.degrees(left.magnitude())), heading)
+
+
+def _angle_deg(first: Floats, second: Floats) -> float:
+    return float(np.degrees(np.arccos(np.clip(first @ second, -1, 1))))
 
 
 def _camera_cases(name: str, flux: float, errors: Sequence[CameraErrors]) -> Measured:

@@ -40,7 +40,7 @@ _FLUXES = 20
 _SHARED = ("methods", "search.metrics", "search.bits")
 
 
-class Point(NamedTuple):
+class SweepPoint(NamedTuple):
     """One trial of a sweep, and where it stands."""
 
     size: int
@@ -117,7 +117,7 @@ class Sweep(Record, frozen=True):
         return copied
 
     @cached_property
-    def points(self) -> tuple[Point, ...]:
+    def points(self) -> tuple[SweepPoint, ...]:
         """The trials: sizes, in them values, in them templates."""
         fixed = {**self.trial.model_dump(mode="json"), "methods": self.trial.methods}
         found: list[tuple[Value, Trial]] = []
@@ -134,7 +134,9 @@ class Sweep(Record, frozen=True):
             found.append((number, trial))
         templates = list(dict.fromkeys(trial.template for _, trial in found))
         names = dict(zip(templates, template_names(templates), strict=True))
-        return tuple(Point(each.size, value, names[each.template], each) for value, each in found)
+        return tuple(
+            SweepPoint(each.size, value, names[each.template], each) for value, each in found
+        )
 
     @property
     def trials(self) -> list[Trial]:

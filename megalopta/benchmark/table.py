@@ -36,7 +36,7 @@ Estimate: TypeAlias = Callable[[NDArray[Any], float], Iterator[tuple[str, Floats
 """From counts (T, H, W) and their photons to the values (units,) of each metric"""
 
 
-def measured(
+def measure_samples(
     draw: Callable[[float, int], NDArray[Any]],
     methods: Mapping[str, Estimate],
     fluxes: Sequence[float],

@@ -122,7 +122,7 @@ class Trial(Record, frozen=True):
         return self.model_dump(mode="json", include={"velocity_px", "size", "resize", "blurred"})
 
 
-def measure(trial: Trial, pixels: Floats, name: str) -> tuple[ErrorCurve, ...]:
+def measure_trial(trial: Trial, pixels: Floats, name: str) -> tuple[ErrorCurve, ...]:
     """Return the error curves of a trial on its template (251, m); `name` seeds its noise."""
     smeared = blurred(pixels, abs(trial.velocity_px)) if trial.blurred else pixels
     stimulus = MovingTemplate(

@@ -5,15 +5,15 @@ see the same draws. The light itself, at the same number of photons but without 
 the velocities that a method is compared with itself by.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.benchmark.camera_motion import LIKELIHOODS, likely_motion
 from megalopta.benchmark.methods import identity
 from megalopta.benchmark.ranking_settings import Pooling, RankingSettings
 from megalopta.core.array_store import ArrayStore
@@ -23,12 +23,20 @@ from megalopta.dataset.frames import read_radiance_frames
 from megalopta.dataset.store import Dataset, file_hash
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.blocks import BlockGrid
+from megalopta.flow.egomotion.likely_motion import likely_camera_motion
 from megalopta.flow.metrics.translation_bound import cramer_rao_covariance, fisher_information
 from megalopta.flow.stimuli.photons import draw_counts
+from megalopta.scenes.cameras.base import Camera
 from megalopta.sensor import PRESETS, photon_rate
 
 _MOST_BYTES = 2**62
 """Of what is kept: any number"""
+
+
+LIKELIHOODS: Mapping[str, int] = MappingProxyType(
+    {"likelihood, 2 frames": 2, "likelihood, 8 frames": 8}
+)
+"""Names of the motion under which counts are most likely, and how many frames it is told from"""
 
 
 class Drawn(NamedTuple):
@@ -80,7 +88,7 @@ class Velocities:
 
         def measured() -> Floats:
             counts = self._frames_of(drawn, self._means(drawn))
-            found = [likely_motion(camera, counts, LIKELIHOODS[name], pair) for pair in pairs]
+            found = [_likely_motion(camera, counts, LIKELIHOODS[name], pair) for pair in pairs]
             return np.array(found)
 
         return self._kept(drawn, f"{name}: {camera!r} {list(pairs)}", measured)
@@ -163,7 +171,19 @@ def _light(dataset: Dataset) -> Floats:
     return np.concatenate(parts).astype(np.float64)
 
 
+def _likely_motion(
+    camera: Camera, counts: NDArray[Any], frames: int, pair: int
+) -> tuple[float, ...]:
+    """Return rotation and heading, (6,), most likely in so many frames around a pair, or NaN."""
+    start = pair - (frames // 2 - 1)
+    window = counts[max(start, 0) : start + frames]
+    if len(window) < frames or not np.ptp(window):
+        return (np.nan,) * 6
+    found = likely_camera_motion(window, camera)
+    return *found.rotation_deg, *found.heading
+
+
 @cache
 def _model() -> str:
     used = "megalopta.flow", "megalopta.sensor.sampling", "megalopta.scenes.cameras"
-    return code_digest(*used, "megalopta.benchmark.camera_motion", __name__)[:12]
+    return code_digest(*used, __name__)[:12]

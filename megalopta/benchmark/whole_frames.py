@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from megalopta.benchmark.clips import Clip, middle
+from megalopta.benchmark.clips import FlowClip, middle
 from megalopta.benchmark.intervals import Interval, bootstrap
 from megalopta.benchmark.methods import (
     BLOCK_PX,
@@ -29,7 +29,7 @@ from megalopta.benchmark.methods import (
     on_the_board,
 )
 from megalopta.benchmark.pairs_on_disk import Files, read_pair
-from megalopta.benchmark.table import Case, Samples, joined, measured
+from megalopta.benchmark.table import Case, Samples, joined, measure_samples
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.core.files import write_text
@@ -69,7 +69,7 @@ class Board:
 
 
 def frame_errors(
-    clips: Sequence[Clip],
+    clips: Sequence[FlowClip],
     methods: Sequence[Method],
     fluxes: Sequence[float] = PHOTONS_PER_PX,
     draws: int = 1,
@@ -101,7 +101,7 @@ def frame_errors(
     for clip in clips:
         estimates = {each.name: partial(_errors, each, clip) for each in detectors}
         draw = partial(clip.counts, key=("whole frames",))
-        parts.append(measured(draw, estimates, fluxes, draws))
+        parts.append(measure_samples(draw, estimates, fluxes, draws))
         after_scene()
     scenes = tuple(clip.name for clip in clips)
     return Board(scenes, detectors, tuple(fluxes), joined(parts))
@@ -141,7 +141,7 @@ def write_board(path: Path, board: Board) -> None:
     write_text(path, text.getvalue())
 
 
-def block_errors(detector: BlockDetector, counts: Frames, clip: Clip) -> Floats:
+def block_errors(detector: BlockDetector, counts: Frames, clip: FlowClip) -> Floats:
     """Return the endpoint errors of one method in the blocks inside, px per frame, (blocks,).
 
     Parameters
@@ -165,7 +165,7 @@ def block_errors(detector: BlockDetector, counts: Frames, clip: Clip) -> Floats:
 
 
 def _errors(
-    detector: BlockDetector, clip: Clip, counts: Frames, _: float
+    detector: BlockDetector, clip: FlowClip, counts: Frames, _: float
 ) -> Iterator[tuple[str, Floats]]:
     error_px = block_errors(detector, counts, clip)
     yield MEDIAN, np.array([np.median(error_px)])

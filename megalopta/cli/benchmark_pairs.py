@@ -56,11 +56,11 @@ def _run(options: Namespace) -> None:
     from rich.console import Console
 
     from megalopta.benchmark.methods import BLOCK_PX
-    from megalopta.benchmark.pairs_on_disk import pairs_below, spread
+    from megalopta.benchmark.pairs_on_disk import evenly_spread, pairs_below
     from megalopta.benchmark.whole_frames import errors_of_pairs, write_board
 
     if len(options.paths) == 1:
-        pairs = spread(pairs_below(options.paths[0]), options.pairs)
+        pairs = evenly_spread(pairs_below(options.paths[0]), options.pairs)
     elif len(options.paths) == 3:
         pairs = {options.paths[0].stem: tuple(options.paths)}
     else:

@@ -7,7 +7,7 @@ from pydantic import ValidationError
 from megalopta.assets_gen.grating import sine_grating
 from megalopta.flow import METHODS, BenchmarkSettings, SearchSettings, photon_benchmark
 from megalopta.flow.benchmark.search import next_index, photon_search
-from megalopta.flow.benchmark.short_sequences import Comparison, ShortSequences
+from megalopta.flow.benchmark.short_sequences import DetectorErrors, ShortSequences
 from megalopta.flow.metrics.photon_threshold import first_crossing
 from megalopta.flow.stimuli.moving_template import MovingTemplate
 
@@ -77,7 +77,7 @@ def test_bends_between_coarse_fluxes_do_not_move_thresholds(name, velocity):
     errors = []
     for seed in seeds:
         sequences = ShortSequences(stimulus, fine, seed, "grating", [METHODS[name]])
-        comparison = Comparison(sequences, METHODS[name])
+        comparison = DetectorErrors(sequences, METHODS[name])
         errors.append([comparison.errors(flux).of_sequence("literal") for flux in fine.fluxes])
     truth = first_crossing(np.array(fine.fluxes), np.mean(errors, axis=0), 0.25)
     searched = [fluxes(found(stimulus, name, seed=seed))[0] for seed in seeds]

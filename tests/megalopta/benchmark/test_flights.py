@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from megalopta.benchmark.clips import Clip
+from megalopta.benchmark.clips import FlowClip
 from megalopta.benchmark.flights import HEADING, YAW, FlightErrors, flight_errors, together
 from megalopta.benchmark.moving_forests import forest_flight
 from megalopta.benchmark.table import Case
@@ -65,7 +65,7 @@ def clip():
     poses = np.linalg.inv(view.trajectory.poses()[0]) @ view.trajectory.poses()
     rays = [room(finer, pose[:3, 3], Rotation.from_matrix(pose[:3, :3]), ROOM) for pose in poses]
     light = np.reshape(rays, (-1, 120, 2, 120, 2)).mean(axis=(2, 4))
-    return Clip("room", light / light.mean(), np.zeros((120, 120, 2)))
+    return FlowClip("room", light / light.mean(), np.zeros((120, 120, 2)))
 
 
 @pytest.mark.slow
@@ -95,7 +95,7 @@ def test_figure_says_from_which_light_on_the_motion_is_known(monkeypatch, tmp_pa
         samples = {case: np.full((4, 1), each) for case, each in zip(cases, yaw, strict=True)}
         return FlightErrors(samples, np.ones(4))
 
-    light = Clip("flight", np.ones((80, 12, 12)), np.zeros((12, 12, 2)))
+    light = FlowClip("flight", np.ones((80, 12, 12)), np.zeros((12, 12, 2)))
     monkeypatch.setattr(camera_motion, "forest_clips", lambda *_: iter([(light, 0.01)]))
     monkeypatch.setattr(camera_motion, "flight_errors", errors)
     figure = camera_motion.camera_motion(Run(True, {}, {}, tmp_path))

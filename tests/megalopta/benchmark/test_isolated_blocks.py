@@ -50,7 +50,7 @@ def test_variance_is_within_a_factor_of_two_of_the_bound(clean):
 
 def test_frames_hold_one_photon_share_each_and_drift_to_the_right(clean):
     np.testing.assert_allclose(clean.sum(axis=(2, 3)), 1)
-    velocities = METHODS["PM"].respond(isolated_blocks.draw(clean[0], 1e8, 0))
+    velocities = METHODS["PM"].respond(isolated_blocks.leaf_counts(clean[0], 1e8, 0))
     assert np.median(velocities[..., 0]) == pytest.approx(isolated_blocks.SPEED_PX, abs=0.03)
     assert np.median(velocities[..., 1]) == pytest.approx(0, abs=0.01)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from megalopta.benchmark.ranking import RATIO, Ranking
-from megalopta.benchmark.ranking_page import findings
+from megalopta.benchmark.ranking_page import order_changes
 from megalopta.benchmark.ranking_run import read_ranking, run_ranking
 from megalopta.benchmark.ranking_settings import NO_POOLING
 from megalopta.benchmark.sequence_errors import (
@@ -188,7 +188,7 @@ OTHERS = [order(group, "BM", "DIS") for group in (HIDDEN, "smooth", "depth edge"
     ],
 )
 def test_methods_change_places_where_both_groups_say_so_of_all_comparisons(ranked, orders, count):
-    said, scope = findings(with_orders(ranked, *orders))
+    said, scope = order_changes(with_orders(ranked, *orders))
     assert f"parallax {count}, occlusion 0, edges of depth (no such blocks)" in said
     assert "stretches of frames of these alone" in scope
 

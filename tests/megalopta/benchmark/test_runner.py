@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from megalopta.benchmark import runner as engine
-from megalopta.benchmark.runner import run_trials, work_units
+from megalopta.benchmark.runner import run_trials, trial_work
 from megalopta.benchmark.sweep import Sweep
 from megalopta.benchmark.templates import GratingTemplate, PanoramaTemplate
 from megalopta.benchmark.trial import Trial
@@ -60,13 +60,13 @@ def test_a_killed_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
         measured.append(trial)
         return real(trial, *arguments)
 
-    real = engine.measure
-    monkeypatch.setattr(engine, "measure", dies_at_the_third)
+    real = engine.measure_trial
+    monkeypatch.setattr(engine, "measure_trial", dies_at_the_third)
     with pytest.raises(KeyboardInterrupt):
         run(tmp_path / "killed")
     assert len(files(tmp_path / "killed")) == 2
     monkeypatch.setattr(
-        engine, "measure", lambda trial, *rest: measured.append(trial) or real(trial, *rest)
+        engine, "measure_trial", lambda trial, *rest: measured.append(trial) or real(trial, *rest)
     )
     assert run(tmp_path / "killed") == complete
     assert len(measured) == len(set(measured)) == 3
@@ -75,7 +75,7 @@ def test_a_killed_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
 @pytest.mark.parametrize("change", ["trial", "pixels", "code"])
 def test_a_result_is_not_used_for_anything_else(tmp_path, monkeypatch, change):
     calls = []
-    monkeypatch.setattr(engine, "measure", lambda trial, *_: calls.append(trial) or ())
+    monkeypatch.setattr(engine, "measure_trial", lambda trial, *_: calls.append(trial) or ())
     run(tmp_path / "store", trials=TRIALS[:1])
     trials = TRIALS[:1]
     if change == "trial":
@@ -114,7 +114,7 @@ def test_progress_adds_up_to_the_work_stored_or_not(tmp_path):
         done = []
         with ThreadPoolExecutor(1) as pool:
             run_trials([*TRIALS, *TRIALS], TEMPLATES, tmp_path, pool, done.append)
-        assert sum(done) == work_units(TRIALS)
+        assert sum(done) == trial_work(TRIALS)
         assert len(done) == len(TRIALS)
 
 

@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from megalopta.benchmark.clips import (
     FRAMES,
-    Clip,
+    FlowClip,
     leaves_clip,
     middle,
     panorama_clips,
@@ -33,7 +33,7 @@ def clip():
     """Noise that moves by (2, 1) px per frame, around the edges."""
     texture = 1 + np.random.default_rng(0).random((96, 120))
     light = np.stack([np.roll(texture, (t, 2 * t), axis=(0, 1)) for t in range(FRAMES)])
-    return Clip("rolled", light / light.mean(), np.broadcast_to((2.0, 1.0), (96, 120, 2)))
+    return FlowClip("rolled", light / light.mean(), np.broadcast_to((2.0, 1.0), (96, 120, 2)))
 
 
 def test_the_truth_has_no_error_and_standstill_that_of_the_motion(clip):

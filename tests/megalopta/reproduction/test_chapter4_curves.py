@@ -14,7 +14,7 @@ from megalopta.benchmark.panorama_recipes import NATURAL_PANORAMAS
 from megalopta.benchmark.runner import run_trials
 from megalopta.benchmark.sweep import Sweep
 from megalopta.benchmark.templates import PanoramaTemplate
-from megalopta.benchmark.trial import Trial, measure
+from megalopta.benchmark.trial import Trial, measure_trial
 from megalopta.core.errors import UserError
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.curve import ErrorCurve
@@ -343,7 +343,7 @@ def test_synthetic_column_is_within_a_factor_of_2_2_of_the_printed_one(method, n
     # where each method needs the fewest photons; intervals are within 4 %
     (point,) = (each for each in SWEEPS[name].points if (each.size, each.value) == (60, value))
     trial = point.trial.model_copy(update={"methods": (method,)})
-    found = measure(trial, trial.template.pixels(), "test")[0].thresholds[2].flux
+    found = measure_trial(trial, trial.template.pixels(), "test")[0].thresholds[2].flux
     assert 1 / 2.2 < found / PRINTED[method][0] < 2.2
 
 
