@@ -41,11 +41,17 @@ from megalopta.flow.stimuli.photons import (
 )
 from megalopta.flow.stimuli.resizing import resize, resized_shape
 
-Progress = Callable[[int], object]
-"""Called with the work done since the last call, in the units of `work_units`."""
 
-Parts = Callable[[str, Callable[[], list[ErrorSums]]], list[ErrorSums]]
-"""Gives a part of the work by its name: what was kept of it, or else what the callable returns."""
+@dataclass(frozen=True)
+class Bookkeeping:
+    """How a run tells what it has done, and keeps it, so that one that was stopped goes on."""
+
+    on_progress: Callable[[int], object] = lambda work: None
+    """Called with the work done since the last call, in the units of `work_units`."""
+
+    part: Callable[[str, Callable[[], list[ErrorSums]]], list[ErrorSums]] = lambda _, work: work()
+    """Gives a part by its name, one for each size and repeat: what was kept of it, or else what
+    the callable returns, a sum of shape (fluxes, T) for each method."""
 
 
 class Clip(Protocol):
@@ -122,8 +128,7 @@ def photon_benchmark(
     settings: BenchmarkSettings,
     seed: int,
     sequence: str,
-    on_progress: Progress | None = None,
-    parts: Parts = lambda name, work: work(),
+    books: Bookkeeping = Bookkeeping(),
 ) -> BenchmarkResult:
     """Return the error of each method over the photon flux, and the fluxes it needs.
 
@@ -139,11 +144,8 @@ def photon_benchmark(
         Any integer.
     sequence : str
         Name of the sequence; sequences of different names are drawn independently.
-    on_progress
-        Called with the work done since the last call; the total is `work_units`.
-    parts
-        Where parts of the work are kept, so that a run that was stopped goes on: one for each size
-        and repeat, a sum of shape (fluxes, T) for each method.
+    books
+        Told of the work done, `work_units` in all, and keeps its parts.
 
     Raises
     ------
@@ -155,9 +157,7 @@ def photon_benchmark(
     curves: list[ErrorCurve] = []
     for size in settings.sizes:
         at_size = _AtSize(frames, size, settings, seed, sequence)
-        for detector, sums in zip(
-            detectors, at_size.measured(detectors, on_progress, parts), strict=True
-        ):
+        for detector, sums in zip(detectors, at_size.measured(detectors, books), strict=True):
             curves += [at_size.curve(detector, sums, each, warm_up) for each in settings.metrics]
     return BenchmarkResult(
         sequence=sequence,
@@ -187,12 +187,10 @@ class _AtSize:
         light = np.concatenate([frame_light(chunk) for _, chunk in self._resized()])
         self._divisors = divisors(light, settings.normalization)
 
-    def measured(
-        self, methods: Sequence[Detector], on_progress: Progress | None, parts: Parts
-    ) -> list[ErrorSums]:
+    def measured(self, methods: Sequence[Detector], books: Bookkeeping) -> list[ErrorSums]:
         """Return the sums of each method, (fluxes, repeats, T)."""
         repeats = [
-            parts(f"{self._key[1]}-{each}", partial(self._repeat, each, methods, on_progress))
+            books.part(f"{self._key[1]}-{each}", partial(self._repeat, each, methods, books))
             for each in range(self._settings.repeats)
         ]
         return [
@@ -201,7 +199,7 @@ class _AtSize:
         ]
 
     def _repeat(
-        self, repeat: int, methods: Sequence[Detector], on_progress: Progress | None
+        self, repeat: int, methods: Sequence[Detector], books: Bookkeeping
     ) -> list[ErrorSums]:
         """Return the sums of each method, (fluxes, T)."""
         fluxes, shape = self._settings.fluxes, self._shape
@@ -220,8 +218,7 @@ class _AtSize:
                 counts = draw_counts(means, self._seed, *key, first_frame=first)
                 for ideal, comparison in zip(ideals, at_flux, strict=True):
                     comparison.add(ideal, means, counts, self._pixels / flux)
-                if on_progress is not None:
-                    on_progress(counts.size)
+                books.on_progress(counts.size)
         return [
             combine([combine(each.sums, np.concatenate) for each in of_method], np.stack)
             for of_method in zip(*comparisons, strict=True)

@@ -116,7 +116,7 @@ def information(clean: Floats, margin_px: int = 0) -> Floats:
 
 def bounds(clean: Floats, frames: int) -> Bounds:
     """Return the bounds of so many frames of sequences (n, T, H, W)."""
-    known = (
+    known, with_margin = (
         bound_photons(cramer_rao_covariance(information(clean, margin), frames), SPEED_PX, LEVEL)
         for margin in (0, MARGIN_PX)
     )
@@ -124,7 +124,7 @@ def bounds(clean: Floats, frames: int) -> Bounds:
     unknown = unknown_texture_photons(
         texture_spectrum(newest), float(newest.mean()), GRID.block_px**2, frames, SPEED_PX, LEVEL
     )
-    return Bounds(*known, unknown)
+    return Bounds(known, with_margin, unknown)
 
 
 def bound_along_x(information: Floats) -> float:

@@ -53,8 +53,8 @@ def run_trials(
         path = store / f"{_key(each, hashes[each.template])}.json"
         if (stored := _read(path)) is None:
             stimulus = digest(json.dumps(each.stimulus), hashes[each.template])
-            work = measure_trial, each, templates[each.template], stimulus
-            running[executor.submit(*work)] = each, path
+            pixels = templates[each.template]
+            running[executor.submit(measure_trial, each, pixels, stimulus)] = each, path
         else:
             results[each] = stored
             on_progress(_work(each))

@@ -21,7 +21,7 @@ from megalopta.core.freshness import code_digest
 from megalopta.core.progress import progress, say
 from megalopta.dataset.frames import FRAMES_AT_ONCE, read_radiance_frames
 from megalopta.dataset.store import Dataset
-from megalopta.flow.benchmark.sequence import BenchmarkResult, Clip, photon_benchmark
+from megalopta.flow.benchmark.sequence import BenchmarkResult, Bookkeeping, Clip, photon_benchmark
 from megalopta.flow.benchmark.settings import checked_warm_up, work_units
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.response_error import ErrorSums
@@ -53,8 +53,7 @@ def benchmark(dataset: Dataset) -> None:
                 each,
                 settings.seed,
                 dataset.sequence,
-                advance,
-                partial(_part, parts / each.normalization),
+                Bookkeeping(advance, partial(_part, parts / each.normalization)),
             )
             for each in measurements
         ]

@@ -7,7 +7,7 @@ import pytest
 import zarr
 from pydantic import ValidationError
 
-from megalopta.flow.benchmark.sequence import photon_benchmark
+from megalopta.flow.benchmark.sequence import Bookkeeping, photon_benchmark
 from megalopta.flow.benchmark.settings import BenchmarkSettings, default_warm_up, work_units
 from megalopta.flow.detectors.registry import THESIS_METHODS, method
 
@@ -26,8 +26,8 @@ def settings(**changes):
     return BenchmarkSettings(**(base | changes))
 
 
-def measured(frames, methods, chosen, seed=0, sequence="grating", on_progress=None):
-    return photon_benchmark(frames, methods, chosen, seed, sequence, on_progress)
+def measured(frames, methods, chosen, seed=0, sequence="grating", books=Bookkeeping()):  # noqa: B008
+    return photon_benchmark(frames, methods, chosen, seed, sequence, books)
 
 
 def test_intensity_reaches_two_bits_at_10_133_photons_per_pixel():
@@ -93,7 +93,7 @@ def test_progress_adds_up_to_the_work():
     done = []
     chosen = settings(sizes=(30, 60), warm_up=5)
     frames = grating(frames=20)
-    measured(frames, [method("IM")], chosen, on_progress=done.append)
+    measured(frames, [method("IM")], chosen, books=Bookkeeping(done.append))
     assert sum(done) == work_units(frames.shape, chosen)
     assert len(done) > 10
 
