@@ -21,7 +21,6 @@ from megalopta.benchmark.ranking_settings import photons_at
 from megalopta.benchmark.sequence_errors import (
     HEADING,
     ROTATION,
-    SELF_ERROR,
     STILL,
     TRUE_YAW,
     YAW,
@@ -32,7 +31,7 @@ from megalopta.benchmark.sequence_truth import DISTANCES_M, PARALLAX_PX, SPEEDS_
 from megalopta.config.model import LightLevel, level_text
 from megalopta.core import files
 from megalopta.plotting.sections import Section, write_sections
-from megalopta.plotting.text import UNDEFINED, number, percent
+from megalopta.plotting.text import UNDEFINED, number
 from megalopta.scenes.lighting.levels import LEVELS, illuminance_of
 
 NAME = "ranking.json"
@@ -91,10 +90,6 @@ _YAW_RATE = (
     "of a sequence and tried on the second. Medians over the sequences in which the camera "
     "turns, and long enough for the method's memory. Methods that are blind to direction (NDM, "
     "NDS, IM) can be judged neither by velocity nor by yaw rate, and are not ranked."
-)
-_SELF = (
-    "Error against the same method's answer to the light without noise (Eq. 4.5): it says how "
-    "well an answer repeats, not whether it is true."
 )
 
 
@@ -220,10 +215,6 @@ def _yaw_rate(ranking: Ranking, _: Example) -> Section:
     return _by_photons(ranking, title, _YAW_RATE, cell, (YAW, YAW_OF_LIGHT, TRUE_YAW))
 
 
-def _self(ranking: Ranking, _: Example) -> Section:
-    return _by_photons(ranking, "Agreement with itself", _SELF, percent, (SELF_ERROR,))
-
-
 SECTIONS: tuple[Callable[[Ranking, Example], Section], ...] = (
     _measured,
     _changes,
@@ -234,7 +225,6 @@ SECTIONS: tuple[Callable[[Ranking, Example], Section], ...] = (
     _fields,
     _camera,
     _yaw_rate,
-    _self,
 )
 """The page, from top to bottom"""
 

@@ -144,8 +144,8 @@ def _work(dataset: Dataset, settings: RankingSettings, methods: Methods) -> int:
                 method.grid(Pooling(pixels, 1).shape((camera.height, camera.width)))
             except ValueError as problem:
                 raise ValueError(f"pixels_pooled {pixels} for {name}: {problem}") from None
-    repeats, poolings = (None, *range(settings.repeats)), settings.poolings
-    clips = set(product(methods, poolings, settings.fluxes, repeats))
+    repeats = range(settings.repeats)
+    clips = set(product(methods, settings.poolings, settings.fluxes, repeats))
     wide = directional_methods(methods, settings.wide_field)
     clips |= set(product(wide, (NO_POOLING,), settings.fluxes, (None, 0)))
     return len(clips) + len(settings.fluxes) * len(LIKELIHOODS) * (settings.camera_pairs > 0)

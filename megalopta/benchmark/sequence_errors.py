@@ -25,10 +25,8 @@ from megalopta.flow.benchmark.settings import default_warm_up
 from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.egomotion.heading import CameraMotion, motion_of_flow
 from megalopta.flow.egomotion.yaw_rate import YawRateTest, yaw_rates_deg_s
-from megalopta.flow.metrics.response_error import combine, error_sums
 
 ERROR = "epe_px"
-SELF_ERROR = "self_error"
 ROTATION, HEADING = "rotation_error_deg", "heading_error_deg"
 YAW, YAW_OF_LIGHT, TRUE_YAW = "yaw_error_deg_s", "yaw_error_of_light_deg_s", "true_yaw_deg_s"
 
@@ -114,19 +112,6 @@ def endpoint_errors(sequence: RankedSequence) -> Measured:
         yield from _by_group([bound], truth, Case(ERROR, BOUND, flux, "", *pooling))
 
 
-def self_errors(sequence: RankedSequence) -> Measured:
-    """Yield how far each method is from its own answer to the light (Eq. 4.5)."""
-    for pooling, flux in product(sequence.settings.poolings, sequence.settings.fluxes):
-        for name, detector in sequence.methods.items():
-            ideal = sequence.velocities.of(detector, Drawn(pooling, flux, None))
-            sums = [
-                combine([error_sums(detector, ideal, each)], np.concatenate)
-                for each in sequence.noisy(name, pooling, flux)
-            ]
-            mean = float(np.mean([each.of_sequence("literal") for each in sums]))
-            yield Case(SELF_ERROR, name, flux, "all", *pooling), _values([mean])
-
-
 def camera_errors(sequence: RankedSequence) -> Measured:
     """Yield errors of the camera's rotation and heading, from flow and as the most likely ones."""
     dataset, settings, velocities = sequence.dataset, sequence.settings, sequence.velocities
@@ -163,7 +148,7 @@ def yaw_errors(sequence: RankedSequence) -> Measured:
                 yield Case(YAW, name, flux), _values([found.counts_deg_s])
 
 
-METRICS = (endpoint_errors, self_errors, camera_errors, yaw_errors)
+METRICS = (endpoint_errors, camera_errors, yaw_errors)
 """All that is measured: `ERROR` is averaged over blocks, of others the median counts"""
 
 

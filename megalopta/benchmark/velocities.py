@@ -1,8 +1,8 @@
 """Velocities that methods read from the photons of a sequence, each kept as soon as it is known.
 
 Photons are drawn on perfect pixels from the rendered light, every frame scaled alike; all methods
-see the same draws. The light itself, at the same number of photons but without their noise, gives
-the velocities that a method is compared with itself by.
+see the same draws. From the light itself, at the same number of photons but without their noise,
+the weights are learned that make a yaw rate of velocities.
 """
 
 from collections.abc import Callable, Mapping, Sequence
