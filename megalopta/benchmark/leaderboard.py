@@ -58,11 +58,12 @@ def score_table(scores: Scores) -> Table:
     """Return the errors of every sequence and overall, a block for each pass."""
     title = "Endpoint error over pixels, of those that move 0–10, 10–40, 40+ px per frame"
     table = _table(title, ("pass", "sequence"))
-    for entry, sequences in zip(scores.entries, scores.sequences, strict=True):
-        for name, groups in sequences.items():
-            table.add_row(sentence(entry.pass_name), sentence(name), *_cells(groups))
-        table.add_row(sentence(entry.pass_name), "overall", *_cells(entry.overall), style="bold")
-        table.add_section()
+    for each in scores.entries:
+        names = each.pass_name, "overall" if each.sequence is None else each.sequence
+        style = "bold" if each.sequence is None else None
+        table.add_row(*map(sentence, names), *_cells(each.errors), style=style)
+        if each.sequence is None:
+            table.add_section()
     return table
 
 
@@ -71,12 +72,14 @@ def board_table(entries: Iterable[Entry], truth_hash: str) -> Table:
     table = _table("Leaderboard", ("pass", "program"))
     shown = [entry for entry in entries if entry.truth_hash == truth_hash]
     for entry in sorted(shown, key=lambda each: (each.pass_name, _epe(each))):
-        table.add_row(sentence(entry.pass_name), sentence(entry.program), *_cells(entry.overall))
+        table.add_row(sentence(entry.pass_name), sentence(entry.program), *_cells(entry.errors))
     return table
 
 
 def _entry(values: Any, path: Path) -> Entry:
     check_format("scores", values, path)
+    if "overall" in values:  # format 1
+        values["errors"] = values.pop("overall")
     return Entry.model_validate(values)
 
 
@@ -99,5 +102,5 @@ def _cells(groups: Groups) -> list[str]:
 
 
 def _epe(entry: Entry) -> float:
-    found = entry.overall["all"]["epe_px"]
+    found = entry.errors["all"]["epe_px"]
     return math.inf if found is None else found

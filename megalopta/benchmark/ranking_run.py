@@ -145,7 +145,9 @@ def _work(dataset: Dataset, settings: RankingSettings, methods: Methods) -> int:
             except ValueError as problem:
                 raise ValueError(f"pixels_pooled {pixels} for {name}: {problem}") from None
     repeats = range(settings.repeats)
-    clips = set(product(methods, settings.poolings, settings.fluxes, repeats))
+    clips: set[tuple[object, ...]] = set(
+        product(methods, settings.poolings, settings.fluxes, repeats)
+    )
     wide = directional_methods(methods, settings.wide_field)
     clips |= set(product(wide, (NO_POOLING,), settings.fluxes, (None, 0)))
     return len(clips) + len(settings.fluxes) * len(LIKELIHOODS) * (settings.camera_pairs > 0)

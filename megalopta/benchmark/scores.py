@@ -1,6 +1,7 @@
 """Scores of files of flow, or of a method's answers: by sequence and overall, for every pass."""
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from functools import partial
@@ -40,29 +41,34 @@ no pixel is of the group"""
 
 
 class Entry(Record, frozen=True):
-    """A program's flow over one pass, as a line of the leaderboard."""
+    """A line of the table of scores: a program's flow over one pass, of all or of one sequence."""
 
     format: NonNegativeInt = written("scores")
     """Of this line (`format_numbers`)"""
     program: str
     pass_name: str
     """Sintel's "clean" or "final"; empty where there is none"""
+    sequence: str | None = None
+    """None over all of them, which is what a leaderboard holds"""
     truth: str
     """Name of the folder of the true flow"""
     truth_hash: str
     """Of all its files: only entries with the same one can be compared"""
     frames: PositiveInt
-    overall: Groups
+    errors: Groups
 
 
 class Scores(Record, frozen=True):
-    """An entry for each pass, and the errors of every sequence."""
+    """The table: for each pass an entry for each sequence, then one over all."""
 
     format: NonNegativeInt = written("scores")
     """Of this file (`format_numbers`)"""
     entries: tuple[Entry, ...]
-    sequences: tuple[Mapping[str, Groups], ...]
-    """By name, of each entry"""
+
+    @property
+    def overall(self) -> tuple[Entry, ...]:
+        """Those over all sequences, by pass."""
+        return tuple(each for each in self.entries if each.sequence is None)
 
 
 def score_submission(
@@ -91,60 +97,50 @@ def score_submission(
     if not truth.is_dir():
         raise UserError(f"{truth}: no such folder")
     truths = true_flows(truth)
-    passes = _answers_of(flow, truths)
+    name, passes = _answers_of(flow, truths)
     with progress("Scoring flow", len(truths), "frame") as advance:
         found, digest_of_all = _scored(passes, truths, advance)
-    entries = [
-        Entry(
-            program=program or _name_of(flow),
-            pass_name=name,
+
+    def entry(pass_name: str, sequence: str | None, frames: int, errors: DenseErrors) -> Entry:
+        return Entry(
+            program=program or name,
+            pass_name=pass_name,
+            sequence=sequence,
             truth=truth.resolve().name,
             truth_hash=digest_of_all,
-            frames=len(truths),
-            overall=_groups(DenseErrors.joined(by_sequence.values())),
+            frames=frames,
+            errors=_groups(errors),
         )
-        for name, by_sequence in found.items()
-    ]
-    sequences = [
-        {name: _groups(each) for name, each in by_sequence.items()}
-        for by_sequence in found.values()
-    ]
-    return Scores(entries=tuple(entries), sequences=tuple(sequences))
+
+    frames, entries = Counter(frame.sequence for frame in truths), []
+    for pass_name, by_sequence in found.items():
+        for sequence, errors in by_sequence.items():
+            entries.append(entry(pass_name, sequence, frames[sequence], errors))
+        overall = DenseErrors.joined(by_sequence.values())
+        entries.append(entry(pass_name, None, len(truths), overall))
+    return Scores(entries=tuple(entries))
 
 
-def _answers_of(flow: str | Path | Method, truths: Truths) -> Mapping[str, Answers]:
-    """Return the answers to all frames, by pass. Raises UserError."""
-    if isinstance(flow, str | Path) and Path(flow).is_dir():
-        passes = submitted_flows(Path(flow), truths)
-        return {
+def _answers_of(flow: str | Path | Method, truths: Truths) -> tuple[str, Mapping[str, Answers]]:
+    """Return the name of what gave the flow, and the answers to all frames by pass."""
+    if isinstance(flow, str | Path) and (folder := Path(flow)).is_dir():
+        return folder.resolve().name, {
             name: {frame: (str(path), partial(read_flow, path)) for frame, path in paths.items()}
-            for name, paths in passes.items()
+            for name, paths in submitted_flows(folder, truths).items()
         }
-    detector = _dense(flow)
-    return {
+    try:
+        detector = method(str(flow) if isinstance(flow, Path) else flow)
+    except ValueError as problem:
+        raise UserError(f"{flow}: no such folder; {problem}") from None
+    if not isinstance(detector, DenseDetector):
+        raise UserError(f"{detector.name} gives no flow at every pixel; give a method that does")
+    return detector.name, {
         name: {
             frame: (str(first), partial(_answer, detector, first, second))
             for frame, (first, second) in pictures.items()
         }
         for name, pictures in pictures_of(truths).items()
     }
-
-
-def _name_of(flow: str | Path | Method) -> str:
-    """Name of what gave the flow, unless it is told."""
-    if isinstance(flow, str | Path) and Path(flow).is_dir():
-        return Path(flow).resolve().name
-    return _dense(flow).name
-
-
-def _dense(flow: str | Path | Method) -> DenseDetector:
-    try:
-        found = method(str(flow) if isinstance(flow, Path) else flow)
-    except ValueError as problem:
-        raise UserError(f"{flow}: no such folder; {problem}") from None
-    if not isinstance(found, DenseDetector):
-        raise UserError(f"{found.name} gives no flow at every pixel; give a method that does")
-    return found
 
 
 def _answer(detector: DenseDetector, first: Path, second: Path) -> NDArray[Any]:

@@ -42,6 +42,6 @@ def _run(options: Namespace) -> None:
     console.print(score_table(scores))
     print(options.out)
     if options.leaderboard:
-        entries = add_entries(options.leaderboard, scores.entries)
+        entries = add_entries(options.leaderboard, scores.overall)
         console.print(board_table(entries, scores.entries[0].truth_hash))
         print(options.leaderboard)

@@ -24,7 +24,7 @@ FORMATS: Mapping[str, Format] = {
     "events": Format(1, 0),  # SENSOR-LEVEL.events.h5 and .events.npz
     "recording": Format(1, 0),  # recording.yaml
     "ranking": Format(2, 2),  # ranking.json
-    "scores": Format(1, 0),  # scores.json, and lines of a leaderboard
+    "scores": Format(2, 0),  # scores.json, and lines of a leaderboard
 }
 """Every format by the name that messages use."""
 
