@@ -86,10 +86,11 @@ _CAMERA = (
 )
 _YAW_RATE = (
     "Root mean square error (deg/s) of the camera's yaw rate from a weighted sum of all answers, "
-    "in parentheses that without noise; weights are learned from clean answers to the first half "
-    "of a sequence and tried on the second. Medians over the sequences in which the camera "
-    "turns, and long enough for the method's memory. Methods that are blind to direction (NDM, "
-    "NDS, IM) can be judged neither by velocity nor by yaw rate, and are not ranked."
+    "in parentheses that without noise, of the true rate; weights are learned from clean answers "
+    "to the first half of a sequence and tried on the second. Medians over the sequences in "
+    "which the camera turns, and long enough for the method's memory. Methods that are blind to "
+    "direction (NDM, NDS, IM) can be judged neither by velocity nor by yaw rate, and are not "
+    "ranked."
 )
 
 
