@@ -71,15 +71,6 @@ def directional_methods(ranked: Methods, more: Iterable[Method]) -> Mapping[str,
     return found
 
 
-def block_methods(frames: int) -> list[str]:
-    """Return the names of the methods that give velocities of blocks from so many frames."""
-    return [
-        name
-        for name, each in METHODS.items()
-        if isinstance(each, BlockDetector) and each.memory_frames < frames
-    ]
-
-
 def block_detector(chosen: Method) -> BlockDetector:
     """Return a method that gives velocities of blocks. Raises ValueError for any other."""
     found = method(chosen)
@@ -108,7 +99,8 @@ def on_the_board(chosen: Method) -> Method:
 
 def methods_and_baselines(frames: int) -> list[BlockDetector]:
     """Return all methods that do with so many frames, and the baselines that do."""
-    found = [block_detector(name) for name in block_methods(frames)]
+    there = (block_detector(name) for name in velocity_names())
+    found = [each for each in there if each.memory_frames < frames]
     found += [stretched(name) for name in _GRAY]
     if frames >= _MANY:
         found += [summed_frames(block_detector(name), _MANY) for name in _GRAY]

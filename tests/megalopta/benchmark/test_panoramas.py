@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from megalopta.benchmark import panoramas
-from megalopta.benchmark.panorama_recipes import NATURAL_PANORAMAS, NaturalPanorama, render_panorama
+from megalopta.benchmark.panorama_recipes import NATURAL_PANORAMAS, render_panorama
 from megalopta.benchmark.panoramas import (
     SHIPPED,
     natural_templates,
@@ -15,7 +15,6 @@ from megalopta.benchmark.panoramas import (
 from megalopta.cli import main as cli
 from megalopta.core.errors import UserError
 from megalopta.render import RenderNoise
-from megalopta.scenes import Forest, Light
 from megalopta.scenes.spectra.primaries import LUMINANCE_SHARES
 from megalopta.verification import panoramas as check_panoramas
 from megalopta.verification.panoramas import LIMIT, compare
@@ -82,12 +81,6 @@ def test_templates_are_251_rows_of_mean_1_with_the_fields_of_view_of_the_dissert
         assert template.mean() == pytest.approx(1, abs=1e-12)
 
 
-def test_the_cache_lies_where_the_environment_says(rendered, tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    natural_templates()
-    assert len(list((tmp_path / "megalopta/panoramas").glob("*.exr"))) == 4
-
-
 def test_a_broken_file_in_the_cache_is_named(rendered, tmp_path):
     natural_templates(tmp_path)
     panorama_file("open", NATURAL_PANORAMAS["open"], tmp_path).write_bytes(b"half a fi")
@@ -100,26 +93,6 @@ def test_pixels_are_square_at_the_horizon():
         camera = recipe.camera
         lower, upper = camera.heights
         assert (upper - lower) / camera.height == pytest.approx(1 / camera.focal_length_px)
-
-
-@pytest.mark.slow
-def test_a_forest_is_rendered_pass_by_pass_with_sky_above_and_ground_below():
-    forest = Forest(trees=50, density_per_ha=1500, undergrowth=0, detail=0.05, mix={"spruce": 1})
-    recipe = NaturalPanorama(
-        forest=forest,
-        light=Light(level="starlight"),
-        frame_fov_deg=180,
-        samples_per_pass=1,
-        passes=2,
-    )
-    passes = []
-    radiance, noise = render_panorama(recipe, lambda: passes.append(1))
-    assert len(passes) == noise.passes == 2
-    assert radiance.shape == (251, 502, 1)
-    # Litter reflects a tenth of what the sky sends, and trunks shade it: the forest's own closed
-    # form is an inequality, and two paths per pixel are averaged over 126 000.
-    sky, ground = radiance[:20].mean(), radiance[-60:].mean()
-    assert 0 < ground < sky / 3
 
 
 def colors(rows=251, columns=753, seed=0):
