@@ -44,7 +44,7 @@ from megalopta.flow.stimuli.resizing import resize, resized_shape
 
 @dataclass(frozen=True)
 class Bookkeeping:
-    """How a run tells what it has done, and keeps it, so that one that was stopped goes on."""
+    """How a run reports what it has done, and keeps it, so that a stopped run can continue."""
 
     on_progress: Callable[[int], object] = lambda work: None
     """Called with the work done since the last call, in the units of `work_units`."""

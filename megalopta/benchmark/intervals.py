@@ -98,7 +98,7 @@ def interval(sums: Sums) -> Interval | None:
 
 
 def ratio(one: Sums, other: Sums) -> Ratio | None:
-    """Return the ratio of two means over the same blocks; None where it cannot be told."""
+    """Return the ratio of two means over the same blocks; None where units are too few."""
     upper, lower = (_present(each) for each in (one, other))
     with np.errstate(divide="ignore", invalid="ignore"):
         spread = _spread(_log_means(upper) - _log_means(lower), upper.blocks)
@@ -156,7 +156,7 @@ def _log_means(sums: Sums) -> Floats:
 
 
 def _spread(left_out: Floats, blocks: Floats) -> _Spread | None:
-    """Error of a logarithm, from its values without each unit; None where it cannot be told."""
+    """Error of a logarithm, from its values without each unit; None where units are too few."""
     count = len(left_out)
     if count < 2 or not np.isfinite(left_out).all():
         return None

@@ -53,7 +53,7 @@ def velocity_names() -> tuple[str, ...]:
 
 
 def directional_methods(ranked: Methods, more: Iterable[Method]) -> Mapping[str, Detector]:
-    """Return the ranked methods, and others that tell the direction of motion.
+    """Return the ranked methods, and others that respond to the direction of motion.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Rendered forests past which a camera flies: clips with true parallax, and long flights.
 
 Near plants move faster than far ones and hide them, which neither dead leaves nor a turning camera
-show. Light is baked, so that what is left of its error, 6 %, stands on surfaces and moves with
+show. Light is baked, so that its remaining error, 6 %, is fixed to surfaces and moves with
 them; what flickers is stated. Clips are kept in the cache folder.
 
 In a flight the camera turns to the left and to the right by up to 0.7° per frame, nods and rolls by

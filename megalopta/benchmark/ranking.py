@@ -88,7 +88,7 @@ class Ranking(Record, frozen=True):
         return self._rows.get((Case(BEST, "", flux, group, *pooling), ""))
 
     def order_of(self, flux: float, group: str, one: str, other: str) -> RankingRow | None:
-        """Return the worse one's ratio to the better one; None where it cannot be told at all."""
+        """Return the worse one's ratio to the better one; None where units are too few."""
         cases = (Case(RATIO, name, flux, group, *self.settings.finest) for name in (one, other))
         found = (self._rows.get(key) for key in zip(cases, (other, one), strict=True))
         return next(filter(None, found), None)

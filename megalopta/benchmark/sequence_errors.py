@@ -4,10 +4,11 @@ A block's error is the endpoint error in px of the full image per frame; a block
 counts as one that reports zero motion. Means are over all blocks of a group.
 """
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,12 +31,17 @@ ERROR = "epe_px"
 ROTATION, HEADING = "rotation_error_deg", "heading_error_deg"
 YAW, YAW_OF_LIGHT, TRUE_YAW = "yaw_error_deg_s", "yaw_error_of_light_deg_s", "true_yaw_deg_s"
 
-_STILL_M = 1e-9
-
 STILL = "zero motion"
 """What a method must beat: no motion anywhere"""
 
 BOUND = "Poisson bound"
+
+_STILL_M = 1e-9
+_UNKNOWN = math.nan, math.nan
+
+CameraErrors: TypeAlias = tuple[float, float]
+"""Angles of the rotation that remains between the estimated and the true one, and between the
+estimated and the true direction of translation (degrees); NaN where unknown"""
 
 Measured: TypeAlias = Iterator[tuple[Case, Sums]]
 """Sums over the pairs of frames of a sequence, or one number of it, by case"""
@@ -48,16 +54,6 @@ class Example:
     truth: Floats
     found: Mapping[str, Mapping[float, Floats]]
     """By method and photons per frame"""
-
-
-class CameraErrors(NamedTuple):
-    """Of one pair of frames, in degrees; NaN where it could not be told."""
-
-    rotation_deg: float
-    """Angle of the rotation that is left between the estimated and the true one"""
-
-    heading_deg: float
-    """Angle between the estimated and the true direction of translation"""
 
 
 class RankedSequence:
@@ -201,21 +197,21 @@ def _errors_of_flow(
     try:
         found = motion_of_flow(camera, grid.centers[inside] * scale, velocities[inside])
     except ValueError:  # too few blocks have a velocity
-        return CameraErrors(np.nan, np.nan)
+        return _UNKNOWN
     return _errors_of_motion(dataset, found, pair)
 
 
 def _errors_of_motion(dataset: Dataset, found: CameraMotion, pair: int) -> CameraErrors:
     """Return the errors of a motion between a frame and the next."""
     if np.isnan(found.rotation_deg).any():
-        return CameraErrors(np.nan, np.nan)
+        return _UNKNOWN
     poses = dataset.configuration.trajectory.poses()[pair : pair + 2]
     turn = poses[0, :3, :3].T @ poses[1, :3, :3]
     way = poses[0, :3, :3].T @ (poses[1, :3, 3] - poses[0, :3, 3])
     left = Rotation.from_rotvec(found.rotation_deg, degrees=True).inv() * Rotation.from_matrix(turn)
     length = float(np.linalg.norm(way))
     heading = np.nan if length < _STILL_M else _angle_deg(found.heading, way / length)
-    return CameraErrors(float(np.degrees(left.magnitude())), heading)
+    return float(np.degrees(left.magnitude())), heading
 
 
 def _angle_deg(first: Floats, second: Floats) -> float:
@@ -223,9 +219,9 @@ def _angle_deg(first: Floats, second: Floats) -> float:
 
 
 def _camera_cases(name: str, flux: float, errors: Sequence[CameraErrors]) -> Measured:
-    yield Case(ROTATION, name, flux), _values([each.rotation_deg for each in errors])
-    yield Case(HEADING, name, flux), _values([each.heading_deg for each in errors])
+    for metric, values in zip((ROTATION, HEADING), np.transpose(errors), strict=True):
+        yield Case(metric, name, flux), _values(values)
 
 
-def _values(values: Sequence[float]) -> Sums:
+def _values(values: Sequence[float] | Floats) -> Sums:
     return Sums(np.array(values), np.ones(len(values)))

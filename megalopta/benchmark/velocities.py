@@ -36,7 +36,7 @@ _MOST_BYTES = 2**62
 LIKELIHOODS: Mapping[str, int] = MappingProxyType(
     {"likelihood, 2 frames": 2, "likelihood, 8 frames": 8}
 )
-"""Names of the motion under which counts are most likely, and how many frames it is told from"""
+"""Names of the motion under which counts are most likely, and from how many frames"""
 
 
 class Drawn(NamedTuple):
