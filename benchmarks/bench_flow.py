@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from megalopta.benchmark.templates import pixels_of
-from megalopta.benchmark.thesis_sweeps import SWEEPS
-from megalopta.benchmark.trial import Trial, measure
+from megalopta.benchmark.trial import Trial, measure_trial
 from megalopta.flow.benchmark import short_sequences
 from megalopta.flow.detectors.base import FloatArray
 from megalopta.flow.detectors.registry import method
 from megalopta.flow.stimuli.photons import draw_counts, draw_in_one
+from megalopta.reproduction.chapter4_sweeps import SWEEPS
 from megalopta.sensor.sampling.normals import EDGES, fill_normals
 from megalopta.sensor.sampling.words import LANES, word_streams
 
@@ -105,7 +105,7 @@ def chapter(every: int = 16) -> None:
     trials = sorted({trial for sweep in SWEEPS.values() for trial in sweep.trials}, key=_size_first)
     some = trials[::every]
     pixels = pixels_of(each.template for each in some)
-    measure(some[0], pixels[some[0].template], "benchmark")  # compiles
+    measure_trial(some[0], pixels[some[0].template], "benchmark")  # compiles
     drawn = 0
 
     def counted(light: FloatArray, *arguments: Any, **more: Any) -> Any:
@@ -116,7 +116,7 @@ def chapter(every: int = 16) -> None:
     profile = cProfile.Profile(time.process_time)
     with patch.object(short_sequences, "draw_in_one", counted), profile:
         for each in some:
-            measure(each, pixels[each.template], "benchmark")
+            measure_trial(each, pixels[each.template], "benchmark")
     spent: Counter[str] = Counter()
     for (file, _, _), (_, _, own, _, _) in pstats.Stats(profile).stats.items():  # type: ignore[attr-defined]
         spent[next((what for part, what in _PARTS.items() if part in file), "the rest")] += own

@@ -1,6 +1,7 @@
-from .benchmark.result import BenchmarkResult as BenchmarkResult
 from .benchmark.search import photon_search as photon_search
 from .benchmark.sequence import (
+    BenchmarkResult as BenchmarkResult,
+    Bookkeeping as Bookkeeping,
     Clip as Clip,
     photon_benchmark as photon_benchmark,
 )

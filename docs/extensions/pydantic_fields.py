@@ -22,7 +22,7 @@ PAGE = "generated/configuration.rst"
 ROOTS: tuple[tuple[type[BaseModel], str], ...] = (
     (Configuration, "What ``megalopta render``, ``sense``, ``flow`` and ``demo`` read."),
     (RankingSettings, "Options of ``megalopta benchmark sequence``."),
-    (Sweep, "What ``megalopta sweep`` reads."),
+    (Sweep, "A sweep, which ``megalopta benchmark photons`` reads."),
 )
 # What a field's name ends in, longest first, and its unit.
 UNITS = {

@@ -21,7 +21,7 @@ from itertools import product
 import numpy as np
 
 from megalopta.flow.benchmark.settings import SearchSettings
-from megalopta.flow.benchmark.short_sequences import Comparison, ReusedMemory, ShortSequences
+from megalopta.flow.benchmark.short_sequences import DetectorErrors, ShortSequences
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.registry import Method, method
 from megalopta.flow.metrics.curve import ErrorCurve, error_curve
@@ -40,7 +40,6 @@ _EXACT_PER_DECADE = 100
 """Closed forms cost next to nothing, and deserve that interpolation adds no error of its own."""
 _SMALLEST_ERROR = 1e-3
 """In levels; block matching reaches 0"""
-_MEMORY = ReusedMemory()
 
 
 def photon_search(
@@ -69,13 +68,10 @@ def photon_search(
         When the frames are black or too small for a detector.
     """
     detectors = [method(each) for each in methods]
-    try:
-        sequences = ShortSequences(stimulus, settings, seed, name, detectors, _MEMORY.empty)
-        # those that need most frames first: the others see some of these
-        order = sorted(detectors, key=lambda detector: -detector.noise_memory_frames)
-        curves = {each.name: _Search(sequences, each).curves() for each in order}
-    finally:
-        _MEMORY.release()
+    sequences = ShortSequences(stimulus, settings, seed, name, detectors)
+    # those that need most frames first: the others see some of these
+    order = sorted(detectors, key=lambda detector: -detector.noise_memory_frames)
+    curves = {each.name: _Search(sequences, each).curves() for each in order}
     return tuple(curve for each in detectors for curve in curves[each.name])
 
 
@@ -133,7 +129,7 @@ class _Search:
 
     def __init__(self, sequences: ShortSequences, method: Detector) -> None:
         self._sequences, self._method = sequences, method
-        self._comparison = Comparison(sequences, method)
+        self._comparison = DetectorErrors(sequences, method)
         self._is_exact = self._comparison.is_exact
         self._settings = (
             sequences.settings.model_copy(update={"fluxes_per_decade": _EXACT_PER_DECADE})

@@ -15,16 +15,17 @@ For a template that turns past a window, `photon_search` finds the thresholds al
 of the draws.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
 import numpy as np
+from pydantic import PositiveInt, TypeAdapter
 
-from megalopta.flow.benchmark.result import BenchmarkResult
 from megalopta.flow.benchmark.settings import BenchmarkSettings, checked_warm_up
 from megalopta.flow.detectors.base import Detector, FloatArray, Frames
-from megalopta.flow.detectors.registry import Method, method
+from megalopta.flow.detectors.registry import METHODS, Method, method
 from megalopta.flow.metrics.curve import ErrorCurve, error_curve
 from megalopta.flow.metrics.response_error import (
     ErrorSums,
@@ -40,11 +41,17 @@ from megalopta.flow.stimuli.photons import (
 )
 from megalopta.flow.stimuli.resizing import resize, resized_shape
 
-Progress = Callable[[int], object]
-"""Called with the work done since the last call, in the units of `work_units`."""
 
-Parts = Callable[[str, Callable[[], list[ErrorSums]]], list[ErrorSums]]
-"""Gives a part of the work by its name: what was kept of it, or else what the callable returns."""
+@dataclass(frozen=True)
+class Bookkeeping:
+    """How a run reports what it has done, and keeps it, so that a stopped run can continue."""
+
+    on_progress: Callable[[int], object] = lambda work: None
+    """Called with the work done since the last call, in the units of `work_units`."""
+
+    part: Callable[[str, Callable[[], list[ErrorSums]]], list[ErrorSums]] = lambda _, work: work()
+    """Gives a part by its name, one for each size and repeat: what was kept of it, or else what
+    the callable returns, a sum of shape (fluxes, T) for each method."""
 
 
 class Clip(Protocol):
@@ -58,14 +65,70 @@ class Clip(Protocol):
         """Return successive frames (n, H, W)."""
 
 
+@dataclass(frozen=True)
+class BenchmarkResult:
+    """All curves of one sequence, with what is needed to make them again."""
+
+    sequence: str
+    seed: int
+    settings: BenchmarkSettings
+    methods: tuple[Detector, ...]
+    frames: tuple[PositiveInt, PositiveInt, PositiveInt]
+    """Shape (T, H, W) of the clean sequence before resizing"""
+
+    warm_up: int
+    """Frames that were not scored"""
+
+    curves: tuple[ErrorCurve, ...]
+
+    def curve(self, method: str, size: int, metric: Metric = "literal") -> ErrorCurve:
+        """Return the curve of one detector at one frame size (rows).
+
+        Raises
+        ------
+        ValueError
+            When it was not measured.
+        """
+        for curve in self.curves:
+            if (curve.method, curve.shape[0], curve.metric) == (method, size, metric):
+                return curve
+        raise ValueError(
+            f"no {metric} curve of {method!r} at {size} px: choose from"
+            f" {', '.join(each.name for each in self.methods)} at {self.settings.sizes} px,"
+            f" {', '.join(self.settings.metrics)}"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything ready for JSON."""
+        return {
+            "sequence": self.sequence,
+            "seed": self.seed,
+            "settings": self.settings.model_dump(mode="json"),
+            "methods": {each.name: each.model_dump(mode="json") for each in self.methods},
+            "frames": list(self.frames),
+            "warm_up": self.warm_up,
+            "curves": [curve.to_dict() for curve in self.curves],
+        }
+
+    @classmethod
+    def from_dict(cls, fields: Mapping[str, Any]) -> Self:
+        """Return the result that `to_dict` wrote; raises as `ErrorCurve.from_dict` does."""
+        methods = (
+            type(METHODS[name]).model_validate(own) for name, own in fields["methods"].items()
+        )
+        curves = tuple(ErrorCurve.from_dict(each) for each in fields["curves"])
+        return TypeAdapter(cls).validate_python(
+            {**fields, "methods": (*methods,), "curves": curves}
+        )
+
+
 def photon_benchmark(
     frames: Clip,
     methods: Sequence[Method],
     settings: BenchmarkSettings,
     seed: int,
     sequence: str,
-    on_progress: Progress | None = None,
-    parts: Parts = lambda name, work: work(),
+    books: Bookkeeping = Bookkeeping(),
 ) -> BenchmarkResult:
     """Return the error of each method over the photon flux, and the fluxes it needs.
 
@@ -81,11 +144,8 @@ def photon_benchmark(
         Any integer.
     sequence : str
         Name of the sequence; sequences of different names are drawn independently.
-    on_progress
-        Called with the work done since the last call; the total is `work_units`.
-    parts
-        Where parts of the work are kept, so that a run that was stopped goes on: one for each size
-        and repeat, a sum of shape (fluxes, T) for each method.
+    books
+        Told of the work done, `work_units` in all, and keeps its parts.
 
     Raises
     ------
@@ -97,9 +157,7 @@ def photon_benchmark(
     curves: list[ErrorCurve] = []
     for size in settings.sizes:
         at_size = _AtSize(frames, size, settings, seed, sequence)
-        for detector, sums in zip(
-            detectors, at_size.measured(detectors, on_progress, parts), strict=True
-        ):
+        for detector, sums in zip(detectors, at_size.measured(detectors, books), strict=True):
             curves += [at_size.curve(detector, sums, each, warm_up) for each in settings.metrics]
     return BenchmarkResult(
         sequence=sequence,
@@ -129,12 +187,10 @@ class _AtSize:
         light = np.concatenate([frame_light(chunk) for _, chunk in self._resized()])
         self._divisors = divisors(light, settings.normalization)
 
-    def measured(
-        self, methods: Sequence[Detector], on_progress: Progress | None, parts: Parts
-    ) -> list[ErrorSums]:
+    def measured(self, methods: Sequence[Detector], books: Bookkeeping) -> list[ErrorSums]:
         """Return the sums of each method, (fluxes, repeats, T)."""
         repeats = [
-            parts(f"{self._key[1]}-{each}", partial(self._repeat, each, methods, on_progress))
+            books.part(f"{self._key[1]}-{each}", partial(self._repeat, each, methods, books))
             for each in range(self._settings.repeats)
         ]
         return [
@@ -143,7 +199,7 @@ class _AtSize:
         ]
 
     def _repeat(
-        self, repeat: int, methods: Sequence[Detector], on_progress: Progress | None
+        self, repeat: int, methods: Sequence[Detector], books: Bookkeeping
     ) -> list[ErrorSums]:
         """Return the sums of each method, (fluxes, T)."""
         fluxes, shape = self._settings.fluxes, self._shape
@@ -162,8 +218,7 @@ class _AtSize:
                 counts = draw_counts(means, self._seed, *key, first_frame=first)
                 for ideal, comparison in zip(ideals, at_flux, strict=True):
                     comparison.add(ideal, means, counts, self._pixels / flux)
-                if on_progress is not None:
-                    on_progress(counts.size)
+                books.on_progress(counts.size)
         return [
             combine([combine(each.sums, np.concatenate) for each in of_method], np.stack)
             for of_method in zip(*comparisons, strict=True)

@@ -7,13 +7,9 @@ are drawn and not scored. Draws are named by seed, stimulus, flux, place and rep
 that needs few frames sees the first of those that another one sees.
 """
 
-import math
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from megalopta.flow.benchmark.settings import SearchSettings
 from megalopta.flow.detectors.base import (
@@ -24,9 +20,7 @@ from megalopta.flow.detectors.base import (
 )
 from megalopta.flow.metrics.response_error import ErrorSums, error_sums, sums_of_errors
 from megalopta.flow.stimuli.moving_template import MovingTemplate, summed
-from megalopta.flow.stimuli.photons import Empty, draw_in_one, narrowest
-
-_PIXELS_AT_ONCE = 2**17
+from megalopta.flow.stimuli.photons import draw_in_one, narrowest
 
 
 class ShortSequences:
@@ -42,8 +36,6 @@ class ShortSequences:
         Of the stimulus.
     methods
         Detectors that will see it.
-    empty
-        Makes the arrays of counts.
     """
 
     def __init__(
@@ -53,9 +45,8 @@ class ShortSequences:
         seed: int,
         name: str,
         methods: Sequence[Detector],
-        empty: Empty = np.empty,
     ) -> None:
-        self.settings, self.seed, self._empty = settings, seed, empty
+        self.settings, self.seed = settings, seed
         self.key = (name, f"{stimulus.size}x{stimulus.size}")
         self.shape = (stimulus.size, stimulus.size)
         self.pixels = stimulus.size**2
@@ -91,7 +82,6 @@ class ShortSequences:
                 self.seed,
                 *(*self.key, f"{flux:.6g}", phase, repeat),
                 brightest=self._brightest,
-                empty=self._empty,
             )
             if self.settings.summed_frames > 1:
                 counts = narrowest(summed(counts, self.settings.summed_frames))
@@ -99,20 +89,14 @@ class ShortSequences:
         return self._counts[name][:frames]
 
 
-class Comparison:
+class DetectorErrors:
     """One detector's responses to counts against those to clean frames."""
 
     def __init__(self, sequences: ShortSequences, method: Detector) -> None:
         self._sequences, self._method = sequences, method
         settings, before = sequences.settings, warm_up_frames(method)
-        self._phases, self._lead_in = range(settings.phases), method.noise_memory_frames
-        self._frames = self._lead_in + settings.frames
-        at_once = max(1, _PIXELS_AT_ONCE // sequences.pixels)
-        self._parts = [
-            slice(start, min(start + at_once, end))
-            for first, end in ((0, self._lead_in), (self._lead_in, self._frames))
-            for start in range(first, end, at_once)
-        ]
+        self._phases = range(settings.phases)
+        self._frames = method.noise_memory_frames + settings.frames
         clean = [sequences.clean(phase, before, self._frames) for phase in self._phases]
         self._before = [frames[:before] for frames in clean]
         self._clean = [frames[before:] for frames in clean]
@@ -121,7 +105,7 @@ class Comparison:
             # at common brightness, which they ask for, clean frames are the same at any flux
             gain = sequences.pixels / settings.summed_frames
             self._after = [method.after(frames, gain) for frames in self._before]
-        self._ideal = [self._response(phase, settings.flux_max, 0.0) for phase in self._phases]
+        self._ideal = [self._to_light(phase, settings.flux_max, 0.0) for phase in self._phases]
 
     @property
     def is_defined(self) -> bool:
@@ -151,7 +135,7 @@ class Comparison:
         method, repeats = self._method, self._sequences.settings.repeats
         scale = self._scale(flux)
         has_own = self._sequences.settings.compares_with_means(method)
-        ideal = self._response(phase, flux, dark) if has_own else self._ideal[phase]
+        ideal = self._to_light(phase, flux, dark) if has_own else self._ideal[phase]
         # where frames are independent of each other, one stands for those of a place
         means = self._clean[phase][:1] * flux + dark
         if (deviation := method.expected_deviation(means, scale)) is not None:
@@ -160,59 +144,25 @@ class Comparison:
         draws = []
         for repeat in range(repeats):
             counts = self._sequences.counts(flux, phase, repeat, self._frames)
-            parts, done = [], 0
-            for noisy in self._responses(counts.__getitem__, phase, flux, dark):
-                parts.append(sums_of_errors(method, ideal[done : done + len(noisy)], noisy))
-                done += len(noisy)
-            draws.append(np.concatenate(parts, axis=1))
+            noisy = self._scored(counts, phase, flux, dark)
+            draws.append(sums_of_errors(method, ideal, noisy))
         return np.stack(draws, axis=1)
 
-    def _response(self, phase: int, flux: float, dark: float) -> FloatArray:
+    def _to_light(self, phase: int, flux: float, dark: float) -> FloatArray:
         """Return the scored responses at a place to the mean counts."""
-        light = self._clean[phase]
-        means = self._responses(lambda part: light[part] * flux + dark, phase, flux, dark)
-        return np.concatenate(list(means))
+        return self._scored(self._clean[phase] * flux + dark, phase, flux, dark)
 
-    def _responses(
-        self, frames: Callable[[slice], Frames], phase: int, flux: float, dark: float
-    ) -> Iterator[FloatArray]:
-        """Yield the scored responses at a place, in parts that fit a processor's cache."""
+    def _scored(self, frames: Frames, phase: int, flux: float, dark: float) -> FloatArray:
+        """Return the scored responses at a place."""
         scale = self._scale(flux)
         if self._after:
             respond = self._after[phase](dark * scale)
         else:
             respond = self._method.after(self._before[phase], flux)(dark)
-        for part in self._parts:
-            responses = respond(frames(part), scale)
-            if part.start >= self._lead_in:
-                yield responses
+        return respond(frames, scale)[-self._sequences.settings.frames :]
 
     def _scale(self, flux: float) -> float:
         return self._sequences.pixels / (flux * self._sequences.settings.summed_frames)
-
-
-class ReusedMemory(threading.local):
-    """Memory of one thread for arrays that go, all of which is free again at `release`.
-
-    A system clears the memory that it hands out, which takes as long as drawing photons into it.
-    """
-
-    def __init__(self) -> None:
-        self._free: list[NDArray[np.uint8]] = []
-        self._taken: list[NDArray[np.uint8]] = []
-
-    def empty(self, shape: tuple[int, ...], kind: type[np.generic]) -> NDArray[Any]:
-        """Return an array as `numpy.empty` does, not to be used after `release`."""
-        size = math.prod(shape) * np.dtype(kind).itemsize
-        place = next((k for k, block in enumerate(self._free) if block.size >= size), None)
-        block = np.empty(size, np.uint8) if place is None else self._free.pop(place)
-        self._taken.append(block)
-        return block[:size].view(kind).reshape(shape)
-
-    def release(self) -> None:
-        """Take back all arrays."""
-        self._free += self._taken
-        self._taken = []
 
 
 def warm_up_frames(method: Detector) -> int:

@@ -11,7 +11,6 @@ are drawn independently of each other.
 """
 
 import math
-from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
@@ -22,9 +21,6 @@ from megalopta.sensor.sampling.streams import generator
 
 _LARGEST_MEAN = 9e18
 Counts = NDArray[np.unsignedinteger[Any]]
-
-Empty = Callable[[tuple[int, ...], type[np.unsignedinteger[Any]]], Counts]
-"""Makes an array of a shape and a type, as `numpy.empty`."""
 
 Normalization = Literal["per_frame", "per_sequence"]
 """What is brought to the flux: every frame, or the mean frame."""
@@ -122,7 +118,6 @@ def draw_in_one(
     seed: int,
     *key: str | int,
     brightest: float | None = None,
-    empty: Empty = np.empty,
 ) -> Counts:
     """Return counts of means flux·light + dark_counts, from one random stream, as `draw_counts`.
 
@@ -140,11 +135,9 @@ def draw_in_one(
         As for `draw_counts`.
     brightest : float, optional
         What no light exceeds, if it is known.
-    empty
-        Makes the array, of a shape and a type.
     """
     most = (float(light.max()) if brightest is None else brightest) * flux + dark_counts
-    counts = empty(light.shape, _type_for(most))
+    counts = np.empty(light.shape, _type_for(most))
     _fill(generator(seed, "photons", *key, 0), light, dark_counts / flux, flux, counts)
     return counts
 

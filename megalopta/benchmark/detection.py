@@ -1,4 +1,4 @@
-"""How well each method tells motion from standstill and right from left, against photons.
+"""How well each method distinguishes motion from rest and right from left, over the photons.
 
 All methods see the same counts of the same textures, at the size, speed and dark counts of the
 dissertation's Table 4.1, and give one response per block.
@@ -45,7 +45,7 @@ _BRIGHT = 1e12
 
 @dataclass(frozen=True)
 class Detection:
-    """What one method can tell at one flux."""
+    """What one method can distinguish at one flux."""
 
     method: str
     flux: float
@@ -63,7 +63,7 @@ class Detection:
 
 
 def detections(methods: Sequence[Method], flux: float) -> list[Detection]:
-    """Return what each method can tell at one flux (photons per frame), from the same counts."""
+    """Return what each method can distinguish at one flux (photons per frame), on one draw."""
     detectors = [method(each) for each in methods]
     settling = max(each.memory_frames for each in detectors)
     sequences = {

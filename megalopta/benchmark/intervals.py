@@ -1,46 +1,60 @@
-"""Intervals of mean errors and of their ratios, from units that were sampled independently.
+"""Intervals of what was measured on units that were sampled independently of each other.
 
 The logarithm of a mean, or of the ratio of two means over the same blocks, has the standard error
 of the jackknife that leaves out one unit at a time (Efron and Tibshirani 1993, chapter 11), and
 Student's quantiles. Units hold different numbers of blocks: their effective number (Kish 1965),
 less one, are the degrees of freedom. A ratio of two methods does not inherit how hard the
-units were.
+units were. Other statistics, such as medians, have the percentiles of a bootstrap over units.
+
+Pixels and frames of one sequence show the same things, so that its unit is a sequence; where there
+are too few of them, it is a stretch of one, and what is found holds for these sequences alone.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import t as student
 
-from megalopta.benchmark.ranking_errors import Sums
 from megalopta.core.arrays import Floats
+from megalopta.sensor.sampling.streams import generator
+
+FEWEST_SEQUENCES = 5
+"""From so many on, sequences are the units"""
+
+STRETCHES = 10
+"""Of successive pairs of frames, into which each of fewer sequences is divided"""
 
 _CONFIDENCE = 0.95
+_REPLICATES = 2000
+
+
+class Sums(NamedTuple):
+    """Sum of what was measured and number of blocks, of each pair of frames or each unit, (n,)."""
+
+    totals: Floats
+    blocks: Floats
 
 
 class Interval(NamedTuple):
-    """A mean error (px per frame) and the bounds that hold it in 95 % of cases.
+    """A value and the bounds that hold it in 95 % of cases; None where units are too few."""
 
-    Bounds are None where fewer than two units have blocks.
-    """
-
-    mean: float
+    value: float
     low: float | None
     high: float | None
 
 
 class Ratio(NamedTuple):
-    """A method's mean error over another's, what holds it in 95 % of cases, and its p-value."""
+    """A method's mean over another's, what holds it in 95 % of cases, and its p-value."""
 
-    ratio: float
+    value: float
     low: float
     high: float
     p: float
     """Two-sided, of the ratio being 1"""
 
 
-class Best(NamedTuple):
+class Lowest(NamedTuple):
     """The method with the lowest mean error."""
 
     method: str
@@ -57,6 +71,20 @@ class _Spread(NamedTuple):
         return float(np.exp(quantile * self.standard_error))
 
 
+def units(sequences: Sequence[Sums]) -> Sums:
+    """Sum over the pairs of each unit: each sequence, or each stretch of few sequences."""
+    stretches = 1 if len(sequences) >= FEWEST_SEQUENCES else STRETCHES
+    return Sums(
+        *(
+            np.array(
+                [part.sum() for each in pairs for part in np.array_split(each, stretches)],
+                np.float64,
+            )
+            for pairs in zip(*sequences, strict=True)
+        )
+    )
+
+
 def interval(sums: Sums) -> Interval | None:
     """Return the mean over all blocks and its interval; None where there are no blocks."""
     if not sums.blocks.any():
@@ -70,7 +98,7 @@ def interval(sums: Sums) -> Interval | None:
 
 
 def ratio(one: Sums, other: Sums) -> Ratio | None:
-    """Return the ratio of two mean errors over the same blocks; None where it cannot be told."""
+    """Return the ratio of two means over the same blocks; None where units are too few."""
     upper, lower = (_present(each) for each in (one, other))
     with np.errstate(divide="ignore", invalid="ignore"):
         spread = _spread(_log_means(upper) - _log_means(lower), upper.blocks)
@@ -82,33 +110,53 @@ def ratio(one: Sums, other: Sums) -> Ratio | None:
     return Ratio(found, found / spread.factor(), found * spread.factor(), p)
 
 
-def best(sums: Mapping[str, Sums]) -> Best | None:
-    """Return the best method, and whether the data can tell; None where there are no blocks."""
+def lowest(sums: Mapping[str, Sums]) -> Lowest | None:
+    """Return the method of the lowest mean; None where there are no blocks."""
     means = {name: _mean(each) for name, each in sums.items() if each.blocks.any()}
     if not means:
         return None
     first = min(means, key=lambda name: means[name])
     ratios = [ratio(sums[name], sums[first]) for name in means if name != first]
-    return Best(first, all(each is not None and each.low > 1 for each in ratios))
+    return Lowest(first, all(each is not None and each.low > 1 for each in ratios))
+
+
+def bootstrap(samples: Floats, statistic: Callable[[Floats], Floats], key: str) -> Interval:
+    """Return a statistic of samples, and what holds it in 95 % of bootstraps over the units.
+
+    Parameters
+    ----------
+    samples : (units, draws)
+        Draws of photons of one unit see the same things, and are drawn together.
+    statistic
+        From samples (..., units, draws) to (...,).
+    key : str
+        Names the random numbers.
+    """
+    value, count = float(statistic(samples)), len(samples)
+    if count == 1:  # which does not tell how much units differ
+        return Interval(value, None, None)
+    chosen = generator(0, key).integers(count, size=(_REPLICATES, count))
+    low, high = np.percentile(statistic(samples[chosen]), (2.5, 97.5))
+    return Interval(value, float(low), float(high))
 
 
 def _present(sums: Sums) -> Sums:
     there = sums.blocks > 0
-    return Sums(sums.errors[there], sums.blocks[there])
+    return Sums(sums.totals[there], sums.blocks[there])
 
 
 def _mean(sums: Sums) -> float:
-    return float(sums.errors.sum() / sums.blocks.sum())
+    return float(sums.totals.sum() / sums.blocks.sum())
 
 
 def _log_means(sums: Sums) -> Floats:
     """Logarithm of the mean without each unit."""
-    errors, blocks = (each.sum() - each for each in sums)
-    return np.asarray(np.log(errors / blocks))
+    totals, blocks = (each.sum() - each for each in sums)
+    return np.asarray(np.log(totals / blocks))
 
 
 def _spread(left_out: Floats, blocks: Floats) -> _Spread | None:
-    """Error of a logarithm, from its values without each unit; None where it cannot be told."""
+    """Error of a logarithm, from its values without each unit; None where units are too few."""
     count = len(left_out)
     if count < 2 or not np.isfinite(left_out).all():
         return None

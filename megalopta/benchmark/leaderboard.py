@@ -1,190 +1,106 @@
-"""How many photons each velocity method needs, how fast it is, and what the limit is.
-
-Dead leaves of 251 rows drift by 3 columns per frame, are brought to 240 × 240 px by area, and are
-drawn at fluxes of 1e3 to 1e7 photons per frame. Every method sees each 24 × 24 block alone with a
-margin of 7 px (`flow.efficiency`) and is held against the true velocity, 2.87 px per frame.
-"""
+"""A leaderboard of scores: a file of JSON lines, one for each program and pass, and its print."""
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
 
-import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
+from rich.box import SIMPLE
+from rich.table import Table
 
-from megalopta.assets_gen import generator
-from megalopta.assets_gen.dead_leaves_model import dead_leaves
-from megalopta.core.arrays import Floats
-from megalopta.flow.benchmark.frame_time import milliseconds_per_frame
-from megalopta.flow.detectors.base import Detector
-from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, block_grid
-from megalopta.flow.detectors.registry import Method, method
-from megalopta.flow.metrics.efficiency import (
-    bound_photons,
-    confined_velocities,
-    is_within,
-    photons_for_half,
-    variance_efficiency,
-)
-from megalopta.flow.metrics.translation_bound import (
-    cramer_rao_covariance,
-    cramer_rao_covariance_along_x,
-    fisher_information,
-    texture_spectrum,
-    unknown_texture_photons,
-)
-from megalopta.flow.stimuli.moving_template import MovingTemplate
-from megalopta.flow.stimuli.photons import draw_counts
+from megalopta.benchmark.scores import Entry, Groups, Scores
+from megalopta.core import bounded, files
+from megalopta.core.bounded import sentence
+from megalopta.core.errors import UserError
+from megalopta.core.folders import locked
+from megalopta.core.format_numbers import check_format
 
-SIZE_PX = 240
-TEMPLATE_ROWS = 251
-STEP_COLUMNS = 3
-SPEED_PX = STEP_COLUMNS * SIZE_PX / TEMPLATE_ROWS
-FRAMES = 8
-MARGIN_PX = 7
-LEVEL = 0.25
-FLUXES = tuple(10 ** (3 + step / 3) for step in range(13))
-"""1e3 to 1e7 photons per frame"""
-
-EFFICIENCY_FLUXES = (3e4, 1e5, 3e5, 1e6, 3e6, 1e7)
-_SEQUENCES = 8
-"""As many textures: what one window shows is not independent of the next."""
-_TIMING_FLUX = 3e5
-GRID = block_grid((SIZE_PX, SIZE_PX))
+_COLUMNS: Mapping[str, tuple[str, str]] = {
+    "EPE": ("all", "epe_px"),
+    "visible": ("visible", "epe_px"),
+    "occluded": ("occluded", "epe_px"),
+    "0–10": ("slow", "epe_px"),
+    "10–40": ("medium", "epe_px"),
+    "40+": ("fast", "epe_px"),
+    "> 1 px %": ("all", "over_1px_percent"),
+    "> 3 px %": ("all", "over_3px_percent"),
+    "> 5 px %": ("all", "over_5px_percent"),
+    "Fl %": ("all", "fl_percent"),
+    "WAUC": ("all", "wauc_percent"),
+    "angle °": ("all", "angular_deg"),
+    "none %": ("all", "missing_percent"),
+}
 
 
-@dataclass(frozen=True)
-class Entry:
-    """One line of the leaderboard."""
-
-    detector: Detector
-    photons: float
-    """Photons per frame for a median error of 25 % of the truth; infinite where never"""
-
-    low: float
-    high: float
-    """What infinitely many textures and photons would give, in 95 % of cases"""
-
-    frames: int
-    """Frames behind one estimate"""
-
-    bound_photons: float
-    """What the bound of the block's own pixels needs with so many frames"""
-
-    cut_bound_photons: float
-    """What the bound of all pixels seen, block and margin, needs"""
-
-    unknown_bound_photons: float
-    """What the bound of the block's own pixels needs where the texture is not known"""
-
-    ms_per_frame: float
-    """CPU time of 240 × 240 px, in this process"""
-
-    @property
-    def efficiency(self) -> float:
-        """Photons that the bound of the block needs over those that the method needs."""
-        return self.bound_photons / self.photons if self.photons > 0 else math.inf
+def read_board(path: Path) -> tuple[Entry, ...]:
+    """Read the entries of a leaderboard; none where there is no file. Raises UserError."""
+    try:
+        lines = bounded.read_text(path).splitlines() if path.exists() else []
+        return tuple(_entry(bounded.from_json(line), path) for line in lines)
+    except (OSError, ValueError, AttributeError):
+        raise UserError(f"{path} is no leaderboard, or damaged; give another file") from None
 
 
-def sequences(smallest_radius_px: float = 3.0, count: int = _SEQUENCES) -> Floats:
-    """Return sequences of dead leaves, (count, FRAMES, H, W), each frame of sum 1."""
-    shape = (TEMPLATE_ROWS, TEMPLATE_ROWS + FRAMES * STEP_COLUMNS)
-    clean = []
-    for seed in range(count):
-        texture = dead_leaves(shape, generator(seed, "leaderboard"), (smallest_radius_px, 80.0))
-        clean.append(MovingTemplate(texture, STEP_COLUMNS, SIZE_PX, "area").light(0, FRAMES))
-    return np.stack(clean)
+def add_entries(path: Path, entries: Iterable[Entry]) -> tuple[Entry, ...]:
+    """Add entries, in the place of those of the same program, pass and truth; return all.
 
-
-def information(clean: Floats, margin_px: int = 0) -> Floats:
-    """Return J of every block inside at one photon per frame, (n, rows − 2, columns − 2, 2, 2).
-
-    A margin of pixels around each block is counted with it.
+    Raises UserError when the file is something else.
     """
-    pixels = np.stack([fisher_information(each[-1], BlockGrid(GRID.shape, 1)) for each in clean])
-    side, step = GRID.block_px + 2 * margin_px, GRID.block_px
-    windows = sliding_window_view(pixels, (side, side), axis=(1, 2))
-    first = step - margin_px
-    rows, columns = (slice(first, first + (n - 2) * step, step) for n in (GRID.rows, GRID.columns))
-    return np.asarray(windows[:, rows, columns].sum(axis=(-2, -1)))
+    new = tuple(entries)
+    replaced = {_key(entry) for entry in new}
+    with locked(path.parent):
+        kept = tuple(each for each in read_board(path) if _key(each) not in replaced)
+        files.write_text(path, "".join(f"{each.model_dump_json()}\n" for each in (*kept, *new)))
+    return (*kept, *new)
 
 
-def bound(information: Floats, frames: int) -> float:
-    """Return photons per frame at which blocks of J (..., 2, 2) can err by 25 %, the median."""
-    return bound_photons(cramer_rao_covariance(information, frames), SPEED_PX, LEVEL)
+def score_table(scores: Scores) -> Table:
+    """Return the errors of every sequence and overall, a block for each pass."""
+    title = "Endpoint error over pixels, of those that move 0–10, 10–40, 40+ px per frame"
+    table = _table(title, ("pass", "sequence"))
+    for each in scores.entries:
+        names = each.pass_name, "overall" if each.sequence is None else each.sequence
+        style = "bold" if each.sequence is None else None
+        table.add_row(*map(sentence, names), *_cells(each.errors), style=style)
+        if each.sequence is None:
+            table.add_section()
+    return table
 
 
-def bound_along_x(information: Floats) -> float:
-    """Return `bound` of two frames, J (..., 2, 2), were it known that nothing moves in y."""
-    return bound_photons(cramer_rao_covariance_along_x(information), SPEED_PX, LEVEL)
+def board_table(entries: Iterable[Entry], truth_hash: str) -> Table:
+    """Return the entries for one truth, the lowest EPE first, by pass."""
+    table = _table("Leaderboard", ("pass", "program"))
+    shown = [entry for entry in entries if entry.truth_hash == truth_hash]
+    for entry in sorted(shown, key=lambda each: (each.pass_name, _epe(each))):
+        table.add_row(sentence(entry.pass_name), sentence(entry.program), *_cells(entry.errors))
+    return table
 
 
-def unknown_bound(clean: Floats, frames: int) -> float:
-    """Return `bound` where only the power spectrum of `clean`, (n, T, H, W), is known."""
-    newest = clean[:, -1]
-    return unknown_texture_photons(
-        texture_spectrum(newest), float(newest.mean()), GRID.block_px**2, frames, SPEED_PX, LEVEL
-    )
+def _entry(values: Any, path: Path) -> Entry:
+    check_format("scores", values, path)
+    if "overall" in values:  # format 1
+        values["errors"] = values.pop("overall")
+    return Entry.model_validate(values)
 
 
-def ranked(clean: Floats, methods: Iterable[Method]) -> list[Entry]:
-    """Return the methods that give velocities, fewest photons first, on sequences (n, T, H, W)."""
-    known, known_with_margin = information(clean), information(clean, MARGIN_PX)
-    drawn: dict[float, list[NDArray[np.unsignedinteger]]] = {}
-
-    def counts(flux: float) -> Sequence[NDArray[np.unsignedinteger]]:
-        if flux not in drawn:
-            drawn[flux] = [draw(each, flux, index) for index, each in enumerate(clean)]
-        return drawn[flux]
-
-    def entry(detector: BlockDetector) -> Entry:
-        def is_good(flux: float) -> NDArray[np.bool_]:
-            velocities = [
-                confined_velocities(detector, each, GRID, MARGIN_PX) for each in counts(flux)
-            ]
-            return is_within(np.stack(velocities), (SPEED_PX, 0.0), LEVEL)
-
-        frames = detector.memory_frames + 1
-        return Entry(
-            detector,
-            *photons_for_half(is_good, FLUXES, generator(0, "leaderboard interval")),
-            frames,
-            bound(known, frames),
-            bound(known_with_margin, frames),
-            unknown[frames],
-            milliseconds_per_frame(detector, counts(_TIMING_FLUX)[0]),
-        )
-
-    detectors = [each for each in map(method, methods) if isinstance(each, BlockDetector)]
-    frame_counts = {each.memory_frames + 1 for each in detectors}
-    unknown = {frames: unknown_bound(clean, frames) for frames in frame_counts}
-    entries = [entry(each) for each in detectors]
-    return sorted(entries, key=lambda each: (each.photons, each.detector.name))
+def _key(entry: Entry) -> tuple[str, str, str]:
+    return entry.program, entry.pass_name, entry.truth_hash
 
 
-def draw(clean: Floats, flux: float, sequence: int, repeat: int = 0) -> NDArray[np.unsignedinteger]:
-    """Return counts of one sequence at a flux; every (sequence, flux, repeat) has its stream."""
-    return draw_counts(clean * flux, 0, "leaderboard", sequence, f"{flux:.6g}", repeat)
+def _table(title: str, first: Iterable[str]) -> Table:
+    table = Table(title=title, box=SIMPLE, padding=(0, 1))
+    for name in first:
+        table.add_column(name, no_wrap=True)
+    for name in _COLUMNS:
+        table.add_column(name, justify="right", no_wrap=True)
+    return table
 
 
-def efficiencies(
-    clean: Floats, detector: BlockDetector, fluxes: Sequence[float], draws: int
-) -> list[float]:
-    """Return bound over variance of one method at each flux, its newest frames seen whole.
+def _cells(groups: Groups) -> list[str]:
+    values = (groups[group][name] for group, name in _COLUMNS.values())
+    return ["–" if value is None else f"{value:.3g}" for value in values]
 
-    The variance of each block is over independent draws of each sequence of `clean`, (n, T, H, W).
-    """
-    frames = detector.memory_frames + 1
-    least = cramer_rao_covariance(information(clean), frames)
-    result = []
-    for flux in fluxes:
-        velocities = [
-            [
-                detector.respond(draw(each[-frames:], flux, index, repeat))[-1, 1:-1, 1:-1]
-                for index, each in enumerate(clean)
-            ]
-            for repeat in range(1, draws + 1)
-        ]
-        result.append(variance_efficiency(np.array(velocities), least / flux))
-    return result
+
+def _epe(entry: Entry) -> float:
+    found = entry.errors["all"]["epe_px"]
+    return math.inf if found is None else found

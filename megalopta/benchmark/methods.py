@@ -1,15 +1,29 @@
-"""The methods that are ranked, by the names that the page gives them."""
+"""The methods that benchmarks measure: those that give velocities of blocks, and their baselines.
+
+Beside the methods as they are stand gray ones after a stretch that makes the noise of all counts
+alike, and two-frame ones on the sums of the first and the second half of eight frames.
+"""
 
 import inspect
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache
 from pathlib import Path
 
 from megalopta.core.freshness import digest
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.blocks import BlockDetector
+from megalopta.flow.detectors.gray_detector import GrayDetector
 from megalopta.flow.detectors.registry import METHODS, Method, method
+from megalopta.flow.detectors.summed_frames import summed_frames
 
 Methods = Mapping[str, BlockDetector]
+
+BLOCK_PX = 24
+"""Side of the blocks of boards of whole frames"""
+
+_GRAY = ("LK", "FB", "DIS", "TV-L1")
+_BLUR_PX = 0.7
+_MANY = 8
 
 
 def velocity_methods(chosen: Iterable[Method]) -> Methods:
@@ -38,9 +52,69 @@ def velocity_names() -> tuple[str, ...]:
     return tuple(name for name, each in METHODS.items() if isinstance(each, BlockDetector))
 
 
+def directional_methods(ranked: Methods, more: Iterable[Method]) -> Mapping[str, Detector]:
+    """Return the ranked methods, and others that respond to the direction of motion.
+
+    Raises
+    ------
+    ValueError
+        When one is unknown, or blind to direction.
+    """
+    found: dict[str, Detector] = dict(ranked)
+    for detector in map(method, more):
+        if not detector.tells_direction:
+            raise ValueError(
+                f"wide_field: {detector.name!r} is blind to direction, so no yaw rate follows from "
+                "it; leave it out"
+            )
+        found[detector.name] = detector
+    return found
+
+
+def block_detector(chosen: Method) -> BlockDetector:
+    """Return a method that gives velocities of blocks. Raises ValueError for any other."""
+    found = method(chosen)
+    if not isinstance(found, BlockDetector):
+        raise ValueError(f"{found.name} gives no velocity of blocks; choose a method that does")
+    return found.model_copy(update={"block_px": BLOCK_PX})
+
+
+def stretched(name: str) -> GrayDetector:
+    """Return a gray method that sees Anscombe's roots of the counts, slightly smoothed."""
+    detector = METHODS[name]
+    assert isinstance(detector, GrayDetector)
+    changes = {
+        "name": f"{name} √",
+        "label": f"{detector.label}, roots of counts",
+        "stretch": "anscombe",
+        "blur_px": _BLUR_PX,
+    }
+    return detector.model_copy(update=changes)
+
+
+def on_the_board(chosen: Method) -> Method:
+    """Return the baseline of a name as the board spells it, `DIS √`; anything else as it is."""
+    return next((stretched(name) for name in _GRAY if chosen == f"{name} √"), chosen)
+
+
+def methods_and_baselines(frames: int) -> list[BlockDetector]:
+    """Return all methods that do with so many frames, and the baselines that do."""
+    there = (block_detector(name) for name in velocity_names())
+    found = [each for each in there if each.memory_frames < frames]
+    found += [stretched(name) for name in _GRAY]
+    if frames >= _MANY:
+        found += [summed_frames(block_detector(name), _MANY) for name in _GRAY]
+    return found
+
+
 def identity(detector: Detector) -> str:
-    """Tell a method from others: its parameters, and the file that a function stands in."""
+    """Tell a method from others: its parameters, its class, and the file that a function is in."""
     function = getattr(detector, "function", None)
-    file = inspect.getsourcefile(inspect.unwrap(function)) if inspect.isfunction(function) else None
-    source = Path(file).read_bytes() if file and Path(file).is_file() else b""
-    return digest(detector.model_dump_json(), source)
+    places = type(detector), inspect.unwrap(function) if inspect.isfunction(function) else None
+    return digest(detector.model_dump_json(), *(_source(each) for each in places if each))
+
+
+@cache
+def _source(place: type[Detector] | Callable[..., object]) -> bytes:
+    file = Path(inspect.getsourcefile(place) or "")
+    return file.read_bytes() if file.is_file() else b""

@@ -1,26 +1,115 @@
-"""Pairs of pictures with true flow, from files: two pictures and a flow, or a dataset's folder.
+"""Pairs of pictures and true flow on disk, in the layouts of Sintel, KITTI and Middlebury.
 
-Layouts: Middlebury's (NAME/flow10.flo beside or in another folder than NAME/frame10.png and
-frame11.png), Sintel's, which is also that of a dataset of megalopta, and KITTI's. Pictures are read
-as sRGB and taken back to light; of color the luminance counts.
+A frame is known by its sequence (the folders above its file) and its name. Sintel's submissions
+have a folder for each pass (clean, final) above the sequences; any such folder is scored apart.
+Middlebury keeps NAME/flow10.flo beside or in another folder than NAME/frame10.png and frame11.png.
+A dataset of megalopta is laid out as Sintel. Pictures are read as sRGB and taken back to light; of
+color the luminance counts.
 """
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from megalopta.benchmark.pairing import pictures_of, true_flows
-from megalopta.benchmark.whole_frame_scenes import Clip
+from megalopta.benchmark.clips import FlowClip
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import read_picture
-from megalopta.flow.files.formats import read_flow
+from megalopta.flow.files.formats import FLOW_SUFFIXES, read_flow
 from megalopta.scenes.spectra.color import decode_srgb
 from megalopta.scenes.spectra.primaries import LUMINANCE_SHARES
 
+_NUMBERED = re.compile(r"frame_?(\d{1,9})")
+
+
+class Frame(NamedTuple):
+    """What names a frame: Sintel's `frame0001`, ours `frame_0001`, KITTI's `000000_10`."""
+
+    sequence: str
+    name: str
+
+
+class TrueFlow(NamedTuple):
+    """Files of the truth of one frame."""
+
+    flow: Path
+    occlusion: Path | None = None
+    """Mask of what is not seen in the next frame, white; Sintel"""
+    undefined: Path | None = None
+    """Mask of what is not scored, white; Sintel"""
+    visible: Path | None = None
+    """Flow of what is seen in the next frame only; KITTI"""
+
+
+Truths = Mapping[Frame, TrueFlow]
+
 Files = tuple[Path, Path, Path]
 """First picture, second picture, flow"""
+
+
+def true_flows(root: Path) -> Truths:
+    """Find the true flow below a folder: a dataset of megalopta or Sintel, KITTI, or flow files.
+
+    Raises UserError where there is none.
+    """
+    found: dict[Frame, TrueFlow] = {}
+    for folder in sorted(path for path in [root, *root.glob("*")] if path.is_dir()):
+        if (folder / "flow_occ").is_dir():
+            found |= _kitti(folder)
+        elif (folder / "flow").is_dir():
+            found |= _sintel(folder)
+    if not found:
+        found = {frame: TrueFlow(path) for frame, path in _frames_below(root).items()}
+    if not found:
+        raise UserError(
+            f"{root}: no true flow; give a dataset, or a folder in the layout of Sintel"
+            " (flow/SEQUENCE/frame_0001.flo), KITTI (flow_occ/000000_10.png) or Middlebury"
+        )
+    return found
+
+
+def submitted_flows(root: Path, truths: Truths) -> Mapping[str, Mapping[Frame, Path]]:
+    """Pair the flow files below a folder with the truth, by pass; "" is that of no folder.
+
+    Raises
+    ------
+    UserError
+        When a frame of the truth has no file, or a file has no frame.
+    """
+    sequences = {frame.sequence for frame in truths}
+    passes: dict[str, dict[Frame, Path]] = {}
+    for frame, path in _frames_below(root).items():
+        name, _, rest = frame.sequence.partition("/")
+        is_within = frame.sequence not in sequences and rest in sequences
+        found = passes.setdefault(name if is_within else "", {})
+        found[Frame(rest, frame.name) if is_within else frame] = path
+    if not passes:
+        raise UserError(f"{root}: no flow files; give {', '.join(FLOW_SUFFIXES)}")
+    for name, found in passes.items():
+        _check_pairs(root / name, found, truths)
+    return passes
+
+
+def pictures_of(truths: Truths) -> Mapping[str, Mapping[Frame, tuple[Path, Path]]]:
+    """Find both pictures of every frame, by pass: Sintel's clean and final, KITTI's image_2.
+
+    Raises UserError where there are none.
+    """
+    found: dict[str, dict[Frame, tuple[Path, Path]]] = {"clean": {}, "final": {}, "": {}}
+    for frame, files in truths.items():
+        for name, pair in _pictures(frame, files.flow).items():
+            if all(path.exists() for path in pair):
+                found[name][frame] = pair
+    whole = {name: pairs for name, pairs in found.items() if len(pairs) == len(truths)}
+    if not whole:
+        raise UserError(
+            "the truth has no pictures of all its frames (clean/, final/, or KITTI's image_2/): "
+            "write the flow to files, and give their folder"
+        )
+    return whole
 
 
 def pairs_below(folder: Path) -> dict[str, Files]:
@@ -37,14 +126,14 @@ def pairs_below(folder: Path) -> dict[str, Files]:
     }
 
 
-def spread(pairs: dict[str, Files], most: int) -> dict[str, Files]:
+def evenly_spread(pairs: dict[str, Files], most: int) -> dict[str, Files]:
     """Return at most so many pairs, evenly spread over all."""
     names = list(pairs)
     chosen = np.unique(np.linspace(0, len(names) - 1, min(most, len(names))).round().astype(int))
     return {names[index]: pairs[names[index]] for index in chosen}
 
 
-def read_pair(name: str, files: Sequence[Path]) -> Clip:
+def read_pair(name: str, files: Sequence[Path]) -> FlowClip:
     """Return a pair as a clip of two frames. Raises UserError when a file is not what it should be.
 
     Parameters
@@ -71,7 +160,79 @@ def read_pair(name: str, files: Sequence[Path]) -> Clip:
     light = np.stack(frames)
     if not light.any():
         raise UserError(f"{first} and {second} are black; give pictures with light in them")
-    return Clip(name, light / light.mean(), flow)
+    return FlowClip(name, light / light.mean(), flow)
+
+
+def _pictures(frame: Frame, flow: Path) -> dict[str, tuple[Path, Path]]:
+    numbered = re.fullmatch(r"(.*?)(\d+)", flow.stem)
+    if not numbered:
+        return {}
+    start, number = numbered.groups()
+    after = f"{start}{int(number) + 1:0{len(number)}d}.png"
+    levels = len(Path(frame.sequence).parts)
+    root = flow.parents[levels + 1]
+    folders = (
+        {"": root / "image_2"}
+        if flow.parents[levels].name == "flow_occ"
+        else {name: root / name for name in ("clean", "final")}
+    )
+    return {
+        name: (folder / frame.sequence / f"{flow.stem}.png", folder / frame.sequence / after)
+        for name, folder in folders.items()
+    }
+
+
+def _check_pairs(root: Path, found: Mapping[Frame, Path], truths: Truths) -> None:
+    if unknown := sorted(found.keys() - truths.keys()):
+        sequences = ", ".join(sorted({frame.sequence for frame in truths})[:3])
+        raise UserError(
+            f"{found[unknown[0]]} belongs to no frame of the truth, whose sequences are"
+            f" {sequences}: remove it, or give the folder above the sequences"
+        )
+    if missing := sorted(truths.keys() - found.keys()):
+        raise UserError(
+            f"{root} lacks {len(missing)} of {len(truths)} frames, the first is"
+            f" {'/'.join(filter(None, missing[0]))}: every frame must be there to be compared"
+        )
+
+
+def _frames_below(root: Path) -> dict[Frame, Path]:
+    paths = [path for path in sorted(root.rglob("*")) if path.suffix.lower() in FLOW_SUFFIXES]
+    if len(suffixes := {path.suffix.lower() for path in paths}) > 1:
+        raise UserError(f"{root} holds {' and '.join(sorted(suffixes))}: give one format")
+    found: dict[Frame, Path] = {}
+    for path in paths:
+        frame = _frame(path, root)
+        if frame in found:
+            raise UserError(f"{path} and {found[frame]} are the same frame: give one")
+        found[frame] = path
+    return found
+
+
+def _frame(path: Path, root: Path) -> Frame:
+    number = _NUMBERED.fullmatch(path.stem)
+    name = f"frame_{int(number[1]):04d}" if number else path.stem
+    return Frame(path.parent.relative_to(root).as_posix().removeprefix("."), name)
+
+
+def _sintel(folder: Path) -> dict[Frame, TrueFlow]:
+    return {
+        frame: TrueFlow(path, *(_mask(folder / kind, frame) for kind in ("occlusions", "invalid")))
+        for frame, path in _frames_below(folder / "flow").items()
+    }
+
+
+def _mask(folder: Path, frame: Frame) -> Path | None:
+    path = folder / frame.sequence / f"{frame.name}.png"
+    return path if path.exists() else None
+
+
+def _kitti(folder: Path) -> dict[Frame, TrueFlow]:
+    visible = _frames_below(folder / "flow_noc") if (folder / "flow_noc").is_dir() else {}
+    return {
+        frame: TrueFlow(path, visible=visible.get(frame))
+        for frame, path in _frames_below(folder / "flow_occ").items()
+    }
 
 
 def _middlebury(folder: Path) -> Iterator[tuple[str, Files]]:

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from megalopta.benchmark.trial import ROWS
 from megalopta.core.freshness import RENDER_MODEL
 from megalopta.core.record import Record
 from megalopta.scenes.cameras.panoramic import CylindricalCamera
@@ -28,6 +27,9 @@ from megalopta.scenes.trajectories.steady import Trajectory
 
 if TYPE_CHECKING:
     from megalopta.render import RenderNoise
+
+ROWS = 251
+"""Rows of every template, and columns of a frame before resizing (thesis, §4.2); a prime."""
 
 LUMINANCE_BAND_NM = (507.0, 614.0)
 """As wide as the photopic V(λ) is when squared off (107 nm), about its centroid of 560 nm."""

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from megalopta.benchmark.panorama_recipes import (
     LUMINANCE_BAND_NM,
     NATURAL_PANORAMAS,
+    ROWS,
     NaturalPanorama,
     render_panorama,
 )
-from megalopta.benchmark.trial import ROWS
 from megalopta.core import files
 from megalopta.core.errors import UserError
 from megalopta.core.folders import cache_folder, locked

@@ -1,53 +1,197 @@
-"""The benchmark of flow methods on rendered sequences with true motion."""
+"""A ranking: the long table of methods on rendered sequences, its record, and what it bears.
 
-from collections.abc import Sequence
-from pathlib import Path
+For two groups, such as rotation alone and high parallax, two methods change places where one is
+better in the first and the other in the second. The p-value of that is the larger one of the two
+groups' (both must hold). Of all pairs of methods, numbers of photons and pairs of groups those
+count that the rule of Benjamini and Hochberg (1995) leaves: a twentieth is expected to be chance.
+"""
 
-from megalopta.benchmark.camera_motion import LIKELIHOODS
-from megalopta.benchmark.measured import Example, grid_of, measured
-from megalopta.benchmark.methods import Methods
-from megalopta.benchmark.ranking_record import Ranking
-from megalopta.benchmark.ranking_settings import RankingSettings
-from megalopta.benchmark.total import summed_up
-from megalopta.benchmark.velocities import Velocities, draws
-from megalopta.benchmark.yaw_rate import directional_methods, yaw_errors
-from megalopta.core.progress import progress
-from megalopta.dataset.store import Dataset
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from itertools import combinations, permutations, product
+from typing import NamedTuple
+
+import numpy as np
+from pydantic import FiniteFloat, NonNegativeInt, PositiveFloat, PositiveInt
+
+from megalopta.benchmark.intervals import Sums, interval, lowest, ratio, units
+from megalopta.benchmark.ranking_settings import Pooling, RankingSettings
+from megalopta.benchmark.sequence_errors import ERROR, STILL
+from megalopta.benchmark.sequence_truth import Opposed, opposed
+from megalopta.benchmark.table import Case
+from megalopta.core.arrays import Floats
+from megalopta.core.format_numbers import written
+from megalopta.core.record import Record
+
+RATIO = "epe_ratio"
+"""Of a method to a better one, without pooling, in the groups that are compared"""
+
+BEST = "surely_best"
+"""1, or 0, of the method with the lowest mean error: every other's interval of the ratio to it lies
+above 1, or not"""
+
+_FALSE_SHARE = 0.05
 
 
-def rank_methods(
-    datasets: Sequence[Dataset], settings: RankingSettings, methods: Methods, folder: Path
-) -> tuple[Ranking, Example]:
-    """Measure every method on every sequence; velocities are kept in a folder as they are found.
+class RankingRow(Record, frozen=True):
+    """A line of the long table: what was found, and what holds it in 95 % of cases."""
 
-    Raises
-    ------
-    ValueError
-        When the frames are too small, or too few, for a pooling.
+    metric: str
+    """As in `megalopta.benchmark.sequence_errors`, `epe_ratio` or `surely_best`."""
+    method: str
+    """A method, "zero motion", or the Poisson bound."""
+    against: str = ""
+    """The method that a ratio is to."""
+    photons_per_frame: PositiveFloat
+    group: str
+    pixels_pooled: PositiveInt
+    """Side of the squares of pixels that are added."""
+    frames_pooled: PositiveInt
+    value: FiniteFloat
+    low: FiniteFloat | None = None
+    high: FiniteFloat | None = None
+    p: FiniteFloat | None = None
+    """Two-sided p-value of a ratio being 1."""
+
+    @property
+    def case(self) -> Case:
+        """What it is a number of."""
+        pooling = self.pixels_pooled, self.frames_pooled
+        return Case(self.metric, self.method, self.photons_per_frame, self.group, *pooling)
+
+
+class Ranking(Record, frozen=True):
+    """What was measured, over all sequences."""
+
+    format: NonNegativeInt = written("ranking")
+    """Of this file (`format_numbers`)"""
+    settings: RankingSettings
+    sequences: tuple[str, ...]
+    frames: PositiveInt
+    """Of all of them."""
+    photons_per_lux_s: FiniteFloat
+    """Photons of a frame on perfect pixels for each lux and second."""
+    blocks: Mapping[str, NonNegativeInt]
+    """Blocks of each group without pooling, over all pairs of frames."""
+    rows: tuple[RankingRow, ...]
+
+    def found(self, metric: str, method: str, flux: float, group: str = "all") -> RankingRow | None:
+        """Return the row of a method without pooling; None where there is nothing to be found."""
+        return self._rows.get((Case(metric, method, flux, group, *self.settings.finest), ""))
+
+    def error_of(self, pooling: Pooling, flux: float, group: str, method: str) -> RankingRow | None:
+        """Return the mean error of a method; None where the group has no blocks."""
+        return self._rows.get((Case(ERROR, method, flux, group, *pooling), ""))
+
+    def best_of(self, pooling: Pooling, flux: float, group: str) -> RankingRow | None:
+        """Return the best method; None where the group has no blocks."""
+        return self._rows.get((Case(BEST, "", flux, group, *pooling), ""))
+
+    def order_of(self, flux: float, group: str, one: str, other: str) -> RankingRow | None:
+        """Return the worse one's ratio to the better one; None where units are too few."""
+        cases = (Case(RATIO, name, flux, group, *self.settings.finest) for name in (one, other))
+        found = (self._rows.get(key) for key in zip(cases, (other, one), strict=True))
+        return next(filter(None, found), None)
+
+    @cached_property
+    def _rows(self) -> Mapping[tuple[Case, str], RankingRow]:
+        found = {(row.case, row.against): row for row in self.rows}
+        best = {row.case._replace(method=""): row for row in self.rows if row.metric == BEST}
+        return found | {(case, ""): row for case, row in best.items()}
+
+
+def ranking_rows(
+    parts: Sequence[Mapping[Case, Sums]], settings: RankingSettings, blocks: Mapping[str, int]
+) -> Iterator[RankingRow]:
+    """Yield the long table.
+
+    Parameters
+    ----------
+    parts
+        Of each sequence, the sums over pairs of frames or the numbers of a case.
+    settings
+    blocks
+        Blocks of each group.
     """
-    for dataset in datasets:
-        _check(dataset, settings, methods)
-    wide = directional_methods(methods, settings.wide_field)
-    each_flux = 2 * len(wide) + (len(LIKELIHOODS) if settings.camera_pairs else 0)
-    clips = len(methods) * sum(1 for _ in draws(settings)) + each_flux * len(settings.fluxes)
-    with progress("Ranking methods", len(datasets) * clips, "clip") as advance:
-        parts = []
-        for dataset in datasets:
-            velocities = Velocities(dataset, settings, folder / dataset.sequence, advance)
-            yaw = yaw_errors(dataset, settings, wide, velocities)
-            parts.append(measured(dataset, settings, methods, velocities, yaw))
-    return summed_up(datasets, settings, parts), parts[0].example
+    means: dict[Case, Sums] = {}
+    for case in dict.fromkeys(case for part in parts for case in part):
+        there = [part[case] for part in parts if case in part]
+        if case.metric == ERROR:
+            means[case] = units(there)
+            continue
+        values = np.concatenate([each.totals for each in there])
+        if (known := values[~np.isnan(values)]).size:
+            yield _row(case, value=float(np.median(known)))
+    for case, sums in means.items():
+        if (mean := interval(sums)) is not None:
+            yield _row(case, **mean._asdict())
+    yield from _best(means, settings.methods)
+    yield from _orders(means, settings, blocks)
 
 
-def _check(dataset: Dataset, settings: RankingSettings, methods: Methods) -> None:
-    frames, fewest = dataset.configuration.trajectory.frames, max(settings.frames_pooled)
-    if frames < 3 * fewest:
-        raise ValueError(
-            f"{dataset.sequence} has {frames} frames: frames_pooled {fewest} needs {3 * fewest}"
-        )
-    for name, method in methods.items():
-        for pixels in settings.pixels_pooled:
-            try:
-                grid_of(dataset, method, pixels)
-            except ValueError as problem:
-                raise ValueError(f"pixels_pooled {pixels} for {name}: {problem}") from None
+def blocks_of(parts: Sequence[Mapping[Case, Sums]], settings: RankingSettings) -> dict[str, int]:
+    """Return the number of blocks of each group without pooling."""
+    wanted = Case(ERROR, STILL, settings.fluxes[0], "", *settings.finest)
+    return {
+        case.group: int(sum(part[case].blocks.sum() for part in parts))
+        for case in parts[0]
+        if case._replace(group="") == wanted
+    }
+
+
+class Change(NamedTuple):
+    """Two methods that change places."""
+
+    groups: Opposed
+    first: RankingRow
+    second: RankingRow
+    """The ratio of the same methods the other way round"""
+    p: float
+
+
+def changes(ranking: Ranking) -> list[Change]:
+    """Return the changes of order that the data bear, the surest first."""
+    cases = []
+    methods, fluxes = ranking.settings.methods, ranking.settings.fluxes
+    for groups, flux in product(opposed(ranking.blocks), fluxes):
+        for pair in combinations(methods, 2):
+            first, second = (ranking.order_of(flux, name, *pair) for name in groups[:2])
+            if first and second:
+                turned = first.method != second.method
+                p = max(first.p or 0.0, second.p or 0.0) if turned else 1.0
+                cases.append(Change(groups, first, second, p))
+    bound = _bound(np.array([each.p for each in cases]))
+    return sorted((each for each in cases if each.p <= bound), key=lambda each: each.p)
+
+
+def _bound(values: Floats) -> float:
+    """Largest p-value that Benjamini and Hochberg accept, −1 where they accept none."""
+    ordered = np.sort(values)
+    accepted = ordered <= _FALSE_SHARE * np.arange(1, len(ordered) + 1) / max(1, len(ordered))
+    return float(ordered[accepted].max()) if accepted.any() else -1.0
+
+
+def _best(means: Mapping[Case, Sums], methods: Sequence[str]) -> Iterator[RankingRow]:
+    for case in dict.fromkeys(case._replace(method="") for case in means):
+        own = {name: means[case._replace(method=name)] for name in (*methods, STILL)}
+        if (found := lowest(own)) is not None:
+            yield _row(Case(BEST, found.method, *case[2:]), value=float(found.is_sure))
+
+
+def _orders(
+    means: Mapping[Case, Sums], settings: RankingSettings, blocks: Mapping[str, int]
+) -> Iterator[RankingRow]:
+    fluxes, methods, finest = settings.fluxes, settings.methods, settings.finest
+    groups = dict.fromkeys(name for each in opposed(blocks) for name in each[:2])
+    for flux, group, (one, other) in product(fluxes, groups, permutations(methods, 2)):
+        cases = (Case(ERROR, name, flux, group, *finest) for name in (other, one))
+        found = ratio(*(means[case] for case in cases))
+        if found is not None and (found.value > 1 or (found.value == 1 and one < other)):
+            case = Case(RATIO, other, flux, group, *finest)
+            yield _row(case, against=one, **found._asdict())
+
+
+def _row(case: Case, against: str = "", **numbers: float | None) -> RankingRow:
+    fields = case._asdict()
+    fields["photons_per_frame"] = fields.pop("photons")
+    return RankingRow.model_validate({**fields, "against": against, **numbers})

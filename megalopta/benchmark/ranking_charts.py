@@ -1,6 +1,6 @@
-"""Pictures of a ranking: curves, the grid of poolings, the atlas, flow fields."""
+"""Pictures of a ranking: curves, ratios, the grid of poolings, the atlas, flow fields."""
 
-import math
+import itertools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -10,24 +10,26 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from megalopta.benchmark.pooling import Pooling
-from megalopta.benchmark.ranking_errors import STILL
-from megalopta.benchmark.ranking_record import BOUND, Ranking
-from megalopta.benchmark.ranking_truth import (
+from megalopta.benchmark.ranking import Ranking, RankingRow
+from megalopta.benchmark.ranking_settings import Pooling
+from megalopta.benchmark.sequence_errors import BOUND, STILL
+from megalopta.benchmark.sequence_truth import (
     PARALLAX_PX,
     RANGES,
     SPEEDS_PX,
     cell_name,
+    opposed,
 )
 from megalopta.core.arrays import Floats
 from megalopta.flow.files.color_wheel import flow_to_rgb
-from megalopta.plotting.style import BLACK, GRAY, method_style
+from megalopta.plotting.style import BLACK, GRAY, PALETTE, method_style
 from megalopta.plotting.svg import in_style, to_svg
 from megalopta.plotting.text import number
 
 _LUX = np.logspace(-4, 5, 91)
 _EXPOSURES_S = np.logspace(-4, 0, 41)
 _WHITE = 1.0
+_KINDS = PALETTE[:3]
 
 
 @in_style
@@ -35,21 +37,8 @@ def error_curves(ranking: Ranking, pooling: Pooling, group: str) -> Markup:
     """Mean endpoint error over photons, a curve per method with its interval."""
     figure = Figure(figsize=(5.3, 4.2), layout="constrained")
     axes = figure.add_subplot()
-    fluxes = sorted(ranking.settings.fluxes)
     for name in (*ranking.settings.methods, STILL, BOUND):
-        keys = [(pooling, flux, group, name) for flux in fluxes]
-        found = [ranking.error_of(*key) for key in keys]
-        at = [flux for flux, each in zip(fluxes, found, strict=True) if each]
-        mean, low, high = np.array(
-            [(each.mean, each.low, each.high) for each in found if each], float
-        ).T
-        if name in (STILL, BOUND):
-            dash = ":" if name == STILL else "--"
-            axes.plot(at, mean, color=BLACK, linestyle=dash, linewidth=1.2, label=name)
-        else:
-            style = method_style(name)
-            axes.fill_between(at, low, high, color=style["color"], alpha=0.2, linewidth=0)
-            axes.plot(at, mean, **style, markersize=4, label=name)
+        _curve(axes, ranking, pooling, group, name)
     axes.set(
         xscale="log",
         yscale="log",
@@ -64,24 +53,53 @@ def error_curves(ranking: Ranking, pooling: Pooling, group: str) -> Markup:
 
 
 @in_style
+def error_ratios(ranking: Ranking) -> Markup:
+    """Mean errors over the first method's, by speed and photons, in the groups compared.
+
+    Empty where no group has an answer of both.
+    """
+    fluxes, shown = sorted(ranking.settings.fluxes), _compared(ranking)
+    if not shown:
+        return Markup()
+    first, *others = ranking.settings.methods
+    figure = Figure(figsize=(1.2 + 2.1 * len(fluxes), 1.2 + 1.9 * len(shown)), layout="constrained")
+    panels = figure.subplots(len(shown), len(fluxes), sharex=True, sharey=True, squeeze=False)
+    for row, (speed, groups) in enumerate(shown.items()):
+        for flux, axes in zip(fluxes, panels[row], strict=True):
+            for place, group in enumerate(groups):
+                _ratios(axes, ranking, flux, group, place)
+            axes.axhline(1, color=BLACK, linewidth=0.8)
+            axes.set(yscale="log", xticks=range(len(others)), xticklabels=others)
+            axes.tick_params(axis="x", rotation=90)
+            if row == 0:
+                axes.set_title(f"{number(flux)} photons", fontsize=10)
+        panels[row, 0].set_ylabel(f"speed {speed}\nerror over {first}'s", fontsize=9)
+    names = (group.split(",")[0] for group in next(iter(shown.values())))
+    handles = [Patch(color=color, label=name) for color, name in zip(_KINDS, names, strict=True)]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3)
+    return to_svg(figure, "ratios", f"Errors of methods over those of {first}, by parallax")
+
+
+@in_style
 def pooling_grid(ranking: Ranking) -> Markup:
     """The best method, and its error, at every pooling and number of photons."""
     settings = ranking.settings
-    poolings = [Pooling(p, f) for p in settings.pixels_pooled for f in settings.frames_pooled]
-    fluxes = sorted(settings.fluxes)
-    figure = Figure(
-        figsize=(max(4.5, 1.2 + 1.5 * len(poolings)), 1 + 0.55 * len(fluxes)), layout="constrained"
+    poolings = list(
+        itertools.starmap(
+            Pooling, itertools.product(settings.pixels_pooled, settings.frames_pooled)
+        )
     )
+    fluxes = sorted(settings.fluxes)
+    size = (max(4.5, 1.2 + 1.5 * len(poolings)), 1 + 0.55 * len(fluxes))
+    figure = Figure(figsize=size, layout="constrained")
     axes = figure.add_subplot()
     colors = np.ones((len(fluxes), len(poolings), 3))
-    for row, flux in enumerate(fluxes):
-        for column, pooling in enumerate(poolings):
-            best = ranking.best_of(pooling, flux, "all")
-            if best is None:
-                continue
-            error = ranking.error_of(pooling, flux, "all", best.method)
-            colors[row, column] = _shade(best.method, best.is_sure)
-            text = f"{best.method}\n{error.mean if error else math.nan:.2g} px"
+    for row, column in np.ndindex(len(fluxes), len(poolings)):
+        case = poolings[column], fluxes[row], "all"
+        best = ranking.best_of(*case)
+        if best and (error := ranking.error_of(*case, best.method)):
+            colors[row, column] = _shade(best)
+            text = f"{best.method}\n{error.value:.2g} px"
             axes.text(column, row, text, ha="center", va="center", fontsize=9.5, color=BLACK)
     axes.imshow(colors, aspect="auto", origin="lower")
     axes.set_xticks(range(len(poolings)), [str(each).replace(", ", "\n") for each in poolings])
@@ -107,7 +125,7 @@ def atlas(ranking: Ranking) -> Markup:
                 axes.set_xlabel("exposure (s)")
             if column == 0:
                 axes.set_ylabel(f"speed {_range(SPEEDS_PX, 2 - row)}\n\nilluminance (lux)")
-    patches = [Patch(color=tuple(_shade(name, True)), label=name) for name in shown]
+    patches = [Patch(color=tuple(_tint(name, 0.75)), label=name) for name in shown]
     figure.legend(handles=patches, loc="outside lower center", ncols=6)
     return to_svg(figure, "atlas", "The best method over illuminance, exposure, speed and parallax")
 
@@ -137,6 +155,47 @@ def flow_fields(
     return to_svg(figure, "fields", "Flow of one pair of frames: truth, and methods over photons")
 
 
+def _curve(axes: Axes, ranking: Ranking, pooling: Pooling, group: str, name: str) -> None:
+    fluxes = sorted(ranking.settings.fluxes)
+    found = [each for flux in fluxes if (each := ranking.error_of(pooling, flux, group, name))]
+    at = [each.photons_per_frame for each in found]
+    mean, low, high = np.array([(each.value, each.low, each.high) for each in found], float).T
+    if name in (STILL, BOUND):
+        dash = ":" if name == STILL else "--"
+        axes.plot(at, mean, color=BLACK, linestyle=dash, linewidth=1.2, label=name)
+    else:
+        style = method_style(name)
+        axes.fill_between(at, low, high, color=style["color"], alpha=0.2, linewidth=0)
+        axes.plot(at, mean, **style, markersize=4, label=name)
+
+
+def _compared(ranking: Ranking) -> dict[str, tuple[str, str, str]]:
+    """Return the three groups that are compared at each speed where some method has a ratio."""
+    most, (first, *others) = max(ranking.settings.fluxes), ranking.settings.methods
+    compared = [each for each in opposed(ranking.blocks) if each.what in ("parallax", "occlusion")]
+    half, shown = len(compared) // 2, {}
+    for speed, parallax, occlusion in zip(RANGES, compared[:half], compared[half:], strict=True):
+        groups = (parallax.one, parallax.other, occlusion.other)
+        pairs = itertools.product(groups, others)
+        if any(ranking.order_of(most, each, first, name) for each, name in pairs):
+            shown[speed] = groups
+    return shown
+
+
+def _ratios(axes: Axes, ranking: Ranking, flux: float, group: str, place: int) -> None:
+    """Draw the ratios of all methods but the first in one group, with their intervals."""
+    first, *others = ranking.settings.methods
+    for at, name in enumerate(others):
+        order = ranking.order_of(flux, group, first, name)
+        if order is None:
+            continue
+        values = np.array((order.value, order.low, order.high), float)
+        middle, low, high = values if order.method == name else 1 / values[[0, 2, 1]]
+        x = at + 0.25 * (place - 1)
+        axes.plot([x, x], [low, high], color=_KINDS[place], linewidth=1.5)
+        axes.plot(x, middle, "o", color=_KINDS[place], markersize=3.5)
+
+
 def _panel(axes: Axes, ranking: Ranking, group: str) -> dict[str, None]:
     fluxes = np.array(sorted(ranking.settings.fluxes))
     shown: dict[str, None] = {}
@@ -149,7 +208,7 @@ def _panel(axes: Axes, ranking: Ranking, group: str) -> dict[str, None]:
         best = ranking.best_of(ranking.settings.finest, float(each), group)
         if best is not None:
             shown[best.method] = None
-            colors[measured & (nearest == place)] = _shade(best.method, best.is_sure)
+            colors[measured & (nearest == place)] = _shade(best)
     edges = [_EXPOSURES_S[0], _EXPOSURES_S[-1], _LUX[0], _LUX[-1]]
     axes.pcolormesh(_EXPOSURES_S, _LUX, colors, shading="nearest", rasterized=True)
     axes.set(xscale="log", yscale="log", xlim=edges[:2], ylim=edges[2:])
@@ -159,10 +218,13 @@ def _panel(axes: Axes, ranking: Ranking, group: str) -> dict[str, None]:
     return shown
 
 
-def _shade(method: str, is_sure: bool) -> Floats:
+def _shade(best: RankingRow) -> Floats:
     """Color of a method, paler where the data cannot tell it from the next."""
+    return _tint(best.method, 0.75 if best.value else 0.3)
+
+
+def _tint(method: str, share: float) -> Floats:
     color = np.array(to_rgb(GRAY if method == STILL else method_style(method)["color"]))
-    share = 0.75 if is_sure else 0.3
     return np.asarray(share * color + (1 - share))
 
 

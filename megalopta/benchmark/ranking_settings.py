@@ -1,18 +1,50 @@
-"""What `megalopta benchmark sequence` measures."""
+"""What `megalopta benchmark sequence` measures: methods, photons, and how these are pooled."""
 
-from typing import Annotated
+from collections.abc import Iterator
+from typing import Annotated, NamedTuple
 
 from pydantic import Field, field_validator, model_validator
 
 from megalopta.benchmark.methods import velocity_names
-from megalopta.benchmark.pooling import Pooling
 from megalopta.config.model import LightLevel
+from megalopta.core.arrays import Floats
 from megalopta.core.record import Record
 from megalopta.flow.benchmark.settings import each_once
+from megalopta.flow.stimuli.resizing import resize
 from megalopta.scenes.lighting.levels import illuminance_of
 
 Flux = Annotated[float, Field(gt=0)]
 Frames = Annotated[int, Field(ge=1)]
+
+
+class Pooling(NamedTuple):
+    """How many pixels along a side, and how many frames, are added."""
+
+    pixels: int
+    frames: int
+
+    def __str__(self) -> str:
+        """Say it in words."""
+        return f"{self.pixels} × {self.pixels} px, {self.frames} frame{'s'[: self.frames > 1]}"
+
+    def light(self, light: Floats) -> Floats:
+        """Add the light (T, H, W) of neighbors; frames and pixels that are left over are cut."""
+        count = len(light) // self.frames
+        kept = light[: count * self.frames].reshape(count, self.frames, *light.shape[1:])
+        return resize(kept.sum(axis=1), self.shape((light.shape[1], light.shape[2])), "area")
+
+    def shape(self, shape: tuple[int, int]) -> tuple[int, int]:
+        """Return the pixels (H, W) of pooled frames."""
+        return max(1, shape[0] // self.pixels), max(1, shape[1] // self.pixels)
+
+    def steps(self, frames: int) -> Iterator[slice]:
+        """Yield, for each pair of pooled frames, the steps from the middle of one to the next."""
+        middle = (self.frames - 1) // 2
+        for first in range(middle, frames // self.frames * self.frames - self.frames, self.frames):
+            yield slice(first, first + self.frames)
+
+
+NO_POOLING = Pooling(1, 1)
 
 
 class RankingSettings(Record, frozen=True):
@@ -53,6 +85,11 @@ class RankingSettings(Record, frozen=True):
         """The least pooling."""
         return Pooling(min(self.pixels_pooled), min(self.frames_pooled))
 
+    @property
+    def poolings(self) -> list[Pooling]:
+        """All of them."""
+        return [Pooling(p, f) for p in self.pixels_pooled for f in self.frames_pooled]
+
     @field_validator("methods", "fluxes", "pixels_pooled", "frames_pooled", "wide_field")
     @classmethod
     def _each_once(cls, values: tuple[object, ...]) -> tuple[object, ...]:
@@ -70,3 +107,8 @@ class RankingSettings(Record, frozen=True):
         if not self.fluxes and not self.light_levels:
             raise ValueError("give fluxes, or light_levels")
         return self
+
+
+def photons_at(per_lux_s: float, level: LightLevel, exposure_s: float) -> float:
+    """Photons of a mean frame at a level, of the color that was rendered; four digits."""
+    return float(f"{per_lux_s * illuminance_of(level) * exposure_s:.4g}")

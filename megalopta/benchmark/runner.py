@@ -6,29 +6,23 @@ and no stale result is ever used. Any `concurrent.futures` executor does: thread
 release Python's lock), processes, or that of a Dask cluster, `Client.get_executor()`.
 """
 
-import inspect
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 
 from megalopta.benchmark import trial
-from megalopta.benchmark.trial import (
-    Template,
-    Trial,
-    measure,
-    template_names,
-)
+from megalopta.benchmark.methods import identity
+from megalopta.benchmark.templates import Template, template_names
+from megalopta.benchmark.trial import Trial, measure_trial
 from megalopta.core import files
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.core.folders import ensure_directory, locked
 from megalopta.core.freshness import code_digest, digest
 from megalopta.core.progress import progress
-from megalopta.flow.detectors.base import Detector
 from megalopta.flow.metrics.curve import ErrorCurve
 from megalopta.flow.stimuli.photons import BlackFrameError
 from megalopta.generation.cluster import connected
@@ -47,7 +41,7 @@ def run_trials(
     """Return the error curves of all trials; each is run once, however often it comes.
 
     Results are stored in a folder, made if it does not exist; `on_progress` gets the work done
-    since its last call, in the units of `work_units`. Raises UserError when a template cannot be
+    since its last call, in the units of `trial_work`. Raises UserError when a template cannot be
     measured, such as one with a black frame.
     """
     ensure_directory(store)
@@ -56,22 +50,18 @@ def run_trials(
     hashes = {template: digest(pixels.tobytes()) for template, pixels in templates.items()}
     # the longest first, so that no worker is left alone with one at the end
     for each in sorted(set(trials), key=lambda trial: (-trial.size, trial.model_dump_json())):
-        template = hashes[each.template]
-        parts = each.model_dump_json(), template, _code(), *_methods(each)
-        path = store / f"{digest(*parts)}.json"
+        path = store / f"{_key(each, hashes[each.template])}.json"
         if (stored := _read(path)) is None:
-            stimulus = digest(json.dumps(each.stimulus), template)
-            running[executor.submit(measure, each, templates[each.template], stimulus)] = each, path
+            stimulus = digest(json.dumps(each.stimulus), hashes[each.template])
+            pixels = templates[each.template]
+            running[executor.submit(measure_trial, each, pixels, stimulus)] = each, path
         else:
             results[each] = stored
             on_progress(_work(each))
     try:
         for future in as_completed(running):
             each, path = running[future]
-            try:
-                results[each] = future.result()
-            except BlackFrameError as problem:
-                raise UserError(f"{template_names([each.template])[0]}: {problem}") from None
+            results[each] = _result(future, each)
             _write(path, each, results[each])
             on_progress(_work(each))
     finally:
@@ -94,7 +84,7 @@ def run(
         files.sweep(store)
         with (
             _executor(workers, scheduler) as executor,
-            progress("Searching photon thresholds", work_units(trials), "kpixel") as advance,
+            progress("Searching photon thresholds", trial_work(trials), "kpixel") as advance,
         ):
             return run_trials(trials, templates, store, executor, advance)
 
@@ -113,7 +103,7 @@ def _executor(workers: int | None, scheduler: str | None) -> Iterator[Executor]:
         threads.shutdown(wait=False, cancel_futures=True)
 
 
-def work_units(trials: Iterable[Trial]) -> int:
+def trial_work(trials: Iterable[Trial]) -> int:
     """Return the work of trials: the thousands of pixels in one frame of each."""
     return sum(map(_work, set(trials)))
 
@@ -122,19 +112,17 @@ def _work(trial: Trial) -> int:
     return max(1, trial.size**2 // 1000)
 
 
-def _code() -> str:
-    """Return the hash of the code that measures, and of the libraries that it measures with."""
-    return code_digest("megalopta.flow", "megalopta.sensor.sampling", trial.__name__)
+def _key(asked: Trial, template: str) -> str:
+    """Return the hash of all that a result depends on: also code, libraries, and detectors."""
+    code = code_digest("megalopta.flow", "megalopta.sensor.sampling", trial.__name__)
+    return digest(asked.model_dump_json(), template, code, *map(identity, asked.detectors))
 
 
-def _methods(trial: Trial) -> list[str]:
-    """Return parameters and code of the detectors, which may be other packages'."""
-    return [each.model_dump_json() + _source(type(each)) for each in trial.detectors]
-
-
-@cache
-def _source(detector: type[Detector]) -> str:
-    return Path(inspect.getfile(detector)).read_text("utf-8")
+def _result(future: Future[Curves], measured: Trial) -> Curves:
+    try:
+        return future.result()
+    except BlackFrameError as problem:
+        raise UserError(f"{template_names([measured.template])[0]}: {problem}") from None
 
 
 def _read(path: Path) -> Curves | None:

@@ -1,16 +1,25 @@
-"""Scores of a folder of flow, or of a method: by sequence and overall, for every pass."""
+"""Scores of files of flow, or of a method's answers: by sequence and overall, for every pass."""
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import FiniteFloat, NonNegativeInt, PositiveInt
 
-from megalopta.benchmark.answers import Answers, answers_of, name_of
-from megalopta.benchmark.pairing import TrueFlow, Truths, true_flows
+from megalopta.benchmark.pairs_on_disk import (
+    Frame,
+    TrueFlow,
+    Truths,
+    pictures_of,
+    submitted_flows,
+    true_flows,
+)
 from megalopta.core.errors import UserError
 from megalopta.core.format_numbers import written
 from megalopta.core.freshness import digest
@@ -18,58 +27,48 @@ from megalopta.core.pictures import read_picture
 from megalopta.core.progress import progress
 from megalopta.core.record import Record
 from megalopta.dataset.store import file_hash
-from megalopta.flow.detectors.registry import Method
+from megalopta.flow.detectors.gray_detector import DenseDetector
+from megalopta.flow.detectors.registry import Method, method
 from megalopta.flow.files.formats import read_flow
 from megalopta.flow.metrics.dense_error import GROUPS, DenseError, DenseErrors
 
-Number = FiniteFloat | None
-"""None where no pixel is of the group"""
+Answers = Mapping[Frame, tuple[str, Callable[[], NDArray[Any]]]]
+"""Where the answer to a frame comes from, and what gives it, (H, W, 2) in px"""
 
-
-class GroupErrors(Record, frozen=True):
-    """Errors of a group of pixels: the fields of `flow.metrics.DenseError`."""
-
-    pixels: NonNegativeInt
-    epe_px: Number
-    epe_of_images_px: Number
-    epe_rms_px: Number
-    over_1px_percent: Number
-    over_3px_percent: Number
-    over_5px_percent: Number
-    fl_percent: Number
-    wauc_percent: Number
-    angular_deg: Number
-    missing_percent: Number
-
-
-Groups = Mapping[str, GroupErrors]
-"""By group of pixels, of `flow.metrics.GROUPS`"""
+Groups = Mapping[str, Mapping[str, int | FiniteFloat | None]]
+"""By group of pixels, of `flow.metrics.GROUPS`, the fields of `flow.metrics.DenseError`; None where
+no pixel is of the group"""
 
 
 class Entry(Record, frozen=True):
-    """A program's flow over one pass, as a line of the leaderboard."""
+    """A line of the table of scores: a program's flow over one pass, of all or of one sequence."""
 
     format: NonNegativeInt = written("scores")
     """Of this line (`format_numbers`)"""
     program: str
     pass_name: str
     """Sintel's "clean" or "final"; empty where there is none"""
+    sequence: str | None = None
+    """None over all of them, which is what a leaderboard holds"""
     truth: str
     """Name of the folder of the true flow"""
     truth_hash: str
     """Of all its files: only entries with the same one can be compared"""
     frames: PositiveInt
-    overall: Groups
+    errors: Groups
 
 
 class Scores(Record, frozen=True):
-    """An entry for each pass, and the errors of every sequence."""
+    """The table: for each pass an entry for each sequence, then one over all."""
 
     format: NonNegativeInt = written("scores")
     """Of this file (`format_numbers`)"""
     entries: tuple[Entry, ...]
-    sequences: tuple[Mapping[str, Groups], ...]
-    """By name, of each entry"""
+
+    @property
+    def overall(self) -> tuple[Entry, ...]:
+        """Those over all sequences, by pass."""
+        return tuple(each for each in self.entries if each.sequence is None)
 
 
 def score_submission(
@@ -98,25 +97,54 @@ def score_submission(
     if not truth.is_dir():
         raise UserError(f"{truth}: no such folder")
     truths = true_flows(truth)
-    passes = answers_of(flow, truths)
+    name, passes = _answers_of(flow, truths)
     with progress("Scoring flow", len(truths), "frame") as advance:
         found, digest_of_all = _scored(passes, truths, advance)
-    entries = [
-        Entry(
-            program=program or name_of(flow),
-            pass_name=name,
+
+    def entry(pass_name: str, sequence: str | None, frames: int, errors: DenseErrors) -> Entry:
+        return Entry(
+            program=program or name,
+            pass_name=pass_name,
+            sequence=sequence,
             truth=truth.resolve().name,
             truth_hash=digest_of_all,
-            frames=len(truths),
-            overall=_groups(DenseErrors.joined(by_sequence.values())),
+            frames=frames,
+            errors=_groups(errors),
         )
-        for name, by_sequence in found.items()
-    ]
-    sequences = [
-        {name: _groups(each) for name, each in by_sequence.items()}
-        for by_sequence in found.values()
-    ]
-    return Scores(entries=tuple(entries), sequences=tuple(sequences))
+
+    frames, entries = Counter(frame.sequence for frame in truths), []
+    for pass_name, by_sequence in found.items():
+        for sequence, errors in by_sequence.items():
+            entries.append(entry(pass_name, sequence, frames[sequence], errors))
+        overall = DenseErrors.joined(by_sequence.values())
+        entries.append(entry(pass_name, None, len(truths), overall))
+    return Scores(entries=tuple(entries))
+
+
+def _answers_of(flow: str | Path | Method, truths: Truths) -> tuple[str, Mapping[str, Answers]]:
+    """Return the name of what gave the flow, and the answers to all frames by pass."""
+    if isinstance(flow, str | Path) and (folder := Path(flow)).is_dir():
+        return folder.resolve().name, {
+            name: {frame: (str(path), partial(read_flow, path)) for frame, path in paths.items()}
+            for name, paths in submitted_flows(folder, truths).items()
+        }
+    try:
+        detector = method(str(flow) if isinstance(flow, Path) else flow)
+    except ValueError as problem:
+        raise UserError(f"{flow}: no such folder; {problem}") from None
+    if not isinstance(detector, DenseDetector):
+        raise UserError(f"{detector.name} gives no flow at every pixel; give a method that does")
+    return detector.name, {
+        name: {
+            frame: (str(first), partial(_answer, detector, first, second))
+            for frame, (first, second) in pictures.items()
+        }
+        for name, pictures in pictures_of(truths).items()
+    }
+
+
+def _answer(detector: DenseDetector, first: Path, second: Path) -> NDArray[Any]:
+    return detector.dense(read_picture(first, "L"), read_picture(second, "L"))
 
 
 def _scored(
@@ -160,10 +188,9 @@ def _mask(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     return mask
 
 
-def _groups(errors: DenseErrors) -> dict[str, GroupErrors]:
-    return {name: _record(errors.of(name)) for name in GROUPS}
+def _groups(errors: DenseErrors) -> Groups:
+    return {name: _fields(errors.of(name)) for name in GROUPS}
 
 
-def _record(error: DenseError) -> GroupErrors:
-    values = {name: None if math.isnan(value) else value for name, value in asdict(error).items()}
-    return GroupErrors.model_validate(values)
+def _fields(error: DenseError) -> dict[str, int | float | None]:
+    return {name: None if math.isnan(value) else value for name, value in asdict(error).items()}

@@ -1,4 +1,4 @@
-"""A sweep of the flow benchmark as data: fixed parameters, and one that is varied."""
+"""A sweep of the flow benchmark as data: fixed parameters, one that is varied, and its cost."""
 
 import operator
 from functools import cached_property
@@ -14,12 +14,8 @@ from pydantic import (
     model_validator,
 )
 
-from megalopta.benchmark.trial import (
-    Template,
-    Trial,
-    path_from_its_file,
-    template_names,
-)
+from megalopta.benchmark.templates import Template, path_from_its_file, template_names
+from megalopta.benchmark.trial import Trial
 from megalopta.config.validation import one_sentence
 from megalopta.config.yaml_model import (
     mapping,
@@ -28,18 +24,23 @@ from megalopta.config.yaml_model import (
     validated,
 )
 from megalopta.core.errors import UserError
+from megalopta.core.progress import duration, say
 from megalopta.core.record import Record
 from megalopta.core.strict_yaml import booleans_for_others
 from megalopta.flow.benchmark.settings import each_once
+from megalopta.stages.estimate import BENCHED_PER_S, LONGEST_S, WORTH_TELLING_S
 
 Value = int | float | bool | str
 MOST_TRIALS = 10_000
 """In one sweep: more than anybody waits for, and checking them takes a minute."""
 
+_FLUXES = 20
+"""At which a search measures a detector."""
+
 _SHARED = ("methods", "search.metrics", "search.bits")
 
 
-class Point(NamedTuple):
+class SweepPoint(NamedTuple):
     """One trial of a sweep, and where it stands."""
 
     size: int
@@ -116,7 +117,7 @@ class Sweep(Record, frozen=True):
         return copied
 
     @cached_property
-    def points(self) -> tuple[Point, ...]:
+    def points(self) -> tuple[SweepPoint, ...]:
         """The trials: sizes, in them values, in them templates."""
         fixed = {**self.trial.model_dump(mode="json"), "methods": self.trial.methods}
         found: list[tuple[Value, Trial]] = []
@@ -133,7 +134,9 @@ class Sweep(Record, frozen=True):
             found.append((number, trial))
         templates = list(dict.fromkeys(trial.template for _, trial in found))
         names = dict(zip(templates, template_names(templates), strict=True))
-        return tuple(Point(each.size, value, names[each.template], each) for value, each in found)
+        return tuple(
+            SweepPoint(each.size, value, names[each.template], each) for value, each in found
+        )
 
     @property
     def trials(self) -> list[Trial]:
@@ -161,3 +164,26 @@ def load_sweep(
     """
     values = mapping(read_text(path, "sweep; give a YAML file"), str(path))
     return validated(Sweep, values, str(path), overrides, path.parent, allows_code)
+
+
+def announce_sweep(sweep: Sweep) -> None:
+    """Say how many trials a sweep has; refuse one that takes longer than a month."""
+    trials = sweep.trials
+    seconds = sum(
+        trial.size**2
+        * len(trial.methods)
+        * (trial.search.frames + trial.search.summed_frames)
+        * trial.search.phases
+        * trial.search.repeats
+        * _FLUXES
+        / BENCHED_PER_S
+        for trial in trials
+    )
+    if seconds > LONGEST_S:
+        raise UserError(
+            f"sweep: {len(trials)} trials would take about {duration(seconds)} of work, more than "
+            f"the longest that is begun, {duration(LONGEST_S)}; lower trial.search.repeats or "
+            "frames, or give fewer values"
+        )
+    if seconds > WORTH_TELLING_S:
+        say(f"sweep: {len(trials)} trials, about {duration(seconds)}")

@@ -1,33 +1,42 @@
 """Velocities that methods read from the photons of a sequence, each kept as soon as it is known.
 
 Photons are drawn on perfect pixels from the rendered light, every frame scaled alike; all methods
-see the same draws. The light itself, at the same number of photons but without their noise, gives
-the velocities that a method is compared with itself by.
+see the same draws. From the light itself, at the same number of photons but without their noise,
+the weights are learned that make a yaw rate of velocities.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.benchmark.camera_motion import LIKELIHOODS, likely_motion
 from megalopta.benchmark.methods import identity
-from megalopta.benchmark.pooling import Pooling
-from megalopta.benchmark.ranking_settings import RankingSettings
-from megalopta.core import files
+from megalopta.benchmark.ranking_settings import Pooling, RankingSettings
+from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats
 from megalopta.core.freshness import code_digest, digest
 from megalopta.dataset.frames import read_radiance_frames
 from megalopta.dataset.store import Dataset, file_hash
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.blocks import BlockGrid
+from megalopta.flow.egomotion.likely_motion import likely_camera_motion
 from megalopta.flow.metrics.translation_bound import cramer_rao_covariance, fisher_information
 from megalopta.flow.stimuli.photons import draw_counts
+from megalopta.scenes.cameras.base import Camera
 from megalopta.sensor import PRESETS, photon_rate
+
+_MOST_BYTES = 2**62
+"""Of what is kept: any number"""
+
+
+LIKELIHOODS: Mapping[str, int] = MappingProxyType(
+    {"likelihood, 2 frames": 2, "likelihood, 8 frames": 8}
+)
+"""Names of the motion under which counts are most likely, and from how many frames"""
 
 
 class Drawn(NamedTuple):
@@ -51,7 +60,7 @@ class Velocities:
     folder
         Where they are kept.
     advance
-        Called after each method and draw.
+        Called after each method and draw that was not asked for before.
     """
 
     def __init__(
@@ -64,6 +73,7 @@ class Velocities:
         self._dataset, self._settings, self._advance = dataset, settings, advance
         self._folder = folder
         self._pooled: dict[Pooling, Floats] = {}
+        self._asked: set[str] = set()
 
     def of(self, method: Detector, drawn: Drawn) -> Floats:
         """Velocities (pairs, rows, columns, 2) of all blocks, px of the full image per frame.
@@ -78,7 +88,7 @@ class Velocities:
 
         def measured() -> Floats:
             counts = self._frames_of(drawn, self._means(drawn))
-            found = [likely_motion(camera, counts, LIKELIHOODS[name], pair) for pair in pairs]
+            found = [_likely_motion(camera, counts, LIKELIHOODS[name], pair) for pair in pairs]
             return np.array(found)
 
         return self._kept(drawn, f"{name}: {camera!r} {list(pairs)}", measured)
@@ -102,14 +112,14 @@ class Velocities:
     def _kept(self, drawn: Drawn, name: str, measure: Callable[[], Floats]) -> Floats:
         """Return what was measured of a draw, now or earlier."""
         what = digest(self._frames, name, repr(drawn), repr(self._settings.seed))
-        kept = self._folder / _model() / f"{what}.npy"
-        found = _read(kept)
-        if found is None:
-            found = measure().astype(np.float32)
-            with files.atomic_write(kept) as temporary:
-                np.save(temporary, found, allow_pickle=False)
-        self._advance(1)
-        return found.astype(np.float64)
+        store = ArrayStore(self._folder / _model(), what, _MOST_BYTES)
+        kept = store.read(["found"])
+        if kept is None:
+            store.write(kept := {"found": measure().astype(np.float32)})
+        if what not in self._asked:
+            self._asked.add(what)
+            self._advance(1)
+        return kept["found"].astype(np.float64)
 
     def _measured(self, method: Detector, drawn: Drawn) -> Floats:
         pooling, means = drawn.pooling, self._means(drawn)
@@ -143,15 +153,6 @@ class Velocities:
         return digest(*(file_hash(self._dataset.exposed_radiance(index)) for index in range(count)))
 
 
-def draws(settings: RankingSettings) -> Iterator[Drawn]:
-    """Yield every draw, those of a pooling together."""
-    for pixels in settings.pixels_pooled:
-        for frames in settings.frames_pooled:
-            for flux in settings.fluxes:
-                for repeat in (None, *range(settings.repeats)):
-                    yield Drawn(Pooling(pixels, frames), flux, repeat)
-
-
 def photons_per_lux_s(dataset: Dataset) -> float:
     """Photons of a mean frame on perfect pixels for each lux and second; reads all frames."""
     return _per_lux_s(dataset, _light(dataset))
@@ -170,14 +171,19 @@ def _light(dataset: Dataset) -> Floats:
     return np.concatenate(parts).astype(np.float64)
 
 
-def _read(path: Path) -> Floats | None:
-    try:
-        return np.asarray(np.load(path, allow_pickle=False))
-    except (OSError, ValueError, EOFError, BadZipFile):
-        return None
+def _likely_motion(
+    camera: Camera, counts: NDArray[Any], frames: int, pair: int
+) -> tuple[float, ...]:
+    """Return rotation and heading, (6,), most likely in so many frames around a pair, or NaN."""
+    start = pair - (frames // 2 - 1)
+    window = counts[max(start, 0) : start + frames]
+    if len(window) < frames or not np.ptp(window):
+        return (np.nan,) * 6
+    found = likely_camera_motion(window, camera)
+    return *found.rotation_deg, *found.heading
 
 
 @cache
 def _model() -> str:
     used = "megalopta.flow", "megalopta.sensor.sampling", "megalopta.scenes.cameras"
-    return code_digest(*used, "megalopta.benchmark.camera_motion", __name__)[:12]
+    return code_digest(*used, __name__)[:12]

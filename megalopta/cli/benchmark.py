@@ -5,4 +5,4 @@ from megalopta.cli.command import Verbs, add_group
 
 def declare(verbs: Verbs) -> None:
     """Add the verb, and its own."""
-    add_group(verbs, "benchmark", "find the photons that detectors need, and score flow")
+    add_group(verbs, "benchmark", "measure how well methods find motion, and with how much light")

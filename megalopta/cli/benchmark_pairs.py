@@ -1,7 +1,7 @@
 """`megalopta benchmark pairs`."""
 
 from argparse import ArgumentTypeError, Namespace
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,8 @@ from megalopta.core.errors import UserError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from megalopta.benchmark.whole_frame_board import FrameErrors, OverScenes
+    from megalopta.benchmark.intervals import Interval
+    from megalopta.benchmark.whole_frames import Board
 
 _WIDTH = 150  # of the table, whatever the terminal's
 _FLUXES = "1,3,10,30,100,1000"
@@ -20,7 +21,7 @@ _DRAWS_OF_ONE = 5
 
 def declare(verbs: Verbs) -> None:
     """Add the verb."""
-    purpose = "measure flow methods on photons drawn from photographs with true flow"
+    purpose = "rank flow methods on photographs with true flow, over the photons drawn from them"
     command = add_verb(verbs, "pairs", purpose, _run)
     text = (
         "two pictures and their flow (.flo or another format); or a folder in the layout of"
@@ -54,12 +55,12 @@ def _numbers(text: str) -> tuple[float, ...]:
 def _run(options: Namespace) -> None:
     from rich.console import Console
 
-    from megalopta.benchmark.board_of_pairs import errors_of_pairs, write_board
-    from megalopta.benchmark.pairs_on_disk import pairs_below, spread
-    from megalopta.benchmark.whole_frame_board import BLOCK_PX
+    from megalopta.benchmark.methods import BLOCK_PX
+    from megalopta.benchmark.pairs_on_disk import evenly_spread, pairs_below
+    from megalopta.benchmark.whole_frames import errors_of_pairs, write_board
 
     if len(options.paths) == 1:
-        pairs = spread(pairs_below(options.paths[0]), options.pairs)
+        pairs = evenly_spread(pairs_below(options.paths[0]), options.pairs)
     elif len(options.paths) == 3:
         pairs = {options.paths[0].stem: tuple(options.paths)}
     else:
@@ -82,29 +83,29 @@ def _over(pairs: int) -> str:
     return f", mean over {pairs} pairs with 95 % over pairs" if pairs > 1 else ""
 
 
-def _tables(errors: "Sequence[FrameErrors]") -> "Iterator[Table]":
+def _tables(board: "Board") -> "Iterator[Table]":
     """Yield a table of each measure: a line for each method, a column for each flux."""
     from rich.table import Table
 
-    from megalopta.benchmark.whole_frame_board import FAR_PX, OverScenes
+    from megalopta.benchmark.whole_frames import FAR, FAR_PX, MEAN, MEDIAN
 
-    measures = {
-        "median, px": [each.median_px for each in errors],
-        "mean, px": [each.mean_px for each in errors],
-        f"% beyond {FAR_PX:g} px": [OverScenes(100 * each.far.of_scenes) for each in errors],
-    }
-    for name, measured in measures.items():
-        table = Table(name, *(f"{flux:g}" for flux in errors[0].fluxes))
-        digits = 1 if "%" in name else 2
-        for each, measure in zip(errors, measured, strict=True):
-            table.add_row(each.detector.name, *_cells(measure, digits))
+    for metric, title, factor, digits in (
+        (MEDIAN, "median, px", 1, 2),
+        (MEAN, "mean, px", 1, 2),
+        (FAR, f"% beyond {FAR_PX:g} px", 100, 1),
+    ):
+        table = Table(title, *(f"{flux:g}" for flux in board.fluxes))
+        for each in board.detectors:
+            found = (board.over_scenes(metric, each, flux) for flux in board.fluxes)
+            table.add_row(each.name, *(_cell(one, factor, digits) for one in found))
         yield table
 
 
-def _cells(measure: "OverScenes", digits: int) -> list[str]:
-    """Return the mean over pairs at each flux, with its interval where there are several."""
-    means = [f"{mean:.{digits}f}" for mean in measure.mean]
-    if len(measure.of_scenes) == 1:
-        return means
-    ends = (f"({low:.{digits}f} … {high:.{digits}f})" for low, high in measure.interval.T)
-    return [f"{mean} {end}" for mean, end in zip(means, ends, strict=True)]
+def _cell(found: "Interval", factor: float, digits: int) -> str:
+    """Return the mean over pairs, with its interval where there are several."""
+    if found.low is None or found.high is None:
+        return f"{factor * found.value:.{digits}f}"
+    mean, low, high = (
+        f"{factor * each:.{digits}f}" for each in (found.value, found.low, found.high)
+    )
+    return f"{mean} ({low} … {high})"

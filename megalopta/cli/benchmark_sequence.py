@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 def declare(verbs: Verbs) -> None:
     """Add the verb."""
-    purpose = "rank flow methods against the true motion of rendered sequences, over photons"
+    purpose = "rank flow methods on rendered sequences against the true motion, over the photons"
     command = add_verb(verbs, "sequence", purpose, _run)
     command.settings = _settings
     add_dataset(command)
@@ -26,6 +26,6 @@ def _settings() -> "Settings":
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.benchmark.ranking_folder import run_ranking
+    from megalopta.benchmark.ranking_run import run_ranking
 
     print(run_ranking(options.dataset, options.out, options.overrides))

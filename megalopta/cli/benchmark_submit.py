@@ -10,12 +10,13 @@ _WIDTH = 150  # of the tables, whatever the terminal's
 
 def declare(verbs: Verbs) -> None:
     """Add the verb."""
-    purpose = "score flow that any program wrote (.flo, .flo5, .pfm, .npy, KITTI's PNG), or methods"
+    purpose = "score flow that any program wrote, or methods, on pictures as they are: no photons"
     command = add_verb(verbs, "submit", purpose, _run)
     command.add_argument(
         "flow",
-        help="folder of flow files (px per frame), laid out as the truth is; or a method, such as "
-        "DIS, module:function or an ONNX file, that is asked for the flow of the truth's pictures",
+        help="folder of flow files (.flo, .flo5, .pfm, .npy or KITTI's PNG, px per frame), laid "
+        "out as the truth is; or a method, such as DIS, module:function or an ONNX file, that is "
+        "asked for the flow of the truth's pictures",
     )
     text = "folder of the true flow: a dataset, or one of Sintel, KITTI or Middlebury"
     command.add_argument("--truth", type=Path, required=True, help=text)
@@ -29,9 +30,8 @@ def declare(verbs: Verbs) -> None:
 def _run(options: Namespace) -> None:
     from rich.console import Console
 
-    from megalopta.benchmark.board import add_entries, read_board
+    from megalopta.benchmark.leaderboard import add_entries, board_table, read_board, score_table
     from megalopta.benchmark.scores import score_submission
-    from megalopta.benchmark.tables import board_table, score_table
     from megalopta.core import files
 
     if options.leaderboard:
@@ -42,6 +42,6 @@ def _run(options: Namespace) -> None:
     console.print(score_table(scores))
     print(options.out)
     if options.leaderboard:
-        entries = add_entries(options.leaderboard, scores.entries)
+        entries = add_entries(options.leaderboard, scores.overall)
         console.print(board_table(entries, scores.entries[0].truth_hash))
         print(options.leaderboard)

@@ -49,7 +49,7 @@ def _run(options: Namespace) -> None:
         options.overrides = {**_QUICK, **options.overrides}
     asked = configuration(options)  # refused before the rest is loaded
 
-    from megalopta.benchmark.ranking_folder import FOLDER, run_ranking
+    from megalopta.benchmark.ranking_run import FOLDER, run_ranking
     from megalopta.flow.detectors.registry import METHODS
     from megalopta.report.page import write_report
     from megalopta.stages.pipeline import run_all

@@ -14,7 +14,7 @@ from io import TextIOWrapper
 from typing import NoReturn
 
 from megalopta.cli.overrides import split_overrides
-from megalopta.cli.parser import program
+from megalopta.cli.parser import RENAMED, program
 from megalopta.core.bounded import sentence
 from megalopta.core.errors import UserError, machine_problem, missing_extra
 from megalopta.core.progress import say, working
@@ -97,6 +97,8 @@ def _check_letters(words: Sequence[str]) -> None:
 
 
 def _run(words: Sequence[str]) -> None:
+    if words and words[0] in RENAMED:
+        raise UserError(f"{words[0]}: this verb is now {RENAMED[words[0]]}; give that")
     parser = program()
     command = parser
     for word in words:

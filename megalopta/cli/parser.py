@@ -7,6 +7,9 @@ from pkgutil import iter_modules
 from megalopta import __version__
 from megalopta.cli.command import Command
 
+RENAMED = {"sweep": "benchmark photons"}
+"""Verbs of former versions, and what they are now"""
+
 
 def program() -> Command:
     """The parser, with all verbs."""

@@ -9,6 +9,8 @@ from megalopta.config.built_in import built_in_names
 from megalopta.core.errors import UserError
 
 if TYPE_CHECKING:
+    from pydantic import BaseModel
+
     from megalopta.config.model import Configuration
     from megalopta.config.settings import Settings
 
@@ -24,10 +26,10 @@ def add_first_stage(verbs: Verbs, name: str, purpose: str, run: Run) -> Command:
     return command
 
 
-def add_later_stage(verbs: Verbs, name: str, purpose: str, stage: str | None = None) -> None:
-    """Add a verb that runs a stage on a dataset, that of its name or another."""
-    command = _add_stage(verbs, name, purpose, _run, stage)
-    command.set_defaults(stage=stage or name)
+def add_later_stage(verbs: Verbs, name: str, purpose: str) -> None:
+    """Add a verb that runs the stage of its name on a dataset."""
+    command = _add_stage(verbs, name, purpose, run_later_stage)
+    command.set_defaults(stage=name)
     add_dataset(command)
     add_cluster(command)
 
@@ -48,57 +50,25 @@ def configuration(options: Namespace) -> "Configuration":
     return load(options.configuration or "demo", options.overrides)
 
 
-def _add_stage(
-    verbs: Verbs, name: str, purpose: str, run: Run, stage: str | None = None
-) -> Command:
-    command = add_verb(verbs, name, purpose, run)
-    command.settings = partial(_settings, stage or name)
+def add_redo(command: Command) -> None:
+    """Add whether to replace what is there."""
     command.add_argument(
         "--redo", action="store_true", help="replace output of another configuration"
     )
-    return command
 
 
-def _settings(stage: str) -> "Settings":
-    """Those that a stage depends on; all for what is no stage."""
+def settings_of_stage(stage: str, *others: "BaseModel") -> "Settings":
+    """Return those that a stage depends on, all for what is no stage, and those of others."""
     from megalopta.config.model import load
     from megalopta.config.settings import Settings
     from megalopta.stages.registry import STAGES
 
-    return Settings(load("demo"), STAGES[stage].fields if stage in STAGES else None)
+    fields = STAGES[stage].fields if stage in STAGES else None
+    return Settings(load("demo"), fields, others)
 
 
-def _run(options: Namespace) -> None:
-    """Run a stage on a dataset of one sequence or of many."""
-    from megalopta.dataset.layout import is_of_many
-
-    if is_of_many(options.dataset):
-        _run_on_many(options)
-        return
-    if options.workers or options.scheduler:
-        raise UserError(f"{options.stage}: a dataset of one sequence; leave --workers out")
-    _run_on_one(options)
-
-
-def _run_on_many(options: Namespace) -> None:
-    from megalopta.generation.exposing import expose, load_exposing
-    from megalopta.generation.measuring import measure
-
-    root, workers, scheduler = options.dataset, options.workers, options.scheduler
-    if options.stage == "sense":
-        expose(root, load_exposing(options.overrides), workers, scheduler)
-    else:
-        measure(
-            root,
-            options.stage,
-            options.overrides,
-            redo=options.redo,
-            workers=workers,
-            scheduler=scheduler,
-        )
-
-
-def _run_on_one(options: Namespace) -> None:
+def run_later_stage(options: Namespace) -> None:
+    """Run the stage that the options name on their dataset, with their settings."""
     from megalopta.config.model import parse
     from megalopta.config.yaml_model import to_yaml
     from megalopta.stages.pipeline import run_stage
@@ -107,3 +77,10 @@ def _run_on_one(options: Namespace) -> None:
     stored = to_yaml(open_dataset_whole(options.dataset).configuration)
     changed = parse(stored, str(options.dataset), options.overrides)
     run_stage(options.dataset, changed, options.stage, options.redo)
+
+
+def _add_stage(verbs: Verbs, name: str, purpose: str, run: Run) -> Command:
+    command = add_verb(verbs, name, purpose, run)
+    command.settings = partial(settings_of_stage, name)
+    add_redo(command)
+    return command

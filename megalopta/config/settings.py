@@ -4,6 +4,7 @@ import shutil
 import textwrap
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from itertools import chain
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -23,13 +24,15 @@ class Settings:
     """With the values that stand where nothing else is asked for."""
     fields: Collection[str] | None = None
     """Those that its help lists; all by default."""
+    others: tuple[BaseModel, ...] = ()
+    """More records, whose fields have other names."""
 
     def takes(self, path: str) -> Words:
         """How many words the field at a path takes; "all" also where there is none: it is refused.
 
         A switch takes none, or "true" or "false".
         """
-        types: list[Any] = [type(self.record)]
+        types: list[Any] = [type(each) for each in (self.record, *self.others)]
         for step in path.split("."):
             types = [inner for each in types for inner in _inner_types(each, step)]
         if not types or any(get_origin(each) is tuple for each in types):
@@ -40,9 +43,12 @@ class Settings:
         """List the settings, each with its meaning, unit and value."""
         width = min(shutil.get_terminal_size().columns, 100)
         lines = ["settings (also keys of the YAML file; a value is read as YAML):"]
-        for path, meaning, value in settings_of(self.record):
-            if self.fields is not None and path.partition(".")[0] not in self.fields:
-                continue
+        listed = [
+            each
+            for each in settings_of(self.record)
+            if self.fields is None or each[0].partition(".")[0] in self.fields
+        ]
+        for path, meaning, value in [*listed, *chain.from_iterable(map(settings_of, self.others))]:
             shown = strict_yaml.dump(value, default_flow_style=True, width=10_000).strip()
             shown = textwrap.shorten(shown.removesuffix("...").strip(), 60)
             lines.append(f"  --{path.replace('_', '-')} {shown}")

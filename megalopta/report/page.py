@@ -11,7 +11,7 @@ from megalopta.core.files import write_text
 from megalopta.core.progress import say
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.dataset.store import Dataset
-from megalopta.flow.benchmark.result import BenchmarkResult
+from megalopta.flow.benchmark.sequence import BenchmarkResult
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.generation import versions
 from megalopta.plotting.style import GLYPHS, method_style

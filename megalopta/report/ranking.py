@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from megalopta.benchmark.findings import findings, summary
 from megalopta.benchmark.ranking_charts import atlas
-from megalopta.benchmark.ranking_folder import FOLDER, read_ranking
+from megalopta.benchmark.ranking_page import best_methods, order_changes
+from megalopta.benchmark.ranking_run import FOLDER, read_ranking
 from megalopta.dataset.store import Dataset
 
 
@@ -27,5 +27,8 @@ def ranking_section(dataset: Dataset) -> RankingSection | None:
     if ranking is None:
         return None
     return RankingSection(
-        summary(ranking), tuple(findings(ranking)), atlas(ranking), f"{FOLDER}/ranking.html"
+        best_methods(ranking),
+        tuple(order_changes(ranking)),
+        atlas(ranking),
+        f"{FOLDER}/ranking.html",
     )

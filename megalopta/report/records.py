@@ -14,7 +14,7 @@ from megalopta.core import bounded
 from megalopta.core.errors import UserError
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.dataset.store import Dataset
-from megalopta.flow.benchmark.result import BenchmarkResult
+from megalopta.flow.benchmark.sequence import BenchmarkResult
 from megalopta.flow.detectors.registry import METHODS
 
 Record = Mapping[str, Any]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from megalopta.flow.benchmark.result import BenchmarkResult
+from megalopta.flow.benchmark.sequence import BenchmarkResult
 from megalopta.flow.metrics.curve import ErrorCurve
 from megalopta.flow.metrics.photon_threshold import Threshold
 from megalopta.plotting.text import UNDEFINED, enumerate_words, short

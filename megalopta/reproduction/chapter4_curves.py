@@ -2,10 +2,10 @@
 
 from functools import partial
 
-from megalopta.benchmark.thesis_sweeps import SWEEPS, in_form
 from megalopta.benchmark.trial import Trial
 from megalopta.plotting.picture import Figure
 from megalopta.reproduction.chapter4_findings import findings
+from megalopta.reproduction.chapter4_sweeps import SWEEPS, in_form
 from megalopta.reproduction.recipe import FigureRecipe, Run
 from megalopta.reproduction.sweep import sweep_figure
 

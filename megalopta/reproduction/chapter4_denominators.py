@@ -12,7 +12,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import EngFormatter, NullFormatter
 
-from megalopta.benchmark.thesis_sweeps import SWEEPS
 from megalopta.benchmark.trial import Trial
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.registry import METHODS
@@ -22,6 +21,7 @@ from megalopta.flow.stimuli.photons import draw_counts
 from megalopta.plotting.picture import Figure, borne_out
 from megalopta.plotting.style import BLUE, ORANGE
 from megalopta.reproduction.chapter4_findings import division_sentence
+from megalopta.reproduction.chapter4_sweeps import SWEEPS
 from megalopta.reproduction.chapter4_table import PRINTED, SIZE
 from megalopta.reproduction.recipe import FigureRecipe, Run, Templates
 from megalopta.reproduction.thresholds import mean_threshold, threshold_of

@@ -15,20 +15,17 @@ import numpy as np
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import EngFormatter, NullFormatter
 
+from megalopta.benchmark.panorama_recipes import ROWS
 from megalopta.benchmark.runner import Results
-from megalopta.benchmark.thesis_sweeps import PHOTOGRAPHED, SWEEPS, in_form
-from megalopta.benchmark.trial import (
-    ROWS,
-    PanoramaTemplate,
-    Template,
-    Trial,
-)
+from megalopta.benchmark.templates import PanoramaTemplate, Template
+from megalopta.benchmark.trial import Trial
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.blocks import block_grid
 from megalopta.flow.metrics.translation_bound import fisher_information
 from megalopta.flow.stimuli.moving_template import MovingTemplate
 from megalopta.plotting.picture import Figure, borne_out
 from megalopta.plotting.style import method_style
+from megalopta.reproduction.chapter4_sweeps import PHOTOGRAPHED, SWEEPS, in_form
 from megalopta.reproduction.chapter4_table import PRINTED, SIZE
 from megalopta.reproduction.recipe import FigureRecipe, Run, Templates
 from megalopta.reproduction.thresholds import threshold_of

@@ -9,13 +9,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure as Canvas
 
-from megalopta.benchmark.thesis_sweeps import SWEEPS
 from megalopta.benchmark.trial import Trial
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.registry import THESIS_METHODS
 from megalopta.flow.metrics.photon_threshold import format_flux
 from megalopta.plotting.picture import Cell, Figure, columns_of
 from megalopta.plotting.style import draw_table
+from megalopta.reproduction.chapter4_sweeps import SWEEPS
 from megalopta.reproduction.chapter4_table import SIZE
 from megalopta.reproduction.recipe import FigureRecipe, Run
 from megalopta.reproduction.thresholds import (

@@ -8,7 +8,6 @@ from matplotlib.figure import Figure as Canvas
 
 from megalopta.benchmark.runner import Results
 from megalopta.benchmark.sweep import Sweep
-from megalopta.benchmark.thesis_sweeps import PHOTOGRAPHED, SWEEPS, in_form
 from megalopta.benchmark.trial import Trial
 from megalopta.flow.metrics.photon_threshold import format_flux
 from megalopta.flow.metrics.response_error import METRICS, Metric
@@ -21,6 +20,7 @@ from megalopta.plotting.picture import (
 from megalopta.plotting.style import draw_table
 from megalopta.reproduction.chapter4_findings import division_sentence, interpolation_at_one_pixel
 from megalopta.reproduction.chapter4_page import TABLE, write_page
+from megalopta.reproduction.chapter4_sweeps import PHOTOGRAPHED, SWEEPS, in_form
 from megalopta.reproduction.recipe import FigureRecipe, Run
 from megalopta.reproduction.thresholds import MeanThreshold, or_nan, sweep_curve
 

@@ -1,23 +1,23 @@
 """How well the camera's own motion is estimated in forests, over the photons per pixel."""
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
-from megalopta.benchmark.forest_flight import (
+from megalopta.benchmark.flights import (
     FLIGHT_DRAWS,
     FLIGHT_FLUXES,
-    FLIGHTS,
-    MotionErrors,
+    FlightErrors,
     flight_errors,
-    forest_flights,
     together,
 )
-from megalopta.benchmark.whole_frame_forests import forest_clips
+from megalopta.benchmark.moving_forests import FLIGHTS, forest_clips, forest_flights
 from megalopta.core.arrays import Floats
 from megalopta.core.progress import progress
 from megalopta.plotting.picture import Cell, Figure, columns_of
@@ -44,13 +44,13 @@ def camera_motion(run: Run) -> Figure:
             ]
         )
     rows, columns = clips[0][0].light.shape[1:]
-    windows = len(board[0].yaw_deg)
+    windows = len(board.true_yaw_deg)
     return Figure(
         name="camera-motion",
         title="Errors of the camera's own motion in forests with parallax",
         caption=(
             "Root mean square error of the yaw rate over that of the rate "
-            f"({board[0].rms_yaw_deg:.2f}° per frame), and median error of the heading, in "
+            f"({board.rms_yaw_deg:.2f}° per frame), and median error of the heading, in "
             f"{windows} windows of eight frames of {len(views)} flights, {draws} draws of photons "
             f"each ({columns} × {rows} px, a pixel flickers by {100 * flicker:.0f} % by "
             "rendering); whiskers hold 95 % of bootstraps over windows. Summed: answers weighted "
@@ -60,57 +60,54 @@ def camera_motion(run: Run) -> Figure:
             "camera moves in them: what moves by itself would mislead all ways."
         ),
         draw=partial(_draw, board=board),
-        numbers=columns_of(row for each in board for row in _rows(each)),
+        numbers=columns_of(_row(board, *each) for each in product(board.ways, board.fluxes)),
         height_in=4.2,
-        findings=tuple(_finding(each) for each in board),
+        findings=tuple(_finding(board, way) for way in board.ways),
     )
 
 
-def _rows(errors: MotionErrors) -> list[Mapping[str, Cell]]:
-    yaw, heading = errors.intervals()
-    columns = {
-        "photons_per_px": errors.fluxes,
-        "yaw_error": errors.yaw,
-        "yaw_low": yaw[0],
-        "yaw_high": yaw[1],
-        "heading_error_deg": errors.heading,
-        "heading_low_deg": heading[0],
-        "heading_high_deg": heading[1],
-    }
-    return [
-        {"way": errors.name, **{name: float(each[place]) for name, each in columns.items()}}
-        for place in range(len(errors.fluxes))
-    ]
+def _row(board: FlightErrors, way: str, flux: float) -> Mapping[str, Cell]:
+    yaw, heading = board.yaw(way, flux), board.heading(way, flux) or (None,) * 3
+    names = (
+        "photons_per_px",
+        *("yaw_error", "yaw_low", "yaw_high"),
+        *("heading_error_deg", "heading_low_deg", "heading_high_deg"),
+    )
+    numbers = (math.nan if each is None else each for each in (flux, *yaw, *heading))
+    return {"way": way, **dict(zip(names, numbers, strict=True))}
 
 
-def _finding(errors: MotionErrors) -> str:
+def _finding(board: FlightErrors, way: str) -> str:
     """Say from which light on both errors are small."""
-    yaw = _light_for(errors.fluxes, errors.yaw, _YAW)
-    text = f"{errors.name}: yaw rate within {100 * _YAW:g} % {yaw}"
-    if np.isnan(errors.heading).all():
+    fluxes = board.fluxes
+    yaw = _light_for(fluxes, [board.yaw(way, flux).value for flux in fluxes], _YAW)
+    text = f"{way}: yaw rate within {100 * _YAW:g} % {yaw}"
+    headings = [found.value for flux in fluxes if (found := board.heading(way, flux))]
+    if not headings:
         return f"{text}."
     return f"{text}, heading within {_HEADING_DEG:g}° " + (
-        f"{_light_for(errors.fluxes, errors.heading, _HEADING_DEG)}."
+        f"{_light_for(fluxes, headings, _HEADING_DEG)}."
     )
 
 
-def _light_for(fluxes: Sequence[float], errors: Floats, level: float) -> str:
-    within = errors <= level
+def _light_for(fluxes: Sequence[float], errors: Sequence[float], level: float) -> str:
+    within = np.array(errors) <= level
     if not within[-1]:
         return f"at none up to {fluxes[-1]:g} photons per pixel"
     first = len(within) - int(np.argmin(within[::-1])) if not within.all() else 0
     return f"from {fluxes[first]:g} photons per pixel on"
 
 
-def _draw(canvas: Canvas, board: Sequence[MotionErrors]) -> None:
+def _draw(canvas: Canvas, board: FlightErrors) -> None:
     """Draw a panel of the yaw rate and one of the heading, and their legend below."""
     grid = canvas.add_gridspec(2, 2, height_ratios=(1, 0.3))
     panels = [canvas.add_subplot(grid[0, column]) for column in range(2)]
-    for each in board:
-        style, (yaw, heading) = _style(each.name), each.intervals()
-        _draw_line(panels[0], each, 100 * each.yaw, 100 * yaw, style)
-        if np.isfinite(each.heading).any():
-            _draw_line(panels[1], each, each.heading, heading, style)
+    for way in board.ways:
+        yaw = [board.yaw(way, flux) for flux in board.fluxes]
+        heading = [found for flux in board.fluxes if (found := board.heading(way, flux))]
+        _draw_line(panels[0], way, board.fluxes, 100 * np.array(yaw, float))
+        if heading:
+            _draw_line(panels[1], way, board.fluxes, np.array(heading, float))
     levels, titles = (100 * _YAW, _HEADING_DEG), ("Yaw rate (%)", "Heading (°)")
     for axes, level, title in zip(panels, levels, titles, strict=True):
         axes.axhline(level, color=GRAY, linestyle=":")
@@ -122,18 +119,11 @@ def _draw(canvas: Canvas, board: Sequence[MotionErrors]) -> None:
     legend.legend(handles, labels, loc="center", ncols=3, columnspacing=1)
 
 
-def _draw_line(
-    axes: Axes, errors: MotionErrors, middle: Floats, interval: Floats, style: Mapping[str, Any]
-) -> None:
-    low, high = interval
-    axes.errorbar(
-        errors.fluxes,
-        middle,
-        yerr=(middle - low, high - middle),
-        label=errors.name,
-        elinewidth=0.8,
-        **style,
-    )
+def _draw_line(axes: Axes, way: str, fluxes: Sequence[float], found: Floats) -> None:
+    """Draw values and what holds them, (fluxes, 3)."""
+    middle, low, high = found.T
+    bars = (middle - low, high - middle)
+    axes.errorbar(fluxes, middle, yerr=bars, label=way, elinewidth=0.8, **_style(way))
 
 
 def _style(name: str) -> Mapping[str, Any]:

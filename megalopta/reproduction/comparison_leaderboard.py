@@ -9,27 +9,27 @@ efficiency of 1 and still be wrong.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import EngFormatter
 
-from megalopta.benchmark.leaderboard import (
+from megalopta.benchmark.isolated_blocks import (
     EFFICIENCY_FLUXES,
     FLUXES,
     GRID,
     MARGIN_PX,
     SPEED_PX,
-    Entry,
-    bound,
+    BlockPhotons,
+    Bounds,
     bound_along_x,
+    bounds,
     efficiencies,
     information,
     ranked,
     sequences,
-    unknown_bound,
 )
 from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.registry import METHODS
@@ -57,10 +57,8 @@ _POOLED_SEQUENCES = 2
 def leaderboard(_: Run) -> Figure:
     """Photons, efficiency and time of every method that gives the velocity of blocks."""
     clean = sequences()
-    known, seen = information(clean), information(clean, MARGIN_PX)
     entries = ranked(clean, METHODS)
-    two, eight = bound(known, 2), bound(known, 8)
-    unknown = {frames: unknown_bound(clean, frames) for frames in (2, 8)}
+    two, eight = bounds(clean, 2), bounds(clean, 8)
 
     return Figure(
         name="leaderboard",
@@ -75,42 +73,42 @@ def leaderboard(_: Run) -> Figure:
             "is known (green: only its power spectrum is), and CPU time per frame. "
             f"{frames_collected(entries)}"
         ),
-        draw=lambda canvas: _draw_board(canvas.subplots(), entries, {2: two, 8: eight}, unknown),
-        numbers=columns_of(_row(each, two) for each in entries),
+        draw=lambda canvas: _draw_board(canvas.subplots(), entries, two, eight),
+        numbers=columns_of(_row(each, two.known) for each in entries),
         height_in=1.1 + 0.36 * len(entries),
         details={
             "bounds": {
-                "two_frames": two,
-                "eight_frames": eight,
-                "two_frames_unknown_texture": unknown[2],
-                "eight_frames_unknown_texture": unknown[8],
-                "two_frames_along_x_with_y_known": bound_along_x(known),
-                "two_frames_block_and_margin": bound(seen, 2),
-                "eight_frames_block_and_margin": bound(seen, 8),
+                "two_frames": two.known,
+                "eight_frames": eight.known,
+                "two_frames_unknown_texture": two.unknown,
+                "eight_frames_unknown_texture": eight.unknown,
+                "two_frames_along_x_with_y_known": bound_along_x(information(clean)),
+                "two_frames_block_and_margin": two.with_margin,
+                "eight_frames_block_and_margin": eight.with_margin,
             }
         },
     )
 
 
-def _row(entry: Entry, two_frame_bound: float) -> dict[str, Cell]:
+def _row(entry: BlockPhotons, two_frame_bound: float) -> dict[str, Cell]:
     return {
         "method": entry.detector.name,
         "label": entry.detector.label,
         "frames": float(entry.frames),
-        "photons_per_frame": entry.photons,
-        "photons_in_all_frames": entry.frames * entry.photons,
-        "low": entry.low,
-        "high": entry.high,
-        "bound_photons_per_frame": entry.bound_photons,
-        "block_and_margin_bound_photons_per_frame": entry.cut_bound_photons,
-        "unknown_texture_bound_photons_per_frame": entry.unknown_bound_photons,
+        "photons_per_frame": entry.needed.photons,
+        "photons_in_all_frames": entry.frames * entry.needed.photons,
+        "low": entry.needed.low,
+        "high": entry.needed.high,
+        "bound_photons_per_frame": entry.bounds.known,
+        "block_and_margin_bound_photons_per_frame": entry.bounds.with_margin,
+        "unknown_texture_bound_photons_per_frame": entry.bounds.unknown,
         "efficiency": entry.efficiency,
-        "photons_over_two_frame_bound": entry.photons / two_frame_bound,
+        "photons_over_two_frame_bound": entry.needed.photons / two_frame_bound,
         "cpu_ms_per_frame": entry.ms_per_frame,
     }
 
 
-def frames_collected(entries: Sequence[Entry]) -> str:
+def frames_collected(entries: Sequence[BlockPhotons]) -> str:
     """Say which methods see more than two frames."""
     many = [each for each in entries if each.frames > 2]
     if not many:
@@ -119,16 +117,15 @@ def frames_collected(entries: Sequence[Entry]) -> str:
     return f"Methods see two frames, but {names}."
 
 
-def _in_total(entry: Entry) -> str:
-    flux = entry.frames * entry.photons
+def _in_total(entry: BlockPhotons) -> str:
+    flux = entry.frames * entry.needed.photons
     return f" ({format_flux(flux)} photons in total)" if math.isfinite(flux) else ""
 
 
 def efficiency(_: Run) -> Figure:
     """Bound over variance of Poisson matching in two and in eight frames, against the flux."""
     clean = sequences()
-    known, seen = information(clean), information(clean, MARGIN_PX)
-    curves = {}
+    curves, two = {}, bounds(clean, 2)
     for name in MATCHING:
         detector = METHODS[name]
         assert isinstance(detector, BlockDetector)
@@ -155,7 +152,7 @@ def efficiency(_: Run) -> Figure:
             "the median block. Each method is held against the bound of the frames that it "
             f"sees ({_frames_of(MATCHING)}) and of the {_BLOCK} of a block alone, though it sees "
             f"whole frames: the bound of {_CUT} asks for "
-            f"{bound(seen, 2) / bound(known, 2):.2f} times the photons. The variance leaves out "
+            f"{two.with_margin / two.known:.2f} times the photons. The variance leaves out "
             "bias, so a biased method can exceed 1 and still be wrong."
         ),
         draw=draw,
@@ -172,18 +169,19 @@ def _frames_of(names: Sequence[str]) -> str:
 
 def _draw_board(
     axes: Axes,
-    entries: Sequence[Entry],
-    bounds: Mapping[int, float],
-    unknown: Mapping[int, float],
+    entries: Sequence[BlockPhotons],
+    two: Bounds,
+    eight: Bounds,
 ) -> None:
     """Draw a bar for each method, and the bounds of two and eight frames."""
     for place, entry in enumerate(entries):
         _draw_entry(axes, entry, place)
-    for color, texture, fluxes in ((ORANGE, "known", bounds), (GREEN, "unknown", unknown)):
-        for (frames, flux), dash in zip(fluxes.items(), ("--", ":"), strict=True):
+    for color, texture in ((ORANGE, "known"), (GREEN, "unknown")):
+        for frames, found, dash in ((2, two, "--"), (8, eight, ":")):
             label = f"bound, texture {texture}, {frames} frames"
-            axes.axvline(flux, color=color, linestyle=dash, label=label)
-    axes.set(xscale="log", xlim=(min(*bounds.values(), FLUXES[0]) / 1.6, 40 * FLUXES[-1]))
+            axes.axvline(getattr(found, texture), color=color, linestyle=dash, label=label)
+    lowest = min(two.known, eight.known, FLUXES[0])
+    axes.set(xscale="log", xlim=(lowest / 1.6, 40 * FLUXES[-1]))
     axes.set_xticks(10.0 ** np.arange(3, round(math.log10(FLUXES[-1])) + 1))
     axes.minorticks_off()
     axes.set_yticks(range(len(entries)), [_label(each) for each in entries])
@@ -193,30 +191,30 @@ def _draw_board(
     axes.legend(loc="upper right", ncols=2, frameon=True, framealpha=1, edgecolor="none")
 
 
-def _draw_entry(axes: Axes, entry: Entry, place: int) -> None:
+def _draw_entry(axes: Axes, entry: BlockPhotons, place: int) -> None:
     color = BLUE if entry.detector.name in OURS else GRAY
     end = FLUXES[-1]
-    if math.isfinite(entry.photons):
-        end = min(entry.high, FLUXES[-1])
-        axes.barh(place, entry.photons, height=0.62, color=color, edgecolor=color)
-        axes.plot([entry.low, end], [place, place], "|-", color=BLACK, linewidth=1.2)
-        end = max(entry.photons, end)
+    if math.isfinite(entry.needed.photons):
+        end = min(entry.needed.high, FLUXES[-1])
+        axes.barh(place, entry.needed.photons, height=0.62, color=color, edgecolor=color)
+        axes.plot([entry.needed.low, end], [place, place], "|-", color=BLACK, linewidth=1.2)
+        end = max(entry.needed.photons, end)
     else:
         axes.barh(place, end, height=0.62, color="none", edgecolor=color, hatch="///")
     pad = {"color": "white", "pad": 0.5}
     write_at(axes, _beside(entry), (end, place), (5, 0), va="center", fontsize=9.5, bbox=pad)
 
 
-def _label(entry: Entry) -> str:
+def _label(entry: BlockPhotons) -> str:
     frames = f",\n{entry.frames} frames" if entry.frames > 2 else ""
     return f"{entry.detector.label}{frames}"
 
 
-def _beside(entry: Entry) -> str:
+def _beside(entry: BlockPhotons) -> str:
     time = f"{float(f'{entry.ms_per_frame:.2g}'):g} ms"
-    if not math.isfinite(entry.photons):
+    if not math.isfinite(entry.needed.photons):
         return f"never · {time}"
-    photons = EngFormatter(sep="")(float(f"{entry.photons:.2g}"))
+    photons = EngFormatter(sep="")(float(f"{entry.needed.photons:.2g}"))
     return f"{photons} · {100 * entry.efficiency:.2g} % · {time}"
 
 

@@ -7,13 +7,14 @@ motion is the Poisson bound's sum over a block, the squared slope over the varia
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 
-from megalopta.benchmark.rainforest_floor import FLOOR_BANDS_NM, FLOOR_LIGHT, floor_passes
 from megalopta.core.arrays import Floats
+from megalopta.core.progress import progress
 from megalopta.plotting.picture import Figure
 from megalopta.plotting.style import (
     BLACK,
@@ -21,8 +22,15 @@ from megalopta.plotting.style import (
     GRAY,
     ORANGE,
 )
+from megalopta.render import RenderSettings, SceneRenderer, frame_seed
 from megalopta.reproduction.recipe import FigureRecipe, Run
+from megalopta.scenes import Forest, Light, PerspectiveCamera, Trajectory, build_scene
 from megalopta.sensor import IMAGE_SENSORS, ImageSensor, expectation
+
+FLOOR_BANDS_NM = tuple((float(low), float(low + 100)) for low in range(400, 1700, 100))
+FLOOR_LIGHT = Light(level="starlight", sky="natural")
+_DEPTH = 12
+"""Most bounces but one; leaves absorb little beyond 700 nm, and 8 leave 2 % of the light out."""
 
 DEVICES = "array-12x4", "ctia_ingaas_quiet"
 EXPOSURE_S = 0.1
@@ -44,6 +52,27 @@ class Seen:
     """Root of the mean variance of the reading, in its unit."""
     error_px: float
     """Least standard error of motion along a row, of a block of 8 × 8 px, two frames."""
+
+
+@cache
+def floor_passes(
+    size_px: int = 48, samples: int = 576
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return radiance (H, W, B) of the same view, twice, W·m⁻²·sr⁻¹·nm⁻¹ in `FLOOR_BANDS_NM`."""
+    forest = Forest.model_validate({"preset": "rainforest"})
+    camera = PerspectiveCamera(width=size_px, height=size_px, fov_deg=60)
+    path = Trajectory(frames=2, position_m=(0, 0, 1.5), look_at_m=(6, 0, 0.8))
+    settings = RenderSettings(
+        samples_per_pixel=samples, max_depth=_DEPTH, bands_nm=FLOOR_BANDS_NM, integrator="path"
+    )
+    with progress("Rendering the floor of a rain forest", 3, "step") as advance:
+        renderer = SceneRenderer(build_scene(forest, FLOOR_LIGHT, camera, path), camera, settings)
+        advance()
+        passes = []
+        for number in range(2):
+            passes.append(renderer.radiance(path.poses()[0], frame_seed(0, 0, number)))
+            advance()
+    return passes[0], passes[1]
 
 
 def contrast(first: Reals, second: Reals) -> tuple[Floats, Floats]:

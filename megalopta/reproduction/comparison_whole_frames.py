@@ -4,24 +4,30 @@ Unlike the leaderboard of isolated blocks, methods see all that is around a bloc
 from place to place, and it has edges.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import partial
+from itertools import product
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
-from megalopta.benchmark.baselines import methods_and_baselines
+from megalopta.benchmark.clips import leaves_clips, panorama_clips
+from megalopta.benchmark.methods import BLOCK_PX, methods_and_baselines
+from megalopta.benchmark.moving_forests import MOVING_VIEWS, forest_clips
 from megalopta.benchmark.panoramas import natural_templates
-from megalopta.benchmark.whole_frame_board import (
-    BLOCK_PX,
+from megalopta.benchmark.whole_frames import (
+    FAR,
     FAR_PX,
+    MEAN,
+    MEDIAN,
     PHOTONS_PER_PX,
-    FrameErrors,
+    Board,
     frame_errors,
 )
-from megalopta.benchmark.whole_frame_forests import MOVING_VIEWS, forest_clips
-from megalopta.benchmark.whole_frame_scenes import leaves_clips, panorama_clips
 from megalopta.core.progress import progress
+from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.registry import Method
 from megalopta.plotting.picture import Cell, Figure, columns_of
 from megalopta.plotting.style import method_style
@@ -91,56 +97,55 @@ def _flown(flicker: float) -> str:
     )
 
 
-def _rows(kind: str, board: Sequence[FrameErrors]) -> list[Mapping[str, Cell]]:
-    return [
-        {
-            "scenes": kind,
-            "method": each.detector.name,
-            "frames": float(each.frames),
-            "photons_per_px": flux,
-            "median_epe_px": median,
-            "low_px": low,
-            "high_px": high,
-            "mean_epe_px": mean,
-            "share_beyond_3_px": far,
-        }
-        for each in board
-        for flux, median, low, high, mean, far in zip(
-            each.fluxes,
-            each.median_px.mean,
-            *each.median_px.interval,
-            each.mean_px.mean,
-            each.far.mean,
-            strict=True,
+def _rows(kind: str, board: Board) -> list[Mapping[str, Cell]]:
+    rows: list[Mapping[str, Cell]] = []
+    for each, flux in product(board.detectors, board.fluxes):
+        median, low, high = _median(board, each, flux)
+        rows.append(
+            {
+                "scenes": kind,
+                "method": each.name,
+                "frames": float(each.memory_frames + 1),
+                "photons_per_px": flux,
+                "median_epe_px": median,
+                "low_px": low,
+                "high_px": high,
+                "mean_epe_px": board.over_scenes(MEAN, each, flux).value,
+                "share_beyond_3_px": board.over_scenes(FAR, each, flux).value,
+            }
         )
-    ]
+    return rows
 
 
-def _best(board: Sequence[FrameErrors]) -> str:
+def _median(board: Board, detector: BlockDetector, flux: float) -> tuple[float, float, float]:
+    """Return the mean over scenes of the median over blocks, and its interval."""
+    value, low, high = board.over_scenes(MEDIAN, detector, flux)
+    return value, math.nan if low is None else low, math.nan if high is None else high
+
+
+def _best(board: Board) -> str:
     """Say which have the least mean of medians at each flux, and whose intervals reach it."""
     return "; ".join(
         f"of {kind}, the least median error has "
-        + ", ".join(
-            f"{_leaders(some, place)} at {flux:g}" for place, flux in enumerate(some[0].fluxes)
-        )
+        + ", ".join(f"{_leaders(board, some, flux)} at {flux:g}" for flux in board.fluxes)
         for kind, some in _by_frames(board).items()
         if some
     )
 
 
-def _leaders(board: Sequence[FrameErrors], place: int) -> str:
-    first, *others = sorted(board, key=lambda each: float(each.median_px.mean[place]))
-    highest = first.median_px.interval[1][place]
-    level = [each.detector.name for each in others if each.median_px.interval[0][place] <= highest]
-    return first.detector.name + (f" (level with {', '.join(level)})" if level else "")
+def _leaders(board: Board, detectors: Sequence[BlockDetector], flux: float) -> str:
+    found = {each.name: _median(board, each, flux) for each in detectors}
+    first, *others = sorted(found, key=lambda name: found[name][0])
+    level = [name for name in others if found[name][1] <= found[first][2]]
+    return first + (f" (level with {', '.join(level)})" if level else "")
 
 
-def _by_frames(board: Sequence[FrameErrors]) -> dict[str, list[FrameErrors]]:
-    two = [each for each in board if each.frames == _PAIR]
-    return {"two frames": two, "eight frames": [each for each in board if each not in two]}
+def _by_frames(board: Board) -> dict[str, list[BlockDetector]]:
+    two = [each for each in board.detectors if each.memory_frames + 1 == _PAIR]
+    return {"two frames": two, "eight frames": [e for e in board.detectors if e not in two]}
 
 
-def _draw_boards(canvas: Canvas, boards: Mapping[str, Sequence[FrameErrors]]) -> None:
+def _draw_boards(canvas: Canvas, boards: Mapping[str, Board]) -> None:
     """Draw a row of panels for each kind of scenes, a column for each number of frames."""
     panels = canvas.subplots(
         len(boards) + 1, 2, sharex=True, height_ratios=(*[1] * len(boards), 0.42)
@@ -148,7 +153,7 @@ def _draw_boards(canvas: Canvas, boards: Mapping[str, Sequence[FrameErrors]]) ->
     for row, (kind, board) in zip(panels, boards.items(), strict=False):
         for axes, (frames, some) in zip(row, _by_frames(board).items(), strict=True):
             for each in some:
-                _draw_errors(axes, each)
+                _draw_errors(axes, board, each)
             axes.set(title=f"{kind},\n{frames}", xscale="log", yscale="log")
         row[0].set_ylabel("Median endpoint error (px)")
     for axes, above, labeled in zip(panels[-1], panels[0], panels[-2], strict=True):
@@ -160,16 +165,16 @@ def _draw_boards(canvas: Canvas, boards: Mapping[str, Sequence[FrameErrors]]) ->
             axes.legend(handles, labels, loc="center", ncols=3, columnspacing=1, markerscale=0.7)
 
 
-def _draw_errors(axes: Axes, errors: FrameErrors) -> None:
-    medians, (low, high) = errors.median_px.mean, errors.median_px.interval
-    name = errors.detector.name
+def _draw_errors(axes: Axes, board: Board, detector: BlockDetector) -> None:
+    found = np.array([_median(board, detector, flux) for flux in board.fluxes])
+    medians, low, high = found.T
     axes.errorbar(
-        errors.fluxes,
+        board.fluxes,
         medians,
         yerr=(medians - low, high - medians),
-        label=name,
+        label=detector.name,
         elinewidth=0.8,
-        **method_style(name),
+        **method_style(detector.name),
     )
 
 

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import TypeAlias
 
 from megalopta.benchmark.runner import Results
-from megalopta.benchmark.trial import Template, Trial
+from megalopta.benchmark.templates import Template
+from megalopta.benchmark.trial import Trial
 from megalopta.core.arrays import Floats
 from megalopta.plotting.picture import Figure
 

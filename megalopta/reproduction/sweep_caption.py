@@ -3,9 +3,10 @@
 from collections.abc import Iterable, Mapping
 
 from megalopta.assets_gen.grating import GratingVariant
+from megalopta.benchmark.panorama_recipes import ROWS
 from megalopta.benchmark.runner import Results
 from megalopta.benchmark.sweep import Sweep
-from megalopta.benchmark.trial import ROWS, GratingTemplate, Template
+from megalopta.benchmark.templates import GratingTemplate, Template
 from megalopta.reproduction.thresholds import threshold_of
 
 _VARIANTS: Mapping[GratingVariant, str] = {

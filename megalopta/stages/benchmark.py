@@ -7,23 +7,21 @@ results/SEQ/benchmark-parts until all are there: no more than a few frames are i
 import csv
 import io
 from collections.abc import Callable
-from dataclasses import fields
 from functools import cache, partial
 from pathlib import Path
 from typing import cast
-from zipfile import BadZipFile
 
 import numpy as np
 import zarr
 
 from megalopta.config.model import Configuration
 from megalopta.core import files
+from megalopta.core.array_store import ArrayStore
 from megalopta.core.freshness import code_digest
 from megalopta.core.progress import progress, say
 from megalopta.dataset.frames import FRAMES_AT_ONCE, read_radiance_frames
 from megalopta.dataset.store import Dataset
-from megalopta.flow.benchmark.result import BenchmarkResult
-from megalopta.flow.benchmark.sequence import Clip, photon_benchmark
+from megalopta.flow.benchmark.sequence import BenchmarkResult, Bookkeeping, Clip, photon_benchmark
 from megalopta.flow.benchmark.settings import checked_warm_up, work_units
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.response_error import ErrorSums
@@ -31,6 +29,9 @@ from megalopta.sensor import PRESETS, photon_rate
 from megalopta.stages.declaration import Stage
 
 _PARTS = "benchmark-parts"
+_MOST_BYTES = 2**62
+"""Of what is kept until all is there: any number"""
+
 _RESULTS = ("benchmark.json", "benchmark-other.json")
 
 
@@ -52,8 +53,7 @@ def benchmark(dataset: Dataset) -> None:
                 each,
                 settings.seed,
                 dataset.sequence,
-                advance,
-                partial(_part, parts / each.normalization),
+                Bookkeeping(advance, partial(_part, parts / each.normalization)),
             )
             for each in measurements
         ]
@@ -65,30 +65,13 @@ def benchmark(dataset: Dataset) -> None:
 
 
 def _part(folder: Path, name: str, work: Callable[[], list[ErrorSums]]) -> list[ErrorSums]:
-    path = folder / f"{name}.npz"
-    kept = _read_part(path)
-    if kept is not None:
-        return kept
+    """Return the sums of every method, kept or now summed."""
+    store = ArrayStore(folder, name, _MOST_BYTES)
+    if (kept := store.read()) is not None:
+        return [ErrorSums(*kept[str(index)]) for index in range(len(kept))]
     sums = work()
-    arrays = {
-        f"{index}-{field}": value
-        for index, each in enumerate(sums)
-        for field, value in vars(each).items()
-    }
-    with files.atomic_write(path) as temporary:
-        np.savez(temporary, allow_pickle=False, **arrays)
+    store.write({str(index): np.stack([*vars(each).values()]) for index, each in enumerate(sums)})
     return sums
-
-
-def _read_part(path: Path) -> list[ErrorSums] | None:
-    """Read what was kept; None where there is nothing whole."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            names = [field.name for field in fields(ErrorSums)]
-            count = len(file.files) // len(names)
-            return [ErrorSums(*(file[f"{i}-{name}"] for name in names)) for i in range(count)]
-    except (OSError, ValueError, KeyError, BadZipFile):
-        return None
 
 
 def _say_thresholds(result: BenchmarkResult) -> None:

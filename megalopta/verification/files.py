@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 import zarr
 from rich.console import Console
 
-from megalopta.benchmark.ranking_folder import FOLDER
+from megalopta.benchmark.ranking_run import FOLDER
 from megalopta.config.drawing import sequence_name
 from megalopta.core import files
 from megalopta.core.bounded import printable

@@ -7,7 +7,7 @@ import pytest
 import zarr
 from pydantic import ValidationError
 
-from megalopta.flow.benchmark.sequence import photon_benchmark
+from megalopta.flow.benchmark.sequence import Bookkeeping, photon_benchmark
 from megalopta.flow.benchmark.settings import BenchmarkSettings, default_warm_up, work_units
 from megalopta.flow.detectors.registry import THESIS_METHODS, method
 
@@ -26,13 +26,13 @@ def settings(**changes):
     return BenchmarkSettings(**(base | changes))
 
 
-def measured(frames, methods, chosen, seed=0, sequence="grating", on_progress=None):
-    return photon_benchmark(frames, methods, chosen, seed, sequence, on_progress)
+def measured(frames, methods, chosen, seed=0, sequence="grating", books=Bookkeeping()):  # noqa: B008
+    return photon_benchmark(frames, methods, chosen, seed, sequence, books)
 
 
-@pytest.mark.parametrize(("size", "expected"), [(60, 36480), (120, 145919)])
-def test_intensity_reaches_two_bits_at_10_133_photons_per_pixel(size, expected):
+def test_intensity_reaches_two_bits_at_10_133_photons_per_pixel():
     # Four million pixels leave 0.2 % in N_2b; the curve is straight over these 8 %.
+    size, expected = 60, 36480
     chosen = settings(
         sizes=(size,),
         flux_min=expected * 0.96,
@@ -42,57 +42,15 @@ def test_intensity_reaches_two_bits_at_10_133_photons_per_pixel(size, expected):
         metrics=("ratio",),
         bits=(2,),
     )
-    frames = np.ones((300 if size == 60 else 75, size, size))
+    frames = np.ones((300, size, size))
     result = measured(frames, [method("IM")], chosen)
     assert result.curve("IM", size, "ratio").thresholds[2].flux == pytest.approx(expected, rel=0.01)
-
-
-def test_required_flux_goes_as_contrast_to_the_power_of_minus_two():
-    contrasts = np.array([0.2, 0.4, 0.8])
-    fluxes = [
-        measured(grating(contrast), [method("NDS")], settings(metrics=("ratio",)))
-        .curve("NDS", 60, "ratio")
-        .thresholds[2]
-        .flux
-        for contrast in contrasts
-    ]
-    slope = np.polyfit(np.log(contrasts), np.log(np.array(fluxes, float)), 1)[0]
-    assert slope == pytest.approx(-2, abs=0.1)
-
-
-def test_dark_counts_raise_the_required_flux_by_their_square_root():
-    # Far above the signal the noise is that of the dark counts: N_2b ∝ √dark counts.
-    fluxes = [
-        measured(
-            grating(), [method("NDS")], settings(dark_counts=dark, flux_max=1e8, metrics=("ratio",))
-        )
-        .curve("NDS", 60, "ratio")
-        .thresholds[2]
-        .flux
-        for dark in (100, 10000)
-    ]
-    assert np.log10(fluxes[1] / fluxes[0]) / 2 == pytest.approx(0.5, abs=0.05)
-
-
-def test_block_matching_of_motion_far_below_a_pixel_is_undefined():
-    # 1 px per frame in 240 px wide frames is a quarter of a pixel at 60 px, which reads as rest.
-    result = measured(grating(size=240, step=1, frames=20), [method("BM")], settings(warm_up=1))
-    assert str(result.curve("BM", 60).thresholds[2]) == "undefined"
-    assert all(np.isnan(result.curve("BM", 60).errors))
 
 
 def test_a_still_scene_has_no_threshold_for_any_motion_detector():
     result = measured(grating(step=0, frames=20), ALL, settings(warm_up=5, flux_max=1e5))
     for curve in result.curves:
         assert (curve.thresholds[2].kind == "undefined") == (curve.method != "IM")
-
-
-@pytest.mark.parametrize("changes", [{"chunk_frames": 1}, {"chunk_frames": 7}])
-def test_results_do_not_depend_on_chunks(changes):
-    frames = grating(frames=20, size=60)[:, :30, :36]
-    base = {"sizes": (30,), "fluxes_per_decade": 1, "warm_up": 5}
-    expected = measured(frames, ALL, settings(**base))
-    assert measured(frames, ALL, settings(**base, **changes)).curves == expected.curves
 
 
 def test_results_do_not_depend_on_the_company_of_methods_sizes_and_fluxes():
@@ -135,7 +93,7 @@ def test_progress_adds_up_to_the_work():
     done = []
     chosen = settings(sizes=(30, 60), warm_up=5)
     frames = grating(frames=20)
-    measured(frames, [method("IM")], chosen, on_progress=done.append)
+    measured(frames, [method("IM")], chosen, books=Bookkeeping(done.append))
     assert sum(done) == work_units(frames.shape, chosen)
     assert len(done) > 10
 
@@ -169,19 +127,12 @@ def test_warm_up_is_the_thesis_or_the_longest_memory():
     assert default_warm_up(24, [method("BM"), method("IM")]) == 1
 
 
-def test_fluxes_are_two_per_decade_from_1e3_to_1e12_as_in_the_thesis():
-    np.testing.assert_allclose(BenchmarkSettings().fluxes, np.logspace(3, 12, 19), rtol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"flux_min": 0}, "greater than or equal to 0.000001"),
         ({"flux_min": 1e6, "flux_max": 1e6}, "fewer than two fluxes"),
         ({"repeats": 1}, "greater than or equal to 2"),
         ({"sizes": (60, 60)}, "twice"),
-        ({"sizes": ()}, "at least 1"),
-        ({"metrics": ("median",)}, "literal"),
         ({"speed": 3}, "Extra inputs"),
     ],
 )
@@ -245,8 +196,11 @@ def test_dark_counts_are_an_error_only_against_the_perfect_sensor():
     assert perfect == pytest.approx(100 / 1000, rel=0.3)
 
 
-def test_a_clip_on_disk_gives_what_an_array_gives(tmp_path):
+@pytest.mark.parametrize("chunk_frames", [1, 7])
+def test_neither_chunks_nor_the_place_of_frames_change_a_number(chunk_frames, tmp_path):
     frames = growing()
     clip = zarr.create_array(tmp_path / "clip.zarr", data=frames, chunks=(4, 60, 60))
-    chosen = settings(warm_up=5, fluxes_per_decade=1, normalization="per_sequence")
-    assert measured(clip, ALL, chosen).curves == measured(frames, ALL, chosen).curves
+    base = {"warm_up": 5, "fluxes_per_decade": 1, "normalization": "per_sequence"}
+    expected = measured(frames, ALL, settings(**base))
+    found = measured(clip, ALL, settings(**base, chunk_frames=chunk_frames))
+    assert found.curves == expected.curves

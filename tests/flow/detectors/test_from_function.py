@@ -2,10 +2,11 @@ import numpy as np
 import pytest
 
 from megalopta.benchmark.detection import detections
-from megalopta.benchmark.leaderboard import FRAMES, SIZE_PX, ranked
+from megalopta.benchmark.isolated_blocks import FRAMES, SIZE_PX, ranked
 from megalopta.benchmark.runner import run
 from megalopta.benchmark.sweep import Sweep
-from megalopta.benchmark.trial import GratingTemplate, Trial
+from megalopta.benchmark.templates import GratingTemplate
+from megalopta.benchmark.trial import Trial
 from megalopta.flow import (
     METHODS,
     BenchmarkSettings,
@@ -88,7 +89,7 @@ def test_functions_enter_detection_and_leaderboard():
     assert told.motion == told.direction == 0
     light = np.random.default_rng(0).random((1, FRAMES, SIZE_PX, SIZE_PX)) / SIZE_PX**2
     (entry,) = ranked(light, [to_the_right])
-    assert entry.photons == np.inf
+    assert entry.needed.photons == np.inf
 
 
 def test_a_flow_of_another_shape_is_refused(frames):

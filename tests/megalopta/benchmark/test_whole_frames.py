@@ -7,20 +7,15 @@ import pytest
 from PIL import Image
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from megalopta.benchmark.baselines import methods_and_baselines, on_the_board
-from megalopta.benchmark.whole_frame_board import (
-    OverScenes,
-    block_errors,
-    block_methods,
-    frame_errors,
-)
-from megalopta.benchmark.whole_frame_scenes import (
+from megalopta.benchmark.clips import (
     FRAMES,
-    Clip,
+    FlowClip,
     leaves_clip,
     middle,
     panorama_clips,
 )
+from megalopta.benchmark.methods import methods_and_baselines, on_the_board
+from megalopta.benchmark.whole_frames import FAR, MEAN, MEDIAN, block_errors, frame_errors
 from megalopta.cli import main as cli
 from megalopta.flow.detectors.from_function import detector_from
 from megalopta.flow.detectors.registry import METHODS
@@ -30,7 +25,7 @@ from megalopta.plotting.style import house_style, new_canvas
 from megalopta.reproduction import comparison_whole_frames as whole_frames
 from megalopta.reproduction.recipe import Run
 
-MEASURES = "median_epe_px", "mean_epe_px", "share_beyond_3_px"
+METRICS = MEDIAN, MEAN, FAR
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +33,7 @@ def clip():
     """Noise that moves by (2, 1) px per frame, around the edges."""
     texture = 1 + np.random.default_rng(0).random((96, 120))
     light = np.stack([np.roll(texture, (t, 2 * t), axis=(0, 1)) for t in range(FRAMES)])
-    return Clip("rolled", light / light.mean(), np.broadcast_to((2.0, 1.0), (96, 120, 2)))
+    return FlowClip("rolled", light / light.mean(), np.broadcast_to((2.0, 1.0), (96, 120, 2)))
 
 
 def test_the_truth_has_no_error_and_standstill_that_of_the_motion(clip):
@@ -48,17 +43,14 @@ def test_the_truth_has_no_error_and_standstill_that_of_the_motion(clip):
     def still(first, second):
         return np.zeros((*first.shape, 2))
 
-    methods = [
-        detector_from(truth),
-        detector_from(still),
-        detector_from(lambda a, _: still(a, a) + np.nan),
-    ]
-    found = frame_errors([clip], methods, (3.0, 10.0), draws=2)
-    assert [each.scenes for each in found] == [("rolled",)] * 3
-    for each, error in zip(found, (0, np.hypot(2, 1), np.hypot(2, 1)), strict=True):
-        for measure in (each.median_px, each.mean_px):
-            np.testing.assert_allclose(measure.of_scenes, np.full((1, 2), error))
-        np.testing.assert_array_equal(each.far.of_scenes, 0)
+    methods = [*map(detector_from, (truth, still, lambda a, _: still(a, a) + np.nan))]
+    board = frame_errors([clip], methods, (3.0, 10.0), draws=2)
+    assert board.scenes == ("rolled",)
+    motion = np.hypot(2, 1)
+    for detector, error in zip(board.detectors, (0, motion, motion), strict=True):
+        for flux in board.fluxes:
+            found = [board.of_scenes(metric, detector, flux) for metric in METRICS]
+            np.testing.assert_allclose(np.ravel(found), [error, error, 0])
 
 
 def test_a_third_of_blocks_far_off_shows_in_mean_and_share_not_in_the_median(clip):
@@ -69,29 +61,18 @@ def test_a_third_of_blocks_far_off_shows_in_mean_and_share_not_in_the_median(cli
         flow[:, 72:, 0] += 10
         return flow
 
-    (found,) = frame_errors([clip], [detector_from(wrong_at_the_right)], (3.0,))
-    assert found.median_px.mean[0] == pytest.approx(0)
-    assert found.mean_px.mean[0] == pytest.approx(10 / 3)
-    assert found.far.mean[0] == pytest.approx(1 / 3)
+    board = frame_errors([clip], [detector_from(wrong_at_the_right)], (3.0,))
+    (detector,) = board.detectors
+    found = [board.over_scenes(metric, detector, 3.0).value for metric in METRICS]
+    assert found == pytest.approx([0, 10 / 3, 1 / 3])
 
 
-def test_interval_is_that_of_the_mean_over_scenes():
-    of_scenes = np.random.default_rng(0).normal(1.0, 0.1, (400, 1))
-    low, high = OverScenes(of_scenes).interval[:, 0]
-    # of a normal mean, to the scatter of a bootstrap of 2000
-    assert high - low == pytest.approx(2 * 1.96 * 0.1 / 20, rel=0.15)
-    assert low < of_scenes.mean() < high
-
-
-def test_one_scene_has_no_interval():
-    assert np.isnan(OverScenes(np.ones((1, 3))).interval).all()
-
-
-@pytest.mark.parametrize("name", ["LK", "FB", "DIS", "TV-L1"])
-def test_a_baseline_is_found_under_its_name_on_the_board(name):
-    (on_board,) = (each for each in methods_and_baselines(2) if each.name == f"{name} √")
-    assert on_the_board(f"{name} √") == on_board
-    assert on_the_board(name) == name
+def test_methods_and_baselines_of_a_board_do_with_its_frames():
+    two, eight = ({each.name: each for each in methods_and_baselines(n)} for n in (2, 8))
+    assert {"PM", "DIS √"} <= set(two) and not {"PPM", "EMD"} & set(two)
+    assert {"PM", "PPM", "DIS √"} <= set(eight) and "EMD" not in eight
+    assert on_the_board("DIS √") == two["DIS √"]
+    assert on_the_board("DIS") == "DIS"
 
 
 def test_methods_see_the_frames_in_the_middle(clip):
@@ -99,13 +80,6 @@ def test_methods_see_the_frames_in_the_middle(clip):
     np.testing.assert_array_equal(middle(clip.light, 2), clip.light[3:5])
     errors = block_errors(METHODS["BM"].model_copy(update={"block_px": 24}), clip.light, clip)
     np.testing.assert_array_equal(errors, np.zeros(6))
-
-
-def test_of_two_frames_those_that_need_more_are_left_out():
-    assert "PM" in block_methods(2)
-    assert "PPM" not in block_methods(2)
-    assert "PPM" in block_methods(8)
-    assert "EMD" not in block_methods(8)
 
 
 def test_shipped_scenes_move_as_their_flow_says():
@@ -195,15 +169,9 @@ def test_folders_of_others_become_a_table_of_error_against_flux(layout, clip, tm
         ("LK", "1"),
         ("LK", "1000"),
     ]
-    assert [float(rows[1][name]) for name in MEASURES] == [0, 0, 0]
+    assert [float(rows[1][name]) for name in METRICS] == [0, 0, 0]
     assert float(rows[0]["mean_epe_px"]) > 0
     assert "BM" in capsys.readouterr().out
-
-
-def test_two_pictures_and_their_flow_are_a_pair(clip, tmp_path):
-    middlebury(tmp_path, clip)
-    (row,) = measured(tmp_path, *one_pair(tmp_path), "--methods", "BM", "--photons", "300")
-    assert [float(row[name]) for name in MEASURES] == [0, 0, 0]
 
 
 def test_every_pair_has_its_row_and_only_several_pairs_have_an_interval(clip, tmp_path, capsys):

@@ -28,7 +28,7 @@ def hostile(tmp_path):
     "command", [[sys.executable, "-m", "megalopta"], [Path(sys.executable).parent / "megalopta"]]
 )
 def test_no_module_of_the_working_folder_is_run(hostile, command):
-    words = [*command, "sweep", "sweep.yaml"]
+    words = [*command, "benchmark", "photons", "sweep.yaml"]
     done = subprocess.run(words, cwd=hostile, capture_output=True, text=True)
     assert done.returncode == 2
     told = done.stderr.splitlines()[-1]
@@ -39,7 +39,15 @@ def test_no_module_of_the_working_folder_is_run(hostile, command):
 
 @pytest.mark.slow
 def test_allowed_code_is_run_and_takes_no_other_module_s_place(hostile):
-    words = [sys.executable, "-m", "megalopta", "sweep", "sweep.yaml", "--allow-code"]
+    words = [
+        sys.executable,
+        "-m",
+        "megalopta",
+        "benchmark",
+        "photons",
+        "sweep.yaml",
+        "--allow-code",
+    ]
     done = subprocess.run(words, cwd=hostile, capture_output=True, text=True)
     assert (hostile / "canary").read_text() == "evil"
     told = done.stderr.splitlines()[-1]

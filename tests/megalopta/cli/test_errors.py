@@ -52,7 +52,13 @@ def test_a_word_that_could_be_both_is_refused(capsys):
         (["spadcam", "calibrate", "x", "--beam-area-mm2=-0.0"], "'-0.0'; give a number above 0"),
         (["spadcam", "compare", "x", "--device", "y", "--margin", "inf"], "'inf'; give a finite"),
         (["spadcam", "compare", "x", "--device", "y", "--seed=-1"], "--seed: '-1'; give a whole"),
-        (["sweep", "x", "--workers", "1" + "0" * 400], "give a whole number, 1 or more"),
+        (["benchmark", "photons", "x", "--workers", "1" + "0" * 400], "give a whole number, 1 or"),
+        (
+            ["benchmark", "photons", "x", "--allow-code"],
+            "--allow-code is for a sweep; leave it out",
+        ),
+        (["benchmark", "photons", "x.yaml", "--redo"], "--redo is for a dataset; leave it out"),
+        (["sweep", "x"], "sweep: this verb is now benchmark photons; give that"),
     ],
 )
 def test_a_mistyped_command_gets_one_sentence(capsys, arguments, message):

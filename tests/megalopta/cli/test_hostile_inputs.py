@@ -149,7 +149,7 @@ def sweep(rng, here):
         "values": [1, 2],
         "templates": [{"kind": "grating", "cycles_per_frame": 2}],
     }
-    return ["sweep", put_yaml(here / "sweep.yaml", rng, values), "--vary", "nowhere"]
+    return ["benchmark", "photons", put_yaml(here / "sweep.yaml", rng, values), "--vary", "nowhere"]
 
 
 def device(rng, here):
@@ -310,7 +310,7 @@ def option(rng, here):
         ["benchmark", "pairs", "x", "--photons"], ["benchmark", "pairs", "x", "--pairs"],
         ["benchmark", "pairs", "x", "--draws"], ["dataset", "make", "x", "--only"],
         ["dataset", "make", "x", "--workers"], ["dataset", "check", "x", "--truth"],
-        ["reproduce", "fig-2.9", "--workers"], ["sweep", "x", "--workers"],
+        ["reproduce", "fig-2.9", "--workers"], ["benchmark", "photons", "x", "--workers"],
         ["spadcam", "calibrate", "x", "--wavelength-nm"], ["spadcam", "calibrate", "x", "--beam-area-mm2"],
         ["spadcam", "compare", "x", "--device", "y", "--margin"], ["spadcam", "compare", "x", "--device", "y", "--seed"],
         ["dataset", "view", "x", "--sequences"], ["gallery", "--out"], ["check", "physics", "--out"],

@@ -98,7 +98,7 @@ def test_help_shows_settings_with_units_and_defaults(run):
             "light-levels sensors products sub-frames burst-hz free-running correct calibration",
         ),
         ("flow", "methods flow"),
-        ("benchmark photons", "methods benchmark"),
+        ("benchmark photons", "methods benchmark title trial vary values sizes templates"),
     ],
 )
 def test_help_of_a_stage_shows_its_own_settings_in_their_order(run, verb, own):
@@ -114,11 +114,10 @@ def test_help_of_the_demo_shows_all_settings(run):
     assert "--benchmark.sizes" in text
 
 
-def test_help_of_sweep_shows_its_settings(run):
-    text = run("sweep", "--help").stdout
+def test_help_of_photons_shows_the_settings_of_a_sweep_too(run):
+    text = run("benchmark", "photons", "--help").stdout
     assert "--trial.search.dark-counts 0.1" in text
     assert "--vary velocity_px" in text
-    assert "--redo" not in text
 
 
 def test_info_names_versions_and_the_variant(run):

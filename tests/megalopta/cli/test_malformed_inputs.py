@@ -228,7 +228,7 @@ def sweep_file(rng, done, folder):
     }  # fmt: skip
     path = folder / "sweep.yaml"
     path.write_text(yaml.safe_dump(mutated(sweep, rng)), "utf-8")
-    return ["sweep", str(path), "--out", str(folder / "figures")]
+    return ["benchmark", "photons", str(path), "--out", str(folder / "figures")]
 
 
 def record(rng, done, folder):
@@ -298,7 +298,7 @@ def picture(rng, done, folder):
         "templates": [{"kind": "panorama", "name": str(path)}],
     }
     (folder / "sweep.yaml").write_text(yaml.safe_dump(sweep), "utf-8")
-    return ["sweep", str(folder / "sweep.yaml"), "--out", str(folder / "figures")]
+    return ["benchmark", "photons", str(folder / "sweep.yaml"), "--out", str(folder / "figures")]
 
 
 def encoded(suffix, height, kept={}):  # noqa: B006

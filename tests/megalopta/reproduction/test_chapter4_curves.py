@@ -13,8 +13,8 @@ from megalopta.benchmark import templates
 from megalopta.benchmark.panorama_recipes import NATURAL_PANORAMAS
 from megalopta.benchmark.runner import run_trials
 from megalopta.benchmark.sweep import Sweep
-from megalopta.benchmark.thesis_sweeps import PHOTOGRAPHED, SWEEPS, in_form
-from megalopta.benchmark.trial import PanoramaTemplate, Trial, measure
+from megalopta.benchmark.templates import PanoramaTemplate
+from megalopta.benchmark.trial import Trial, measure_trial
 from megalopta.core.errors import UserError
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.curve import ErrorCurve
@@ -29,6 +29,7 @@ from megalopta.reproduction.chapter4_information import (
     needed_of,
 )
 from megalopta.reproduction.chapter4_page import write_page
+from megalopta.reproduction.chapter4_sweeps import PHOTOGRAPHED, SWEEPS, in_form
 from megalopta.reproduction.chapter4_table import PRINTED, best
 from megalopta.reproduction.drawing import reproduce
 from megalopta.reproduction.recipe import Run
@@ -342,7 +343,7 @@ def test_synthetic_column_is_within_a_factor_of_2_2_of_the_printed_one(method, n
     # where each method needs the fewest photons; intervals are within 4 %
     (point,) = (each for each in SWEEPS[name].points if (each.size, each.value) == (60, value))
     trial = point.trial.model_copy(update={"methods": (method,)})
-    found = measure(trial, trial.template.pixels(), "test")[0].thresholds[2].flux
+    found = measure_trial(trial, trial.template.pixels(), "test")[0].thresholds[2].flux
     assert 1 / 2.2 < found / PRINTED[method][0] < 2.2
 
 

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from megalopta.benchmark.thesis_sweeps import SWEEPS, in_form
 from megalopta.flow.detectors.registry import THESIS_METHODS
 from megalopta.flow.metrics.curve import ErrorCurve
 from megalopta.flow.metrics.photon_threshold import Threshold
@@ -16,6 +15,7 @@ from megalopta.reproduction.chapter4_information import (
     inverse_to_information,
     like_the_open_forest,
 )
+from megalopta.reproduction.chapter4_sweeps import SWEEPS, in_form
 from megalopta.reproduction.chapter4_table import PRINTED, division_of_natural, fewer_in_light
 
 

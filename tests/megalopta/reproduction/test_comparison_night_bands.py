@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 
-from megalopta.benchmark.rainforest_floor import FLOOR_BANDS_NM
-from megalopta.reproduction.comparison_night_bands import BLOCK_PX, contrast, seen_by
+from megalopta.reproduction.comparison_night_bands import (
+    BLOCK_PX,
+    FLOOR_BANDS_NM,
+    contrast,
+    seen_by,
+)
 from megalopta.sensor import IMAGE_SENSORS, expectation
 
 BANDS = len(FLOOR_BANDS_NM)

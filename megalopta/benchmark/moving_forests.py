@@ -1,10 +1,15 @@
-"""Rendered forests past which a camera flies: clips of whole frames with true parallax.
+"""Rendered forests past which a camera flies: clips with true parallax, and long flights.
 
 Near plants move faster than far ones and hide them, which neither dead leaves nor a turning camera
-show. Light is baked, so that what is left of its error, 6 %, stands on surfaces and moves with
+show. Light is baked, so that its remaining error, 6 %, is fixed to surfaces and moves with
 them; what flickers is stated. Clips are kept in the cache folder.
+
+In a flight the camera turns to the left and to the right by up to 0.7° per frame, nods and rolls by
+up to half a degree, and flies 10 cm per frame, up to 30° aside of where it looks and 8° upward, so
+that neither rotation nor heading stays near an axis. Trees 2 m away pass at some 2 px per frame.
 """
 
+import io
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -12,9 +17,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
+from megalopta.benchmark.clips import FRAMES, SHAPE, FlowClip
 from megalopta.benchmark.panorama_recipes import LUMINANCE_BAND_NM
-from megalopta.benchmark.whole_frame_scenes import FRAMES, SHAPE, Clip
 from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats
 from megalopta.core.folders import cache_folder
@@ -32,11 +38,27 @@ from megalopta.render import (
     frame_seed,
     render_once,
 )
-from megalopta.scenes import CameraPath, Forest, Light, PerspectiveCamera, Trajectory, build_scene
+from megalopta.scenes import (
+    CameraPath,
+    Forest,
+    Light,
+    PerspectiveCamera,
+    Recorded,
+    Trajectory,
+    build_scene,
+)
 
 _MOST_BYTES = 10**8
 """Of all clips; one takes 5 MB."""
 _ARRAYS = "light", "flow", "noise"
+
+FLIGHT_FRAMES = 80
+FLIGHTS = 3
+_STEP_M, _EYE_M, _CLIMB_DEG = 0.1, 1.6, 8.0
+_LARGEST_TURN_DEG, _LARGEST_ASIDE_DEG = 0.7, 30.0
+_LARGEST_NOD_DEG, _NODS, _ROLLS = 3.0, 2.0, 2.5
+_RATE_HZ = 20.0
+_FLIGHT_SAMPLES = 128
 
 
 VIEW_SETTINGS = RenderSettings(
@@ -71,17 +93,16 @@ def _view(
     preset: str, velocity_m: tuple[float, float, float], turn_deg: float, **light: float
 ) -> MovingView:
     """Return a view of a forest from 1.6 m, with the way and the turn from frame to frame."""
-    rate_hz = 20.0
     return MovingView(
         forest=Forest.model_validate({"preset": preset, "seed": 5, "trees": 60}),
         light=Light(level="daylight", **light),
         trajectory=Trajectory(
             frames=FRAMES,
-            frame_rate_hz=rate_hz,
+            frame_rate_hz=_RATE_HZ,
             position_m=(0, 0, 1.6),
             look_at_m=(10, 0, 1.6),
-            velocity_m_s=tuple(rate_hz * way for way in velocity_m),
-            rotation_deg_s=rate_hz * turn_deg,
+            velocity_m_s=tuple(_RATE_HZ * way for way in velocity_m),
+            rotation_deg_s=_RATE_HZ * turn_deg,
         ),
     )
 
@@ -97,11 +118,27 @@ MOVING_VIEWS: Mapping[str, MovingView] = MappingProxyType(
 """By name: three densities, four kinds of motion. The light of a dense forest would take hours."""
 
 
+def forest_flight(preset: str = "open", seed: int = 5) -> MovingView:
+    """Return a flight; it turns both ways in each of its halves."""
+    return MovingView(
+        forest=Forest.model_validate({"preset": preset, "seed": seed, "trees": 60}),
+        light=Light(level="daylight", disc_fraction=0.3),
+        camera=PerspectiveCamera(width=120, height=120, fov_deg=60),
+        trajectory=Recorded(frames=FLIGHT_FRAMES, frame_rate_hz=_RATE_HZ, csv=_recording()),
+        settings=VIEW_SETTINGS.model_copy(update={"samples_per_pixel": _FLIGHT_SAMPLES}),
+    )
+
+
+def forest_flights(count: int = FLIGHTS) -> dict[str, MovingView]:
+    """Return flights through so many forests, by name."""
+    return {f"flight {number + 1}": forest_flight(seed=5 + number) for number in range(count)}
+
+
 def forest_clips(
     views: Mapping[str, MovingView] = MOVING_VIEWS,
     cache: Path | None = None,
     after_frame: Callable[[], object] = lambda: None,
-) -> Iterator[tuple[Clip, float]]:
+) -> Iterator[tuple[FlowClip, float]]:
     """Yield clips of views by name, and how far a pixel flickers by rendering, σ over the mean.
 
     Parameters
@@ -123,7 +160,7 @@ def forest_clips(
         else:
             for _ in range(view.trajectory.frames):
                 after_frame()
-        yield Clip(name, kept["light"], kept["flow"]), float(kept["noise"])
+        yield FlowClip(name, kept["light"], kept["flow"]), float(kept["noise"])
 
 
 def _rendered(view: MovingView, after_frame: Callable[[], object]) -> dict[str, NDArray[Any]]:
@@ -150,3 +187,27 @@ def _rendered(view: MovingView, after_frame: Callable[[], object]) -> dict[str, 
     frames = np.array(light, np.float64)
     flow = renderer.flow(poses, middle, middle + 1).displacement
     return {"light": frames / frames.mean(), "flow": flow, "noise": np.array(flicker)}
+
+
+def _recording() -> str:
+    """Return the path as CSV: time, position and quaternion."""
+    times = np.arange(FLIGHT_FRAMES)
+    phase = 2 * np.pi * times / FLIGHT_FRAMES
+    look = np.radians(_LARGEST_TURN_DEG) * FLIGHT_FRAMES / (2 * np.pi) * np.sin(phase)
+    way = look - np.radians(_LARGEST_ASIDE_DEG) * np.sin(phase / 2)
+    climb = np.radians(_CLIMB_DEG)
+    steps = np.column_stack(
+        (
+            np.cos(climb) * np.cos(way),
+            np.cos(climb) * np.sin(way),
+            np.full(FLIGHT_FRAMES, np.sin(climb)),
+        )
+    )
+    places = np.array([0, 0, _EYE_M]) + _STEP_M * (np.cumsum(steps, axis=0) - steps)
+    nod, roll = _LARGEST_NOD_DEG * np.sin(_NODS * phase), _LARGEST_NOD_DEG * np.sin(_ROLLS * phase)
+    body = Rotation.from_euler("ZYX", np.column_stack((np.degrees(look), nod, roll)), degrees=True)
+    ahead = Rotation.from_matrix([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])  # right, down and forward
+    text = io.StringIO()
+    table = np.column_stack((times / _RATE_HZ, places, (body * ahead).as_quat()))
+    np.savetxt(text, table, delimiter=",", fmt="%.9f")
+    return text.getvalue()

@@ -15,6 +15,7 @@ from megalopta.assets_gen.dead_leaves_model import dead_leaves
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.stimuli.known_flow import Layer, MovingLayers, PanningView
+from megalopta.flow.stimuli.photons import Counts, draw_counts
 
 SHAPE = (240, 240)
 FRAMES = 8
@@ -38,7 +39,7 @@ _HEADINGS = 2
 
 
 @dataclass(frozen=True)
-class Clip:
+class FlowClip:
     """A few frames of light and their motion."""
 
     name: str
@@ -48,8 +49,12 @@ class Clip:
     flow: Floats
     """(H, W, 2), px, between the two frames in the middle, on the pixels of the first"""
 
+    def counts(self, flux: float, draw: int, key: tuple[str, ...] = ()) -> Counts:
+        """Return a draw (T, H, W) of so many photons per pixel; the key tells it from others."""
+        return draw_counts(self.light * flux, 0, *key, self.name, f"{flux:.6g}", draw)
 
-def leaves_clip(seed: int, shape: tuple[int, int] = SHAPE) -> Clip:
+
+def leaves_clip(seed: int, shape: tuple[int, int] = SHAPE) -> FlowClip:
     """Return dead leaves that move as one affine field, and three disks of them that do not."""
     rng = generator(seed, "whole frames, leaves")
     side = _TEXTURE_PX * _TEXELS
@@ -63,14 +68,14 @@ def leaves_clip(seed: int, shape: tuple[int, int] = SHAPE) -> Clip:
     return _clip(f"leaves {seed}", scene.light(shape, TIMES), scene.flow(shape, 0))
 
 
-def leaves_clips(count: int, shape: tuple[int, int] = SHAPE) -> Iterator[Clip]:
+def leaves_clips(count: int, shape: tuple[int, int] = SHAPE) -> Iterator[FlowClip]:
     """Yield `leaves_clip` of the seeds from 0."""
     return (leaves_clip(seed, shape) for seed in range(count))
 
 
 def panorama_clips(
     templates: Mapping[str, Floats], shape: tuple[int, int] = SHAPE, headings: int = _HEADINGS
-) -> Iterator[Clip]:
+) -> Iterator[FlowClip]:
     """Yield views of panoramas (rows, columns) by name, some headings of each, turning steadily.
 
     The camera turns about an axis near the vertical, by 1 to 4 px per frame, and rolls.
@@ -101,5 +106,5 @@ def _layer(
     return Layer(elsewhere, velocity, rng.uniform(-_STEEPEST, _STEEPEST, (2, 2)), disk)
 
 
-def _clip(name: str, light: Floats, flow: Floats) -> Clip:
-    return Clip(name, light / light.mean(), flow)
+def _clip(name: str, light: Floats, flow: Floats) -> FlowClip:
+    return FlowClip(name, light / light.mean(), flow)

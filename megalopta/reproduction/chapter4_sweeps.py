@@ -10,7 +10,8 @@ from typing import Any, Literal, NamedTuple
 
 from megalopta.benchmark.panorama_recipes import NATURAL_PANORAMAS
 from megalopta.benchmark.sweep import Sweep, Value
-from megalopta.benchmark.trial import PanoramaTemplate, Trial
+from megalopta.benchmark.templates import PanoramaTemplate
+from megalopta.benchmark.trial import Trial
 from megalopta.flow.benchmark.settings import SearchSettings
 
 POOLING = (60, 120, 180, 240)

@@ -1,4 +1,4 @@
-"""The flight on which the camera's motion is told, and the errors of the ways to tell it."""
+"""The flight on which the camera's motion is estimated, and the errors of the ways to do it."""
 
 from functools import cache
 
@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from megalopta.benchmark.forest_flight import MotionErrors, flight_errors, forest_flight, together
-from megalopta.benchmark.whole_frame_scenes import Clip
+from megalopta.benchmark.clips import FlowClip
+from megalopta.benchmark.flights import HEADING, YAW, FlightErrors, flight_errors, together
+from megalopta.benchmark.moving_forests import forest_flight
+from megalopta.benchmark.table import Case
 from megalopta.flow.egomotion.yaw_rate import yaw_rates_deg_s
 from megalopta.reproduction import comparison_camera_motion as camera_motion
 from megalopta.reproduction.recipe import Run
@@ -37,31 +39,22 @@ def test_flight_turns_both_ways_and_goes_where_it_does_not_look():
     assert aside.min() == pytest.approx(8, abs=3.1)
 
 
-def test_errors_are_root_mean_squares_and_medians_with_their_intervals():
+def test_errors_are_root_mean_squares_and_medians_over_all_flights():
     rng = np.random.default_rng(0)
-    yaw, heading = rng.normal(0, 0.1, (2, 200, 1, 2)), np.abs(rng.normal(0, 5, (2, 200, 1, 2)))
+    yaw, heading = rng.normal(0, 0.1, (2, 200, 1)), np.abs(rng.normal(0, 5, (2, 200, 1)))
+    cases = Case(YAW, "x", 1.0), Case(HEADING, "x", 1.0)
     halves = [
-        [MotionErrors("x", *each, np.full(200, 0.5), (1.0, 10.0))]
+        FlightErrors(dict(zip(cases, each, strict=True)), np.full(200, 0.5))
         for each in zip(yaw, heading, strict=True)
     ]
-    (errors,) = together(halves)
-    np.testing.assert_allclose(errors.yaw, np.sqrt((yaw**2).mean(axis=(0, 1, 2))) / 0.5)
-    np.testing.assert_allclose(errors.heading, np.median(heading, axis=(0, 1, 2)))
-    (low, high), (nearest, farthest) = errors.intervals()
+    errors = together(halves)
+    found = errors.yaw("x", 1.0)
+    assert found.value == pytest.approx(np.sqrt((yaw**2).mean()) / 0.5)
     # a root mean square of 400 normal numbers has a standard error of 3.5 %: four of those
-    np.testing.assert_allclose(high - low, 4 * errors.yaw * 0.035, rtol=0.3)
-    assert (nearest < errors.heading).all() and (errors.heading < farthest).all()
-
-
-def test_draws_of_one_window_are_no_independent_estimates():
-    yaw = np.random.default_rng(0).normal(0, 0.1, (40, 1, 1))
-    once, twice = (
-        MotionErrors(
-            "x", np.tile(yaw, (1, n, 1)), np.tile(abs(yaw), (1, n, 1)), np.ones(40), (1.0,)
-        )
-        for n in (1, 5)
-    )
-    np.testing.assert_allclose(once.intervals(), twice.intervals())
+    assert found.high - found.low == pytest.approx(4 * found.value * 0.035, rel=0.3)
+    middle, nearest, farthest = errors.heading("x", 1.0)
+    assert middle == pytest.approx(np.median(heading))
+    assert nearest < middle < farthest
 
 
 @cache
@@ -72,18 +65,19 @@ def clip():
     poses = np.linalg.inv(view.trajectory.poses()[0]) @ view.trajectory.poses()
     rays = [room(finer, pose[:3, 3], Rotation.from_matrix(pose[:3, :3]), ROOM) for pose in poses]
     light = np.reshape(rays, (-1, 120, 2, 120, 2)).mean(axis=(2, 4))
-    return Clip("room", light / light.mean(), np.zeros((120, 120, 2)))
+    return FlowClip("room", light / light.mean(), np.zeros((120, 120, 2)))
 
 
 @pytest.mark.slow
 def test_every_way_is_measured_and_the_likelihood_finds_the_motion():
-    found = {each.name: each for each in flight_errors(forest_flight(), clip(), (300.0,), 1)}
-    assert len(found) == 8
-    likely = found["likelihood of 8 frames"]
-    assert likely.yaw_deg.shape == (4, 1, 1)
+    found = flight_errors(forest_flight(), clip(), (300.0,), 1)
+    likely = "likelihood of 8 frames"
+    assert len(found.ways) == 8
+    assert found.samples[Case(YAW, likely, 300.0)].shape == (4, 1)
     # in three of the windows within .01°, in the last, a wall's end in view, within .1 of .7°
-    assert likely.yaw[0] < 0.2 < found["BM, summed"].yaw[0] and likely.heading[0] < 2
-    assert np.isnan(found["BM, summed"].heading).all()
+    assert found.yaw(likely, 300.0).value < 0.2 < found.yaw("BM, summed", 300.0).value
+    assert found.heading(likely, 300.0).value < 2
+    assert found.heading("BM, summed", 300.0) is None
 
 
 @pytest.mark.parametrize(
@@ -97,21 +91,12 @@ def test_every_way_is_measured_and_the_likelihood_finds_the_motion():
 )
 def test_figure_says_from_which_light_on_the_motion_is_known(monkeypatch, tmp_path, yaw, said):
     def errors(view, clip, fluxes, *_):
-        assert fluxes == (0.3, 3.0, 30.0)
-        found = np.tile(yaw, (4, 1, 1))
-        return [MotionErrors("BM, summed", found, np.full_like(found, np.nan), np.ones(4), fluxes)]
+        cases = (Case(YAW, "BM, summed", flux) for flux in fluxes)
+        samples = {case: np.full((4, 1), each) for case, each in zip(cases, yaw, strict=True)}
+        return FlightErrors(samples, np.ones(4))
 
-    light = Clip("flight", np.ones((80, 12, 12)), np.zeros((12, 12, 2)))
+    light = FlowClip("flight", np.ones((80, 12, 12)), np.zeros((12, 12, 2)))
     monkeypatch.setattr(camera_motion, "forest_clips", lambda *_: iter([(light, 0.01)]))
     monkeypatch.setattr(camera_motion, "flight_errors", errors)
     figure = camera_motion.camera_motion(Run(True, {}, {}, tmp_path))
     assert figure.findings == (f"BM, summed: yaw rate within 5 % {said}.",)
-
-
-@pytest.mark.slow
-def test_figure_has_a_row_for_each_way_and_flux(monkeypatch, tmp_path):
-    monkeypatch.setattr(camera_motion, "forest_clips", lambda *_: iter([(clip(), 0.01)]))
-    figure = camera_motion.camera_motion(Run(True, {}, {}, tmp_path))
-    assert len(figure.findings) == 8
-    assert any("heading within 5° from" in each for each in figure.findings)
-    assert len(figure.numbers["way"]) == 8 * 3

@@ -6,12 +6,12 @@ image, distance, and parallax, the motion that is left when the camera's rotatio
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.benchmark.pooling import Pooling
+from megalopta.benchmark.ranking_settings import Pooling
 from megalopta.core.arrays import Floats
 from megalopta.dataset.frames import read_truth_frames
 from megalopta.dataset.store import Dataset
@@ -27,6 +27,9 @@ _EDGE_SHARE = 0.05
 
 _TURNING_PX = 0.01
 """Parallax below it everywhere: the camera only turns, and nothing moves"""
+
+Groups: TypeAlias = Mapping[str, NDArray[np.bool_]]
+"""Which blocks are in which group"""
 
 RANGES = ("low", "medium", "high")
 ROTATION, LITTLE, MUCH, HIDDEN = "rotation alone", "low parallax", "high parallax", "hidden"
@@ -68,8 +71,7 @@ class BlockTruths:
     velocities: Floats
     """(..., 2) in px of the full image per frame; NaN where unknown"""
 
-    groups: Mapping[str, NDArray[np.bool_]]
-    """Which blocks are in which group"""
+    groups: Groups
 
 
 class SequenceTruth:
@@ -154,17 +156,22 @@ def _groups(facts: Mapping[str, Floats], only_turns: bool) -> dict[str, NDArray[
         place = np.digitize(values, bounds)
         for at, name in enumerate(RANGES):
             groups[f"{kind} {name}"] = place == at
-    for speeds in RANGES:
-        for parallax in RANGES:
-            both = groups[f"speed {speeds}"] & groups[f"parallax {parallax}"]
-            groups[cell_name(speeds, parallax)] = both
-        at = groups[f"speed {speeds}"] & groups["visible"]
-        groups[at_speed(speeds, ROTATION)] = at & only_turns
-        groups[at_speed(speeds, LITTLE)] = at & groups["parallax low"] & (not only_turns)
-        groups[at_speed(speeds, MUCH)] = at & groups["parallax high"]
-        hidden = groups[f"speed {speeds}"] & groups["occluded"]
-        groups[at_speed(speeds, HIDDEN)] = hidden & (not only_turns)
+    for speed in RANGES:
+        groups |= _at_speed(groups, speed, only_turns)
     return {name: among & known for name, among in groups.items()}
+
+
+def _at_speed(groups: Groups, speed: str, only_turns: bool) -> dict[str, NDArray[np.bool_]]:
+    """Return the cells of the atlas and the groups that are compared, at one speed."""
+    here = groups[f"speed {speed}"]
+    seen, moves = here & groups["visible"], not only_turns
+    cells = {cell_name(speed, each): here & groups[f"parallax {each}"] for each in RANGES}
+    return cells | {
+        at_speed(speed, ROTATION): seen & only_turns,
+        at_speed(speed, LITTLE): seen & groups["parallax low"] & moves,
+        at_speed(speed, MUCH): seen & groups["parallax high"],
+        at_speed(speed, HIDDEN): here & groups["occluded"] & moves,
+    }
 
 
 def cell_name(speed: str, parallax: str) -> str:

@@ -1,0 +1,205 @@
+"""How well methods estimate the camera's own motion on flights through forests, over the photons.
+
+A weighted sum of local answers (`flow.egomotion.wide_field`) has to learn what a rotation looks
+like: it learns from light without noise in the first half. Its rates are averaged over the frames
+that the likelihood sees. The likelihood, and the motion that fits flow best, need no learning.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from megalopta.benchmark.clips import FlowClip
+from megalopta.benchmark.intervals import Interval, bootstrap
+from megalopta.benchmark.moving_forests import MovingView
+from megalopta.benchmark.table import Case, Samples, joined, measure_samples
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.base import Detector, Frames
+from megalopta.flow.detectors.blocks import BlockDetector
+from megalopta.flow.detectors.registry import METHODS
+from megalopta.flow.detectors.summed_frames import summed_frames
+from megalopta.flow.egomotion.heading import CameraMotion, motion_of_flow
+from megalopta.flow.egomotion.likely_motion import likely_camera_motion
+from megalopta.flow.egomotion.wide_field import fit_wide_field
+from megalopta.flow.egomotion.yaw_rate import yaw_rates_deg_s
+from megalopta.scenes import Camera
+
+POOLED = 8
+"""Frames from which the motion in their middle is estimated"""
+
+FLIGHT_FLUXES = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
+"""Photons per pixel and frame; beyond, noise of rendering is more than that of photons"""
+
+FLIGHT_DRAWS = 2
+YAW, HEADING = "yaw_error_deg", "heading_error_deg"
+
+_WEIGHTED = "BM", "EMD", "PM", "DIS"
+_WARM_UP = 16
+_KEY = "forest flight interval"
+
+Motions: TypeAlias = tuple[Floats, Floats | None]
+"""Yaw rates (n,), degrees per frame, and headings (n, 3), or none of ways that give no heading"""
+
+Way: TypeAlias = Callable[[Frames, float], Motions]
+"""From counts of the whole flight and their photons per pixel to the motion in some middles"""
+
+
+@dataclass(frozen=True)
+class FlightErrors:
+    """Errors of all ways to estimate the camera's motion, in windows of frames."""
+
+    samples: Samples
+    """(windows, draws): of yaw (degrees per frame) and heading (degrees), by way and photons"""
+    true_yaw_deg: Floats
+    """(windows,), degrees per frame"""
+
+    @property
+    def ways(self) -> list[str]:
+        """Names of the ways."""
+        return list(dict.fromkeys(case.method for case in self.samples))
+
+    @property
+    def fluxes(self) -> list[float]:
+        """Photons per pixel and frame."""
+        return list(dict.fromkeys(case.photons for case in self.samples))
+
+    @property
+    def rms_yaw_deg(self) -> float:
+        """Root mean square of the true rate, degrees per frame."""
+        return float(np.sqrt(np.mean(self.true_yaw_deg**2)))
+
+    def yaw(self, way: str, flux: float) -> Interval:
+        """Return the root mean square error of the yaw rate over that of the rate."""
+        samples = self.samples[Case(YAW, way, flux)]
+        return bootstrap(samples, lambda each: _rms(each) / self.rms_yaw_deg, _KEY)
+
+    def heading(self, way: str, flux: float) -> Interval | None:
+        """Return the median angle between the true heading and that found (degrees)."""
+        samples = self.samples.get(Case(HEADING, way, flux))
+        if samples is None:
+            return None
+        return bootstrap(samples, lambda each: np.median(each, axis=(-2, -1)), _KEY)
+
+
+def together(flights: Sequence[FlightErrors]) -> FlightErrors:
+    """Return the errors of each way over all flights."""
+    return FlightErrors(
+        joined(each.samples for each in flights),
+        np.concatenate([each.true_yaw_deg for each in flights]),
+    )
+
+
+def flight_errors(
+    view: MovingView,
+    clip: FlowClip,
+    fluxes: Sequence[float] = FLIGHT_FLUXES,
+    draws: int = FLIGHT_DRAWS,
+    after_draw: Callable[[], object] = lambda: None,
+) -> FlightErrors:
+    """Return the errors of all ways to estimate the camera's motion, on the same photons.
+
+    Parameters
+    ----------
+    view, clip
+        A flight and its frames.
+    fluxes
+        Photons per pixel and frame, on average.
+    draws : int
+        Of the photons.
+    after_draw
+        Called after each.
+    """
+    poses = view.trajectory.poses()
+    rates = yaw_rates_deg_s(view.trajectory) / view.trajectory.frame_rate_hz
+    half = (_WARM_UP + len(rates)) // 2
+    # pairs in the second half, whose windows share no frame
+    middles = np.arange(half, len(rates) - POOLED // 2 + 1, POOLED)
+    steps = np.diff(poses[:, :3, 3], axis=0)[middles, np.newaxis] @ poses[middles, :3, :3]
+    headings = steps[:, 0] / np.linalg.norm(steps[:, 0], axis=1, keepdims=True)
+    ways = _ways(view.camera, clip.light[: half + 1], rates[:half], middles)
+
+    def errors(way: Way, counts: Frames, flux: float) -> Iterator[tuple[str, Floats]]:
+        turns, found = way(counts, flux)
+        yield YAW, turns - rates[middles]
+        if found is not None:
+            cosines = np.clip((found * headings).sum(axis=1), -1, 1)
+            yield HEADING, np.degrees(np.arccos(cosines))
+
+    estimates = {name: partial(errors, way) for name, way in ways.items()}
+    samples = measure_samples(clip.counts, estimates, fluxes, draws, after_draw)
+    return FlightErrors(samples, rates[middles])
+
+
+def _rms(samples: Floats) -> Floats:
+    return np.asarray(np.sqrt((samples**2).mean(axis=(-2, -1))))
+
+
+def _ways(
+    camera: Camera, light: Floats, rates: Floats, middles: NDArray[np.intp]
+) -> Mapping[str, Way]:
+    """Return ways to estimate the motion in the middles; some learn from light and rates."""
+    blocks = [each for each in (METHODS["DIS"], METHODS["PPF"]) if isinstance(each, BlockDetector)]
+    flows = [summed_frames(blocks[0], POOLED), blocks[1]]
+    return {
+        **{f"{name}, summed": _summed(METHODS[name], light, rates, middles) for name in _WEIGHTED},
+        **{f"{each.name}, fitted": partial(_fitted, each, camera, middles) for each in flows},
+        **{
+            f"likelihood of {frames} frames": partial(_likely, frames, camera, middles)
+            for frames in (2, POOLED)
+        },
+    }
+
+
+def _summed(detector: Detector, light: Floats, rates: Floats, middles: NDArray[np.intp]) -> Way:
+    """Return the weighted sum of a method's answers, its rates averaged over seven pairs."""
+    # of a pair of frames, or of the last of them
+    skipped = 0 if detector.gives == "velocity" else 1
+    answers = detector.respond(light)[skipped:]
+    field = fit_wide_field(answers[_WARM_UP:], rates[_WARM_UP:])
+    near = middles[:, np.newaxis] + np.arange(POOLED - 1) - (POOLED // 2 - 1)
+
+    def estimate(counts: Frames, flux: float) -> Motions:
+        found = field.rates(detector.respond(counts, 1 / flux)[skipped:])
+        return np.nan_to_num(found[near]).mean(axis=1), None
+
+    return estimate
+
+
+def _fitted(
+    detector: BlockDetector,
+    camera: Camera,
+    middles: NDArray[np.intp],
+    counts: Frames,
+    flux: float,
+) -> Motions:
+    """Estimate the motion that fits the velocities of blocks best."""
+    centers = detector.grid((camera.height, camera.width)).centers
+    motions = []
+    for middle in middles:
+        # a block that answers nothing counts as at rest, as it does in a sum
+        velocities = np.nan_to_num(detector.respond(_window(counts, middle, POOLED))[-1])
+        motions.append(motion_of_flow(camera, centers, velocities))
+    return _motions(motions)
+
+
+def _likely(
+    frames: int, camera: Camera, middles: NDArray[np.intp], counts: Frames, flux: float
+) -> Motions:
+    """Estimate the most likely motion."""
+    return _motions(
+        [likely_camera_motion(_window(counts, middle, frames), camera) for middle in middles]
+    )
+
+
+def _window(counts: Frames, middle: int, frames: int) -> Frames:
+    """Return so many frames, half of them up to the first of the pair in the middle."""
+    return counts[middle + 1 - frames // 2 : middle + 1 + frames // 2]
+
+
+def _motions(motions: Sequence[CameraMotion]) -> Motions:
+    turns = np.array([each.rotation_deg[1] for each in motions])
+    return turns, np.array([each.heading for each in motions])

@@ -1,0 +1,184 @@
+"""How many photons each velocity method needs, how fast it is, and what the limit is.
+
+Dead leaves of 251 rows drift by 3 columns per frame, are brought to 240 × 240 px by area, and are
+drawn at fluxes of 1e3 to 1e7 photons per frame. Every method sees each 24 × 24 block alone with a
+margin of 7 px (`flow.efficiency`) and is held against the true velocity, 2.87 px per frame.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from megalopta.assets_gen import generator
+from megalopta.assets_gen.dead_leaves_model import dead_leaves
+from megalopta.core.arrays import Floats
+from megalopta.flow.benchmark.frame_time import milliseconds_per_frame
+from megalopta.flow.detectors.base import Detector
+from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, block_grid
+from megalopta.flow.detectors.registry import Method, method
+from megalopta.flow.metrics.efficiency import (
+    MedianPhotons,
+    bound_photons,
+    confined_velocities,
+    is_within,
+    photons_for_half,
+    variance_efficiency,
+)
+from megalopta.flow.metrics.translation_bound import (
+    cramer_rao_covariance,
+    cramer_rao_covariance_along_x,
+    fisher_information,
+    texture_spectrum,
+    unknown_texture_photons,
+)
+from megalopta.flow.stimuli.moving_template import MovingTemplate
+from megalopta.flow.stimuli.photons import draw_counts
+
+SIZE_PX = 240
+TEMPLATE_ROWS = 251
+STEP_COLUMNS = 3
+SPEED_PX = STEP_COLUMNS * SIZE_PX / TEMPLATE_ROWS
+FRAMES = 8
+MARGIN_PX = 7
+LEVEL = 0.25
+FLUXES = tuple(10 ** (3 + step / 3) for step in range(13))
+"""1e3 to 1e7 photons per frame"""
+
+EFFICIENCY_FLUXES = (3e4, 1e5, 3e5, 1e6, 3e6, 1e7)
+_SEQUENCES = 8
+"""As many textures: what one window shows is not independent of the next."""
+_TIMING_FLUX = 3e5
+GRID = block_grid((SIZE_PX, SIZE_PX))
+
+
+class Bounds(NamedTuple):
+    """Photons per frame at which blocks can err by 25 %, the median, seen in so many frames."""
+
+    known: float
+    """From the block's own pixels, of known texture"""
+
+    with_margin: float
+    """From all pixels seen, block and margin"""
+
+    unknown: float
+    """From the block's own pixels where only the power spectrum of the texture is known"""
+
+
+@dataclass(frozen=True)
+class BlockPhotons:
+    """Photons that one method needs; a line of the leaderboard."""
+
+    detector: Detector
+    needed: MedianPhotons
+    """Photons per frame for a median error of 25 % of the truth; infinite where never"""
+
+    frames: int
+    """Frames behind one estimate"""
+
+    bounds: Bounds
+    ms_per_frame: float
+    """CPU time of 240 × 240 px, in this process"""
+
+    @property
+    def efficiency(self) -> float:
+        """Photons that the bound of the block needs over those that the method needs."""
+        return self.bounds.known / self.needed.photons if self.needed.photons > 0 else math.inf
+
+
+def sequences(smallest_radius_px: float = 3.0, count: int = _SEQUENCES) -> Floats:
+    """Return sequences of dead leaves, (count, FRAMES, H, W), each frame of sum 1."""
+    shape = (TEMPLATE_ROWS, TEMPLATE_ROWS + FRAMES * STEP_COLUMNS)
+    clean = []
+    for seed in range(count):
+        texture = dead_leaves(shape, generator(seed, "leaderboard"), (smallest_radius_px, 80.0))
+        clean.append(MovingTemplate(texture, STEP_COLUMNS, SIZE_PX, "area").light(0, FRAMES))
+    return np.stack(clean)
+
+
+def information(clean: Floats, margin_px: int = 0) -> Floats:
+    """Return J of every block inside at one photon per frame, (n, rows − 2, columns − 2, 2, 2).
+
+    A margin of pixels around each block is counted with it.
+    """
+    pixels = np.stack([fisher_information(each[-1], BlockGrid(GRID.shape, 1)) for each in clean])
+    side, step = GRID.block_px + 2 * margin_px, GRID.block_px
+    windows = sliding_window_view(pixels, (side, side), axis=(1, 2))
+    first = step - margin_px
+    rows, columns = (slice(first, first + (n - 2) * step, step) for n in (GRID.rows, GRID.columns))
+    return np.asarray(windows[:, rows, columns].sum(axis=(-2, -1)))
+
+
+def bounds(clean: Floats, frames: int) -> Bounds:
+    """Return the bounds of so many frames of sequences (n, T, H, W)."""
+    known, with_margin = (
+        bound_photons(cramer_rao_covariance(information(clean, margin), frames), SPEED_PX, LEVEL)
+        for margin in (0, MARGIN_PX)
+    )
+    newest = clean[:, -1]
+    unknown = unknown_texture_photons(
+        texture_spectrum(newest), float(newest.mean()), GRID.block_px**2, frames, SPEED_PX, LEVEL
+    )
+    return Bounds(known, with_margin, unknown)
+
+
+def bound_along_x(information: Floats) -> float:
+    """Return the bound of two frames, J (..., 2, 2), were it known that nothing moves in y."""
+    return bound_photons(cramer_rao_covariance_along_x(information), SPEED_PX, LEVEL)
+
+
+def ranked(clean: Floats, methods: Iterable[Method]) -> list[BlockPhotons]:
+    """Return the methods that give velocities, fewest photons first, on sequences (n, T, H, W)."""
+    detectors = [each for each in map(method, methods) if isinstance(each, BlockDetector)]
+    bounds_of = {each: bounds(clean, each) for each in {one.memory_frames + 1 for one in detectors}}
+
+    @cache
+    def counts(flux: float) -> Sequence[NDArray[np.unsignedinteger]]:
+        return [leaf_counts(each, flux, index) for index, each in enumerate(clean)]
+
+    def photons(detector: BlockDetector) -> BlockPhotons:
+        def is_good(flux: float) -> NDArray[np.bool_]:
+            found = [confined_velocities(detector, each, GRID, MARGIN_PX) for each in counts(flux)]
+            return is_within(np.stack(found), (SPEED_PX, 0.0), LEVEL)
+
+        needed = photons_for_half(is_good, FLUXES, generator(0, "leaderboard interval"))
+        time_ms = milliseconds_per_frame(detector, counts(_TIMING_FLUX)[0])
+        frames = detector.memory_frames + 1
+        return BlockPhotons(detector, needed, frames, bounds_of[frames], time_ms)
+
+    found = map(photons, detectors)
+    return sorted(found, key=lambda each: (each.needed.photons, each.detector.name))
+
+
+def leaf_counts(
+    clean: Floats, flux: float, sequence: int, repeat: int = 0
+) -> NDArray[np.unsignedinteger]:
+    """Return counts of one sequence at a flux; every (sequence, flux, repeat) has its stream."""
+    return draw_counts(clean * flux, 0, "leaderboard", sequence, f"{flux:.6g}", repeat)
+
+
+def efficiencies(
+    clean: Floats, detector: BlockDetector, fluxes: Sequence[float], draws: int
+) -> list[float]:
+    """Return bound over variance of one method at each flux, its newest frames seen whole.
+
+    The variance of each block is over independent draws of each sequence of `clean`, (n, T, H, W).
+    """
+    frames = detector.memory_frames + 1
+    least = cramer_rao_covariance(information(clean), frames)
+    result = []
+    for flux in fluxes:
+        velocities = [
+            [
+                detector.respond(leaf_counts(each[-frames:], flux, index, repeat))[-1, 1:-1, 1:-1]
+                for index, each in enumerate(clean)
+            ]
+            for repeat in range(1, draws + 1)
+        ]
+        result.append(variance_efficiency(np.array(velocities), least / flux))
+    return result

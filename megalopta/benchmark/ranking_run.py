@@ -1,0 +1,153 @@
+"""Ranking of the sequences in a folder, from their frames to the long table and its page."""
+
+from collections.abc import Mapping, Sequence
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from megalopta.benchmark.methods import Methods, directional_methods, velocity_methods
+from megalopta.benchmark.ranking import Ranking, blocks_of, ranking_rows
+from megalopta.benchmark.ranking_page import NAME, write_ranking
+from megalopta.benchmark.ranking_settings import NO_POOLING, Pooling, RankingSettings, photons_at
+from megalopta.benchmark.sequence_errors import METRICS, Example, RankedSequence, example_of
+from megalopta.benchmark.velocities import LIKELIHOODS, Velocities, photons_per_lux_s
+from megalopta.config.yaml_model import validated
+from megalopta.core import bounded
+from megalopta.core.enclosure import check_enclosed
+from megalopta.core.errors import UserError
+from megalopta.core.folders import locked
+from megalopta.core.format_numbers import check_format
+from megalopta.core.progress import progress
+from megalopta.dataset.layout import Tree
+from megalopta.dataset.store import Dataset, open_sequence
+from megalopta.flow.detectors.registry import Method
+from megalopta.stages.ledger import Ledger
+
+FOLDER = "ranking"
+"""Where the demo puts it, in the folder of its dataset"""
+
+
+def read_ranking(folder: Path) -> Ranking | None:
+    """Read what `run_ranking` has written to a folder; None where nothing is. Raises UserError."""
+    path = folder / NAME
+    if not path.exists():
+        return None
+    try:
+        values = bounded.read_json(path)
+        check_format("ranking", values, path)
+        return Ranking.model_validate(values)
+    except (OSError, ValueError, AttributeError):
+        raise UserError(f"{path} is damaged; remove it, or rank the methods again") from None
+
+
+def run_ranking(
+    root: str | Path,
+    out: str | Path,
+    settings: Mapping[str, str] | None = None,
+    methods: Sequence[Method] = (),
+) -> Path:
+    """Rank flow methods on a rendered dataset; return the page.
+
+    Velocities are kept in OUT/velocities as they are found, so that a broken run, or one with
+    another method more, goes on from there.
+
+    Parameters
+    ----------
+    root
+        Folder of a dataset with one sequence or many.
+    out
+        Folder for ranking.html, .csv and .json.
+    settings
+        Values of `RankingSettings` by name, as YAML.
+    methods
+        In the place of those of the settings: names, detectors, or functions of two frames
+        (`megalopta.flow.detector_from` says of what kind).
+
+    Raises
+    ------
+    UserError
+        When frames are missing, too few or too small, or a setting is wrong.
+    """
+    out, chosen = Path(out), validated(RankingSettings, {}, "settings", dict(settings or {}))
+    datasets = sequences_of(Path(root))
+    with locked(out):
+        try:
+            ranked = velocity_methods(methods or chosen.methods)
+            chosen = _lit(chosen.model_copy(update={"methods": tuple(ranked)}), datasets)
+            ranking, example = _ranked(datasets, chosen, ranked, out / "velocities")
+        except ValueError as problem:
+            raise UserError(str(problem)) from None
+        return write_ranking(out, ranking, example)
+
+
+def sequences_of(root: Path) -> list[Dataset]:
+    """Open the rendered sequences of a folder. Raises UserError."""
+    tree = Tree(root)
+    check_enclosed(root)
+    if not tree.lone:
+        datasets = [tree.opened(name)[1] for name in tree.names()]
+        if not datasets:
+            raise UserError(f"{root}: no finished sequence; run megalopta dataset make")
+        return list(datasets)
+    dataset = open_sequence(root)
+    Ledger(dataset).require("render")
+    return [dataset]
+
+
+def _lit(settings: RankingSettings, datasets: Sequence[Dataset]) -> RankingSettings:
+    """Add the photons per frame of the light levels to those that are measured."""
+    if not settings.light_levels:
+        return settings
+    per_lux = float(np.mean([photons_per_lux_s(each) for each in datasets]))
+    found = [photons_at(per_lux, each, settings.exposure_s) for each in settings.light_levels]
+    return settings.model_copy(update={"fluxes": tuple(sorted({*settings.fluxes, *found}))})
+
+
+def _ranked(
+    datasets: Sequence[Dataset], settings: RankingSettings, methods: Methods, folder: Path
+) -> tuple[Ranking, Example]:
+    """Measure every metric on every sequence; velocities are kept in a folder as they are found."""
+    work = sum(_work(dataset, settings, methods) for dataset in datasets)
+    parts, lights = [], []
+    examples: list[Example] = []
+    with progress("Ranking methods", work, "clip") as advance:
+        for dataset in datasets:
+            velocities = Velocities(dataset, settings, folder / dataset.sequence, advance)
+            sequence = RankedSequence(dataset, settings, methods, velocities)
+            parts.append(dict(each for metric in METRICS for each in metric(sequence)))
+            lights.append(velocities.photons_per_lux_s)
+            examples = examples or [example_of(sequence)]
+    blocks = blocks_of(parts, settings)
+    ranking = Ranking(
+        settings=settings,
+        sequences=tuple(each.sequence for each in datasets),
+        frames=sum(each.configuration.trajectory.frames for each in datasets),
+        photons_per_lux_s=float(np.mean(lights)),
+        blocks=blocks,
+        rows=tuple(ranking_rows(parts, settings, blocks)),
+    )
+    return ranking, examples[0]
+
+
+def _work(dataset: Dataset, settings: RankingSettings, methods: Methods) -> int:
+    """Return how many clips are measured, after a check that they can be."""
+    frames, fewest = dataset.configuration.trajectory.frames, max(settings.frames_pooled)
+    if frames < 3 * fewest:
+        raise ValueError(
+            f"{dataset.sequence} has {frames} frames: frames_pooled {fewest} needs {3 * fewest}"
+        )
+    camera = dataset.configuration.camera
+    for name, method in methods.items():
+        for pixels in settings.pixels_pooled:
+            try:
+                method.grid(Pooling(pixels, 1).shape((camera.height, camera.width)))
+            except ValueError as problem:
+                raise ValueError(f"pixels_pooled {pixels} for {name}: {problem}") from None
+    repeats = range(settings.repeats)
+    clips: set[tuple[object, ...]] = set(
+        product(methods, settings.poolings, settings.fluxes, repeats)
+    )
+    wide = directional_methods(methods, settings.wide_field)
+    clips |= set(product(wide, (NO_POOLING,), settings.fluxes, (None, 0)))
+    return len(clips) + len(settings.fluxes) * len(LIKELIHOODS) * (settings.camera_pairs > 0)

@@ -1,0 +1,173 @@
+"""Errors of velocity methods on whole frames over the photons per pixel, each with its interval.
+
+Every method sees frames as they are, all around each block, and gives one velocity per block of
+24 × 24 px, which is held against the mean true flow of the block. The outermost blocks are left
+out. A block for which a method gives no velocity counts as one that it says stands still.
+
+Three measures of the errors of a scene's blocks: their median, their mean, and the share of blocks
+that are off by more than 3 px. A method that is far off in a third of the blocks may have the least
+median and the largest mean, so none of the three stands for the others. That of a method is the
+mean over draws and scenes; its interval is a bootstrap over scenes, where there is more than one.
+"""
+
+import csv
+import io
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from megalopta.benchmark.clips import FlowClip, middle
+from megalopta.benchmark.intervals import Interval, bootstrap
+from megalopta.benchmark.methods import (
+    BLOCK_PX,
+    block_detector,
+    methods_and_baselines,
+    on_the_board,
+)
+from megalopta.benchmark.pairs_on_disk import Files, read_pair
+from megalopta.benchmark.table import Case, Samples, joined, measure_samples
+from megalopta.core.arrays import Floats
+from megalopta.core.errors import UserError
+from megalopta.core.files import write_text
+from megalopta.core.progress import progress
+from megalopta.flow.detectors.base import Frames
+from megalopta.flow.detectors.blocks import BlockDetector, block_grid
+from megalopta.flow.detectors.registry import Method
+from megalopta.flow.metrics.endpoint_error import block_flow
+
+PHOTONS_PER_PX: tuple[float, ...] = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
+FAR_PX = 3.0
+"""Endpoint error beyond which a block is counted as far off"""
+
+MEDIAN, MEAN, FAR = "median_epe_px", "mean_epe_px", "share_beyond_3_px"
+
+_PAIR_FRAMES = 2
+
+
+@dataclass(frozen=True)
+class Board:
+    """Errors of methods over the blocks of scenes, by photons per pixel and frame."""
+
+    scenes: tuple[str, ...]
+    detectors: tuple[BlockDetector, ...]
+    fluxes: tuple[float, ...]
+    samples: Samples
+    """(scenes, draws) of each metric"""
+
+    def of_scenes(self, metric: str, detector: BlockDetector, flux: float) -> Floats:
+        """Return the means over the draws of each scene, (scenes,)."""
+        return np.asarray(self.samples[Case(metric, detector.name, flux)].mean(axis=-1))
+
+    def over_scenes(self, metric: str, detector: BlockDetector, flux: float) -> Interval:
+        """Return the mean over scenes, and what holds that over infinitely many."""
+        samples = self.samples[Case(metric, detector.name, flux)]
+        return bootstrap(samples, lambda each: each.mean(axis=(-2, -1)), "whole frames interval")
+
+
+def frame_errors(
+    clips: Sequence[FlowClip],
+    methods: Sequence[Method],
+    fluxes: Sequence[float] = PHOTONS_PER_PX,
+    draws: int = 1,
+    after_scene: Callable[[], object] = lambda: None,
+) -> Board:
+    """Return the errors of methods on the same photons of all clips.
+
+    Parameters
+    ----------
+    clips
+        Of enough frames for all methods.
+    methods
+        By name or themselves.
+    fluxes
+        Photons per pixel and frame, on average over a clip.
+    draws : int
+        Of the photons of each clip.
+    after_scene
+        Called after each clip.
+
+    Raises
+    ------
+    ValueError
+        When a method gives no velocity of blocks, sees more frames than a clip has, or a clip is
+        too small.
+    """
+    detectors = tuple(block_detector(each) for each in methods)
+    parts = []
+    for clip in clips:
+        estimates = {each.name: partial(_errors, each, clip) for each in detectors}
+        draw = partial(clip.counts, key=("whole frames",))
+        parts.append(measure_samples(draw, estimates, fluxes, draws))
+        after_scene()
+    scenes = tuple(clip.name for clip in clips)
+    return Board(scenes, detectors, tuple(fluxes), joined(parts))
+
+
+def errors_of_pairs(
+    pairs: Mapping[str, Files],
+    fluxes: Sequence[float],
+    methods: Sequence[Method] | None = None,
+    draws: int = 1,
+) -> Board:
+    """Return the errors of methods, by default of all that do with two frames, on pairs of files.
+
+    A baseline of the board is named as it is there: `DIS √`.
+
+    Raises UserError when a file cannot be used, or a method not with two frames.
+    """
+    clips = [read_pair(name, files) for name, files in pairs.items()]
+    with progress("Drawing photons", len(clips), "pair") as advance:
+        try:
+            chosen = list(map(on_the_board, methods or methods_and_baselines(_PAIR_FRAMES)))
+            return frame_errors(clips, chosen, fluxes, draws, lambda: advance(1))
+        except ValueError as problem:
+            raise UserError(str(problem)) from None
+
+
+def write_board(path: Path, board: Board) -> None:
+    """Write a line for each pair, method and flux, as CSV: means over the draws of the pair."""
+    text, metrics = io.StringIO(), (MEDIAN, MEAN, FAR)
+    lines = csv.writer(text, lineterminator="\n")
+    lines.writerow(("pair", "method", "frames", "photons_per_px", *metrics))
+    for place, pair in enumerate(board.scenes):
+        for each, flux in product(board.detectors, board.fluxes):
+            numbers = flux, *(board.of_scenes(metric, each, flux)[place] for metric in metrics)
+            words = (f"{value:.6g}" for value in numbers)
+            lines.writerow((pair, each.name, each.memory_frames + 1, *words))
+    write_text(path, text.getvalue())
+
+
+def block_errors(detector: BlockDetector, counts: Frames, clip: FlowClip) -> Floats:
+    """Return the endpoint errors of one method in the blocks inside, px per frame, (blocks,).
+
+    Parameters
+    ----------
+    detector
+        Sees the frames in the middle.
+    counts : (T, H, W)
+    clip
+        Where the true flow is known; a block needs it for half of its pixels.
+    """
+    needed = detector.memory_frames + 1
+    if len(counts) < needed:
+        raise ValueError(f"{clip.name} has {len(counts)} frames; {detector.name} needs {needed}")
+    found = detector.respond(middle(counts, needed))[-1, 1:-1, 1:-1]
+    grid = block_grid((counts.shape[1], counts.shape[2]), BLOCK_PX)
+    truth = block_flow(clip.flow[np.newaxis], grid)[0, 1:-1, 1:-1]
+    known = np.isfinite(truth).all(axis=-1)
+    if not known.any():
+        raise ValueError(f"{clip.name}: the flow is known in half of no block of {BLOCK_PX} px")
+    return np.asarray(np.hypot(*np.moveaxis(np.nan_to_num(found) - truth, -1, 0))[known])
+
+
+def _errors(
+    detector: BlockDetector, clip: FlowClip, counts: Frames, _: float
+) -> Iterator[tuple[str, Floats]]:
+    error_px = block_errors(detector, counts, clip)
+    yield MEDIAN, np.array([np.median(error_px)])
+    yield MEAN, np.array([error_px.mean()])
+    yield FAR, np.array([(error_px > FAR_PX).mean()])
