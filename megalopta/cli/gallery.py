@@ -32,7 +32,7 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.report.gallery_sheet import write_gallery
+    from megalopta.report.gallery import write_gallery
     from megalopta.report.gallery_statistics import write_statistics
     from megalopta.report.gallery_views import write_views
 

@@ -76,24 +76,18 @@ class ExposureSummary:
 
 
 def exposed(dataset: Dataset, footage: ReportFrames, record: Record) -> list[ExposureSummary]:
-    """Budget and pictures of every sensor at every light level; `record` is that of the scene."""
+    """Return budget and pictures of every sensor at every level; `record` is that of the scene."""
     noise = record.get("monte_carlo") or {}
-    return [
-        _exposed(dataset.configuration, footage, open_exposure(dataset, *each), each[1], noise)
-        for each in exposures(dataset)
-    ]
+    return [_exposed(dataset, footage, each, noise) for each in exposures(dataset)]
 
 
 def _exposed(
-    settings: Configuration,
-    footage: ReportFrames,
-    opened: OpenedCounts,
-    level: LightLevel,
-    noise: Record,
+    dataset: Dataset, footage: ReportFrames, exposure: tuple[ImageSensor, LightLevel], noise: Record
 ) -> ExposureSummary:
-    frames = list(footage.selection.frames)
+    opened, settings, level = open_exposure(dataset, *exposure), dataset.configuration, exposure[1]
     scale = light_scale(settings, level)
     light = footage.radiance * scale.astype(np.float32)
+    frames = list(footage.selection.frames)
     try:
         budget = _budget(settings, light, opened, frames, level)
     except ValueError as problem:  # a measured map is gone

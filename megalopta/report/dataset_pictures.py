@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw, ImageFont
 from megalopta.core.files import atomic_write
 from megalopta.dataset.opened import open_dataset
 from megalopta.plotting.style import BLUE, house_style
-from megalopta.report.dataset_clips import clips_of
+from megalopta.report.dataset_sheet import clips_of
 
 _BINS, _DECADE = 24, 10
 _STRIP, _WIDTH, _GAP, _LINE = 6, 160, 6, 18

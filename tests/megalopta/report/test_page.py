@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from html import escape
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,10 +18,11 @@ from megalopta.core.errors import UserError
 from megalopta.dataset.store import Dataset
 from megalopta.report import page as report_page
 from megalopta.report.budget import exposed
+from megalopta.report.errors import MEANINGS, verdict
 from megalopta.report.footage import read_footage, select
 from megalopta.report.page import write_report
 from megalopta.report.records import read_benchmark, read_records
-from megalopta.sensor import PRESETS, DigitalCounter
+from megalopta.sensor import PRESETS
 from megalopta.sensor.spad import active_effects
 from megalopta.stages.flow import responses_path
 from megalopta.stages.ledger import Ledger
@@ -194,13 +196,6 @@ def test_there_is_an_error_chart_per_size_and_metric(page):
             assert any(f"{size} pixels, {metric} error" in label for label in labels)
 
 
-def test_saturated_readings_are_told(copied_lean):
-    sensor = CONFIGURATION.sensors[0].model_copy(update={"counter": DigitalCounter(capacity=20)})
-    changed = copied_lean.configuration.model_copy(update={"sensors": (sensor,)})
-    text = read(write_report(run_stage(copied_lean.root, changed, "sense", redo=True))).text
-    assert "Full counters (20 counts)" in text
-
-
 def test_what_the_device_and_the_normalization_do_is_shown(tmp_path):
     benchmark = LEAN.benchmark.model_copy(update={"both_normalizations": True})
     changed = LEAN.model_copy(update={"correct": True, "benchmark": benchmark})
@@ -304,53 +299,32 @@ def test_a_response_of_another_shape_is_refused(copied):
         write_report(copied)
 
 
-def with_answers(dataset, method, level, repeated, correct):
-    """Whether a method repeats its noise-free answer, and whether it is the true motion."""
-    path = dataset.result("flow.json")
-    records = json.loads(path.read_text())
-    for each in records:
-        if (each["sensor"], each["level"], each["method"]) == (SENSOR, level, method):
-            each["error"] = dict.fromkeys(("literal", "ratio"), 0.0 if repeated else 3.0)
-            if "truth" in each:
-                error = 0.1 if correct else 1.0
-                for truth in each["truth"].values():
-                    truth |= {"relative_error_median": error, "outlier_fraction": error}
-    rewrite(dataset, "flow", path, json.dumps(records))
-    return write_report(dataset)
+def record(**fields):
+    """A record of what a verdict needs."""
+    return SimpleNamespace(**fields)
 
 
-def marks(path, method):
-    """The marks of a detector in the table of verdicts, by sensor and light."""
-    row = re.search(
-        rf'<th scope="row"><span[^>]*>.</span> {method}</th>(.*?)</tr>', path.read_text(), re.S
-    )
-    return re.findall(r'class="dot (\w+)"', row[1])
+@pytest.mark.parametrize(
+    ("truth", "errors", "kind"),
+    [
+        (0.1, (3.0, 3.0), "right"),  # though it does not repeat itself
+        (1.0, (0.0, 0.0), "wrong"),  # though it repeats its own failure
+        (0.1, (None, None), "silent"),
+        (None, (0.0, 0.0), "repeats"),  # without velocities
+        (None, (0.0, 3.0), "half"),
+        (None, (3.0, 3.0), "differs"),
+    ],
+)
+def test_a_method_is_judged_by_the_truth_where_it_gives_velocities(truth, errors, kind):
+    of_truth = record(counts=record(relative_error_median=truth)) if truth else None
+    ratio, literal = errors
+    assert verdict(record(truth=of_truth, error=record(ratio=ratio, literal=literal))) == kind
 
 
-def test_who_repeats_his_own_failure_is_not_praised(copied_lean):
-    path = with_answers(copied_lean, "BM", 0.5, repeated=True, correct=False)
-    assert marks(path, "BM")[0] == "wrong"
-    (told,) = [each for each in findings(path) if each.startswith(f"On {SENSOR}, ")][:1]
-    assert "BM stays" not in told
-
-
-def test_who_finds_the_true_motion_is_praised_though_he_does_not_repeat_himself(copied_lean):
-    path = with_answers(copied_lean, "BM", 0.5, repeated=False, correct=True)
-    assert marks(path, "BM")[0] == "right"
-    assert findings(path)[0].startswith(f"On {SENSOR}, BM stays within 25 % of the true flow")
-
-
-def test_who_gives_no_velocity_at_best_repeats_himself(copied_lean):
-    path = with_answers(copied_lean, "EMD", 0.5, repeated=True, correct=True)
-    assert marks(path, "EMD")[0] == "repeats"
-    velocities = {kind for method in ("BM", "IIA") for kind in marks(path, method)}
-    assert velocities <= {"right", "wrong", "silent"}
-    assert set(marks(path, "EMD")) <= {"repeats", "half", "differs", "silent"}
-
-
-def findings(path):
-    text = path.read_text().partition("What came out")[2].partition("</ul>")[0]
-    return [each.replace("\u00a0", " ") for each in re.findall("<li>(.*?)</li>", text)]
+def test_marks_of_all_methods_are_on_the_page(dataset, page):
+    marks = re.findall(r'class="dot (\w+)" role="img"', (dataset.root / "report.html").read_text())
+    assert len(marks) == 2 * 2 * len(CONFIGURATION.methods)
+    assert set(marks) <= set(MEANINGS)
 
 
 def test_a_picture_without_motion_says_so_at_its_own_light_level(copied):
