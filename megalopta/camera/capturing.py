@@ -1,18 +1,17 @@
 """Recording a camera until told to stop."""
 
-import math
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.camera.camera_settings import CaptureSettings, sensor_as_identified, sensor_as_set
 from megalopta.camera.link import (
     Arrived,
     Link,
@@ -20,22 +19,17 @@ from megalopta.camera.link import (
     Plugged,
     Unplugged,
 )
-from megalopta.camera.nominal import sensor_as_identified, sensor_as_set
 from megalopta.camera.port import NoPortError
 from megalopta.camera.recorder import Recorder
 from megalopta.camera.recording import (
     RAW,
     RecordingSettings,
-    check_kind,
     recover_command,
 )
-from megalopta.camera.silence import Silence
-from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError, machine_problem
 from megalopta.core.files import remove
 from megalopta.core.folders import locked
 from megalopta.core.progress import say
-from megalopta.sensor import Sensor
 from megalopta.sensor.spadcam import (
     Kind,
     Packet,
@@ -52,6 +46,9 @@ _SHOW_EVERY_S = 0.1
 _SWITCHING_S = 0.0002
 _LOOK_AGAIN_S = 0.1
 _LONGEST_WAIT_S = 604_800.0
+PATIENCE_S = 8.0
+"""With a camera that is plugged in and sends no frames, beyond three periods of the frame rate;
+what is no camera does not fill the disk for longer."""
 
 
 class State(NamedTuple):
@@ -63,70 +60,6 @@ class State(NamedTuple):
     is_plugged: bool
     counts: NDArray[np.uint16] | None
     saturated: NDArray[np.bool_] | None
-
-
-@dataclass(frozen=True)
-class CaptureSettings:
-    """What to record.
-
-    Attributes
-    ----------
-    sensor : Sensor
-        The nominal one, through whose step counts are computed.
-    kind : str
-        "dark", "flat", …; kept with the recording.
-    exposure_s, frame_rate_hz : float
-    step_bias : int
-    row_window : (int, int)
-        First row that is read, and the one after the last.
-    frames : int, optional
-        How many to take; by default until stopped.
-    seconds : float, optional
-        For how long, from the first frame on.
-    """
-
-    sensor: Sensor
-    kind: str
-    exposure_s: float
-    frame_rate_hz: float
-    step_bias: int
-    row_window: tuple[int, int]
-    frames: int | None = None
-    seconds: float | None = None
-
-    def check(self) -> None:
-        """Make sure that the camera can be so. Raises UserError."""
-        check_kind(self.kind)
-        for name, limit in (("frames", self.frames), ("seconds", self.seconds)):
-            if limit is not None and not 0 < limit < math.inf:
-                raise UserError(f"--{name}: {quoted(limit)}; give more than 0, or leave it out")
-        for name, value, least in (
-            ("exposure", self.exposure_s, 1e-6),
-            ("rate", self.frame_rate_hz, 1e-3),
-        ):
-            if not least <= value <= 4000:
-                raise UserError(f"--{name}: {value:g}; give one between {least:g} and 4000")
-        if self.exposure_us > self.wanted().period_us:
-            raise UserError(
-                f"--exposure: {self.exposure_s:g} s is longer than a frame at --rate "
-                f"{self.frame_rate_hz:g}; lower the rate to {1 / self.exposure_s:g} or less"
-            )
-        if not self.wanted().are_possible:
-            first, end = self.row_window
-            raise UserError(
-                f"--step-bias {self.step_bias}, --rows {first} {end}: the bias goes from 0 to "
-                "4095, and 0 <= first row < end <= 16; change them"
-            )
-
-    @property
-    def exposure_us(self) -> int:
-        """Exposure, µs."""
-        return round(self.exposure_s * 1e6)
-
-    def wanted(self) -> Settings:
-        """As the camera takes them."""
-        rate_mhz = round(self.frame_rate_hz * 1e3)
-        return Settings(self.exposure_us, rate_mhz, self.step_bias, *self.row_window)
 
 
 def capture(
@@ -221,7 +154,7 @@ class _Capture:
         self._start_s = time.monotonic()
         self._first_s: float | None = None
         self._packets = 0
-        self._silence = Silence(link, settings.wanted().period_us * 1e-6)
+        self._silence = _Silence(link, settings.wanted().period_us * 1e-6)
         self._valid_us = 0
         self._is_plugged = False
         self._written_s = self._shown_s = 0.0
@@ -357,3 +290,47 @@ class _Capture:
         counts, saturated = recorder.last() or (None, None)
         record = recorder.record
         return State(record, recorder.frames, self._rate_hz, self._is_plugged, counts, saturated)
+
+
+class _Silence:
+    """Time that a camera was plugged in since the last new frame.
+
+    Parameters
+    ----------
+    link : Link
+    period_s : float
+        Of its frames, s.
+    """
+
+    def __init__(self, link: Link, period_s: float) -> None:
+        self._link, self._limit_s = link, PATIENCE_S + 3 * period_s
+        self._waited_s = 0.0
+        self._frames = self._packets = self._bytes = self._damaged = 0
+
+    def noted(self, packets: int) -> None:
+        """Say from now on what comes instead of frames, after so many packets."""
+        self._packets = packets
+        self._bytes, self._damaged = self._link.decoded_bytes, self._link.damaged
+
+    def waited(self, seconds: float, frames: int, packets: int) -> None:
+        """Note a time that was waited, and how many new frames and packets there are so far.
+
+        Raises
+        ------
+        UserError
+            When no new frame came for too long.
+        """
+        if frames != self._frames:
+            self._waited_s, self._frames = 0.0, frames
+            self.noted(packets)
+        self._waited_s += seconds
+        if self._waited_s > self._limit_s:
+            came = self._came(packets)
+            raise self._link.given_up(f"no new frame in {self._limit_s:.1f} s, {came} instead")
+
+    def _came(self, packets: int) -> str:
+        came = self._link.decoded_bytes - self._bytes
+        if not came:
+            return "nothing came"
+        damaged, whole = self._link.damaged - self._damaged, packets - self._packets
+        return f"{came} bytes with {damaged} damaged and {whole} whole packets came"

@@ -21,7 +21,7 @@ _95 = 1.959964
 
 
 def captured_frames(recorded: Recorded, device: Sensor, light_hz: float) -> CountedFrames:
-    """Counts of a recording: of its codes, by the device's own steps, where it has codes."""
+    """Return counts of a recording: of its codes, by the device's own steps, where it has codes."""
     counter, codes = device.counter, recorded.codes
     own = changed(device, exposure_s=recorded.exposure_s)
     if codes is None or not isinstance(counter, AnalogCounter):
@@ -40,7 +40,7 @@ def captured_frames(recorded: Recorded, device: Sensor, light_hz: float) -> Coun
 def simulated_frames(
     like: Sequence[CountedFrames], device: Sensor, beam: Beam, seed: int
 ) -> list[CountedFrames]:
-    """As many frames of each level, from the device's model.
+    """Return as many frames of each level, from the device's model.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def simulated_frames(
 def calibration_errors(
     like: Sequence[CountedFrames], device: Sensor, beam: Beam
 ) -> list[NDArray[np.float64]]:
-    """Standard errors of the mean counts of each level that those of the device's maps make.
+    """Return standard errors of the mean counts of each level that those of the device's maps make.
 
     The intervals of a map lie beside it; a map without makes no error.
     """
@@ -68,7 +68,7 @@ def calibration_errors(
 
 
 def map_error(file: MapFile | None) -> NDArray[np.float64] | float:
-    """Standard errors of a map, from the intervals that lie beside it; 0 where none do."""
+    """Return standard errors of a map, from the intervals that lie beside it; 0 where none do."""
     if file is None:
         return 0.0
     path = Path(file.path)

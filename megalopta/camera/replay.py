@@ -5,9 +5,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from megalopta.camera.capturing import CaptureSettings
+from megalopta.camera.camera_settings import (
+    CaptureSettings,
+    named_sensor,
+    sensor_as_identified,
+    sensor_as_set,
+)
 from megalopta.camera.clock import LARGEST_DRIFT, ClockFit, KnownClock
-from megalopta.camera.nominal import named_sensor, sensor_as_identified, sensor_as_set
 from megalopta.camera.recorder import Recorder
 from megalopta.camera.recording import Connection, RecordingSettings
 from megalopta.camera.survey import (

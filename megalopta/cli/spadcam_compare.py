@@ -46,19 +46,11 @@ def declare(verbs: Verbs) -> None:
 
 def _run(options: Namespace) -> None:
     from megalopta.camera.calibration import Beam
-    from megalopta.camera.comparison import compare_captured
+    from megalopta.camera.comparison import CompareSettings, compare_captured
     from megalopta.camera.recorded import Source
 
     sources = [Source.parse(text, options.format) for text in options.recordings]
-    sentence = compare_captured(
-        sources,
-        options.device,
-        options.out,
-        scene=options.scene,
-        beam=Beam(options.wavelength_nm, options.beam_area_mm2),
-        margin=options.margin,
-        seed=options.seed,
-        own_light=options.own_light,
-    )
-    print(sentence)
+    beam = Beam(options.wavelength_nm, options.beam_area_mm2)
+    asked = CompareSettings(options.scene, beam, options.margin, options.seed, options.own_light)
+    print(compare_captured(sources, options.device, options.out, asked))
     print(options.out)

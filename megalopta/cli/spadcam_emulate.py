@@ -69,8 +69,8 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
+    from megalopta.camera.camera_settings import named_sensor
     from megalopta.camera.emulated import EmulatedCamera
-    from megalopta.camera.nominal import named_sensor
     from megalopta.camera.terminal import EmulatedPort, Faults
     from megalopta.sensor import changed
 
@@ -103,7 +103,7 @@ def _run(options: Namespace) -> None:
 
 
 def _stimulus(options: Namespace) -> "Stimulus":
-    from megalopta.camera.stimuli import Flat
+    from megalopta.camera.stimuli import Flat, Plate, Rendered
 
     match options.stimulus:
         case "dark":
@@ -114,14 +114,10 @@ def _stimulus(options: Namespace) -> "Stimulus":
             levels = options.photons or (0, 1e6, 2e6, 5e6, 1e7, 2e7)
             return Flat(tuple(map(float, levels)), options.step_s)
         case "plate":
-            from megalopta.camera.plate import Plate
-
             return Plate(options.speed)
     folder = Path(options.stimulus)
     if not folder.is_dir():
         raise UserError(
             f"--stimulus: {options.stimulus}; give dark, flat, steps, plate or a dataset's folder"
         )
-    from megalopta.camera.rendered import Rendered
-
     return Rendered(folder, options.lux)

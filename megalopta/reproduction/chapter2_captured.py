@@ -10,8 +10,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from megalopta.camera.bench_light import BenchLight
 from megalopta.camera.motion_bench import (
+    BenchLight,
     Peaks,
     crossing_peaks,
     detector,

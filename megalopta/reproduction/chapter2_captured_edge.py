@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.camera.bench_light import BenchLight
 from megalopta.camera.motion_bench import (
     FRAMES,
     OPEN_PHOTONS,
     TIME_CONSTANTS_S,
     UNITS,
+    BenchLight,
     crossing_peaks,
     detector,
     pooled,

@@ -15,8 +15,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from megalopta.camera.camera_settings import sensor_as_set
 from megalopta.camera.emulated import EmulatedCamera
-from megalopta.camera.nominal import sensor_as_set
 from megalopta.camera.stimuli import Flat
 from megalopta.camera.terminal import EmulatedPort
 from megalopta.sensor import expose_adc, preset

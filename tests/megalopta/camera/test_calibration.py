@@ -8,7 +8,7 @@ import yaml
 import zarr
 
 from megalopta.camera.calibration import Beam, adc_of, calibrate_recordings
-from megalopta.camera.comparison import compare_captured
+from megalopta.camera.comparison import CompareSettings, compare_captured
 from megalopta.camera.device_file import Light, write_device
 from megalopta.camera.recorded import Source, photons_on_pixel, read_recorded
 from megalopta.core.errors import UserError
@@ -98,7 +98,9 @@ def test_a_captured_device_is_like_its_model(calibrated):
         for at, each in enumerate(((0.03, 0.0), (2e-4, 2e8), (2e-4, 4e9)))
     ]
     page = folder / "comparison.html"
-    sentence = compare_captured(new, folder / "device.yaml", page, beam=Beam(700.0))
+    sentence = compare_captured(
+        new, folder / "device.yaml", page, CompareSettings(beam=Beam(700.0))
+    )
     assert sentence == "Nothing differs beyond chance."
     assert "rank correlation" in page.read_text("utf-8")
 

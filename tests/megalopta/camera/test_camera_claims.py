@@ -4,7 +4,8 @@ import threading
 
 import pytest
 
-from megalopta.camera.capturing import CaptureSettings, capture
+from megalopta.camera.camera_settings import CaptureSettings
+from megalopta.camera.capturing import capture
 from megalopta.camera.port import find_port, port_lines
 from megalopta.camera.recording import open_recording
 from megalopta.core.errors import UserError

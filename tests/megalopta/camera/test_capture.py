@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 import serial
 
-from megalopta.camera.capturing import CaptureSettings, capture
+from megalopta.camera.camera_settings import CaptureSettings
+from megalopta.camera.capturing import capture
 from megalopta.camera.emulated import EmulatedCamera
 from megalopta.camera.link import Arrived, Link, Plugged
 from megalopta.camera.port import open_port

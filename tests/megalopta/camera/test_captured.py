@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from megalopta.camera.calibration import Beam
-from megalopta.camera.comparison import compare_captured
-from megalopta.camera.comparison_cycle import Cycle, align, rendered_dataset
+from megalopta.camera.comparison import CompareSettings, compare_captured
+from megalopta.camera.comparison_scene import Cycle, align, rendered_dataset
 from megalopta.camera.recorded import Source, read_recorded
-from megalopta.camera.rendered import Rendered
+from megalopta.camera.stimuli import Rendered
 from megalopta.config.model import load
 from megalopta.config.yaml_model import to_yaml
 from megalopta.core.errors import UserError
@@ -57,7 +57,7 @@ def test_a_rendered_scene_is_compared_frame_by_frame(forest, tmp_path, brighter,
     write_tiff(tmp_path / "seen.tif", counts.astype(np.uint16), exposure_s=1 / rate_hz)
     page = tmp_path / "page.html"
     source = Source(tmp_path / "seen.tif", LUX)
-    sentence = compare_captured([source], path, page, scene=str(forest))
+    sentence = compare_captured([source], path, page, CompareSettings(scene=str(forest)))
     assert words in sentence
     assert "aligned in time" in page.read_text("utf-8")
 
@@ -145,10 +145,10 @@ def test_recordings_of_other_cameras(write, kind, counter, tmp_path):
     lights = (40.0, 90.0)
     sources = [Source(write(tmp_path, sensor, each), each, 0.01, None, kind) for each in lights]
     page = tmp_path / "page.html"
-    sentence = compare_captured(sources, path, page, beam=Beam(700.0))
+    sentence = compare_captured(sources, path, page, CompareSettings(beam=Beam(700.0)))
     assert sentence == "Nothing differs beyond chance."
     twice = [Source(each.path, 2 * each.light, 0.01, None, kind) for each in sources]
-    assert "efficiency" in compare_captured(twice, path, page, beam=Beam(700.0))
+    assert "efficiency" in compare_captured(twice, path, page, CompareSettings(beam=Beam(700.0)))
 
 
 def test_a_configuration_is_rendered_beside_the_page(tmp_path):

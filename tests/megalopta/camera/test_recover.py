@@ -8,7 +8,8 @@ import threading
 import numpy as np
 import pytest
 
-from megalopta.camera.capturing import CaptureSettings, capture
+from megalopta.camera.camera_settings import CaptureSettings
+from megalopta.camera.capturing import capture
 from megalopta.camera.emulated import EmulatedCamera
 from megalopta.camera.recording import open_recording
 from megalopta.camera.recovering import recover

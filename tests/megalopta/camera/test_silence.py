@@ -7,7 +7,8 @@ import threading
 import numpy as np
 import pytest
 
-from megalopta.camera.capturing import CaptureSettings, capture
+from megalopta.camera.camera_settings import CaptureSettings
+from megalopta.camera.capturing import capture
 from megalopta.camera.recording import open_recording
 from megalopta.core.errors import UserError
 from megalopta.sensor import preset
@@ -60,7 +61,7 @@ def frames_then(what):
 
 @pytest.fixture
 def impatient(monkeypatch):
-    monkeypatch.setattr("megalopta.camera.silence.PATIENCE_S", PATIENCE_S)
+    monkeypatch.setattr("megalopta.camera.capturing.PATIENCE_S", PATIENCE_S)
 
 
 @pytest.mark.parametrize(

@@ -7,12 +7,11 @@ import threading
 import numpy as np
 import pytest
 
-from megalopta.camera.bench_light import BenchLight
 from megalopta.camera.emulated import EmulatedCamera
-from megalopta.camera.motion_bench import record
+from megalopta.camera.motion_bench import BenchLight, record
 from megalopta.camera.passages import cut_passages
-from megalopta.camera.plate import Plate
 from megalopta.camera.recording import open_recording
+from megalopta.camera.stimuli import Plate
 from megalopta.camera.terminal import EmulatedPort, Faults
 from megalopta.cli import main as cli
 from megalopta.reproduction.chapter2_captured import captured_figures
