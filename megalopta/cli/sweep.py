@@ -33,12 +33,10 @@ def _settings() -> "Settings":
 def _run(options: Namespace) -> None:
     from megalopta.benchmark.sweep import load_sweep
     from megalopta.benchmark.sweep_cost import announce_sweep
-    from megalopta.reproduction.drawing import reproduce_sweep
+    from megalopta.reproduction.drawing import Means, reproduce_sweep
 
     sweep = load_sweep(options.sweep, options.overrides, options.allow_code)
     announce_sweep(sweep)
-    name = options.sweep.stem
-    for path in reproduce_sweep(
-        name, sweep, options.out, options.workers, options.cache, options.scheduler
-    ):
+    means = Means(options.workers, options.cache, options.scheduler)
+    for path in reproduce_sweep(options.sweep.stem, sweep, options.out, means):
         print(path)

@@ -15,7 +15,7 @@ from megalopta.camera.recording import Recording, open_recording
 from megalopta.core.errors import UserError
 from megalopta.core.folders import ensure_directory
 from megalopta.core.progress import working
-from megalopta.plotting.writing import write_figure
+from megalopta.plotting.picture import write_figure
 from megalopta.reproduction.chapter2_captured import captured_figures
 from megalopta.sensor import Sensor, changed, load_sensor
 

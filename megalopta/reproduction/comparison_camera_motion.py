@@ -5,7 +5,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from megalopta.benchmark.forest_flight import (
@@ -21,7 +20,8 @@ from megalopta.benchmark.whole_frame_forests import forest_clips
 from megalopta.core.arrays import Floats
 from megalopta.core.progress import progress
 from megalopta.plotting.picture import Cell, Figure, columns_of
-from megalopta.plotting.style import BLACK, GRAY, method_style
+from megalopta.plotting.style import BLACK, GRAY, draw_interval, legend_alone, method_style
+from megalopta.plotting.text import UNDEFINED
 from megalopta.reproduction.recipe import FigureRecipe, Run
 
 _YAW, _HEADING_DEG = 0.05, 5.0
@@ -62,7 +62,8 @@ def camera_motion(run: Run) -> Figure:
         draw=partial(_draw, board=board),
         numbers=columns_of(row for each in board for row in _rows(each)),
         height_in=4.2,
-        findings=tuple(_finding(each) for each in board),
+        printed={each.name: _reach(each) for each in board},
+        printed_by=(f"Yaw within {100 * _YAW:g} %", f"Heading within {_HEADING_DEG:g}°"),
     )
 
 
@@ -83,23 +84,20 @@ def _rows(errors: MotionErrors) -> list[Mapping[str, Cell]]:
     ]
 
 
-def _finding(errors: MotionErrors) -> str:
-    """Say from which light on both errors are small."""
+def _reach(errors: MotionErrors) -> tuple[str, str]:
+    """Return the light from which on each error is small."""
     yaw = _light_for(errors.fluxes, errors.yaw, _YAW)
-    text = f"{errors.name}: yaw rate within {100 * _YAW:g} % {yaw}"
     if np.isnan(errors.heading).all():
-        return f"{text}."
-    return f"{text}, heading within {_HEADING_DEG:g}° " + (
-        f"{_light_for(errors.fluxes, errors.heading, _HEADING_DEG)}."
-    )
+        return yaw, UNDEFINED
+    return yaw, _light_for(errors.fluxes, errors.heading, _HEADING_DEG)
 
 
 def _light_for(fluxes: Sequence[float], errors: Floats, level: float) -> str:
     within = errors <= level
     if not within[-1]:
-        return f"at none up to {fluxes[-1]:g} photons per pixel"
+        return f"none up to {fluxes[-1]:g} photons"
     first = len(within) - int(np.argmin(within[::-1])) if not within.all() else 0
-    return f"from {fluxes[first]:g} photons per pixel on"
+    return f"from {fluxes[first]:g} photons/px on"
 
 
 def _draw(canvas: Canvas, board: Sequence[MotionErrors]) -> None:
@@ -107,42 +105,26 @@ def _draw(canvas: Canvas, board: Sequence[MotionErrors]) -> None:
     grid = canvas.add_gridspec(2, 2, height_ratios=(1, 0.3))
     panels = [canvas.add_subplot(grid[0, column]) for column in range(2)]
     for each in board:
-        style, (yaw, heading) = _style(each.name), each.intervals()
-        _draw_line(panels[0], each, 100 * each.yaw, 100 * yaw, style)
+        look, (yaw, heading) = _style(each.name), each.intervals()
+        draw_interval(panels[0], each.fluxes, 100 * each.yaw, 100 * yaw, **look)
         if np.isfinite(each.heading).any():
-            _draw_line(panels[1], each, each.heading, heading, style)
+            draw_interval(panels[1], each.fluxes, each.heading, heading, **look)
     levels, titles = (100 * _YAW, _HEADING_DEG), ("Yaw rate (%)", "Heading (°)")
     for axes, level, title in zip(panels, levels, titles, strict=True):
         axes.axhline(level, color=GRAY, linestyle=":")
         axes.set(title=title, xscale="log", yscale="log", xlabel="Photons per pixel and frame")
     panels[0].set_ylabel("Error")
-    handles, labels = panels[0].get_legend_handles_labels()
-    legend = canvas.add_subplot(grid[1, :])
-    legend.set_axis_off()
-    legend.legend(handles, labels, loc="center", ncols=3, columnspacing=1)
+    legend_alone(canvas.add_subplot(grid[1, :]), panels[0], ncols=3, columnspacing=1)
 
 
-def _draw_line(
-    axes: Axes, errors: MotionErrors, middle: Floats, interval: Floats, style: Mapping[str, Any]
-) -> None:
-    low, high = interval
-    axes.errorbar(
-        errors.fluxes,
-        middle,
-        yerr=(middle - low, high - middle),
-        label=errors.name,
-        elinewidth=0.8,
-        **style,
-    )
-
-
-def _style(name: str) -> Mapping[str, Any]:
+def _style(name: str) -> dict[str, Any]:
     """Return the look of a way: that of its method, dashed by what is made of it, or black."""
     method, _, how = name.partition(", ")
-    if not how:
-        return {"color": BLACK, "marker": "o" if name.endswith("8 frames") else "s"}
-    dash = ":" if how == "summed" else "--"
-    return {**method_style(method.partition(" ")[0]), "linestyle": dash}
+    look = {"color": BLACK, "marker": "o" if name.endswith("8 frames") else "s"}
+    if how:
+        look = method_style(method.partition(" ")[0])
+        look["linestyle"] = ":" if how == "summed" else "--"
+    return {"label": name, "elinewidth": 0.8, **look}
 
 
 RECIPES = (FigureRecipe("camera-motion", camera_motion),)

@@ -24,7 +24,7 @@ from megalopta.flow.detectors.registry import METHODS, Method, method
 from megalopta.flow.metrics.detection import d_prime
 from megalopta.flow.metrics.photon_threshold import format_flux
 from megalopta.plotting.picture import Figure, columns_of
-from megalopta.plotting.style import GRAY, method_style
+from megalopta.plotting.style import GRAY, legend_alone, method_style
 from megalopta.reproduction.recipe import FigureRecipe
 
 FLUXES = tuple(10 ** (half / 2) for half in range(5, 14))
@@ -90,15 +90,8 @@ def _draw_panels(canvas: Canvas, found: Mapping[str, Sequence[Detection]], roc_f
     panels["false_alarms"].set(title="False alarms in a still scene", ylabel="Share of blocks")
     panels["false_alarms"].yaxis.set_major_formatter(PercentFormatter(1))
     _draw_roc(panels["roc"], found, roc_flux)
-    panels["legend"].set_axis_off()
-    panels["legend"].legend(
-        *panels["motion"].get_legend_handles_labels(),
-        loc="center",
-        ncols=6,
-        handlelength=2.8,
-        columnspacing=1.1,
-        markerscale=0.8,
-    )
+    look = {"ncols": 6, "handlelength": 2.8, "columnspacing": 1.1, "markerscale": 0.8}
+    legend_alone(panels["legend"], panels["motion"], **look)
 
 
 def _draw_roc(axes: Axes, found: Mapping[str, Sequence[Detection]], flux: float) -> None:

@@ -4,7 +4,7 @@ Unlike the leaderboard of isolated blocks, methods see all that is around a bloc
 from place to place, and it has edges.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
 from matplotlib.axes import Axes
@@ -24,7 +24,7 @@ from megalopta.benchmark.whole_frame_scenes import leaves_clips, panorama_clips
 from megalopta.core.progress import progress
 from megalopta.flow.detectors.registry import Method
 from megalopta.plotting.picture import Cell, Figure, columns_of
-from megalopta.plotting.style import method_style
+from megalopta.plotting.style import draw_interval, legend_alone, method_style
 from megalopta.reproduction.recipe import FigureRecipe, Run
 
 _LEAVES, _PANORAMAS = "Dead leaves, four motions", "Forests, a turning camera"
@@ -77,7 +77,9 @@ def whole_frames(run: Run, methods: Sequence[Method] | None = None) -> Figure:
         draw=partial(_draw_boards, boards=boards),
         numbers=columns_of(row for kind, board in boards.items() for row in _rows(kind, board)),
         height_in=2 + 3.3 * len(boards),
-        findings=tuple(f"{kind}: {_best(board)}." for kind, board in boards.items()),
+        details={
+            "least_median_error": [each for kind in boards for each in _best(kind, boards[kind])]
+        },
     )
 
 
@@ -116,23 +118,20 @@ def _rows(kind: str, board: Sequence[FrameErrors]) -> list[Mapping[str, Cell]]:
     ]
 
 
-def _best(board: Sequence[FrameErrors]) -> str:
-    """Say which have the least mean of medians at each flux, and whose intervals reach it."""
-    return "; ".join(
-        f"of {kind}, the least median error has "
-        + ", ".join(
-            f"{_leaders(some, place)} at {flux:g}" for place, flux in enumerate(some[0].fluxes)
-        )
-        for kind, some in _by_frames(board).items()
-        if some
-    )
+def _best(kind: str, board: Sequence[FrameErrors]) -> Iterator[dict[str, Cell]]:
+    """Yield which has the least mean of medians at each flux, and whose intervals reach it."""
+    for frames, some in _by_frames(board).items():
+        for place, flux in enumerate(some[0].fluxes if some else ()):
+            best, level = _leaders(some, place)
+            what = {"scenes": kind, "frames": frames, "photons_per_px": flux}
+            yield what | {"method": best, "level_with": ", ".join(level)}
 
 
-def _leaders(board: Sequence[FrameErrors], place: int) -> str:
+def _leaders(board: Sequence[FrameErrors], place: int) -> tuple[str, list[str]]:
     first, *others = sorted(board, key=lambda each: float(each.median_px.mean[place]))
     highest = first.median_px.interval[1][place]
     level = [each.detector.name for each in others if each.median_px.interval[0][place] <= highest]
-    return first.detector.name + (f" (level with {', '.join(level)})" if level else "")
+    return first.detector.name, level
 
 
 def _by_frames(board: Sequence[FrameErrors]) -> dict[str, list[FrameErrors]]:
@@ -154,23 +153,13 @@ def _draw_boards(canvas: Canvas, boards: Mapping[str, Sequence[FrameErrors]]) ->
     for axes, above, labeled in zip(panels[-1], panels[0], panels[-2], strict=True):
         labeled.set_xlabel("Photons per pixel and frame")
         labeled.xaxis.set_tick_params(labelbottom=True)
-        axes.set_axis_off()
-        handles, labels = above.get_legend_handles_labels()
-        if labels:
-            axes.legend(handles, labels, loc="center", ncols=3, columnspacing=1, markerscale=0.7)
+        legend_alone(axes, above, ncols=3, columnspacing=1, markerscale=0.7)
 
 
 def _draw_errors(axes: Axes, errors: FrameErrors) -> None:
-    medians, (low, high) = errors.median_px.mean, errors.median_px.interval
-    name = errors.detector.name
-    axes.errorbar(
-        errors.fluxes,
-        medians,
-        yerr=(medians - low, high - medians),
-        label=name,
-        elinewidth=0.8,
-        **method_style(name),
-    )
+    name, medians = errors.detector.name, errors.median_px
+    look = {"label": name, "elinewidth": 0.8, **method_style(name)}
+    draw_interval(axes, errors.fluxes, medians.mean, medians.interval, **look)
 
 
 RECIPES = (FigureRecipe("whole-frames", whole_frames),)

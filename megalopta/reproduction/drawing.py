@@ -6,6 +6,7 @@ matplotlib only; those of table-4.times and leaderboard on the machine as well.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -16,21 +17,36 @@ from megalopta.benchmark.trial import Trial
 from megalopta.core.errors import UserError
 from megalopta.core.folders import ensure_directory
 from megalopta.core.progress import progress
-from megalopta.plotting.picture import Figure
-from megalopta.plotting.writing import write_figure
-from megalopta.reproduction.recipe import Run
-from megalopta.reproduction.registry import find, names
+from megalopta.plotting.picture import Figure, write_figure
+from megalopta.reproduction.recipe import Run, find, names
 from megalopta.reproduction.side_by_side import side_by_side
 from megalopta.reproduction.sweep import sweep_figure
 
 
+@dataclass(frozen=True)
+class Means:
+    """What trials of the flow benchmark are measured with; changes no number.
+
+    Attributes
+    ----------
+    workers : int, optional
+        Threads that measure; by default one for each core.
+    cache : Path, optional
+        Folder of rendered panoramas; by default the user's.
+    scheduler : str, optional
+        Address of a Dask cluster that measures instead of threads.
+    """
+
+    workers: int | None = None
+    cache: Path | None = None
+    scheduler: str | None = None
+
+
+_THREADS = Means()
+
+
 def reproduce(
-    figures: Sequence[str],
-    out: Path,
-    is_quick: bool = False,
-    workers: int | None = None,
-    cache: Path | None = None,
-    scheduler: str | None = None,
+    figures: Sequence[str], out: Path, is_quick: bool = False, means: Means = _THREADS
 ) -> list[Path]:
     """Write NAME.png, NAME.svg, NAME.csv and NAME.json of every figure named; return their paths.
 
@@ -45,12 +61,8 @@ def reproduce(
     is_quick : bool
         Whether to draw the figures of Chapter 4 in their quick form, into the folder `quick` of
         `out`: whole ones stay as they are.
-    workers : int, optional
-        Threads that measure; by default one for each core. Changes no number.
-    cache : Path, optional
-        Folder of rendered panoramas; by default the user's.
-    scheduler : str, optional
-        Address of a Dask cluster that measures instead of threads.
+    means : Means
+        What trials of the flow benchmark are measured with.
 
     Raises
     ------
@@ -62,37 +74,23 @@ def reproduce(
     recipes = {recipe.name: recipe for name in figures for recipe in find(name)}.values()
     drawn = ensure_directory(out / "quick" if is_quick else out)
     trials = [trial for recipe in recipes for trial in recipe.trials(is_quick)]
-    measured = _measure(trials, out, is_quick, workers, cache, scheduler)
+    measured = _measure(trials, out, is_quick, means)
     made = [recipe.make(measured) for recipe in recipes]
     paths = _write_figures(made, drawn)
     return paths + [recipe.page(drawn, made) for recipe in recipes if recipe.page]
 
 
-def reproduce_sweep(
-    name: str,
-    sweep: Sweep,
-    out: Path,
-    workers: int | None = None,
-    cache: Path | None = None,
-    scheduler: str | None = None,
-) -> list[Path]:
+def reproduce_sweep(name: str, sweep: Sweep, out: Path, means: Means = _THREADS) -> list[Path]:
     """Measure a sweep and write its figure under this name; else as `reproduce`."""
     ensure_directory(out)
-    measured = _measure(sweep.trials, out, False, workers, cache, scheduler)
+    measured = _measure(sweep.trials, out, False, means)
     return write_figure(sweep_figure(name, sweep, measured.results), out)
 
 
-def _measure(
-    trials: Sequence[Trial],
-    out: Path,
-    is_quick: bool,
-    workers: int | None,
-    cache: Path | None,
-    scheduler: str | None,
-) -> Run:
-    templates = pixels_of((trial.template for trial in trials), cache)
-    results = run(trials, templates, out / "trials", workers, scheduler)
-    return Run(is_quick, results, templates, cache)
+def _measure(trials: Sequence[Trial], out: Path, is_quick: bool, means: Means) -> Run:
+    templates = pixels_of((trial.template for trial in trials), means.cache)
+    results = run(trials, templates, out / "trials", means.workers, means.scheduler)
+    return Run(is_quick, results, templates, means.cache)
 
 
 def _write_figures(figures: Sequence[Figure], out: Path) -> list[Path]:

@@ -11,8 +11,7 @@ from megalopta.core.errors import UserError
 from megalopta.plotting.picture import Figure
 from megalopta.reproduction import drawing as module
 from megalopta.reproduction.drawing import reproduce, write_figure
-from megalopta.reproduction.recipe import FigureRecipe
-from megalopta.reproduction.registry import GROUPS, names
+from megalopta.reproduction.recipe import GROUPS, FigureRecipe, names
 
 
 def draw(canvas):
@@ -125,7 +124,7 @@ def test_a_figure_is_found_by_its_name_and_under_no_other():
 @pytest.mark.slow
 def test_a_figure_loads_no_other_chapter():
     code = (
-        "import sys; from megalopta.reproduction.registry import find; find('fig-3.2'); "
+        "import sys; from megalopta.reproduction.recipe import find; find('fig-3.2'); "
         "print(any('figures.chapter4.' in name for name in sys.modules))"
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
