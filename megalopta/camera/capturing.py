@@ -259,7 +259,12 @@ class _Capture:
                     f"{self._link.path}: the camera refuses {command[0].name.lower()}; choose "
                     "another --exposure, --rate, --step-bias or --rows"
                 )
-        said = Settings.of(reply.payload)
+        self._check(said := Settings.of(reply.payload))
+        self._valid_us = reply.device_us + wanted.exposure_us
+        return said
+
+    def _check(self, said: Settings) -> None:
+        wanted = self._settings.wanted()
         for name in wanted._fields:
             asked, claimed = getattr(wanted, name), getattr(said, name)
             if asked != claimed:
@@ -267,8 +272,6 @@ class _Capture:
                     f"{self._link.path}: the camera says {name} {claimed} where it was set to "
                     f"{asked}; flash this release's firmware, or unplug it and plug it in again"
                 )
-        self._valid_us = reply.device_us + wanted.exposure_us
-        return said
 
     def _look_around(self, now_s: float) -> None:
         if self.recorder is None:

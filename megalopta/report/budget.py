@@ -112,14 +112,9 @@ def _budget(
     sensor, bands = opened.sensor, settings.render.bands_nm
     detected = detected_photons(light, bands, sensor)
     middle = len(frames) // 2
+    at = {"first_frame": frames[middle], "frame_period_s": 1 / settings.trajectory.frame_rate_hz}
     dark, seen, brighter = (
-        expectation(
-            np.float32(factor) * light[[middle]],
-            bands,
-            sensor,
-            first_frame=frames[middle],
-            frame_period_s=1 / settings.trajectory.frame_rate_hz,
-        )
+        expectation(np.float32(factor) * light[[middle]], bands, sensor, **at)
         for factor in (0.0, 1.0, 1 + _BRIGHTER)
     )
     ratio = seen.signal_to_noise(brighter, _BRIGHTER)

@@ -79,26 +79,24 @@ def _text(plan: Plan, sequences: Rows, exposures: Rows) -> str:
         sizes=", ".join(sorted({f"{row['width']} × {row['height']}" for row in sequences})),
         splits=", ".join(f"`{name}` {splits[name]}" for name in plan.splits),
         sample=plan.sample,
-        kinds=_table(
-            ("", "sequences"),
-            [
-                (f"{what}: {plain(value)}", str(count))
-                for what in ("scene", "light", "trajectory")
-                for value, count in sorted(Counter(row[what] for row in sequences).items())
-            ],
-        ),
-        statistics=_table(
-            ("of a sequence", "5 %", "median", "95 %"),
-            [
-                (meaning, *_percentiles(row[name] for row in sequences))
-                for name, meaning in _QUANTITIES.items()
-            ],
-        ),
+        kinds=_table(("", "sequences"), _kinds(sequences)),
+        statistics=_table(("of a sequence", "5 %", "median", "95 %"), _statistics(sequences)),
         exposures=_table(
             ("sensor", "exposure, s", "photons per pixel: 5 %", "median", "95 %", "saturated"),
-            list(_of_sensors(exposures)),
+            _of_sensors(exposures),
         ),
     )
+
+
+def _kinds(sequences: Rows) -> Iterable[tuple[str, str]]:
+    for what in ("scene", "light", "trajectory"):
+        for value, count in sorted(Counter(row[what] for row in sequences).items()):
+            yield f"{what}: {plain(value)}", str(count)
+
+
+def _statistics(sequences: Rows) -> Iterable[tuple[str, ...]]:
+    for name, meaning in _QUANTITIES.items():
+        yield meaning, *_percentiles(row[name] for row in sequences)
 
 
 def _of_sensors(exposures: Rows) -> Iterable[tuple[str, ...]]:

@@ -1,9 +1,11 @@
 """Pictures of the card: histograms over the sequences, and frames of a few of them."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from PIL import Image, ImageDraw, ImageFont
@@ -28,24 +30,28 @@ def draw_statistics(path: Path, sequences: Rows, exposures: Rows) -> None:
     )
     with house_style(), atomic_write(path) as temporary:
         canvas = Figure(figsize=(9, 2.2), layout="constrained")
-        for axes, (title, values, is_logarithmic) in zip(
-            canvas.subplots(1, 4), panels, strict=True
-        ):
-            known = np.array([value for value in values if value is not None], dtype=float)
-            known = known[known > 0] if is_logarithmic else known
-            if known.size:
-                low, high = known.min(), known.max()
-                edges = np.linspace(0, max(1.02 * high, 1e-3), _BINS)
-                if is_logarithmic and high > _DECADE * low:
-                    edges = np.geomspace(low / 1.1, high * 1.1, _BINS)
-                    axes.set_xscale("log")
-                axes.hist(known, edges, color=BLUE)
-            if axes.get_xscale() == "linear":
-                axes.xaxis.set_major_locator(MaxNLocator(3))
-            axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
-            axes.set_xlabel(title)
+        for axes, panel in zip(canvas.subplots(1, 4), panels, strict=True):
+            _draw_histogram(axes, *panel)
         canvas.axes[0].set_ylabel("how many")
         canvas.savefig(temporary, dpi=150)
+
+
+def _draw_histogram(
+    axes: Axes, title: str, values: Sequence[float | None], is_logarithmic: bool
+) -> None:
+    known = np.array([value for value in values if value is not None], dtype=float)
+    known = known[known > 0] if is_logarithmic else known
+    if known.size:
+        low, high = known.min(), known.max()
+        edges = np.linspace(0, max(1.02 * high, 1e-3), _BINS)
+        if is_logarithmic and high > _DECADE * low:
+            edges = np.geomspace(low / 1.1, high * 1.1, _BINS)
+            axes.set_xscale("log")
+        axes.hist(known, edges, color=BLUE)
+    if axes.get_xscale() == "linear":
+        axes.xaxis.set_major_locator(MaxNLocator(3))
+    axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
+    axes.set_xlabel(title)
 
 
 def draw_strip(root: Path, path: Path) -> None:

@@ -234,12 +234,9 @@ def _transfer(number: str, measured: OverSpeeds) -> Figure:
     }
     apart = [a - b for a, b in zip(means[CAPTURED], means[SIMULATED], strict=True)]
     moving = [place for place, speed in enumerate(speeds) if speed > 0]
-    ratios = {
-        label: Estimate.mean([jackknifed(_snr_db, own[each].noisy) for each in moving])
-        for label, own in found.items()
-    }
+    ratios = {label: _ratio(own, moving) for label, own in found.items()}
     mean = {label: Estimate.mean([own[k] for k in moving]) for label, own in means.items()}
-    farthest = max(abs(each.errors_off) for each in apart)
+    farthest = f"{max(abs(each.errors_off) for each in apart):.1f} errors"
     return Figure(
         name=f"fig-{number}",
         title=f"Figure {number}, captured: peak response of {method} over velocity",
@@ -247,7 +244,7 @@ def _transfer(number: str, measured: OverSpeeds) -> Figure:
         printed={
             "Peak response": _compared(mean[CAPTURED], mean[SIMULATED], UNITS[method]),
             "SNR": _compared(ratios[CAPTURED], ratios[SIMULATED], "dB"),
-            f"Largest difference of a speed, of {len(speeds)}": (f"{farthest:.1f} errors", ""),
+            f"Largest difference of a speed, of {len(speeds)}": (farthest, ""),
         },
         printed_by=_HEADS,
         draw=partial(_draw_transfer, measured=measured, ratios=ratios, apart=apart),
@@ -281,6 +278,11 @@ def _draw_transfer(
     look = {"fmt": "o", "color": BLACK, "capsize": 3, "lw": 1.4, "ms": 4}
     below.errorbar(measured.velocity, values, errors, **look)
     below.set(xlabel="Image velocity (pixels/frame)", ylabel="Difference")
+
+
+def _ratio(own: Sequence[Peaks], places: Sequence[int]) -> Estimate:
+    """Return the mean signal-to-noise ratio of some speeds, dB."""
+    return Estimate.mean([jackknifed(_snr_db, own[each].noisy) for each in places])
 
 
 def _snr_db(noisy: Floats) -> float:

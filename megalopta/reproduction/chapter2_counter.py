@@ -4,6 +4,7 @@ The model of the counter is linear but for its leak. How a real one bends toward
 swing is not printed and not modeled.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +24,12 @@ _SHOWN = 4
 _SAMPLES = 4001
 _ZOOM = 0.06
 """Part of the exposure in the panel on the right, where single steps can be seen."""
+_CAPTION = (
+    f"{_SHOWN} of {ROW[1]} pixels of a simulated row detect {LIGHT_HZ:g} photons per second "
+    "besides dark counts; the first 20 steps are shown on the right. The straight line of R² ends "
+    "at the bottom of the swing; over events the model bends by its leak alone, over time also by "
+    "the chance of arrivals."
+)
 
 
 class Transient(NamedTuple):
@@ -74,48 +81,39 @@ def volts_per_event(row: Transient, bottom_v: float) -> float:
     return float(fallen.sum() / row.events[pixels, last].sum())
 
 
-def _figure(name: str, step_v: float) -> Figure:
+def _figure(number: str, step_v: float) -> Figure:
     sensor = spadcam_with_step(step_v)
     counter, row = _counter(sensor), transient(sensor)
     bottom = counter.supply_v - counter.swing_v
     over_events, over_time = straightness(row, bottom)
-
-    def draw(canvas: Canvas) -> None:
-        whole, start = canvas.subplots(1, 2, width_ratios=(3, 2))
-        for axes in (whole, start):
-            for pixel, output in enumerate(row.output_v[:_SHOWN]):
-                label = f"pixel {pixel}"
-                axes.step(1e3 * row.time_s, output, where="post", lw=1.4, label=label)
-            axes.set_xlabel("Time since reset (ms)")
-        whole.set(ylabel="Output (V)", xlim=(0, 1e3 * sensor.exposure_s), ylim=(0, 3.4))
-        whole.legend(loc="upper right")
-        start.set_xlim(0, _ZOOM * whole.get_xlim()[1])
-        start.set_ylim(counter.supply_v - 20.5 * step_v, counter.supply_v + step_v)
-
-    step = f"{1e3 * step_v:g} mV"
+    step, fall = f"{1e3 * step_v:g} mV", 1e3 * volts_per_event(row, bottom)
     return Figure(
-        title=f"Figure {name.removeprefix('fig-')}: analog counter in low light, steps of {step}",
-        caption=(
-            f"{_SHOWN} of {ROW[1]} pixels of a simulated row detect {LIGHT_HZ:g} photons per "
-            "second besides dark counts; the first 20 steps are shown on the right. The straight "
-            "line of R² ends at the bottom of the swing; over events the model bends by its leak "
-            "alone, over time also by the chance of arrivals."
-        ),
+        title=f"Figure {number}: analog counter in low light, steps of {step}",
+        caption=_CAPTION,
         printed={
-            "Fall per event over the swing": (
-                f"{1e3 * volts_per_event(row, bottom):.2f} mV",
-                f"about {step}",
-            ),
+            "Fall per event over the swing": (f"{fall:.2f} mV", f"about {step}"),
             "Least R² over events": (_floor(over_events.min()), "above 0.99"),
             "R² over time": (f"{over_time.min():.3f} to {over_time.max():.3f}", "above 0.99"),
         },
-        draw=draw,
+        draw=partial(_draw, row=row, counter=counter, step_v=step_v),
         numbers={
             "time_s": row.time_s,
             **{f"pixel_{pixel}_v": output for pixel, output in enumerate(row.output_v)},
         },
         height_in=3.4,
     )
+
+
+def _draw(canvas: Canvas, row: Transient, counter: AnalogCounter, step_v: float) -> None:
+    whole, start = canvas.subplots(1, 2, width_ratios=(3, 2))
+    for axes in (whole, start):
+        for pixel, output in enumerate(row.output_v[:_SHOWN]):
+            axes.step(1e3 * row.time_s, output, where="post", lw=1.4, label=f"pixel {pixel}")
+        axes.set_xlabel("Time since reset (ms)")
+    whole.set(ylabel="Output (V)", xlim=(0, 1e3 * row.time_s[-1]), ylim=(0, 3.4))
+    whole.legend(loc="upper right")
+    start.set_xlim(0, _ZOOM * whole.get_xlim()[1])
+    start.set_ylim(counter.supply_v - 20.5 * step_v, counter.supply_v + step_v)
 
 
 def _counter(sensor: Sensor) -> AnalogCounter:
@@ -129,6 +127,6 @@ def _floor(share: float) -> str:
 
 
 RECIPES = (
-    FigureRecipe("fig-2.7", lambda _: _figure("fig-2.7", 10e-3)),
-    FigureRecipe("fig-2.8", lambda _: _figure("fig-2.8", 30e-3)),
+    FigureRecipe("fig-2.7", lambda _: _figure("2.7", 10e-3)),
+    FigureRecipe("fig-2.8", lambda _: _figure("2.8", 30e-3)),
 )

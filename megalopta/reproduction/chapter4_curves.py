@@ -125,11 +125,9 @@ QUANTITIES: Mapping[str, tuple[Quantity, ...]] = {
 
 
 def compared(name: str, sweep: Sweep, results: Results) -> dict[str, tuple[str, str]]:
-    """Return numbers of a figure beside the printed ones."""
-    return {
-        each.name: (span(each.values(sweep, results)), each.printed)
-        for each in QUANTITIES.get(name, ())
-    }
+    """Return numbers of a figure beside the printed ones, as far as they were measured."""
+    found = {each: span(each.values(sweep, results)) for each in QUANTITIES.get(name, ())}
+    return {each.name: (text, each.printed) for each, text in found.items() if text != UNDEFINED}
 
 
 def span(values: Iterable[float]) -> str:

@@ -18,7 +18,7 @@ from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.response_error import METRICS, Metric
 from megalopta.flow.stimuli.moving_template import MovingTemplate
 from megalopta.flow.stimuli.photons import draw_counts
-from megalopta.plotting.picture import Figure
+from megalopta.plotting.picture import Cell, Figure
 from megalopta.plotting.style import BLACK, BLUE, ORANGE, decades, draw_key
 from megalopta.reproduction.chapter4_curves import span
 from megalopta.reproduction.chapter4_table import PRINTED, SIZE
@@ -71,16 +71,6 @@ def _figure(run: Run) -> Figure:
         for method in PRINTED
     }
 
-    floored = [
-        ("error_of_emd", kind, "EMD", floor, error)
-        for kind, errors in curves.items()
-        for floor, error in zip(FLOORS.tolist(), errors.tolist(), strict=True)
-    ]
-    found_at = [
-        (f"n_2b_{metric}", kind, name, np.nan, flux)
-        for (kind, metric, name), flux in fluxes.items()
-    ]
-    columns = zip(*floored, *found_at, strict=True)
     factor = fluxes["natural", "literal", "EMD"] / fluxes["natural", "ratio", "EMD"]
     at = np.interp((-4, -3, -2, -1), np.log10(FLOORS), curves["natural"])
     printed = {
@@ -91,10 +81,27 @@ def _figure(run: Run) -> Figure:
         title="Dividing by responses near zero, frames of 60 × 60 px",
         caption=_CAPTION,
         draw=partial(_draw, curves=curves, fluxes=fluxes),
-        numbers=dict(zip(("quantity", "images", "method", "floor", "value"), columns, strict=True)),
+        numbers=_numbers(curves, fluxes),
         height_in=3.4,
         printed=printed,
     )
+
+
+def _numbers(
+    curves: Mapping[str, Floats], fluxes: Mapping[tuple[str, Metric, str], float]
+) -> dict[str, list[Cell]]:
+    floored = [
+        ("error_of_emd", kind, "EMD", floor, error)
+        for kind, errors in curves.items()
+        for floor, error in zip(FLOORS.tolist(), errors.tolist(), strict=True)
+    ]
+    found_at = [
+        (f"n_2b_{metric}", kind, name, np.nan, flux)
+        for (kind, metric, name), flux in fluxes.items()
+    ]
+    names = ("quantity", "images", "method", "floor", "value")
+    columns = zip(*floored, *found_at, strict=True)
+    return {name: list(column) for name, column in zip(names, columns, strict=True)}
 
 
 def _draw(

@@ -37,6 +37,12 @@ from megalopta.reproduction.sweep import threshold_of
 _SOURCES = (PHOTOGRAPHED, SWEEPS["fig-4.11"])
 _COLUMNS_APART = 25
 _ALIKE = ("BM", "NDM", "NDS")
+_CAPTION = (
+    f"Points are the least photons per frame of {SIZE} × {SIZE} px, of all velocities, over the "
+    "information on motion along x that a photon brings: the harmonic mean over the blocks of "
+    "(∂λ/∂x)²/λ at one photon per pixel, with the dark counts beside it. Lines are inverse to it, "
+    "through the gray values, and stars stand where they meet the printed thresholds."
+)
 _KEY = (
     ("o", BLACK, "forests, gray values"),
     ("o", "none", "forests, light"),
@@ -149,13 +155,7 @@ def _figure(run: Run) -> Figure:
     columns = ("method", "picture", "coding", "information_per_photon", "photons_per_frame")
     return Figure(
         title="Photons needed over the information in a natural picture",
-        caption=(
-            f"Points are the least photons per frame of {SIZE} × {SIZE} px, of all velocities, "
-            "over the information on motion along x that a photon brings: the harmonic mean over "
-            "the blocks of (∂λ/∂x)²/λ at one photon per pixel, with the dark counts beside it. "
-            "Lines are inverse to it, through the gray values, and stars stand where they meet the "
-            "printed thresholds."
-        ),
+        caption=_CAPTION,
         draw=partial(_draw, seen=seen, stars=stars),
         numbers=dict(zip(columns, zip(*seen, *printed, strict=True), strict=True)),
         height_in=4.2,

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -37,13 +38,6 @@ def _figure_4_2(_: Run) -> Figure:
         for variant in _VARIANTS
     }
 
-    def draw(canvas: Canvas) -> None:
-        for axes, (variant, frame) in zip(canvas.subplots(1, 2), frames.items(), strict=True):
-            axes.imshow(frame, cmap="gray", vmin=0, vmax=2)
-            axes.set_title(f"{variant}: {moving_cycles(CYCLES, variant):.3g} cycles move")
-            axes.set(xlabel="Column (px)", ylabel="Row (px)")
-            axes.grid(visible=False)
-
     rows, columns = np.indices((POOLED, POOLED))
     return Figure(
         title="Figure 4.2: 2-D sine grating, 4 cycles per frame, 60 × 60 px",
@@ -53,7 +47,7 @@ def _figure_4_2(_: Run) -> Figure:
             "cycles per frame, no whole number, so that a circular shift drags a seam along; the "
             "other variant (periodic) has f cycles and no seam."
         ),
-        draw=draw,
+        draw=partial(_draw_4_2, frames=frames),
         numbers={
             "row": rows.ravel(),
             "column": columns.ravel(),
@@ -62,34 +56,45 @@ def _figure_4_2(_: Run) -> Figure:
     )
 
 
+def _draw_4_2(canvas: Canvas, frames: Mapping[GratingVariant, Floats]) -> None:
+    for axes, (variant, frame) in zip(canvas.subplots(1, 2), frames.items(), strict=True):
+        axes.imshow(frame, cmap="gray", vmin=0, vmax=2)
+        axes.set_title(f"{variant}: {moving_cycles(CYCLES, variant):.3g} cycles move")
+        axes.set(xlabel="Column (px)", ylabel="Row (px)")
+        axes.grid(visible=False)
+
+
 def _figure_4_3(run: Run) -> Figure:
     forests = natural_templates(run.cache)
     leaves = dead_leaves((ROWS, _LEAVES_COLUMNS), generator(1, "figure 4.3"))
     templates = {**forests, "dead leaves": leaves}
     statistics = {name: image_statistics(template) for name, template in templates.items()}
 
-    def draw(canvas: Canvas) -> None:
-        parts = canvas.subfigures(2, 1, height_ratios=[2.9, 1], squeeze=False)
-        pictures, numbers = parts[:, 0]
-        for letter, axes, (name, template) in zip(
-            "abcd", pictures.subplots(4, 1), forests.items(), strict=True
-        ):
-            axes.imshow(encode_srgb(ToneCurve.of([template])(template)), "gray")
-            fov = NATURAL_PANORAMAS[name].frame_fov_deg
-            axes.set_title(f"({letter}) {name}, 251 columns cover {fov:g}°", loc="left")
-            axes.set_anchor("W")
-            axes.set_axis_off()
-        spectra, gradients = numbers.subplots(1, 2)
-        _draw_spectra(spectra, templates)
-        _draw_gradients(gradients, templates)
-
     return Figure(
         title="Figure 4.3: rendered forests in place of photographs",
         caption=_caption(statistics),
-        draw=draw,
+        draw=partial(_draw_4_3, forests=forests, templates=templates),
         numbers=columns_of({"template": name, **asdict(each)} for name, each in statistics.items()),
         height_in=11.5,
     )
+
+
+def _draw_4_3(
+    canvas: Canvas, forests: Mapping[str, Floats], templates: Mapping[str, Floats]
+) -> None:
+    parts = canvas.subfigures(2, 1, height_ratios=[2.9, 1], squeeze=False)
+    pictures, numbers = parts[:, 0]
+    for letter, axes, (name, template) in zip(
+        "abcd", pictures.subplots(4, 1), forests.items(), strict=True
+    ):
+        axes.imshow(encode_srgb(ToneCurve.of([template])(template)), "gray")
+        fov = NATURAL_PANORAMAS[name].frame_fov_deg
+        axes.set_title(f"({letter}) {name}, 251 columns cover {fov:g}°", loc="left")
+        axes.set_anchor("W")
+        axes.set_axis_off()
+    spectra, gradients = numbers.subplots(1, 2)
+    _draw_spectra(spectra, templates)
+    _draw_gradients(gradients, templates)
 
 
 def _caption(statistics: Mapping[str, ImageStatistics]) -> str:

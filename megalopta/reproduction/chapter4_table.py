@@ -175,7 +175,7 @@ def write_page(out: Path, figures: Sequence[Figure]) -> Path:
     rows = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
     lines = (_line(*pair) for pair in zip(rows[::2], rows[1::2], strict=True))
     compared = (
-        (each.title, what, *texts) for each in figures for what, texts in each.printed.items()
+        (f"{each.name}: {what}", *texts) for each in figures for what, texts in each.printed.items()
     )
     pictures = (
         image(f"{each.name}.svg", f"{each.title}. {each.caption}")
@@ -185,7 +185,7 @@ def write_page(out: Path, figures: Sequence[Figure]) -> Path:
     head = ("", "Dissertation", "Ours", "Ratio", "95 % or forests", "Found at", "By Σ|Δ|/Σ|R|")
     sections = [
         Section("Table 4.1", NOTE, head, tuple(map(tuple, lines))),
-        Section("This run", "", ("figure", "quantity", "ours", "printed"), tuple(compared)),
+        Section("This run", "", ("", "ours", "printed"), tuple(compared)),
         Section("What cannot be matched, and why", body=listed("words", _DIFFERENT.items())),
         Section("Figures", body=block("", *pictures)),
     ]

@@ -25,6 +25,15 @@ from megalopta.plotting.text import UNDEFINED
 from megalopta.reproduction.recipe import FigureRecipe, Run
 
 _YAW, _HEADING_DEG = 0.05, 5.0
+_CAPTION = (
+    "Root mean square error of the yaw rate over that of the rate ({:.2f}° per frame), and median "
+    "error of the heading, in {} windows of eight frames of {} flights, {} draws of photons each "
+    "({} × {} px, a pixel flickers by {:.0f} % by rendering); whiskers hold 95 % of bootstraps "
+    "over windows. Summed: answers weighted as was learned from a flight's first half without "
+    "noise, averaged over seven pairs; fitted: the motion that fits the flow of blocks; "
+    "likelihood: that under which the counts are most likely. Only sums learn from these forests, "
+    "and nothing but the camera moves in them: what moves by itself would mislead all ways."
+)
 
 
 def camera_motion(run: Run) -> Figure:
@@ -37,28 +46,16 @@ def camera_motion(run: Run) -> Figure:
     flicker = max(each for _, each in clips)
     drawn = len(views) * draws * len(fluxes)
     with progress("Estimating the camera's motion", drawn, "draw") as advance:
-        board = together(
-            [
-                flight_errors(view, clip, fluxes, draws, advance)
-                for view, (clip, _) in zip(views.values(), clips, strict=True)
-            ]
-        )
+        flights = zip(views.values(), clips, strict=True)
+        errors = [flight_errors(view, clip, fluxes, draws, advance) for view, (clip, _) in flights]
+    board = together(errors)
     rows, columns = clips[0][0].light.shape[1:]
-    windows = len(board[0].yaw_deg)
+    rate, windows = board[0].rms_yaw_deg, len(board[0].yaw_deg)
+    told = (rate, windows, len(views), draws, columns, rows, 100 * flicker)
     return Figure(
         name="camera-motion",
         title="Errors of the camera's own motion in forests with parallax",
-        caption=(
-            "Root mean square error of the yaw rate over that of the rate "
-            f"({board[0].rms_yaw_deg:.2f}° per frame), and median error of the heading, in "
-            f"{windows} windows of eight frames of {len(views)} flights, {draws} draws of photons "
-            f"each ({columns} × {rows} px, a pixel flickers by {100 * flicker:.0f} % by "
-            "rendering); whiskers hold 95 % of bootstraps over windows. Summed: answers weighted "
-            "as was learned from a flight's first half without noise, averaged over seven pairs; "
-            "fitted: the motion that fits the flow of blocks; likelihood: that under which the "
-            "counts are most likely. Only sums learn from these forests, and nothing but the "
-            "camera moves in them: what moves by itself would mislead all ways."
-        ),
+        caption=_CAPTION.format(*told),
         draw=partial(_draw, board=board),
         numbers=columns_of(row for each in board for row in _rows(each)),
         height_in=4.2,

@@ -4,6 +4,7 @@ The textures have equal contrast in all octaves. Fluxes do not count dark counts
 """
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -29,6 +30,15 @@ from megalopta.reproduction.recipe import FigureRecipe
 
 FLUXES = tuple(10 ** (half / 2) for half in range(5, 14))
 ROC_FLUX = 3e4
+_CAPTION = (
+    f"Textures of {100 * CONTRAST:g} % rms contrast move by {SPEED_COLUMNS * SIZE / COLUMNS:.2f} "
+    f"px per frame, with {DARK_COUNTS:.2f} dark counts per pixel; each block of {SIZE // 10} × "
+    f"{SIZE // 10} px in frames of {SIZE} × {SIZE} px has one response, a velocity or a mean, but "
+    "PC one for the whole frame. The measure d′ is √2·Φ⁻¹(area under the ROC), which "
+    f"{RESPONSES:,} responses limit to {{:.1f}} (dotted); NDM and NDS do not depend on direction. "
+    "A false alarm exceeds half of the median noise-free response to motion; the ROC is that at "
+    "{} photons per frame."
+)
 
 
 def detection_figure(
@@ -43,17 +53,8 @@ def detection_figure(
     return Figure(
         name="detection",
         title="Detecting motion and its direction, over the photons per frame",
-        caption=(
-            f"Textures of {100 * CONTRAST:g} % rms contrast move by "
-            f"{SPEED_COLUMNS * SIZE / COLUMNS:.2f} px per frame, with {DARK_COUNTS:.2f} dark "
-            f"counts per pixel; each block of {SIZE // 10} × {SIZE // 10} px in frames of "
-            f"{SIZE} × {SIZE} px has one response, a velocity or a mean, but PC one for the whole "
-            "frame. The measure d′ is √2·Φ⁻¹(area under the ROC), which "
-            f"{RESPONSES:,} responses limit to {_limit():.1f} (dotted); NDM and NDS do not depend "
-            "on direction. A false alarm exceeds half of the median noise-free response to motion; "
-            f"the ROC is that at {format_flux(shown)} photons per frame."
-        ),
-        draw=lambda canvas: _draw_panels(canvas, found, shown),
+        caption=_CAPTION.format(_limit(), format_flux(shown)),
+        draw=partial(_draw_panels, found=found, roc_flux=shown),
         numbers=columns_of(
             {
                 "method": each.method,

@@ -10,6 +10,7 @@ efficiency of 1 and still be wrong.
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -31,6 +32,7 @@ from megalopta.benchmark.leaderboard import (
     sequences,
     unknown_bound,
 )
+from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.photon_threshold import format_flux
@@ -52,6 +54,23 @@ DRAWS = 12
 _BLOCK, _CUT = (f"{side} × {side} px" for side in (GRID.block_px, GRID.block_px + 2 * MARGIN_PX))
 _POOLED_SEQUENCES = 2
 """Eight frames a draw: fewer sequences do."""
+_CAPTION = (
+    f"In {{}} sequences of dead leaves of 240 × 240 px, which drift by {SPEED_PX:.2f} px per "
+    f"frame, each method sees one block of {_BLOCK} with a margin of {MARGIN_PX} px and nothing "
+    "else; on whole frames and photographs, which this run does not measure, another order holds. Beside "
+    "each bar (whiskers: 95 % of bootstraps; hatched: never below 25 % up to "
+    f"{format_flux(FLUXES[-1])} photons) stand its photons per frame, the share of them that the "
+    "bound of as many frames needs where the texture is known (green: only its power spectrum is), "
+    "and CPU time per frame. {}"
+)
+_EFFICIENCY = (
+    f"Dead leaves of 240 × 240 px drift by {SPEED_PX:.2f} px per frame; the efficiency is the "
+    f"bound over the variance, both over x and y, of {DRAWS} draws of the photons, in the median "
+    "block. Each method is held against the bound of the frames that it sees ({}) and of the "
+    f"{_BLOCK} of a block alone, though it sees whole frames: the bound of {_CUT} asks for "
+    "{:.2f} times the photons. The variance leaves out bias, so a biased method can exceed 1 and "
+    "still be wrong."
+)
 
 
 def leaderboard(_: Run) -> Figure:
@@ -65,16 +84,7 @@ def leaderboard(_: Run) -> Figure:
     return Figure(
         name="leaderboard",
         title="Photons needed to measure the velocity of an isolated block",
-        caption=(
-            f"In {len(clean)} sequences of dead leaves of 240 × 240 px, which drift by "
-            f"{SPEED_PX:.2f} px per frame, each method sees one block of {_BLOCK} with a margin of "
-            f"{MARGIN_PX} px and nothing else; on whole frames and photographs, which this run "
-            "does not measure, another order holds. Beside each bar (whiskers: 95 % of bootstraps; "
-            f"hatched: never below 25 % up to {format_flux(FLUXES[-1])} photons) stand its photons "
-            "per frame, the share of them that the bound of as many frames needs where the texture "
-            "is known (green: only its power spectrum is), and CPU time per frame. "
-            f"{frames_collected(entries)}"
-        ),
+        caption=_CAPTION.format(len(clean), frames_collected(entries)),
         draw=lambda canvas: _draw_board(canvas.subplots(), entries, {2: two, 8: eight}, unknown),
         numbers=columns_of(_row(each, two) for each in entries),
         height_in=1.1 + 0.36 * len(entries),
@@ -135,35 +145,28 @@ def efficiency(_: Run) -> Figure:
         few = clean if detector.memory_frames == 1 else clean[:_POOLED_SEQUENCES]
         curves[name] = efficiencies(few, detector, EFFICIENCY_FLUXES, DRAWS)
 
-    def draw(canvas: Canvas) -> None:
-        axes = canvas.subplots()
-        for name, values in curves.items():
-            label = METHODS[name].label
-            axes.semilogx(EFFICIENCY_FLUXES, values, label=label, **method_style(name))
-        axes.axhline(0.5, color=GRAY, linestyle=":")
-        left = EFFICIENCY_FLUXES[0], 0.5
-        write_at(axes, "variance twice the bound", left, (2, 4), color=BLACK, fontsize=9.5)
-        axes.set(xlabel="Photons per frame", ylabel="Efficiency (bound / variance)", ylim=(0, 1.05))
-        axes.legend(loc="lower right")
-
     return Figure(
         name="efficiency",
         title="Variance of Poisson matching against the Poisson bound",
-        caption=(
-            f"Dead leaves of 240 × 240 px drift by {SPEED_PX:.2f} px per frame; the efficiency is "
-            f"the bound over the variance, both over x and y, of {DRAWS} draws of the photons, in "
-            "the median block. Each method is held against the bound of the frames that it "
-            f"sees ({_frames_of(MATCHING)}) and of the {_BLOCK} of a block alone, though it sees "
-            f"whole frames: the bound of {_CUT} asks for "
-            f"{bound(seen, 2) / bound(known, 2):.2f} times the photons. The variance leaves out "
-            "bias, so a biased method can exceed 1 and still be wrong."
-        ),
-        draw=draw,
+        caption=_EFFICIENCY.format(_frames_of(MATCHING), bound(seen, 2) / bound(known, 2)),
+        draw=partial(_draw_efficiency, curves=curves),
         numbers={
             "photons_per_frame": EFFICIENCY_FLUXES,
             **{f"{name}_efficiency": values for name, values in curves.items()},
         },
     )
+
+
+def _draw_efficiency(canvas: Canvas, curves: Mapping[str, Floats]) -> None:
+    axes = canvas.subplots()
+    for name, values in curves.items():
+        label = METHODS[name].label
+        axes.semilogx(EFFICIENCY_FLUXES, values, label=label, **method_style(name))
+    axes.axhline(0.5, color=GRAY, linestyle=":")
+    left = EFFICIENCY_FLUXES[0], 0.5
+    write_at(axes, "variance twice the bound", left, (2, 4), color=BLACK, fontsize=9.5)
+    axes.set(xlabel="Photons per frame", ylabel="Efficiency (bound / variance)", ylim=(0, 1.05))
+    axes.legend(loc="lower right")
 
 
 def _frames_of(names: Sequence[str]) -> str:

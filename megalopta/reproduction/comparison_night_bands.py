@@ -30,6 +30,13 @@ DEVICES = "array-12x4", "ctia_ingaas_quiet"
 EXPOSURE_S = 0.1
 """Of both."""
 BLOCK_PX = 8
+_CAPTION = (
+    "Forest `rainforest` under a natural starlit sky, {0} × {0} px of 60°, in bands of 100 nm; "
+    "leaves absorb little beyond 700 nm, so more of the infrared comes down. "
+    f"Events in {EXPOSURE_S:g} s and a band are of the presets {DEVICES[0]} and {DEVICES[1]}, with "
+    "lens, pixel and efficiency of their own; dotted lines are those in the dark. Contrast is the "
+    "root mean square difference of neighbors along rows over the mean, without rendering noise."
+)
 Reals = NDArray[np.float32]
 _KINDS = "silicon SPAD", "InGaAs CTIA"
 _COLUMNS = "spad_events", "ctia_electrons"
@@ -98,14 +105,7 @@ def _figure(run: Run) -> Figure:
     size = len(passes[0])
     return Figure(
         title="The floor of a rain forest by starlight, seen by silicon and by InGaAs",
-        caption=(
-            f"Forest `rainforest` under a natural starlit sky, {size} × {size} px of 60°, in bands "
-            "of 100 nm; leaves absorb little beyond 700 nm, so more of the infrared comes down. "
-            f"Events in {EXPOSURE_S:g} s and a band are of the presets {DEVICES[0]} and "
-            f"{DEVICES[1]}, with lens, pixel and efficiency of their own; dotted lines are those "
-            "in the dark. Contrast is the root mean square difference of neighbors along rows "
-            "over the mean, without rendering noise."
-        ),
+        caption=_CAPTION.format(size),
         draw=partial(_draw, numbers=numbers, dark=[each.dark for each in seen]),
         numbers=numbers,
         printed={

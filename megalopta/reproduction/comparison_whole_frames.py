@@ -20,7 +20,7 @@ from megalopta.benchmark.whole_frame_board import (
     frame_errors,
 )
 from megalopta.benchmark.whole_frame_forests import MOVING_VIEWS, forest_clips
-from megalopta.benchmark.whole_frame_scenes import leaves_clips, panorama_clips
+from megalopta.benchmark.whole_frame_scenes import Clip, leaves_clips, panorama_clips
 from megalopta.core.progress import progress
 from megalopta.flow.detectors.registry import Method
 from megalopta.plotting.picture import Cell, Figure, columns_of
@@ -33,27 +33,25 @@ _DRAWS = {_LEAVES: 1, _PANORAMAS: 1, _PARALLAX: 3}
 """Of the photons of each scene: there are few flights"""
 
 _FRAMES, _PAIR = 8, 2
+_CAPTION = (
+    "Methods see frames of {} px, of {} scenes, as they are; drawn is the mean over scenes of the "
+    f"median over blocks of {BLOCK_PX} × {BLOCK_PX} px of the distance from their true mean "
+    "velocity, with what holds it in 95 % of bootstraps over scenes. A median does not tell how "
+    f"far off the worse half is: the mean over blocks and the share beyond {FAR_PX:g} px stand in "
+    "the file of numbers. On dead leaves the velocity is affine and differs in three disks; "
+    "forests are panoramas seen by a camera that only turns{}; √ is a method that sees roots of "
+    "counts, 4+4 one that sees sums of four frames."
+)
 
 
 def whole_frames(run: Run, methods: Sequence[Method] | None = None) -> Figure:
-    """Median endpoint errors on dead leaves and in forests; in quick form less of everything.
+    """Return median endpoint errors on dead leaves and in forests; in quick form of fewer scenes.
 
     Forests past which a camera flies take minutes to render, so that quick form is without.
     """
-    templates, fluxes = natural_templates(run.cache), PHOTONS_PER_PX
-    if run.is_quick:
-        templates, fluxes = dict(list(templates.items())[:2]), fluxes[::2]
-    clips = {
-        _LEAVES: list(leaves_clips(2 if run.is_quick else 6)),
-        _PANORAMAS: list(panorama_clips(templates, headings=1 if run.is_quick else 2)),
-    }
-    flicker = 0.0
-    if not run.is_quick:
-        with progress("Rendering moving views", len(MOVING_VIEWS) * _FRAMES, "frame") as advance:
-            flown = list(forest_clips(cache=run.cache, after_frame=advance))
-        clips[_PARALLAX] = [clip for clip, _ in flown]
-        flicker = max(noise for _, noise in flown)
+    clips, flicker = _clips(run)
     chosen = methods or methods_and_baselines(_FRAMES)
+    fluxes = PHOTONS_PER_PX[::2] if run.is_quick else PHOTONS_PER_PX
     with progress("Measuring whole frames", sum(map(len, clips.values())), "scene") as advance:
         boards = {
             kind: frame_errors(some, chosen, fluxes, _DRAWS[kind], advance)
@@ -64,23 +62,28 @@ def whole_frames(run: Run, methods: Sequence[Method] | None = None) -> Figure:
     return Figure(
         name="whole-frames",
         title="Median errors of velocity methods on whole frames, over the photons per pixel",
-        caption=(
-            f"Methods see frames of {size} px, of {number} scenes, as they are; drawn is the mean "
-            f"over scenes of the median over blocks of {BLOCK_PX} × {BLOCK_PX} px of the distance "
-            "from their true mean velocity, with what holds it in 95 % of bootstraps over scenes. "
-            "A median does not tell how far off the worse half is: the mean over blocks and the "
-            f"share beyond {FAR_PX:g} px stand in the file of numbers. On dead leaves the velocity "
-            "is affine and differs in three disks; forests are panoramas seen by a camera that "
-            f"only turns{_flown(flicker)}; √ is a method that sees roots of counts, 4+4 one that "
-            "sees sums of four frames."
-        ),
+        caption=_CAPTION.format(size, number, _flown(flicker)),
         draw=partial(_draw_boards, boards=boards),
         numbers=columns_of(row for kind, board in boards.items() for row in _rows(kind, board)),
         height_in=2 + 3.3 * len(boards),
-        details={
-            "least_median_error": [each for kind in boards for each in _best(kind, boards[kind])]
-        },
+        details={"least_median_error": [row for each in boards.items() for row in _best(*each)]},
     )
+
+
+def _clips(run: Run) -> tuple[dict[str, list[Clip]], float]:
+    """Return the scenes of each kind, and by which share a pixel flickers at most."""
+    templates = natural_templates(run.cache)
+    if run.is_quick:
+        few = dict(list(templates.items())[:2])
+        return {_LEAVES: [*leaves_clips(2)], _PANORAMAS: [*panorama_clips(few, headings=1)]}, 0.0
+    with progress("Rendering moving views", len(MOVING_VIEWS) * _FRAMES, "frame") as advance:
+        flown = list(forest_clips(cache=run.cache, after_frame=advance))
+    clips = {
+        _LEAVES: [*leaves_clips(6)],
+        _PANORAMAS: [*panorama_clips(templates, headings=2)],
+        _PARALLAX: [clip for clip, _ in flown],
+    }
+    return clips, max(noise for _, noise in flown)
 
 
 def _flown(flicker: float) -> str:

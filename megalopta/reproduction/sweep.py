@@ -153,8 +153,10 @@ def _fixed(sweep: Sweep) -> Iterator[str]:
         names = dict.fromkeys(point.template.split(",")[0] for point in sweep.points)
         told["template.name"] = f"{coding} of {' and '.join(names)}"
     told["search.dark_counts"] = f"{trial.search.dark_counts:g} dark counts per pixel"
-    told["search.summed_frames"] = f"{trial.search.summed_frames} frames summed"
-    told["blurred"] = "motion blur" if trial.blurred else "no motion blur"
+    if trial.search.summed_frames > 1:
+        told["search.summed_frames"] = f"{trial.search.summed_frames} frames summed"
+    if trial.blurred:
+        told["blurred"] = "motion blur"
     told["size"] = "N × N px" if len(sizes) > 1 else f"{sizes[0]} × {sizes[0]} px"
     yield from (text for path, text in told.items() if path != sweep.vary)
 
