@@ -10,16 +10,15 @@ import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 from zlib import crc32
 
 import matplotlib
 from cycler import cycler
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Canvas
-from matplotlib.ticker import EngFormatter, Formatter, NullFormatter
+from matplotlib.ticker import EngFormatter, NullFormatter
 from matplotlib.typing import LineStyleType
 
 from megalopta.core.arrays import Floats
@@ -149,15 +148,17 @@ def write_at(
     axes.annotate(text, at, offset, textcoords="offset points", **style)
 
 
-def decades(*axes: Axis, labels: str | Formatter | None = None) -> None:
-    """Make axes logarithmic: labels at decades only, by default with prefixes, such as 10k."""
-    for axis in axes:
-        axis.axes.set(**{f"{axis.axis_name}scale": "log"})
-        axis.set_major_formatter(EngFormatter(sep="") if labels is None else labels)
-        axis.set_minor_formatter(NullFormatter())
+def decades(axes: Axes, which: Literal["x", "y"], labels: str | None = None) -> None:
+    """Make an axis logarithmic: labels at decades only, by default with prefixes, such as 10k."""
+    axes.set(**{f"{which}scale": "log"})
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    axis.set_major_formatter(EngFormatter(sep="") if labels is None else labels)
+    axis.set_minor_formatter(NullFormatter())
 
 
-def draw_interval(axes: Axes, x: Any, middle: Floats, ends: Sequence[Floats], **style: Any) -> None:
+def draw_interval(
+    axes: Axes, x: Any, middle: Floats, ends: Sequence[Floats] | Floats, **style: Any
+) -> None:
     """Draw a line with whiskers from the lower to the upper ends."""
     low, high = ends
     axes.errorbar(x, middle, (middle - low, high - middle), **style)

@@ -8,6 +8,7 @@ everything that was stored.
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,7 +113,10 @@ def _budget(
     sensor, bands = opened.sensor, settings.render.bands_nm
     detected = detected_photons(light, bands, sensor)
     middle = len(frames) // 2
-    at = {"first_frame": frames[middle], "frame_period_s": 1 / settings.trajectory.frame_rate_hz}
+    at: dict[str, Any] = {
+        "first_frame": frames[middle],
+        "frame_period_s": 1 / settings.trajectory.frame_rate_hz,
+    }
     dark, seen, brighter = (
         expectation(np.float32(factor) * light[[middle]], bands, sensor, **at)
         for factor in (0.0, 1.0, 1 + _BRIGHTER)

@@ -32,6 +32,7 @@ from megalopta.plotting.text import (
 )
 
 Value = TypeVar("Value")
+Text = TypeVar("Text", str, Markup)
 Kind = Literal["right", "wrong", "unknown", "silent", "repeats", "half", "differs"]
 
 ACCURATE = 0.25
@@ -55,7 +56,7 @@ _GROUPS = {
 }
 
 
-def crossed(label: str, corner: str, cells: Mapping[tuple[str, str], str]) -> Markup:
+def crossed(label: str, corner: str, cells: Mapping[tuple[Text, str], Text]) -> Markup:
     """Return a table of texts by row and column, with a dash where there is none."""
     rows, columns = (dict.fromkeys(names) for names in zip(*cells, strict=True))
     lines = [[row, *(cells.get((row, each), UNDEFINED) for each in columns)] for row in rows]

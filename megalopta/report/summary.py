@@ -54,8 +54,8 @@ def facts(report: Report) -> Iterator[tuple[str, str]]:
     for what, count in report.settings.scene.counts.items():
         yield what, f"{count:,}"
     for what in ("objects", "triangles"):
-        if count := report.scene.get(what):
-            yield what, f"{count:,}"
+        if noted := report.scene.get(what):
+            yield what, f"{noted:,}"
     if light := report.scene.get("illuminance"):
         yield "measured in the open, as rendered", f"{light['unshaded_lux']:.3g} lux"
         if ground := [point["lux"] for point in light["ground"]]:

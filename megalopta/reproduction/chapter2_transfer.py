@@ -7,7 +7,7 @@ over all speeds but standstill.
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -112,7 +112,7 @@ class OverSpeeds(NamedTuple):
         axes.plot(velocity, self.ideal, line, color=GREEN, lw=1.6, ms=24, label=_NOISELESS)
         for (label, own), (marker, color, shift) in zip(self.found.items(), styles, strict=True):
             each = _statistics(own)
-            look = {"fmt": marker, "color": color, "capsize": 3, "lw": 1.4}
+            look: dict[str, Any] = {"fmt": marker, "color": color, "capsize": 3, "lw": 1.4}
             look["label"] = f"{label}, mean SNR {snr_db[label]:.1f} dB"
             axes.errorbar(velocity + shift, each["mean"], each["sigma"], **look)
         axes.set_ylim(0, None)

@@ -130,7 +130,7 @@ def _draw_floors(axes: Axes, curves: Mapping[str, Floats]) -> None:
     for kind, errors in curves.items():
         axes.plot(FLOORS, errors, color=_COLORS[kind], label=kind)
     axes.set_xscale("log")
-    decades(axes.yaxis, labels="{x:g}")
+    decades(axes, "y", "{x:g}")
     axes.set(xlabel="Floor (mean responses)", ylabel="Error of EMD, Eq. 4.5")
     axes.legend()
 
@@ -144,7 +144,7 @@ def _draw_fluxes(axes: Axes, fluxes: Mapping[tuple[str, Metric, str], float]) ->
     draw_key(axes, (("o", BLACK, "mean of quotients"), ("o", "none", "quotient of means")))
     axes.legend(loc="upper left")
     axes.set_xticks(range(len(names)), names)
-    decades(axes.yaxis)
+    decades(axes, "y")
     axes.set_ylim(top=100 * np.nanmax(list(fluxes.values())))
     axes.set_ylabel("$N_{2b}$ (photons per frame)")
 

@@ -32,7 +32,6 @@ from megalopta.benchmark.leaderboard import (
     sequences,
     unknown_bound,
 )
-from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.photon_threshold import format_flux
@@ -57,8 +56,8 @@ _POOLED_SEQUENCES = 2
 _CAPTION = (
     f"In {{}} sequences of dead leaves of 240 × 240 px, which drift by {SPEED_PX:.2f} px per "
     f"frame, each method sees one block of {_BLOCK} with a margin of {MARGIN_PX} px and nothing "
-    "else; on whole frames and photographs, which this run does not measure, another order holds. Beside "
-    "each bar (whiskers: 95 % of bootstraps; hatched: never below 25 % up to "
+    "else; on whole frames and photographs, which this run does not measure, another order holds. "
+    "Beside each bar (whiskers: 95 % of bootstraps; hatched: never below 25 % up to "
     f"{format_flux(FLUXES[-1])} photons) stand its photons per frame, the share of them that the "
     "bound of as many frames needs where the texture is known (green: only its power spectrum is), "
     "and CPU time per frame. {}"
@@ -157,7 +156,7 @@ def efficiency(_: Run) -> Figure:
     )
 
 
-def _draw_efficiency(canvas: Canvas, curves: Mapping[str, Floats]) -> None:
+def _draw_efficiency(canvas: Canvas, curves: Mapping[str, Sequence[float]]) -> None:
     axes = canvas.subplots()
     for name, values in curves.items():
         label = METHODS[name].label

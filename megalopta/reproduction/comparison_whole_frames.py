@@ -126,7 +126,7 @@ def _best(kind: str, board: Sequence[FrameErrors]) -> Iterator[dict[str, Cell]]:
     for frames, some in _by_frames(board).items():
         for place, flux in enumerate(some[0].fluxes if some else ()):
             best, level = _leaders(some, place)
-            what = {"scenes": kind, "frames": frames, "photons_per_px": flux}
+            what: dict[str, Cell] = {"scenes": kind, "frames": frames, "photons_per_px": flux}
             yield what | {"method": best, "level_with": ", ".join(level)}
 
 

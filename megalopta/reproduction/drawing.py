@@ -5,10 +5,17 @@ with parameters and intervals). The bytes depend on the versions of this package
 matplotlib only; those of table-4.times and leaderboard on the machine as well.
 """
 
-from collections.abc import Sequence
+import multiprocessing
+import os
+import sys
+import threading
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any, TypeVar
 
 from megalopta.benchmark.runner import run
 from megalopta.benchmark.sweep import Sweep
@@ -19,8 +26,12 @@ from megalopta.core.folders import ensure_directory
 from megalopta.core.progress import progress
 from megalopta.plotting.picture import Figure, write_figure
 from megalopta.reproduction.recipe import Run, find, names
-from megalopta.reproduction.side_by_side import side_by_side
 from megalopta.reproduction.sweep import sweep_figure
+
+Result = TypeVar("Result")
+
+_tasks: Sequence[Callable[[], Any]] = ()
+"""Those of the processes that are forked next."""
 
 
 @dataclass(frozen=True)
@@ -100,3 +111,50 @@ def _write_figures(figures: Sequence[Figure], out: Path) -> list[Path]:
             paths += written
             advance()
     return paths
+
+
+def side_by_side(tasks: Sequence[Callable[[], Result]]) -> Iterator[Result]:
+    """Yield what tasks return, in their order, done in several processes at once.
+
+    Drawing holds Python's lock, and figures hold functions and arrays that cannot be sent to
+    another process; one that is forked has them. Where processes are not forked, or Mitsuba runs,
+    whose threads do not survive it, one thing is done after the other. A process ends with the one
+    that forked it. What tasks return must be fit to be sent.
+    """
+    global _tasks
+    workers = min(os.cpu_count() or 1, len(tasks))
+    if workers < 2 or sys.platform != "linux" or _mitsuba_runs():
+        yield from (task() for task in tasks)
+        return
+    _tasks = tasks
+    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("fork"), _watch)
+    try:
+        with warnings.catch_warnings():
+            # Python from 3.12 on warns of forking where there are threads; those of NumPy survive.
+            warnings.filterwarnings("ignore", "This process .* is multi-threaded")
+            yield from pool.map(_do, range(len(tasks)))
+    finally:
+        # who interrupts does not wait for what is half done
+        pool.shutdown(wait=False, cancel_futures=True)
+        _tasks = ()
+
+
+def _mitsuba_runs() -> bool:
+    mitsuba = sys.modules.get("mitsuba")
+    return mitsuba is not None and mitsuba.variant() is not None
+
+
+def _watch() -> None:
+    """End this process with the one that forked it, also where that is killed."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()  # reads the end of a pipe that the parent alone holds open
+    os._exit(1)
+
+
+def _do(number: int) -> Any:
+    return _tasks[number]()

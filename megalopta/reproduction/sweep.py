@@ -209,7 +209,7 @@ def _draw_panel(axes: Axes, sweep: Sweep, results: Results, size: int) -> None:
 
 
 def _scale_photons(axes: Axes) -> None:
-    decades(axes.yaxis)
+    decades(axes, "y")
     axes.yaxis.set_major_locator(LogLocator(numticks=8))
     bottom, top = axes.get_ylim()
     if top < 30 * bottom:  # a label per decade alone would not tell a number

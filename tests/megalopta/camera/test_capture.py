@@ -104,15 +104,6 @@ def test_damage_on_the_line_costs_frames_but_none_is_wrong(emulated, expected, t
         np.testing.assert_array_equal(recording.adc[place], samples_of(logged[int(number)]))
 
 
-def test_a_stalled_camera_leaves_gaps_that_are_counted(emulated, tmp_path):
-    with emulated(Faults(stall_every_s=1.5, stall_s=1.2)) as camera:
-        recording = recorded(camera, tmp_path / "a", wanted(500))
-    skipped = np.diff(recording.sequence_number.astype(int)) - 1
-    assert recording.settings.gaps == (skipped > 0).sum() >= 1
-    assert recording.settings.missing_frames == skipped.sum()
-    assert (skipped >= 0).all() and recording.settings.damaged_packets == 0
-
-
 def test_bursts_do_not_shift_times(emulated, tmp_path):
     with emulated(Faults(burst_s=0.2, drift_ppm=300)) as camera:
         recording = recorded(camera, tmp_path / "a", wanted(400))
@@ -223,29 +214,6 @@ def test_a_seed_makes_the_same_frames():
         return [camera.next_frame() for _ in range(3)]
 
     assert packets(1) == packets(1) != packets(2)
-
-
-TIMES_S = [0.0, *(pytest.param(0.4 * step, marks=pytest.mark.slow) for step in range(1, 10))]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("later_s", TIMES_S)
-def test_a_killed_capture_leaves_a_recording_that_opens(
-    emulated, command, until, tmp_path, later_s
-):
-    out = tmp_path / "a"
-    with emulated() as camera:
-        words = ["--port", camera.find(), "--out", out, "--kind", "dark", "--rate", 100]
-        with command("capture", *words, "--exposure", 0.01) as running:
-            until(lambda: (out / "recording.yaml").exists() and len(open_recording(out)) > 50)
-            time.sleep(later_s)  # it writes every four seconds
-            running.kill()
-            assert running.wait(60) == -signal.SIGKILL
-    recording = open_recording(out)
-    assert len(recording) > 50 and recording.kind == "dark" and not recording.settings.finished
-    logged = {packet.sequence: packet for packet in raw_frames(out)}
-    for number, samples in zip(recording.sequence_number, recording.adc[:], strict=True):
-        np.testing.assert_array_equal(samples, samples_of(logged[int(number)]))
 
 
 @pytest.mark.slow  # as a killed one, but with three processes

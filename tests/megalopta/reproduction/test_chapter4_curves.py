@@ -93,14 +93,6 @@ def test_fixed_parameters_are_those_of_the_text(name):
     assert {trial.blurred for trial in sweep.trials} == {name == "fig-4.12"}
 
 
-@pytest.mark.parametrize("name", SWEEPS)
-def test_quick_form_is_a_small_part_of_the_whole(name):
-    quick, whole = (in_form(SWEEPS[name], is_quick) for is_quick in (True, False))
-    assert set(quick.values) < set(whole.values)
-    assert set(quick.templates) <= set(whole.templates)
-    assert max(trial.size for trial in quick.trials) <= 120
-
-
 def test_table_takes_the_least_of_all_experiments_and_the_mean_of_the_forests():
     (recipe,) = find("table-4.1")
     found = results(recipe.trials(False))
@@ -126,13 +118,6 @@ def drawn(name, is_quick=False, pixels=pictures):
 def textured(of_templates):
     rng = np.random.default_rng(0)
     return {each: rng.uniform(1, 2, (251, 502)) for each in set(of_templates)}
-
-
-def test_table_has_both_columns_and_photographs_in_both_metrics():
-    figure = drawn("table-4.1")
-    assert len(figure.rows) == 3 * 2 * len(PRINTED)
-    row = dict(zip(figure.columns, figure.rows[0], strict=True))
-    assert row["ratio"] == pytest.approx(1e5 / 83e3)
 
 
 def test_photograph_of_a_forest_is_its_gray_values(monkeypatch):
@@ -302,15 +287,6 @@ def test_chapter_4_is_written_and_measured_once(tmp_path, monkeypatch):
     assert "quick form" in record["title"]
     with (tmp_path / "quick" / "fig-4.9.csv").open(newline="", encoding="utf-8") as file:
         assert len(list(csv.DictReader(file))) == len(record["rows"])
-
-
-@pytest.mark.parametrize("name", ["fig-4.8", "fig-4.11", "table-4.1"])
-def test_only_the_quick_form_says_so(name):
-    quick, whole = (drawn(name, is_quick) for is_quick in (True, False))
-    assert "quick form" in quick.title
-    assert quick.details["quick"] is True
-    assert "quick" not in whole.title
-    assert "quick" not in whole.details
 
 
 @pytest.mark.parametrize("is_quick", [False, True])
