@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.camera.calibration import Beam
+from megalopta.camera.device_calibration import Beam
 from megalopta.camera.recorded import Recorded
 from megalopta.core.arrays import plain_array
 from megalopta.core.bounded import ARRAY_BYTES, read_bytes

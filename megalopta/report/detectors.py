@@ -1,6 +1,7 @@
 """Section "What the detectors answer": responses as pictures, errors as tables."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from megalopta.flow.files.color_wheel import flow_to_rgb
 from megalopta.flow.metrics.endpoint_error import block_flow
 from megalopta.plotting.sections import Section, block, card, heading, image, paragraph
 from megalopta.plotting.text import level_name, number
-from megalopta.report.errors import (
+from megalopta.report.error_tables import (
     against_truth,
     cost_table,
     response_table,
@@ -26,7 +27,7 @@ from megalopta.report.errors import (
     split_table,
 )
 from megalopta.report.images import ColorScale, data_uri, gray_scale, map_scale, still
-from megalopta.report.motion import mixed_share, wheel
+from megalopta.report.motion_section import mixed_share, wheel
 from megalopta.report.remarks import absent, key, rendering
 from megalopta.report.source import Report
 from megalopta.sensor import ImageSensor, StoredFrames
@@ -106,13 +107,13 @@ _YAW = (
 def detector_section(report: Report) -> Section:
     """Return the section; where detectors have not run, what to run."""
     title = "What the detectors answer"
-    named = {"name": "detectors", "link": "Detectors"}
+    section = Section(title, name="detectors", link="Detectors")
     if not report.flow:
         missing = absent(report, "flow", "The motion detectors have not been run yet.")
-        return Section(title, body=missing, **named)
+        return replace(section, body=missing)
     body = Markup("\n").join([*_responses(report), *_costs(report), *_tables(report)])
     text = _GUIDE.format(report.frame + 1, " or ".join(report.units))
-    return Section(title, text, body=body, **named)
+    return replace(section, text=text, body=body)
 
 
 def _responses(report: Report) -> Iterator[Markup]:

@@ -19,8 +19,8 @@ from megalopta.core.files import atomic_write
 from megalopta.core.progress import progress
 from megalopta.plotting.sections import Section, captioned, image, write_sections
 from megalopta.render import SceneRenderer, frame_seed
-from megalopta.report.gallery import ALONG_THE_TRAIL
 from megalopta.report.images import data_uri, gray_counts
+from megalopta.report.scene_gallery import ALONG_THE_TRAIL
 from megalopta.scenes import preview, white_of
 from megalopta.sensor import expose_image
 from megalopta.stages.render import build

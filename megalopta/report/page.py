@@ -12,8 +12,8 @@ from megalopta.generation import versions
 from megalopta.plotting.sections import Section, block, heading, listed, page_of, table
 from megalopta.report.closing import glossary_section, making_section, ranking_section
 from megalopta.report.detectors import detector_section
-from megalopta.report.light import light_section
-from megalopta.report.motion import motion_section
+from megalopta.report.light_section import light_section
+from megalopta.report.motion_section import motion_section
 from megalopta.report.source import Report
 from megalopta.report.summary import OUTCOME, facts, lead, outcome, title
 from megalopta.report.thresholds import threshold_section

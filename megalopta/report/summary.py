@@ -7,7 +7,7 @@ from megalopta.config.model import Configuration, LightLevel
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.plotting.text import UNDEFINED, level_name, level_title, number, percent, plural
 from megalopta.report.budget import Budget, by_sensor
-from megalopta.report.errors import ACCURATE
+from megalopta.report.error_tables import ACCURATE
 from megalopta.report.records import Record
 from megalopta.report.source import Report
 from megalopta.scenes.lighting.levels import illuminance_of

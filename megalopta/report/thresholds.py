@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 
 from markupsafe import Markup
 
@@ -12,7 +13,7 @@ from megalopta.plotting.sections import Section, block, card, heading, paragraph
 from megalopta.plotting.text import UNDEFINED, enumerate_words, level_name, short
 from megalopta.report.budget import Budget
 from megalopta.report.charts import MethodThresholds, error_chart, threshold_chart
-from megalopta.report.errors import ACCURATE, MEANINGS, Kind, crossed, verdict
+from megalopta.report.error_tables import ACCURATE, MEANINGS, Kind, crossed, verdict
 from megalopta.report.remarks import absent, key, mark, rendering
 from megalopta.report.source import Report
 
@@ -62,10 +63,10 @@ _UNITS = Markup(
 def threshold_section(report: Report) -> Section:
     """Return the section; without a benchmark, what to run."""
     title = "Photons that motion needs"
-    named = {"name": "photons", "link": "Photons needed"}
+    section = Section(title, name="photons", link="Photons needed")
     if not report.benchmarks:
         what = "The photon benchmark has not been run yet."
-        return Section(title, body=absent(report, "benchmark photons", what), **named)
+        return replace(section, body=absent(report, "benchmark photons", what))
     benchmark = report.benchmarks[0]
     settings = benchmark.settings
     shapes = _by_shape(benchmark)
@@ -78,7 +79,7 @@ def threshold_section(report: Report) -> Section:
         *_thresholds(report.benchmarks),
     ]
     text = _GUIDE.format(settings.repeats, dark)
-    return Section(title, text, body=Markup("\n").join(body), **named)
+    return replace(section, text=text, body=Markup("\n").join(body))
 
 
 def _by_shape(benchmark: BenchmarkResult) -> dict[Shape, list[ErrorCurve]]:

@@ -17,7 +17,7 @@ from scipy.stats import linregress
 from megalopta.core.arrays import Floats
 from megalopta.plotting.picture import Figure
 from megalopta.plotting.style import BLACK, GRAY, PALETTE
-from megalopta.reproduction.recipe import FigureRecipe, Run
+from megalopta.reproduction.figure_recipe import FigureRecipe, Run
 from megalopta.sensor import DeadTime, Sensor, changed, expose_events, preset
 from megalopta.sensor.counters import AnalogCounter, analog_pixels
 from megalopta.sensor.effects import expected_counts

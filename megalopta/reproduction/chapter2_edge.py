@@ -27,7 +27,7 @@ from megalopta.camera.motion_bench import (
 from megalopta.core.arrays import Floats
 from megalopta.plotting.picture import Figure
 from megalopta.plotting.style import BLUE, GRAY, VERMILION
-from megalopta.reproduction.recipe import FigureRecipe, Run
+from megalopta.reproduction.figure_recipe import FigureRecipe, Run
 from megalopta.scenes.stimuli.motion_bench import MotionBench
 from megalopta.sensor import Sensor
 

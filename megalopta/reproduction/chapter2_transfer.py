@@ -34,7 +34,7 @@ from megalopta.plotting.style import (
     ORANGE,
 )
 from megalopta.reproduction.chapter2_edge import csv_name
-from megalopta.reproduction.recipe import FigureRecipe
+from megalopta.reproduction.figure_recipe import FigureRecipe
 
 THEORY_CYCLES = 0.5
 """Cycles of the theoretical sinusoid along the row; the dissertation says only: below 1."""

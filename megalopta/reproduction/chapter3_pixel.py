@@ -21,7 +21,7 @@ from megalopta.plotting.style import (
     line_style,
     write_at,
 )
-from megalopta.reproduction.recipe import FigureRecipe, Run
+from megalopta.reproduction.figure_recipe import FigureRecipe, Run
 from megalopta.sensor.ctia import (
     PHOTODIODES,
     DacBias,

@@ -43,7 +43,7 @@ from megalopta.reproduction.chapter3_pixel import (
     decades,
     over_bias,
 )
-from megalopta.reproduction.recipe import FigureRecipe, Run
+from megalopta.reproduction.figure_recipe import FigureRecipe, Run
 from megalopta.sensor.ctia import (
     PHOTODIODES,
     TYPICAL_OFFSET_V,

@@ -18,8 +18,8 @@ from megalopta.flow.detectors.registry import THESIS_METHODS
 from megalopta.flow.metrics.response_error import METRICS
 from megalopta.plotting.picture import Figure
 from megalopta.plotting.text import UNDEFINED
-from megalopta.reproduction.recipe import FigureRecipe, Run
-from megalopta.reproduction.sweep import or_nan, sweep_curve, sweep_figure, threshold_of
+from megalopta.reproduction.figure_recipe import FigureRecipe, Run
+from megalopta.reproduction.sweep_figure import or_nan, sweep_curve, sweep_figure, threshold_of
 
 MOTION = tuple(name for name in THESIS_METHODS if name != "IM")
 

@@ -22,8 +22,8 @@ from megalopta.plotting.picture import Cell, Figure
 from megalopta.plotting.style import BLACK, BLUE, ORANGE, decades, draw_key
 from megalopta.reproduction.chapter4_curves import span
 from megalopta.reproduction.chapter4_table import PRINTED, SIZE
-from megalopta.reproduction.recipe import FigureRecipe, Run, Templates
-from megalopta.reproduction.sweep import mean_threshold, threshold_of
+from megalopta.reproduction.figure_recipe import FigureRecipe, Run, Templates
+from megalopta.reproduction.sweep_figure import mean_threshold, threshold_of
 
 FLUX = 1e7
 FLOORS = np.logspace(-7, 0, 29)

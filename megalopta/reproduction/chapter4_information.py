@@ -31,8 +31,8 @@ from megalopta.plotting.picture import Figure
 from megalopta.plotting.style import BLACK, decades, draw_key, method_style
 from megalopta.reproduction.chapter4_curves import span
 from megalopta.reproduction.chapter4_table import PRINTED, SIZE
-from megalopta.reproduction.recipe import FigureRecipe, Run, Templates
-from megalopta.reproduction.sweep import threshold_of
+from megalopta.reproduction.figure_recipe import FigureRecipe, Run, Templates
+from megalopta.reproduction.sweep_figure import threshold_of
 
 _SOURCES = (PHOTOGRAPHED, SWEEPS["fig-4.11"])
 _COLUMNS_APART = 25

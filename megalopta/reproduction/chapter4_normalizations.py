@@ -18,8 +18,8 @@ from megalopta.flow.metrics.photon_threshold import format_flux
 from megalopta.plotting.picture import Cell, Figure, columns_of
 from megalopta.plotting.style import draw_table
 from megalopta.reproduction.chapter4_table import SIZE
-from megalopta.reproduction.recipe import FigureRecipe, Run
-from megalopta.reproduction.sweep import (
+from megalopta.reproduction.figure_recipe import FigureRecipe, Run
+from megalopta.reproduction.sweep_figure import (
     MeanThreshold,
     mean_threshold,
     or_nan,

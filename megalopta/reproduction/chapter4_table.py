@@ -18,8 +18,8 @@ from megalopta.plotting.picture import Cell, Figure, columns_of
 from megalopta.plotting.sections import Section, block, image, listed, write_sections
 from megalopta.plotting.style import draw_table
 from megalopta.reproduction.chapter4_curves import interpolation_beside_one_pixel, span
-from megalopta.reproduction.recipe import FigureRecipe, Run, names
-from megalopta.reproduction.sweep import MeanThreshold, or_nan, sweep_curve
+from megalopta.reproduction.figure_recipe import FigureRecipe, Run, names
+from megalopta.reproduction.sweep_figure import MeanThreshold, or_nan, sweep_curve
 
 PRINTED: Mapping[str, tuple[float, float]] = {
     "BM": (83e3, 156e3),

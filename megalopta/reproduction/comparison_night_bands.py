@@ -23,7 +23,7 @@ from megalopta.plotting.style import (
     GRAY,
     ORANGE,
 )
-from megalopta.reproduction.recipe import FigureRecipe, Run
+from megalopta.reproduction.figure_recipe import FigureRecipe, Run
 from megalopta.sensor import IMAGE_SENSORS, ImageSensor, expectation
 
 DEVICES = "array-12x4", "ctia_ingaas_quiet"

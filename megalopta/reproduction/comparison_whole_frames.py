@@ -25,7 +25,7 @@ from megalopta.core.progress import progress
 from megalopta.flow.detectors.registry import Method
 from megalopta.plotting.picture import Cell, Figure, columns_of
 from megalopta.plotting.style import draw_interval, legend_alone, method_style
-from megalopta.reproduction.recipe import FigureRecipe, Run
+from megalopta.reproduction.figure_recipe import FigureRecipe, Run
 
 _LEAVES, _PANORAMAS = "Dead leaves, four motions", "Forests, a turning camera"
 _PARALLAX = "Forests, a flying camera"

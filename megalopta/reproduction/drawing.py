@@ -25,8 +25,8 @@ from megalopta.core.errors import UserError
 from megalopta.core.folders import ensure_directory
 from megalopta.core.progress import progress
 from megalopta.plotting.picture import Figure, write_figure
-from megalopta.reproduction.recipe import Run, find, names
-from megalopta.reproduction.sweep import sweep_figure
+from megalopta.reproduction.figure_recipe import Run, find, names
+from megalopta.reproduction.sweep_figure import sweep_figure
 
 Result = TypeVar("Result")
 

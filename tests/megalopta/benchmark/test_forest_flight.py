@@ -10,7 +10,7 @@ from megalopta.benchmark.forest_flight import MotionErrors, flight_errors, fores
 from megalopta.benchmark.whole_frame_scenes import Clip
 from megalopta.flow.egomotion.yaw_rate import yaw_rates_deg_s
 from megalopta.reproduction import comparison_camera_motion as camera_motion
-from megalopta.reproduction.recipe import Run
+from megalopta.reproduction.figure_recipe import Run
 from megalopta.scenes import PerspectiveCamera
 
 from ...flow.egomotion.corner import ROOM, view as room

@@ -28,7 +28,7 @@ from megalopta.flow.files.flo import write_flo
 from megalopta.flow.files.formats import write_kitti_png
 from megalopta.plotting.style import house_style, new_canvas
 from megalopta.reproduction import comparison_whole_frames as whole_frames
-from megalopta.reproduction.recipe import Run
+from megalopta.reproduction.figure_recipe import Run
 
 MEASURES = "median_epe_px", "mean_epe_px", "share_beyond_3_px"
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from megalopta.camera.calibration import Beam
-from megalopta.camera.comparison import CompareSettings, compare_captured
 from megalopta.camera.comparison_scene import Cycle, align, rendered_dataset
+from megalopta.camera.device_calibration import Beam
+from megalopta.camera.device_comparison import CompareSettings, compare_captured
 from megalopta.camera.recorded import Source, read_recorded
 from megalopta.camera.stimuli import Rendered
 from megalopta.config.model import load

@@ -19,7 +19,7 @@ from megalopta.core.errors import UserError
 from megalopta.dataset.store import Dataset
 from megalopta.report import page as report_page
 from megalopta.report.budget import exposed
-from megalopta.report.errors import MEANINGS, verdict
+from megalopta.report.error_tables import MEANINGS, verdict
 from megalopta.report.footage import read_footage, select
 from megalopta.report.page import write_report
 from megalopta.report.records import read_benchmark, read_records

@@ -31,8 +31,8 @@ from megalopta.reproduction.chapter4_information import (
 )
 from megalopta.reproduction.chapter4_table import PRINTED, best, write_page
 from megalopta.reproduction.drawing import reproduce
-from megalopta.reproduction.recipe import Run, find, names
-from megalopta.reproduction.sweep import mean_threshold, sweep_curve, sweep_figure
+from megalopta.reproduction.figure_recipe import Run, find, names
+from megalopta.reproduction.sweep_figure import mean_threshold, sweep_curve, sweep_figure
 
 
 def crossing(flux):

@@ -5,7 +5,7 @@ import pytest
 
 from megalopta.plotting.style import house_style, new_canvas
 from megalopta.reproduction.chapter3_suppression import bias_error
-from megalopta.reproduction.recipe import Run, find, names
+from megalopta.reproduction.figure_recipe import Run, find, names
 from megalopta.sensor.ctia import PHOTODIODES, Photodiode, reverse_current
 
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from markupsafe import Markup
@@ -62,11 +63,11 @@ _BIASES = {"fixed": "fixed", "dac": "converter (non-adaptive)", "floating_gate":
 def light_section(report: Report) -> Section:
     """Return the section; of a dataset without counts, what to run."""
     title = f"From light to {' and '.join(report.units)}"
-    named = {"name": "light", "link": f"Light to {report.units[0]}"}
+    section = Section(title, name="light", link=f"Light to {report.units[0]}")
     shown, sensors = report.exposures, report.settings.sensors
     if not shown:
         missing = absent(report, "sense", "No sensor has been exposed yet.")
-        return Section(title, body=missing, **named)
+        return replace(section, body=missing)
     budgets = [each.budget for each in shown]
     chart = signal_chart(budgets, [sensor.name for sensor in sensors])
     body = Markup("\n").join(
@@ -80,7 +81,7 @@ def light_section(report: Report) -> Section:
             ),
         ]
     )
-    return Section(title, _GUIDE + _shutter(report.settings), body=body, **named)
+    return replace(section, text=_GUIDE + _shutter(report.settings), body=body)
 
 
 def _shutter(settings: Configuration) -> str:

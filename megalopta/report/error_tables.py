@@ -32,7 +32,7 @@ from megalopta.plotting.text import (
 )
 
 Value = TypeVar("Value")
-Text = TypeVar("Text", str, Markup)
+Text = TypeVar("Text", bound=str)
 Kind = Literal["right", "wrong", "unknown", "silent", "repeats", "half", "differs"]
 
 ACCURATE = 0.25
@@ -56,10 +56,13 @@ _GROUPS = {
 }
 
 
-def crossed(label: str, corner: str, cells: Mapping[tuple[Text, str], Text]) -> Markup:
+def crossed(label: str, corner: str, cells: Mapping[tuple[Text, str], str]) -> Markup:
     """Return a table of texts by row and column, with a dash where there is none."""
-    rows, columns = (dict.fromkeys(names) for names in zip(*cells, strict=True))
-    lines = [[row, *(cells.get((row, each), UNDEFINED) for each in columns)] for row in rows]
+    rows = dict.fromkeys(row for row, _ in cells)
+    columns = dict.fromkeys(column for _, column in cells)
+    lines: list[list[str]] = [
+        [row, *(cells.get((row, each), UNDEFINED) for each in columns)] for row in rows
+    ]
     return table(label, [corner, *columns], lines)
 
 

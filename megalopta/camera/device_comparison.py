@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from megalopta.camera.calibration import Beam
 from megalopta.camera.comparison_levels import calibration_errors, captured_frames, simulated_frames
 from megalopta.camera.comparison_motion import plate_responses
 from megalopta.camera.comparison_page import (
@@ -13,6 +12,7 @@ from megalopta.camera.comparison_page import (
     write_scene_report,
 )
 from megalopta.camera.comparison_scene import compare_scene, dataset_cycle, rendered_dataset
+from megalopta.camera.device_calibration import Beam
 from megalopta.camera.recorded import Source, read_recorded
 from megalopta.core.errors import UserError
 from megalopta.sensor import Sensor, load_sensor

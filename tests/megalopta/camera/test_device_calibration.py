@@ -7,8 +7,8 @@ import pytest
 import yaml
 import zarr
 
-from megalopta.camera.calibration import Beam, adc_of, calibrate_recordings
-from megalopta.camera.comparison import CompareSettings, compare_captured
+from megalopta.camera.device_calibration import Beam, adc_of, calibrate_recordings
+from megalopta.camera.device_comparison import CompareSettings, compare_captured
 from megalopta.camera.device_file import Light, write_device
 from megalopta.camera.recorded import Source, photons_on_pixel, read_recorded
 from megalopta.core.errors import UserError

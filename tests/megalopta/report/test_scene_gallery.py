@@ -7,7 +7,7 @@ import pytest
 from skimage.io import imread
 
 from megalopta.config.model import Configuration
-from megalopta.report import gallery
+from megalopta.report import scene_gallery as gallery
 from megalopta.scenes.build import OWN_SCENES
 from megalopta.scenes.lighting.levels import LEVELS
 
