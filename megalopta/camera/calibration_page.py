@@ -10,8 +10,8 @@ from megalopta.camera.device_charts import (
     falls_chart,
     map_chart,
     residual_chart,
-    residuals,
     saturation_chart,
+    saturation_residuals,
 )
 from megalopta.plotting.sections import Section, captioned, write_sections
 from megalopta.plotting.text import number
@@ -62,10 +62,10 @@ def write_calibration_report(path: Path, device: Device, name: str, is_relative:
         *_neighbors(device),
         Section("Maps", _MAPS, charts=tuple(maps)),
     ]
-    write_sections(path, f"Calibration of {name}", summary(device), sections)
+    write_sections(path, f"Calibration of {name}", calibration_summary(device), sections)
 
 
-def summary(device: Device) -> str:
+def calibration_summary(device: Device) -> str:
     """Return what was found, medians over the pixels, on one line."""
     known = int(np.isfinite(device.step_v.value).sum())
     medians = (
@@ -140,7 +140,7 @@ def _curves(device: Device) -> Iterator[Markup]:
         "Counts of the median pixel: how far they stay below the line without dead time is the "
         "dead time; its kind shows where the two laws part.",
     )
-    z = residuals(device)
+    z = saturation_residuals(device)
     expected = np.sqrt(max(1 - _FITTED / len(z), 0.0))
     yield captioned(
         residual_chart(device),

@@ -101,14 +101,16 @@ def saturation_chart(device: Device) -> Markup:
 def residual_chart(device: Device) -> Markup:
     """Return standardized residuals of mean counts at the levels of light."""
     figure, axes = new_axes(*_SIZE_PT)
-    axes.hist(residuals(device).ravel(), bins=60, range=(-6, 6), density=True, color=BLUE)
+    axes.hist(
+        saturation_residuals(device).ravel(), bins=60, range=(-6, 6), density=True, color=BLUE
+    )
     z = np.linspace(-6, 6, 200)
     axes.plot(z, np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi), color=BLACK, linewidth=1.5)
     axes.set(xlabel="residual (standard errors)", ylabel="density")
     return to_svg(figure, "residuals", "Residuals of the saturation curve, beside a normal law")
 
 
-def residuals(device: Device) -> Floats:
+def saturation_residuals(device: Device) -> Floats:
     """Return mean counts less those of the fit, in standard errors; NaN where nothing is fitted.
 
     Where the curve does not tell the kind of dead time, of the kind that leaves less.

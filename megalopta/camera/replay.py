@@ -18,7 +18,7 @@ from megalopta.camera.survey import (
     Stretch,
     Survey,
     packets_of,
-    survey,
+    survey_file,
 )
 from megalopta.core.errors import UserError
 from megalopta.sensor import AnalogCounter, Sensor
@@ -55,7 +55,7 @@ class Told:
     sensor: str | None = None
 
 
-class Source(NamedTuple):
+class RawSource(NamedTuple):
     """A file of bytes, and what was written beside it."""
 
     raw: Path
@@ -68,7 +68,7 @@ class Source(NamedTuple):
 class Replay:
     """Writes a recording of a source; `unknown` names what nobody knows of it."""
 
-    source: Source
+    source: RawSource
     told: Told
     read: Callable[[int], None]
     unknown: list[str] = field(default_factory=list)
@@ -82,7 +82,7 @@ class Replay:
             When there are no frames, or their settings are not known.
         """
         fits = self._fits()
-        found = survey(self.source.raw, list(fits), self.read)
+        found = survey_file(self.source.raw, list(fits), self.read)
         settings = found.set_ones[0].settings if found.set_ones else self._settings(found)
         assert settings is not None
         stretches = self._recorded(found)

@@ -83,7 +83,7 @@ class Survey(NamedTuple):
     damaged: int
 
 
-def survey(raw: Path, offsets: Sequence[int], read: Callable[[int], None]) -> Survey:
+def survey_file(raw: Path, offsets: Sequence[int], read: Callable[[int], None]) -> Survey:
     """Go through a file once; `read` is told how many bytes were read.
 
     Raises

@@ -148,7 +148,7 @@ def write_at(
     axes.annotate(text, at, offset, textcoords="offset points", **style)
 
 
-def decades(axes: Axes, which: Literal["x", "y"], labels: str | None = None) -> None:
+def log_decades(axes: Axes, which: Literal["x", "y"], labels: str | None = None) -> None:
     """Make an axis logarithmic: labels at decades only, by default with prefixes, such as 10k."""
     axes.set(**{f"{which}scale": "log"})
     axis = axes.xaxis if which == "x" else axes.yaxis

@@ -26,7 +26,7 @@ _COLORS = 64
 
 
 @dataclass(frozen=True)
-class Clip:
+class ShortClip:
     """Successive pictures, and what they show."""
 
     name: str
@@ -82,10 +82,12 @@ def _section(sequence: Sequence) -> Section:
     )
 
 
-def clips_of(sequence: Sequence) -> Iterator[Clip]:
+def clips_of(sequence: Sequence) -> Iterator[ShortClip]:
     """Yield clips of the first frames of a sequence."""
     frames = range(min(len(sequence), _FRAMES))
-    yield Clip("light", "rendered radiance, exposed for its own light", _light(sequence, frames))
+    yield ShortClip(
+        "light", "rendered radiance, exposed for its own light", _light(sequence, frames)
+    )
     yield _counts(sequence, frames)
     yield _flow(sequence, frames)
     yield _depth(sequence, frames)
@@ -103,25 +105,25 @@ def _light(sequence: Sequence, frames: range) -> list[Image.Image]:
     return found
 
 
-def _counts(sequence: Sequence, frames: range) -> Clip:
+def _counts(sequence: Sequence, frames: range) -> ShortClip:
     counts = sequence.counts()[frames.start : frames.stop].astype(np.float64)
     white = max(float(np.percentile(counts, 99)), 1.0)
     scale = gray_scale(white)
     unit = sequence.counts().unit
     told = f"{sequence.exposures[0]}: black 0, white {number(white)} {unit}"
-    return Clip("counts", told, [scale.picture(each) for each in counts])
+    return ShortClip("counts", told, [scale.picture(each) for each in counts])
 
 
-def _flow(sequence: Sequence, frames: range) -> Clip:
+def _flow(sequence: Sequence, frames: range) -> ShortClip:
     flows = [sequence.flow(index) for index in frames if index + 1 < len(sequence)]
     speed = np.hypot(*np.moveaxis(np.stack(flows), -1, 0))
     known = speed[~np.isnan(speed)]
     fastest = max(float(np.percentile(known, 99)) if known.size else 0.0, 1e-3)
     told = f"hue is direction (red to the right), full color {number(fastest)} px a frame"
-    return Clip("flow", told, [Image.fromarray(flow_to_rgb(each, fastest)) for each in flows])
+    return ShortClip("flow", told, [Image.fromarray(flow_to_rgb(each, fastest)) for each in flows])
 
 
-def _depth(sequence: Sequence, frames: range) -> Clip:
+def _depth(sequence: Sequence, frames: range) -> ShortClip:
     depths = sequence.depth[frames.start : frames.stop].astype(np.float64)
     depths[np.isinf(depths)] = np.nan
     known = depths[~np.isnan(depths)]
@@ -129,4 +131,4 @@ def _depth(sequence: Sequence, frames: range) -> Clip:
     far = max(far, near * 1.01)
     scale = map_scale("viridis_r", near, far, logarithmic=True)
     told = f"yellow {number(near)} m to violet {number(far)} m, the sky gray"
-    return Clip("depth", told, [scale.picture(each) for each in depths])
+    return ShortClip("depth", told, [scale.picture(each) for each in depths])

@@ -102,7 +102,7 @@ def _ratio(errors: ResponseErrors | None) -> str:
 
 def verdict(record: FlowRecord) -> Kind:
     """Return what a record says of its method: one of the `MEANINGS`."""
-    error, ratio, literal = truth_error(record), record.error.ratio, record.error.literal
+    error, ratio, literal = median_truth_error(record), record.error.ratio, record.error.literal
     if record.truth and error is None:
         return "unknown"
     if ratio is None or literal is None:
@@ -113,7 +113,7 @@ def verdict(record: FlowRecord) -> Kind:
     return kinds[(ratio < ACCURATE) + (literal < ACCURATE)]
 
 
-def truth_error(record: FlowRecord) -> float | None:
+def median_truth_error(record: FlowRecord) -> float | None:
     """Return the median error of blocks relative to the true velocity; None where there is none."""
     return record.truth.counts.relative_error_median if record.truth else None
 
@@ -144,7 +144,7 @@ def split_table(records: Sequence[FlowRecord]) -> Markup:
     measured = [each for each in records if each.truth_splits]
     if not measured:
         return Markup("")
-    best, _ = _key(min(measured, key=lambda each: _or_infinite(truth_error(each))))
+    best, _ = _key(min(measured, key=lambda each: _or_infinite(median_truth_error(each))))
     splits = {
         each.method: dict(each.truth_splits)
         for each in measured

@@ -44,7 +44,7 @@ _SUMMARY = (
 
 
 @dataclass(frozen=True)
-class View:
+class GalleryView:
     """What one picture shows."""
 
     title: str
@@ -74,29 +74,29 @@ def _foggy(parts: Mapping[str, Any]) -> dict[str, Any]:
 
 
 VIEWS = (
-    View("A clearing at noon", _forest("clearing", _NOON, _AHEAD)),
-    View(
+    GalleryView("A clearing at noon", _forest("clearing", _NOON, _AHEAD)),
+    GalleryView(
         "An open forest where the sun went down",
         _forest("open", {"level": "twilight", "sky": "natural", "disc_azimuth_deg": 0}, _AHEAD),
     ),
-    View("The floor of a rain forest at noon", _forest("rainforest", _NOON, _FLOOR)),
-    View(
+    GalleryView("The floor of a rain forest at noon", _forest("rainforest", _NOON, _FLOOR)),
+    GalleryView(
         "The same by starlight",
         _forest("rainforest", {"level": "starlight", "sky": "natural"}, _FLOOR),
         exposure_s=0.1,
     ),
-    View("A trail through a mixed wood at noon", _forest("trail", _NOON, ALONG_THE_TRAIL)),
-    View(
+    GalleryView("A trail through a mixed wood at noon", _forest("trail", _NOON, ALONG_THE_TRAIL)),
+    GalleryView(
         "The same in fog, under a cloud", _foggy(_forest("trail", _CLOUDY, ALONG_THE_TRAIL)), work=4
     ),
-    View(
+    GalleryView(
         "Close to the ground",
         {
             **_forest("understorey", _NOON, _LOW),
             "camera": {**_CAMERA, "fov_deg": 45},
         },
     ),
-    View(
+    GalleryView(
         "All around, in a dense forest",
         {
             **_forest("dense", _NOON, {"frames": 2, "look_at_m": [10, 0, 1.5]}),
@@ -106,21 +106,21 @@ VIEWS = (
 )
 
 
-def of_photograph(panorama: Path, turn_deg: float = 0.0) -> tuple[View, View]:
+def of_photograph(panorama: Path, turn_deg: float = 0.0) -> tuple[GalleryView, GalleryView]:
     """A photograph, and a clearing in its light, seen by the same camera."""
     scene = {"kind": "panorama", "file": str(panorama), "turn_deg": turn_deg}
     light = {"level": "daylight", "panorama": str(panorama), "panorama_turn_deg": turn_deg}
     day = {"level": "daylight"}
     return (
-        View("A photographed forest", {"scene": scene, "light": day, "trajectory": _AHEAD}),
-        View("A clearing in its light", _forest("clearing", light, _AHEAD)),
+        GalleryView("A photographed forest", {"scene": scene, "light": day, "trajectory": _AHEAD}),
+        GalleryView("A clearing in its light", _forest("clearing", light, _AHEAD)),
     )
 
 
 def write_views(
     out: Path,
     panorama: Path | None = None,
-    views: Sequence[View] = VIEWS,
+    views: Sequence[GalleryView] = VIEWS,
     samples_per_pixel: int = SAMPLES,
 ) -> Path:
     """Render the views into a folder; return their page, views.html, beside views.jpg.
@@ -148,7 +148,7 @@ def write_views(
     return out / "views.html"
 
 
-def _settings(view: View, samples_per_pixel: int) -> Configuration:
+def _settings(view: GalleryView, samples_per_pixel: int) -> Configuration:
     values = {
         "camera": _CAMERA,
         "render": {"samples_per_pixel": samples_per_pixel, "integrator": "path"},
@@ -158,7 +158,7 @@ def _settings(view: View, samples_per_pixel: int) -> Configuration:
     return validated(Configuration, values, view.title)
 
 
-def _pictures(view: View, settings: Configuration) -> Iterator[Picture]:
+def _pictures(view: GalleryView, settings: Configuration) -> Iterator[Picture]:
     renderer = SceneRenderer(build(settings), settings.camera, settings.render)
     radiance = renderer.radiance(settings.trajectory.poses()[0], frame_seed(settings.seed, 0))
     bands = settings.render.bands_nm

@@ -109,7 +109,7 @@ def id_picture(identifiers: NDArray[np.integer]) -> Image.Image:
     return picture
 
 
-def stacked(images: Sequence[Image.Image]) -> Image.Image:
+def film_strip(images: Sequence[Image.Image]) -> Image.Image:
     """Return equally large images as one, above each other."""
     first = images[0]
     film = Image.new(first.mode, (first.width, first.height * len(images)))
@@ -122,7 +122,7 @@ def stacked(images: Sequence[Image.Image]) -> Image.Image:
 
 def film(images: Sequence[Image.Image] | None, title: str, alt: str, legend: str = "") -> Markup:
     """Return frames as a picture that follows the slider; None: the radiance of the page."""
-    source = f"url({data_uri(stacked(images))})" if images else "var(--radiance)"
+    source = f"url({data_uri(film_strip(images))})" if images else "var(--radiance)"
     picture = Markup(
         '<div class="film" role="img" aria-label="{}" style="background-image:{}"></div>'
     ).format(alt, source)

@@ -12,7 +12,7 @@ from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark.result import BenchmarkResult
 from megalopta.report.budget import ExposureSummary, exposed
 from megalopta.report.footage import ReportFrames, Selection, read_footage
-from megalopta.report.images import data_uri, rgb_picture, stacked
+from megalopta.report.images import data_uri, film_strip, rgb_picture
 from megalopta.report.records import Record, read_benchmark, read_records, read_scene_record
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.registry import STAGES
@@ -25,7 +25,7 @@ _RED_END_NM = 700.0
 
 
 @dataclass(frozen=True)
-class Film:
+class PageFilm:
     """The films of a page, which follow one slider."""
 
     frames: tuple[int, ...]
@@ -116,7 +116,7 @@ class Report:
         frames = self.selection.frames
         return next((frame for frame in frames if frame >= wanted), frames[-1])
 
-    def film(self) -> Film:
+    def film(self) -> PageFilm:
         """Return how films are shown."""
         trajectory, camera = self.settings.trajectory, self.settings.camera
         frames, step = self.selection.frames, self.selection.step
@@ -126,12 +126,12 @@ class Report:
         note = "The rendered light as a well-lit eye would see it."
         if min(self.settings.render.bands_nm)[0] >= _RED_END_NM:
             note = "The rendered light, the mean of its bands in gray: no eye sees it."
-        return Film(
+        return PageFilm(
             frames=frames,
             start=frames.index(self.frame),
             playback_hz=min(max(shown_hz, slowest), fastest),
             frame_rate_hz=trajectory.frame_rate_hz,
             aspect=f"{camera.width}/{camera.height}",
-            radiance=data_uri(stacked(previews)),
+            radiance=data_uri(film_strip(previews)),
             note=note,
         )

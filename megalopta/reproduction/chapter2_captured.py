@@ -37,7 +37,7 @@ from megalopta.reproduction.chapter2_edge import (
     transient_panels,
     transients,
 )
-from megalopta.reproduction.chapter2_estimate import Estimate, jackknifed
+from megalopta.reproduction.chapter2_estimate import WithError, jackknifed
 from megalopta.reproduction.chapter2_transfer import OverSpeeds
 from megalopta.sensor import Sensor
 
@@ -114,12 +114,12 @@ class RecordedBench(NamedTuple):
         """Return means over the passages of what is a number of each, by name."""
         table = {}
         for name, of_passages in what.items():
-            found = {each: Estimate.of(of_passages(self.counts[each])) for each in self.counts}
+            found = {each: WithError.of(of_passages(self.counts[each])) for each in self.counts}
             table[name] = _compared(found[CAPTURED], found[SIMULATED], unit)
         return table
 
 
-def _compared(captured: Estimate, simulated: Estimate, unit: str) -> tuple[str, str]:
+def _compared(captured: WithError, simulated: WithError, unit: str) -> tuple[str, str]:
     """Return a number captured, and by how much it differs."""
     return f"{captured} {unit}", (captured - simulated).as_difference()
 
@@ -229,13 +229,13 @@ def _transfer(number: str, measured: OverSpeeds) -> Figure:
     """Figure 2.18 or 2.19."""
     method, found, speeds = measured.method, measured.found, measured.speeds_mm_s
     means = {
-        label: [Estimate.of(each.noisy.mean(axis=(1, 2))) for each in own]
+        label: [WithError.of(each.noisy.mean(axis=(1, 2))) for each in own]
         for label, own in found.items()
     }
     apart = [a - b for a, b in zip(means[CAPTURED], means[SIMULATED], strict=True)]
     moving = [place for place, speed in enumerate(speeds) if speed > 0]
     ratios = {label: _ratio(own, moving) for label, own in found.items()}
-    mean = {label: Estimate.mean([own[k] for k in moving]) for label, own in means.items()}
+    mean = {label: WithError.mean([own[k] for k in moving]) for label, own in means.items()}
     farthest = f"{max(abs(each.errors_off) for each in apart):.1f} errors"
     return Figure(
         name=f"fig-{number}",
@@ -260,7 +260,7 @@ _TRANSFER = (
 )
 
 
-def _differences(apart: Sequence[Estimate]) -> dict[str, Floats]:
+def _differences(apart: Sequence[WithError]) -> dict[str, Floats]:
     values, errors = np.array(apart).T
     return {"difference": values, "difference_error": errors}
 
@@ -268,8 +268,8 @@ def _differences(apart: Sequence[Estimate]) -> dict[str, Floats]:
 def _draw_transfer(
     canvas: Canvas,
     measured: OverSpeeds,
-    ratios: Mapping[str, Estimate],
-    apart: Sequence[Estimate],
+    ratios: Mapping[str, WithError],
+    apart: Sequence[WithError],
 ) -> None:
     above, below = canvas.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     measured.draw(above, {label: each.value for label, each in ratios.items()})
@@ -280,9 +280,9 @@ def _draw_transfer(
     below.set(xlabel="Image velocity (pixels/frame)", ylabel="Difference")
 
 
-def _ratio(own: Sequence[Peaks], places: Sequence[int]) -> Estimate:
+def _ratio(own: Sequence[Peaks], places: Sequence[int]) -> WithError:
     """Return the mean signal-to-noise ratio of some speeds, dB."""
-    return Estimate.mean([jackknifed(_snr_db, own[each].noisy) for each in places])
+    return WithError.mean([jackknifed(_snr_db, own[each].noisy) for each in places])
 
 
 def _snr_db(noisy: Floats) -> float:

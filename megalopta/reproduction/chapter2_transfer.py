@@ -46,7 +46,7 @@ _MEANS = {"NDM": ndm_mean, "NDS": nds_mean}
 _NOISELESS = "edge without noise"
 
 
-def measured(method: str) -> dict[str, list[Peaks]]:
+def measured_peaks(method: str) -> dict[str, list[Peaks]]:
     """Return peak responses at every speed, for each noise model."""
     return {
         name: [peaks(speed, sensor)[method] for speed in SPEEDS_MM_S]
@@ -121,7 +121,7 @@ class OverSpeeds(NamedTuple):
 
 
 def _figure(number: str, method: str) -> Figure:
-    found = measured(method)
+    found = measured_peaks(method)
     over = OverSpeeds(method, SPEEDS_MM_S, found)
     return Figure(
         title=f"Figure {number}: peak response of {method} to an edge over its velocity",
@@ -164,7 +164,7 @@ def _printed(
 ) -> dict[str, tuple[str, str]]:
     """Return SNR, NDM behind NDS (a product doubles relative noise: 6 dB), and linearity."""
     rows_db = np.mean([each.row_snr_db for each in found["SPADCAM"][1:]], axis=0)
-    sums, products = measured("NDS"), measured("NDM")
+    sums, products = measured_peaks("NDS"), measured_peaks("NDM")
     behind = [mean_snr_db(sums[label]) - mean_snr_db(products[label]) for label in sums]
     return {
         **{

@@ -124,7 +124,7 @@ QUANTITIES: Mapping[str, tuple[Quantity, ...]] = {
 }
 
 
-def compared(name: str, sweep: Sweep, results: Results) -> dict[str, tuple[str, str]]:
+def beside_printed(name: str, sweep: Sweep, results: Results) -> dict[str, tuple[str, str]]:
     """Return numbers of a figure beside the printed ones, as far as they were measured."""
     found = {each: span(each.values(sweep, results)) for each in QUANTITIES.get(name, ())}
     return {each.name: (text, each.printed) for each, text in found.items() if text != UNDEFINED}
@@ -153,7 +153,7 @@ def _trials(name: str, is_quick: bool) -> list[Trial]:
 
 def _figure(name: str, run: Run) -> Figure:
     sweep = in_form(SWEEPS[name], run.is_quick)
-    return sweep_figure(name, sweep, run.results, compared(name, sweep, run.results))
+    return sweep_figure(name, sweep, run.results, beside_printed(name, sweep, run.results))
 
 
 RECIPES = [FigureRecipe(name, partial(_figure, name), partial(_trials, name)) for name in SWEEPS]

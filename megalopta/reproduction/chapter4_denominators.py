@@ -19,7 +19,7 @@ from megalopta.flow.metrics.response_error import METRICS, Metric
 from megalopta.flow.stimuli.moving_template import MovingTemplate
 from megalopta.flow.stimuli.photons import draw_counts
 from megalopta.plotting.picture import Cell, Figure
-from megalopta.plotting.style import BLACK, BLUE, ORANGE, decades, draw_key
+from megalopta.plotting.style import BLACK, BLUE, ORANGE, draw_key, log_decades
 from megalopta.reproduction.chapter4_curves import span
 from megalopta.reproduction.chapter4_table import PRINTED, SIZE
 from megalopta.reproduction.figure_recipe import FigureRecipe, Run, Templates
@@ -130,7 +130,7 @@ def _draw_floors(axes: Axes, curves: Mapping[str, Floats]) -> None:
     for kind, errors in curves.items():
         axes.plot(FLOORS, errors, color=_COLORS[kind], label=kind)
     axes.set_xscale("log")
-    decades(axes, "y", "{x:g}")
+    log_decades(axes, "y", "{x:g}")
     axes.set(xlabel="Floor (mean responses)", ylabel="Error of EMD, Eq. 4.5")
     axes.legend()
 
@@ -144,7 +144,7 @@ def _draw_fluxes(axes: Axes, fluxes: Mapping[tuple[str, Metric, str], float]) ->
     draw_key(axes, (("o", BLACK, "mean of quotients"), ("o", "none", "quotient of means")))
     axes.legend(loc="upper left")
     axes.set_xticks(range(len(names)), names)
-    decades(axes, "y")
+    log_decades(axes, "y")
     axes.set_ylim(top=100 * np.nanmax(list(fluxes.values())))
     axes.set_ylabel("$N_{2b}$ (photons per frame)")
 

@@ -28,7 +28,7 @@ from megalopta.flow.detectors.blocks import block_grid
 from megalopta.flow.metrics.translation_bound import fisher_information
 from megalopta.flow.stimuli.moving_template import MovingTemplate
 from megalopta.plotting.picture import Figure
-from megalopta.plotting.style import BLACK, decades, draw_key, method_style
+from megalopta.plotting.style import BLACK, draw_key, log_decades, method_style
 from megalopta.reproduction.chapter4_curves import span
 from megalopta.reproduction.chapter4_table import PRINTED, SIZE
 from megalopta.reproduction.figure_recipe import FigureRecipe, Run, Templates
@@ -50,7 +50,7 @@ _KEY = (
 )
 
 
-class Seen(NamedTuple):
+class Need(NamedTuple):
     """What one method needs of one picture."""
 
     method: str
@@ -77,7 +77,7 @@ def information_per_photon(template: Floats, dark_share: float = 0.0) -> float:
         return float(1 / np.mean(1 / np.array(along_x))) / grid.block_px**2
 
 
-def implied_information(seen: Sequence[Seen], printed: float) -> float:
+def implied_information(seen: Sequence[Need], printed: float) -> float:
     """Return the information of the picture of which a method would need the printed photons.
 
     Thresholds are inverse to it, at the (geometric) mean of the pictures given.
@@ -91,7 +91,7 @@ def _trials(is_quick: bool) -> list[Trial]:
     return [point.trial for sweep in sweeps for point in sweep.points if point.size == SIZE]
 
 
-def needed_of(method: str, trials: Sequence[Trial], results: Results, templates: Templates) -> Seen:
+def needed_of(method: str, trials: Sequence[Trial], results: Results, templates: Templates) -> Need:
     """Return what a method needs of the picture that these trials share."""
     template = trials[0].template
     assert isinstance(template, PanoramaTemplate)
@@ -101,10 +101,10 @@ def needed_of(method: str, trials: Sequence[Trial], results: Results, templates:
     if photons > 0:
         dark_counts = trials[0].search.dark_counts * ROWS**2
         information = information_per_photon(templates[template], dark_counts / photons)
-    return Seen(method, template.name, template.coding, information, photons)
+    return Need(method, template.name, template.coding, information, photons)
 
 
-def explained(seen: Sequence[Seen], stars: Mapping[str, float]) -> dict[str, tuple[str, str]]:
+def explained(seen: Sequence[Need], stars: Mapping[str, float]) -> dict[str, tuple[str, str]]:
     """Return how photons vary with pictures, and what pictures the printed thresholds ask for."""
     gray = {method: _of(seen, method, "srgb") for method in PRINTED}
     ranges = [_quotient([each.photons for each in own]) for own in gray.values()]
@@ -127,7 +127,7 @@ def explained(seen: Sequence[Seen], stars: Mapping[str, float]) -> dict[str, tup
     return {what: (text, "—") for what, text in found.items()}
 
 
-def _of(seen: Sequence[Seen], method: str, coding: str) -> list[Seen]:
+def _of(seen: Sequence[Need], method: str, coding: str) -> list[Need]:
     return [each for each in seen if (each.method, each.coding) == (method, coding)]
 
 
@@ -149,7 +149,7 @@ def _figure(run: Run) -> Figure:
         for method, (_, printed) in PRINTED.items()
     }
     printed = [
-        Seen(method, "dissertation", "", stars[method], natural)
+        Need(method, "dissertation", "", stars[method], natural)
         for method, (_, natural) in PRINTED.items()
     ]
     columns = ("method", "picture", "coding", "information_per_photon", "photons_per_frame")
@@ -163,7 +163,7 @@ def _figure(run: Run) -> Figure:
     )
 
 
-def _draw(canvas: Canvas, seen: Sequence[Seen], stars: Mapping[str, float]) -> None:
+def _draw(canvas: Canvas, seen: Sequence[Need], stars: Mapping[str, float]) -> None:
     axes = canvas.subplots()
     right = max(each.information for each in seen)
     for method, (_, printed) in PRINTED.items():
@@ -175,8 +175,8 @@ def _draw(canvas: Canvas, seen: Sequence[Seen], stars: Mapping[str, float]) -> N
         axes.plot(ends, printed * ends[0] / ends, color=style["color"], linewidth=1)
         axes.plot(ends[0], printed, "*", color=style["color"], markersize=14)
     draw_key(axes, _KEY)
-    decades(axes, "x", "{x:g}")
-    decades(axes, "y")
+    log_decades(axes, "x", "{x:g}")
+    log_decades(axes, "y")
     axes.set_xlabel("Information on motion (px$^{-2}$ per photon)")
     axes.set_ylabel("Least $N_{2b}$ (photons per frame)")
     canvas.legend(loc="outside right center")

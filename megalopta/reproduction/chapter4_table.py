@@ -69,22 +69,24 @@ _SOURCES: Mapping[str, tuple[Sweep, ...]] = {
 }
 
 
-class Best(NamedTuple):
+class Least(NamedTuple):
     """The least N_2b of some sweeps, and where it was found."""
 
     threshold: MeanThreshold
     where: str
 
 
-def best(results: Results, kind: str, method: str, metric: Metric, is_quick: bool = False) -> Best:
+def least(
+    results: Results, kind: str, method: str, metric: Metric, is_quick: bool = False
+) -> Least:
     """Return the fewest photons that a method needs in any experiment of a kind."""
-    found = [Best(MeanThreshold(math.inf, None, None, ""), "")]
+    found = [Least(MeanThreshold(math.inf, None, None, ""), "")]
     for source in _SOURCES[kind]:
         sweep = in_form(source, is_quick)
         parameter = {"template.cycles_per_frame": "f", "velocity_px": "v"}[sweep.vary]
         blur = ", blurred" if sweep.trial.blurred else ""
         for value, threshold in sweep_curve(sweep, results, SIZE, method, metric):
-            found.append(Best(threshold, f"{parameter} = {value}{blur}"))
+            found.append(Least(threshold, f"{parameter} = {value}{blur}"))
     return min(
         (each for each in found if each.threshold.flux > 0), key=lambda each: each.threshold.flux
     )
@@ -128,7 +130,7 @@ def _draw(canvas: Canvas, rows: Sequence[dict[str, Cell]]) -> None:
 
 
 def _row(run: Run, kind: str, method: str, metric: Metric) -> dict[str, Cell]:
-    threshold, where = best(run.results, kind, method, metric, run.is_quick)
+    threshold, where = least(run.results, kind, method, metric, run.is_quick)
     thesis = PRINTED[method][kind != "synthetic"]
     return {
         "method": method,

@@ -43,7 +43,7 @@ _COLUMNS = "spad_events", "ctia_electrons"
 
 
 @dataclass(frozen=True)
-class Seen:
+class SeenFloor:
     """What a device gets of the floor in one exposure."""
 
     events: Floats
@@ -70,7 +70,7 @@ def contrast(first: Reals, second: Reals) -> tuple[Floats, Floats]:
     return found, error / (2 * found)
 
 
-def seen_by(passes: tuple[Reals, Reals], sensor: ImageSensor) -> Seen:
+def seen_by(passes: tuple[Reals, Reals], sensor: ImageSensor) -> SeenFloor:
     """What a device gets of the floor, `passes` of (H, W, B) in `FLOOR_BANDS_NM`."""
     curve = sensor.efficiency
     inside = [
@@ -93,7 +93,7 @@ def seen_by(passes: tuple[Reals, Reals], sensor: ImageSensor) -> Seen:
     information = float(np.mean(rises[0] * rises[1] / (2 * variance[..., 1:])))
     least = 1 / np.sqrt(information * BLOCK_PX**2) if information > 0 else np.inf
     noise = float(np.sqrt(variance.mean()))
-    return Seen(events, float(dark.mean_events.mean()), noise, float(least))
+    return SeenFloor(events, float(dark.mean_events.mean()), noise, float(least))
 
 
 def _figure(run: Run) -> Figure:

@@ -17,7 +17,7 @@ from megalopta.benchmark.trial import ROWS, GratingTemplate, Trial
 from megalopta.flow.metrics.photon_threshold import Threshold, format_flux
 from megalopta.flow.metrics.response_error import Metric
 from megalopta.plotting.picture import Cell, Figure, columns_of
-from megalopta.plotting.style import decades, draw_interval, method_style
+from megalopta.plotting.style import draw_interval, log_decades, method_style
 
 _LABELS = {
     "template.cycles_per_frame": "Cycles per frame",
@@ -209,7 +209,7 @@ def _draw_panel(axes: Axes, sweep: Sweep, results: Results, size: int) -> None:
 
 
 def _scale_photons(axes: Axes) -> None:
-    decades(axes, "y")
+    log_decades(axes, "y")
     axes.yaxis.set_major_locator(LogLocator(numticks=8))
     bottom, top = axes.get_ylim()
     if top < 30 * bottom:  # a label per decade alone would not tell a number

@@ -235,6 +235,9 @@ def test_interrupting_leaves_whole_files_and_commands_meet(command, until, tmp_p
 def test_a_port_that_is_missing_is_told(tmp_path):
     with pytest.raises(UserError, match="no such port; plug the camera in"):
         open_port(str(tmp_path / "nothing"))
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UserError, match="no serial port"):
+        open_port(str(tmp_path / "file"))
     with pytest.raises(UserError, match="no such port"):
         capture(lambda: str(tmp_path / "x"), tmp_path / "a", wanted(1), threading.Event())
     assert not (tmp_path / "a").exists()
@@ -252,12 +255,6 @@ def test_a_port_that_comes_later_is_waited_for(emulated, tmp_path, capsys):
         record = capture(find, tmp_path / "a", wanted(1), threading.Event(), wait_s=60)
     assert record.frames == 1 and len(looked) == 4
     assert capsys.readouterr().err.count("capture: waiting up to 60 s") == 1
-
-
-def test_what_is_no_serial_port_is_told(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(UserError, match="no serial port"):
-        open_port(str(tmp_path / "file"))
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from megalopta.config.yaml_model import to_yaml
 from megalopta.core.errors import UserError
 from megalopta.sensor import expose_rate, load_sensor
 from megalopta.sensor.compare import CountedFrames
-from megalopta.sensor.formats import write_binary_npy, write_spad512, write_tiff
+from megalopta.sensor.formats import write_binary_npy, write_tiff
 from megalopta.stages.pipeline import run_stage
 
 pytestmark = pytest.mark.slow
@@ -65,26 +65,6 @@ def test_a_rendered_scene_is_compared_frame_by_frame(forest, tmp_path, brighter,
 FEW = "{kind: digital, capacity: 1}"
 
 
-def spc3(counts):
-    """The bytes of a recording of MPD's camera: counts (T, 32, columns) of 16 bits."""
-    header = np.zeros(1024, np.uint8)
-    size = counts[0].size
-    for place, dtype, value in (
-        (100, "u1", 32),
-        (101, "u1", size // 32),
-        (102, "u1", 16),
-        (103, "u1", 1),
-        (104, "<u2", 1000),
-        (106, "<u2", 1000),
-        (114, "<u4", len(counts)),
-        (126, "<u2", size),
-    ):
-        encoded = np.array([value], dtype).view(np.uint8)
-        header[place : place + encoded.size] = encoded
-    lines = np.swapaxes(counts, 1, 2).astype("<u2")
-    return bytes.fromhex("4d5044ff03000001") + header.tobytes() + lines.tobytes()
-
-
 def counts_file(folder, sensor, light_hz):
     path = folder / f"counts{light_hz:g}.npy"
     np.save(path, drawn(sensor, light_hz, (120, 16, 16)).astype(np.uint32))
@@ -94,24 +74,6 @@ def counts_file(folder, sensor, light_hz):
 def bits_file(folder, sensor, light_hz):
     path = folder / f"bits{light_hz:g}.npy"
     write_binary_npy(path, np.packbits(drawn(sensor, light_hz, (120, 16, 16)) > 0, axis=-1))
-    return path
-
-
-def tiff_file(folder, sensor, light_hz):
-    path = folder / f"stack{light_hz:g}.tif"
-    write_tiff(path, drawn(sensor, light_hz, (120, 16, 16)).astype(np.uint16))
-    return path
-
-
-def spc3_file(folder, sensor, light_hz):
-    path = folder / f"frames{light_hz:g}.spc3"
-    path.write_bytes(spc3(drawn(sensor, light_hz, (120, 32, 64))))
-    return path
-
-
-def spad512_folder(folder, sensor, light_hz):
-    path = folder / f"spad512-{light_hz:g}"
-    write_spad512(path, np.packbits(drawn(sensor, light_hz, (60, 512, 512)) > 0, axis=-1))
     return path
 
 
@@ -131,10 +93,7 @@ def drawn(sensor, light_hz, shape):
     ("write", "kind", "counter"),
     [
         (counts_file, None, None),
-        (tiff_file, None, None),
-        (spc3_file, None, None),
         (bits_file, None, FEW),
-        (spad512_folder, None, FEW),
         (swissspad2_file, "swissspad2", FEW),
     ],
 )

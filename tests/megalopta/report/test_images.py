@@ -10,11 +10,11 @@ from megalopta.report.images import (
     GRAY,
     ORANGE,
     data_uri,
+    film_strip,
     gray_scale,
     id_picture,
     map_scale,
     rgb_picture,
-    stacked,
 )
 
 
@@ -67,7 +67,7 @@ def test_a_film_holds_its_frames_above_each_other(kind):
         images = [rgb_picture(rng.integers(0, 256, (4, 6, 3), np.uint8)) for _ in range(3)]
     else:
         images = [gray_scale(1.0).picture(rng.random((4, 6))) for _ in range(3)]
-    film = decoded(data_uri(stacked(images)))
+    film = decoded(data_uri(film_strip(images)))
     for index, image in enumerate(images):
         np.testing.assert_array_equal(film[4 * index : 4 * index + 4], image.convert("RGB"))
 

@@ -21,15 +21,15 @@ from megalopta.flow.metrics.curve import ErrorCurve
 from megalopta.flow.metrics.photon_threshold import Threshold
 from megalopta.plotting.style import house_style, new_canvas
 from megalopta.reproduction import drawing as module
-from megalopta.reproduction.chapter4_curves import MOTION, compared
+from megalopta.reproduction.chapter4_curves import MOTION, beside_printed
 from megalopta.reproduction.chapter4_denominators import FLOORS, floored_errors
 from megalopta.reproduction.chapter4_information import (
-    Seen,
+    Need,
     implied_information,
     information_per_photon,
     needed_of,
 )
-from megalopta.reproduction.chapter4_table import PRINTED, best, write_page
+from megalopta.reproduction.chapter4_table import PRINTED, least, write_page
 from megalopta.reproduction.drawing import reproduce
 from megalopta.reproduction.figure_recipe import Run, find, names
 from megalopta.reproduction.sweep_figure import mean_threshold, sweep_curve, sweep_figure
@@ -96,9 +96,9 @@ def test_fixed_parameters_are_those_of_the_text(name):
 def test_table_takes_the_least_of_all_experiments_and_the_mean_of_the_forests():
     (recipe,) = find("table-4.1")
     found = results(recipe.trials(False))
-    synthetic = best(found, "synthetic", "BM", "literal")
+    synthetic = least(found, "synthetic", "BM", "literal")
     assert (synthetic.threshold.flux, synthetic.where) == (pytest.approx(1e5), "f = 7")
-    natural = best(found, "natural", "EMD", "ratio")
+    natural = least(found, "natural", "EMD", "ratio")
     assert natural.threshold[:3] == pytest.approx((0.5 * 2.5e6, 0.5e6, 2e6))
     assert natural.where == "v = 8"
 
@@ -209,7 +209,7 @@ def power_law(sweep, power, of=MOTION):
 )
 def test_numbers_below_a_figure_are_those_of_its_curves(name, quantity, power, value):
     sweep = SWEEPS[name]
-    ours, _ = compared(name, sweep, power_law(sweep, power))[quantity]
+    ours, _ = beside_printed(name, sweep, power_law(sweep, power))[quantity]
     assert ours == value
 
 
@@ -221,7 +221,7 @@ def test_a_run_without_thresholds_gives_no_numbers(name):
         trial: tuple(replace(curve, thresholds={2: above}) for curve in curves(lambda _: 1e5))
         for trial in sweep.trials
     }
-    assert all(ours == "–" for ours, _ in compared(name, sweep, found).values())
+    assert all(ours == "–" for ours, _ in beside_printed(name, sweep, found).values())
 
 
 @pytest.mark.parametrize(("top", "labels"), [(1.05, True), (8, True), (1000, False)])
@@ -365,7 +365,7 @@ def test_information_of_a_grating_meets_the_closed_form():
 
 
 def test_printed_threshold_implies_the_information_at_which_ours_would_be_it():
-    seen = [Seen("BM", "", "srgb", 0.1, 200.0), Seen("BM", "", "srgb", 0.2, 100.0)]
+    seen = [Need("BM", "", "srgb", 0.1, 200.0), Need("BM", "", "srgb", 0.2, 100.0)]
     assert implied_information(seen, printed=40) == pytest.approx(0.5)
 
 
