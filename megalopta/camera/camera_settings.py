@@ -1,4 +1,4 @@
-"""How a camera is set, and the sensor that it then is: by name, with its settings and its ADC."""
+"""Settings of a camera, and the sensor that it then is: by name, with its settings and its ADC."""
 
 import math
 from dataclasses import dataclass
@@ -70,7 +70,7 @@ def sensor_as_identified(sensor: Sensor, identity: Identity) -> Sensor:
 
 @dataclass(frozen=True)
 class CaptureSettings:
-    """What to record.
+    """Settings of a recording.
 
     Attributes
     ----------

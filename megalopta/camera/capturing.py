@@ -52,7 +52,7 @@ what is no camera does not fill the disk for longer."""
 
 
 class State(NamedTuple):
-    """How a capture stands, for whoever looks on."""
+    """State of a capture, for whoever looks on."""
 
     record: RecordingSettings
     frames: int
@@ -120,7 +120,7 @@ def _switching_fast() -> Iterator[None]:
 
 
 def _kept(problem: OSError | UserError, out: Path, frames: int) -> OSError | UserError:
-    """What went wrong, and what there is of the recording."""
+    """Return an error that also names the frames that are kept."""
     if not frames:
         return problem
     told = str(problem) if isinstance(problem, UserError) else _reason(problem)

@@ -87,7 +87,7 @@ def _interval_end(path: Path) -> NDArray[np.float64]:
 
 
 def _nominal(device: Sensor, beam: Beam) -> float:
-    """Of the photons on a pixel, those detected; 0 where the light's wavelength is not known."""
+    """Return the detected share of photons on a pixel; 0 for light of unknown wavelength."""
     if beam.wavelength_nm is None:
         return 0.0
     return float(device.photon_detection_efficiency(np.array(beam.wavelength_nm)))

@@ -41,7 +41,7 @@ class Cycle(NamedTuple):
 
 
 class Aligned(NamedTuple):
-    """Where captured frames are in a cycle."""
+    """Places of captured frames in a cycle."""
 
     frame: NDArray[np.int64]
     """(n,) frame of the cycle that each one saw as it began."""
@@ -111,7 +111,7 @@ def _places(frames: CountedFrames, cycle: Cycle) -> NDArray[np.int64]:
 
 @dataclass(frozen=True, eq=False)
 class SceneComparison:
-    """How a captured scene differs from a simulated one, frame by frame of the same sight."""
+    """Differences of a captured scene from a simulated one, frame by frame of the same sight."""
 
     captured: CountedFrames
     simulated: CountedFrames

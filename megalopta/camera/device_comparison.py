@@ -21,7 +21,7 @@ from megalopta.sensor.compare import MARGIN, compare_recordings
 
 @dataclass(frozen=True)
 class CompareSettings:
-    """What recordings are compared with.
+    """Settings of a comparison.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What was estimated of a device as a YAML file and maps, which `sensors: [DEVICE.yaml]` loads."""
+"""Estimates of a device as a YAML file and maps, which `sensors: [DEVICE.yaml]` loads."""
 
 from pathlib import Path
 from typing import Any

@@ -93,7 +93,7 @@ def _parts(raw: Path) -> tuple[Path, Path | None]:
 
 
 def _source(raw: Path, folder: Path | None) -> RawSource:
-    """What is on the disk of a recording, damaged or not."""
+    """Return the parts of a recording on the disk, damaged or not."""
     before, sensor = None, None
     if folder is not None:
         with suppress(ValueError, OSError):

@@ -39,7 +39,7 @@ _NOMINAL = "spadcam"
 
 @dataclass(frozen=True)
 class Told:
-    """What the user says of a recording; None: what the files say.
+    """Statements of the user about a recording; None: those of the files hold.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class Replay:
         return recorder.record
 
     def _recorded(self, found: Survey) -> Sequence[Stretch]:
-        """Where a capture takes frames; of one that was stopped, no more than it noted."""
+        """Return where a capture takes frames; of one that was stopped, no more than it noted."""
         before, stretches = self.source.before, found.set_ones or found.stretches
         if before is None or not before.finished:
             return stretches
@@ -113,7 +113,7 @@ class Replay:
         return {each.raw_offset: _fit(each) for each in before.connections} if before else {}
 
     def _settings(self, found: Survey) -> Settings:
-        """Of a camera that does not say them."""
+        """Return the settings of a camera that does not report them."""
         told, before, raw = self.told, self.source.before, self.source.raw
         if not (frames := sum(each.frames for each in found.stretches)):
             size = raw.stat().st_size
@@ -159,7 +159,7 @@ class Replay:
         return sensor_as_set(nominal, settings)
 
     def _identity(self, sensor: Sensor) -> Identity:
-        """Of a camera that does not say who it is."""
+        """Return the identity of a camera that does not report it."""
         before, counter = self.source.before, sensor.counter
         assert isinstance(counter, AnalogCounter)
         supply_mv, bits = round(counter.supply_v * 1e3), counter.adc_bits or 0

@@ -1,4 +1,4 @@
-"""What an emulated camera looks at: detection rates of its 16 × 16 pixels, Hz, at any times.
+"""Stimuli of an emulated camera: detection rates of its 16 × 16 pixels, Hz, at any times.
 
 Plate and datasets load scenes and the renderer when they are first asked; even light does without.
 """

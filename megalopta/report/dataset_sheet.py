@@ -15,7 +15,7 @@ from megalopta.core.progress import progress
 from megalopta.dataset.opened import open_dataset
 from megalopta.dataset.sequence import Sequence
 from megalopta.flow.files.color_wheel import flow_to_rgb
-from megalopta.plotting.sections import Section, captioned, image, write_sections
+from megalopta.plotting.sections import Section, block, captioned, image, write_sections
 from megalopta.plotting.text import level_name, number
 from megalopta.report.images import gray_scale, map_scale
 
@@ -68,7 +68,7 @@ def _section(sequence: Sequence) -> Section:
     settings, camera = sequence.configuration, sequence.configuration.camera
     clips = (
         captioned(
-            image(clip.gif, f"{clip.name} of sequence {sequence.name}"),
+            block("pixels", image(clip.gif, f"{clip.name} of sequence {sequence.name}")),
             Markup("<b>{}</b>, {}").format(clip.name, clip.scale),
         )
         for clip in clips_of(sequence)

@@ -45,7 +45,7 @@ _SUMMARY = (
 
 @dataclass(frozen=True)
 class GalleryView:
-    """What one picture shows."""
+    """Content of one picture."""
 
     title: str
     parts: Mapping[str, Any]

@@ -1,4 +1,4 @@
-"""What the report reads: every finished stage, once, when it is first asked for."""
+"""Data of the report: every finished stage, read once, when it is first asked for."""
 
 from dataclasses import dataclass
 from functools import cached_property

@@ -27,7 +27,7 @@ class WithError(NamedTuple):
 
     @property
     def errors_off(self) -> float:
-        """How many standard errors it is from 0."""
+        """Distance from 0 in standard errors."""
         return self.value / self.error
 
     def __sub__(self, other: "WithError") -> "WithError":

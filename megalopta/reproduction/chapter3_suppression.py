@@ -183,7 +183,7 @@ def _draw_table(canvas: Canvas, numbers: Mapping[str, Sequence[Cell]]) -> None:
 
 
 def bias_error(diode: Photodiode, rise_db: float) -> float:
-    """How much lower the true bias must be than the one read for a given rise of the SNR, V.
+    """Return by how much the true bias must be below the one read for a given rise of the SNR, V.
 
     The rise is that of the photocurrent over the dark current from 20 mV to 1 mV as read.
     """

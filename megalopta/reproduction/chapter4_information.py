@@ -51,7 +51,7 @@ _KEY = (
 
 
 class Need(NamedTuple):
-    """What one method needs of one picture."""
+    """Photons that one method needs of one picture."""
 
     method: str
     picture: str

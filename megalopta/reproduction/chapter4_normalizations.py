@@ -1,4 +1,4 @@
-"""What two conventions of the benchmark do to N_2b on natural scenes.
+"""Effect of two conventions of the benchmark on N_2b of natural scenes.
 
 Frames are brought to a flux one by one, as in the dissertation, or by their mean, as a camera sees
 them; responses are compared with those to the mean counts, or to the light without dark counts.

@@ -28,6 +28,17 @@ POOLED, CYCLES = 60, 4.0
 """Of Fig. 4.2."""
 _VARIANTS: tuple[GratingVariant, ...] = ("rot", "periodic")
 _LEAVES_COLUMNS = 753
+_CAPTION = (
+    "Four seeded forests in four lights stand in for the photographs of the dissertation, with "
+    "their fields of view, in cylindrical projection, where turning the camera shifts columns. "
+    "They are shown as sRGB, while templates are linear in light."
+)
+_STATISTICS = {
+    "contrast": "Contrast (σ/mean)",
+    "spectrum_slope": "Exponent of the power over frequency",
+    "gradient_kurtosis": "Kurtosis of the gradient (3: normal)",
+    "flat_share": "Neighbors that differ by less than 1 %",
+}
 
 
 def _figure_4_2(_: Run) -> Figure:
@@ -72,7 +83,9 @@ def _figure_4_3(run: Run) -> Figure:
 
     return Figure(
         title="Figure 4.3: rendered forests in place of photographs",
-        caption=_caption(statistics),
+        caption=_CAPTION,
+        printed=_compared(statistics),
+        printed_by=("Forests", "Dead leaves"),
         draw=partial(_draw_4_3, forests=forests, templates=templates),
         numbers=columns_of({"template": name, **asdict(each)} for name, each in statistics.items()),
         height_in=11.5,
@@ -97,24 +110,15 @@ def _draw_4_3(
     _draw_gradients(gradients, templates)
 
 
-def _caption(statistics: Mapping[str, ImageStatistics]) -> str:
-    forests = [each for name, each in statistics.items() if name != "dead leaves"]
+def _compared(statistics: Mapping[str, ImageStatistics]) -> dict[str, tuple[str, str]]:
+    """Return the least and the most of the forests, and the dead leaves, of each statistic."""
     leaves = statistics["dead leaves"]
-
-    def span(name: str) -> str:
-        values = sorted(getattr(each, name) for each in forests)
-        text = f"{values[0]:.2g} to {values[-1]:.2g} (dead leaves {getattr(leaves, name):.2g})"
-        return text.replace("-", "−")
-
-    return (
-        "Four seeded forests in four lights stand in for the photographs of the dissertation, with "
-        "their fields of view, in cylindrical projection, where turning the camera shifts columns. "
-        "They are shown as sRGB, while templates are linear in light. "
-        f"The contrast (σ/mean) is {span('contrast')}, the power goes as frequency to the exponent "
-        f"{span('spectrum_slope')}, the kurtosis of the gradient (3 where normal) is "
-        f"{span('gradient_kurtosis')}, and the share of neighbors that differ by less than 1 % of "
-        f"the mean is {span('flat_share')}."
-    )
+    table = {}
+    for name, what in _STATISTICS.items():
+        values = sorted(getattr(statistics[each], name) for each in NATURAL_PANORAMAS)
+        spread = f"{values[0]:.2g} to {values[-1]:.2g}", f"{getattr(leaves, name):.2g}"
+        table[what] = spread[0].replace("-", "−"), spread[1].replace("-", "−")
+    return table
 
 
 def _draw_spectra(axes: Axes, templates: Mapping[str, Floats]) -> None:

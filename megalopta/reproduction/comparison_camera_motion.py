@@ -1,4 +1,4 @@
-"""How well the camera's own motion is estimated in forests, over the photons per pixel."""
+"""Errors of the camera's own motion in forests, over the photons per pixel."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial

@@ -44,7 +44,7 @@ _COLUMNS = "spad_events", "ctia_electrons"
 
 @dataclass(frozen=True)
 class SeenFloor:
-    """What a device gets of the floor in one exposure."""
+    """Signal and noise of a device that sees the floor for one exposure."""
 
     events: Floats
     """(B,): of light, mean over the pixels; 0 where the device is blind."""
@@ -71,7 +71,7 @@ def contrast(first: Reals, second: Reals) -> tuple[Floats, Floats]:
 
 
 def seen_by(passes: tuple[Reals, Reals], sensor: ImageSensor) -> SeenFloor:
-    """What a device gets of the floor, `passes` of (H, W, B) in `FLOOR_BANDS_NM`."""
+    """Return what a device sees of the floor, `passes` of (H, W, B) in `FLOOR_BANDS_NM`."""
     curve = sensor.efficiency
     inside = [
         curve.wavelengths_nm[0] <= low and high <= curve.wavelengths_nm[-1]

@@ -36,7 +36,7 @@ _tasks: Sequence[Callable[[], Any]] = ()
 
 @dataclass(frozen=True)
 class Means:
-    """What trials of the flow benchmark are measured with; changes no number.
+    """Means to measure trials of the flow benchmark with; they change no number.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""How a figure is made, and where: modules that begin with a group's name list their RECIPES."""
+"""Recipes of figures: modules that begin with a group's name list theirs in RECIPES."""
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -28,7 +28,7 @@ Templates: TypeAlias = Mapping[Template, Floats]
 
 @dataclass(frozen=True)
 class Run:
-    """What figures are made from, the same for all that are asked for at once."""
+    """Data that figures are made from, the same for all that are asked for at once."""
 
     is_quick: bool = False
     results: Results = field(default_factory=dict)
