@@ -154,7 +154,9 @@ class _Capture:
         self._start_s = time.monotonic()
         self._first_s: float | None = None
         self._packets = 0
-        self._silence = _Silence(link, settings.wanted().period_us * 1e-6)
+        self._patience_s = PATIENCE_S + 3e-6 * settings.wanted().period_us
+        self._waited_s, self._frames_before = 0.0, 0
+        self._came_before = self._came()
         self._valid_us = 0
         self._is_plugged = False
         self._written_s = self._shown_s = 0.0
@@ -170,7 +172,7 @@ class _Capture:
             waited_s = time.monotonic() - before_s
             self._take(event)
             if self._is_plugged:
-                self._silence.waited(waited_s, self._frames(), self._packets)
+                self._lose_patience(waited_s)
             self._look_around(time.monotonic())
 
     def finish(self) -> int:
@@ -238,7 +240,7 @@ class _Capture:
                 f"{self.recorder.record.serial_number}; record it on its own"
             )
         self.recorder.plugged(raw_offset)
-        self._silence.noted(self._packets)
+        self._came_before = self._came()
         self._is_plugged = True
 
     def _configure(self) -> Settings:
@@ -273,6 +275,22 @@ class _Capture:
                     f"{asked}; flash this release's firmware, or unplug it and plug it in again"
                 )
 
+    def _came(self) -> NDArray[np.int64]:
+        """Return how many bytes, damaged packets and whole packets came so far."""
+        return np.array([self._link.decoded_bytes, self._link.damaged, self._packets])
+
+    def _lose_patience(self, waited_s: float) -> None:
+        """Give up where no new frame came for too long, and say what came instead."""
+        if self._frames() != self._frames_before:
+            self._waited_s, self._frames_before = 0.0, self._frames()
+            self._came_before = self._came()
+        self._waited_s += waited_s
+        if self._waited_s > self._patience_s:
+            size, damaged, whole = self._came() - self._came_before
+            came = f"{size} bytes with {damaged} damaged and {whole} whole packets came"
+            told = came if size else "nothing came"
+            raise self._link.given_up(f"no new frame in {self._patience_s:.1f} s, {told} instead")
+
     def _look_around(self, now_s: float) -> None:
         if self.recorder is None:
             return
@@ -293,47 +311,3 @@ class _Capture:
         counts, saturated = recorder.last() or (None, None)
         record = recorder.record
         return State(record, recorder.frames, self._rate_hz, self._is_plugged, counts, saturated)
-
-
-class _Silence:
-    """Time that a camera was plugged in since the last new frame.
-
-    Parameters
-    ----------
-    link : Link
-    period_s : float
-        Of its frames, s.
-    """
-
-    def __init__(self, link: Link, period_s: float) -> None:
-        self._link, self._limit_s = link, PATIENCE_S + 3 * period_s
-        self._waited_s = 0.0
-        self._frames = self._packets = self._bytes = self._damaged = 0
-
-    def noted(self, packets: int) -> None:
-        """Say from now on what comes instead of frames, after so many packets."""
-        self._packets = packets
-        self._bytes, self._damaged = self._link.decoded_bytes, self._link.damaged
-
-    def waited(self, seconds: float, frames: int, packets: int) -> None:
-        """Note a time that was waited, and how many new frames and packets there are so far.
-
-        Raises
-        ------
-        UserError
-            When no new frame came for too long.
-        """
-        if frames != self._frames:
-            self._waited_s, self._frames = 0.0, frames
-            self.noted(packets)
-        self._waited_s += seconds
-        if self._waited_s > self._limit_s:
-            came = self._came(packets)
-            raise self._link.given_up(f"no new frame in {self._limit_s:.1f} s, {came} instead")
-
-    def _came(self, packets: int) -> str:
-        came = self._link.decoded_bytes - self._bytes
-        if not came:
-            return "nothing came"
-        damaged, whole = self._link.damaged - self._damaged, packets - self._packets
-        return f"{came} bytes with {damaged} damaged and {whole} whole packets came"
