@@ -25,6 +25,7 @@ from megalopta.report.images import film, gray_scale
 from megalopta.report.remarks import absent
 from megalopta.report.source import Report
 from megalopta.sensor import CtiaSensor, ImageSensor
+from megalopta.sensor.counters import LARGEST_CAPACITY
 from megalopta.sensor.spad import active_effects
 
 _WHITE_PERCENTILE = 90.0
@@ -115,7 +116,8 @@ def properties(sensor: ImageSensor) -> Iterator[tuple[str, str]]:
     best = int(np.argmax(curve.values))
     yield "pixels of", f"{1e6 * sensor.pitch_m:.3g} µm"
     yield "fill factor", percent(sensor.fill_factor)
-    yield "efficiency", f"{percent(curve.values[best])} at {curve.wavelengths_nm[best]:g} nm"
+    where = f" at {curve.wavelengths_nm[best]:g} nm" if len(set(curve.values)) > 1 else ""
+    yield "efficiency", f"{percent(curve.values[best])}{where}"
     yield "exposure", _time(sensor.exposure_s)
     if isinstance(sensor, CtiaSensor):
         yield "capacitance", f"{1e12 * sensor.capacitance_f:g} pF"
@@ -124,7 +126,8 @@ def properties(sensor: ImageSensor) -> Iterator[tuple[str, str]]:
     else:
         dead = sensor.dead_time
         yield "dead time", f"{_time(dead.dead_time_s)} ({dead.kind})"
-        yield "counter up to", f"{sensor.counter_capacity:,}"
+        if sensor.counter_capacity < LARGEST_CAPACITY:
+            yield "counter up to", f"{sensor.counter_capacity:,}"
 
 
 def _time(seconds: float) -> str:
