@@ -1,18 +1,17 @@
 """Recording a camera until told to stop."""
 
-import math
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.camera.camera_settings import CaptureSettings, sensor_as_identified, sensor_as_set
 from megalopta.camera.link import (
     Arrived,
     Link,
@@ -20,22 +19,17 @@ from megalopta.camera.link import (
     Plugged,
     Unplugged,
 )
-from megalopta.camera.nominal import sensor_as_identified, sensor_as_set
 from megalopta.camera.port import NoPortError
 from megalopta.camera.recorder import Recorder
 from megalopta.camera.recording import (
     RAW,
     RecordingSettings,
-    check_kind,
     recover_command,
 )
-from megalopta.camera.silence import Silence
-from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError, machine_problem
 from megalopta.core.files import remove
 from megalopta.core.folders import locked
 from megalopta.core.progress import say
-from megalopta.sensor import Sensor
 from megalopta.sensor.spadcam.messages import (
     Settings,
     set_exposure,
@@ -51,10 +45,13 @@ _SHOW_EVERY_S = 0.1
 _SWITCHING_S = 0.0002
 _LOOK_AGAIN_S = 0.1
 _LONGEST_WAIT_S = 604_800.0
+PATIENCE_S = 8.0
+"""With a camera that is plugged in and sends no frames, beyond three periods of the frame rate;
+what is no camera does not fill the disk for longer."""
 
 
 class State(NamedTuple):
-    """How a capture stands, for whoever looks on."""
+    """State of a capture, for whoever looks on."""
 
     record: RecordingSettings
     frames: int
@@ -62,70 +59,6 @@ class State(NamedTuple):
     is_plugged: bool
     counts: NDArray[np.uint16] | None
     saturated: NDArray[np.bool_] | None
-
-
-@dataclass(frozen=True)
-class CaptureSettings:
-    """What to record.
-
-    Attributes
-    ----------
-    sensor : Sensor
-        The nominal one, through whose step counts are computed.
-    kind : str
-        "dark", "flat", …; kept with the recording.
-    exposure_s, frame_rate_hz : float
-    step_bias : int
-    row_window : (int, int)
-        First row that is read, and the one after the last.
-    frames : int, optional
-        How many to take; by default until stopped.
-    seconds : float, optional
-        For how long, from the first frame on.
-    """
-
-    sensor: Sensor
-    kind: str
-    exposure_s: float
-    frame_rate_hz: float
-    step_bias: int
-    row_window: tuple[int, int]
-    frames: int | None = None
-    seconds: float | None = None
-
-    def check(self) -> None:
-        """Make sure that the camera can be so. Raises UserError."""
-        check_kind(self.kind)
-        for name, limit in (("frames", self.frames), ("seconds", self.seconds)):
-            if limit is not None and not 0 < limit < math.inf:
-                raise UserError(f"--{name}: {quoted(limit)}; give more than 0, or leave it out")
-        for name, value, least in (
-            ("exposure", self.exposure_s, 1e-6),
-            ("rate", self.frame_rate_hz, 1e-3),
-        ):
-            if not least <= value <= 4000:
-                raise UserError(f"--{name}: {value:g}; give one between {least:g} and 4000")
-        if self.exposure_us > self.wanted().period_us:
-            raise UserError(
-                f"--exposure: {self.exposure_s:g} s is longer than a frame at --rate "
-                f"{self.frame_rate_hz:g}; lower the rate to {1 / self.exposure_s:g} or less"
-            )
-        if not self.wanted().are_possible:
-            first, end = self.row_window
-            raise UserError(
-                f"--step-bias {self.step_bias}, --rows {first} {end}: the bias goes from 0 to "
-                "4095, and 0 <= first row < end <= 16; change them"
-            )
-
-    @property
-    def exposure_us(self) -> int:
-        """Exposure, µs."""
-        return round(self.exposure_s * 1e6)
-
-    def wanted(self) -> Settings:
-        """As the camera takes them."""
-        rate_mhz = round(self.frame_rate_hz * 1e3)
-        return Settings(self.exposure_us, rate_mhz, self.step_bias, *self.row_window)
 
 
 def capture(
@@ -186,7 +119,7 @@ def _switching_fast() -> Iterator[None]:
 
 
 def _kept(problem: OSError | UserError, out: Path, frames: int) -> OSError | UserError:
-    """What went wrong, and what there is of the recording."""
+    """Return an error that also names the frames that are kept."""
     if not frames:
         return problem
     told = str(problem) if isinstance(problem, UserError) else _reason(problem)
@@ -220,7 +153,9 @@ class _Capture:
         self._start_s = time.monotonic()
         self._first_s: float | None = None
         self._packets = 0
-        self._silence = Silence(link, settings.wanted().period_us * 1e-6)
+        self._patience_s = PATIENCE_S + 3e-6 * settings.wanted().period_us
+        self._waited_s, self._frames_before = 0.0, 0
+        self._came_before = self._came()
         self._valid_us = 0
         self._is_plugged = False
         self._written_s = self._shown_s = 0.0
@@ -236,7 +171,7 @@ class _Capture:
             waited_s = time.monotonic() - before_s
             self._take(event)
             if self._is_plugged:
-                self._silence.waited(waited_s, self._frames(), self._packets)
+                self._lose_patience(waited_s)
             self._look_around(time.monotonic())
 
     def finish(self) -> int:
@@ -304,7 +239,7 @@ class _Capture:
                 f"{self.recorder.record.serial_number}; record it on its own"
             )
         self.recorder.plugged(raw_offset)
-        self._silence.noted(self._packets)
+        self._came_before = self._came()
         self._is_plugged = True
 
     def _configure(self) -> Settings:
@@ -325,7 +260,12 @@ class _Capture:
                     f"{self._link.path}: the camera refuses {command[0].name.lower()}; choose "
                     "another --exposure, --rate, --step-bias or --rows"
                 )
-        said = Settings.of(reply.payload)
+        self._check(said := Settings.of(reply.payload))
+        self._valid_us = reply.device_us + wanted.exposure_us
+        return said
+
+    def _check(self, said: Settings) -> None:
+        wanted = self._settings.wanted()
         for name in wanted._fields:
             asked, claimed = getattr(wanted, name), getattr(said, name)
             if asked != claimed:
@@ -333,8 +273,22 @@ class _Capture:
                     f"{self._link.path}: the camera says {name} {claimed} where it was set to "
                     f"{asked}; flash this release's firmware, or unplug it and plug it in again"
                 )
-        self._valid_us = reply.device_us + wanted.exposure_us
-        return said
+
+    def _came(self) -> NDArray[np.int64]:
+        """Return how many bytes, damaged packets and whole packets came so far."""
+        return np.array([self._link.decoded_bytes, self._link.damaged, self._packets])
+
+    def _lose_patience(self, waited_s: float) -> None:
+        """Give up where no new frame came for too long, and say what came instead."""
+        if self._frames() != self._frames_before:
+            self._waited_s, self._frames_before = 0.0, self._frames()
+            self._came_before = self._came()
+        self._waited_s += waited_s
+        if self._waited_s > self._patience_s:
+            size, damaged, whole = self._came() - self._came_before
+            came = f"{size} bytes with {damaged} damaged and {whole} whole packets came"
+            told = came if size else "nothing came"
+            raise self._link.given_up(f"no new frame in {self._patience_s:.1f} s, {told} instead")
 
     def _look_around(self, now_s: float) -> None:
         if self.recorder is None:

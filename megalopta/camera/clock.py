@@ -111,6 +111,6 @@ def _thinned(corners: list[tuple[float, float]]) -> list[tuple[float, float]]:
 def _is_above(
     middle: tuple[float, float], left: tuple[float, float], right: tuple[float, float]
 ) -> bool:
-    """Whether a point lies on or above the line between two others."""
+    """Return whether a point lies on or above the line between two others."""
     rise = (middle[1] - left[1]) * (right[0] - left[0])
     return rise >= (right[1] - left[1]) * (middle[0] - left[0])

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.camera.calibration import Beam
+from megalopta.camera.device_calibration import Beam
 from megalopta.camera.recorded import Recorded
 from megalopta.core.arrays import plain_array
 from megalopta.core.bounded import ARRAY_BYTES, read_bytes
@@ -22,7 +22,7 @@ _95 = 1.959964
 
 
 def captured_frames(recorded: Recorded, device: Sensor, light_hz: float) -> CountedFrames:
-    """Counts of a recording: of its codes, by the device's own steps, where it has codes."""
+    """Return counts of a recording: of its codes, by the device's own steps, where it has codes."""
     counter, codes = device.counter, recorded.codes
     own = changed(device, exposure_s=recorded.exposure_s)
     if codes is None or not isinstance(counter, AnalogCounter):
@@ -41,7 +41,7 @@ def captured_frames(recorded: Recorded, device: Sensor, light_hz: float) -> Coun
 def simulated_frames(
     like: Sequence[CountedFrames], device: Sensor, beam: Beam, seed: int
 ) -> list[CountedFrames]:
-    """As many frames of each level, from the device's model.
+    """Return as many frames of each level, from the device's model.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def simulated_frames(
 def calibration_errors(
     like: Sequence[CountedFrames], device: Sensor, beam: Beam
 ) -> list[NDArray[np.float64]]:
-    """Standard errors of the mean counts of each level that those of the device's maps make.
+    """Return standard errors of the mean counts of each level that those of the device's maps make.
 
     The intervals of a map lie beside it; a map without makes no error.
     """
@@ -69,7 +69,7 @@ def calibration_errors(
 
 
 def map_error(file: MapFile | None) -> NDArray[np.float64] | float:
-    """Standard errors of a map, from the intervals that lie beside it; 0 where none do."""
+    """Return standard errors of a map, from the intervals that lie beside it; 0 where none do."""
     if file is None:
         return 0.0
     path = Path(file.path)
@@ -88,7 +88,7 @@ def _interval_end(path: Path) -> NDArray[np.float64]:
 
 
 def _nominal(device: Sensor, beam: Beam) -> float:
-    """Of the photons on a pixel, those detected; 0 where the light's wavelength is not known."""
+    """Return the detected share of photons on a pixel; 0 for light of unknown wavelength."""
     if beam.wavelength_nm is None:
         return 0.0
     return float(device.photon_detection_efficiency(np.array(beam.wavelength_nm)))

@@ -6,19 +6,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.camera.bench_light import BenchLight, fitted_light
 from megalopta.camera.motion_bench import (
     FRAME_RATE_HZ,
-    FRAMES,
     PIXELS,
     TIME_CONSTANTS_S,
     UNITS,
+    BenchLight,
     crossing_peaks,
     detector,
     pooled,
     record,
 )
-from megalopta.camera.passages import cut_passages, cut_rest
+from megalopta.camera.passages import cut_passages, cut_rest, fitted_light
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.sensor import Sensor, changed
@@ -89,6 +88,6 @@ def _light(speed: float, counts: NDArray[Any], device: Sensor) -> BenchLight:
     if speed == 0:
         raise UserError("a plate at rest does not tell the light; leave it out or --own-light")
     try:
-        return fitted_light(counts, device, FRAMES)
+        return fitted_light(counts, device)
     except ValueError as problem:
         raise UserError(f"plate at {speed:g} mm/s: {problem}") from problem

@@ -1,6 +1,5 @@
-"""What was estimated of a device as a YAML file and maps, which `sensors: [DEVICE.yaml]` loads."""
+"""Estimates of a device as a YAML file and maps, which `sensors: [DEVICE.yaml]` loads."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,20 +20,9 @@ _SLOWEST_DEAD_TIMES = 5.0
 """Delay of afterpulses in dead times, which frames do not tell; a shorter one would hide them."""
 
 
-@dataclass(frozen=True)
-class Light:
-    """What is known of the light of flat frames.
-
-    Attributes
-    ----------
-    wavelength_nm : float or None
-        None: it is relative, and so is the efficiency.
-    """
-
-    wavelength_nm: float | None = None
-
-
-def write_device(path: Path, device: Device, base: Sensor, light: Light, preset: str) -> None:
+def write_device(
+    path: Path, device: Device, base: Sensor, wavelength_nm: float | None, preset: str
+) -> None:
     """Write a device file, and its maps with their intervals into a folder beside it.
 
     Parameters
@@ -44,7 +32,8 @@ def write_device(path: Path, device: Device, base: Sensor, light: Light, preset:
     device : Device
     base : Sensor
         What is not measured is its.
-    light : Light
+    wavelength_nm : float, optional
+        Of the light of flat frames; None: it is relative, and so is the efficiency.
     preset : str
         Name of that sensor.
     """
@@ -56,7 +45,7 @@ def write_device(path: Path, device: Device, base: Sensor, light: Light, preset:
         "offset": _negative(device.offset_v),
     }
     if device.efficiency is not None:
-        nominal = nominal_efficiency(device, base, light)
+        nominal = nominal_efficiency(device, base, wavelength_nm)
         maps["efficiency"] = _primary(device.efficiency, device.kernel).scaled(1 / nominal)
     named = {}
     for name, estimate in maps.items():
@@ -72,12 +61,12 @@ def write_device(path: Path, device: Device, base: Sensor, light: Light, preset:
     write_text(path, f"# Written by megalopta spadcam calibrate.\n{text}")
 
 
-def nominal_efficiency(device: Device, base: Sensor, light: Light) -> float:
+def nominal_efficiency(device: Device, base: Sensor, wavelength_nm: float | None) -> float:
     """Efficiency that a map is relative to: the base's on a pixel, or the mean of the pixels."""
-    if light.wavelength_nm is None:
+    if wavelength_nm is None:
         assert device.efficiency is not None
         return float(np.nanmean(device.efficiency.value))
-    return float(base.photon_detection_efficiency(np.array(light.wavelength_nm)))
+    return float(base.photon_detection_efficiency(np.array(wavelength_nm)))
 
 
 def _fields(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.camera.nominal import sensor_as_set
+from megalopta.camera.camera_settings import sensor_as_set
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError
 from megalopta.sensor import AnalogCounter, Sensor, expose_adc

@@ -11,7 +11,6 @@ import time
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
 from typing import NamedTuple, Self
 
 import serial
@@ -115,12 +114,7 @@ class Link:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -139,7 +133,7 @@ class Link:
         return self._damaged_before + self._parser.damaged
 
     def next(self, timeout_s: float) -> Event | None:
-        """What happened next; None when nothing did.
+        """Return the next event; None when nothing happened.
 
         Raises
         ------
@@ -155,7 +149,7 @@ class Link:
         return self.read_already()
 
     def read_already(self) -> Event | None:
-        """What happened next, of what is decoded; after `close` there is no more."""
+        """Return the next event that is decoded already; after `close` there are no others."""
         return self._seen.popleft() if self._seen else None
 
     def allow(self, frames: int) -> None:

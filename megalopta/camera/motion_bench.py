@@ -20,7 +20,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.camera.bench_light import BenchLight
 from megalopta.core.arrays import Floats
 from megalopta.flow import Detector, triangular_pool
 from megalopta.flow.detectors.correlation import (
@@ -55,6 +54,20 @@ _PHASES = 4
 """Recordings differ by where the edge is at a frame, in this many equal parts of a frame's way."""
 _REPEATS = 4
 """Recordings of each phase, which differ by noise."""
+
+
+class BenchLight(NamedTuple):
+    """Photons that a pixel detects in a frame, on average over the array, without dark counts."""
+
+    open_photons: float
+    hidden_photons: float
+
+    def __str__(self) -> str:
+        """Return both in words."""
+        return (
+            f"an open pixel detects {self.open_photons:.3g} photons per frame, a hidden one "
+            f"{self.hidden_photons:.3g}"
+        )
 
 
 class Peaks(NamedTuple):

@@ -1,4 +1,4 @@
-"""Passages of the plate's edge in a camera's recording, found by what the array counts.
+"""Passages of the plate's edge in a recording, found by what the array counts; and their light.
 
 A recording of the motion bench begins at any time, and the plate waits at its ends as long as it
 likes. The mean count of the array falls while an edge hides it and rises while one leaves it free;
@@ -6,15 +6,18 @@ where it is halfway, the edge is in the middle. Each such passage is cut out lik
 `motion_bench` simulates: 32 frames around the edge that hides, then 32 around the next that frees.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
-from megalopta.camera.motion_bench import FRAMES
+from megalopta.camera.motion_bench import FRAMES, BenchLight
 from megalopta.core.arrays import Floats
+from megalopta.sensor import Sensor, reading_moments
+from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
 
 LEAST = 2
 """Passages to and fro; one tells nothing of chance."""
@@ -25,6 +28,9 @@ _SHARE_BEYOND = 0.25
 as a share of what is between them."""
 _CLOSEST = FRAMES - 2
 """Frames between edges: half a frame before its middle, and half after, may be lost to rounding."""
+
+_BRIGHTEST = 1e6
+"""Photons that a pixel of any light detects in a frame, at most"""
 
 
 class _Edge(NamedTuple):
@@ -114,3 +120,46 @@ def _edges(level: Floats) -> Iterator[_Edge]:
         # The level of a frame is that of its middle.
         part = falling[last] / (falling[last] - falling[last + 1])
         yield _Edge(float(before + last + part + 0.5), hides)
+
+
+def fitted_light(counts: NDArray[Any], sensor: Sensor) -> BenchLight:
+    """Return the light under which the model of a sensor reads, on average, what a recording has.
+
+    Parameters
+    ----------
+    counts : (passages · 2 · FRAMES, rows, columns)
+        As `cut_passages` cuts them: in the first quarter of a passage all pixels are open, in the
+        last quarter of its first half all are hidden.
+    sensor : Sensor
+        Of the same exposure. Its dark counts are taken as they are.
+
+    Raises
+    ------
+    ValueError
+        When counters are so full that they do not tell the light.
+    """
+    hiding = counts.reshape(-1, 2, FRAMES, *counts.shape[1:])[:, 0]
+    quarter = FRAMES // 4
+    factor = draw_fixed_pattern(sensor, (counts.shape[1], counts.shape[2])).efficiency_factor
+    one_hz = factor[None] / (factor.mean() * sensor.exposure_s)
+
+    def read(photons: float) -> float:
+        return float(reading_moments(photons * one_hz, sensor)[0].mean())
+
+    levels = hiding[:, :quarter].mean(), hiding[:, -quarter:].mean()
+    return BenchLight(*(_photons(read, float(level)) for level in levels))
+
+
+def _photons(read: Callable[[float], float], level: float) -> float:
+    """Return the photons at which a pixel reads a level on average."""
+    if level <= read(0.0):
+        return 0.0
+    most = 2 * level + 1
+    while read(most) < level:
+        most *= 2
+        if most > _BRIGHTEST:
+            raise ValueError(
+                f"an open pixel counts {level:.4g} on average, more than the model does in any "
+                "light; record it with less light"
+            )
+    return float(brentq(lambda each: read(each) - level, 0.0, most, xtol=1e-3))

@@ -37,7 +37,7 @@ class Source:
 
     @classmethod
     def parse(cls, text: str, kind: FrameKind | None = None) -> "Source":
-        """From RECORDING, RECORDING@LIGHT or RECORDING#FIRST-END@LIGHT:EXPOSURE_S.
+        """Parse RECORDING, RECORDING@LIGHT or RECORDING#FIRST-END@LIGHT:EXPOSURE_S.
 
         Raises
         ------

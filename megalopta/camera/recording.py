@@ -60,7 +60,7 @@ class Connection(Record, frozen=True):
 
 
 class RecordingSettings(Record, frozen=True):
-    """What recording.yaml says."""
+    """Fields of recording.yaml."""
 
     kind: Text
     """What was recorded, as told: "dark", "flat", …."""
@@ -117,12 +117,12 @@ class Recording:
 
     @property
     def kind(self) -> str:
-        """What was recorded, as told."""
+        """Kind of recording, as given."""
         return self.settings.kind
 
     @property
     def exposure_s(self) -> float:
-        """How long a frame is exposed, s."""
+        """Exposure of a frame, s."""
         return self.settings.exposure_s
 
     def __len__(self) -> int:

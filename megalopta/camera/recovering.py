@@ -22,7 +22,7 @@ from megalopta.camera.recording import (
     open_recording,
     read_settings,
 )
-from megalopta.camera.replay import Replay, Source, Told
+from megalopta.camera.replay import RawSource, Replay, Told
 from megalopta.core.bounded import check_file
 from megalopta.core.errors import UserError
 from megalopta.core.files import atomic_write, remove, sweep
@@ -92,8 +92,8 @@ def _parts(raw: Path) -> tuple[Path, Path | None]:
     return raw, folder
 
 
-def _source(raw: Path, folder: Path | None) -> Source:
-    """What is on the disk of a recording, damaged or not."""
+def _source(raw: Path, folder: Path | None) -> RawSource:
+    """Return the parts of a recording on the disk, damaged or not."""
     before, sensor = None, None
     if folder is not None:
         with suppress(ValueError, OSError):
@@ -101,7 +101,7 @@ def _source(raw: Path, folder: Path | None) -> Source:
         with suppress(ValueError, OSError):
             opened = open_counts(folder / COUNTS)
             sensor = opened.sensor if isinstance(opened.sensor, Sensor) else None
-    return Source(raw, before, sensor)
+    return RawSource(raw, before, sensor)
 
 
 def _in_place(folder: Path, told: Told) -> Recovered:
@@ -143,7 +143,7 @@ def _beside(folder: Path) -> Iterator[Path]:
         remove(temporary)
 
 
-def _written(source: Source, told: Told, folder: Path) -> Recovered:
+def _written(source: RawSource, told: Told, folder: Path) -> Recovered:
     with _reading(2 * source.raw.stat().st_size) as read:
         replay = Replay(source, told, read)
         record = replay.write(folder)

@@ -5,16 +5,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from megalopta.camera.capturing import CaptureSettings
+from megalopta.camera.camera_settings import (
+    CaptureSettings,
+    named_sensor,
+    sensor_as_identified,
+    sensor_as_set,
+)
 from megalopta.camera.clock import LARGEST_DRIFT, ClockFit, KnownClock
-from megalopta.camera.nominal import named_sensor, sensor_as_identified, sensor_as_set
 from megalopta.camera.recorder import Recorder
 from megalopta.camera.recording import Connection, RecordingSettings
 from megalopta.camera.survey import (
     Stretch,
     Survey,
     packets_of,
-    survey,
+    survey_file,
 )
 from megalopta.core.errors import UserError
 from megalopta.sensor import AnalogCounter, Sensor
@@ -34,7 +38,7 @@ _NOMINAL = "spadcam"
 
 @dataclass(frozen=True)
 class Told:
-    """What the user says of a recording; None: what the files say.
+    """Statements of the user about a recording; None: those of the files hold.
 
     Attributes
     ----------
@@ -50,7 +54,7 @@ class Told:
     sensor: str | None = None
 
 
-class Source(NamedTuple):
+class RawSource(NamedTuple):
     """A file of bytes, and what was written beside it."""
 
     raw: Path
@@ -63,7 +67,7 @@ class Source(NamedTuple):
 class Replay:
     """Writes a recording of a source; `unknown` names what nobody knows of it."""
 
-    source: Source
+    source: RawSource
     told: Told
     read: Callable[[int], None]
     unknown: list[str] = field(default_factory=list)
@@ -77,7 +81,7 @@ class Replay:
             When there are no frames, or their settings are not known.
         """
         fits = self._fits()
-        found = survey(self.source.raw, list(fits), self.read)
+        found = survey_file(self.source.raw, list(fits), self.read)
         settings = found.set_ones[0].settings if found.set_ones else self._settings(found)
         assert settings is not None
         stretches = self._recorded(found)
@@ -95,7 +99,7 @@ class Replay:
         return recorder.record
 
     def _recorded(self, found: Survey) -> Sequence[Stretch]:
-        """Where a capture takes frames; of one that was stopped, no more than it noted."""
+        """Return where a capture takes frames; of one that was stopped, no more than it noted."""
         before, stretches = self.source.before, found.set_ones or found.stretches
         if before is None or not before.finished:
             return stretches
@@ -108,7 +112,7 @@ class Replay:
         return {each.raw_offset: _fit(each) for each in before.connections} if before else {}
 
     def _settings(self, found: Survey) -> Settings:
-        """Of a camera that does not say them."""
+        """Return the settings of a camera that does not report them."""
         told, before, raw = self.told, self.source.before, self.source.raw
         if not (frames := sum(each.frames for each in found.stretches)):
             size = raw.stat().st_size
@@ -154,7 +158,7 @@ class Replay:
         return sensor_as_set(nominal, settings)
 
     def _identity(self, sensor: Sensor) -> Identity:
-        """Of a camera that does not say who it is."""
+        """Return the identity of a camera that does not report it."""
         before, counter = self.source.before, sensor.counter
         assert isinstance(counter, AnalogCounter)
         supply_mv, bits = round(counter.supply_v * 1e3), counter.adc_bits or 0

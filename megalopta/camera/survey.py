@@ -1,4 +1,4 @@
-"""What a file of bytes from the camera holds: when it was plugged in, and how it was set.
+"""Contents of a file of bytes from the camera: when it was plugged in, and how it was set.
 
 The camera says who it is and what it was set to, so raw.bin tells it, too. Where a camera was
 unplugged and plugged in again it tells this by its clock, which starts anew, and by the host, which
@@ -70,7 +70,7 @@ class Stretch:
             self.valid_us = packet.device_us + self.settings.exposure_us
 
     def is_over(self, packet: Packet) -> bool:
-        """Whether a packet is of a camera that began anew."""
+        """Return whether a packet is of a camera that began anew."""
         if packet.kind == Kind.FRAME:
             return self.last_us is not None and packet.device_us < self.last_us
         return packet.kind == Kind.IDENTITY and self.settings is not None
@@ -84,7 +84,7 @@ class Survey(NamedTuple):
     damaged: int
 
 
-def survey(raw: Path, offsets: Sequence[int], read: Callable[[int], None]) -> Survey:
+def survey_file(raw: Path, offsets: Sequence[int], read: Callable[[int], None]) -> Survey:
     """Go through a file once; `read` is told how many bytes were read.
 
     Raises

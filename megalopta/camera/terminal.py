@@ -35,7 +35,7 @@ _TIMES = (1e-3, _A_DAY_S)
 
 @dataclass(frozen=True)
 class Faults:
-    """What goes wrong on the line.
+    """Faults of the line.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class Faults:
             )
 
     def on(self, line: bytes, seed: int, packet: Packet) -> bytes:
-        """What arrives of the bytes of a packet."""
+        """Return the bytes of a packet that arrive."""
         if not self.noise and not self.lost:
             return line
         rng = generator(seed, "line", packet.kind, packet.sequence)

@@ -1,4 +1,4 @@
-"""What a capture shows while it runs: the newest frame on a terminal, else a line now and then."""
+"""Display of a running capture: the newest frame on a terminal, else a line now and then."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -18,7 +18,7 @@ _SATURATED = "on rgb(220,60,40)"
 
 
 def status_line(state: State) -> str:
-    """How a capture stands, in one line."""
+    """Return the state of a capture in one line."""
     record = state.record
     parts = [
         f"{state.frames} frames",
@@ -34,7 +34,7 @@ def status_line(state: State) -> str:
 
 
 def recorded_line(path: Path, record: RecordingSettings) -> str:
-    """What was recorded, in one line."""
+    """Return a summary of a recording in one line."""
     return (
         f"{path}: {record.frames} frames of {record.serial_number}, {record.gaps} gaps between "
         f"the first and the last ({record.missing_frames} frames missing), "

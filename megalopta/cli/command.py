@@ -8,6 +8,8 @@ where it runs.
 import argparse
 import math
 import re
+import signal
+import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from importlib import import_module
@@ -151,3 +153,11 @@ def positive(text: str) -> float:
     if (number := finite(text)) > 0:
         return number
     raise argparse.ArgumentTypeError(f"{quoted(text)!r}; give a number above 0")
+
+
+def stopped_by_signals() -> threading.Event:
+    """Return an event that an interruption, or a request to end, sets."""
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    return stop

@@ -21,14 +21,8 @@ def declare(verbs: Verbs) -> None:
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.reproduction.drawing import reproduce
+    from megalopta.reproduction.drawing import Means, reproduce
 
-    for path in reproduce(
-        options.figures,
-        options.out,
-        options.quick,
-        options.workers,
-        options.cache,
-        options.scheduler,
-    ):
+    means = Means(options.workers, options.cache, options.scheduler)
+    for path in reproduce(options.figures, options.out, options.quick, means):
         print(path)

@@ -39,7 +39,7 @@ def add_recordings(command: Command) -> None:
 
 
 def _run(options: Namespace) -> None:
-    from megalopta.camera.calibration import Beam, calibrate_recordings
+    from megalopta.camera.device_calibration import Beam, calibrate_recordings
     from megalopta.camera.recorded import Source
 
     sources = [Source.parse(text) for text in options.recordings]

@@ -1,17 +1,18 @@
 """`megalopta spadcam emulate`."""
 
-import signal
-import threading
 from argparse import Namespace
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from megalopta.cli.command import Verbs, add_verb, finite, whole
+from megalopta.cli.command import Verbs, add_verb, finite, stopped_by_signals, whole
 from megalopta.core.errors import UserError
 from megalopta.core.progress import say
 
 if TYPE_CHECKING:
     from megalopta.camera.stimuli import Stimulus
+    from megalopta.camera.terminal import Faults
+    from megalopta.sensor import Sensor
 
 _LIMITS = {
     "photons": (0.0, 1e15),
@@ -31,79 +32,90 @@ _FAULTS = {
     "unplug_s": "for how long it is unplugged (s, default: 0.5)",
 }
 
+_OPTIONS: Mapping[str, Mapping[str, Any]] = {
+    "--stimulus": {
+        "default": "flat",
+        "help": "what it looks at: dark, flat, steps, plate, or the folder of a rendered dataset "
+        "(default: flat)",
+    },
+    "--photons": {
+        "type": finite,
+        "nargs": "+",
+        "metavar": "HZ",
+        "help": "photons per second on a pixel at 700 nm, of flat (default: 5e6) or one after the "
+        "other of steps (default: 0 to 2e7)",
+    },
+    "--step-s": {
+        "type": finite,
+        "default": 5.0,
+        "help": "how long each of steps lasts (s, default: 5)",
+    },
+    "--speed": {"type": finite, "default": 5.0, "help": "of the plate (mm/s, default: 5)"},
+    "--lux": {"type": finite, "help": "of a dataset: light level (lux)"},
+    "--sensor": {"default": "spadcam", "help": "preset or YAML file (default: spadcam)"},
+    "--device-seed": {"type": whole, "help": "which device of this kind"},
+    "--seed": {"type": whole, "default": 0, "help": "of photons, noise and faults"},
+    "--serial": {"default": "EMULATED", "help": "the camera's serial number"},
+    "--link": {"type": Path, "help": "symbolic link to keep to the terminal"},
+}
+
 
 def declare(verbs: Verbs) -> None:
     """Add the verb."""
     purpose = "emulate the camera on a pseudo-terminal, whose path is printed, until interrupted"
     command = add_verb(verbs, "emulate", purpose, _run)
-    command.add_argument(
-        "--stimulus",
-        default="flat",
-        help="what it looks at: dark, flat, steps, plate, or the folder of a rendered dataset "
-        "(default: flat)",
-    )
-    command.add_argument(
-        "--photons",
-        type=finite,
-        nargs="+",
-        metavar="HZ",
-        help="photons per second on a pixel at 700 nm, of flat (default: 5e6) or one after the "
-        "other of steps (default: 0 to 2e7)",
-    )
-    command.add_argument(
-        "--step-s", type=finite, default=5.0, help="how long each of steps lasts (s, default: 5)"
-    )
-    command.add_argument(
-        "--speed", type=finite, default=5.0, help="of plate: of the plate (mm/s, default: 5)"
-    )
-    command.add_argument("--lux", type=finite, help="of a dataset: light level (lux)")
-    command.add_argument(
-        "--sensor", default="spadcam", help="preset or YAML file (default: spadcam)"
-    )
-    command.add_argument("--device-seed", type=whole, help="which device of this kind")
-    command.add_argument("--seed", type=whole, default=0, help="of photons, noise and faults")
-    command.add_argument("--serial", default="EMULATED", help="the camera's serial number")
-    command.add_argument("--link", type=Path, help="symbolic link to keep to the terminal")
+    for name, how in _OPTIONS.items():
+        command.add_argument(name, **how)
     for name, text in _FAULTS.items():
         command.add_argument(f"--{name.replace('_', '-')}", type=finite, help=text)
 
 
 def _run(options: Namespace) -> None:
     from megalopta.camera.emulated import EmulatedCamera
-    from megalopta.camera.nominal import named_sensor
-    from megalopta.camera.terminal import EmulatedPort, Faults
-    from megalopta.sensor import changed
+    from megalopta.camera.terminal import EmulatedPort
 
-    given = {name: getattr(options, name) for name in _FAULTS}
-    for name, (least, most) in _LIMITS.items():
-        value = getattr(options, name)
-        for each in value if isinstance(value, list) else [value]:
-            if each is not None and not least <= each <= most:
-                raise UserError(f"--{name.replace('_', '-')}: {each:g}; give {least:g} to {most:g}")
-    faults = Faults(**{name: value for name, value in given.items() if value is not None})
-    faults.check()
-    sensor = named_sensor(options.sensor)
-    if options.device_seed is not None:
-        sensor = changed(sensor, device_seed=options.device_seed)
-    camera = EmulatedCamera(sensor, _stimulus(options), options.seed, options.serial)
+    _check_limits(options)
+    faults = _faults(options)
+    camera = EmulatedCamera(_sensor(options), _stimulus(options), options.seed, options.serial)
     port = EmulatedPort(
-        camera,
-        faults,
-        options.link,
-        lambda path: print(options.link or path, flush=True),
+        camera, faults, options.link, lambda path: print(options.link or path, flush=True)
     )
-    stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
-    port.run(stop)
+    port.run(stopped_by_signals())
     say(
         f"emulate: stopped; {port.dropped} packets were dropped while nothing read the line fast"
         " enough; a capture counts as missing only those between its first frame and its last"
     )
 
 
+def _check_limits(options: Namespace) -> None:
+    for name, (least, most) in _LIMITS.items():
+        value = getattr(options, name)
+        for each in value if isinstance(value, list) else [value]:
+            if each is not None and not least <= each <= most:
+                raise UserError(f"--{name.replace('_', '-')}: {each:g}; give {least:g} to {most:g}")
+
+
+def _faults(options: Namespace) -> "Faults":
+    from megalopta.camera.terminal import Faults
+
+    given = {name: getattr(options, name) for name in _FAULTS}
+    faults = Faults(**{name: value for name, value in given.items() if value is not None})
+    faults.check()
+    return faults
+
+
+def _sensor(options: Namespace) -> "Sensor":
+    from megalopta.camera.camera_settings import named_sensor
+    from megalopta.sensor import changed
+
+    sensor = named_sensor(options.sensor)
+    if options.device_seed is None:
+        return sensor
+    return changed(sensor, device_seed=options.device_seed)
+
+
 def _stimulus(options: Namespace) -> "Stimulus":
-    from megalopta.camera.stimuli import Flat
+    from megalopta.camera.stimuli import Flat, Plate, Rendered
 
     match options.stimulus:
         case "dark":
@@ -114,14 +126,10 @@ def _stimulus(options: Namespace) -> "Stimulus":
             levels = options.photons or (0, 1e6, 2e6, 5e6, 1e7, 2e7)
             return Flat(tuple(map(float, levels)), options.step_s)
         case "plate":
-            from megalopta.camera.plate import Plate
-
             return Plate(options.speed)
     folder = Path(options.stimulus)
     if not folder.is_dir():
         raise UserError(
             f"--stimulus: {options.stimulus}; give dark, flat, steps, plate or a dataset's folder"
         )
-    from megalopta.camera.rendered import Rendered
-
     return Rendered(folder, options.lux)

@@ -1,12 +1,20 @@
-"""A figure of the dissertation, made again from the models: its picture, caption and numbers."""
+"""A figure: its picture, caption and numbers, and its files: a picture twice, numbers twice."""
 
+import csv
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
+
+from megalopta.core.files import atomic_write, write_json
+from megalopta.plotting.style import house_style, new_canvas
 
 Cell: TypeAlias = float | str
 
@@ -33,8 +41,6 @@ class Figure:
         table under the drawing.
     printed_by : (str, str)
         Heads of that table's columns, where they are others.
-    findings : tuple of str
-        Sentences that the numbers of this run bear out.
     details : mapping
         What else belongs to the numbers, ready for JSON: parameters, intervals, error curves.
     name : str
@@ -48,7 +54,6 @@ class Figure:
     height_in: float = 4.0
     printed: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     printed_by: tuple[str, str] = ("Ours", "Dissertation")
-    findings: tuple[str, ...] = ()
     details: Mapping[str, Any] = field(default_factory=dict)
     name: str = ""
 
@@ -78,6 +83,54 @@ def columns_of(rows: Iterable[Mapping[str, Cell]]) -> dict[str, list[Cell]]:
     return {name: [value, *(row[name] for row in others)] for name, value in first.items()}
 
 
-def borne_out(*sentences: str | None) -> tuple[str, ...]:
-    """Return the findings among sentences that are None where the numbers say otherwise."""
-    return tuple(sentence for sentence in sentences if sentence)
+def write_figure(figure: Figure, out: Path) -> list[Path]:
+    """Draw one figure and write its four files."""
+    paths = png, svg, numbers, record = [
+        out / f"{figure.name}.{kind}" for kind in ("png", "svg", "csv", "json")
+    ]
+    table = [(what, *values) for what, values in figure.printed.items()]
+    with house_style():
+        head = [("", *figure.printed_by)] if table else []
+        canvas = new_canvas(figure.title, figure.caption, figure.height_in, head + table)
+        figure.draw(canvas)
+        if layout := canvas.get_layout_engine():
+            layout.execute(canvas)
+        canvas.set_layout_engine("none")  # laid out once is enough for both pictures
+        title = {"Title": figure.title}
+        # `savefig` would draw each twice, to see where things lie
+        pixels: Any = FigureCanvasAgg(canvas)
+        with atomic_write(png) as temporary:
+            pixels.print_png(temporary, metadata=title, pil_kwargs={"compress_level": 3})
+        lines: Any = FigureCanvasSVG(canvas)
+        with atomic_write(svg) as temporary:
+            lines.print_svg(temporary, metadata={**title, "Date": None})
+    with atomic_write(numbers) as part, part.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerows([figure.columns, *([_cell(each) for each in row] for row in figure.rows)])
+    write_json(record, _record(figure))
+    return paths
+
+
+def _record(figure: Figure) -> dict[str, Any]:
+    heads = [head.lower() for head in figure.printed_by]
+    return {
+        "name": figure.name,
+        "title": figure.title,
+        "caption": figure.caption,
+        "printed": [
+            {"quantity": what, **dict(zip(heads, values, strict=True))}
+            for what, values in figure.printed.items()
+        ],
+        "columns": figure.columns,
+        "rows": [[_json(value) for value in row] for row in figure.rows],
+        **figure.details,
+    }
+
+
+def _json(value: Cell) -> Cell | None:
+    return value if isinstance(value, str) or math.isfinite(value) else None
+
+
+def _cell(value: Cell) -> str:
+    # nine digits: more would show the rounding of one machine's arithmetic
+    return value if isinstance(value, str) else f"{value:.9g}"

@@ -1,33 +1,124 @@
-"""A report of sections: text, tables and charts on one page without outside links."""
+"""Pages without outside links: one type of section, one template, one writer."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
+from typing import Any
 
-from markupsafe import Markup
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+from markupsafe import Markup, escape
 
 from megalopta.core.files import write_text
-from megalopta.plotting.templates import render_page
+
+_NOTHING = Markup("")
 
 
 @dataclass(frozen=True)
 class Section:
-    """One part of a page."""
+    """One part of a page, in this order: text, a table, charts in a grid, and HTML of its own."""
 
     title: str
     text: str = ""
     head: tuple[str, ...] = ()
     rows: tuple[tuple[str, ...], ...] = ()
     charts: tuple[Markup, ...] = field(default=())
+    body: Markup = field(default=_NOTHING)
+    name: str = ""
+    """Identifier; what has one is linked to at the top of the page."""
+    link: str = ""
+    """Text of that link, by default the title"""
+
+    @property
+    def table(self) -> Markup:
+        """The table as HTML; nothing without rows."""
+        return table(self.title, self.head, self.rows) if self.rows else _NOTHING
 
 
 def captioned(chart: Markup, caption: str) -> Markup:
-    """Return a chart with what it says below it."""
+    """Return a chart with its caption below."""
     return Markup("<figure>{}<figcaption>{}</figcaption></figure>").format(chart, caption)
 
 
-def write_sections(path: Path, title: str, summary: str, sections: list[Section]) -> None:
-    """Write a page, whole or not at all."""
-    page = render_page(
-        "megalopta.plotting", "page.html", title=title, summary=summary, sections=sections
+def image(source: str, alt: str) -> Markup:
+    """Return a picture, given by its data URI, and its description."""
+    return Markup('<img src="{}" alt="{}">').format(source, alt)
+
+
+def paragraph(text: str, kind: str = "") -> Markup:
+    """Return a paragraph: plain, a "note" or "warn"; nothing for an empty text."""
+    return Markup('<p class="{}">{}</p>').format(kind, text) if text else Markup("")
+
+
+def block(kind: str, *parts: Markup, style: str = "") -> Markup:
+    """Return parts inside a box of this class of the style sheet."""
+    inside = Markup("\n").join(parts)
+    return Markup('<div class="{}" style="{}">\n{}\n</div>').format(kind, style, inside)
+
+
+def card(title: str, *parts: Markup, kind: str = "card") -> Markup:
+    """Return parts in a frame, below a title."""
+    return block(kind, heading(title), *parts)
+
+
+def heading(title: str) -> Markup:
+    """Return a title inside a section."""
+    return Markup("<h3>{}</h3>").format(title)
+
+
+def folded(summary: str, inside: Markup) -> Markup:
+    """Return what is seen only once its summary is opened."""
+    return Markup("<details><summary>{}</summary>\n{}</details>").format(summary, inside)
+
+
+def listed(kind: str, words: Iterable[tuple[str, str]]) -> Markup:
+    """Return names and what belongs to each, as a list of this class."""
+    pairs = (Markup("<div><dt>{}</dt><dd>{}</dd></div>").format(*each) for each in words)
+    return Markup('<dl class="{}">{}</dl>').format(kind, Markup("").join(pairs))
+
+
+def table(label: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> Markup:
+    """Return a table of text; the first cell of a row is its heading."""
+    lines = [[_cell("th", row[0], "row"), *(_cell("td", each) for each in row[1:])] for row in rows]
+    top = [_cell("th", each, "col") if each else Markup("<td></td>") for each in head]
+    return Markup(
+        '<div class="scroll" role="region" aria-label="{}" tabindex="0"><table>\n'
+        "<thead><tr>{}</tr></thead>\n<tbody>\n{}\n</tbody></table></div>"
+    ).format(
+        label,
+        Markup("").join(top),
+        Markup("\n").join(Markup("<tr>{}</tr>").format(Markup("").join(each)) for each in lines),
     )
-    write_text(path, page)
+
+
+def _cell(tag: str, text: str, scope: str = "") -> Markup:
+    scoped = Markup(' scope="{}"').format(scope) if scope else ""
+    return Markup("<{0}{1}>{2}</{0}>").format(tag, scoped, text)
+
+
+def write_sections(
+    path: Path, title: str, summary: str, sections: Sequence[Section], **parts: Any
+) -> None:
+    """Write a page, whole or not at all.
+
+    Further parts are `header`, HTML below the summary, `footer`, and the `film` that a slider
+    moves (`megalopta.report.source.PageFilm`).
+    """
+    write_text(path, page_of(title, summary, sections, **parts))
+
+
+def page_of(title: str, summary: str, sections: Sequence[Section], **parts: Any) -> str:
+    """Return a page as HTML; what is not marked as safe is escaped."""
+    values = {"header": "", "footer": "", "film": None, **parts}
+    return _template().render(title=title, summary=escape(summary), sections=sections, **values)
+
+
+@cache
+def _template() -> Template:
+    return Environment(
+        loader=PackageLoader("megalopta.plotting", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    ).get_template("page.html")

@@ -7,10 +7,10 @@ object interface of matplotlib is used: no window, no state shared between figur
 
 import re
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 from zlib import crc32
 
 import matplotlib
@@ -18,8 +18,10 @@ from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Canvas
+from matplotlib.ticker import EngFormatter, NullFormatter
 from matplotlib.typing import LineStyleType
 
+from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
 
 WIDTH_IN = 7.0
@@ -144,6 +146,35 @@ def write_at(
 ) -> None:
     """Write a text so many points beside a place, which is one in data where not said otherwise."""
     axes.annotate(text, at, offset, textcoords="offset points", **style)
+
+
+def log_decades(axes: Axes, which: Literal["x", "y"], labels: str | None = None) -> None:
+    """Make an axis logarithmic: labels at decades only, by default with prefixes, such as 10k."""
+    axes.set(**{f"{which}scale": "log"})
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    axis.set_major_formatter(EngFormatter(sep="") if labels is None else labels)
+    axis.set_minor_formatter(NullFormatter())
+
+
+def draw_interval(
+    axes: Axes, x: Any, middle: Floats, ends: Sequence[Floats] | Floats, **style: Any
+) -> None:
+    """Draw a line with whiskers from the lower to the upper ends."""
+    low, high = ends
+    axes.errorbar(x, middle, (middle - low, high - middle), **style)
+
+
+def draw_key(axes: Axes, entries: Iterable[tuple[str, str, str]], color: str = BLACK) -> None:
+    """Add markers to a legend that stand for nothing drawn: marker, face color and text of each."""
+    for marker, face, text in entries:
+        axes.plot([], [], marker, color=color, markerfacecolor=face, label=text)
+
+
+def legend_alone(axes: Axes, labeled: Axes, **style: Any) -> None:
+    """Fill axes with the legend of others."""
+    axes.set_axis_off()
+    handles, labels = labeled.get_legend_handles_labels()
+    axes.legend(handles, labels, loc="center", **style)
 
 
 def wrapped(text: str, characters: int) -> list[str]:

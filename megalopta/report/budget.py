@@ -8,6 +8,7 @@ everything that was stored.
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,24 +77,18 @@ class ExposureSummary:
 
 
 def exposed(dataset: Dataset, footage: ReportFrames, record: Record) -> list[ExposureSummary]:
-    """Budget and pictures of every sensor at every light level; `record` is that of the scene."""
+    """Return budget and pictures of every sensor at every level; `record` is that of the scene."""
     noise = record.get("monte_carlo") or {}
-    return [
-        _exposed(dataset.configuration, footage, open_exposure(dataset, *each), each[1], noise)
-        for each in exposures(dataset)
-    ]
+    return [_exposed(dataset, footage, each, noise) for each in exposures(dataset)]
 
 
 def _exposed(
-    settings: Configuration,
-    footage: ReportFrames,
-    opened: OpenedCounts,
-    level: LightLevel,
-    noise: Record,
+    dataset: Dataset, footage: ReportFrames, exposure: tuple[ImageSensor, LightLevel], noise: Record
 ) -> ExposureSummary:
-    frames = list(footage.selection.frames)
+    opened, settings, level = open_exposure(dataset, *exposure), dataset.configuration, exposure[1]
     scale = light_scale(settings, level)
     light = footage.radiance * scale.astype(np.float32)
+    frames = list(footage.selection.frames)
     try:
         budget = _budget(settings, light, opened, frames, level)
     except ValueError as problem:  # a measured map is gone
@@ -118,14 +113,12 @@ def _budget(
     sensor, bands = opened.sensor, settings.render.bands_nm
     detected = detected_photons(light, bands, sensor)
     middle = len(frames) // 2
+    at: dict[str, Any] = {
+        "first_frame": frames[middle],
+        "frame_period_s": 1 / settings.trajectory.frame_rate_hz,
+    }
     dark, seen, brighter = (
-        expectation(
-            np.float32(factor) * light[[middle]],
-            bands,
-            sensor,
-            first_frame=frames[middle],
-            frame_period_s=1 / settings.trajectory.frame_rate_hz,
-        )
+        expectation(np.float32(factor) * light[[middle]], bands, sensor, **at)
         for factor in (0.0, 1.0, 1 + _BRIGHTER)
     )
     ratio = seen.signal_to_noise(brighter, _BRIGHTER)

@@ -216,7 +216,7 @@ def _flux_range(
 
 
 def _drawable(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What a logarithmic axis can show; gaps elsewhere."""
+    """Return what a logarithmic axis can show, with gaps elsewhere."""
     return np.where(values > 0, values, np.nan)
 
 

@@ -3,27 +3,36 @@
 import html
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from PIL import Image, ImageDraw, ImageFont
 
 from megalopta import __version__
 from megalopta.config.recipe import Plan
 from megalopta.core import files
 from megalopta.core.bounded import printable
 from megalopta.core.errors import UserError
+from megalopta.core.files import atomic_write
 from megalopta.dataset.croissant import table_path
 from megalopta.dataset.layout import Tree
+from megalopta.dataset.opened import open_dataset
 from megalopta.dataset.store import LICENSE
+from megalopta.plotting.style import BLUE, house_style
 from megalopta.plotting.text import number
-from megalopta.report.dataset_pictures import draw_statistics, draw_strip
+from megalopta.report.dataset_sheet import clips_of
 from megalopta.stages.estimate import size
 
 Rows = list[dict[str, Any]]
 
+_BINS, _DECADE = 24, 10
+_STRIP, _WIDTH, _GAP, _LINE = 6, 160, 6, 18
 _SPECIAL = re.compile(r"[\\`*_{}\[\]#|~!$]")
 _TEMPLATE = Path(__file__).with_name("dataset_card.md")
 """What the card of every dataset says; braces are filled in."""
@@ -35,8 +44,8 @@ def write_card(root: Path) -> Path:
     sequences, exposures = (_rows(root, name) for name in ("sequences", "exposures"))
     if not sequences:
         raise UserError(f"{root}: no finished sequence to show; run megalopta dataset make")
-    draw_statistics(root / "card" / "statistics.png", sequences, exposures)
-    draw_strip(root, root / "card" / "sequences.png")
+    _draw_statistics(root / "card" / "statistics.png", sequences, exposures)
+    _draw_strip(root, root / "card" / "sequences.png")
     path = root / "README.md"
     files.write_text(path, _text(plan, sequences, exposures))
     return path
@@ -79,26 +88,24 @@ def _text(plan: Plan, sequences: Rows, exposures: Rows) -> str:
         sizes=", ".join(sorted({f"{row['width']} × {row['height']}" for row in sequences})),
         splits=", ".join(f"`{name}` {splits[name]}" for name in plan.splits),
         sample=plan.sample,
-        kinds=_table(
-            ("", "sequences"),
-            [
-                (f"{what}: {plain(value)}", str(count))
-                for what in ("scene", "light", "trajectory")
-                for value, count in sorted(Counter(row[what] for row in sequences).items())
-            ],
-        ),
-        statistics=_table(
-            ("of a sequence", "5 %", "median", "95 %"),
-            [
-                (meaning, *_percentiles(row[name] for row in sequences))
-                for name, meaning in _QUANTITIES.items()
-            ],
-        ),
+        kinds=_table(("", "sequences"), _kinds(sequences)),
+        statistics=_table(("of a sequence", "5 %", "median", "95 %"), _statistics(sequences)),
         exposures=_table(
             ("sensor", "exposure, s", "photons per pixel: 5 %", "median", "95 %", "saturated"),
-            list(_of_sensors(exposures)),
+            _of_sensors(exposures),
         ),
     )
+
+
+def _kinds(sequences: Rows) -> Iterable[tuple[str, str]]:
+    for what in ("scene", "light", "trajectory"):
+        for value, count in sorted(Counter(row[what] for row in sequences).items()):
+            yield f"{what}: {plain(value)}", str(count)
+
+
+def _statistics(sequences: Rows) -> Iterable[tuple[str, ...]]:
+    for name, meaning in _QUANTITIES.items():
+        yield meaning, *_percentiles(row[name] for row in sequences)
 
 
 def _of_sensors(exposures: Rows) -> Iterable[tuple[str, ...]]:
@@ -129,3 +136,61 @@ def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     lines = [list(head), *([*row] for row in rows)]
     texts = [f"| {' | '.join(line)} |" for line in lines]
     return "\n".join([texts[0], "|---" * len(lines[0]) + "|", *texts[1:]])
+
+
+def _draw_statistics(path: Path, sequences: Rows, exposures: Rows) -> None:
+    """Draw histograms of flow, photons, texture and occlusion."""
+    panels = (
+        ("mean flow (px a frame)", [row["mean_speed_px"] for row in sequences], True),
+        ("photons per pixel, an exposure", [row["photons_per_pixel"] for row in exposures], True),
+        ("texture, relative", [row["texture"] for row in sequences], True),
+        ("hidden or out of view", [row["unmatched_fraction"] for row in sequences], False),
+    )
+    with house_style(), atomic_write(path) as temporary:
+        canvas = Figure(figsize=(9, 2.2), layout="constrained")
+        for axes, panel in zip(canvas.subplots(1, 4), panels, strict=True):
+            _draw_histogram(axes, *panel)
+        canvas.axes[0].set_ylabel("how many")
+        canvas.savefig(temporary, dpi=150)
+
+
+def _draw_histogram(
+    axes: Axes, title: str, values: Sequence[float | None], is_logarithmic: bool
+) -> None:
+    known = np.array([value for value in values if value is not None], dtype=float)
+    known = known[known > 0] if is_logarithmic else known
+    if known.size:
+        low, high = known.min(), known.max()
+        edges = np.linspace(0, max(1.02 * high, 1e-3), _BINS)
+        if is_logarithmic and high > _DECADE * low:
+            edges = np.geomspace(low / 1.1, high * 1.1, _BINS)
+            axes.set_xscale("log")
+        axes.hist(known, edges.tolist(), color=BLUE)
+    if axes.get_xscale() == "linear":
+        axes.xaxis.set_major_locator(MaxNLocator(3))
+    axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
+    axes.set_xlabel(title)
+
+
+def _draw_strip(root: Path, path: Path) -> None:
+    """Draw light, counts, flow and depth of a few sequences, one above the other."""
+    dataset = open_dataset(root)
+    names = dataset.names[:: max(1, -(-len(dataset) // _STRIP))]
+    columns = [list(clips_of(dataset[name])) for name in names]
+    sizes = [_size(clips[0].frames[0]) for clips in columns]
+    tallest = max((height for _, height in sizes), default=1)
+    whole = len(columns) * (_WIDTH + _GAP) + _GAP, 4 * (tallest + _GAP) + _LINE + _GAP
+    sheet = Image.new("RGB", whole, "white")
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(12)
+    for column, (name, clips, shape) in enumerate(zip(names, columns, sizes, strict=True)):
+        left = _GAP + column * (_WIDTH + _GAP)
+        draw.text((left, 2), name, "black", font)
+        for row, clip in enumerate(clips):
+            picture = clip.frames[0].convert("RGB").resize(shape, Image.Resampling.NEAREST)
+            sheet.paste(picture, (left, _LINE + row * (tallest + _GAP)))
+    with atomic_write(path) as temporary:
+        sheet.save(temporary, "PNG")
+
+
+def _size(image: Image.Image) -> tuple[int, int]:
+    return _WIDTH, max(1, round(_WIDTH * image.height / image.width))

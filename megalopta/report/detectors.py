@@ -1,169 +1,201 @@
 """Section "What the detectors answer": responses as pictures, errors as tables."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 from PIL import Image
 
 from megalopta.config.model import Configuration, LightLevel
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
-from megalopta.dataset.flow_record import FlowRecord, ResponseErrors
-from megalopta.dataset.store import Dataset
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.files.color_wheel import flow_to_rgb
 from megalopta.flow.metrics.endpoint_error import block_flow
-from megalopta.plotting.text import (
-    UNDEFINED,
-    level_name,
-    number,
-    relative_error,
+from megalopta.plotting.sections import Section, block, card, heading, image, paragraph
+from megalopta.plotting.text import level_name, number
+from megalopta.report.error_tables import (
+    against_truth,
+    cost_table,
+    response_table,
+    rotation_table,
+    split_table,
 )
-from megalopta.report.components import Picture, Table, crossed, still
-from megalopta.report.footage import ReportFrames, Selection
-from megalopta.report.images import ColorScale, Legend, map_scale
-from megalopta.report.motion import Wheel
-from megalopta.report.truth import against_truth, rotation_table, split_table
-from megalopta.report.verdicts import VerdictGroup, verdict_group
+from megalopta.report.images import ColorScale, data_uri, gray_scale, map_scale, still
+from megalopta.report.motion_section import mixed_share, wheel
+from megalopta.report.remarks import absent, key, rendering
+from megalopta.report.source import Report
 from megalopta.sensor import ImageSensor, StoredFrames
+from megalopta.stages.correction import open_corrected
 from megalopta.stages.flow import responses_path
+from megalopta.stages.sense import open_exposure
 
 _BRIGHT_PERCENTILE = 99.0
 # Bright sky and dark ground answer a thousandfold differently: a root shows both.
 _ROOT = 3.0
 # Paler on the wheel, a velocity cannot be told from white.
 _PALE = 0.02
+_GUIDE = (
+    "Each detector sees every sequence twice: as counted, and as its noise-free twin, the mean "
+    "that would be counted without the randomness of photons. Frame {} is shown, in pairs: at each "
+    "light level, on the left the answer to the noise-free twin of that level, on the right that "
+    "to its {}, in the same colors. Where the two look alike, photon noise does no harm; whether "
+    "the answer is the true motion is another question."
+)
+_FLICKER = (
+    "This noise is part of the “noise-free” light. It is the same in both answers, so it adds no "
+    "error, but it flickers like texture that does not move with the scene, and the noise-free "
+    "errors against the true motion contain it."
+)
+_BLOCKS = Markup(
+    "<b>The right answer for block methods</b> in this frame: the true motion averaged over their "
+    "blocks, in the colors of the wheel (rim: {:.2g} pixels per frame). The other detectors "
+    "respond to motion without measuring its speed."
+)
+_ERRORS = Markup(
+    "Readings are brought to a mean of 1 before they are answered; the color scales spread the "
+    "cube root of the answer, so that dark ground shows beside bright sky. Both errors compare the "
+    "answer to counts with the answer to the noise-free twin, over all frames after the detectors "
+    "have settled. The <b>ratio</b> error is the sum of all differences over the sum of all "
+    "answers. The <b>literal</b> error (the thesis's Eq. 4.5) is the mean of the quotient of every "
+    "single pixel: wherever the noise-free answer passes through zero, a few pixels carry the "
+    "whole mean. An error from tenfold on reads “fails”. A full counter is full in the noise-free "
+    "twin too; against the perfect sensor it is an error. A dash says that the noise-free answer "
+    "holds no motion in any scored frame."
+)
+_COSTS = Markup(
+    "The same frame as the sensor reads it, corrected where that was asked for (dark counts, dead "
+    "time and counter, flat field, hot pixels), and as a perfect sensor would read it on average. "
+    "In the tables the ratio error of each detector: <b>against itself</b>, the same device "
+    "without noise · <b>raw against perfect</b> · <b>corrected against perfect</b>. What the "
+    "second has over the first is the device's: its fixed pattern, its dark readings, its full "
+    "pixels; what the third has less than the second is what calibration gives back."
+)
+_TRUTH = (
+    "A detector that is always wrong in the same way has no error above. So block velocities are "
+    "also compared with the true ones: the mean length of the difference, and the share of blocks "
+    "that are off by more than 25 % (outliers), first noise-free, then on {}, then on corrected "
+    "readings where there are any. A pixel on an outline holds several things and has the flow of "
+    "one of them; {} of the pixels shown are filled to less than {:.0%} by what their center sees. "
+    "{} in everything but the two tables that say otherwise; blocks of which less than half is "
+    "left are not scored."
+)
+_MIXED = {
+    "score": "They count like all others",
+    "weigh": "Pixels count by their purity",
+    "leave_out": "They do not count",
+}
+_SPLITS = (
+    "Where the error arises: blocks by their true speed, in pixels per frame, and by the share of "
+    "their pixels that is hidden in the next frame; in brackets the number of blocks, over all "
+    "frames, on the exposure where a method errs least."
+)
+_YAW = (
+    "A weighted sum of all local answers, as in a fly’s tangential cells, gives the camera’s yaw "
+    "rate. The weights are learned from the noise-free answers to the first half of the sequence; "
+    "the root mean square error is that of the second half, first noise-free, then on {}; an error "
+    "from ten times the rate itself on reads “fails”. Where the camera turns at a steady rate, the "
+    "weights cannot tell its rotation from anything else that is steady."
+)
 
 
-@dataclass(frozen=True)
-class ResponsePair:
-    """One method's answers at one light level: to the noise-free twin and to the counts."""
-
-    level: str
-    legend: Legend | None
-    pictures: tuple[Picture, Picture]
-
-
-@dataclass(frozen=True)
-class SensorResponses:
-    """One sensor: the answers of each method, a pair at every light level."""
-
-    name: str
-    rows: tuple[tuple[Detector, tuple[ResponsePair, ...]], ...]
-    errors: Table
+def detector_section(report: Report) -> Section:
+    """Return the section; where detectors have not run, what to run."""
+    title = "What the detectors answer"
+    section = Section(title, name="detectors", link="Detectors")
+    if not report.flow:
+        missing = absent(report, "flow", "The motion detectors have not been run yet.")
+        return replace(section, body=missing)
+    body = Markup("\n").join([*_responses(report), *_costs(report), *_tables(report)])
+    text = _GUIDE.format(report.frame + 1, " or ".join(report.units))
+    return replace(section, text=text, body=body)
 
 
-@dataclass(frozen=True)
-class DetectorSection:
-    """Pictures of one frame, errors of all."""
-
-    frame: int
-    truth: Picture | None
-    sensors: tuple[SensorResponses, ...]
-    against_truth: tuple[Table, ...]
-    splits: Table | None
-    rotation: Table | None
-    verdicts: tuple[VerdictGroup, ...]
-
-    @property
-    def kinds(self) -> set[str]:
-        """Verdicts that occur."""
-        return {each.kind for group in self.verdicts for row in group.rows.values() for each in row}
+def _responses(report: Report) -> Iterator[Markup]:
+    yield rendering(report.scene, _FLICKER)
+    yield key(report)
+    yield _true_blocks(report)
+    for sensor in report.settings.sensors:
+        rows = [_row(report, sensor, METHODS[name]) for name in report.settings.methods]
+        errors = heading("Error against the noise-free answer: ratio (literal)")
+        yield card(sensor.name, *rows, errors, response_table(sensor.name, report.flow))
+    yield paragraph(_ERRORS, "note")
 
 
-class _Source(NamedTuple):
-    """Whose responses are shown, and how."""
-
-    dataset: Dataset
-    selection: Selection
-    frame: int
-    wheel: Wheel
-
-
-def detector_section(
-    dataset: Dataset, footage: ReportFrames, wheel: Wheel, records: Sequence[FlowRecord]
-) -> DetectorSection:
-    """Section of a dataset whose flow stage is finished."""
-    settings = dataset.configuration
-    warm_up = max(record.warm_up_frames for record in records)
-    frame = _frame_shown(footage.selection, settings.trajectory.frames, warm_up)
-    source = _Source(dataset, footage.selection, frame, wheel)
-    return DetectorSection(
-        frame=frame,
-        truth=_true_blocks(settings.methods, footage, frame, wheel),
-        sensors=tuple(_sensor_responses(source, each, records) for each in settings.sensors),
-        against_truth=against_truth(records, settings.flow),
-        splits=split_table(records),
-        rotation=rotation_table(records),
-        verdicts=tuple(
-            verdict_group(sensor.name, settings.light_levels, records)
-            for sensor in settings.sensors
-        ),
-    )
+def _tables(report: Report) -> Iterator[Markup]:
+    settings, units = report.settings.flow, " or ".join(report.units)
+    text = _TRUTH.format(units, mixed_share(report), settings.least_purity, _MIXED[settings.mixed])
+    for title, guide, found in (
+        ("Against the true motion", text, against_truth(report.flow, settings)),
+        ("Errors by speed and occlusion", _SPLITS, split_table(report.flow)),
+        ("How fast the camera turns", _YAW.format(units), rotation_table(report.flow)),
+    ):
+        if found:
+            yield heading(title) + paragraph(guide) + found
 
 
-def _frame_shown(selection: Selection, frames: int, warm_up: int) -> int:
-    """The first shown frame in the second half whose responses have settled, or the last shown."""
-    wanted = max(frames // 2, warm_up)
-    return next((frame for frame in selection.frames if frame >= wanted), selection.frames[-1])
-
-
-def _true_blocks(
-    methods: Sequence[str], footage: ReportFrames, frame: int, wheel: Wheel
-) -> Picture | None:
-    detectors = (METHODS[name] for name in methods)
+def _true_blocks(report: Report) -> Markup:
+    detectors = (METHODS[name] for name in report.settings.methods)
     detector = next((each for each in detectors if isinstance(each, BlockDetector)), None)
     if detector is None:
-        return None
-    truth = footage.truths[footage.selection.frames.index(frame)]
+        return Markup("")
+    truth = report.footage.truths[report.selection.frames.index(report.frame)]
     grid = detector.grid(truth.depth.shape)
     flow = block_flow(truth.flow_forward[np.newaxis], grid, truth.occluded_forward[np.newaxis])[0]
-    image = Image.fromarray(flow_to_rgb(flow, wheel.max_speed))
-    return still(image, "true motion per block", "True flow averaged over blocks")
+    source = data_uri(Image.fromarray(flow_to_rgb(flow, report.fastest)))
+    shown = block("blocks", image(source, "True flow averaged over blocks"))
+    return wheel(_BLOCKS.format(report.fastest), shown)
 
 
-def _sensor_responses(
-    source: _Source, sensor: ImageSensor, records: Sequence[FlowRecord]
-) -> SensorResponses:
-    settings = source.dataset.configuration
-    rows = tuple(
-        (method, tuple(_pair(source, sensor, level, method) for level in settings.light_levels))
-        for method in map(METHODS.__getitem__, settings.methods)
+def _row(report: Report, sensor: ImageSensor, method: Detector) -> Markup:
+    """Return a method's answers at every level, beside what it is."""
+    colors = Markup("<br>Colors as on the wheel, white is rest.")
+    told = Markup("<b>{}</b> {}<br>{}{}").format(
+        method.name,
+        method.label,
+        first_sentence(method),
+        colors if method.gives == "velocity" else "",
     )
-    return SensorResponses(sensor.name, rows, _errors(sensor.name, records))
+    levels = report.settings.light_levels
+    pairs = [_pair(report, sensor, level, method) for level in levels]
+    width = f"max-width:{260 * len(pairs)}px"
+    return block("response", block("", told), block("pairs", *pairs, style=width))
 
 
-def _pair(
-    source: _Source, sensor: ImageSensor, level: LightLevel, method: Detector
-) -> ResponsePair:
-    path, name = responses_path(source.dataset, sensor, level), level_name(level)
-    shape = _shape(source.dataset.configuration, method)
-    answers = [_read(path, f"{method.name}{kind}", source.frame, shape) for kind in ("-ideal", "")]
+def first_sentence(method: Detector) -> str:
+    """Return what a method's docstring says of it first."""
+    text = (type(method).__doc__ or "").strip().split("\n")[0].removeprefix(f"{method.name}: ")
+    return text[:1].upper() + text[1:]
+
+
+def _pair(report: Report, sensor: ImageSensor, level: LightLevel, method: Detector) -> Markup:
+    """Return the answers to the noise-free twin and to the counts, in the same colors."""
+    path, name = responses_path(report.dataset, sensor, level), level_name(level)
+    shape = _shape(report.settings, method)
+    answers = [_read(path, f"{method.name}{kind}", report.frame, shape) for kind in ("-ideal", "")]
     if method.gives == "velocity":
-        fastest = source.wheel.max_speed
-        images = [Image.fromarray(flow_to_rgb(each, fastest)) for each in answers]
-        smallest, nothing, legend = _PALE * fastest, "no motion found", None
+        images = [Image.fromarray(flow_to_rgb(each, report.fastest)) for each in answers]
+        smallest, nothing, legend = _PALE * report.fastest, "no motion found", Markup("")
     else:
         scale = _response_scale(answers[0])
-        legend = scale.legend(number(scale.low), number(scale.high))
-        images = [scale.picture(source.selection.pixels(each)) for each in answers]
+        images = [scale.picture(report.selection.pixels(each)) for each in answers]
         smallest, nothing = 0.0, "no response"
-    notes = ["" if _largest(each) > smallest else nothing for each in answers]
+        legend = scale.legend(number(scale.low), number(scale.high))
     kinds = "noise-free", f"from {sensor.unit}"
-    ideal, noisy = (
-        still(image, kind, f"{method.name}, {name}, {kind}", note)
-        for image, kind, note in zip(images, kinds, notes, strict=True)
-    )
-    return ResponsePair(name, legend, (ideal, noisy))
+    shown = [
+        still(each, kind, f"{method.name}, {name}, {kind}", "" if size > smallest else nothing)
+        for each, kind, size in zip(images, kinds, map(_largest, answers), strict=True)
+    ]
+    return block("", paragraph(name), block("two", *shown), legend)
 
 
 def _read(path: Path, name: str, frame: int, shape: tuple[int, ...]) -> Floats:
-    """One frame of an array that must have this shape."""
+    """Return one frame of an array that must have this shape."""
     try:
         values: Any = StoredFrames.open(path, name).array
         if values.shape != shape:
@@ -176,7 +208,7 @@ def _read(path: Path, name: str, frame: int, shape: tuple[int, ...]) -> Floats:
 
 
 def _shape(settings: Configuration, method: Detector) -> tuple[int, ...]:
-    """Shape of what a method answered."""
+    """Return the shape of what a method answered."""
     frames, size = settings.trajectory.frames, (settings.camera.height, settings.camera.width)
     if not isinstance(method, BlockDetector):
         return frames, *size
@@ -185,13 +217,13 @@ def _shape(settings: Configuration, method: Detector) -> tuple[int, ...]:
 
 
 def _largest(answer: Floats) -> float:
-    """Largest response, or speed, that is defined; 0 where there is none."""
+    """Return the largest response, or speed, that is defined; 0 where there is none."""
     size = np.abs(answer) if answer.ndim == 2 else np.hypot(answer[..., 0], answer[..., 1])
     return float(np.max(size[np.isfinite(size)], initial=0.0))
 
 
 def _response_scale(ideal: Floats) -> ColorScale:
-    """The scale of a pair, from what the noise-free answer spans."""
+    """Return the scale of a pair, from what the noise-free answer spans."""
     known = ideal[np.isfinite(ideal)]
     high = float(np.percentile(np.abs(known), _BRIGHT_PERCENTILE)) if known.size else 0.0
     high = high or 1.0
@@ -200,22 +232,32 @@ def _response_scale(ideal: Floats) -> ColorScale:
     return map_scale("inferno", 0.0, high, _ROOT)
 
 
-def first_sentence(method: Detector) -> str:
-    """What a method's docstring says of it first."""
-    text = (type(method).__doc__ or "").strip().split("\n")[0].removeprefix(f"{method.name}: ")
-    return text[:1].upper() + text[1:]
+def _costs(report: Report) -> Iterator[Markup]:
+    """Yield what each device costs, where responses were compared with the perfect sensor."""
+    tables = {each.name: cost_table(each.name, report.flow) for each in report.settings.sensors}
+    if any(tables.values()):
+        yield heading("What the device costs") + paragraph(_COSTS)
+    for sensor in report.settings.sensors:
+        if tables[sensor.name]:
+            frames = [_forms(report, sensor, level) for level in report.settings.light_levels]
+            yield card(sensor.name, block("strip", *frames), tables[sensor.name])
 
 
-def _errors(sensor: str, records: Sequence[FlowRecord]) -> Table:
-    cells = {
-        (each.method, level_name(each.level)): _error_text(each.error)
-        for each in records
-        if each.sensor == sensor
+def _forms(report: Report, sensor: ImageSensor, level: LightLevel) -> Markup:
+    """Return the frame that is shown: raw, corrected where that was asked for, perfect."""
+    opened, frame = open_exposure(report.dataset, sensor, level), report.frame
+    forms = {
+        "raw": opened["counts"],
+        "corrected": open_corrected(report.dataset, sensor, level),
+        "perfect": opened["photons"],
     }
-    return crossed(f"Errors of the responses on {sensor}", "Detector", cells)
-
-
-def _error_text(errors: ResponseErrors) -> str:
-    if errors.ratio is None:
-        return UNDEFINED
-    return f"{relative_error(errors.ratio)} ({relative_error(errors.literal)})"
+    full = report.selection.pixels(opened["saturated"][[frame]][0])
+    shown = []
+    for name, frames in forms.items():
+        if frames is not None:
+            pixels = report.selection.pixels(frames[[frame]][0].astype(np.float64))
+            white = max(float(np.percentile(pixels, _BRIGHT_PERCENTILE)), 1e-12)
+            drawn = gray_scale(white).picture(pixels, full if name == "raw" else None)
+            alt = f"Frame of {sensor.name} at {level_name(level)}, {name}"
+            shown.append(still(drawn, name, alt))
+    return block("forms", paragraph(level_name(level)), block("pairs", *shown))

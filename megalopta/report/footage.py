@@ -1,4 +1,4 @@
-"""What of a sequence the report shows: so many frames and pixels that the file stays small.
+"""The part of a sequence that the report shows: few enough frames and pixels for a small file.
 
 Frames are spread evenly, pixels are taken, not averaged, so that noise looks as strong as it is.
 The last frame is left out: it has no successor and so no true flow.

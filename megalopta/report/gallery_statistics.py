@@ -29,9 +29,8 @@ from megalopta.flow.stimuli.statistics import (
     log_statistics,
     unlit_share,
 )
-from megalopta.plotting.picture import Cell, Figure, columns_of
+from megalopta.plotting.picture import Cell, Figure, columns_of, write_figure
 from megalopta.plotting.style import BLUE, ORANGE
-from megalopta.plotting.writing import write_figure
 from megalopta.render import SceneRenderer, frame_seed, read_picture
 from megalopta.stages.render import build
 

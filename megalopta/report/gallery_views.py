@@ -15,13 +15,12 @@ from PIL import Image, ImageDraw, ImageFont
 
 from megalopta.config.model import Configuration
 from megalopta.config.yaml_model import validated
-from megalopta.core.files import atomic_write, write_text
+from megalopta.core.files import atomic_write
 from megalopta.core.progress import progress
-from megalopta.plotting.templates import render_page
+from megalopta.plotting.sections import Section, captioned, image, write_sections
 from megalopta.render import SceneRenderer, frame_seed
-from megalopta.report.gallery_page import gray_counts
-from megalopta.report.gallery_sheet import ALONG_THE_TRAIL
-from megalopta.report.images import data_uri
+from megalopta.report.images import data_uri, gray_counts
+from megalopta.report.scene_gallery import ALONG_THE_TRAIL
 from megalopta.scenes import preview, white_of
 from megalopta.sensor import expose_image
 from megalopta.stages.render import build
@@ -37,11 +36,16 @@ _CLOUDY = {"level": "daylight", "sky": "natural", "cloud_cover": 1.0}
 _FOG_M = 60.0
 """Visibility"""
 _GAP, _LINE = 8, 20
+_SUMMARY = (
+    "Rendered radiance, exposed for its own light, as no eye and no camera sees it at night; where "
+    "photons are given, what an ideal sensor counts, from black for none to white for the "
+    "brightest hundredth of its pixels."
+)
 
 
 @dataclass(frozen=True)
-class View:
-    """What one picture shows."""
+class GalleryView:
+    """Content of one picture."""
 
     title: str
     parts: Mapping[str, Any]
@@ -70,29 +74,29 @@ def _foggy(parts: Mapping[str, Any]) -> dict[str, Any]:
 
 
 VIEWS = (
-    View("A clearing at noon", _forest("clearing", _NOON, _AHEAD)),
-    View(
+    GalleryView("A clearing at noon", _forest("clearing", _NOON, _AHEAD)),
+    GalleryView(
         "An open forest where the sun went down",
         _forest("open", {"level": "twilight", "sky": "natural", "disc_azimuth_deg": 0}, _AHEAD),
     ),
-    View("The floor of a rain forest at noon", _forest("rainforest", _NOON, _FLOOR)),
-    View(
+    GalleryView("The floor of a rain forest at noon", _forest("rainforest", _NOON, _FLOOR)),
+    GalleryView(
         "The same by starlight",
         _forest("rainforest", {"level": "starlight", "sky": "natural"}, _FLOOR),
         exposure_s=0.1,
     ),
-    View("A trail through a mixed wood at noon", _forest("trail", _NOON, ALONG_THE_TRAIL)),
-    View(
+    GalleryView("A trail through a mixed wood at noon", _forest("trail", _NOON, ALONG_THE_TRAIL)),
+    GalleryView(
         "The same in fog, under a cloud", _foggy(_forest("trail", _CLOUDY, ALONG_THE_TRAIL)), work=4
     ),
-    View(
+    GalleryView(
         "Close to the ground",
         {
             **_forest("understorey", _NOON, _LOW),
             "camera": {**_CAMERA, "fov_deg": 45},
         },
     ),
-    View(
+    GalleryView(
         "All around, in a dense forest",
         {
             **_forest("dense", _NOON, {"frames": 2, "look_at_m": [10, 0, 1.5]}),
@@ -102,24 +106,24 @@ VIEWS = (
 )
 
 
-def of_photograph(panorama: Path, turn_deg: float = 0.0) -> tuple[View, View]:
+def of_photograph(panorama: Path, turn_deg: float = 0.0) -> tuple[GalleryView, GalleryView]:
     """A photograph, and a clearing in its light, seen by the same camera."""
     scene = {"kind": "panorama", "file": str(panorama), "turn_deg": turn_deg}
     light = {"level": "daylight", "panorama": str(panorama), "panorama_turn_deg": turn_deg}
     day = {"level": "daylight"}
     return (
-        View("A photographed forest", {"scene": scene, "light": day, "trajectory": _AHEAD}),
-        View("A clearing in its light", _forest("clearing", light, _AHEAD)),
+        GalleryView("A photographed forest", {"scene": scene, "light": day, "trajectory": _AHEAD}),
+        GalleryView("A clearing in its light", _forest("clearing", light, _AHEAD)),
     )
 
 
 def write_views(
     out: Path,
     panorama: Path | None = None,
-    views: Sequence[View] = VIEWS,
+    views: Sequence[GalleryView] = VIEWS,
     samples_per_pixel: int = SAMPLES,
 ) -> Path:
-    """Render the views into a folder; returns their page, views.html, beside views.jpg.
+    """Render the views into a folder; return their page, views.html, beside views.jpg.
 
     Raises
     ------
@@ -136,14 +140,15 @@ def write_views(
             pictures += _pictures(view, each)
             advance()
     out.mkdir(parents=True, exist_ok=True)
-    write_sheet(out / "views.jpg", pictures)
-    values = {"pictures": [(each.title, Image.fromarray(each.image)) for each in pictures]}
-    page = render_page("megalopta.report", "gallery_views.html", {"data_uri": data_uri}, **values)
-    write_text(out / "views.html", page)
+    _write_sheet(out / "views.jpg", pictures)
+    figures = [(data_uri(Image.fromarray(each.image)), each.title) for each in pictures]
+    shown = tuple(captioned(image(uri, title), title) for uri, title in figures)
+    section = Section("Views", charts=shown)
+    write_sections(out / "views.html", "Forests under natural skies", _SUMMARY, [section])
     return out / "views.html"
 
 
-def _settings(view: View, samples_per_pixel: int) -> Configuration:
+def _settings(view: GalleryView, samples_per_pixel: int) -> Configuration:
     values = {
         "camera": _CAMERA,
         "render": {"samples_per_pixel": samples_per_pixel, "integrator": "path"},
@@ -153,7 +158,7 @@ def _settings(view: View, samples_per_pixel: int) -> Configuration:
     return validated(Configuration, values, view.title)
 
 
-def _pictures(view: View, settings: Configuration) -> Iterator[Picture]:
+def _pictures(view: GalleryView, settings: Configuration) -> Iterator[Picture]:
     renderer = SceneRenderer(build(settings), settings.camera, settings.render)
     radiance = renderer.radiance(settings.trajectory.poses()[0], frame_seed(settings.seed, 0))
     bands = settings.render.bands_nm
@@ -167,26 +172,35 @@ def _pictures(view: View, settings: Configuration) -> Iterator[Picture]:
         yield Picture(told, np.asarray(gray_counts(counts).convert("RGB")))
 
 
-def write_sheet(path: Path, pictures: Sequence[Picture]) -> None:
+def _write_sheet(path: Path, pictures: Sequence[Picture]) -> None:
     """Write all pictures as one JPEG, two in a row, wider ones alone, with their titles."""
-    width = min(each.image.shape[1] for each in pictures)
-    rows: list[list[tuple[str, Image.Image]]] = []
-    for each in pictures:
-        image, is_wide = Image.fromarray(each.image), each.image.shape[1] > width
-        if is_wide:
-            whole = 2 * width + _GAP
-            image = image.resize((whole, round(whole * image.height / image.width)))
-        if is_wide or not rows or len(rows[-1]) == 2 or rows[-1][0][1].width > width:
-            rows.append([])
-        rows[-1].append((each.title, image))
+    rows = _rows(pictures)
+    whole = 2 * min(each.image.shape[1] for each in pictures) + _GAP
     height = sum(row[0][1].height + _LINE + _GAP for row in rows) + _GAP
-    sheet = Image.new("RGB", (2 * (width + _GAP) + _GAP, height), (255, 255, 255))
+    sheet = Image.new("RGB", (whole + 2 * _GAP, height), (255, 255, 255))
     draw, font, top = ImageDraw.Draw(sheet), ImageFont.load_default(14), _GAP
     for row in rows:
-        for column, (title, image) in enumerate(row):
-            left = _GAP + column * (width + _GAP)
-            sheet.paste(image, (left, top))
-            draw.text((left, top + image.height + 2), title, (26, 26, 26), font)
+        left = _GAP
+        for title, picture in row:
+            sheet.paste(picture, (left, top))
+            draw.text((left, top + picture.height + 2), title, (26, 26, 26), font)
+            left += picture.width + _GAP
         top += row[0][1].height + _LINE + _GAP
     with atomic_write(path) as temporary:
         sheet.save(temporary, "JPEG", quality=88)
+
+
+def _rows(pictures: Sequence[Picture]) -> list[list[tuple[str, Image.Image]]]:
+    """Return two pictures of the least width in each row, wider ones as wide as both, alone."""
+    width = min(each.image.shape[1] for each in pictures)
+    whole = 2 * width + _GAP
+    rows: list[list[tuple[str, Image.Image]]] = []
+    for each in pictures:
+        picture = Image.fromarray(each.image)
+        is_wide = picture.width > width
+        if is_wide:
+            picture = picture.resize((whole, round(whole * picture.height / picture.width)))
+        if is_wide or not rows or len(rows[-1]) == 2 or rows[-1][0][1].width > width:
+            rows.append([])
+        rows[-1].append((each.title, picture))
+    return rows

@@ -1,4 +1,4 @@
-"""Arrays as pictures: PNG data URIs, color scales and their legends."""
+"""Arrays as pictures: PNG data URIs, color scales, their legends, stills and films of a page."""
 
 import base64
 import colorsys
@@ -7,9 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from markupsafe import Markup
 from matplotlib import colormaps
 from numpy.typing import NDArray
 from PIL import Image, ImageOps
+
+from megalopta.plotting.sections import captioned, image
 
 Rgb = NDArray[np.uint8]
 Floats = NDArray[np.floating]
@@ -23,21 +26,6 @@ _LEGEND_STEPS = 128
 ORANGE = (230, 97, 0)
 GRAY = (128, 128, 128)
 _NOTHING = (24, 26, 30)
-
-
-@dataclass(frozen=True)
-class Legend:
-    """What the colors of a picture mean."""
-
-    bar: str
-    """Data URI of the colors from low to high, left to right."""
-    low: str
-    high: str
-    """Value at this end, with the unit"""
-    special: str = ""
-    """What pixels of the special color are; empty when there are none."""
-    special_color: str = ""
-    """For CSS"""
 
 
 @dataclass(frozen=True)
@@ -60,18 +48,21 @@ class ColorScale:
         """Return an image of values (H, W), NaN or marked pixels in the special color."""
         unknown = np.isnan(values) if marked is None else marked | np.isnan(values)
         index = np.where(unknown, len(self.colors), self._index(np.nan_to_num(values)))
-        image = Image.fromarray(index.astype(np.uint8))
-        image.putpalette(self.colors.tobytes() + bytes(self.special))
-        return image
+        picture = Image.fromarray(index.astype(np.uint8))
+        picture.putpalette(self.colors.tobytes() + bytes(self.special))
+        return picture
 
-    def legend(self, low: str, high: str, special: str = "") -> Legend:
-        """Return the legend, with the values at the ends in words."""
+    def legend(self, low: str, high: str, special: str = "") -> Markup:
+        """Return the legend: the colors between two texts, and what has the special color."""
         steps = (np.arange(_LEGEND_STEPS) + 0.5) / _LEGEND_STEPS
         values = self.low + (self.high - self.low) * steps
         if self.logarithmic:
             values = self.low * (self.high / self.low) ** steps
-        color = f"rgb{self.special}" if special else ""
-        return Legend(data_uri(self.picture(values[np.newaxis])), low, high, special, color)
+        bar = image(data_uri(self.picture(values[np.newaxis])), f"color scale from {low} to {high}")
+        marked = Markup('<span class="special"><i style="background:rgb{}"></i>{}</span>')
+        return Markup('<span class="scale"><span>{}</span>{}<span>{}</span>{}</span>').format(
+            low, bar, high, marked.format(self.special, special) if special else ""
+        )
 
     def _index(self, values: Floats) -> NDArray[np.int64]:
         low, high = self._stretched(self.low), self._stretched(self.high)
@@ -91,6 +82,12 @@ def gray_scale(white: float) -> ColorScale:
     return ColorScale(0.0, white, colors, ORANGE, root=2.2)
 
 
+def gray_counts(counts: NDArray[np.integer | np.floating]) -> Image.Image:
+    """Return counts (H, W) as a picture, from black to the brightest hundredth."""
+    values = np.asarray(counts, dtype=np.float64)
+    return gray_scale(max(float(np.percentile(values, 99)), 1.0)).picture(values)
+
+
 def map_scale(
     name: str, low: float, high: float, root: float = 1.0, logarithmic: bool = False
 ) -> ColorScale:
@@ -107,26 +104,45 @@ def rgb_picture(pixels: Rgb) -> Image.Image:
 def id_picture(identifiers: NDArray[np.integer]) -> Image.Image:
     """Return an image of object numbers (H, W), successive ones in unlike colors; 0 is dark."""
     index = np.where(identifiers == 0, 0, 1 + identifiers % _ID_COLORS)
-    image = Image.fromarray(index.astype(np.uint8))
-    image.putpalette([*_NOTHING, *(part for n in range(_ID_COLORS) for part in _id_color(n))])
-    return image
+    picture = Image.fromarray(index.astype(np.uint8))
+    picture.putpalette([*_NOTHING, *(part for n in range(_ID_COLORS) for part in _id_color(n))])
+    return picture
 
 
-def stacked(images: Sequence[Image.Image]) -> Image.Image:
-    """Return equally large images as one, above each other: a film."""
+def film_strip(images: Sequence[Image.Image]) -> Image.Image:
+    """Return equally large images as one, above each other."""
     first = images[0]
     film = Image.new(first.mode, (first.width, first.height * len(images)))
     if first.mode == "P":
         film.putpalette(first.getpalette() or [])
-    for index, image in enumerate(images):
-        film.paste(image, (0, index * first.height))
+    for index, each in enumerate(images):
+        film.paste(each, (0, index * first.height))
     return film
 
 
-def data_uri(image: Image.Image) -> str:
+def film(images: Sequence[Image.Image] | None, title: str, alt: str, legend: str = "") -> Markup:
+    """Return frames as a picture that follows the slider; None: the radiance of the page."""
+    source = f"url({data_uri(film_strip(images))})" if images else "var(--radiance)"
+    picture = Markup(
+        '<div class="film" role="img" aria-label="{}" style="background-image:{}"></div>'
+    ).format(alt, source)
+    return captioned(picture, Markup("{}{}").format(title, legend))
+
+
+def still(picture: Image.Image, title: str, alt: str, note: str = "") -> Markup:
+    """Return one picture; a note is written across it."""
+    told = f"{alt}: {note}" if note else alt
+    across = Markup('<span class="nothing" aria-hidden="true">{}</span>').format(note)
+    shown = Markup('<div class="frame"><img class="still" src="{}" alt="{}">{}</div>').format(
+        data_uri(picture), told, across if note else ""
+    )
+    return captioned(shown, title)
+
+
+def data_uri(picture: Image.Image) -> str:
     """Return an image as a PNG inside its own address."""
     data = io.BytesIO()
-    image.save(data, "PNG")
+    picture.save(data, "PNG")
     return f"data:image/png;base64,{base64.b64encode(data.getvalue()).decode('ascii')}"
 
 

@@ -113,7 +113,7 @@ def read_benchmark(dataset: Dataset, name: str = "benchmark.json") -> BenchmarkR
 
 
 def read_scene_record(dataset: Dataset) -> Record:
-    """What the render stage noted. Raises UserError when it is damaged or missing."""
+    """Return the notes of the render stage. Raises UserError when they are damaged or missing."""
     remedy = f"run: megalopta render {dataset.root} --out {dataset.root} --redo"
     record: Record = _read(dataset.scene_record, _SCENE.validate_python, remedy)
     return record

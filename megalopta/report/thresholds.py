@@ -1,86 +1,92 @@
 """Section "Photons that motion needs": error curves and N_2b of the photon benchmark."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 
 from markupsafe import Markup
 
 from megalopta.flow.benchmark.sequence import BenchmarkResult
 from megalopta.flow.metrics.curve import ErrorCurve
 from megalopta.flow.metrics.photon_threshold import Threshold
-from megalopta.plotting.text import UNDEFINED, enumerate_words, short
+from megalopta.plotting.sections import Section, block, card, heading, paragraph
+from megalopta.plotting.text import UNDEFINED, enumerate_words, level_name, short
 from megalopta.report.budget import Budget
 from megalopta.report.charts import MethodThresholds, error_chart, threshold_chart
-from megalopta.report.components import Table, crossed
-from megalopta.report.verdicts import ACCURATE
+from megalopta.report.error_tables import ACCURATE, MEANINGS, Kind, crossed, verdict
+from megalopta.report.remarks import absent, key, mark, rendering
+from megalopta.report.source import Report
 
 Shape = tuple[int, int]
 
 _NORMALIZED = {"per_frame": "every frame", "per_sequence": "the mean frame"}
+_SIGNS = {"wrong": "✕", "unknown": "?", "silent": "–"}
+_GUIDE = Markup(
+    "How many photons must a frame hold for a detector to repeat its noise-free answer to 2 bits, "
+    "within 25 %? Whether that answer is the true motion is not asked here. The sequence is scaled "
+    "to each number of photons, drawn {} times and measured; N<sub>2b</sub> is where the error "
+    "curve falls below 25 %. These pixels detect every photon and have dark counts in proportion "
+    "to their area ({}, per frame); a real sensor with more needs more."
+)
+_FLICKER = Markup(
+    "This noise is part of the noise-free answer, the same in both answers: N<sub>2b</sub> says "
+    "how well a detector repeats its answer to this light, flicker of the rendering included."
+)
+_SUPPLY = (
+    "Markers: filled for the literal error, open for the ratio; bars are {:g} % intervals. The "
+    "diamonds are what each sensor detects per frame at each light level. Where a marker lies to "
+    "the left of a light’s line, there are photons enough for that detector – if the sensor’s own "
+    "dark readings let it: the table below says what came of it."
+)
+_VERDICTS = (
+    "Detectors that give velocities are held against the true motion; the others, whose response "
+    "has no unit, can only be asked whether they repeat themselves. Measured on the sensors' own "
+    "readings, all their effects included, on full frames, in a single draw: close to 25 %, "
+    "another draw may fall on the other side. IM measures brightness, not motion: it is the "
+    "yardstick."
+)
+_CURVES = (
+    "Bands are two standard errors to either side; errors of exactly zero and errors beyond the "
+    "axis are not drawn. The first {} frames are not scored, while the filters settle."
+)
+_NORMALIZATIONS = (
+    "Above it is {}. The dissertation scales every frame; scaling by the mean frame leaves bright "
+    "frames bright, as a camera with a fixed exposure sees them."
+)
+_UNITS = Markup(
+    "k, M, G, T: thousand to million million. The interval says what another draw of photons might "
+    "have given, not what another scene would. The literal error divides by each single answer: "
+    "where many are near zero, its N<sub>2b</sub> lies far above that of the ratio."
+)
 
 
-@dataclass(frozen=True)
-class ThresholdSection:
-    """Charts and thresholds of the photon benchmark, and how they were measured."""
-
-    curves: Mapping[str, Markup]
-    """By title, one per frame size and metric"""
-    charts: Mapping[str, Markup]
-    """By title, one per frame size"""
-    table: Table
-    repeats: int
-    warm_up: int
-    confidence_percent: float
-    dark_counts: str
-    """Per frame and pixel at each frame size"""
-    normalization: str
-    """What is brought to the flux, in words"""
-    normalizations: Table | None
-    """By the other normalization, where that was measured too"""
-
-
-def threshold_section(
-    benchmark: BenchmarkResult, budgets: Sequence[Budget], other: BenchmarkResult | None = None
-) -> ThresholdSection:
-    """Section of a finished benchmark, beside what the sensors detect.
-
-    `other` is the same benchmark by the other normalization.
-    """
+def threshold_section(report: Report) -> Section:
+    """Return the section; without a benchmark, what to run."""
+    title = "Photons that motion needs"
+    section = Section(title, name="photons", link="Photons needed")
+    if not report.benchmarks:
+        what = "The photon benchmark has not been run yet."
+        return replace(section, body=absent(report, "benchmark photons", what))
+    benchmark = report.benchmarks[0]
     settings = benchmark.settings
-    at_shape: dict[Shape, list[ErrorCurve]] = {}
+    shapes = _by_shape(benchmark)
+    dark = _dark_counts(settings.dark_counts, benchmark.frames[1:], shapes)
+    body = [
+        rendering(report.scene, _FLICKER),
+        *_needs(report, benchmark),
+        *_verdicts(report),
+        *_curves(report, benchmark),
+        *_thresholds(report.benchmarks),
+    ]
+    text = _GUIDE.format(settings.repeats, dark)
+    return replace(section, text=text, body=Markup("\n").join(body))
+
+
+def _by_shape(benchmark: BenchmarkResult) -> dict[Shape, list[ErrorCurve]]:
+    found: dict[Shape, list[ErrorCurve]] = {}
     for curve in benchmark.curves:
-        at_shape.setdefault(curve.shape, []).append(curve)
-    return ThresholdSection(
-        curves=dict(
-            _curve_chart([curve for curve in curves if curve.metric == metric], shape, metric)
-            for shape, curves in at_shape.items()
-            for metric in settings.metrics
-        ),
-        charts=dict(
-            _threshold_chart(curves, shape, budgets)
-            for shape, curves in at_shape.items()
-            if 2 in settings.bits
-        ),
-        table=crossed("N_2b in photons per frame", "Detector", _thresholds(benchmark)),
-        repeats=settings.repeats,
-        warm_up=benchmark.warm_up,
-        confidence_percent=100 * settings.confidence,
-        dark_counts=_dark_counts(settings.dark_counts, benchmark.frames[1:], at_shape),
-        normalization=_NORMALIZED[settings.normalization],
-        normalizations=_beside(benchmark, other) if other else None,
-    )
-
-
-def _beside(benchmark: BenchmarkResult, other: BenchmarkResult) -> Table:
-    """N_2b by both normalizations, literal error."""
-    cells = {}
-    for result in (benchmark, other):
-        for curve in result.curves:
-            if curve.metric == "literal":
-                column = f"{_size(curve.shape)}, {_NORMALIZED[result.settings.normalization]}"
-                cells[curve.method, column] = str(curve.thresholds.get(2, UNDEFINED))
-    return crossed("N_2b by what is brought to the number of photons", "Detector", cells)
+        found.setdefault(curve.shape, []).append(curve)
+    return found
 
 
 def _size(shape: Shape) -> str:
@@ -90,7 +96,7 @@ def _size(shape: Shape) -> str:
 def _dark_counts(
     per_original_pixel: float, original: Sequence[int], shapes: Iterable[Shape]
 ) -> str:
-    """Dark counts of a pixel at each size: a setting per original pixel, times the area ratio."""
+    """Return dark counts of a pixel at each size: those of the original, by the area ratio."""
     pixels = math.prod(original)
     words = [
         f"{short(per_original_pixel * pixels / math.prod(shape))} at {_size(shape)} px"
@@ -99,30 +105,98 @@ def _dark_counts(
     return enumerate_words(words)
 
 
-def _curve_chart(curves: Sequence[ErrorCurve], shape: Shape, metric: str) -> tuple[str, Markup]:
-    title = f"{_size(shape)} pixels, {metric} error"
-    name = f"curve-{shape[0]}-{metric}"
-    text = f"Error over photons per frame at {title}, one curve per detector"
-    return title, error_chart(curves, name, ACCURATE, text)
+def _needs(report: Report, benchmark: BenchmarkResult) -> Iterator[Markup]:
+    """Yield the photons that detectors need, beside those that sensors detect."""
+    if 2 not in benchmark.settings.bits:
+        return
+    budgets = [each.budget for each in report.exposures]
+    charts = [
+        card(f"N_2b, {_size(shape)} pixels", _needs_chart(curves, shape, budgets))
+        for shape, curves in _by_shape(benchmark).items()
+    ]
+    yield block("pair", *charts)
+    yield paragraph(_SUPPLY.format(100 * benchmark.settings.confidence), "note")
 
 
-def _threshold_chart(
-    curves: Sequence[ErrorCurve], shape: Shape, budgets: Sequence[Budget]
-) -> tuple[str, Markup]:
+def _needs_chart(curves: Sequence[ErrorCurve], shape: Shape, budgets: Sequence[Budget]) -> Markup:
     thresholds: dict[str, dict[str, Threshold]] = {}
     for curve in curves:
         if threshold := curve.thresholds.get(2):
             thresholds.setdefault(curve.method, {})[curve.metric] = threshold
     methods = [MethodThresholds(method, each) for method, each in thresholds.items()]
-    title = f"{_size(shape)} pixels"
-    text = f"Photons per frame that each detector needs at {title}, and what the sensors detect"
-    return title, threshold_chart(methods, budgets, f"thresholds-{shape[0]}", text)
+    text = (
+        f"Photons per frame that each detector needs at {_size(shape)} pixels, and what the "
+        "sensors detect"
+    )
+    return threshold_chart(methods, budgets, f"thresholds-{shape[0]}", text)
 
 
-def _thresholds(benchmark: BenchmarkResult) -> dict[tuple[str, str], str]:
+def _curves(report: Report, benchmark: BenchmarkResult) -> Iterator[Markup]:
+    """Yield a chart of errors over photons for each size and metric."""
+    yield heading("Error over photons")
+    yield key(report)
+    charts = []
+    for shape, curves in _by_shape(benchmark).items():
+        for metric in benchmark.settings.metrics:
+            title = f"{_size(shape)} pixels, {metric} error"
+            own = [curve for curve in curves if curve.metric == metric]
+            text = f"Error over photons per frame at {title}, one curve per detector"
+            charts.append(
+                card(title, error_chart(own, f"curve-{shape[0]}-{metric}", ACCURATE, text))
+            )
+    yield block("pair", *charts)
+    yield paragraph(_CURVES.format(benchmark.warm_up), "note")
+
+
+def _thresholds(benchmarks: Sequence[BenchmarkResult]) -> Iterator[Markup]:
+    """Yield tables of N_2b, and of its literal form by both normalizations."""
+    first = benchmarks[0]
+    settings = first.settings
+    yield heading(f"N_2b in photons per frame, with {100 * settings.confidence:g} % intervals")
+    yield crossed("N_2b in photons per frame", "Detector", _cells(first.curves))
+    if len(benchmarks) > 1:
+        beside: dict[tuple[str, str], str] = {}
+        for each in benchmarks:
+            what = _NORMALIZED[each.settings.normalization]
+            literal = [curve for curve in each.curves if curve.metric == "literal"]
+            beside |= _cells(literal, what)
+        yield heading("What is brought to the number of photons")
+        yield paragraph(_NORMALIZATIONS.format(_NORMALIZED[settings.normalization]))
+        yield crossed("N_2b by what is brought to the number of photons", "Detector", beside)
+    yield paragraph(_UNITS, "note")
+
+
+def _cells(curves: Sequence[ErrorCurve], what: str = "") -> dict[tuple[str, str], str]:
     return {
-        (curve.method, f"{_size(curve.shape)}, {curve.metric}"): str(
+        (curve.method, f"{_size(curve.shape)}, {what or curve.metric}"): str(
             curve.thresholds.get(2, UNDEFINED)
         )
-        for curve in benchmark.curves
+        for curve in curves
     }
+
+
+def _verdicts(report: Report) -> Iterator[Markup]:
+    """Yield a mark for every method on every sensor at every level, and what marks mean."""
+    if not report.flow:
+        return
+    kinds = {(each.method, each.sensor, each.level): verdict(each) for each in report.flow}
+    cells = {
+        (method, f"{sensor}, {level_name(level)}"): _dot(kind, is_alone=True)
+        for (method, sensor, level), kind in kinds.items()
+    }
+    yield heading("Who finds the true motion, at which light, on which sensor")
+    yield paragraph(_VERDICTS)
+    named = {(mark(row) + " " + row, column): cell for (row, column), cell in cells.items()}
+    yield crossed("Who finds the true motion", "Detector", named)
+    line = Markup("<li>{}<span>{}</span></li>")
+    seen = [line.format(_dot(kind), MEANINGS[kind]) for kind in MEANINGS if kind in kinds.values()]
+    yield Markup('<ul class="note marks">{}</ul>').format(Markup("").join(seen))
+
+
+def _dot(kind: Kind, *, is_alone: bool = False) -> Markup:
+    """Return the mark of a verdict; alone, it says what it means."""
+    told = Markup('role="img" aria-label="{0}" title="{0}"').format(MEANINGS[kind])
+    text = Markup('<span class="dot {}" {}>{}</span>')
+    return text.format(
+        kind, told if is_alone else Markup('aria-hidden="true"'), _SIGNS.get(kind, "")
+    )

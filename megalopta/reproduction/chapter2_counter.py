@@ -1,21 +1,26 @@
-"""Figures of Chapter 2 on the analog counter: its output as photons arrive, and how straight it is.
+"""Figures 2.2, 2.7 and 2.8: what dead time leaves of the photons, and an analog counter's output.
 
 The model of the counter is linear but for its leak. How a real one bends toward the bottom of its
 swing is not printed and not modeled.
 """
 
+from collections.abc import Mapping
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure as Canvas
+from matplotlib.ticker import EngFormatter
 from numpy.typing import NDArray
 from scipy.stats import linregress
 
 from megalopta.core.arrays import Floats
 from megalopta.plotting.picture import Figure
-from megalopta.reproduction.recipe import FigureRecipe
-from megalopta.sensor import Sensor, changed, expose_events, preset
+from megalopta.plotting.style import BLACK, GRAY, PALETTE
+from megalopta.reproduction.figure_recipe import FigureRecipe, Run
+from megalopta.sensor import DeadTime, Sensor, changed, expose_events, preset
 from megalopta.sensor.counters.analog import AnalogCounter, analog_pixels
+from megalopta.sensor.effects.dead_time import expected_counts
 
 ROW = (1, 16)
 LIGHT_HZ = 300.0
@@ -23,6 +28,12 @@ _SHOWN = 4
 _SAMPLES = 4001
 _ZOOM = 0.06
 """Part of the exposure in the panel on the right, where single steps can be seen."""
+_CAPTION = (
+    f"{_SHOWN} of {ROW[1]} pixels of a simulated row detect {LIGHT_HZ:g} photons per second "
+    "besides dark counts; the first 20 steps are shown on the right. The straight line of R² ends "
+    "at the bottom of the swing; over events the model bends by its leak alone, over time also by "
+    "the chance of arrivals."
+)
 
 
 class Transient(NamedTuple):
@@ -74,48 +85,39 @@ def volts_per_event(row: Transient, bottom_v: float) -> float:
     return float(fallen.sum() / row.events[pixels, last].sum())
 
 
-def _figure(name: str, step_v: float) -> Figure:
+def _figure(number: str, step_v: float) -> Figure:
     sensor = spadcam_with_step(step_v)
     counter, row = _counter(sensor), transient(sensor)
     bottom = counter.supply_v - counter.swing_v
     over_events, over_time = straightness(row, bottom)
-
-    def draw(canvas: Canvas) -> None:
-        whole, start = canvas.subplots(1, 2, width_ratios=(3, 2))
-        for axes in (whole, start):
-            for pixel, output in enumerate(row.output_v[:_SHOWN]):
-                label = f"pixel {pixel}"
-                axes.step(1e3 * row.time_s, output, where="post", lw=1.4, label=label)
-            axes.set_xlabel("Time since reset (ms)")
-        whole.set(ylabel="Output (V)", xlim=(0, 1e3 * sensor.exposure_s), ylim=(0, 3.4))
-        whole.legend(loc="upper right")
-        start.set_xlim(0, _ZOOM * whole.get_xlim()[1])
-        start.set_ylim(counter.supply_v - 20.5 * step_v, counter.supply_v + step_v)
-
-    step = f"{1e3 * step_v:g} mV"
+    step, fall = f"{1e3 * step_v:g} mV", 1e3 * volts_per_event(row, bottom)
     return Figure(
-        title=f"Figure {name.removeprefix('fig-')}: analog counter in low light, steps of {step}",
-        caption=(
-            f"{_SHOWN} of {ROW[1]} pixels of a simulated row detect {LIGHT_HZ:g} photons per "
-            "second besides dark counts; the first 20 steps are shown on the right. The straight "
-            "line of R² ends at the bottom of the swing; over events the model bends by its leak "
-            "alone, over time also by the chance of arrivals."
-        ),
+        title=f"Figure {number}: analog counter in low light, steps of {step}",
+        caption=_CAPTION,
         printed={
-            "Fall per event over the swing": (
-                f"{1e3 * volts_per_event(row, bottom):.2f} mV",
-                f"about {step}",
-            ),
+            "Fall per event over the swing": (f"{fall:.2f} mV", f"about {step}"),
             "Least R² over events": (_floor(over_events.min()), "above 0.99"),
             "R² over time": (f"{over_time.min():.3f} to {over_time.max():.3f}", "above 0.99"),
         },
-        draw=draw,
+        draw=partial(_draw, row=row, counter=counter, step_v=step_v),
         numbers={
             "time_s": row.time_s,
             **{f"pixel_{pixel}_v": output for pixel, output in enumerate(row.output_v)},
         },
         height_in=3.4,
     )
+
+
+def _draw(canvas: Canvas, row: Transient, counter: AnalogCounter, step_v: float) -> None:
+    whole, start = canvas.subplots(1, 2, width_ratios=(3, 2))
+    for axes in (whole, start):
+        for pixel, output in enumerate(row.output_v[:_SHOWN]):
+            axes.step(1e3 * row.time_s, output, where="post", lw=1.4, label=f"pixel {pixel}")
+        axes.set_xlabel("Time since reset (ms)")
+    whole.set(ylabel="Output (V)", xlim=(0, 1e3 * row.time_s[-1]), ylim=(0, 3.4))
+    whole.legend(loc="upper right")
+    start.set_xlim(0, _ZOOM * whole.get_xlim()[1])
+    start.set_ylim(counter.supply_v - 20.5 * step_v, counter.supply_v + step_v)
 
 
 def _counter(sensor: Sensor) -> AnalogCounter:
@@ -128,7 +130,56 @@ def _floor(share: float) -> str:
     return f"{np.floor(1e5 * share) / 1e5:.5f}"
 
 
+_DEAD_TIMES_S = (1e-9, 1e-8, 1e-7, 1e-6)
+_DASHES = {"nonparalyzable": "-", "paralyzable": "--"}
+_CAPTION_2_2 = (
+    "The curves are stationary means (Eq. 2.5 and 2.6) for four dead times τ. The count rate ends "
+    "at 1/τ without and at 1/(e·τ) with paralysis, at one photon per dead time. The dynamic range "
+    "reaches from 100 Hz of dark counts to that ceiling, for τ = 100 ns."
+)
+
+
+def _figure_2_2(_: Run) -> Figure:
+    photons = np.geomspace(1e3, 1e10, 281)
+    laws = {
+        (kind, tau): DeadTime(kind=kind, dead_time_s=tau, start="stationary")
+        for kind in _DASHES
+        for tau in _DEAD_TIMES_S
+    }
+    curves = {key: expected_counts(photons, 1.0, law) for key, law in laws.items()}
+    highest = curves["paralyzable", 1e-7].max()
+    lasting, brief = (f"{20 * np.log10(rate / 100):.0f} dB" for rate in (highest, 1e7))
+    return Figure(
+        title="Figure 2.2: count rate over photon rate with dead time",
+        caption=_CAPTION_2_2,
+        printed={
+            "Dynamic range, paralyzable": (lasting, "below 100 dB"),
+            "Dynamic range, non-paralyzable": (brief, "below 100 dB"),
+        },
+        draw=partial(_draw_2_2, photons=photons, curves=curves),
+        numbers={
+            "photon_rate_hz": photons,
+            **{f"{kind}_{1e9 * tau:g}_ns_hz": counts for (kind, tau), counts in curves.items()},
+        },
+    )
+
+
+def _draw_2_2(canvas: Canvas, photons: Floats, curves: Mapping[tuple[str, float], Floats]) -> None:
+    axes = canvas.subplots()
+    axes.loglog(photons, photons, color=BLACK, label="ideal")
+    for (kind, tau), counts in curves.items():
+        color = PALETTE[_DEAD_TIMES_S.index(tau)]
+        label = None if kind == "paralyzable" else f"τ = {EngFormatter(unit='s')(tau)}"
+        axes.loglog(photons, counts, _DASHES[kind], color=color, label=label)
+    for kind, label in (("nonparalyzable", "non-paralyzable"), ("paralyzable", "paralyzable")):
+        axes.plot([], [], _DASHES[kind], color=GRAY, label=label)
+    axes.set(xlabel="Photon rate (1/s)", ylabel="Count rate (1/s)")
+    axes.set(xlim=(1e3, 1e10), ylim=(1e3, 3e9))
+    axes.legend(loc="upper left", ncols=2)
+
+
 RECIPES = (
-    FigureRecipe("fig-2.7", lambda _: _figure("fig-2.7", 10e-3)),
-    FigureRecipe("fig-2.8", lambda _: _figure("fig-2.8", 30e-3)),
+    FigureRecipe("fig-2.2", _figure_2_2),
+    FigureRecipe("fig-2.7", lambda _: _figure("2.7", 10e-3)),
+    FigureRecipe("fig-2.8", lambda _: _figure("2.8", 30e-3)),
 )

@@ -27,13 +27,17 @@ from megalopta.camera.motion_bench import (
 from megalopta.core.arrays import Floats
 from megalopta.plotting.picture import Figure
 from megalopta.plotting.style import BLUE, GRAY, VERMILION
-from megalopta.reproduction.recipe import FigureRecipe, Run
+from megalopta.reproduction.figure_recipe import FigureRecipe, Run
 from megalopta.scenes.stimuli.motion_bench import MotionBench
 from megalopta.sensor import Sensor
 
 _SPEED_MM_S = 1.0
 _SPEED = f"{_SPEED_MM_S:g} mm/s, {pixels_per_frame(_SPEED_MM_S):.2f} px per frame"
 SHOWN_DETECTOR = 4
+_FRAMES_CAPTION = (
+    f"The edge moves by {_SPEED}; photons are those detected, and SPADCAM's dark counts come on "
+    "top. In its 16 rows {:.1f} % of the counts are full, with a hot pixel's dark counts."
+)
 
 
 def recording(sensor: Sensor) -> Floats:
@@ -49,33 +53,24 @@ def responses(method: str, frames: Floats) -> Floats:
 def _figure_2_14(_: Run) -> Figure:
     frames = {name: recording(sensor)[:FRAMES] for name, sensor in SENSORS.items()}
     bright, hidden = OPEN_PHOTONS, OPEN_PHOTONS * MotionBench().shade
-    full = record(_SPEED_MM_S, SENSORS["SPADCAM"]).saturated.mean()
+    full = 100 * record(_SPEED_MM_S, SENSORS["SPADCAM"]).saturated.mean()
     contrast = {
         "difference over sum": (bright - hidden) / (bright + hidden),
         "difference over open": 1 - hidden / bright,
     }
+    printed = {
+        "Photons per pixel, open and hidden": (f"{bright:g} and {hidden:g}", "65 and 27"),
+        "Photons per open frame": (f"{PIXELS * bright:.0f}", "roughly 1k"),
+    }
+    for how, share in contrast.items():
+        printed[f"Contrast, {how}"] = (f"{100 * share:.0f} %", "64 %, undefined")
+    for name, shown in frames.items():
+        ends = f"{shown[0].mean():.0f} and {shown[-1].mean():.0f}"
+        printed[f"First and last mean, {name}"] = (ends, "—")
     return Figure(
         title="Figure 2.14: 32 frames of a row of 12 pooled pixels as an edge passes",
-        caption=(
-            f"The edge moves by {_SPEED}; photons are those detected, and SPADCAM's dark counts "
-            f"come on top. In its 16 rows {100 * full:.1f} % of the counts are full, with a hot "
-            "pixel's dark counts."
-        ),
-        printed={
-            "Photons per pixel, open and hidden": (f"{bright:g} and {hidden:g}", "65 and 27"),
-            "Photons per open frame": (f"{PIXELS * bright:.0f}", "roughly 1k"),
-            **{
-                f"Contrast, {how}": (f"{100 * share:.0f} %", "64 %, undefined")
-                for how, share in contrast.items()
-            },
-            **{
-                f"First and last mean, {name}": (
-                    f"{shown[0].mean():.0f} and {shown[-1].mean():.0f}",
-                    "—",
-                )
-                for name, shown in frames.items()
-            },
-        },
+        caption=_FRAMES_CAPTION.format(full),
+        printed=printed,
         **frame_maps(frames, "Pixel", "Counts"),
     )
 

@@ -8,7 +8,7 @@ import numpy as np
 from megalopta.core.arrays import Floats
 
 
-class Estimate(NamedTuple):
+class WithError(NamedTuple):
     """A number and its standard error."""
 
     value: float
@@ -20,19 +20,19 @@ class Estimate(NamedTuple):
         return cls(float(samples.mean()), float(samples.std(ddof=1) / np.sqrt(len(samples))))
 
     @classmethod
-    def mean(cls, estimates: Sequence["Estimate"]) -> Self:
+    def mean(cls, estimates: Sequence["WithError"]) -> Self:
         """The mean of independent estimates."""
         values, errors = np.array(estimates).T
         return cls(float(values.mean()), float(np.hypot.reduce(errors) / len(errors)))
 
     @property
     def errors_off(self) -> float:
-        """How many standard errors it is from 0."""
+        """Distance from 0 in standard errors."""
         return self.value / self.error
 
-    def __sub__(self, other: "Estimate") -> "Estimate":
+    def __sub__(self, other: "WithError") -> "WithError":
         """Return the difference of independent estimates."""
-        return Estimate(self.value - other.value, float(np.hypot(self.error, other.error)))
+        return WithError(self.value - other.value, float(np.hypot(self.error, other.error)))
 
     def __str__(self) -> str:
         """Return both with the digits that the error leaves, two of its own."""
@@ -48,9 +48,9 @@ class Estimate(NamedTuple):
         return max(0, 1 - int(np.floor(np.log10(self.error)))) if self.error > 0 else 2
 
 
-def jackknifed(statistic: Callable[[Floats], float], samples: Floats) -> Estimate:
+def jackknifed(statistic: Callable[[Floats], float], samples: Floats) -> WithError:
     """A statistic of independent samples (n, …) with its error by the jackknife (Efron 1982)."""
     without = [statistic(np.delete(samples, left, axis=0)) for left in range(len(samples))]
     # Each has lost an n-th of the data, and with it (n − 1)/√n of a standard deviation of means.
     error = np.std(without) * np.sqrt(len(samples) - 1)
-    return Estimate(statistic(samples), float(error))
+    return WithError(statistic(samples), float(error))

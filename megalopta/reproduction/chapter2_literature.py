@@ -7,7 +7,7 @@ from matplotlib.figure import Figure as Canvas
 
 from megalopta.plotting.picture import Cell, Figure, columns_of
 from megalopta.plotting.style import draw_table
-from megalopta.reproduction.recipe import FigureRecipe, Run
+from megalopta.reproduction.figure_recipe import FigureRecipe, Run
 from megalopta.sensor import changed, expose_rate, preset
 from megalopta.sensor.spad.presets import TABLE_2_1
 

@@ -7,7 +7,8 @@ saturates. Over many devices the preset gives what is printed of Figure 2.9 (mea
 σ 1.77 Hz/µm²) and 11 quiet pixels of mean 0.76, median 0.73, σ 0.29; one row differs.
 """
 
-from functools import cache
+from collections.abc import Mapping
+from functools import cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +24,7 @@ from megalopta.plotting.style import (
     line_style,
     write_at,
 )
-from megalopta.reproduction.recipe import FigureRecipe, Run
+from megalopta.reproduction.figure_recipe import FigureRecipe, Run
 from megalopta.sensor import changed, expose_rate, preset
 from megalopta.sensor.effects.bias import best_excess_bias, breakdown_offset
 from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
@@ -87,13 +88,6 @@ def _figure_2_9(_: Run) -> Figure:
     row = density[_index_of(SHEET_V)]
     quiet = row[row < 1.5]
 
-    def draw(canvas: Canvas) -> None:
-        axes = canvas.subplots()
-        axes.set_yscale("log")
-        _draw_row(axes, density, "Dark count rate (Hz/µm²)")
-        axes.axhline(FULL_HZ_UM2, color=GRAY, linestyle="--")
-        write_at(axes, "counter full", (13.405, FULL_HZ_UM2), (0, 4), color=GRAY)
-
     return Figure(
         title="Figure 2.9: dark count rate over bias, 16 pixels of one row",
         caption=(
@@ -107,9 +101,17 @@ def _figure_2_9(_: Run) -> Figure:
             "Pixels below 1.5 Hz/µm²": (f"{quiet.size} of {PIXELS}", "11 of 16"),
             "These: mean, median, σ": (_statistics(quiet), "0.71, 0.63, 0.32 Hz/µm²"),
         },
-        draw=draw,
+        draw=partial(_draw_2_9, density=density),
         numbers=_over_bias(density, "hz_um2"),
     )
+
+
+def _draw_2_9(canvas: Canvas, density: Floats) -> None:
+    axes = canvas.subplots()
+    axes.set_yscale("log")
+    _draw_row(axes, density, "Dark count rate (Hz/µm²)")
+    axes.axhline(FULL_HZ_UM2, color=GRAY, linestyle="--")
+    write_at(axes, "counter full", (13.405, FULL_HZ_UM2), (0, 4), color=GRAY)
 
 
 def _figure_2_10(_: Run) -> Figure:
@@ -144,11 +146,6 @@ def _figure_2_11(_: Run) -> Figure:
     efficiency = measured_efficiency(measure_row())
     offsets = breakdown_offset(SPADCAM.bias, (1, PIXELS), SPADCAM.device_seed)[0]
 
-    def draw(canvas: Canvas) -> None:
-        axes = canvas.subplots()
-        _draw_row(axes, 100 * efficiency, "Detection efficiency (%)")
-        axes.set_ylim(0, None)
-
     return Figure(
         title="Figure 2.11: photon detection efficiency over bias, 16 pixels of one row, 450 nm",
         caption=(
@@ -167,9 +164,15 @@ def _figure_2_11(_: Run) -> Figure:
                 "below 1 % at about 1 V",
             ),
         },
-        draw=draw,
+        draw=partial(_draw_2_11, efficiency=efficiency),
         numbers=_over_bias(efficiency),
     )
+
+
+def _draw_2_11(canvas: Canvas, efficiency: Floats) -> None:
+    axes = canvas.subplots()
+    _draw_row(axes, 100 * efficiency, "Detection efficiency (%)")
+    axes.set_ylim(0, None)
 
 
 def _figure_2_12(_: Run) -> Figure:
@@ -180,17 +183,8 @@ def _figure_2_12(_: Run) -> Figure:
     order = np.argsort(row.dark[_index_of(SHEET_V)])
     chosen = order[[0, 5, 10, 13]]
     best, most = (_biases_of_largest(each[:, chosen]) for each in (ratio, efficiency))
+    curves = {pixel: ratio[:, pixel] for pixel in chosen}
     model = best_excess_bias(SPADCAM.bias) + ANODE_AT_BREAKDOWN_V
-
-    def draw(canvas: Canvas) -> None:
-        axes = canvas.subplots()
-        for pixel in chosen:
-            axes.plot(ANODE_V, ratio[:, pixel], "o-", ms=4, label=f"pixel {pixel}")
-        axes.axvline(model, color=GRAY, linestyle="--")
-        bottom = model, axes.get_ylim()[0]
-        write_at(axes, "best bias without mismatch", bottom, (6, 6), color=GRAY)
-        axes.set(xlabel="Anode voltage (V)", ylabel="SNR (dB)")
-        axes.legend(loc="upper right")
 
     return Figure(
         title="Figure 2.12: detections over dark counts, 10⁶ photons per pixel and second",
@@ -204,9 +198,20 @@ def _figure_2_12(_: Run) -> Figure:
             "Bias of the best ratio": (best, "lower than for efficiency"),
             "Bias of the best efficiency": (most, "—"),
         },
-        draw=draw,
-        numbers={"anode_v": ANODE_V, **{f"pixel_{each}_db": ratio[:, each] for each in chosen}},
+        draw=partial(_draw_2_12, curves=curves, model=model),
+        numbers={"anode_v": ANODE_V, **{f"pixel_{each}_db": curves[each] for each in curves}},
     )
+
+
+def _draw_2_12(canvas: Canvas, curves: Mapping[int, Floats], model: float) -> None:
+    axes = canvas.subplots()
+    for pixel, ratio in curves.items():
+        axes.plot(ANODE_V, ratio, "o-", ms=4, label=f"pixel {pixel}")
+    axes.axvline(model, color=GRAY, linestyle="--")
+    bottom = model, axes.get_ylim()[0]
+    write_at(axes, "best bias without mismatch", bottom, (6, 6), color=GRAY)
+    axes.set(xlabel="Anode voltage (V)", ylabel="SNR (dB)")
+    axes.legend(loc="upper right")
 
 
 def _draw_row(axes: Axes, values: Floats, label: str) -> None:

@@ -7,16 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.camera.bench_light import fitted_light
 from megalopta.camera.comparison_levels import captured_frames
-from megalopta.camera.motion_bench import FRAME_RATE_HZ, FRAMES
-from megalopta.camera.passages import cut_passages, cut_rest
+from megalopta.camera.motion_bench import FRAME_RATE_HZ
+from megalopta.camera.passages import cut_passages, cut_rest, fitted_light
 from megalopta.camera.recorded import Source, read_recorded
 from megalopta.camera.recording import Recording, open_recording
 from megalopta.core.errors import UserError
 from megalopta.core.folders import ensure_directory
 from megalopta.core.progress import working
-from megalopta.plotting.writing import write_figure
+from megalopta.plotting.picture import write_figure
 from megalopta.reproduction.chapter2_captured import captured_figures
 from megalopta.sensor import Sensor, changed, load_sensor
 
@@ -60,7 +59,7 @@ def reproduce_captured(
     if own_light:
         slowest = min(speed for speed in captured if speed > 0)
         try:
-            light = fitted_light(captured[slowest], sensor, FRAMES)
+            light = fitted_light(captured[slowest], sensor)
         except ValueError as problem:
             raise UserError(f"plate at {slowest:g} mm/s: {problem}") from problem
     ensure_directory(out)

@@ -6,6 +6,8 @@ over all speeds but standstill.
 """
 
 from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -32,7 +34,7 @@ from megalopta.plotting.style import (
     ORANGE,
 )
 from megalopta.reproduction.chapter2_edge import csv_name
-from megalopta.reproduction.recipe import FigureRecipe
+from megalopta.reproduction.figure_recipe import FigureRecipe
 
 THEORY_CYCLES = 0.5
 """Cycles of the theoretical sinusoid along the row; the dissertation says only: below 1."""
@@ -41,98 +43,99 @@ SHEET_DARK_COUNTS = 1.77 * 360 * 0.1
 """Hz/µm² (§2.4.7) · µm² · s."""
 _EQUATIONS = {"NDM": "Eq. 4.2", "NDS": "Eq. 4.3, corrected"}
 _MEANS = {"NDM": ndm_mean, "NDS": nds_mean}
+_NOISELESS = "edge without noise"
 
 
-def measured(method: str) -> dict[str, list[Peaks]]:
-    """Peak responses at every speed, for each noise model."""
+def measured_peaks(method: str) -> dict[str, list[Peaks]]:
+    """Return peak responses at every speed, for each noise model."""
     return {
         name: [peaks(speed, sensor)[method] for speed in SPEEDS_MM_S]
         for name, sensor in SENSORS.items()
     }
 
 
-def mean_snr_db(over_speeds: list[Peaks]) -> float:
-    """Mean over all speeds but standstill, which comes first."""
+def mean_snr_db(over_speeds: Sequence[Peaks]) -> float:
+    """Return the mean over all speeds but standstill, which comes first."""
     return float(np.mean([each.snr_db for each in over_speeds[1:]]))
 
 
 def theory(method: str, velocity: Floats) -> Floats:
-    """Mean response to a sinusoid of contrast 1 that moves by so many pixels per frame."""
+    """Return the mean response to a sinusoid of contrast 1 that moves so many pixels per frame."""
     phase = 2 * np.pi * THEORY_CYCLES / PIXELS
     return _MEANS[method](filter_step(method), phase * velocity, phase, 1.0)
 
 
-def _figure(name: str, method: str) -> Figure:
-    velocity = np.array([pixels_per_frame(speed) for speed in SPEEDS_MM_S])
-    found = measured(method)
-    ideal = np.array([each.ideal.mean() for each in found["Poisson noise only"]])
+class OverSpeeds(NamedTuple):
+    """Peaks of one detector over the speed of the plate, of each of two recordings."""
 
-    def draw(canvas: Canvas) -> None:
-        axes = canvas.subplots()
-        snr_db = {label: mean_snr_db(over_speeds) for label, over_speeds in found.items()}
-        draw_peaks(axes, method, velocity, ideal, found, snr_db)
-        axes.set(xlabel="Image velocity (pixels/frame)")
+    method: str
+    speeds_mm_s: Sequence[float]
+    found: Mapping[str, Sequence[Peaks]]
 
-    number = name.removeprefix("fig-")
+    @property
+    def velocity(self) -> Floats:
+        """Velocity of the image (px per frame)."""
+        return np.array([pixels_per_frame(speed) for speed in self.speeds_mm_s])
+
+    @property
+    def ideal(self) -> Floats:
+        """Mean peaks without noise, those of the first recording."""
+        first = next(iter(self.found.values()))
+        return np.array([each.ideal.mean() for each in first])
+
+    def theory(self, velocity: Floats) -> Floats:
+        """Return the theoretical curve, as high as the peaks without noise."""
+        scale = self.ideal.max() / theory(self.method, self.velocity).max()
+        return np.asarray(scale * theory(self.method, velocity))
+
+    def columns(self) -> dict[str, Floats]:
+        """Return the numbers at every speed by the names of their columns."""
+        return {
+            "speed_mm_s": np.array(self.speeds_mm_s, float),
+            "velocity_px_per_frame": self.velocity,
+            "theoretical": self.theory(self.velocity),
+            "without_noise": self.ideal,
+            **{
+                f"{csv_name(label)}_{what}": values
+                for label, own in self.found.items()
+                for what, values in _statistics(own).items()
+            },
+        }
+
+    def draw(self, axes: Axes, snr_db: Mapping[str, float]) -> None:
+        """Draw peak responses with their standard deviations, and what they should be."""
+        velocity, styles = self.velocity, (("o", BLUE, -0.1), ("s", ORANGE, 0.1))
+        fine = np.linspace(0, velocity[-1], 201)
+        curve = self.theory(fine)
+        axes.plot(fine, curve, "--", color=BLACK, lw=1.6, label="theoretical, sinusoid")
+        line = "-" if velocity.size > 1 else "_"
+        axes.plot(velocity, self.ideal, line, color=GREEN, lw=1.6, ms=24, label=_NOISELESS)
+        for (label, own), (marker, color, shift) in zip(self.found.items(), styles, strict=True):
+            each = _statistics(own)
+            look: dict[str, Any] = {"fmt": marker, "color": color, "capsize": 3, "lw": 1.4}
+            look["label"] = f"{label}, mean SNR {snr_db[label]:.1f} dB"
+            axes.errorbar(velocity + shift, each["mean"], each["sigma"], **look)
+        axes.set_ylim(0, None)
+        axes.set_ylabel(f"Peak response ({UNITS[self.method]})")
+        axes.legend(loc="lower right")
+
+
+def _figure(number: str, method: str) -> Figure:
+    found = measured_peaks(method)
+    over = OverSpeeds(method, SPEEDS_MM_S, found)
     return Figure(
         title=f"Figure {number}: peak response of {method} to an edge over its velocity",
         caption=_caption(method, found),
-        printed=_printed(method, found, float(ideal[2] / ideal[1])),
-        draw=draw,
-        numbers={
-            "speed_mm_s": np.array(SPEEDS_MM_S, float),
-            "velocity_px_per_frame": velocity,
-            "theoretical": theory_scale(method, velocity, ideal) * theory(method, velocity),
-            "without_noise": ideal,
-            **statistics_columns(found),
-        },
+        printed=_printed(method, found, float(over.ideal[2] / over.ideal[1])),
+        draw=partial(_draw, over=over),
+        numbers=over.columns(),
     )
 
 
-def theory_scale(method: str, velocity: Floats, ideal: Floats) -> float:
-    """Factor that makes the theoretical curve as high as the peaks without noise."""
-    return float(ideal.max() / theory(method, velocity).max())
-
-
-def draw_peaks(
-    axes: Axes,
-    method: str,
-    velocity: Floats,
-    ideal: Floats,
-    found: Mapping[str, Sequence[Peaks]],
-    snr_db: Mapping[str, float],
-) -> None:
-    """Draw peak responses with their standard deviations over velocity, and what they should be."""
-    fine = np.linspace(0, velocity[-1], 201)
-    curve = theory_scale(method, velocity, ideal) * theory(method, fine)
-    axes.plot(fine, curve, "--", color=BLACK, lw=1.6, label="theoretical, sinusoid")
-    line = "-" if velocity.size > 1 else "_"
-    axes.plot(velocity, ideal, line, color=GREEN, lw=1.6, ms=24, label="edge without noise")
-    styles = (("o", BLUE, -0.1), ("s", ORANGE, 0.1))
-    for (label, over_speeds), (marker, color, shift) in zip(found.items(), styles, strict=True):
-        each = _statistics(over_speeds)
-        axes.errorbar(
-            velocity + shift,
-            each["mean"],
-            each["sigma"],
-            fmt=marker,
-            color=color,
-            capsize=3,
-            lw=1.4,
-            label=f"{label}, mean SNR {snr_db[label]:.1f} dB",
-        )
-    axes.set_ylim(0, None)
-    axes.set_ylabel(f"Peak response ({UNITS[method]})")
-    axes.legend(loc="lower right")
-
-
-def statistics_columns(found: Mapping[str, Sequence[Peaks]]) -> dict[str, Floats]:
-    """Mean, σ and SNR of peaks at every speed, by the names of their columns."""
-    return {
-        f"{csv_name(label)}_{what}": values
-        for label, over_speeds in found.items()
-        for what, values in _statistics(over_speeds).items()
-    }
+def _draw(canvas: Canvas, over: OverSpeeds) -> None:
+    axes = canvas.subplots()
+    over.draw(axes, {label: mean_snr_db(own) for label, own in over.found.items()})
+    axes.set(xlabel="Image velocity (pixels/frame)")
 
 
 def _statistics(over_speeds: Sequence[Peaks]) -> dict[str, Floats]:
@@ -159,9 +162,9 @@ def _caption(method: str, found: dict[str, list[Peaks]]) -> str:
 def _printed(
     method: str, found: dict[str, list[Peaks]], growth: float
 ) -> dict[str, tuple[str, str]]:
-    """SNR, how far NDM is behind NDS (a product doubles relative noise: 6 dB), and linearity."""
+    """Return SNR, NDM behind NDS (a product doubles relative noise: 6 dB), and linearity."""
     rows_db = np.mean([each.row_snr_db for each in found["SPADCAM"][1:]], axis=0)
-    sums, products = measured("NDS"), measured("NDM")
+    sums, products = measured_peaks("NDS"), measured_peaks("NDM")
     behind = [mean_snr_db(sums[label]) - mean_snr_db(products[label]) for label in sums]
     return {
         **{
@@ -181,6 +184,6 @@ def _printed(
 
 
 RECIPES = (
-    FigureRecipe("fig-2.18", lambda _: _figure("fig-2.18", "NDM")),
-    FigureRecipe("fig-2.19", lambda _: _figure("fig-2.19", "NDS")),
+    FigureRecipe("fig-2.18", lambda _: _figure("2.18", "NDM")),
+    FigureRecipe("fig-2.19", lambda _: _figure("2.19", "NDS")),
 )

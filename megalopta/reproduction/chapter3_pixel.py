@@ -6,6 +6,7 @@ currents that the presets of the photodiodes were made from.
 """
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,7 +21,7 @@ from megalopta.plotting.style import (
     line_style,
     write_at,
 )
-from megalopta.reproduction.recipe import FigureRecipe, Run
+from megalopta.reproduction.figure_recipe import FigureRecipe, Run
 from megalopta.sensor.ctia.bias import DacBias
 from megalopta.sensor.ctia.integration import (
     Pixel,
@@ -36,6 +37,17 @@ SWING_V = 3.3
 BUILT_FARAD, BUILT_GAIN_DB = 10e-12, 130.0
 STEP_V = DacBias().step_v
 BUILT = ("si", "ingaas")
+_LOWEST_A = {"ingaas": 700e-12, "si": 10.4e-15}
+"""As measured"""
+_CAPTIONS = {
+    "3.2": "As in the dissertation, the saturation current is 100 pA, the capacitance 100 fF, and "
+    "there is no light. The less gain, the more the input moves over the swing, and the more the "
+    "dark current grows with it.",
+    "3.6": "Points are 10–90 % estimates at DAC codes with the presets of the diodes, which have "
+    "neither generation nor tunneling, by which real ones rise faster. The lowest current measured "
+    "with Si needs a bias within 0.08 mV of zero, which one offset in ten leaves; ours is that at "
+    "half a code. At 100 mV InGaAs discharges in {:.2f} ms, which the bench could not sample.",
+}
 NAMES = {"si": "Si", "ingaas": "InGaAs", "ingaas_quiet": "InGaAs"}
 
 
@@ -84,32 +96,26 @@ def _figure_3_2(_: Run) -> Figure:
     moved = [SWING_V / float(gain_from_db(gain_db)) for gain_db in (40.0, 100.0)]
     growth = float(reverse_current(diode, 1e-3 + SWING_V / 100) / reverse_current(diode, 1e-3))
     first, last = (1e3 * _swing_time(pixels[gain_db]) for gain_db in (40, 90))
-
-    def draw(canvas: Canvas) -> None:
-        axes = canvas.subplots()
-        _draw_discharges(axes, {f"{each} dB": pixels[each] for each in pixels}, times, 1e3)
-        axes.set(xlabel="Time (ms)", ylabel="Output (V)", xlim=(0, 90), ylim=(0, 3.4))
-        axes.legend(title="Open-loop gain")
-
     return Figure(
         title="Figure 3.2: CTIA pixel discharging from an input offset of 1 mV",
-        caption=(
-            "As in the dissertation, the saturation current is 100 pA, the capacitance 100 fF, and "
-            "there is no light. The less gain, the more the input moves over the swing, and the "
-            "more the dark current grows with it."
-        ),
+        caption=_CAPTIONS["3.2"],
         printed={
             "Motion of the input at 40 dB": (f"{1e3 * moved[0]:.0f} mV", "33 mV"),
             "Motion of the input at 100 dB": (f"{1e6 * moved[1]:.0f} µV", "33 µV"),
             "Growth of the dark current at 40 dB": (f"{growth:.0f} times", "—"),
             "Time of the swing at 40 and 90 dB": (f"{first:.1f} and {last:.1f} ms", "—"),
         },
-        draw=draw,
-        numbers={
-            "time_s": times,
-            **{f"output_at_{each}_db_v": _output(pixels[each], times) for each in pixels},
-        },
+        draw=partial(_draw_3_2, pixels=pixels, times=times),
+        numbers={"time_s": times}
+        | {f"output_at_{each}_db_v": _output(pixels[each], times) for each in pixels},
     )
+
+
+def _draw_3_2(canvas: Canvas, pixels: Mapping[int, Pixel], times: Floats) -> None:
+    axes = canvas.subplots()
+    _draw_discharges(axes, {f"{each} dB": pixels[each] for each in pixels}, times, 1e3)
+    axes.set(xlabel="Time (ms)", ylabel="Output (V)", xlim=(0, 90), ylim=(0, 3.4))
+    axes.legend(title="Open-loop gain")
 
 
 def _figure_3_5(_: Run) -> Figure:
@@ -140,47 +146,35 @@ def _figure_3_5(_: Run) -> Figure:
 
 def _figure_3_6(_: Run) -> Figure:
     biases = dac_sweep(1.0)
-    printed = {"ingaas": 700e-12, "si": 10.4e-15}
-    currents = {name: estimate_current(built_pixel(name, biases)) for name in printed}
-    falls = {name: f"{decades(name, 20e-3, STEP_V / 2):.1f} decades" for name in printed}
+    currents = {name: estimate_current(built_pixel(name, biases)) for name in _LOWEST_A}
+    falls = {name: f"{decades(name, 20e-3, STEP_V / 2):.1f} decades" for name in BUILT}
     instantaneous_ms = 1e3 * _swing_time(built_pixel("ingaas", 0.1))
-
-    def draw(canvas: Canvas) -> None:
-        axes = canvas.subplots()
-        for color, marker, name in zip(PALETTE, MARKERS, printed, strict=False):
-            axes.plot(1e3 * biases, currents[name], marker + "-", color=color, label=NAMES[name])
-            lowest = printed[name]
-            axes.axhline(lowest, color=color, linestyle=":", linewidth=1.5)
-            text = f"lowest measured, {NAMES[name]}: {ampere(lowest)}"
-            write_at(axes, text, (900, lowest), (0, 5), ha="right", color=color, fontsize=10)
-        over_bias(axes, "Dark current", is_current=True)
-        axes.legend()
-
+    lowest = {each: (ampere(currents[each][0]), ampere(_LOWEST_A[each])) for each in BUILT}
     return Figure(
         title="Figure 3.6: dark current against reverse bias, non-adaptive pixel",
-        caption=(
-            "Points are 10–90 % estimates at DAC codes with the presets of the diodes, which have "
-            "neither generation nor tunneling, by which real ones rise faster. The lowest current "
-            "measured with Si needs a bias within 0.08 mV of zero, which one offset in ten leaves; "
-            "ours is that at half a code. At 100 mV InGaAs discharges in "
-            f"{instantaneous_ms:.2f} ms, which the bench could not sample."
-        ),
+        caption=_CAPTIONS["3.6"].format(instantaneous_ms),
         printed={
             **{f"Fall from 20 to 0.40 mV, {NAMES[each]}": (falls[each], "1–2") for each in BUILT},
-            **{
-                f"Lowest current, {NAMES[each]}": (
-                    ampere(currents[each][0]),
-                    ampere(printed[each]),
-                )
-                for each in BUILT
-            },
+            **{f"Lowest current, {NAMES[each]}": lowest[each] for each in BUILT},
         },
-        draw=draw,
+        draw=partial(_draw_3_6, biases=biases, currents=currents),
         numbers={
             "reverse_bias_v": biases,
             **{f"dark_current_{name}_a": values for name, values in currents.items()},
         },
     )
+
+
+def _draw_3_6(canvas: Canvas, biases: Floats, currents: Mapping[str, Floats]) -> None:
+    axes = canvas.subplots()
+    for color, marker, name in zip(PALETTE, MARKERS, currents, strict=False):
+        axes.plot(1e3 * biases, currents[name], marker + "-", color=color, label=NAMES[name])
+        lowest = _LOWEST_A[name]
+        axes.axhline(lowest, color=color, linestyle=":", linewidth=1.5)
+        text = f"lowest measured, {NAMES[name]}: {ampere(lowest)}"
+        write_at(axes, text, (900, lowest), (0, 5), ha="right", color=color, fontsize=10)
+    over_bias(axes, "Dark current", is_current=True)
+    axes.legend()
 
 
 def _millivolt(volts: float) -> str:

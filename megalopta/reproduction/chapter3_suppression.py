@@ -15,8 +15,8 @@ gate sets both fine values, as the dissertation says for Si. The least that a le
 goes as the root of the conductance at zero bias.
 """
 
-from collections.abc import Mapping
-from functools import cache
+from collections.abc import Mapping, Sequence
+from functools import cache, partial
 
 import numpy as np
 from matplotlib.figure import Figure as Canvas
@@ -43,7 +43,7 @@ from megalopta.reproduction.chapter3_pixel import (
     decades,
     over_bias,
 )
-from megalopta.reproduction.recipe import FigureRecipe, Run
+from megalopta.reproduction.figure_recipe import FigureRecipe, Run
 from megalopta.sensor.ctia.bias import FloatingGateBias
 from megalopta.sensor.ctia.calibration import Measurement, calibrate, leak_floor
 from megalopta.sensor.ctia.integration import estimate_current
@@ -54,40 +54,45 @@ LED_A: Mapping[str, tuple[float, float]] = {
     "si": (5e-12, 20e-12),
     "ingaas_quiet": (150e-12, 600e-12),
 }
+_PHOTOCURRENTS = (
+    "Each photocurrent is the difference of two 10–90 % estimates; the model's quantum efficiency "
+    "does not depend on bias. LED1 and LED2 are our choice, {}, for none is printed; the InGaAs "
+    "diode, printed only as less noisy, has the 100 pA of Figure 3.2. A diode with a shunt cannot "
+    "fall by more than 1.30 decades, of which Figure {} tells more."
+)
+_SNR = (
+    "The SNR is 20·log10(photocurrent / dark current). The model allows a rise of 23.0 to 26.0 dB "
+    "between the dotted lines, whatever the size of the diode. Were the true bias {:.2f} mV below "
+    "the one read, where one DAC code is 0.81 mV, the rise would be {:.0f} dB (dashed): our "
+    "inference, to which nothing is fitted."
+)
+_TABLE = (
+    "Non-adaptive is the mean over an offset that falls anywhere between two DAC codes, and poor "
+    "the state at 15 mV (Si, from which the preset was made) and 17.5 mV (InGaAs, {:.1f} times "
+    "what was measured: made from 170 nA at 100 mV, no diode with a shunt falls so far). Fine is "
+    "the end of the programming loop, from {:.1f} mV in pulses of 500 µV with a leak of 1.5 µV/s, "
+    "which takes {:.1f} h for Si. The last line is the least that the leak allows, {:.1f} and "
+    "{:.1f} times what was measured: the conductance of the real diodes at zero bias must be "
+    "{:.0f} and {:.0f} times smaller than that of the presets."
+)
 _STATES = ("Non-adaptive (best)", "Adaptive (poor)", "Adaptive (fine)", "Limit set by the leak")
 
 
-def _photocurrents(name: str, diode: str, decades_printed: str) -> Figure:
-    """Dark current and photocurrents of two LED intensities against bias."""
+def _photocurrents(number: str, diode: str, decades_printed: str) -> Figure:
+    """Return dark current and photocurrents of two LED intensities against bias."""
     biases = dac_sweep(1.2)
     dark, *light = _bench(diode, biases)
     ppm = 1e6 * max(1e-6, *(np.ptp(one) / np.mean(one) for one in light))
     fall = decades(diode, 20e-3, 1e-3)
-    note, figure = "; the diode, printed only as less noisy, has the 100 pA of Figure 3.2", "3.9"
-    if diode == "si":
-        note, figure = "", "3.10"
-
-    def draw(canvas: Canvas) -> None:
-        axes = canvas.subplots()
-        axes.plot(1e3 * biases, light[1], "o-", color=ORANGE, label="LED2 − dark")
-        axes.plot(1e3 * biases, light[0], "s-", color=BLUE, label="LED1 − dark")
-        axes.plot(1e3 * biases, dark, "^-", color=BLACK, label="dark")
-        over_bias(axes, "Estimated current", is_current=True)
-        axes.legend(loc="lower right")
-
+    figure = "3.10" if diode == "si" else "3.9"
     return Figure(
-        title=f"{_number(name)}: dark current and photocurrent, {NAMES[diode]} photodiode",
-        caption=(
-            "Each photocurrent is the difference of two 10–90 % estimates; the model's quantum "
-            "efficiency does not depend on bias. LED1 and LED2 are our choice, "
-            f"{' and '.join(map(ampere, LED_A[diode]))}, for none is printed{note}. A diode with a "
-            f"shunt cannot fall by more than 1.30 decades, of which Figure {figure} tells more."
-        ),
+        title=f"Figure {number}: dark current and photocurrent, {NAMES[diode]} photodiode",
+        caption=_PHOTOCURRENTS.format(" and ".join(map(ampere, LED_A[diode])), figure),
         printed={
             "Photocurrent over bias": (f"constant to {ppm:.0f} ppm", "fairly constant"),
             "Fall of the dark current, 20 to 1 mV": (f"{fall:.2f} decades", decades_printed),
         },
-        draw=draw,
+        draw=partial(_draw_photocurrents, biases=biases, dark=dark, light=light),
         numbers={
             "reverse_bias_v": biases,
             "dark_current_a": dark,
@@ -97,43 +102,49 @@ def _photocurrents(name: str, diode: str, decades_printed: str) -> Figure:
     )
 
 
-def _snr(name: str, diode: str, printed_db: float, printed: str) -> Figure:
-    """Ratio of photocurrent to dark current against bias."""
+def _draw_photocurrents(
+    canvas: Canvas, biases: Floats, dark: Floats, light: Sequence[Floats]
+) -> None:
+    axes = canvas.subplots()
+    axes.plot(1e3 * biases, light[1], "o-", color=ORANGE, label="LED2 − dark")
+    axes.plot(1e3 * biases, light[0], "s-", color=BLUE, label="LED1 − dark")
+    axes.plot(1e3 * biases, dark, "^-", color=BLACK, label="dark")
+    over_bias(axes, "Estimated current", is_current=True)
+    axes.legend(loc="lower right")
+
+
+def _snr(number: str, diode: str, printed_db: float, printed: str) -> Figure:
+    """Return the ratio of photocurrent to dark current against bias."""
     biases = dac_sweep(1.2)
     gained = 20 * decades(diode, 20e-3, 1e-3)
     error = bias_error(PHOTODIODES[diode], printed_db)
     exact, shifted = _snr_db(diode, biases), _snr_db(diode, biases - error, biases > error)
-    fine = np.geomspace(1e-3, biases[-1], 200)
-    dashed = _snr_db(diode, fine - error)
-
-    def draw(canvas: Canvas) -> None:
-        axes = canvas.subplots()
-        styles = zip(("LED1", "LED2"), (BLUE, ORANGE), MARKERS, strict=False)
-        for (led, color, marker), true, off in zip(styles, exact, dashed, strict=True):
-            axes.plot(1e3 * biases, true, marker + "-", color=color, label=led)
-            label = f"{led}, bias reads {1e3 * error:.2f} mV high"
-            axes.plot(1e3 * fine, off, "--", color=color, label=label)
-        for edge in (1, 20):
-            axes.axvline(edge, color=GRAY, linewidth=1, linestyle=":")
-        over_bias(axes, "SNR (dB)", is_current=False)
-        axes.legend()
-
     return Figure(
-        title=f"{_number(name)}: SNR against reverse bias, {NAMES[diode]} photodiode",
-        caption=(
-            "The SNR is 20·log10(photocurrent / dark current). The model allows a rise of 23.0 to "
-            "26.0 dB between the dotted lines, whatever the size of the diode. Were the true bias "
-            f"{1e3 * error:.2f} mV below the one read, where one DAC code is 0.81 mV, the rise "
-            f"would be {printed_db:.0f} dB (dashed): our inference, to which nothing is fitted."
-        ),
+        title=f"Figure {number}: SNR against reverse bias, {NAMES[diode]} photodiode",
+        caption=_SNR.format(1e3 * error, printed_db),
         printed={"Rise from 20 to 1 mV": (f"{gained:.1f} dB", printed)},
-        draw=draw,
+        draw=partial(_draw_snr, diode=diode, biases=biases, error=error),
         numbers={
             "reverse_bias_v": biases,
             **{f"snr_led{led}_db": each for led, each in enumerate(exact, 1)},
             **{f"snr_led{led}_bias_error_db": each for led, each in enumerate(shifted, 1)},
         },
     )
+
+
+def _draw_snr(canvas: Canvas, diode: str, biases: Floats, error: float) -> None:
+    axes = canvas.subplots()
+    fine = np.geomspace(1e-3, biases[-1], 200)
+    exact, dashed = _snr_db(diode, biases), _snr_db(diode, fine - error)
+    styles = zip(("LED1", "LED2"), (BLUE, ORANGE), MARKERS, strict=False)
+    for (led, color, marker), true, off in zip(styles, exact, dashed, strict=True):
+        axes.plot(1e3 * biases, true, marker + "-", color=color, label=led)
+        label = f"{led}, bias reads {1e3 * error:.2f} mV high"
+        axes.plot(1e3 * fine, off, "--", color=color, label=label)
+    for edge in (1, 20):
+        axes.axvline(edge, color=GRAY, linewidth=1, linestyle=":")
+    over_bias(axes, "SNR (dB)", is_current=False)
+    axes.legend()
 
 
 def _table_3_1(_: Run) -> Figure:
@@ -144,38 +155,29 @@ def _table_3_1(_: Run) -> Figure:
         "ingaas_printed_a": [700e-12, 5.8e-9, 2.25e-12, np.nan],
         "ingaas_ours_a": [*_states("ingaas", poor_v=17.5e-3)],
     }
-
-    def draw(canvas: Canvas) -> None:
-        head = ("", "Si, printed", "Si, ours", "InGaAs, printed", "InGaAs, ours")
-        texts = [[_text(cell) for cell in column] for column in numbers.values()]
-        draw_table(canvas, head, [*zip(*texts, strict=True)], widths=(1.6, 1, 1, 1.25, 1.1))
-
     over = [
         float(numbers[f"{diode}_ours_a"][3]) / float(numbers[f"{diode}_printed_a"][2])
         for diode in BUILT
     ]
     poor = float(numbers["ingaas_ours_a"][1]) / float(numbers["ingaas_printed_a"][1])
+    offset, hours = 1e3 * TYPICAL_OFFSET_V, _tuned("si").elapsed_s / 3600
     return Figure(
         title="Table 3.1: dark current suppression of the CTIA pixel",
-        caption=(
-            "Non-adaptive is the mean over an offset that falls anywhere between two DAC codes, "
-            "and poor the state at 15 mV (Si, from which the preset was made) and 17.5 mV (InGaAs, "
-            f"{poor:.1f} times what was measured: made from 170 nA at 100 mV, no diode with a "
-            "shunt falls so far). Fine is the end of the programming loop, from "
-            f"{1e3 * TYPICAL_OFFSET_V:.1f} mV in pulses of 500 µV with a leak of 1.5 µV/s, which "
-            f"takes {_tuned('si').elapsed_s / 3600:.1f} h for Si. The last line is the least that "
-            f"the leak allows, {over[0]:.1f} and {over[1]:.1f} times what was measured: the "
-            f"conductance of the real diodes at zero bias must be {over[0] ** 2:.0f} and "
-            f"{over[1] ** 2:.0f} times smaller than that of the presets."
-        ),
-        draw=draw,
+        caption=_TABLE.format(poor, offset, hours, *over, *(each**2 for each in over)),
+        draw=partial(_draw_table, numbers=numbers),
         numbers=numbers,
         height_in=1.9,
     )
 
 
+def _draw_table(canvas: Canvas, numbers: Mapping[str, Sequence[Cell]]) -> None:
+    head = ("", "Si, printed", "Si, ours", "InGaAs, printed", "InGaAs, ours")
+    texts = [[_text(cell) for cell in column] for column in numbers.values()]
+    draw_table(canvas, head, [*zip(*texts, strict=True)], widths=(1.6, 1, 1, 1.25, 1.1))
+
+
 def bias_error(diode: Photodiode, rise_db: float) -> float:
-    """How much lower the true bias must be than the one read for a given rise of the SNR, V.
+    """Return by how much the true bias must be below the one read for a given rise of the SNR, V.
 
     The rise is that of the photocurrent over the dark current from 20 mV to 1 mV as read.
     """
@@ -227,18 +229,10 @@ def _text(cell: Cell) -> str:
     return "" if np.isnan(cell) else ampere(cell)
 
 
-def _number(name: str) -> str:
-    return f"Figure {name.removeprefix('fig-')}"
-
-
 RECIPES = (
-    FigureRecipe(
-        "fig-3.7", lambda _: _photocurrents("fig-3.7", "ingaas_quiet", "about two decades")
-    ),
-    FigureRecipe("fig-3.8", lambda _: _photocurrents("fig-3.8", "si", "about 1.5 decades")),
-    FigureRecipe(
-        "fig-3.9", lambda _: _snr("fig-3.9", "ingaas_quiet", 40.0, "about 40 dB, then 50 dB")
-    ),
-    FigureRecipe("fig-3.10", lambda _: _snr("fig-3.10", "si", 30.0, "about 30 dB")),
+    FigureRecipe("fig-3.7", lambda _: _photocurrents("3.7", "ingaas_quiet", "about two decades")),
+    FigureRecipe("fig-3.8", lambda _: _photocurrents("3.8", "si", "about 1.5 decades")),
+    FigureRecipe("fig-3.9", lambda _: _snr("3.9", "ingaas_quiet", 40.0, "about 40 dB, then 50 dB")),
+    FigureRecipe("fig-3.10", lambda _: _snr("3.10", "si", 30.0, "about 30 dB")),
     FigureRecipe("table-3.1", _table_3_1),
 )

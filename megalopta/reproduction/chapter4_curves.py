@@ -1,13 +1,150 @@
-"""Chapter 4: the photons that motion detectors need, over the parameters of §4.4 and §4.5."""
+"""Chapter 4: the photons that motion detectors need, over the parameters of §4.4 and §4.5.
 
+Below each figure stand numbers of its curves beside what the dissertation reads off its own.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
+from typing import NamedTuple
 
+import numpy as np
+
+from megalopta.benchmark.runner import Results
+from megalopta.benchmark.sweep import Sweep
 from megalopta.benchmark.trial import Trial
+from megalopta.flow.detectors.registry import THESIS_METHODS
+from megalopta.flow.metrics.response_error import METRICS
 from megalopta.plotting.picture import Figure
-from megalopta.reproduction.chapter4_findings import findings
+from megalopta.plotting.text import UNDEFINED
 from megalopta.reproduction.chapter4_sweeps import SWEEPS, in_form
-from megalopta.reproduction.recipe import FigureRecipe, Run
-from megalopta.reproduction.sweep import sweep_figure
+from megalopta.reproduction.figure_recipe import FigureRecipe, Run
+from megalopta.reproduction.sweep_figure import or_nan, sweep_curve, sweep_figure, threshold_of
+
+MOTION = tuple(name for name in THESIS_METHODS if name != "IM")
+
+
+class Quantity(NamedTuple):
+    """A number of the curves of a figure: its name, how it is found, and what is printed of it."""
+
+    name: str
+    values: Callable[[Sweep, Results], Iterable[float]]
+    """One for each method and size that it is about; NaN where it was not measured"""
+    printed: str = "—"
+
+
+def curve(sweep: Sweep, results: Results, method: str, size: int = 0) -> Mapping[float, float]:
+    """Return N_2b by Eq. 4.5 over the varied parameter, where there is one, at one size."""
+    found = sweep_curve(sweep, results, size, method, "literal")
+    return {float(value): threshold.flux for value, threshold in found if threshold.flux > 0}
+
+
+def decades_moved(*methods: str) -> Callable[[Sweep, Results], list[float]]:
+    """Return how far curves of methods move, at each size."""
+
+    def moved(sweep: Sweep, results: Results) -> list[float]:
+        curves = [curve(sweep, results, name, size) for name in methods for size in sweep.sizes]
+        return [math.log10(_spread(each)) for each in curves]
+
+    return moved
+
+
+def exponents(sweep: Sweep, results: Results, *places: int) -> list[float]:
+    """Return the power of photons between two values, by default the ends, for all detectors."""
+    low, high = (float(sweep.values[place]) for place in places or (0, -1))
+    curves = (curve(sweep, results, name, size) for name in MOTION for size in sweep.sizes)
+    return [math.log(_at(each, high) / _at(each, low)) / math.log(high / low) for each in curves]
+
+
+def last_exponents(sweep: Sweep, results: Results) -> list[float]:
+    """Return the same between the last two values."""
+    return exponents(sweep, results, -2, -1)
+
+
+def spike_of_block_matching(sweep: Sweep, results: Results) -> list[float]:
+    """Return photons of BM halfway between whole pixels over those beside, at N = 60."""
+    photons = curve(sweep, results, "BM", 60)
+    return [_at(photons, 6) / max(_at(photons, 5), _at(photons, 7))]
+
+
+def spread_of_interpolation(sweep: Sweep, results: Results) -> list[float]:
+    """Return most over least photons of IIA at N = 240."""
+    return [_spread(curve(sweep, results, "IIA", 240)) if 240 in sweep.sizes else math.nan]
+
+
+def interpolation_beside_one_pixel(sweep: Sweep, results: Results) -> list[float]:
+    """Return photons of IIA at the median velocity over those at nearly one pooled pixel."""
+    photons = curve(sweep, results, "IIA", 60)
+    others = [flux for velocity, flux in photons.items() if velocity != 4]
+    return [float(np.median(others)) / _at(photons, 4) if others else math.nan]
+
+
+def pooling_of_block_matching(sweep: Sweep, results: Results) -> list[float]:
+    """Return photons of BM in the largest frames over those in the smallest."""
+    photons = curve(sweep, results, "BM")
+    few, many = float(sweep.values[0]), float(sweep.values[-1])
+    return [_at(photons, many) / _at(photons, few)]
+
+
+def division_by_small_responses(sweep: Sweep, results: Results) -> list[float]:
+    """Return photons of EMD by Eq. 4.5 over those by the quotient of means, the median point."""
+    literal, ratio = (
+        [or_nan(threshold_of(results, each, "EMD", metric, 2).flux) for each in sweep.trials]
+        for metric in METRICS
+    )
+    quotients = np.array(literal) / np.array(ratio)
+    known = quotients[np.isfinite(quotients)]
+    return [float(np.median(known)) if known.size else math.nan]
+
+
+_DIVISION = Quantity("EMD by Eq. 4.5 over quotient of means", division_by_small_responses)
+_DARK = Quantity("Last exponent of dark counts, motion detectors", last_exponents)
+_POOLING = Quantity("BM: largest over smallest frames", pooling_of_block_matching, "1 or less")
+
+QUANTITIES: Mapping[str, tuple[Quantity, ...]] = {
+    "fig-4.5": (
+        Quantity("Decades that EMD moves", decades_moved("EMD"), "two to three"),
+        Quantity("Decades that IIA moves", decades_moved("IIA"), "about two"),
+        Quantity("Decades that NDM and NDS move", decades_moved("NDM", "NDS"), "one"),
+    ),
+    "fig-4.6": (Quantity("Exponent of contrast, motion detectors", exponents, "−1.7, 10 to 20 %"),),
+    "fig-4.7": (_DARK,),
+    "fig-4.8": (
+        Quantity("BM at 1.43 px per resized frame over beside", spike_of_block_matching, "a spike"),
+        Quantity("IIA at N = 240, most over least", spread_of_interpolation, "flat"),
+    ),
+    "fig-4.9": (_POOLING,),
+    "fig-4.10": (_DIVISION, _DARK),
+    "fig-4.11": (
+        _DIVISION,
+        Quantity("IIA, median velocity over v = 4", interpolation_beside_one_pixel),
+    ),
+    "fig-4.12": (_DIVISION,),
+    "fig-4.13": (_POOLING, _DIVISION),
+}
+
+
+def beside_printed(name: str, sweep: Sweep, results: Results) -> dict[str, tuple[str, str]]:
+    """Return numbers of a figure beside the printed ones, as far as they were measured."""
+    found = {each: span(each.values(sweep, results)) for each in QUANTITIES.get(name, ())}
+    return {each.name: (text, each.printed) for each, text in found.items() if text != UNDEFINED}
+
+
+def span(values: Iterable[float]) -> str:
+    """Return the least and the most of values in two digits; a dash where one is not known."""
+    found = list(values)
+    if not found or not np.isfinite(found).all():
+        return UNDEFINED
+    low, high = (f"{value:.2g}".replace("-", "−") for value in (min(found), max(found)))
+    return low if low == high else f"{low} to {high}"
+
+
+def _at(photons: Mapping[float, float], value: float) -> float:
+    return photons.get(value, math.nan)
+
+
+def _spread(photons: Mapping[float, float]) -> float:
+    return max(photons.values()) / min(photons.values()) if len(photons) > 1 else math.nan
 
 
 def _trials(name: str, is_quick: bool) -> list[Trial]:
@@ -16,7 +153,7 @@ def _trials(name: str, is_quick: bool) -> list[Trial]:
 
 def _figure(name: str, run: Run) -> Figure:
     sweep = in_form(SWEEPS[name], run.is_quick)
-    return sweep_figure(name, sweep, run.results, findings(name, sweep, run.results))
+    return sweep_figure(name, sweep, run.results, beside_printed(name, sweep, run.results))
 
 
 RECIPES = [FigureRecipe(name, partial(_figure, name), partial(_trials, name)) for name in SWEEPS]

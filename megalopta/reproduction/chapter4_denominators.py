@@ -5,12 +5,11 @@ at ε it grows as log(1/ε). The `ratio` Σ|ΔR|/Σ|R| has no such pixels.
 """
 
 from collections.abc import Mapping
-from itertools import pairwise
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
-from matplotlib.ticker import EngFormatter, NullFormatter
 
 from megalopta.benchmark.trial import Trial
 from megalopta.core.arrays import Floats
@@ -18,19 +17,25 @@ from megalopta.flow.detectors.registry import METHODS
 from megalopta.flow.metrics.response_error import METRICS, Metric
 from megalopta.flow.stimuli.moving_template import MovingTemplate
 from megalopta.flow.stimuli.photons import draw_counts
-from megalopta.plotting.picture import Figure, borne_out
-from megalopta.plotting.style import BLUE, ORANGE
-from megalopta.reproduction.chapter4_findings import division_sentence
+from megalopta.plotting.picture import Cell, Figure
+from megalopta.plotting.style import BLACK, BLUE, ORANGE, draw_key, log_decades
+from megalopta.reproduction.chapter4_curves import span
 from megalopta.reproduction.chapter4_sweeps import SWEEPS
 from megalopta.reproduction.chapter4_table import PRINTED, SIZE
-from megalopta.reproduction.recipe import FigureRecipe, Run, Templates
-from megalopta.reproduction.thresholds import mean_threshold, threshold_of
+from megalopta.reproduction.figure_recipe import FigureRecipe, Run, Templates
+from megalopta.reproduction.sweep_figure import mean_threshold, threshold_of
 
 FLUX = 1e7
 FLOORS = np.logspace(-7, 0, 29)
 """In mean responses"""
 _FRAMES, _WARM_UP = 60, 30
 _COLORS = {"synthetic": BLUE, "natural": ORANGE}
+_CAPTION = (
+    f"The left panel has the error of EMD at {FLUX / 1e6:g} million photons per frame of "
+    f"{SIZE} × {SIZE} px, with the denominators of Eq. 4.5 floored at a share of the mean "
+    "response. The right one has N_2b at 5 px per frame, by the mean of quotients (Eq. 4.5, "
+    "filled) and by the quotient of means (open)."
+)
 
 
 def floored_errors(ideal: Floats, noisy: Floats) -> Floats:
@@ -38,17 +43,6 @@ def floored_errors(ideal: Floats, noisy: Floats) -> Floats:
     size, difference = np.abs(ideal).ravel(), np.abs(noisy - ideal).ravel()
     floors = FLOORS * size.mean()
     return np.array([np.mean(difference / np.maximum(size, floor)) for floor in floors])
-
-
-def growth_with_floor(errors: Floats) -> str | None:
-    """Say that the error has no limit, if it grows by a tenth in each of three decades."""
-    at = [float(np.interp(power, np.log10(FLOORS), errors)) for power in (-4, -3, -2, -1)]
-    if not all(small > 1.1 * large for small, large in pairwise(at)):
-        return None
-    return (
-        "On a forest the error of EMD grows with every decade of the floor from 0.1 to 0.0001 of "
-        "the mean response: its value depends on how many pixels happen to be near zero."
-    )
 
 
 def _at_five_px(is_quick: bool) -> dict[str, list[Trial]]:
@@ -77,11 +71,25 @@ def _figure(run: Run) -> Figure:
         for method in PRINTED
     }
 
-    def draw(canvas: Canvas) -> None:
-        left, right = canvas.subplots(1, 2)
-        _draw_floors(left, curves)
-        _draw_fluxes(right, fluxes)
+    factor = fluxes["natural", "literal", "EMD"] / fluxes["natural", "ratio", "EMD"]
+    at = np.interp((-4, -3, -2, -1), np.log10(FLOORS), curves["natural"])
+    printed = {
+        "EMD by Eq. 4.5 over quotient of means, forest": (span([factor]), "—"),
+        "Growth of its error per decade of the floor": (span(at[:-1] / at[1:]), "—"),
+    }
+    return Figure(
+        title="Dividing by responses near zero, frames of 60 × 60 px",
+        caption=_CAPTION,
+        draw=partial(_draw, curves=curves, fluxes=fluxes),
+        numbers=_numbers(curves, fluxes),
+        height_in=3.4,
+        printed=printed,
+    )
 
+
+def _numbers(
+    curves: Mapping[str, Floats], fluxes: Mapping[tuple[str, Metric, str], float]
+) -> dict[str, list[Cell]]:
     floored = [
         ("error_of_emd", kind, "EMD", floor, error)
         for kind, errors in curves.items()
@@ -91,22 +99,19 @@ def _figure(run: Run) -> Figure:
         (f"n_2b_{metric}", kind, name, np.nan, flux)
         for (kind, metric, name), flux in fluxes.items()
     ]
+    names = ("quantity", "images", "method", "floor", "value")
     columns = zip(*floored, *found_at, strict=True)
-    factor = fluxes["natural", "literal", "EMD"] / fluxes["natural", "ratio", "EMD"]
-    found = borne_out(division_sentence(factor), growth_with_floor(curves["natural"]))
-    return Figure(
-        title="Dividing by responses near zero, frames of 60 × 60 px",
-        caption=(
-            f"The left panel has the error of EMD at {FLUX / 1e6:g} million photons per frame of "
-            f"{SIZE} × {SIZE} px, with the denominators of Eq. 4.5 floored at a share of the mean "
-            "response. The right one has N_2b at 5 px per frame, by the mean of quotients (Eq. "
-            f"4.5, filled) and by the quotient of means (open). {' '.join(found[:1])}"
-        ).strip(),
-        draw=draw,
-        numbers=dict(zip(("quantity", "images", "method", "floor", "value"), columns, strict=True)),
-        height_in=3.4,
-        findings=found,
-    )
+    return {name: list(column) for name, column in zip(names, columns, strict=True)}
+
+
+def _draw(
+    canvas: Canvas,
+    curves: Mapping[str, Floats],
+    fluxes: Mapping[tuple[str, Metric, str], float],
+) -> None:
+    left, right = canvas.subplots(1, 2)
+    _draw_floors(left, curves)
+    _draw_fluxes(right, fluxes)
 
 
 def _errors(trial: Trial, templates: Templates) -> Floats:
@@ -124,9 +129,8 @@ def _errors(trial: Trial, templates: Templates) -> Floats:
 def _draw_floors(axes: Axes, curves: Mapping[str, Floats]) -> None:
     for kind, errors in curves.items():
         axes.plot(FLOORS, errors, color=_COLORS[kind], label=kind)
-    axes.set(xscale="log", yscale="log")
-    axes.yaxis.set_major_formatter("{x:g}")
-    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.set_xscale("log")
+    log_decades(axes, "y", "{x:g}")
     axes.set(xlabel="Floor (mean responses)", ylabel="Error of EMD, Eq. 4.5")
     axes.legend()
 
@@ -137,14 +141,11 @@ def _draw_fluxes(axes: Axes, fluxes: Mapping[tuple[str, Metric, str], float]) ->
         color, place = _COLORS[kind], names.index(name) + (-0.12 if kind == "synthetic" else 0.12)
         face = color if metric == "literal" else "none"
         axes.plot(place, flux, "o", color=color, markerfacecolor=face, ms=7)
-    for face, text in (("black", "mean of quotients"), ("none", "quotient of means")):
-        axes.plot([], [], "o", color="black", markerfacecolor=face, label=text)
+    draw_key(axes, (("o", BLACK, "mean of quotients"), ("o", "none", "quotient of means")))
     axes.legend(loc="upper left")
     axes.set_xticks(range(len(names)), names)
-    axes.set_yscale("log")
+    log_decades(axes, "y")
     axes.set_ylim(top=100 * np.nanmax(list(fluxes.values())))
-    axes.yaxis.set_major_formatter(EngFormatter(sep=""))
-    axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_ylabel("$N_{2b}$ (photons per frame)")
 
 

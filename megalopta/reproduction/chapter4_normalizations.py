@@ -1,10 +1,11 @@
-"""What two conventions of the benchmark do to N_2b on natural scenes.
+"""Effect of two conventions of the benchmark on N_2b of natural scenes.
 
 Frames are brought to a flux one by one, as in the dissertation, or by their mean, as a camera sees
 them; responses are compared with those to the mean counts, or to the light without dark counts.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure as Canvas
@@ -17,8 +18,8 @@ from megalopta.plotting.picture import Cell, Figure, columns_of
 from megalopta.plotting.style import draw_table
 from megalopta.reproduction.chapter4_sweeps import SWEEPS
 from megalopta.reproduction.chapter4_table import SIZE
-from megalopta.reproduction.recipe import FigureRecipe, Run
-from megalopta.reproduction.thresholds import (
+from megalopta.reproduction.figure_recipe import FigureRecipe, Run
+from megalopta.reproduction.sweep_figure import (
     MeanThreshold,
     mean_threshold,
     or_nan,
@@ -48,38 +49,7 @@ def _trials(is_quick: bool) -> list[Trial]:
 
 
 def _figure(run: Run) -> Figure:
-    rows: list[dict[str, Cell]] = []
-    lines: list[list[str]] = []
-    for method in THESIS_METHODS:
-        found = {
-            name: [
-                mean_threshold([threshold_of(run.results, trial, method, "literal", 2)])
-                for trial in _of_convention(name, run.is_quick)
-            ]
-            for name in _CONVENTIONS
-        }
-        every, mean, perfect = (
-            np.array([each.flux for each in of_forests]) for of_forests in found.values()
-        )
-        rows += [
-            {
-                "method": method,
-                "convention": name,
-                "forest": forest,
-                "photons_per_frame": each.flux,
-                "low": or_nan(each.low),
-                "high": or_nan(each.high),
-            }
-            for name, of_forests in found.items()
-            for forest, each in enumerate(of_forests)
-        ]
-        own = f"{format_flux(float(every.mean()))} ± {_percent(found['every frame'])}"
-        lines.append([method, own, _factors(mean / every), _factors(perfect / every)])
-
-    def draw(canvas: Canvas) -> None:
-        head = ["", "Every frame", "Mean frame", "Reference perfect"]
-        draw_table(canvas, head, lines, [0.8, 1.2, 1.6, 1.9])
-
+    found = {method: _found(method, run) for method in THESIS_METHODS}
     return Figure(
         title="Two conventions of the benchmark, natural scenes",
         caption=(
@@ -89,14 +59,49 @@ def _figure(run: Run) -> Figure:
             "The factors, least to most of the forests, are those of bringing the mean frame to "
             "the flux, and of comparing with the light without dark counts."
         ),
-        draw=draw,
-        numbers=columns_of(rows),
+        draw=partial(_draw, lines=[_line(*each) for each in found.items()]),
+        numbers=columns_of(row for each in found.items() for row in _rows(*each)),
         height_in=2.6,
     )
 
 
+def _found(method: str, run: Run) -> dict[str, list[MeanThreshold]]:
+    """Return what a method needs of each forest, by convention."""
+    return {
+        name: [
+            mean_threshold([threshold_of(run.results, trial, method, "literal", 2)])
+            for trial in _of_convention(name, run.is_quick)
+        ]
+        for name in _CONVENTIONS
+    }
+
+
+def _draw(canvas: Canvas, lines: Sequence[Sequence[str]]) -> None:
+    head = ["", "Every frame", "Mean frame", "Reference perfect"]
+    draw_table(canvas, head, lines, [0.8, 1.2, 1.6, 1.9])
+
+
+def _rows(method: str, found: Mapping[str, Sequence[MeanThreshold]]) -> Iterator[dict[str, Cell]]:
+    for name, of_forests in found.items():
+        for forest, each in enumerate(of_forests):
+            yield {
+                "method": method,
+                "convention": name,
+                "forest": forest,
+                "photons_per_frame": each.flux,
+                "low": or_nan(each.low),
+                "high": or_nan(each.high),
+            }
+
+
+def _line(method: str, found: Mapping[str, Sequence[MeanThreshold]]) -> list[str]:
+    every, mean, perfect = (np.array([each.flux for each in own]) for own in found.values())
+    own = f"{format_flux(float(every.mean()))} ± {_percent(found['every frame'])}"
+    return [method, own, _factors(mean / every), _factors(perfect / every)]
+
+
 def _percent(found: Sequence[MeanThreshold]) -> str:
-    """Half a typical interval."""
+    """Return half a typical interval."""
     widths = [(or_nan(each.high) - or_nan(each.low)) / each.flux / 2 for each in found]
     return f"{100 * np.nanmedian(widths):.0f} %"
 

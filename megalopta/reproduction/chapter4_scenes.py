@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,7 +19,7 @@ from megalopta.flow.stimuli.resizing import resize
 from megalopta.flow.stimuli.statistics import ImageStatistics, image_statistics, power_spectrum
 from megalopta.plotting.picture import Figure, columns_of
 from megalopta.plotting.style import BLACK, DASHES, PALETTE
-from megalopta.reproduction.recipe import FigureRecipe, Run
+from megalopta.reproduction.figure_recipe import FigureRecipe, Run
 from megalopta.scenes import ToneCurve
 from megalopta.scenes.spectra.color import encode_srgb
 
@@ -26,6 +27,17 @@ POOLED, CYCLES = 60, 4.0
 """Of Fig. 4.2."""
 _VARIANTS: tuple[GratingVariant, ...] = ("rot", "periodic")
 _LEAVES_COLUMNS = 753
+_CAPTION = (
+    "Four seeded forests in four lights stand in for the photographs of the dissertation, with "
+    "their fields of view, in cylindrical projection, where turning the camera shifts columns. "
+    "They are shown as sRGB, while templates are linear in light."
+)
+_STATISTICS = {
+    "contrast": "Contrast (σ/mean)",
+    "spectrum_slope": "Exponent of the power over frequency",
+    "gradient_kurtosis": "Kurtosis of the gradient (3: normal)",
+    "flat_share": "Neighbors that differ by less than 1 %",
+}
 
 
 def _figure_4_2(_: Run) -> Figure:
@@ -36,13 +48,6 @@ def _figure_4_2(_: Run) -> Figure:
         for variant in _VARIANTS
     }
 
-    def draw(canvas: Canvas) -> None:
-        for axes, (variant, frame) in zip(canvas.subplots(1, 2), frames.items(), strict=True):
-            axes.imshow(frame, cmap="gray", vmin=0, vmax=2)
-            axes.set_title(f"{variant}: {moving_cycles(CYCLES, variant):.3g} cycles move")
-            axes.set(xlabel="Column (px)", ylabel="Row (px)")
-            axes.grid(visible=False)
-
     rows, columns = np.indices((POOLED, POOLED))
     return Figure(
         title="Figure 4.2: 2-D sine grating, 4 cycles per frame, 60 × 60 px",
@@ -52,7 +57,7 @@ def _figure_4_2(_: Run) -> Figure:
             "cycles per frame, no whole number, so that a circular shift drags a seam along; the "
             "other variant (periodic) has f cycles and no seam."
         ),
-        draw=draw,
+        draw=partial(_draw_4_2, frames=frames),
         numbers={
             "row": rows.ravel(),
             "column": columns.ravel(),
@@ -61,54 +66,58 @@ def _figure_4_2(_: Run) -> Figure:
     )
 
 
+def _draw_4_2(canvas: Canvas, frames: Mapping[GratingVariant, Floats]) -> None:
+    for axes, (variant, frame) in zip(canvas.subplots(1, 2), frames.items(), strict=True):
+        axes.imshow(frame, cmap="gray", vmin=0, vmax=2)
+        axes.set_title(f"{variant}: {moving_cycles(CYCLES, variant):.3g} cycles move")
+        axes.set(xlabel="Column (px)", ylabel="Row (px)")
+        axes.grid(visible=False)
+
+
 def _figure_4_3(run: Run) -> Figure:
     forests = natural_templates(run.cache)
     leaves = dead_leaves((ROWS, _LEAVES_COLUMNS), generator(1, "figure 4.3"))
     templates = {**forests, "dead leaves": leaves}
     statistics = {name: image_statistics(template) for name, template in templates.items()}
 
-    def draw(canvas: Canvas) -> None:
-        parts = canvas.subfigures(2, 1, height_ratios=[2.9, 1], squeeze=False)
-        pictures, numbers = parts[:, 0]
-        for letter, axes, (name, template) in zip(
-            "abcd", pictures.subplots(4, 1), forests.items(), strict=True
-        ):
-            axes.imshow(encode_srgb(ToneCurve.of([template])(template)), "gray")
-            fov = NATURAL_PANORAMAS[name].frame_fov_deg
-            axes.set_title(f"({letter}) {name}, 251 columns cover {fov:g}°", loc="left")
-            axes.set_anchor("W")
-            axes.set_axis_off()
-        spectra, gradients = numbers.subplots(1, 2)
-        _draw_spectra(spectra, templates)
-        _draw_gradients(gradients, templates)
-
     return Figure(
         title="Figure 4.3: rendered forests in place of photographs",
-        caption=_caption(statistics),
-        draw=draw,
+        caption=_CAPTION,
+        printed=_compared(statistics),
+        printed_by=("Forests", "Dead leaves"),
+        draw=partial(_draw_4_3, forests=forests, templates=templates),
         numbers=columns_of({"template": name, **asdict(each)} for name, each in statistics.items()),
         height_in=11.5,
     )
 
 
-def _caption(statistics: Mapping[str, ImageStatistics]) -> str:
-    forests = [each for name, each in statistics.items() if name != "dead leaves"]
+def _draw_4_3(
+    canvas: Canvas, forests: Mapping[str, Floats], templates: Mapping[str, Floats]
+) -> None:
+    parts = canvas.subfigures(2, 1, height_ratios=[2.9, 1], squeeze=False)
+    pictures, numbers = parts[:, 0]
+    for letter, axes, (name, template) in zip(
+        "abcd", pictures.subplots(4, 1), forests.items(), strict=True
+    ):
+        axes.imshow(encode_srgb(ToneCurve.of([template])(template)), "gray")
+        fov = NATURAL_PANORAMAS[name].frame_fov_deg
+        axes.set_title(f"({letter}) {name}, 251 columns cover {fov:g}°", loc="left")
+        axes.set_anchor("W")
+        axes.set_axis_off()
+    spectra, gradients = numbers.subplots(1, 2)
+    _draw_spectra(spectra, templates)
+    _draw_gradients(gradients, templates)
+
+
+def _compared(statistics: Mapping[str, ImageStatistics]) -> dict[str, tuple[str, str]]:
+    """Return the least and the most of the forests, and the dead leaves, of each statistic."""
     leaves = statistics["dead leaves"]
-
-    def span(name: str) -> str:
-        values = sorted(getattr(each, name) for each in forests)
-        text = f"{values[0]:.2g} to {values[-1]:.2g} (dead leaves {getattr(leaves, name):.2g})"
-        return text.replace("-", "−")
-
-    return (
-        "Four seeded forests in four lights stand in for the photographs of the dissertation, with "
-        "their fields of view, in cylindrical projection, where turning the camera shifts columns. "
-        "They are shown as sRGB, while templates are linear in light. "
-        f"The contrast (σ/mean) is {span('contrast')}, the power goes as frequency to the exponent "
-        f"{span('spectrum_slope')}, the kurtosis of the gradient (3 where normal) is "
-        f"{span('gradient_kurtosis')}, and the share of neighbors that differ by less than 1 % of "
-        f"the mean is {span('flat_share')}."
-    )
+    table = {}
+    for name, what in _STATISTICS.items():
+        values = sorted(getattr(statistics[each], name) for each in NATURAL_PANORAMAS)
+        spread = f"{values[0]:.2g} to {values[-1]:.2g}", f"{getattr(leaves, name):.2g}"
+        table[what] = spread[0].replace("-", "−"), spread[1].replace("-", "−")
+    return table
 
 
 def _draw_spectra(axes: Axes, templates: Mapping[str, Floats]) -> None:

@@ -11,7 +11,7 @@ from megalopta.flow.stimuli.moving_template import MovingTemplate
 from megalopta.flow.stimuli.photons import Counts, draw_counts
 from megalopta.plotting.picture import Figure
 from megalopta.plotting.style import draw_table
-from megalopta.reproduction.recipe import FigureRecipe, Run
+from megalopta.reproduction.figure_recipe import FigureRecipe, Run
 
 SIZES = (60, 240)
 PRINTED_MS: Mapping[str, tuple[str, str]] = {

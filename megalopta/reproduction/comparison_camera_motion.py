@@ -21,10 +21,20 @@ from megalopta.benchmark.moving_forests import FLIGHTS, forest_clips, forest_fli
 from megalopta.core.arrays import Floats
 from megalopta.core.progress import progress
 from megalopta.plotting.picture import Cell, Figure, columns_of
-from megalopta.plotting.style import BLACK, GRAY, method_style
-from megalopta.reproduction.recipe import FigureRecipe, Run
+from megalopta.plotting.style import BLACK, GRAY, legend_alone, method_style
+from megalopta.plotting.text import UNDEFINED
+from megalopta.reproduction.figure_recipe import FigureRecipe, Run
 
 _YAW, _HEADING_DEG = 0.05, 5.0
+_CAPTION = (
+    "Root mean square error of the yaw rate over that of the rate ({:.2f}° per frame), and median "
+    "error of the heading, in {} windows of eight frames of {} flights, {} draws of photons each "
+    "({} × {} px, a pixel flickers by {:.0f} % by rendering); whiskers hold 95 % of bootstraps "
+    "over windows. Summed: answers weighted as was learned from a flight's first half without "
+    "noise, averaged over seven pairs; fitted: the motion that fits the flow of blocks; "
+    "likelihood: that under which the counts are most likely. Only sums learn from these forests, "
+    "and nothing but the camera moves in them: what moves by itself would mislead all ways."
+)
 
 
 def camera_motion(run: Run) -> Figure:
@@ -48,21 +58,14 @@ def camera_motion(run: Run) -> Figure:
     return Figure(
         name="camera-motion",
         title="Errors of the camera's own motion in forests with parallax",
-        caption=(
-            "Root mean square error of the yaw rate over that of the rate "
-            f"({board.rms_yaw_deg:.2f}° per frame), and median error of the heading, in "
-            f"{windows} windows of eight frames of {len(views)} flights, {draws} draws of photons "
-            f"each ({columns} × {rows} px, a pixel flickers by {100 * flicker:.0f} % by "
-            "rendering); whiskers hold 95 % of bootstraps over windows. Summed: answers weighted "
-            "as was learned from a flight's first half without noise, averaged over seven pairs; "
-            "fitted: the motion that fits the flow of blocks; likelihood: that under which the "
-            "counts are most likely. Only sums learn from these forests, and nothing but the "
-            "camera moves in them: what moves by itself would mislead all ways."
+        caption=_CAPTION.format(
+            board.rms_yaw_deg, windows, len(views), draws, columns, rows, 100 * flicker
         ),
         draw=partial(_draw, board=board),
         numbers=columns_of(_row(board, *each) for each in product(board.ways, board.fluxes)),
         height_in=4.2,
-        findings=tuple(_finding(board, way) for way in board.ways),
+        printed={way: _reach(board, way) for way in board.ways},
+        printed_by=(f"Yaw within {100 * _YAW:g} %", f"Heading within {_HEADING_DEG:g}°"),
     )
 
 
@@ -77,25 +80,20 @@ def _row(board: FlightErrors, way: str, flux: float) -> Mapping[str, Cell]:
     return {"way": way, **dict(zip(names, numbers, strict=True))}
 
 
-def _finding(board: FlightErrors, way: str) -> str:
-    """Say from which light on both errors are small."""
+def _reach(board: FlightErrors, way: str) -> tuple[str, str]:
+    """Return the light from which on each error is small."""
     fluxes = board.fluxes
     yaw = _light_for(fluxes, [board.yaw(way, flux).value for flux in fluxes], _YAW)
-    text = f"{way}: yaw rate within {100 * _YAW:g} % {yaw}"
     headings = [found.value for flux in fluxes if (found := board.heading(way, flux))]
-    if not headings:
-        return f"{text}."
-    return f"{text}, heading within {_HEADING_DEG:g}° " + (
-        f"{_light_for(fluxes, headings, _HEADING_DEG)}."
-    )
+    return yaw, _light_for(fluxes, headings, _HEADING_DEG) if headings else UNDEFINED
 
 
 def _light_for(fluxes: Sequence[float], errors: Sequence[float], level: float) -> str:
     within = np.array(errors) <= level
     if not within[-1]:
-        return f"at none up to {fluxes[-1]:g} photons per pixel"
+        return f"none up to {fluxes[-1]:g} photons"
     first = len(within) - int(np.argmin(within[::-1])) if not within.all() else 0
-    return f"from {fluxes[first]:g} photons per pixel on"
+    return f"from {fluxes[first]:g} photons/px on"
 
 
 def _draw(canvas: Canvas, board: FlightErrors) -> None:
@@ -113,10 +111,7 @@ def _draw(canvas: Canvas, board: FlightErrors) -> None:
         axes.axhline(level, color=GRAY, linestyle=":")
         axes.set(title=title, xscale="log", yscale="log", xlabel="Photons per pixel and frame")
     panels[0].set_ylabel("Error")
-    handles, labels = panels[0].get_legend_handles_labels()
-    legend = canvas.add_subplot(grid[1, :])
-    legend.set_axis_off()
-    legend.legend(handles, labels, loc="center", ncols=3, columnspacing=1)
+    legend_alone(canvas.add_subplot(grid[1, :]), panels[0], ncols=3, columnspacing=1)
 
 
 def _draw_line(axes: Axes, way: str, fluxes: Sequence[float], found: Floats) -> None:

@@ -4,6 +4,7 @@ The textures have equal contrast in all octaves. Fluxes do not count dark counts
 """
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -24,11 +25,20 @@ from megalopta.flow.detectors.registry import METHODS, Method, method
 from megalopta.flow.metrics.detection import d_prime
 from megalopta.flow.metrics.photon_threshold import format_flux
 from megalopta.plotting.picture import Figure, columns_of
-from megalopta.plotting.style import GRAY, method_style
-from megalopta.reproduction.recipe import FigureRecipe
+from megalopta.plotting.style import GRAY, legend_alone, method_style
+from megalopta.reproduction.figure_recipe import FigureRecipe
 
 FLUXES = tuple(10 ** (half / 2) for half in range(5, 14))
 ROC_FLUX = 3e4
+_CAPTION = (
+    f"Textures of {100 * CONTRAST:g} % rms contrast move by {SPEED_COLUMNS * SIZE / COLUMNS:.2f} "
+    f"px per frame, with {DARK_COUNTS:.2f} dark counts per pixel; each block of {SIZE // 10} × "
+    f"{SIZE // 10} px in frames of {SIZE} × {SIZE} px has one response, a velocity or a mean, but "
+    "PC one for the whole frame. The measure d′ is √2·Φ⁻¹(area under the ROC), which "
+    f"{RESPONSES:,} responses limit to {{:.1f}} (dotted); NDM and NDS do not depend on direction. "
+    "A false alarm exceeds half of the median noise-free response to motion; the ROC is that at "
+    "{} photons per frame."
+)
 
 
 def detection_figure(
@@ -43,17 +53,8 @@ def detection_figure(
     return Figure(
         name="detection",
         title="Detecting motion and its direction, over the photons per frame",
-        caption=(
-            f"Textures of {100 * CONTRAST:g} % rms contrast move by "
-            f"{SPEED_COLUMNS * SIZE / COLUMNS:.2f} px per frame, with {DARK_COUNTS:.2f} dark "
-            f"counts per pixel; each block of {SIZE // 10} × {SIZE // 10} px in frames of "
-            f"{SIZE} × {SIZE} px has one response, a velocity or a mean, but PC one for the whole "
-            "frame. The measure d′ is √2·Φ⁻¹(area under the ROC), which "
-            f"{RESPONSES:,} responses limit to {_limit():.1f} (dotted); NDM and NDS do not depend "
-            "on direction. A false alarm exceeds half of the median noise-free response to motion; "
-            f"the ROC is that at {format_flux(shown)} photons per frame."
-        ),
-        draw=lambda canvas: _draw_panels(canvas, found, shown),
+        caption=_CAPTION.format(_limit(), format_flux(shown)),
+        draw=partial(_draw_panels, found=found, roc_flux=shown),
         numbers=columns_of(
             {
                 "method": each.method,
@@ -90,15 +91,8 @@ def _draw_panels(canvas: Canvas, found: Mapping[str, Sequence[Detection]], roc_f
     panels["false_alarms"].set(title="False alarms in a still scene", ylabel="Share of blocks")
     panels["false_alarms"].yaxis.set_major_formatter(PercentFormatter(1))
     _draw_roc(panels["roc"], found, roc_flux)
-    panels["legend"].set_axis_off()
-    panels["legend"].legend(
-        *panels["motion"].get_legend_handles_labels(),
-        loc="center",
-        ncols=6,
-        handlelength=2.8,
-        columnspacing=1.1,
-        markerscale=0.8,
-    )
+    look = {"ncols": 6, "handlelength": 2.8, "columnspacing": 1.1, "markerscale": 0.8}
+    legend_alone(panels["legend"], panels["motion"], **look)
 
 
 def _draw_roc(axes: Axes, found: Mapping[str, Sequence[Detection]], flux: float) -> None:

@@ -6,8 +6,9 @@ motion is the Poisson bound's sum over a block, the squared slope over the varia
 (`flow.metrics`): counts in another band, and in the dark, are noise to the rest.
 """
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 from matplotlib.figure import Figure as Canvas
@@ -23,7 +24,7 @@ from megalopta.plotting.style import (
     ORANGE,
 )
 from megalopta.render import RenderSettings, SceneRenderer, frame_seed
-from megalopta.reproduction.recipe import FigureRecipe, Run
+from megalopta.reproduction.figure_recipe import FigureRecipe, Run
 from megalopta.scenes import Forest, Light, PerspectiveCamera, Trajectory, build_scene
 from megalopta.sensor import IMAGE_SENSORS, ImageSensor, expectation
 
@@ -36,13 +37,21 @@ DEVICES = "array-12x4", "ctia_ingaas_quiet"
 EXPOSURE_S = 0.1
 """Of both."""
 BLOCK_PX = 8
+_CAPTION = (
+    "Forest `rainforest` under a natural starlit sky, {0} × {0} px of 60°, in bands of 100 nm; "
+    "leaves absorb little beyond 700 nm, so more of the infrared comes down. "
+    f"Events in {EXPOSURE_S:g} s and a band are of the presets {DEVICES[0]} and {DEVICES[1]}, with "
+    "lens, pixel and efficiency of their own; dotted lines are those in the dark. Contrast is the "
+    "root mean square difference of neighbors along rows over the mean, without rendering noise."
+)
 Reals = NDArray[np.float32]
 _KINDS = "silicon SPAD", "InGaAs CTIA"
+_COLUMNS = "spad_events", "ctia_electrons"
 
 
 @dataclass(frozen=True)
-class Seen:
-    """What a device gets of the floor in one exposure."""
+class SeenFloor:
+    """Signal and noise of a device that sees the floor for one exposure."""
 
     events: Floats
     """(B,): of light, mean over the pixels; 0 where the device is blind."""
@@ -89,8 +98,8 @@ def contrast(first: Reals, second: Reals) -> tuple[Floats, Floats]:
     return found, error / (2 * found)
 
 
-def seen_by(passes: tuple[Reals, Reals], sensor: ImageSensor) -> Seen:
-    """What a device gets of the floor, `passes` of (H, W, B) in `FLOOR_BANDS_NM`."""
+def seen_by(passes: tuple[Reals, Reals], sensor: ImageSensor) -> SeenFloor:
+    """Return what a device sees of the floor, `passes` of (H, W, B) in `FLOOR_BANDS_NM`."""
     curve = sensor.efficiency
     inside = [
         curve.wavelengths_nm[0] <= low and high <= curve.wavelengths_nm[-1]
@@ -112,66 +121,70 @@ def seen_by(passes: tuple[Reals, Reals], sensor: ImageSensor) -> Seen:
     information = float(np.mean(rises[0] * rises[1] / (2 * variance[..., 1:])))
     least = 1 / np.sqrt(information * BLOCK_PX**2) if information > 0 else np.inf
     noise = float(np.sqrt(variance.mean()))
-    return Seen(events, float(dark.mean_events.mean()), noise, float(least))
+    return SeenFloor(events, float(dark.mean_events.mean()), noise, float(least))
 
 
 def _figure(run: Run) -> Figure:
     passes = floor_passes(24, 64) if run.is_quick else floor_passes()
-    spad, ctia = (seen_by(passes, IMAGE_SENSORS[name]) for name in DEVICES)
-    middle = np.array(FLOOR_BANDS_NM).mean(axis=1)
-    radiance = passes[0].mean(axis=(0, 1), dtype=np.float64)
-    light = FLOOR_LIGHT.resolved().spectrum()
-    sky = np.array([light(np.linspace(*band, 101)).mean() / np.pi for band in FLOOR_BANDS_NM])
-    sharp, error = contrast(*passes)
+    seen = [seen_by(passes, IMAGE_SENSORS[name]) for name in DEVICES]
+    numbers = _numbers(passes) | {
+        name: each.events for name, each in zip(_COLUMNS, seen, strict=True)
+    }
     size = len(passes[0])
-
-    def draw(canvas: Canvas) -> None:
-        above, left, right = canvas.subplots(1, 3)
-        above.semilogy(middle, sky, color=GRAY, label="open sky")
-        above.semilogy(middle, radiance, color=BLACK, marker="o", label="floor")
-        above.set(xlabel="Wavelength (nm)", ylabel="Radiance (W/m²/sr/nm)")
-        for each, kind, color in zip((spad, ctia), _KINDS, (BLUE, ORANGE), strict=True):
-            shown = np.where(each.events > 0, each.events, np.nan)
-            left.semilogy(middle, shown, color=color, marker="o", label=kind)
-            left.axhline(each.dark, color=color, linestyle=":")
-        left.set(xlabel="Wavelength (nm)", ylabel="Events per pixel")
-        right.errorbar(middle, sharp, error, color=BLACK, marker="o")
-        right.set(xlabel="Wavelength (nm)", ylabel="Contrast of neighbors", ylim=(0, None))
-        above.legend(loc="upper left", fontsize="small")
-        left.legend(loc="upper left", bbox_to_anchor=(0, 0.93), fontsize="small")
-
     return Figure(
         title="The floor of a rain forest by starlight, seen by silicon and by InGaAs",
-        caption=(
-            f"Forest `rainforest` under a natural starlit sky, {size} × {size} px of 60°, in bands "
-            "of 100 nm; leaves absorb little beyond 700 nm, so more of the infrared comes down. "
-            f"Events in {EXPOSURE_S:g} s and a band are of the presets {DEVICES[0]} and "
-            f"{DEVICES[1]}, with lens, pixel and efficiency of their own; dotted lines are those "
-            "in the dark. Contrast is the root mean square difference of neighbors along rows "
-            "over the mean, without rendering noise."
-        ),
-        draw=draw,
-        numbers={
-            "wavelength_nm": middle,
-            "sky_radiance_W_m2_sr_nm": sky,
-            "floor_radiance_W_m2_sr_nm": radiance,
-            "contrast": sharp,
-            "contrast_error": error,
-            "spad_events": spad.events,
-            "ctia_electrons": ctia.events,
-        },
+        caption=_CAPTION.format(size),
+        draw=partial(_draw, numbers=numbers, dark=[each.dark for each in seen]),
+        numbers=numbers,
         printed={
-            "events of light per pixel": (f"{spad.events.sum():.3g}", f"{ctia.events.sum():.3g}"),
-            "events in the dark": (f"{spad.dark:.3g}", f"{ctia.dark:.3g}"),
-            "noise of a reading": (f"{spad.noise:.3g}", f"{ctia.noise:.3g}"),
-            f"least error of {BLOCK_PX} × {BLOCK_PX} px, two frames": (
-                f"{spad.error_px:.2g} px",
-                f"{ctia.error_px:.2g} px",
+            "events of light per pixel": _pair(f"{each.events.sum():.3g}" for each in seen),
+            "events in the dark": _pair(f"{each.dark:.3g}" for each in seen),
+            "noise of a reading": _pair(f"{each.noise:.3g}" for each in seen),
+            f"least error of {BLOCK_PX} × {BLOCK_PX} px, two frames": _pair(
+                f"{each.error_px:.2g} px" for each in seen
             ),
         },
         printed_by=_KINDS,
         height_in=3.6,
     )
+
+
+def _numbers(passes: tuple[Reals, Reals]) -> dict[str, Floats]:
+    """Return light and contrast of the bands, of two renderings."""
+    light = FLOOR_LIGHT.resolved().spectrum()
+    sharp, error = contrast(*passes)
+    return {
+        "wavelength_nm": np.array(FLOOR_BANDS_NM).mean(axis=1),
+        "sky_radiance_W_m2_sr_nm": np.array(
+            [light(np.linspace(*band, 101)).mean() / np.pi for band in FLOOR_BANDS_NM]
+        ),
+        "floor_radiance_W_m2_sr_nm": passes[0].mean(axis=(0, 1), dtype=np.float64),
+        "contrast": sharp,
+        "contrast_error": error,
+    }
+
+
+def _pair(texts: Iterable[str]) -> tuple[str, str]:
+    first, second = texts
+    return first, second
+
+
+def _draw(canvas: Canvas, numbers: Mapping[str, Floats], dark: Sequence[float]) -> None:
+    middle, sky, floor, sharp, error, *events = numbers.values()
+    light, seen, right = canvas.subplots(1, 3)
+    light.semilogy(middle, sky, color=GRAY, label="open sky")
+    light.semilogy(middle, floor, color=BLACK, marker="o", label="floor")
+    light.set(ylabel="Radiance (W/m²/sr/nm)")
+    light.legend(loc="upper left", fontsize="small")
+    for each, rest, kind, color in zip(events, dark, _KINDS, (BLUE, ORANGE), strict=True):
+        seen.semilogy(middle, np.where(each > 0, each, np.nan), color=color, marker="o", label=kind)
+        seen.axhline(rest, color=color, linestyle=":")
+    seen.set(ylabel="Events per pixel")
+    seen.legend(loc="upper left", bbox_to_anchor=(0, 0.93), fontsize="small")
+    right.errorbar(middle, sharp, error, color=BLACK, marker="o")
+    right.set(ylabel="Contrast of neighbors", ylim=(0, None))
+    for axes in (light, seen, right):
+        axes.set_xlabel("Wavelength (nm)")
 
 
 RECIPES = (FigureRecipe("night-bands", _figure),)

@@ -5,7 +5,7 @@ from place to place, and it has edges.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from itertools import product
 
@@ -26,12 +26,13 @@ from megalopta.benchmark.whole_frames import (
     Board,
     frame_errors,
 )
+from  import Clip
 from megalopta.core.progress import progress
 from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.registry import Method
 from megalopta.plotting.picture import Cell, Figure, columns_of
-from megalopta.plotting.style import method_style
-from megalopta.reproduction.recipe import FigureRecipe, Run
+from megalopta.plotting.style import draw_interval, legend_alone, method_style
+from megalopta.reproduction.figure_recipe import FigureRecipe, Run
 
 _LEAVES, _PANORAMAS = "Dead leaves, four motions", "Forests, a turning camera"
 _PARALLAX = "Forests, a flying camera"
@@ -39,27 +40,25 @@ _DRAWS = {_LEAVES: 1, _PANORAMAS: 1, _PARALLAX: 3}
 """Of the photons of each scene: there are few flights"""
 
 _FRAMES, _PAIR = 8, 2
+_CAPTION = (
+    "Methods see frames of {} px, of {} scenes, as they are; drawn is the mean over scenes of the "
+    f"median over blocks of {BLOCK_PX} × {BLOCK_PX} px of the distance from their true mean "
+    "velocity, with what holds it in 95 % of bootstraps over scenes. A median does not tell how "
+    "far off the worse half is: the mean over blocks and the share beyond "
+    f"{FAR_PX:g} px stand in the file of numbers. On dead leaves the velocity is affine and "
+    "differs in three disks; forests are panoramas seen by a camera that only turns{}; √ is a "
+    "method that sees roots of counts, 4+4 one that sees sums of four frames."
+)
 
 
 def whole_frames(run: Run, methods: Sequence[Method] | None = None) -> Figure:
-    """Median endpoint errors on dead leaves and in forests; in quick form less of everything.
+    """Return median endpoint errors on dead leaves and in forests; in quick form of fewer scenes.
 
     Forests past which a camera flies take minutes to render, so that quick form is without.
     """
-    templates, fluxes = natural_templates(run.cache), PHOTONS_PER_PX
-    if run.is_quick:
-        templates, fluxes = dict(list(templates.items())[:2]), fluxes[::2]
-    clips = {
-        _LEAVES: list(leaves_clips(2 if run.is_quick else 6)),
-        _PANORAMAS: list(panorama_clips(templates, headings=1 if run.is_quick else 2)),
-    }
-    flicker = 0.0
-    if not run.is_quick:
-        with progress("Rendering moving views", len(MOVING_VIEWS) * _FRAMES, "frame") as advance:
-            flown = list(forest_clips(cache=run.cache, after_frame=advance))
-        clips[_PARALLAX] = [clip for clip, _ in flown]
-        flicker = max(noise for _, noise in flown)
+    clips, flicker = _clips(run)
     chosen = methods or methods_and_baselines(_FRAMES)
+    fluxes = PHOTONS_PER_PX[::2] if run.is_quick else PHOTONS_PER_PX
     with progress("Measuring whole frames", sum(map(len, clips.values())), "scene") as advance:
         boards = {
             kind: frame_errors(some, chosen, fluxes, _DRAWS[kind], advance)
@@ -70,21 +69,28 @@ def whole_frames(run: Run, methods: Sequence[Method] | None = None) -> Figure:
     return Figure(
         name="whole-frames",
         title="Median errors of velocity methods on whole frames, over the photons per pixel",
-        caption=(
-            f"Methods see frames of {size} px, of {number} scenes, as they are; drawn is the mean "
-            f"over scenes of the median over blocks of {BLOCK_PX} × {BLOCK_PX} px of the distance "
-            "from their true mean velocity, with what holds it in 95 % of bootstraps over scenes. "
-            "A median does not tell how far off the worse half is: the mean over blocks and the "
-            f"share beyond {FAR_PX:g} px stand in the file of numbers. On dead leaves the velocity "
-            "is affine and differs in three disks; forests are panoramas seen by a camera that "
-            f"only turns{_flown(flicker)}; √ is a method that sees roots of counts, 4+4 one that "
-            "sees sums of four frames."
-        ),
+        caption=_CAPTION.format(size, number, _flown(flicker)),
         draw=partial(_draw_boards, boards=boards),
         numbers=columns_of(row for kind, board in boards.items() for row in _rows(kind, board)),
         height_in=2 + 3.3 * len(boards),
-        findings=tuple(f"{kind}: {_best(board)}." for kind, board in boards.items()),
+        details={"least_median_error": [row for each in boards.items() for row in _best(*each)]},
     )
+
+
+def _clips(run: Run) -> tuple[dict[str, list[Clip]], float]:
+    """Return the scenes of each kind, and by which share a pixel flickers at most."""
+    templates = natural_templates(run.cache)
+    if run.is_quick:
+        few = dict(list(templates.items())[:2])
+        return {_LEAVES: [*leaves_clips(2)], _PANORAMAS: [*panorama_clips(few, headings=1)]}, 0.0
+    with progress("Rendering moving views", len(MOVING_VIEWS) * _FRAMES, "frame") as advance:
+        flown = list(forest_clips(cache=run.cache, after_frame=advance))
+    clips = {
+        _LEAVES: [*leaves_clips(6)],
+        _PANORAMAS: [*panorama_clips(templates, headings=2)],
+        _PARALLAX: [clip for clip, _ in flown],
+    }
+    return clips, max(noise for _, noise in flown)
 
 
 def _flown(flicker: float) -> str:
@@ -123,21 +129,21 @@ def _median(board: Board, detector: BlockDetector, flux: float) -> tuple[float, 
     return value, math.nan if low is None else low, math.nan if high is None else high
 
 
-def _best(board: Board) -> str:
-    """Say which have the least mean of medians at each flux, and whose intervals reach it."""
-    return "; ".join(
-        f"of {kind}, the least median error has "
-        + ", ".join(f"{_leaders(board, some, flux)} at {flux:g}" for flux in board.fluxes)
-        for kind, some in _by_frames(board).items()
-        if some
-    )
+def _best(kind: str, board: Board) -> Iterator[dict[str, Cell]]:
+    """Yield which has the least mean of medians at each flux, and whose intervals reach it."""
+    for frames, some in _by_frames(board).items():
+        for flux in board.fluxes if some else ():
+            best, level = _leaders(board, some, flux)
+            what: dict[str, Cell] = {"scenes": kind, "frames": frames, "photons_per_px": flux}
+            yield what | {"method": best, "level_with": ", ".join(level)}
 
 
-def _leaders(board: Board, detectors: Sequence[BlockDetector], flux: float) -> str:
+def _leaders(
+    board: Board, detectors: Sequence[BlockDetector], flux: float
+) -> tuple[str, list[str]]:
     found = {each.name: _median(board, each, flux) for each in detectors}
     first, *others = sorted(found, key=lambda name: found[name][0])
-    level = [name for name in others if found[name][1] <= found[first][2]]
-    return first + (f" (level with {', '.join(level)})" if level else "")
+    return first, [name for name in others if found[name][1] <= found[first][2]]
 
 
 def _by_frames(board: Board) -> dict[str, list[BlockDetector]]:
@@ -159,23 +165,13 @@ def _draw_boards(canvas: Canvas, boards: Mapping[str, Board]) -> None:
     for axes, above, labeled in zip(panels[-1], panels[0], panels[-2], strict=True):
         labeled.set_xlabel("Photons per pixel and frame")
         labeled.xaxis.set_tick_params(labelbottom=True)
-        axes.set_axis_off()
-        handles, labels = above.get_legend_handles_labels()
-        if labels:
-            axes.legend(handles, labels, loc="center", ncols=3, columnspacing=1, markerscale=0.7)
+        legend_alone(axes, above, ncols=3, columnspacing=1, markerscale=0.7)
 
 
 def _draw_errors(axes: Axes, board: Board, detector: BlockDetector) -> None:
     found = np.array([_median(board, detector, flux) for flux in board.fluxes])
-    medians, low, high = found.T
-    axes.errorbar(
-        board.fluxes,
-        medians,
-        yerr=(medians - low, high - medians),
-        label=detector.name,
-        elinewidth=0.8,
-        **method_style(detector.name),
-    )
+    look = {"label": detector.name, "elinewidth": 0.8, **method_style(detector.name)}
+    draw_interval(axes, board.fluxes, found[:, 0], found[:, 1:].T, **look)
 
 
 RECIPES = (FigureRecipe("whole-frames", whole_frames),)

@@ -5,9 +5,17 @@ with parameters and intervals). The bytes depend on the versions of this package
 matplotlib only; those of table-4.times and leaderboard on the machine as well.
 """
 
-from collections.abc import Sequence
+import multiprocessing
+import os
+import sys
+import threading
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any, TypeVar
 
 from megalopta.benchmark.runner import run
 from megalopta.benchmark.sweep import Sweep
@@ -16,21 +24,40 @@ from megalopta.benchmark.trial import Trial
 from megalopta.core.errors import UserError
 from megalopta.core.folders import ensure_directory
 from megalopta.core.progress import progress
-from megalopta.plotting.picture import Figure
-from megalopta.plotting.writing import write_figure
-from megalopta.reproduction.recipe import Run
-from megalopta.reproduction.registry import find, names
-from megalopta.reproduction.side_by_side import side_by_side
-from megalopta.reproduction.sweep import sweep_figure
+from megalopta.plotting.picture import Figure, write_figure
+from megalopta.reproduction.figure_recipe import Run, find, names
+from megalopta.reproduction.sweep_figure import sweep_figure
+
+Result = TypeVar("Result")
+
+_tasks: Sequence[Callable[[], Any]] = ()
+"""Those of the processes that are forked next."""
+
+
+@dataclass(frozen=True)
+class Means:
+    """Means to measure trials of the flow benchmark with; they change no number.
+
+    Attributes
+    ----------
+    workers : int, optional
+        Threads that measure; by default one for each core.
+    cache : Path, optional
+        Folder of rendered panoramas; by default the user's.
+    scheduler : str, optional
+        Address of a Dask cluster that measures instead of threads.
+    """
+
+    workers: int | None = None
+    cache: Path | None = None
+    scheduler: str | None = None
+
+
+_THREADS = Means()
 
 
 def reproduce(
-    figures: Sequence[str],
-    out: Path,
-    is_quick: bool = False,
-    workers: int | None = None,
-    cache: Path | None = None,
-    scheduler: str | None = None,
+    figures: Sequence[str], out: Path, is_quick: bool = False, means: Means = _THREADS
 ) -> list[Path]:
     """Write NAME.png, NAME.svg, NAME.csv and NAME.json of every figure named; return their paths.
 
@@ -45,12 +72,8 @@ def reproduce(
     is_quick : bool
         Whether to draw the figures of Chapter 4 in their quick form, into the folder `quick` of
         `out`: whole ones stay as they are.
-    workers : int, optional
-        Threads that measure; by default one for each core. Changes no number.
-    cache : Path, optional
-        Folder of rendered panoramas; by default the user's.
-    scheduler : str, optional
-        Address of a Dask cluster that measures instead of threads.
+    means : Means
+        What trials of the flow benchmark are measured with.
 
     Raises
     ------
@@ -62,37 +85,23 @@ def reproduce(
     recipes = {recipe.name: recipe for name in figures for recipe in find(name)}.values()
     drawn = ensure_directory(out / "quick" if is_quick else out)
     trials = [trial for recipe in recipes for trial in recipe.trials(is_quick)]
-    measured = _measure(trials, out, is_quick, workers, cache, scheduler)
+    measured = _measure(trials, out, is_quick, means)
     made = [recipe.make(measured) for recipe in recipes]
     paths = _write_figures(made, drawn)
     return paths + [recipe.page(drawn, made) for recipe in recipes if recipe.page]
 
 
-def reproduce_sweep(
-    name: str,
-    sweep: Sweep,
-    out: Path,
-    workers: int | None = None,
-    cache: Path | None = None,
-    scheduler: str | None = None,
-) -> list[Path]:
+def reproduce_sweep(name: str, sweep: Sweep, out: Path, means: Means = _THREADS) -> list[Path]:
     """Measure a sweep and write its figure under this name; else as `reproduce`."""
     ensure_directory(out)
-    measured = _measure(sweep.trials, out, False, workers, cache, scheduler)
+    measured = _measure(sweep.trials, out, False, means)
     return write_figure(sweep_figure(name, sweep, measured.results), out)
 
 
-def _measure(
-    trials: Sequence[Trial],
-    out: Path,
-    is_quick: bool,
-    workers: int | None,
-    cache: Path | None,
-    scheduler: str | None,
-) -> Run:
-    templates = pixels_of((trial.template for trial in trials), cache)
-    results = run(trials, templates, out / "trials", workers, scheduler)
-    return Run(is_quick, results, templates, cache)
+def _measure(trials: Sequence[Trial], out: Path, is_quick: bool, means: Means) -> Run:
+    templates = pixels_of((trial.template for trial in trials), means.cache)
+    results = run(trials, templates, out / "trials", means.workers, means.scheduler)
+    return Run(is_quick, results, templates, means.cache)
 
 
 def _write_figures(figures: Sequence[Figure], out: Path) -> list[Path]:
@@ -102,3 +111,50 @@ def _write_figures(figures: Sequence[Figure], out: Path) -> list[Path]:
             paths += written
             advance()
     return paths
+
+
+def side_by_side(tasks: Sequence[Callable[[], Result]]) -> Iterator[Result]:
+    """Yield what tasks return, in their order, done in several processes at once.
+
+    Drawing holds Python's lock, and figures hold functions and arrays that cannot be sent to
+    another process; one that is forked has them. Where processes are not forked, or Mitsuba runs,
+    whose threads do not survive it, one thing is done after the other. A process ends with the one
+    that forked it. What tasks return must be fit to be sent.
+    """
+    global _tasks
+    workers = min(os.cpu_count() or 1, len(tasks))
+    if workers < 2 or sys.platform != "linux" or _mitsuba_runs():
+        yield from (task() for task in tasks)
+        return
+    _tasks = tasks
+    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("fork"), _watch)
+    try:
+        with warnings.catch_warnings():
+            # Python from 3.12 on warns of forking where there are threads; those of NumPy survive.
+            warnings.filterwarnings("ignore", "This process .* is multi-threaded")
+            yield from pool.map(_do, range(len(tasks)))
+    finally:
+        # who interrupts does not wait for what is half done
+        pool.shutdown(wait=False, cancel_futures=True)
+        _tasks = ()
+
+
+def _mitsuba_runs() -> bool:
+    mitsuba = sys.modules.get("mitsuba")
+    return mitsuba is not None and mitsuba.variant() is not None
+
+
+def _watch() -> None:
+    """End this process with the one that forked it, also where that is killed."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()  # reads the end of a pipe that the parent alone holds open
+    os._exit(1)
+
+
+def _do(number: int) -> Any:
+    return _tasks[number]()

@@ -12,7 +12,7 @@ from megalopta.benchmark.moving_forests import forest_flight
 from megalopta.benchmark.table import Case
 from megalopta.flow.egomotion.yaw_rate import yaw_rates_deg_s
 from megalopta.reproduction import comparison_camera_motion as camera_motion
-from megalopta.reproduction.recipe import Run
+from megalopta.reproduction.figure_recipe import Run
 from megalopta.scenes import PerspectiveCamera
 
 from ...flow.egomotion.corner import ROOM, view as room
@@ -83,10 +83,10 @@ def test_every_way_is_measured_and_the_likelihood_finds_the_motion():
 @pytest.mark.parametrize(
     ("yaw", "said"),
     [
-        ((0.2, 0.1, 0.06), "at none up to 30 photons per pixel"),
-        ((0.2, 0.04, 0.03), "from 3 photons per pixel on"),
-        ((0.04, 0.2, 0.03), "from 30 photons per pixel on"),
-        ((0.04, 0.04, 0.03), "from 0.3 photons per pixel on"),
+        ((0.2, 0.1, 0.06), "none up to 30 photons"),
+        ((0.2, 0.04, 0.03), "from 3 photons/px on"),
+        ((0.04, 0.2, 0.03), "from 30 photons/px on"),
+        ((0.04, 0.04, 0.03), "from 0.3 photons/px on"),
     ],
 )
 def test_figure_says_from_which_light_on_the_motion_is_known(monkeypatch, tmp_path, yaw, said):
@@ -99,4 +99,13 @@ def test_figure_says_from_which_light_on_the_motion_is_known(monkeypatch, tmp_pa
     monkeypatch.setattr(camera_motion, "forest_clips", lambda *_: iter([(light, 0.01)]))
     monkeypatch.setattr(camera_motion, "flight_errors", errors)
     figure = camera_motion.camera_motion(Run(True, {}, {}, tmp_path))
-    assert figure.findings == (f"BM, summed: yaw rate within 5 % {said}.",)
+    assert figure.printed == {"BM, summed": (said, "–")}
+
+
+@pytest.mark.slow
+def test_figure_has_a_row_for_each_way_and_flux(monkeypatch, tmp_path):
+    monkeypatch.setattr(camera_motion, "forest_clips", lambda *_: iter([(clip(), 0.01)]))
+    figure = camera_motion.camera_motion(Run(True, {}, {}, tmp_path))
+    assert len(figure.printed) == 8
+    assert any(heading.startswith("from") for _, heading in figure.printed.values())
+    assert len(figure.numbers["way"]) == 8 * 3

@@ -23,7 +23,7 @@ from megalopta.flow.files.flo import write_flo
 from megalopta.flow.files.formats import write_kitti_png
 from megalopta.plotting.style import house_style, new_canvas
 from megalopta.reproduction import comparison_whole_frames as whole_frames
-from megalopta.reproduction.recipe import Run
+from megalopta.reproduction.figure_recipe import Run
 
 METRICS = MEDIAN, MEAN, FAR
 
@@ -107,7 +107,12 @@ def test_figure_is_drawn_with_an_interval_for_each_number(clip, monkeypatch, che
     assert len(figure.rows) == 2 * 2 * 3
     ends = (figure.numbers[name] for name in ("low_px", "median_epe_px", "high_px"))
     assert all(low <= median <= high for low, median, high in zip(*ends, strict=True))
-    assert "of eight frames, the least median error has PPM at 1" in figure.findings[0]
+    (least,) = (
+        each
+        for each in figure.details["least_median_error"]
+        if tuple(each.values())[1:3] == ("eight frames", 1) and "leaves" in each["scenes"]
+    )
+    assert least["method"] == "PPM"
 
 
 def write_pictures(folder, names, clip):

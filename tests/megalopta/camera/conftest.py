@@ -15,8 +15,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from megalopta.camera.camera_settings import CaptureSettings, sensor_as_set
 from megalopta.camera.emulated import EmulatedCamera
-from megalopta.camera.nominal import sensor_as_set
 from megalopta.camera.stimuli import Flat
 from megalopta.camera.terminal import EmulatedPort
 from megalopta.sensor import expose_adc, preset
@@ -83,6 +83,12 @@ def _act(end, camera, then, answered, stop):
         waiting = waiting or next(sending, b"")
         with suppress(BlockingIOError):
             waiting = waiting[os.write(end, waiting) :]
+
+
+def wanted(**fields):
+    """Settings of a fast capture, but for these fields."""
+    given = {"exposure_s": 0.005, "frame_rate_hz": 200, "step_bias": 2048, "row_window": (0, 16)}
+    return CaptureSettings(**{"sensor": preset("spadcam"), "kind": "flat", **given, **fields})
 
 
 RUN = "from megalopta.__main__ import main; main()"

@@ -4,22 +4,16 @@ import threading
 
 import pytest
 
-from megalopta.camera.capturing import CaptureSettings, capture
+from megalopta.camera.capturing import capture
 from megalopta.camera.port import find_port, port_lines
 from megalopta.camera.recording import open_recording
 from megalopta.core.errors import UserError
-from megalopta.sensor import preset
 from megalopta.sensor.spadcam.messages import Identity, Settings
 from megalopta.sensor.spadcam.packets import Kind, encode
 
+from .conftest import wanted
+
 ESCAPES = "\x1b[31mA\x07\x00\r\nB"
-
-
-def wanted(**fields):
-    given = {"exposure_s": 0.005, "frame_rate_hz": 200, "step_bias": 2048, "row_window": (0, 16)}
-    return CaptureSettings(
-        sensor=preset("spadcam"), **{"kind": "flat", "frames": 5, **given, **fields}
-    )
 
 
 def frames(camera):
@@ -58,7 +52,7 @@ def saying(kind, **fields):
 def test_what_no_camera_can_be_is_refused(acted, tmp_path, kind, field, value):
     refused = pytest.raises(UserError, match=f"the camera says {field} {value}.*; flash")
     with acted(frames, saying(kind, **{field: value})) as port, refused:
-        capture(lambda: port, tmp_path / "a", wanted(), threading.Event())
+        capture(lambda: port, tmp_path / "a", wanted(frames=5), threading.Event())
     assert not (tmp_path / "a").exists()
 
 
@@ -79,7 +73,7 @@ def test_control_codes_of_a_serial_number_go_nowhere(acted, command, tmp_path):
 
 def test_control_codes_of_a_recording_are_escaped(acted, tmp_path):
     with acted(frames) as port:
-        capture(lambda: port, tmp_path / "a", wanted(), threading.Event())
+        capture(lambda: port, tmp_path / "a", wanted(frames=5), threading.Event())
     path = tmp_path / "a" / "recording.yaml"
     path.write_text(path.read_text().replace("kind: flat", 'kind: "\\e[2J\\x07"'))
     assert open_recording(tmp_path / "a").kind == r"\x1b[2J\x07"
@@ -129,4 +123,4 @@ def test_numbers_that_cannot_be_are_refused(fields, tmp_path):
 @pytest.mark.parametrize("wait_s", [float("nan"), float("inf"), -1.0, 1e300])
 def test_a_wait_that_never_ends_is_refused(wait_s, tmp_path):
     with pytest.raises(UserError, match="--wait: .*; give"):
-        capture(lambda: "/none", tmp_path / "a", wanted(), threading.Event(), wait_s=wait_s)
+        capture(lambda: "/none", tmp_path / "a", wanted(frames=5), threading.Event(), wait_s=wait_s)

@@ -3,18 +3,17 @@
 import numpy as np
 import pytest
 
-from megalopta.camera.calibration import Beam
-from megalopta.camera.comparison import compare_captured
-from megalopta.camera.comparison_cycle import Cycle, align, rendered_dataset
+from megalopta.camera.comparison_scene import Cycle, align, rendered_dataset
+from megalopta.camera.device_calibration import Beam
+from megalopta.camera.device_comparison import CompareSettings, compare_captured
 from megalopta.camera.recorded import Source, read_recorded
-from megalopta.camera.rendered import Rendered
+from megalopta.camera.stimuli import Rendered
 from megalopta.config.model import load
 from megalopta.config.yaml_model import to_yaml
 from megalopta.core.errors import UserError
 from megalopta.sensor import expose_rate, load_sensor
 from megalopta.sensor.compare.counted import CountedFrames
 from megalopta.sensor.formats.packed_npy import write_binary_npy
-from megalopta.sensor.formats.spad512 import write_spad512
 from megalopta.sensor.formats.tiff import write_tiff
 from megalopta.stages.pipeline import run_stage
 
@@ -59,32 +58,12 @@ def test_a_rendered_scene_is_compared_frame_by_frame(forest, tmp_path, brighter,
     write_tiff(tmp_path / "seen.tif", counts.astype(np.uint16), exposure_s=1 / rate_hz)
     page = tmp_path / "page.html"
     source = Source(tmp_path / "seen.tif", LUX)
-    sentence = compare_captured([source], path, page, scene=str(forest))
+    sentence = compare_captured([source], path, page, CompareSettings(scene=str(forest)))
     assert words in sentence
     assert "aligned in time" in page.read_text("utf-8")
 
 
 FEW = "{kind: digital, capacity: 1}"
-
-
-def spc3(counts):
-    """The bytes of a recording of MPD's camera: counts (T, 32, columns) of 16 bits."""
-    header = np.zeros(1024, np.uint8)
-    size = counts[0].size
-    for place, dtype, value in (
-        (100, "u1", 32),
-        (101, "u1", size // 32),
-        (102, "u1", 16),
-        (103, "u1", 1),
-        (104, "<u2", 1000),
-        (106, "<u2", 1000),
-        (114, "<u4", len(counts)),
-        (126, "<u2", size),
-    ):
-        encoded = np.array([value], dtype).view(np.uint8)
-        header[place : place + encoded.size] = encoded
-    lines = np.swapaxes(counts, 1, 2).astype("<u2")
-    return bytes.fromhex("4d5044ff03000001") + header.tobytes() + lines.tobytes()
 
 
 def counts_file(folder, sensor, light_hz):
@@ -96,24 +75,6 @@ def counts_file(folder, sensor, light_hz):
 def bits_file(folder, sensor, light_hz):
     path = folder / f"bits{light_hz:g}.npy"
     write_binary_npy(path, np.packbits(drawn(sensor, light_hz, (120, 16, 16)) > 0, axis=-1))
-    return path
-
-
-def tiff_file(folder, sensor, light_hz):
-    path = folder / f"stack{light_hz:g}.tif"
-    write_tiff(path, drawn(sensor, light_hz, (120, 16, 16)).astype(np.uint16))
-    return path
-
-
-def spc3_file(folder, sensor, light_hz):
-    path = folder / f"frames{light_hz:g}.spc3"
-    path.write_bytes(spc3(drawn(sensor, light_hz, (120, 32, 64))))
-    return path
-
-
-def spad512_folder(folder, sensor, light_hz):
-    path = folder / f"spad512-{light_hz:g}"
-    write_spad512(path, np.packbits(drawn(sensor, light_hz, (60, 512, 512)) > 0, axis=-1))
     return path
 
 
@@ -133,10 +94,7 @@ def drawn(sensor, light_hz, shape):
     ("write", "kind", "counter"),
     [
         (counts_file, None, None),
-        (tiff_file, None, None),
-        (spc3_file, None, None),
         (bits_file, None, FEW),
-        (spad512_folder, None, FEW),
         (swissspad2_file, "swissspad2", FEW),
     ],
 )
@@ -147,10 +105,10 @@ def test_recordings_of_other_cameras(write, kind, counter, tmp_path):
     lights = (40.0, 90.0)
     sources = [Source(write(tmp_path, sensor, each), each, 0.01, None, kind) for each in lights]
     page = tmp_path / "page.html"
-    sentence = compare_captured(sources, path, page, beam=Beam(700.0))
+    sentence = compare_captured(sources, path, page, CompareSettings(beam=Beam(700.0)))
     assert sentence == "Nothing differs beyond chance."
     twice = [Source(each.path, 2 * each.light, 0.01, None, kind) for each in sources]
-    assert "efficiency" in compare_captured(twice, path, page, beam=Beam(700.0))
+    assert "efficiency" in compare_captured(twice, path, page, CompareSettings(beam=Beam(700.0)))
 
 
 def test_a_configuration_is_rendered_beside_the_page(tmp_path):

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from megalopta.camera.bench_light import BenchLight, fitted_light
 from megalopta.camera.comparison_motion import plate_responses
 from megalopta.camera.comparison_page import write_motion_report
-from megalopta.camera.motion_bench import FRAMES, record
+from megalopta.camera.motion_bench import BenchLight, record
+from megalopta.camera.passages import fitted_light
 from megalopta.core.errors import UserError
 from megalopta.sensor import preset
 from megalopta.sensor.compare.counted import CountedFrames
@@ -54,7 +54,7 @@ def test_short_recordings_are_refused():
 def test_in_its_own_light_a_dimmer_bench_responds_like_its_model():
     light = BenchLight(open_photons=110.0, hidden_photons=20.0)
     frames = CountedFrames(record(5.0, SENSOR, light, seed=1).counts, 0.1)
-    fitted = fitted_light(frames.counts, SENSOR, FRAMES)
+    fitted = fitted_light(frames.counts, SENSOR)
     # of 16 passages, 8 frames and 256 pixels each: 33000 counts of some 130 on average, 0.1 %;
     # that edges are in the middle to a frame is another
     assert fitted == pytest.approx(light, rel=0.01)

@@ -8,7 +8,7 @@ import threading
 import numpy as np
 import pytest
 
-from megalopta.camera.capturing import CaptureSettings, capture
+from megalopta.camera.capturing import capture
 from megalopta.camera.emulated import EmulatedCamera
 from megalopta.camera.recording import open_recording
 from megalopta.camera.recovering import recover
@@ -25,14 +25,10 @@ from megalopta.sensor.spadcam.packets import (
     encode,
 )
 
+from .conftest import emulating, wanted
+
 EXACT = ("counts", "saturated", "adc", "device_us", "sequence_number")
 TOLD = ("kind", "serial_number", "firmware", "exposure_s", "frame_rate_hz", "step_bias")
-
-
-def wanted(frames=None, **fields):
-    given = {"exposure_s": 0.005, "frame_rate_hz": 200, "step_bias": 2048, "row_window": (0, 16)}
-    given |= {"kind": "flat", "frames": frames}
-    return CaptureSettings(sensor=preset("spadcam"), **given | fields)
 
 
 def stopped_after(frames):
@@ -59,8 +55,6 @@ def assert_same_frames(first, second):
 @pytest.fixture(scope="module")
 def captured(tmp_path_factory):
     """A recording of a camera that is unplugged, on a line that damages some bytes."""
-    from .conftest import emulating
-
     folder = tmp_path_factory.mktemp("captured")
     faults = Faults(noise=5e-5, unplug_every_s=2.0, unplug_s=0.2)
     stop, show = stopped_after(600)

@@ -7,20 +7,16 @@ import threading
 import numpy as np
 import pytest
 
-from megalopta.camera.capturing import CaptureSettings, capture
+from megalopta.camera.capturing import capture
 from megalopta.camera.recording import open_recording
 from megalopta.core.errors import UserError
-from megalopta.sensor import preset
 from megalopta.sensor.spadcam.packets import LONGEST, encode
+
+from .conftest import wanted
 
 RNG = np.random.default_rng(0)
 GARBAGE = RNG.integers(0, 256, 4096, np.uint8).tobytes()
 PATIENCE_S = 0.5
-
-
-def wanted(**fields):
-    given = {"exposure_s": 0.005, "frame_rate_hz": 200, "step_bias": 2048, "row_window": (0, 16)}
-    return CaptureSettings(sensor=preset("spadcam"), kind="flat", **given | fields)
 
 
 def nothing(camera):
@@ -60,7 +56,7 @@ def frames_then(what):
 
 @pytest.fixture
 def impatient(monkeypatch):
-    monkeypatch.setattr("megalopta.camera.silence.PATIENCE_S", PATIENCE_S)
+    monkeypatch.setattr("megalopta.camera.capturing.PATIENCE_S", PATIENCE_S)
 
 
 @pytest.mark.parametrize(

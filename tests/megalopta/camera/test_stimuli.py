@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from megalopta.camera.motion_bench import OPEN_PHOTONS, passing_rates
-from megalopta.camera.plate import Plate
-from megalopta.camera.rendered import Rendered
-from megalopta.camera.stimuli import Flat
+from megalopta.camera.stimuli import Flat, Plate, Rendered
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.render import read_radiance

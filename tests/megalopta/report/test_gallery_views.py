@@ -29,7 +29,7 @@ def test_a_photograph_stands_beside_a_forest_in_its_light_and_counts_after_their
 ):
     path = picture(np.random.default_rng(0).random((32, 64, 3)))
     small = {"camera": {"width": 36, "height": 24}, "scene": {"kind": "grating"}}
-    counted = views.View("A grating", small, exposure_s=0.1)
+    counted = views.GalleryView("A grating", small, exposure_s=0.1)
     page = write_views(tmp_path / "out", path, (counted,), 1).read_text()
     titles = re.findall("<figcaption>(.*)</figcaption>", page)
     assert titles[:3] == ["A photographed forest", "A clearing in its light", "A grating"]

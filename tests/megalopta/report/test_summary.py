@@ -1,20 +1,13 @@
+"""The opening: title, lead, and a row of what came out for each sensor."""
+
 from dataclasses import replace
 
 import pytest
 
 from megalopta.config.model import Configuration
-from megalopta.flow.metrics.curve import ErrorCurve
-from megalopta.flow.metrics.photon_threshold import Threshold
+from megalopta.dataset.flow_record import FlowRecord
 from megalopta.report.budget import Budget
-from megalopta.report.motion import MotionSection, Wheel
-from megalopta.report.summary import (
-    dark_findings,
-    facts,
-    lead,
-    light_finding,
-    threshold_finding,
-    title,
-)
+from megalopta.report.summary import OUTCOME, lead, outcome, title
 from megalopta.sensor import PRESETS
 
 BUDGET = Budget(
@@ -29,21 +22,10 @@ BUDGET = Budget(
     saturated_fraction=0.0,
     photons_per_frame=2e5,
 )
-MOTION = MotionSection(Wheel("", 6.0), (), "", 1.9, "12 %", 1030, "58 %")
 
 
 def configured(**values):
     return Configuration.model_validate(values)
-
-
-def curve(method, rows, flux, metric="literal", spread=1.1):
-    need = Threshold("crossing", 0.25, 1e3, 1e12, flux, flux / spread, flux * spread)
-    return ErrorCurve(method, method, (rows, rows), metric, (), (), (), 1, {2: need})
-
-
-def without(method, kind):
-    """A curve without a crossing."""
-    return replace(curve(method, 60, 1e3), thresholds={2: Threshold(kind, 0.25, 1e3, 1e12)})
 
 
 def test_the_title_goes_from_the_brightest_light_to_the_darkest():
@@ -86,75 +68,86 @@ def test_the_lead_tells_what_was_measured_of_a_canopy():
     assert "per hectare. Leaf-area index 4.99. The" in lead(configured(), record)
 
 
-def test_objects_and_triangles_are_told_where_the_renderer_noted_them():
-    assert "triangles" not in [fact.label for fact in facts(configured(), {}, MOTION)]
-    record = {"objects": 2534, "triangles": 1035334}
-    told = {fact.label: fact.value for fact in facts(configured(), record, MOTION)}
-    assert told["triangles"] == "1,035,334"
-    assert told["objects"] == "2,534"
-    assert told["trees"] == "150"
+def record(method, level, error, sensor="ideal", corrected=None):
+    def blocks(median):
+        return {
+            "blocks": 9,
+            "missing_fraction": 0.0,
+            "endpoint_error_px": 1.0,
+            "endpoint_error_median_px": 1.0,
+            "angular_error_deg": 1.0,
+            "bias_px": (0.0, 0.0),
+            "spread_px": (0.0, 0.0),
+            "relative_error_median": median,
+            "outlier_fraction": 0.5,
+        }
+
+    truth = {"ideal": blocks(0.0), "counts": blocks(error)}
+    if corrected is not None:
+        truth["corrected"] = blocks(corrected)
+    return FlowRecord.model_validate(
+        {
+            "sensor": sensor,
+            "level": level,
+            "method": method,
+            "warm_up_frames": 0,
+            "error": {"literal": 0.0, "ratio": 0.0},
+            "truth": truth,
+        }
+    )
 
 
-def test_the_light_finding_goes_from_bright_to_dark_whatever_the_order():
+def told(records=(), budgets=()):
+    """Rows by the heads of their columns."""
+    rows = (dict(zip(OUTCOME, row, strict=True)) for row in outcome(records, budgets))
+    return [{name: text.replace("\u00a0", " ") for name, text in row.items()} for row in rows]
+
+
+def best(*records):
+    (row,) = told(records)
+    return tuple(row[name] for name in OUTCOME[1:4])
+
+
+def test_the_method_that_reaches_the_darkest_light_is_named_with_its_error_there():
+    found = best(
+        *(record("PF", level, error) for level, error in ((10, 0.1), (1, 0.2), (0.1, 0.3))),
+        *(record("BM", level, error) for level, error in ((10, 0.05), (1, 0.4), (0.1, 0.9))),
+    )
+    assert found == ("PF", "1 lux", "20 %")
+
+
+@pytest.mark.parametrize(
+    ("levels", "darkest"),
+    [
+        (((10, 0.1), (1, 0.5), (0.1, 0.1)), "10 lux"),  # accuracy is lost in between
+        (((1e4, 1.0), (10, 0.1), (1, 0.5)), "10 lux"),  # the brightest saturates
+    ],
+)
+def test_reach_ends_where_accuracy_does(levels, darkest):
+    assert best(*(record("PF", level, error) for level, error in levels))[1] == darkest
+
+
+def test_corrected_readings_are_a_method_of_their_own():
+    assert best(record("PF", 10, 0.6, corrected=0.2))[0] == "PF, corrected"
+
+
+def test_where_no_method_is_accurate_the_nearest_is_named():
+    found = best(record("PF", 10, 0.4), record("BM", 10, 0.9), record("PF", 1, 0.7))
+    assert found == ("PF", "none", "40 % at 10 lux")
+    assert best(record("BM", 10, None)) == ("–", "–", "–")
+
+
+def test_light_goes_from_bright_to_dark_whatever_the_order():
     dark = replace(BUDGET, illuminance_lux=1e-3, level="starlight", photons=30.0)
     dark = replace(dark, signal_to_noise=(0, 0.0005, 0.1))
-    told = light_finding([dark, BUDGET])
-    assert "From twilight to starlight" in told
-    assert "from 30.0k to 30.0 per frame" in told
-    assert "0.48 to 0.0005 on spadcam" in told
+    (row,) = told(budgets=[dark, BUDGET])
+    assert row["photons on a pixel"] == "30.0k → 30.0"
+    assert row["signal-to-noise"] == "0.48 → 0.0005"
 
 
-def test_a_single_light_is_told_without_a_span():
-    told = light_finding([BUDGET, replace(BUDGET, sensor=PRESETS["ideal"])])
-    assert told == (
-        "At twilight, 30.0k photons per frame fall on a pixel of spadcam; a pixel's median "
-        "signal-to-noise ratio is 0.48 on spadcam and 0.48 on ideal."
-    )
-
-
-def test_photons_that_do_not_fall_are_not_said_to_fall():
-    # Airglow: fewer lux than starlight, more photons beyond the visible.
-    dark = replace(BUDGET, illuminance_lux=8e-4, level="airglow", photons=9e4)
-    told = light_finding([dark, BUDGET])
-    assert "go from 30.0k to 90.0k per frame" in told
-    assert "fall" not in told
-
-
-def test_dark_counts_are_told_at_every_light_that_they_drown_and_at_no_other():
+def test_dark_counts_are_named_at_every_light_that_they_drown_and_at_no_other():
     bright = replace(BUDGET, illuminance_lux=10.0, level=10.0, detected=140.0)
     dark = replace(BUDGET, illuminance_lux=1e-3, level="starlight", detected=0.014)
-    darkest = replace(BUDGET, illuminance_lux=8e-4, level="airglow", detected=100.0)
-    (told,) = dark_findings([bright, dark, darkest, BUDGET])
-    assert "at twilight and starlight (64.0 to 14.0 per pixel and frame at twilight)." in told
-    assert dark_findings([bright]) == []
-
-
-def test_needs_are_compared_at_the_largest_size_without_intensity():
-    curves = [curve("NDS", 60, 1.0e3), curve("NDS", 120, 2.43e6), curve("EMD", 120, 2.38e8)]
-    curves += [curve("BM", 120, 9e6), curve("IM", 120, 1e4), curve("BM", 120, 1e3, "ratio")]
-    told = finding(*curves)
-    assert "120 × 120 px, NDS needs the fewest photons, 2.43M per frame" in told
-    assert "and EMD needs the most, 238M," in told
-
-
-def finding(*curves):
-    return threshold_finding(curves, "literal")
-
-
-def test_needs_that_another_draw_might_reverse_are_not_ranked():
-    told = finding(curve("NDS", 60, 1.0e6), curve("BM", 60, 1.05e6), curve("EMD", 60, 1e9))
-    assert "NDS and BM need the fewest photons, 1.00M and 1.05M per frame" in told
-    told = finding(curve("NDS", 60, 1.0e6), curve("BM", 60, 1.05e6))
-    assert "fewest" not in told
-    assert "most" not in told
-
-
-def test_who_needs_more_or_fewer_than_was_tried_is_named():
-    told = finding(curve("NDS", 60, 1.0e6), without("EMD", "above"), without("BM", "below"))
-    assert (
-        "BM needs fewer than 1.00k photons per frame, and EMD needs more than 1.00T photons" in told
-    )
-
-
-def test_without_any_threshold_there_is_no_need_to_tell():
-    assert finding(without("BM", "undefined")) is None
+    (row,) = told(budgets=[bright, dark, BUDGET])
+    assert row[OUTCOME[-1]] == "twilight, starlight"
+    assert told(budgets=[bright])[0][OUTCOME[-1]] == "–"

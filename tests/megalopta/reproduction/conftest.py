@@ -3,8 +3,7 @@ from functools import cache
 import pytest
 
 from megalopta.plotting.style import house_style, new_canvas
-from megalopta.reproduction.recipe import Run
-from megalopta.reproduction.registry import find
+from megalopta.reproduction.figure_recipe import Run, find
 
 
 @pytest.fixture(scope="session")

@@ -7,16 +7,15 @@ import threading
 import numpy as np
 import pytest
 
-from megalopta.camera.bench_light import BenchLight
 from megalopta.camera.emulated import EmulatedCamera
-from megalopta.camera.motion_bench import record
+from megalopta.camera.motion_bench import BenchLight, record
 from megalopta.camera.passages import cut_passages
-from megalopta.camera.plate import Plate
 from megalopta.camera.recording import open_recording
+from megalopta.camera.stimuli import Plate
 from megalopta.camera.terminal import EmulatedPort, Faults
 from megalopta.cli import main as cli
 from megalopta.reproduction.chapter2_captured import captured_figures
-from megalopta.reproduction.chapter2_estimate import Estimate, jackknifed
+from megalopta.reproduction.chapter2_estimate import WithError, jackknifed
 from megalopta.sensor import changed, preset
 
 pytestmark = pytest.mark.slow
@@ -116,10 +115,10 @@ def test_what_cannot_be_drawn_is_told_before_anything_is_written(words, problem,
 
 def test_errors_of_means_add_up_and_the_jackknife_of_a_mean_is_its_error():
     samples = np.random.default_rng(0).normal(5, 2, 40)
-    mean = Estimate.of(samples)
+    mean = WithError.of(samples)
     again = jackknifed(lambda values: float(values.mean()), samples)
     assert again == pytest.approx(mean)
-    apart = mean - Estimate(3.0, 0.4)
+    apart = mean - WithError(3.0, 0.4)
     assert apart.error == pytest.approx(np.hypot(mean.error, 0.4))
-    assert str(Estimate(3.14159, 0.0123)) == "3.142 ± 0.012"
-    assert Estimate(-12.3, 4.1).as_difference() == "-12.3 ± 4.1 (-3.0)"
+    assert str(WithError(3.14159, 0.0123)) == "3.142 ± 0.012"
+    assert WithError(-12.3, 4.1).as_difference() == "-12.3 ± 4.1 (-3.0)"

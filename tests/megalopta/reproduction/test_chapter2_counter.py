@@ -51,3 +51,10 @@ def test_arrivals_by_chance_bend_the_output_over_time_as_a_random_walk():
     for step_v in (10e-3, 30e-3):
         _, over_time = straightness(transient(spadcam_with_step(step_v)), BOTTOM_V)
         assert 1 - over_time.mean() == pytest.approx(0.8 * step_v / 3.2, rel=0.8)
+
+
+def test_counts_end_at_one_per_dead_time_and_with_paralysis_at_that_over_e(made):
+    curves = made("fig-2.2").numbers
+    # at 1e10 photons per second and 1e-7 s the ceiling is reached to a thousandth
+    assert curves["nonparalyzable_100_ns_hz"][-1] == pytest.approx(1e7, rel=2e-3)
+    assert curves["paralyzable_100_ns_hz"].max() == pytest.approx(1e7 / np.e, rel=2e-3)

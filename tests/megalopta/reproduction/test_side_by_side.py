@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from megalopta.core.errors import UserError
-from megalopta.reproduction.side_by_side import side_by_side
+from megalopta.reproduction.drawing import side_by_side
 
 from ..process_group import in_a_group, members, wait_for
 
@@ -43,7 +43,7 @@ def test_figures_are_the_same_bytes_from_one_process_and_from_several(tmp_path):
     # in an interpreter without Mitsuba, which other tests may have started here
     code = (
         "import os, sys; from pathlib import Path; from megalopta.reproduction.drawing import reproduce\n"
-        "from megalopta.reproduction import side_by_side as module\n"
+        "from megalopta.reproduction import drawing as module\n"
         "if sys.argv[2] == 'alone': module.os.cpu_count = lambda: 1\n"
         "reproduce(['fig-2.2', 'fig-3.2', 'table-2.1'], Path(sys.argv[1]))\n"
     )
@@ -60,7 +60,7 @@ def test_figures_are_the_same_bytes_from_one_process_and_from_several(tmp_path):
 def test_forked_processes_end_with_a_parent_that_was_killed(tmp_path):
     code = (
         "import sys, time; from pathlib import Path\n"
-        "from megalopta.reproduction.side_by_side import side_by_side\n"
+        "from megalopta.reproduction.drawing import side_by_side\n"
         "def draw(): Path(sys.argv[1], str(time.monotonic_ns())).touch(); time.sleep(60)\n"
         "list(side_by_side([draw, draw]))\n"
     )

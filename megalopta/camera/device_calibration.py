@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from megalopta.camera.calibration_page import summary, write_calibration_report
-from megalopta.camera.device_file import Light, write_device
+from megalopta.camera.calibration_page import calibration_summary, write_calibration_report
+from megalopta.camera.device_file import write_device
 from megalopta.camera.recorded import Source, photons_on_pixel, read_recorded
 from megalopta.core.errors import UserError
 from megalopta.sensor import AnalogCounter, Sensor, preset
@@ -48,10 +48,10 @@ def calibrate_recordings(
         device = calibrate_device(levels, adc_of(sensor))
     except ValueError as problem:
         raise UserError(f"calibrate: {problem}") from problem
-    write_device(out, device, sensor, Light(beam.wavelength_nm), base)
+    write_device(out, device, sensor, beam.wavelength_nm, base)
     is_relative = beam.wavelength_nm is None
     write_calibration_report(out.with_suffix(".html"), device, out.stem, is_relative)
-    return summary(device)
+    return calibration_summary(device)
 
 
 def adc_of(sensor: Sensor) -> Adc:

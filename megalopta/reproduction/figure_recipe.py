@@ -1,14 +1,20 @@
-"""Every figure by its name: modules that begin with a group's name are searched for recipes."""
+"""Recipes of figures: modules that begin with a group's name list theirs in RECIPES."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
+from typing import TypeAlias
 
+from megalopta.benchmark.runner import Results
+from megalopta.benchmark.templates import Template
+from megalopta.benchmark.trial import Trial
+from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
-from megalopta.reproduction.recipe import FigureRecipe
+from megalopta.plotting.picture import Figure
 
 _MODULES = [module.name for module in iter_modules([str(Path(__file__).parent)])]
 _PREFIXES = "chapter2", "chapter3", "chapter4", "comparison"
@@ -17,6 +23,49 @@ GROUPS: dict[str, tuple[str, ...]] = {
 }
 """Names that stand for all figures of some modules"""
 GROUPS["all"] = _PREFIXES
+
+Templates: TypeAlias = Mapping[Template, Floats]
+
+
+@dataclass(frozen=True)
+class Run:
+    """Data that figures are made from, the same for all that are asked for at once."""
+
+    is_quick: bool = False
+    results: Results = field(default_factory=dict)
+    """Of the trials of all of them"""
+
+    templates: Templates = field(default_factory=dict)
+    """The pixels of the trials' templates"""
+
+    cache: Path | None = None
+    """Folder of rendered panoramas; by default the user's"""
+
+
+@dataclass(frozen=True)
+class FigureRecipe:
+    """A figure under its name, with the trials of the flow benchmark that it rests on.
+
+    These are known before they are run, so that figures share them.
+    """
+
+    name: str
+    """As on the command line and in file names"""
+
+    figure: Callable[[Run], Figure]
+    trials: Callable[[bool], Sequence[Trial]] = lambda is_quick: ()
+    """Whether in quick form, to the trials"""
+
+    page: Callable[[Path, Sequence[Figure]], Path] | None = None
+    """Writes a page into a folder, about all figures drawn there"""
+
+    def make(self, run: Run) -> Figure:
+        """Return the figure; one that rests on fewer trials says so, in title and numbers."""
+        made = replace(self.figure(run), name=self.name)
+        if not (run.is_quick and self.trials(True)):
+            return made
+        title = f"{made.title} (quick form)"
+        return replace(made, title=title, details={**made.details, "quick": True})
 
 
 def find(name: str) -> list[FigureRecipe]:

@@ -7,9 +7,9 @@ import pytest
 import yaml
 import zarr
 
-from megalopta.camera.calibration import Beam, adc_of, calibrate_recordings
-from megalopta.camera.comparison import compare_captured
-from megalopta.camera.device_file import Light, write_device
+from megalopta.camera.device_calibration import Beam, adc_of, calibrate_recordings
+from megalopta.camera.device_comparison import CompareSettings, compare_captured
+from megalopta.camera.device_file import write_device
 from megalopta.camera.recorded import Source, photons_on_pixel, read_recorded
 from megalopta.core.errors import UserError
 from megalopta.sensor import (
@@ -100,7 +100,9 @@ def test_a_captured_device_is_like_its_model(calibrated):
         for at, each in enumerate(((0.03, 0.0), (2e-4, 2e8), (2e-4, 4e9)))
     ]
     page = folder / "comparison.html"
-    sentence = compare_captured(new, folder / "device.yaml", page, beam=Beam(700.0))
+    sentence = compare_captured(
+        new, folder / "device.yaml", page, CompareSettings(beam=Beam(700.0))
+    )
     assert sentence == "Nothing differs beyond chance."
     assert "rank correlation" in page.read_text("utf-8")
 
@@ -112,7 +114,7 @@ def test_crosstalk_and_afterpulses_of_the_device_file_make_what_was_counted(cali
     share = np.array([0.01, 0.01, 2e-3, 2e-3, 0, 0])
     kernel = Kernel(share, np.full(6, 1e-4), afterpulses=0.05, afterpulses_error=1e-3)
     path = tmp_path / "fired.yaml"
-    write_device(path, replace(device, kernel=kernel), preset("spadcam"), Light(700.0), "spadcam")
+    write_device(path, replace(device, kernel=kernel), preset("spadcam"), 700.0, "spadcam")
     found = changed(load_sensor(path), exposure_s=0.05)
     assert found.crosstalk.mean_fired_neighbors == pytest.approx(2 * share.sum())
     assert found.crosstalk.diagonal == pytest.approx(0.2)

@@ -1,22 +1,27 @@
-"""What a camera sees again and again, and where in it each captured frame is.
+"""A captured scene beside what the device's model makes of the same frames of it.
 
 The frames of a dataset are a cycle. A recording begins anywhere in it, so captured frames are
 aligned: of shifts by a quarter of a frame, that one under which counts follow the cycle best, by
 the correlation over all frames and pixels of what remains of both without the means of pixels.
 """
 
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.camera.rendered import Rendered
+from megalopta.camera.comparison_levels import map_error
+from megalopta.camera.stimuli import Rendered
 from megalopta.config.model import load
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
-from megalopta.sensor import Sensor
+from megalopta.sensor import Sensor, changed, expose_rate
 from megalopta.sensor.compare.counted import CountedFrames
+from megalopta.sensor.compare.recordings import Comparison, compare_recordings
+from megalopta.sensor.compare.scene import scene_differences
+from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
 from megalopta.stages.pipeline import run_stage
 from megalopta.stages.redo import open_dataset_whole
 
@@ -33,7 +38,7 @@ class Cycle(NamedTuple):
 
 
 class Aligned(NamedTuple):
-    """Where captured frames are in a cycle."""
+    """Places of captured frames in a cycle."""
 
     frame: NDArray[np.int64]
     """(n,) frame of the cycle that each one saw as it began."""
@@ -42,7 +47,7 @@ class Aligned(NamedTuple):
 
 
 def dataset_cycle(dataset: Path, lux: float | None, device: Sensor) -> Cycle:
-    """Frames of a rendered dataset at a light level, by default its own."""
+    """Return frames of a rendered dataset at a light level, by default its own."""
     trajectory = open_dataset_whole(dataset).configuration.trajectory
     rate_hz = trajectory.frame_rate_hz
     times_s = np.arange(trajectory.frames) / rate_hz
@@ -50,7 +55,7 @@ def dataset_cycle(dataset: Path, lux: float | None, device: Sensor) -> Cycle:
 
 
 def rendered_dataset(scene: str, beside: Path) -> Path:
-    """Folder of a dataset whose radiance is there; a configuration is rendered into `beside`.
+    """Return the folder of a rendered dataset; a configuration is rendered into `beside`.
 
     Raises
     ------
@@ -99,3 +104,55 @@ def _places(frames: CountedFrames, cycle: Cycle) -> NDArray[np.int64]:
     shift = np.arange(_SHIFTS_PER_FRAME * length) / _SHIFTS_PER_FRAME
     at = (times_s - times_s[0]) * cycle.frame_rate_hz + shift[:, None]
     return np.asarray(np.floor(at + 1e-6).astype(np.int64) % length)
+
+
+@dataclass(frozen=True, eq=False)
+class SceneComparison:
+    """Differences of a captured scene from a simulated one, frame by frame of the same sight."""
+
+    captured: CountedFrames
+    simulated: CountedFrames
+    aligned: Aligned
+    found: Comparison
+
+
+def compare_scene(
+    captured: CountedFrames, cycle: Cycle, device: Sensor, margin: float, seed: int
+) -> SceneComparison:
+    """Align captured frames with a scene, and simulate these of its frames.
+
+    Raises
+    ------
+    ValueError
+        When there are too few frames or pixels do not fit.
+    """
+    aligned = align(captured, cycle)
+    rates = cycle.rates_hz[aligned.frame]
+    simulated = _exposed(captured, rates, device, seed)
+    errors_hz = _errors(device, rates)
+    found = compare_recordings(
+        [captured],
+        [simulated],
+        kind=device.dead_time.kind,
+        margin=margin,
+        errors=[errors_hz * captured.exposure_s],
+    )
+    differences = scene_differences(captured, simulated, rates, margin, errors_hz)
+    return SceneComparison(captured, simulated, aligned, replace(found, differences=differences))
+
+
+def _exposed(like: CountedFrames, rates_hz: Floats, device: Sensor, seed: int) -> CountedFrames:
+    """Frames of a device at these rates, with the exposure of others."""
+    own = changed(device, exposure_s=like.exposure_s)
+    name = f"comparison, scene, {like.exposure_s:g} s, light {like.light_hz:g}"
+    exposure = expose_rate(rates_hz, own, seed=seed, sequence=name)
+    saturated = None if like.saturated is None else exposure.saturated
+    return replace(like, counts=exposure.counts, saturated=saturated)
+
+
+def _errors(device: Sensor, rates: Floats) -> Floats:
+    """Standard errors of mean rates that those of the device's maps make, Hz."""
+    maps = device.measured
+    dark, efficiency = map_error(maps.dark_counts), map_error(maps.efficiency)
+    factor = draw_fixed_pattern(device, (rates.shape[1], rates.shape[2])).efficiency_factor
+    return np.asarray(np.hypot(dark, rates.mean(axis=0) * efficiency / np.maximum(factor, 1e-12)))

@@ -6,20 +6,26 @@ light, which no eye and no camera can do at night; below it stand the counts of 
 nothing but photons.
 """
 
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
 
 from megalopta.config.light_scale import light_scale
 from megalopta.config.model import Configuration
+from megalopta.core.files import atomic_write
 from megalopta.core.progress import Advance, progress
+from megalopta.plotting.sections import Section, captioned, image, write_sections
+from megalopta.plotting.text import level_name, lux, number
 from megalopta.render import SceneRenderer, frame_seed
-from megalopta.report.gallery_page import Cell, write_page, write_sheet
+from megalopta.report.images import data_uri, gray_counts
 from megalopta.scenes import preview, white_of
 from megalopta.scenes.forest.stand import PRESETS
 from megalopta.scenes.lighting.levels import LEVELS
@@ -57,12 +63,43 @@ SCENES: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     }
 )
 """What the gallery shows, as parts of a configuration."""
+_WIDTH, _GAP, _LINE = 188, 6, 18
+_PAPER, _INK, _FAINT = (255, 255, 255), (26, 26, 26), (110, 110, 110)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One scene in one light."""
+
+    scene: str
+    level: str
+    view: NDArray[np.uint8]
+    """The radiance (H, W, 3), exposed and white-balanced for its own light"""
+    counts: NDArray[np.integer | np.floating]
+    """Of a sensor, in one exposure (H, W)"""
+    canopy: str = ""
+    """What a forest holds and lets through, measured; empty where that is not known"""
+
+    @property
+    def light(self) -> str:
+        """Name and strength of the light."""
+        return _plain(f"{level_name(self.level)}, {lux(LEVELS[self.level].illuminance_lux)}")
+
+    @property
+    def photons(self) -> str:
+        """Mean count."""
+        return _plain(f"{number(float(np.mean(self.counts)))} photons per pixel")
+
+
+def _plain(text: str) -> str:
+    """Return a text with plain spaces: the sheet's font knows no others."""
+    return " ".join(text.split())
 
 
 def write_gallery(
     out: Path, scenes: Mapping[str, Mapping[str, Any]] = SCENES, samples_per_pixel: int = 49
 ) -> Path:
-    """Render the gallery into a folder; returns its page, gallery.html, beside gallery.png."""
+    """Render the gallery into a folder; return its page, gallery.html, beside gallery.png."""
     with progress("Rendering the gallery", len(scenes) * len(LEVELS), "view") as advance:
         cells = [
             cell
@@ -71,7 +108,7 @@ def write_gallery(
         ]
     out.mkdir(parents=True, exist_ok=True)
     write_sheet(out / "gallery.png", cells)
-    write_page(out / "gallery.html", cells, _EXPOSURE_S)
+    _write_page(out / "gallery.html", cells)
     return out / "gallery.html"
 
 
@@ -125,4 +162,57 @@ def _cell(name: str, level: str, lit: Configuration, radiance: NDArray[np.float3
         radiance[np.newaxis], bands, lit.sensors[0], seed=lit.seed, sequence=f"{name}/{level}"
     )
     view = preview(radiance, bands, white_of(lit.scene, _under(lit, level).light))
-    return Cell(name, level, LEVELS[level].illuminance_lux, view, exposure.counts[0])
+    return Cell(name, level, view, exposure.counts[0])
+
+
+def _write_page(path: Path, cells: Sequence[Cell]) -> None:
+    """Write all cells as one page, a section for each scene."""
+    sections = []
+    for scene, group in groupby(cells, lambda cell: cell.scene):
+        own = list(group)
+        canopies = " ".join(dict.fromkeys(cell.canopy for cell in own if cell.canopy))
+        figures = tuple(captioned(_pictures(cell), f"{cell.light}: {cell.photons}") for cell in own)
+        sections.append(Section(scene[0].upper() + scene[1:], canopies, charts=figures))
+    summary = (
+        "Above: the rendered radiance, exposed for its own light, as no eye and no camera sees it "
+        f"at night. Below: what an ideal sensor counts in {1e3 * _EXPOSURE_S:g} ms, from black for "
+        "no photon to white for the brightest hundredth of its pixels."
+    )
+    write_sections(path, "Scenes and lights", summary, sections)
+
+
+def _pictures(cell: Cell) -> Markup:
+    where = f"{cell.scene} in {cell.light}"
+    view = image(data_uri(Image.fromarray(cell.view)), f"{where}, exposed for it")
+    counts = image(data_uri(gray_counts(cell.counts)), f"photon counts of {where}")
+    return view + Markup('<span class="pixels">{}</span>').format(counts)
+
+
+def write_sheet(path: Path, cells: Sequence[Cell]) -> None:
+    """Write all cells as one PNG: a row of views and a row of counts for each scene."""
+    rows = [list(group) for _, group in groupby(cells, lambda cell: cell.scene)]
+    height, width = cells[0].view.shape[:2]
+    size = (_WIDTH, round(_WIDTH * height / width))
+    row_height, head = 2 * (size[1] + _LINE) + 2 * _GAP, 2 * _LINE + _GAP
+    whole = max(map(len, rows)) * (_WIDTH + _GAP) + _GAP, head + len(rows) * row_height
+    sheet = Image.new("RGB", whole, _PAPER)
+    draw = ImageDraw.Draw(sheet)
+    for column, cell in enumerate(rows[0]):
+        left = _GAP + column * (_WIDTH + _GAP)
+        draw.text((left, _GAP), cell.light.replace(", ", "\n"), _INK, ImageFont.load_default(12))
+    for row, group in enumerate(rows):
+        top = head + row * row_height
+        draw.text((_GAP, top), group[0].scene, _INK, ImageFont.load_default(14))
+        for column, cell in enumerate(group):
+            _paste(sheet, cell, (_GAP + column * (_WIDTH + _GAP), top + _LINE), size)
+    with atomic_write(path) as temporary:
+        sheet.quantize(256).save(temporary, "PNG", optimize=True)
+
+
+def _paste(sheet: Image.Image, cell: Cell, at: tuple[int, int], size: tuple[int, int]) -> None:
+    left, below = at[0], at[1] + size[1] + _GAP
+    sheet.paste(Image.fromarray(cell.view).resize(size, Image.Resampling.LANCZOS), at)
+    counts = gray_counts(cell.counts).convert("RGB").resize(size, Image.Resampling.BOX)
+    sheet.paste(counts, (left, below))
+    text = (left, below + size[1] + 1)
+    ImageDraw.Draw(sheet).text(text, cell.photons, _FAINT, ImageFont.load_default(12))

@@ -7,7 +7,7 @@ import pytest
 from skimage.io import imread
 
 from megalopta.config.model import Configuration
-from megalopta.report import gallery_sheet as gallery
+from megalopta.report import scene_gallery as gallery
 from megalopta.scenes.build import OWN_SCENES
 from megalopta.scenes.lighting.levels import LEVELS
 
@@ -39,7 +39,7 @@ def test_every_light_gives_a_view_and_as_many_photons_as_it_is_bright(tmp_path, 
     # A board glows as brightly as its light, with one spectrum: photons per lux are the same, but
     # for shot noise (6 σ: a false alarm in 1e8 runs) and 1e-3 of the rendering.
     photons = np.array([cell.counts.sum(dtype=np.float64) for cell in drawn])
-    lux = np.array([cell.illuminance_lux for cell in drawn])
+    lux = np.array([each.illuminance_lux for each in LEVELS.values()])
     per_lux = photons / lux / (photons[0] / lux[0])
     assert (np.abs(per_lux - 1) < 6 / np.sqrt(photons) + 1e-3).all()
     assert len(re.findall('src="data:image/png', page.read_text())) == 2 * len(LEVELS)

@@ -1,0 +1,138 @@
+"""Settings of a camera, and the sensor that it then is: by name, with its settings and its ADC."""
+
+import math
+from dataclasses import dataclass
+
+from megalopta.camera.recording import check_kind
+from megalopta.core.bounded import quoted
+from megalopta.core.errors import UserError
+from megalopta.sensor import AnalogCounter, Sensor, changed, load_sensor, preset
+from megalopta.sensor.spadcam.messages import (
+    COLUMNS,
+    NOMINAL_STEP_BIAS,
+    ROWS,
+    Identity,
+    Settings,
+)
+
+_POSSIBLE = {
+    "rows": (ROWS, ROWS),
+    "columns": (COLUMNS, COLUMNS),
+    "adc_bits": (1, 16),
+    "supply_mv": (1000, 6000),
+}
+"""What a camera can say of itself."""
+
+
+def named_sensor(name: str) -> Sensor:
+    """Return a preset, or the sensor of a YAML file. Raises UserError."""
+    try:
+        return load_sensor(name) if name.endswith((".yaml", ".yml")) else preset(name)
+    except ValueError as problem:
+        raise UserError(f"--sensor: {problem}") from None
+
+
+def sensor_as_set(sensor: Sensor, settings: Settings) -> Sensor:
+    """Return a sensor with the camera's exposure, and its step in proportion to the bias (assumed).
+
+    Raises
+    ------
+    UserError
+        When the sensor cannot be so, or its counters are not read by an ADC.
+    """
+    counter = sensor.counter
+    if not isinstance(counter, AnalogCounter) or not 0 < (counter.adc_bits or 0) <= 16:
+        raise UserError(
+            f"sensor {sensor.name}: its counters are not read by an ADC of 1 to 16 bits; "
+            "choose another, such as spadcam"
+        )
+    step_v = counter.step_v * settings.step_bias / NOMINAL_STEP_BIAS
+    try:
+        return changed(sensor, exposure_s=settings.exposure_us / 1e6, counter={"step_v": step_v})
+    except ValueError as problem:
+        raise UserError(f"sensor {sensor.name}: {problem}") from None
+
+
+def sensor_as_identified(sensor: Sensor, identity: Identity) -> Sensor:
+    """Return a sensor with the ADC and supply that the camera says it has.
+
+    Raises
+    ------
+    UserError
+        When the camera says what no SPADCAM has, or the sensor cannot have it.
+    """
+    for name, (least, most) in _POSSIBLE.items():
+        if not least <= (value := getattr(identity, name)) <= most:
+            raise UserError(
+                f"the camera says {name} {value}, a SPADCAM has {least} to {most}; flash this "
+                "release's firmware"
+            )
+    adc = {"adc_bits": identity.adc_bits, "supply_v": identity.supply_mv * 1e-3}
+    try:
+        return changed(sensor, counter=adc)
+    except ValueError as problem:
+        raise UserError(f"sensor {sensor.name}: does not fit the camera: {problem}") from None
+
+
+@dataclass(frozen=True)
+class CaptureSettings:
+    """Settings of a recording.
+
+    Attributes
+    ----------
+    sensor : Sensor
+        The nominal one, through whose step counts are computed.
+    kind : str
+        "dark", "flat", …; kept with the recording.
+    exposure_s, frame_rate_hz : float
+    step_bias : int
+    row_window : (int, int)
+        First row that is read, and the one after the last.
+    frames : int, optional
+        How many to take; by default until stopped.
+    seconds : float, optional
+        For how long, from the first frame on.
+    """
+
+    sensor: Sensor
+    kind: str
+    exposure_s: float
+    frame_rate_hz: float
+    step_bias: int
+    row_window: tuple[int, int]
+    frames: int | None = None
+    seconds: float | None = None
+
+    def check(self) -> None:
+        """Make sure that the camera can be so. Raises UserError."""
+        check_kind(self.kind)
+        for name, limit in (("frames", self.frames), ("seconds", self.seconds)):
+            if limit is not None and not 0 < limit < math.inf:
+                raise UserError(f"--{name}: {quoted(limit)}; give more than 0, or leave it out")
+        for name, value, least in (
+            ("exposure", self.exposure_s, 1e-6),
+            ("rate", self.frame_rate_hz, 1e-3),
+        ):
+            if not least <= value <= 4000:
+                raise UserError(f"--{name}: {value:g}; give one between {least:g} and 4000")
+        if self.exposure_us > self.wanted().period_us:
+            raise UserError(
+                f"--exposure: {self.exposure_s:g} s is longer than a frame at --rate "
+                f"{self.frame_rate_hz:g}; lower the rate to {1 / self.exposure_s:g} or less"
+            )
+        if not self.wanted().are_possible:
+            first, end = self.row_window
+            raise UserError(
+                f"--step-bias {self.step_bias}, --rows {first} {end}: the bias goes from 0 to "
+                "4095, and 0 <= first row < end <= 16; change them"
+            )
+
+    @property
+    def exposure_us(self) -> int:
+        """Exposure, µs."""
+        return round(self.exposure_s * 1e6)
+
+    def wanted(self) -> Settings:
+        """As the camera takes them."""
+        rate_mhz = round(self.frame_rate_hz * 1e3)
+        return Settings(self.exposure_us, rate_mhz, self.step_bias, *self.row_window)

@@ -1,0 +1,178 @@
+"""Section "From light to counts": what sensors are, the photon budget, and counts as pictures."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from markupsafe import Markup
+
+from megalopta.config.model import Configuration
+from megalopta.plotting.sections import (
+    Section,
+    block,
+    card,
+    folded,
+    heading,
+    listed,
+    paragraph,
+    table,
+)
+from megalopta.plotting.text import UNDEFINED, level_name, level_title, number, percent, short
+from megalopta.report.budget import Budget, ExposureSummary
+from megalopta.report.charts import signal_chart
+from megalopta.report.images import film, gray_scale
+from megalopta.report.remarks import absent
+from megalopta.report.source import Report
+from megalopta.sensor import CtiaSensor, ImageSensor
+from megalopta.sensor.counters.digital import LARGEST_CAPACITY
+from megalopta.sensor.spad.order import active_effects
+
+_WHITE_PERCENTILE = 90.0
+"""As of the preview of the radiance: the brightest tenth may be shown as pure white."""
+_GUIDE = (
+    "For one exposure per frame, a pixel counts single photons, or gathers the electrons that they "
+    "release. They arrive at random: where N are expected, a reading scatters by about √N, and an "
+    "integrating pixel by its dark current, reset and read noise besides. The same rendered light, "
+    "brought to each level, is exposed on each sensor; a named level has its own color, and the "
+    "directions of the rendered light. The pictures show the readings of single frames, brightened "
+    "for the eye to the scale below each; full pixels are orange, lower bounds. "
+)
+_INSTANT = (
+    "Every frame is rendered at one instant: a camera that moves during the exposure does not blur "
+    "the picture as it would in life."
+)
+_COLUMNS = Markup(
+    "Means over pixels and frames, per pixel and exposure. <b>Photons on the pixel</b> fall on its "
+    "whole area; <b>detected</b> are those that reach the sensitive part and release a pulse or an "
+    "electron; <b>dark</b> readings come without any light; <b>expected</b> is the noise-free mean "
+    "of the two, after dead time. <b>Signal-to-noise</b> (median over pixels) is what the light "
+    "adds to a reading, divided by the reading's standard deviation: below 1, one pixel of one "
+    "frame says little. A pattern that stands still is not in it. <b>Saturated</b> readings stand "
+    "at the counter's capacity or the pixel's full swing. <b>Rendering : shot noise</b> compares "
+    "standard deviations: above 1, the rendering itself is noisier than the arrival of photons."
+)
+_CHART = (
+    "Median over pixels; the shaded band holds the middle 90 % of them. Each tenfold of light "
+    "gains a factor of √10 where photon noise alone is in the way, and a factor of 10 where dark "
+    "counts, dark current or read noise drown the light. Below 1, motion can only be read by "
+    "gathering many pixels or many frames."
+)
+_BIASES = {"fixed": "fixed", "dac": "converter (non-adaptive)", "floating_gate": "floating gate"}
+
+
+def light_section(report: Report) -> Section:
+    """Return the section; of a dataset without counts, what to run."""
+    title = f"From light to {' and '.join(report.units)}"
+    section = Section(title, name="light", link=f"Light to {report.units[0]}")
+    shown, sensors = report.exposures, report.settings.sensors
+    if not shown:
+        missing = absent(report, "sense", "No sensor has been exposed yet.")
+        return replace(section, body=missing)
+    budgets = [each.budget for each in shown]
+    chart = signal_chart(budgets, [sensor.name for sensor in sensors])
+    body = Markup("\n").join(
+        [
+            *(_card(sensor, shown) for sensor in sensors),
+            paragraph(_COLUMNS, "note"),
+            block(
+                "card pair",
+                block("", heading("Signal and noise of a single pixel"), paragraph(_CHART)),
+                chart,
+            ),
+        ]
+    )
+    return replace(section, text=_GUIDE + _shutter(report.settings), body=body)
+
+
+def _shutter(settings: Configuration) -> str:
+    shutter = settings.shutter
+    if shutter.is_instant:
+        return _INSTANT
+    return (
+        f"Frames are those of the shutter, blurred by the motion during "
+        f"{shutter.exposure_s or 0:g} s and read out row by row within {shutter.readout_s or 0:g} "
+        "s; so is the true motion."
+    )
+
+
+def _card(sensor: ImageSensor, exposures: Sequence[ExposureSummary]) -> Markup:
+    shown = [each for each in exposures if each.budget.sensor.name == sensor.name]
+    films = [film(None, "radiance", "The scene's light, tone-mapped"), *map(_counts, shown)]
+    budgets = [each.budget for each in shown]
+    told = " · ".join(f"{name} {value}" for name, value in properties(sensor))
+    return card(
+        sensor.name,
+        paragraph(f"{told}.", "note"),
+        _effects(sensor),
+        block("strip", *films),
+        table(f"Photon budget of {sensor.name}", *budget_table(sensor, budgets)),
+    )
+
+
+def properties(sensor: ImageSensor) -> Iterator[tuple[str, str]]:
+    """Yield what a sensor is, by name: pixel, efficiency, exposure, and how it is read."""
+    curve = sensor.efficiency
+    best = int(np.argmax(curve.values))
+    yield "pixels of", f"{1e6 * sensor.pitch_m:.3g} µm"
+    yield "fill factor", percent(sensor.fill_factor)
+    where = f" at {curve.wavelengths_nm[best]:g} nm" if len(set(curve.values)) > 1 else ""
+    yield "efficiency", f"{percent(curve.values[best])}{where}"
+    yield "exposure", _time(sensor.exposure_s)
+    if isinstance(sensor, CtiaSensor):
+        yield "capacitance", f"{1e12 * sensor.capacitance_f:g} pF"
+        yield "swing", f"{sensor.swing_v:g} V"
+        yield "bias of the diodes", _BIASES[sensor.bias.kind]
+    else:
+        dead = sensor.dead_time
+        yield "dead time", f"{_time(dead.dead_time_s)} ({dead.kind})"
+        if sensor.counter_capacity < LARGEST_CAPACITY:
+            yield "counter up to", f"{sensor.counter_capacity:,}"
+
+
+def _time(seconds: float) -> str:
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
+        if seconds >= 0.999 * size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{1e9 * seconds:.3g} ns"
+
+
+def _effects(sensor: ImageSensor) -> Markup:
+    """Return the name of each effect that is on, in order, and what it does."""
+    if isinstance(sensor, CtiaSensor):
+        return Markup("")
+    names = active_effects(sensor)
+    statements = [(each.replace("_", " "), getattr(sensor, each).statement) for each in names]
+    summary = ", ".join(name for name, _ in statements)
+    return folded(f"Modeled, in this order: {summary}", listed("effects", statements))
+
+
+def budget_table(
+    sensor: ImageSensor, budgets: Sequence[Budget]
+) -> tuple[list[str], list[tuple[str, ...]]]:
+    """Return head and rows: a light level each."""
+    columns = {
+        "Light": [level_title(each.level) for each in budgets],
+        "Photons on the pixel": [number(each.photons) for each in budgets],
+        "Detected": [number(each.detected) for each in budgets],
+        f"Dark {sensor.unit}": [number(each.dark) for each in budgets],
+        f"Expected {sensor.unit}": [number(each.expected) for each in budgets],
+        "Signal-to-noise": [number(each.signal_to_noise[1]) for each in budgets],
+        "Saturated": [percent(each.saturated_fraction) for each in budgets],
+        "Rendering : shot noise": [
+            UNDEFINED if each.rendering_noise is None else number(each.rendering_noise)
+            for each in budgets
+        ],
+    }
+    return list(columns), list(zip(*columns.values(), strict=True))
+
+
+def _counts(exposure: ExposureSummary) -> Markup:
+    level, sensor = exposure.budget.level, exposure.budget.sensor
+    counts, full = exposure.counts.astype(np.float64), exposure.saturated
+    white = max(math.ceil(np.percentile(counts, _WHITE_PERCENTILE)), 1)
+    scale = gray_scale(white)
+    legend = scale.legend("0", f"≥ {short(white)} {sensor.unit}", "full" if full.any() else "")
+    name = level_name(level)
+    alt = f"{sensor.unit.capitalize()} of {sensor.name} at {name}"
+    return film([*map(scale.picture, counts, full)], name, alt, legend)

@@ -1,0 +1,107 @@
+"""Section "The true motion": flow, depth, occlusion and objects of the frames shown."""
+
+import numpy as np
+from markupsafe import Markup
+from PIL import Image
+
+from megalopta.flow.files.color_wheel import flow_to_rgb, wheel_legend
+from megalopta.plotting.sections import Section, block, card, image, paragraph
+from megalopta.plotting.text import percent
+from megalopta.report.charts import speed_chart
+from megalopta.report.footage import ReportFrames
+from megalopta.report.images import ORANGE, data_uri, film, id_picture, map_scale, rgb_picture
+from megalopta.report.source import Report
+
+_WHEEL_PX = 96
+_BACKDROP_GRAY = 0.35
+_COLORS = Markup(
+    "<b>Motion as color.</b> The hue is the direction: red to the right, yellow down, cyan left, "
+    "violet up. White is rest; the full color of the rim is {:.2g} pixels per frame; darker is "
+    "faster still; gray is undefined."
+)
+_GUIDE = Markup(
+    "<b>What to look for.</b> When the camera turns, everything moves alike; when it travels, near "
+    "things move faster than far ones. That difference draws the nearest things into the motion "
+    "picture, and it is most of what a single moving eye knows of depth. Depth is measured {}, its "
+    "colors are logarithmic. Orange pixels vanish behind something nearer: no detector can find "
+    "them again. Every object has a color of its own."
+)
+
+
+def motion_section(report: Report) -> Section:
+    """Return the section, which every report has."""
+    footage = report.footage
+    hidden = np.mean([truth.occluded_forward.mean() for truth in footage.truths])
+    films = (_flow(report), _depth(footage), _hidden(footage), _purity(footage), _objects(footage))
+    guide = paragraph(_GUIDE.format(report.settings.camera.depth_meaning), "note")
+    chart = card("How fast the image moves", speed_chart(report.speed, report.median_speed))
+    return Section(
+        "The true motion",
+        "The renderer knows the exact place of every visible point in the next frame. The median "
+        f"speed of the image is {report.median_speed:.2g} pixels per frame; "
+        f"{percent(float(hidden))} of it is hidden in the next frame behind something nearer.",
+        body=block("strip", *films)
+        + block("pair", block("", wheel(_COLORS.format(report.fastest)), guide), chart),
+        name="motion",
+        link="True motion",
+    )
+
+
+def wheel(text: str, *beside: Markup) -> Markup:
+    """Return the color wheel of motion and what is said of it."""
+    drawn = image(data_uri(Image.fromarray(wheel_legend(_WHEEL_PX))), "Color wheel of motion")
+    return block("wheel", *beside, drawn, paragraph(text))
+
+
+def mixed_share(report: Report) -> str:
+    """Return the share of pixels that are mixed, as the flow stage has it."""
+    least = report.settings.flow.least_purity
+    shares = [(truth.footprint.purity < least).mean() for truth in report.footage.truths]
+    return percent(float(np.mean(shares)))
+
+
+def _flow(report: Report) -> Markup:
+    step = report.selection.step
+    images = [
+        rgb_picture(flow_to_rgb(truth.flow_forward[::step, ::step], report.fastest))
+        for truth in report.footage.truths
+    ]
+    return film(images, "true motion", "True motion to the next frame, colors as on the wheel")
+
+
+def _depth(footage: ReportFrames) -> Markup:
+    depth = footage.selection.pixels(np.stack([truth.depth for truth in footage.truths]))
+    depth = np.where(np.isfinite(depth), depth, np.nan)
+    near, far = 1.0, 10.0
+    if not np.isnan(depth).all():
+        near, far = (float(each) for each in np.nanpercentile(depth, (0.5, 99.5)))
+        far = max(far, 1.01 * near)
+    scale = map_scale("viridis_r", near, far, logarithmic=True)
+    legend = scale.legend(f"{near:.2g}", f"{far:.2g} m", "sky" if np.isnan(depth).any() else "")
+    return film([scale.picture(each) for each in depth], "depth", "Depth of the scene", legend)
+
+
+def _hidden(footage: ReportFrames) -> Markup:
+    """Return the scene dimmed to gray with the pixels that will be hidden in orange."""
+    step, images = footage.selection.step, []
+    for preview, truth in zip(footage.previews, footage.truths, strict=True):
+        gray = preview[::step, ::step].mean(axis=-1) * _BACKDROP_GRAY
+        picture = np.repeat(gray[..., np.newaxis], 3, axis=-1).astype(np.uint8)
+        picture[truth.occluded_forward[::step, ::step]] = ORANGE
+        images.append(rgb_picture(picture))
+    return film(images, "hidden in the next frame", "Pixels hidden in the next frame, in orange")
+
+
+def _purity(footage: ReportFrames) -> Markup:
+    purity = footage.selection.pixels(
+        np.stack([truth.footprint.purity for truth in footage.truths])
+    )
+    scale = map_scale("viridis", 0.0, 1.0)
+    caption = "Share of each pixel that the object fills which its center sees"
+    return film([scale.picture(each) for each in purity], "purity", caption, scale.legend("0", "1"))
+
+
+def _objects(footage: ReportFrames) -> Markup:
+    step = footage.selection.step
+    images = [id_picture(truth.object_id[::step, ::step]) for truth in footage.truths]
+    return film(images, "objects", "Each object in a color of its own, the sky dark")
