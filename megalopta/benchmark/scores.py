@@ -114,8 +114,7 @@ def score_submission(
 
     frames, entries = Counter(frame.sequence for frame in truths), []
     for pass_name, by_sequence in found.items():
-        for sequence, errors in by_sequence.items():
-            entries.append(entry(pass_name, sequence, frames[sequence], errors))
+        entries += [entry(pass_name, each, frames[each], by_sequence[each]) for each in by_sequence]
         overall = DenseErrors.joined(by_sequence.values())
         entries.append(entry(pass_name, None, len(truths), overall))
     return Scores(entries=tuple(entries))
