@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
-from megalopta.benchmark.clips import leaves_clips, panorama_clips
+from megalopta.benchmark.clips import FlowClip, leaves_clips, panorama_clips
 from megalopta.benchmark.methods import BLOCK_PX, methods_and_baselines
 from megalopta.benchmark.moving_forests import MOVING_VIEWS, forest_clips
 from megalopta.benchmark.panoramas import natural_templates
@@ -26,7 +26,6 @@ from megalopta.benchmark.whole_frames import (
     Board,
     frame_errors,
 )
-from  import Clip
 from megalopta.core.progress import progress
 from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.registry import Method
@@ -77,7 +76,7 @@ def whole_frames(run: Run, methods: Sequence[Method] | None = None) -> Figure:
     )
 
 
-def _clips(run: Run) -> tuple[dict[str, list[Clip]], float]:
+def _clips(run: Run) -> tuple[dict[str, list[FlowClip]], float]:
     """Return the scenes of each kind, and by which share a pixel flickers at most."""
     templates = natural_templates(run.cache)
     if run.is_quick:
