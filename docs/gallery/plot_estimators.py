@@ -26,7 +26,7 @@ for name in ("LK", "FB", "DIS", "TV-L1", "PC"):
         found = np.array([METHODS[name].respond(draw)[0] for draw in draws])
         errors.append(np.nanmedian(np.hypot(found[..., 0] - 1.5, found[..., 1])))
     plt.loglog(photons, np.maximum(errors, 1e-2), "o-", label=name)
-plt.axhline(1.5, color="gray", ls=":", label="of the answer 0")
+plt.axhline(1.5, color="gray", ls=":", label="of zero motion")
 plt.xlabel("photons on a pixel")
 plt.ylabel("median endpoint error (px)")
 plt.legend()

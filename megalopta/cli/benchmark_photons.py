@@ -11,7 +11,7 @@ from megalopta.core.errors import UserError
 if TYPE_CHECKING:
     from megalopta.config.settings import Settings
 
-_OF_SWEEPS = ("allow_code", "out", "workers", "scheduler", "cache")
+_OF_SWEEPS = ("allow_code", "out", "cache")
 
 
 def declare(verbs: Verbs) -> None:

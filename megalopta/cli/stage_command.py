@@ -68,7 +68,34 @@ def settings_of_stage(stage: str, *others: "BaseModel") -> "Settings":
 
 
 def run_later_stage(options: Namespace) -> None:
-    """Run the stage that the options name on their dataset, with their settings."""
+    """Run the stage that the options name on their dataset, of one sequence or of many."""
+    from megalopta.dataset.layout import is_of_many
+
+    if is_of_many(options.dataset):
+        _run_on_many(options)
+        return
+    if options.workers or options.scheduler:
+        given = "--workers" if options.workers else "--scheduler"
+        raise UserError(f"{options.dataset}: a dataset of one sequence; leave {given} out")
+    _run_on_one(options)
+
+
+def _run_on_many(options: Namespace) -> None:
+    from megalopta.generation.exposing import expose, load_exposing
+    from megalopta.generation.measuring import measure
+
+    root, stage, where = options.dataset, options.stage, (options.workers, options.scheduler)
+    if stage != "sense":
+        measure(root, stage, options.overrides, options.redo, *where)
+    elif options.redo:
+        raise UserError(
+            f"{root}: a dataset of many sequences, to which sense adds exposures; leave --redo out"
+        )
+    else:
+        expose(root, load_exposing(options.overrides), *where)
+
+
+def _run_on_one(options: Namespace) -> None:
     from megalopta.config.model import parse
     from megalopta.config.yaml_model import to_yaml
     from megalopta.stages.pipeline import run_stage

@@ -77,8 +77,8 @@ class Move(NamedTuple):
         except (ValueError, KeyError, TypeError):
             raise UserError(f"{path} is damaged; {remedy}") from None
         for name in (*moves, *goes):
-            is_plain = all(_is_plain(self.root, base / name) for base in (self.root, self.made))
-            if not is_output(name) or not is_plain:
+            bases = self.root, self.made
+            if not is_output(name) or not all(_is_plain(self.root, b / name) for b in bases):
                 raise UserError(f"{path}: {bounded.quoted(name)} is no output of a stage; {remedy}")
         return moves, goes
 

@@ -23,7 +23,6 @@ def measure(
     root: Path,
     stage: str,
     overrides: Mapping[str, str],
-    *,
     redo: bool = False,
     workers: int | None = None,
     scheduler: str | None = None,
