@@ -6,8 +6,6 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.assets_gen.ground.rocks import STONE_TILE_M
-from megalopta.assets_gen.ground.terrain import GROUND_TILE_M
 from megalopta.assets_gen.noise import tileable_noise, to_weight
 from megalopta.assets_gen.plants.bark import (
     furrowed_bark,
@@ -18,8 +16,10 @@ from megalopta.assets_gen.plants.bark import (
     smooth_bark,
 )
 from megalopta.assets_gen.plants.foliage import ATLAS_TILES
+from megalopta.assets_gen.rocks import STONE_TILE_M
 from megalopta.assets_gen.splats import strew
 from megalopta.assets_gen.surface import FloatArray
+from megalopta.assets_gen.terrain import GROUND_TILE_M
 
 GROUND_SHAPE = (1024, 1024)
 LEAF_TEXELS = 64

@@ -45,7 +45,7 @@ from megalopta.sensor.formats.event_npz import write_events_npz
 from megalopta.sensor.formats.event_stream import EventOrigin
 from megalopta.sensor.readout.binary import draw_binary
 from megalopta.sensor.sampling.streams import generator
-from megalopta.sensor.selfcheck.brute_force import brute_force_counts
+from megalopta.verification.brute_force import brute_force_counts
 
 SHAPE = (4, 240, 240)
 REPEATS = 7

@@ -9,6 +9,10 @@ from .benchmark.settings import (
     BenchmarkSettings as BenchmarkSettings,
     SearchSettings as SearchSettings,
 )
+from .color_wheel import (
+    flow_to_rgb as flow_to_rgb,
+    wheel_legend as wheel_legend,
+)
 from .detectors.base import Detector as Detector
 from .detectors.block_matching import BlockMatching as BlockMatching
 from .detectors.blocks import (
@@ -53,12 +57,8 @@ from .egomotion.wide_field import (
     WideField as WideField,
     fit_wide_field as fit_wide_field,
 )
-from .files.color_wheel import (
-    flow_to_rgb as flow_to_rgb,
-    wheel_legend as wheel_legend,
-)
-from .files.flo import write_flo as write_flo
-from .files.formats import read_flow as read_flow
+from .flo import write_flo as write_flo
+from .formats import read_flow as read_flow
 from .metrics.curve import ErrorCurve as ErrorCurve
 from .metrics.dense_error import DenseErrors as DenseErrors
 from .metrics.detection import (

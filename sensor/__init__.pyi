@@ -2,8 +2,6 @@ from .change import (
     changed as changed,
     merged as merged,
 )
-from .counters.analog import AnalogCounter as AnalogCounter
-from .counters.digital import DigitalCounter as DigitalCounter
 from .ctia.array import (
     CtiaExposure as CtiaExposure,
     expose_ctia as expose_ctia,
@@ -74,6 +72,8 @@ from .readout.store import (
 )
 from .readout.sub_frames import sub_frames as sub_frames
 from .sampling.streams import generator as generator
+from .spad.analog import AnalogCounter as AnalogCounter
+from .spad.digital import DigitalCounter as DigitalCounter
 from .spad.exposure import (
     expose as expose,
     expose_adc as expose_adc,

@@ -18,7 +18,7 @@ from megalopta.benchmark.clips import FlowClip
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import read_picture
-from megalopta.flow.files.formats import FLOW_SUFFIXES, read_flow
+from megalopta.flow.formats import FLOW_SUFFIXES, read_flow
 from megalopta.scenes.spectra.color import decode_srgb
 from megalopta.scenes.spectra.primaries import LUMINANCE_SHARES
 

@@ -21,7 +21,7 @@ from megalopta.benchmark.sequence_truth import (
     opposed,
 )
 from megalopta.core.arrays import Floats
-from megalopta.flow.files.color_wheel import flow_to_rgb
+from megalopta.flow.color_wheel import flow_to_rgb
 from megalopta.plotting.style import BLACK, GRAY, PALETTE, method_style
 from megalopta.plotting.svg import in_style, to_svg
 from megalopta.plotting.text import number

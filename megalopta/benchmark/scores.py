@@ -29,7 +29,7 @@ from megalopta.core.record import Record
 from megalopta.dataset.store import file_hash
 from megalopta.flow.detectors.gray_detector import DenseDetector
 from megalopta.flow.detectors.registry import Method, method
-from megalopta.flow.files.formats import read_flow
+from megalopta.flow.formats import read_flow
 from megalopta.flow.metrics.dense_error import GROUPS, DenseError, DenseErrors
 
 Answers = Mapping[Frame, tuple[str, Callable[[], NDArray[Any]]]]

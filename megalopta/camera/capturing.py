@@ -30,14 +30,14 @@ from megalopta.core.errors import UserError, machine_problem
 from megalopta.core.files import remove
 from megalopta.core.folders import locked
 from megalopta.core.progress import say
-from megalopta.sensor.spadcam.messages import (
+from megalopta.sensor.formats.messages import (
     Settings,
     set_exposure,
     set_frame_rate,
     set_row_window,
     set_step_bias,
 )
-from megalopta.sensor.spadcam.packets import Kind, Packet
+from megalopta.sensor.formats.packets import Kind, Packet
 
 _WRITE_EVERY_S = 4.0
 _RATE_OVER_S = 1.0

@@ -11,7 +11,7 @@ from megalopta.camera.camera_settings import sensor_as_set
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError
 from megalopta.sensor import AnalogCounter, Sensor, expose_adc
-from megalopta.sensor.spadcam.messages import (
+from megalopta.sensor.formats.messages import (
     COLUMNS,
     NOT_READ,
     ROWS,
@@ -19,7 +19,7 @@ from megalopta.sensor.spadcam.messages import (
     Settings,
     frame_packet,
 )
-from megalopta.sensor.spadcam.packets import Kind, Packet
+from megalopta.sensor.formats.packets import Kind, Packet
 
 if TYPE_CHECKING:
     from megalopta.camera.stimuli import Stimulus

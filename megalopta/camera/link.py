@@ -17,8 +17,8 @@ import serial
 
 from megalopta.camera.port import open_port
 from megalopta.core.errors import UserError
-from megalopta.sensor.spadcam.messages import Identity, identify
-from megalopta.sensor.spadcam.packets import (
+from megalopta.sensor.formats.messages import Identity, identify
+from megalopta.sensor.formats.packets import (
     LONGEST,
     Kind,
     Packet,

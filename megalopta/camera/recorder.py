@@ -18,11 +18,7 @@ from megalopta.core import strict_yaml
 from megalopta.core.files import write_text
 from megalopta.core.format_numbers import written
 from megalopta.sensor import AnalogCounter, Sensor
-from megalopta.sensor.counters.analog import nominal_pixels
-from megalopta.sensor.counters.conversion import counts_of_codes
-from megalopta.sensor.readout.growing import ExtraArray, GrowingCounts
-from megalopta.sensor.readout.store import Origin
-from megalopta.sensor.spadcam.messages import (
+from megalopta.sensor.formats.messages import (
     COLUMNS,
     NOT_READ,
     ROWS,
@@ -30,7 +26,11 @@ from megalopta.sensor.spadcam.messages import (
     Settings,
     samples_of,
 )
-from megalopta.sensor.spadcam.packets import Packet
+from megalopta.sensor.formats.packets import Packet
+from megalopta.sensor.readout.growing import ExtraArray, GrowingCounts
+from megalopta.sensor.readout.store import Origin
+from megalopta.sensor.spad.analog import nominal_pixels
+from megalopta.sensor.spad.conversion import counts_of_codes
 
 EXTRAS = {
     "adc": ExtraArray(np.uint16, "codes of the ADC; 65535: not read", of_pixels=True),

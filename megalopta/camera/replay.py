@@ -22,14 +22,14 @@ from megalopta.camera.survey import (
 )
 from megalopta.core.errors import UserError
 from megalopta.sensor import AnalogCounter, Sensor
-from megalopta.sensor.spadcam.messages import (
+from megalopta.sensor.formats.messages import (
     COLUMNS,
     NOMINAL_STEP_BIAS,
     ROWS,
     Identity,
     Settings,
 )
-from megalopta.sensor.spadcam.packets import Kind, Parser
+from megalopta.sensor.formats.packets import Kind, Parser
 
 _WRITE_EVERY = 16384
 _UNKNOWN = "unknown"

@@ -23,7 +23,7 @@ PHYSICS = (
     "readings",
     "correction",
 )
-"""Groups of `megalopta.sensor.selfcheck.CHECKS`, whose import takes a second."""
+"""Groups of `megalopta.verification.CHECKS`, whose import takes a second."""
 
 
 def declare(verbs: Verbs) -> None:

@@ -14,7 +14,7 @@ from megalopta.core.errors import UserError
 from megalopta.core.progress import progress
 from megalopta.dataset.opened import open_dataset
 from megalopta.dataset.sequence import Sequence
-from megalopta.flow.files.color_wheel import flow_to_rgb
+from megalopta.flow.color_wheel import flow_to_rgb
 from megalopta.plotting.sections import Section, block, captioned, image, write_sections
 from megalopta.plotting.text import level_name, number
 from megalopta.report.images import gray_scale, map_scale

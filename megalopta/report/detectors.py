@@ -12,10 +12,10 @@ from PIL import Image
 from megalopta.config.model import Configuration, LightLevel
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
+from megalopta.flow.color_wheel import flow_to_rgb
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.flow.files.color_wheel import flow_to_rgb
 from megalopta.flow.metrics.endpoint_error import block_flow
 from megalopta.plotting.sections import Section, block, card, heading, image, paragraph
 from megalopta.plotting.text import level_name, number

@@ -25,7 +25,7 @@ from megalopta.report.images import film, gray_scale
 from megalopta.report.remarks import absent
 from megalopta.report.source import Report
 from megalopta.sensor import CtiaSensor, ImageSensor
-from megalopta.sensor.counters.digital import LARGEST_CAPACITY
+from megalopta.sensor.spad.digital import LARGEST_CAPACITY
 from megalopta.sensor.spad.order import active_effects
 
 _WHITE_PERCENTILE = 90.0

@@ -4,7 +4,7 @@ import numpy as np
 from markupsafe import Markup
 from PIL import Image
 
-from megalopta.flow.files.color_wheel import flow_to_rgb, wheel_legend
+from megalopta.flow.color_wheel import flow_to_rgb, wheel_legend
 from megalopta.plotting.sections import Section, block, card, image, paragraph
 from megalopta.plotting.text import percent
 from megalopta.report.charts import speed_chart

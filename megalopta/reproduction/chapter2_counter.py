@@ -19,8 +19,8 @@ from megalopta.plotting.picture import Figure
 from megalopta.plotting.style import BLACK, GRAY, PALETTE
 from megalopta.reproduction.figure_recipe import FigureRecipe, Run
 from megalopta.sensor import DeadTime, Sensor, changed, expose_events, preset
-from megalopta.sensor.counters.analog import AnalogCounter, analog_pixels
 from megalopta.sensor.effects.dead_time import expected_counts
+from megalopta.sensor.spad.analog import AnalogCounter, analog_pixels
 
 ROW = (1, 16)
 LIGHT_HZ = 300.0

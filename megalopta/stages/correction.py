@@ -18,8 +18,8 @@ from megalopta.core.progress import progress
 from megalopta.dataset.frames import FRAMES_AT_ONCE, write_frames
 from megalopta.dataset.store import Dataset, exposure_name
 from megalopta.sensor import ImageSensor, OpenedCounts, Sensor, StoredFrames
-from megalopta.sensor.correct.calibration import Calibration, simulated_calibration
-from megalopta.sensor.correct.chain import Corrected, correct
+from megalopta.sensor.calibrate.correction import Corrected, correct
+from megalopta.sensor.calibrate.frame_calibration import Calibration, simulated_calibration
 from megalopta.sensor.readout.store import format_attribute
 from megalopta.sensor.spad.running import settled
 

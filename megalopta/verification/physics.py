@@ -1,6 +1,6 @@
 """`megalopta check physics`: every effect of the sensor against theory, as a table.
 
-The rows come from `megalopta.sensor.selfcheck`: a plain event-by-event simulation that shares no
+The rows come from `megalopta.verification`: a plain event-by-event simulation that shares no
 code with the sensor, integrals and differential equations left to SciPy. Streams are fixed. A row
 fails at |z| >= 5.
 """
@@ -24,9 +24,9 @@ from megalopta.sensor import (
     generator,
     preset,
 )
-from megalopta.sensor.selfcheck.brute_force import brute_force_counts
-from megalopta.sensor.selfcheck.cases import CHECKS
-from megalopta.sensor.selfcheck.comparison import (
+from megalopta.verification.brute_force import brute_force_counts
+from megalopta.verification.cases import CHECKS
+from megalopta.verification.comparison import (
     LARGEST_Z,
     Row,
     false_alarm,

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import griddata
 from scipy.spatial import cKDTree
 
-from megalopta.assets_gen.ground.scatter import distance_to
+from megalopta.assets_gen.scatter import distance_to
 from megalopta.scenes.forest.leaf_area import ground_area
 from megalopta.scenes.forest.planting import dense_path
 from megalopta.scenes.forest.plants import Woody

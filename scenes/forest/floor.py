@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.assets_gen import FloatArray, Surface, generator, unit
-from megalopta.assets_gen.ground.moss import cut_at, make_moss
-from megalopta.assets_gen.ground.octaves import make_octaves
-from megalopta.assets_gen.ground.scatter import distance_to
-from megalopta.assets_gen.ground.terrain import Terrain
-from megalopta.assets_gen.ground.trail import Trail, make_trail
-from megalopta.assets_gen.ground.triangulation import Fineness, Triangulation, triangulated
+from megalopta.assets_gen.moss import cut_at, make_moss
+from megalopta.assets_gen.octaves import make_octaves
+from megalopta.assets_gen.scatter import distance_to
+from megalopta.assets_gen.terrain import Terrain
+from megalopta.assets_gen.trail import Trail, make_trail
+from megalopta.assets_gen.triangulation import Fineness, Triangulation, triangulated
 from megalopta.scenes.forest.ground import HORIZON_M
 from megalopta.scenes.forest.planting import planted_reach
 from megalopta.scenes.scene import Asset

@@ -3,7 +3,7 @@
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import generator
-from megalopta.assets_gen.ground.terrain import Terrain, ground_surface, make_terrain
+from megalopta.assets_gen.terrain import Terrain, ground_surface, make_terrain
 from megalopta.scenes.scene import Asset
 
 RIM_WIDTH_M, RIM_HEIGHT_M = 22.0, 7.0

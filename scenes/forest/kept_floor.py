@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from megalopta.assets_gen import FloatArray
-from megalopta.assets_gen.ground.terrain import Terrain
-from megalopta.assets_gen.ground.trail import Trail
-from megalopta.assets_gen.ground.triangulation import Triangulation
+from megalopta.assets_gen.terrain import Terrain
+from megalopta.assets_gen.trail import Trail
+from megalopta.assets_gen.triangulation import Triangulation
 from megalopta.core.freshness import digest
 from megalopta.scenes.forest.floor import Floor, make_floor
 from megalopta.scenes.forest.nursery import store_of

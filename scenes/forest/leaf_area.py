@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import Surface
-from megalopta.assets_gen.ground.scatter import distance_to
+from megalopta.assets_gen.scatter import distance_to
 from megalopta.scenes.forest.plants import Organs, Woody
 from megalopta.scenes.forest.specimens import SPECIMENS
 from megalopta.scenes.scene import Placement

@@ -6,7 +6,6 @@ from types import MappingProxyType
 import numpy as np
 
 from megalopta.assets_gen import Surface
-from megalopta.assets_gen.ground.rocks import grow_rock
 from megalopta.assets_gen.plants.detail import merged_leaves
 from megalopta.assets_gen.plants.logs import grow_log
 from megalopta.assets_gen.plants.undergrowth import (
@@ -17,6 +16,7 @@ from megalopta.assets_gen.plants.undergrowth import (
     grow_herbs,
     strew_litter,
 )
+from megalopta.assets_gen.rocks import grow_rock
 from megalopta.scenes.forest.flora import BUSHES, TREES
 from megalopta.scenes.forest.plants import Coat, Layer, Lying, Organs, Plant, Small, by_name
 from megalopta.scenes.forest.stand import LodLevel

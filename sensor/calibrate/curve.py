@@ -4,7 +4,7 @@ Of the mean step s, slope σ and swing S, N events make, in steps,
 
     x = (1 + σ/2)·(1 − (1 − b)^N)/b       b = σ·s/S        N = log(1 − b·x/(1 + σ/2))/log(1 − b)
 
-Source: `sensor/counters/analog.py`.
+Source: `sensor/spad/analog.py`.
 """
 
 from typing import NamedTuple

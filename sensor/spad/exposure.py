@@ -19,14 +19,14 @@ from numpy.typing import ArrayLike, NDArray
 from megalopta.core.arrays import Floats
 from megalopta.sensor.avalanches.counts import draw_counts
 from megalopta.sensor.avalanches.running import FreeRunning, running_array
-from megalopta.sensor.counters.analog import AnalogCounter, AnalogPixels
-from megalopta.sensor.counters.conversion import read_analog, sample_analog
-from megalopta.sensor.counters.digital import empty_counts, read_digital
 from megalopta.sensor.effects.fields import AvalancheEffects
 from megalopta.sensor.effects.mismatch import AvalancheMaps
 from megalopta.sensor.quantities import Exposure
 from megalopta.sensor.sampling.poisson import draw_poisson, fill_poisson, poisson_streams
 from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.spad.analog import AnalogCounter, AnalogPixels
+from megalopta.sensor.spad.conversion import read_analog, sample_analog
+from megalopta.sensor.spad.digital import empty_counts, read_digital
 from megalopta.sensor.spad.fixed_pattern import FixedPattern
 from megalopta.sensor.spad.frames import over_frames
 from megalopta.sensor.spad.model import Sensor

@@ -10,10 +10,10 @@ from functools import lru_cache
 import numpy as np
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor.counters.analog import AnalogCounter, AnalogPixels, analog_pixels
 from megalopta.sensor.effects.base import PixelRates
 from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
 from megalopta.sensor.effects.mismatch import AvalancheMaps
+from megalopta.sensor.spad.analog import AnalogCounter, AnalogPixels, analog_pixels
 from megalopta.sensor.spad.model import MOST_OFFSPRING, Sensor
 from megalopta.sensor.spad.order import effects_of
 

@@ -4,12 +4,12 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from megalopta.sensor.counters.analog import AnalogCounter
-from megalopta.sensor.counters.digital import DigitalCounter
 from megalopta.sensor.effects.fields import AvalancheEffects, RateEffects
 from megalopta.sensor.effects.gating import open_fraction
 from megalopta.sensor.effects.jitter import Jitter
 from megalopta.sensor.optics.pixels import PixelOptics
+from megalopta.sensor.spad.analog import AnalogCounter
+from megalopta.sensor.spad.digital import DigitalCounter
 from megalopta.sensor.spad.measured import MeasuredMaps
 
 MOST_OFFSPRING = 0.95

@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.sensor.avalanches.counts import count_moments
-from megalopta.sensor.counters.analog import AnalogCounter, AnalogPixels
-from megalopta.sensor.counters.tabulated import LawTable, tabulated_moments
 from megalopta.sensor.effects.fields import AvalancheEffects
+from megalopta.sensor.spad.analog import AnalogCounter, AnalogPixels
 from megalopta.sensor.spad.event_law import event_law, reach_of_events
+from megalopta.sensor.spad.tabulated import LawTable, tabulated_moments
 
 _STEPS = 8
 """Of the square root of the arrivals, doubled, to one."""

@@ -55,7 +55,6 @@ from pydantic import ValidationError
 from megalopta.core import strict_yaml
 from megalopta.core.bounded import cut, quoted, read_text
 from megalopta.sensor.change import merged
-from megalopta.sensor.counters.analog import AnalogCounter
 from megalopta.sensor.effects.bias import Bias
 from megalopta.sensor.effects.crosstalk import Crosstalk
 from megalopta.sensor.effects.dark_counts import DarkCounts
@@ -63,6 +62,7 @@ from megalopta.sensor.effects.dead_time import DeadTime
 from megalopta.sensor.optics.efficiency import Efficiency
 from megalopta.sensor.optics.efficiency_file import with_curve, with_transmission
 from megalopta.sensor.optics.lens import Lens
+from megalopta.sensor.spad.analog import AnalogCounter
 from megalopta.sensor.spad.measured import with_hashes
 from megalopta.sensor.spad.model import Sensor
 

@@ -8,16 +8,16 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.sensor.avalanches.counts import count_moments
-from megalopta.sensor.counters.analog import AnalogCounter, AnalogPixels
-from megalopta.sensor.counters.digital import DigitalCounter
-from megalopta.sensor.counters.moments import (
+from megalopta.sensor.effects.fields import AvalancheEffects
+from megalopta.sensor.effects.mismatch import AvalancheMaps
+from megalopta.sensor.spad.analog import AnalogCounter, AnalogPixels
+from megalopta.sensor.spad.counter_moments import (
     counter_moments,
     events_until_full,
     misreads,
     simple_moments,
 )
-from megalopta.sensor.effects.fields import AvalancheEffects
-from megalopta.sensor.effects.mismatch import AvalancheMaps
+from megalopta.sensor.spad.digital import DigitalCounter
 from megalopta.sensor.spad.event_law import event_law, reach_of_events
 from megalopta.sensor.spad.over_light import block_arrivals, by_tabulated_laws, interpolated
 

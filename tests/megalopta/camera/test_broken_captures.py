@@ -12,8 +12,8 @@ import pytest
 
 from megalopta.camera.recording import open_recording
 from megalopta.camera.recovering import recover
-from megalopta.sensor.spadcam.messages import samples_of
-from megalopta.sensor.spadcam.packets import Kind, Parser, encode
+from megalopta.sensor.formats.messages import samples_of
+from megalopta.sensor.formats.packets import Kind, Parser, encode
 
 
 def on(port, out):

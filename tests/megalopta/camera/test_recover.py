@@ -17,8 +17,8 @@ from megalopta.camera.stimuli import Flat
 from megalopta.camera.terminal import Faults
 from megalopta.core.errors import UserError
 from megalopta.sensor import open_counts, preset
-from megalopta.sensor.spadcam.messages import samples_of
-from megalopta.sensor.spadcam.packets import (
+from megalopta.sensor.formats.messages import samples_of
+from megalopta.sensor.formats.packets import (
     Kind,
     Packet,
     Parser,

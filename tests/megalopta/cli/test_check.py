@@ -3,8 +3,8 @@
 import pytest
 
 from megalopta.cli import check as cli_check, main as cli
-from megalopta.sensor.selfcheck.cases import CHECKS
 from megalopta.verification import physics
+from megalopta.verification.cases import CHECKS
 
 
 def test_a_failed_check_is_exit_code_1(monkeypatch):

@@ -1,4 +1,4 @@
-"""Corrected frames beside the readings, from the stages to Python; physics: tests/sensor/correct."""
+"""Corrected frames beside the readings, from the stages to Python; physics: tests/sensor/calibrate."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,8 @@ import pytest
 import megalopta
 from megalopta.config.model import load
 from megalopta.core.errors import UserError
-from megalopta.sensor.correct.calibration import simulated_calibration
-from megalopta.sensor.correct.chain import correct
+from megalopta.sensor.calibrate.correction import correct
+from megalopta.sensor.calibrate.frame_calibration import simulated_calibration
 from megalopta.stages.pipeline import run_stage
 
 SETTINGS = {

@@ -4,9 +4,9 @@ import pytest
 from rich.console import Console
 
 from megalopta.core.errors import UserError
-from megalopta.sensor.selfcheck.cases import CHECKS
-from megalopta.sensor.selfcheck.comparison import Row, worst
 from megalopta.verification import physics as check_physics
+from megalopta.verification.cases import CHECKS
+from megalopta.verification.comparison import Row, worst
 
 GOOD, BAD = Row("gate", "counts", 3.0, 3.1, 0.4), Row("jitter", "variance", 1.0, 2.0, 17.0)
 

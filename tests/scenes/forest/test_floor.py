@@ -7,7 +7,7 @@ import pytest
 from pydantic import ValidationError
 from scipy.spatial import cKDTree
 
-from megalopta.assets_gen.ground.scatter import distance_to
+from megalopta.assets_gen.scatter import distance_to
 from megalopta.scenes.forest.canopy import floor_points
 from megalopta.scenes.forest.description import Forest, build_forest
 from megalopta.scenes.forest.floor import (

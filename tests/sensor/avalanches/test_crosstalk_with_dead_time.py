@@ -9,7 +9,7 @@ from megalopta.sensor.effects.crosstalk import Crosstalk
 from megalopta.sensor.effects.dead_time import DeadTime
 from megalopta.sensor.effects.fields import AvalancheEffects
 from megalopta.sensor.sampling.streams import generator
-from megalopta.sensor.selfcheck.comparison import two_sample_z
+from megalopta.verification.comparison import two_sample_z
 
 TAU_S, EXPOSURE_S, RATE_HZ, EXPOSURES = 1e-6, 2e-5, 8e5, 1000
 

@@ -8,7 +8,7 @@ from megalopta.sensor.effects.dead_time import DeadTime, moments
 from megalopta.sensor.effects.fields import AvalancheEffects
 from megalopta.sensor.effects.gating import Gate
 from megalopta.sensor.sampling.streams import generator
-from megalopta.sensor.selfcheck.brute_force import brute_force_counts
+from megalopta.verification.brute_force import brute_force_counts
 
 TAU_S = 1e-6
 AFTERPULSING = Afterpulsing(mean_carriers=0.2, delay_s=2e-6)

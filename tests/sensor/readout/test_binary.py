@@ -11,10 +11,10 @@ from megalopta.sensor import (
     expose_rate,
     preset,
 )
-from megalopta.sensor.counters.digital import DigitalCounter
 from megalopta.sensor.readout.binary import draw_binary, unpack
 from megalopta.sensor.readout.chance import CHANCE_ERROR, chance
 from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.spad.digital import DigitalCounter
 
 IDEAL = preset("ideal")
 

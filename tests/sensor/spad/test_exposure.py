@@ -19,7 +19,7 @@ from megalopta.sensor import (
     reading_moments,
     without,
 )
-from megalopta.sensor.counters.digital import DigitalCounter
+from megalopta.sensor.spad.digital import DigitalCounter
 from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
 
 BANDS = np.array([[400.0, 475.0], [475.0, 550.0], [550.0, 600.0], [620.0, 700.0]])

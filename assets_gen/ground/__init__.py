@@ -1,1 +1,0 @@
-"""Terrain, rocks, and where things are scattered."""

@@ -1,0 +1,106 @@
+"""The ground as a height field over the plane, and its mesh.
+
+The camera's path runs over level ground (a trail), the land beyond it rolls, and far outside the
+planted stand it rises to a rim, so that the horizon is closed by ground wherever one looks between
+the trunks.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from megalopta.assets_gen import FloatArray, Surface, grid_faces, unit
+from megalopta.assets_gen.noise import PlaneWaves, plane_waves
+from megalopta.assets_gen.scatter import distance_to
+
+TRAIL_M = (3.0, 14.0)
+"""The land is level up to the first distance from the path and rolls freely from the second on."""
+GROUND_TILE_M = 5.0
+"""Size of one tile of the ground's texture (m)."""
+GROWTH = 1.15
+"""Each step of the ground's grid outside its fine part is this many times the one before."""
+
+
+@dataclass(frozen=True)
+class Terrain:
+    """Height of the ground: 0, but for bumps of a few centimeters, along the camera's path.
+
+    It is exactly 0 at the world's origin if the path passes within 3 m of it.
+    """
+
+    path: cKDTree
+    """Points of the camera's path in the plane (m), one every meter or closer."""
+    hills: PlaneWaves
+    bumps: PlaneWaves
+    """Rolling land and unevenness underfoot (m)."""
+    crest: PlaneWaves
+    """Unevenness of the rim, relative to its height."""
+    drift: tuple[PlaneWaves, PlaneWaves]
+    """Slow distortion of the texture in u and v (tiles)."""
+    rim_m: tuple[float, float]
+    """Distances from the path between which the land rises (m)."""
+    rim_height_m: float
+    """How high the rim is on average (m)."""
+
+    def height(self, points: FloatArray) -> FloatArray:
+        """Return the height of the ground (m) at points (n, 2) (m)."""
+        distance = distance_to(self.path, points)
+        rolling = _smooth_step(distance, *TRAIL_M) * self.hills(points)
+        rim = self.rim_height_m * (1 + self.crest(points)) * _smooth_step(distance, *self.rim_m)
+        return rolling + rim + self.bumps(points) - self.bumps(np.zeros(2))
+
+    def uv(self, points: FloatArray) -> FloatArray:
+        """Return texture coordinates at points (n, 2) (m); tiles do not quite line up."""
+        return points / GROUND_TILE_M + np.stack([wave(points) for wave in self.drift], axis=-1)
+
+
+def _smooth_step(x: FloatArray, start: float, end: float) -> FloatArray:
+    share = np.clip((x - start) / (end - start), 0, 1)
+    return share**2 * (3 - 2 * share)
+
+
+def make_terrain(
+    path: cKDTree,
+    relief_m: float,
+    rim_m: tuple[float, float],
+    rim_height_m: float,
+    rng: np.random.Generator,
+) -> Terrain:
+    """Return random terrain; `relief_m` is the root mean square height of the rolling land."""
+    return Terrain(
+        path,
+        hills=plane_waves((14.0, 60.0), relief_m, 24, rng),
+        bumps=plane_waves((0.9, 5.0), 0.035, 32, rng),
+        crest=plane_waves((30.0, 80.0), 0.35, 16, rng),
+        drift=(plane_waves((15.0, 40.0), 0.12, 12, rng), plane_waves((15.0, 40.0), 0.12, 12, rng)),
+        rim_m=rim_m,
+        rim_height_m=rim_height_m,
+    )
+
+
+def ground_surface(
+    terrain: Terrain, low: FloatArray, high: FloatArray, step_m: float, reach_m: float
+) -> Surface:
+    """Return the ground as a grid, even with steps of `step_m` between two corners (2,) (m).
+
+    Beyond it reaches on for `reach_m`, ever coarser.
+    """
+    x, y = (_graded(low[i], high[i], step_m, reach_m) for i in range(2))
+    flat = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    grid = np.column_stack([flat, terrain.height(flat)]).reshape(len(y), len(x), 3)
+    return Surface(
+        grid.reshape(-1, 3), grid_faces(len(y), len(x)), terrain.uv(flat), _grid_normals(grid)
+    )
+
+
+def _graded(low: float, high: float, step_m: float, reach_m: float) -> FloatArray:
+    inside = np.linspace(low, high, max(int((high - low) / step_m), 2))
+    steps = step_m * GROWTH ** np.arange(1, 200)
+    beyond = np.cumsum(steps)[: np.searchsorted(np.cumsum(steps), reach_m) + 1]
+    return np.concatenate([low - beyond[::-1], inside, high + beyond])
+
+
+def _grid_normals(grid: FloatArray) -> FloatArray:
+    rows, columns = np.gradient(grid, axis=(0, 1))
+    return unit(np.cross(columns, rows)).reshape(-1, 3)

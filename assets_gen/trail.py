@@ -1,0 +1,133 @@
+"""A trodden path: where it runs, how wide it is from place to place, and how far it has sunk."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from megalopta.assets_gen import FloatArray, unit
+from megalopta.assets_gen.noise import PlaneWaves, plane_waves
+from megalopta.assets_gen.scatter import distance_to
+
+STEP_M = 0.2
+"""Points of the middle line are this far apart (m)."""
+CHORD_M = 0.5
+"""The path goes on in the direction of its last piece of this length (m)."""
+TURN_RAD_M = 0.11
+"""Root mean square curvature of the path beyond the camera's way (1/m)."""
+STRAIGHT_M = 8.0
+"""Its windings have set in so far beyond the camera's way (m)."""
+SUNK_M = 0.06
+"""How deep feet have worn it (m)."""
+MARGIN_M = 1.0
+"""The margin is uneven up to this far from where it would be straight (m)."""
+FRINGE_M = 0.09
+"""Root mean square depth to which its margins fray (m)."""
+SHOULDER_M = 0.35
+"""Width of its flanks (m)."""
+
+
+@dataclass(frozen=True)
+class Trail:
+    """A trodden path along a line."""
+
+    line: cKDTree
+    """Points of its middle (m)."""
+    half_m: float
+    """Half of its mean width (m)."""
+    margin: PlaneWaves
+    fringe: PlaneWaves
+    """Unevenness of its margins, and how far they fray (m)."""
+
+    def inside(self, points: FloatArray) -> FloatArray:
+        """Return how far points (n, 2) are from the margin (m): positive on the path.
+
+        It is minus infinity farther out than its margins reach, where nobody asks for more.
+        """
+        away = distance_to(self.line, points, self.half_m + 2 * MARGIN_M)
+        inside = self.half_m - away
+        near = away < self.half_m + MARGIN_M
+        inside[near] += self.margin(points[near])
+        return inside
+
+    def covers(self, points: FloatArray) -> NDArray[np.bool_]:
+        """Return where there is bare soil, at points (n, 2) (m)."""
+        inside = self.inside(points)
+        near = np.abs(inside) < MARGIN_M
+        inside[near] += self.fringe(points[near])
+        return inside > 0
+
+    def clear_of(
+        self, points: FloatArray, from_middle_m: float, from_margin_m: float
+    ) -> NDArray[np.bool_]:
+        """Return which points (n, 2) keep distances from its middle and from its margin (m)."""
+        is_away = distance_to(self.line, points) >= from_middle_m
+        return np.asarray(is_away & (self.inside(points) <= -from_margin_m))
+
+    def sunk(self, inside_m: FloatArray) -> FloatArray:
+        """Return how deep the ground is worn where the margin is so far (m)."""
+        share = np.clip(inside_m / min(SHOULDER_M, self.half_m) + 0.5, 0, 1)
+        return SUNK_M * share**2 * (3 - 2 * share)
+
+
+def make_trail(
+    path_xy: FloatArray,
+    heading: FloatArray,
+    width_m: float,
+    reach_m: float,
+    rng: np.random.Generator,
+) -> Trail:
+    """Return a path along a camera's way, going on beyond both of its ends.
+
+    Parameters
+    ----------
+    path_xy : (n, 2)
+        Way of the camera (m).
+    heading : (2,)
+        Direction of the path where the camera stays within half a meter.
+    width_m : float
+        Mean width (m).
+    reach_m : float
+        How far it goes on (m).
+    rng : Generator
+        Its windings and margins.
+    """
+    start, end = (_direction(points, heading) for points in (path_xy[::-1], path_xy))
+    if np.linalg.norm(np.ptp(path_xy, axis=0)) < CHORD_M:
+        start = -end
+    behind, ahead = (
+        _winding(place, direction, reach_m, rng)
+        for place, direction in ((path_xy[0], start), (path_xy[-1], end))
+    )
+    line = np.concatenate([behind[::-1], path_xy, ahead])
+    return Trail(
+        cKDTree(line),
+        width_m / 2,
+        margin=plane_waves((0.5, 4.0), 0.12 * width_m**0.5, 40, rng),
+        fringe=plane_waves((0.12, 0.6), FRINGE_M, 40, rng),
+    )
+
+
+def _direction(points: FloatArray, heading: FloatArray) -> FloatArray:
+    """Return the unit vector in which points (n, 2) end, or the heading if they stay in place."""
+    away = np.linalg.norm(points[-1] - points, axis=1)
+    far = np.flatnonzero(away >= CHORD_M)
+    chord = points[-1] - points[far[-1]] if len(far) else heading
+    return unit(np.asarray(chord, dtype=float))
+
+
+def _winding(
+    place: FloatArray, direction: FloatArray, reach_m: float, rng: np.random.Generator
+) -> FloatArray:
+    """Return the points (n, 2) of a line that goes on from a place, swinging to both sides."""
+    way = np.arange(STEP_M, reach_m, STEP_M)
+    turning = plane_waves((9.0, 25.0), 1.0, 8, rng)(np.column_stack([way, np.zeros_like(way)]))
+    swing = TURN_RAD_M * turning * np.clip(way / STRAIGHT_M, 0, 1)
+    # A path swings about its direction: what it has turned by is partly turned back.
+    angle = np.zeros(len(way))
+    for i in range(1, len(way)):
+        angle[i] = angle[i - 1] + STEP_M * (swing[i] - 0.12 * angle[i - 1])
+    first = np.arctan2(direction[1], direction[0])
+    steps = STEP_M * np.column_stack([np.cos(first + angle), np.sin(first + angle)])
+    return np.asarray(place + np.cumsum(steps, axis=0))

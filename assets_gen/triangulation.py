@@ -1,0 +1,149 @@
+"""A triangulated plane, fine along a path and ever coarser away from it.
+
+Steps grow in proportion to the distance from the path, as what a camera on it makes out does. The
+points are a jittered lattice in each ring of distances, joined by a Delaunay triangulation: no
+T-junctions between levels, and no straight lines for edges of what covers the ground to follow.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import Delaunay, cKDTree
+
+from megalopta.assets_gen import FloatArray
+from megalopta.assets_gen.scatter import distance_to
+
+JITTER = 0.35
+"""Largest displacement of a point from its lattice, in steps."""
+TILE_STEPS = 32
+"""Steps of the lattice along the squares that are kept or left out as a whole."""
+NEAREST = 6, 48
+"""Triangles around a place of which one holds it, at the first attempt and at the second."""
+ROUNDING = 1e-9
+RING = np.sqrt(2.0)
+"""Steps grow by this factor from ring to ring."""
+
+
+@dataclass(frozen=True)
+class Fineness:
+    """How finely the plane is cut at a distance from the path."""
+
+    finest_m: float
+    """Step up to `near_m` from the path (m)."""
+    near_m: float
+    """Beyond this distance steps grow in proportion to it (m)."""
+
+    def step(self, distance_m: ArrayLike) -> FloatArray:
+        """Step at distances from the path (m)."""
+        return self.finest_m * np.maximum(np.asarray(distance_m) / self.near_m, 1)
+
+    def triangles(self, path_m: float, reach_m: float) -> float:
+        """Return about how many there are up to a distance from a straight path."""
+        within = min(self.near_m, reach_m)
+        inner = (2 * path_m * within + np.pi * within**2) / self.finest_m**2
+        slope = self.finest_m / self.near_m
+        outer = 2 * path_m * (1 / within - 1 / reach_m) + 2 * np.pi * np.log(reach_m / within)
+        return float(2 * (inner + outer / slope**2))
+
+
+@dataclass(frozen=True)
+class Triangulation:
+    """Points of the plane and the triangles between them."""
+
+    points: FloatArray
+    """(n, 2): meters."""
+    faces: NDArray[np.int64]
+    """(m, 3): counterclockwise."""
+
+    @cached_property
+    def areas(self) -> FloatArray:
+        """Area (m,) of the triangles (m²)."""
+        a, b, c = self.points[self.faces].swapaxes(0, 1)
+        return _area(b - a, c - a)
+
+    @cached_property
+    def centers(self) -> FloatArray:
+        """Middle (m, 2) of the triangles (m)."""
+        return np.asarray(self.points[self.faces].mean(axis=1))
+
+    @cached_property
+    def _near(self) -> cKDTree:
+        return cKDTree(self.centers)
+
+    def interpolated(self, values: FloatArray, places: FloatArray) -> FloatArray:
+        """Return values (n,) of the points at places (k, 2), linear within each triangle.
+
+        Raises ValueError for places outside.
+        """
+        found = np.empty(len(places))
+        left = np.arange(len(places))
+        for nearest in NEAREST:
+            faces = self.faces[self._near.query(places[left], k=nearest)[1]]
+            weights = _barycentric(self.points[faces], places[left])
+            worst = weights.min(axis=-1)
+            best = worst.argmax(axis=-1)
+            rows = np.arange(len(left))
+            inside = worst[rows, best] > -ROUNDING
+            here = np.einsum("ki,ki->k", weights[rows, best], values[faces[rows, best]])
+            found[left[inside]] = here[inside]
+            left = left[~inside]
+            if not len(left):
+                return found
+        raise ValueError(f"places: {len(left)} lie outside of the triangles; give others")
+
+
+def _area(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Return the signed area (…) of triangles with two edges (…, 2)."""
+    return np.asarray(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]) / 2
+
+
+def _barycentric(corners: FloatArray, places: FloatArray) -> FloatArray:
+    """Return the weights (k, q, 3) of the corners (k, q, 3, 2) of q triangles for each place."""
+    to_corners = corners - places[:, None, None]
+    parts = [
+        _area(to_corners[..., (i + 1) % 3, :], to_corners[..., (i + 2) % 3, :]) for i in range(3)
+    ]
+    weights = np.stack(parts, axis=-1)
+    return np.asarray(weights / weights.sum(axis=-1, keepdims=True))
+
+
+def triangulated(
+    path: cKDTree, fineness: Fineness, reach_m: float, rng: np.random.Generator
+) -> Triangulation:
+    """Return the plane up to a distance from a path (m), in triangles."""
+    rings = [0.0, fineness.near_m]
+    while rings[-1] < reach_m:
+        rings.append(rings[-1] * RING)
+    lattices = []
+    for near, far in pairwise(rings):
+        step_m = float(fineness.step(np.sqrt(near * far)))
+        lattices.append(_ring(path, near, min(far, reach_m), step_m, rng))
+    points = np.concatenate(lattices)
+    # Relative to the path, so that digits suffice anywhere.
+    faces = Delaunay(points - (path.mins + path.maxes) / 2).simplices.astype(np.int64)
+    a, b, c = points[faces].swapaxes(0, 1)
+    turned = _area(b - a, c - a) < 0
+    faces[turned] = faces[turned][:, ::-1]
+    return Triangulation(points, faces)
+
+
+def _ring(
+    path: cKDTree, near_m: float, far_m: float, step_m: float, rng: np.random.Generator
+) -> FloatArray:
+    """Return the points (n, 2) of a jittered lattice whose distance from a path lies in a ring."""
+    tile = TILE_STEPS * step_m
+    low, high = np.floor((path.mins - far_m) / tile), np.ceil((path.maxes + far_m) / tile)
+    corners = np.stack(
+        np.meshgrid(*(np.arange(low[i], high[i]) for i in range(2))), axis=-1
+    ).reshape(-1, 2)
+    away = distance_to(path, (corners + 0.5) * tile)
+    corners = corners[(away < far_m + tile) & (away > near_m - tile)]
+    steps = np.arange(TILE_STEPS) + 0.5
+    inner = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    lattice = ((corners * TILE_STEPS)[:, None] + inner).reshape(-1, 2)
+    points = (lattice + rng.uniform(-JITTER, JITTER, lattice.shape)) * step_m
+    distance = distance_to(path, points)
+    return np.asarray(points[(distance >= near_m) & (distance < far_m)])

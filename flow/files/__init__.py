@@ -1,1 +1,0 @@
-"""Flow on disk and in color."""

@@ -1,1 +1,0 @@
-"""What a counter makes of events."""

@@ -1,1 +1,0 @@
-"""Proofs: every effect against theory and against simulations event by event."""

@@ -1,0 +1,179 @@
+"""The analog counter: every event takes a step off a voltage, which an ADC reads.
+
+After the reset the output stands at the supply. Each event removes the pixel's step; the output
+leaks downwards at the pixel's rate; it stops at the bottom of its swing. A source follower adds its
+pixel's offset and read noise, an ADC that spans the supply rounds. Three reference readings, per
+pixel, turn volts back into counts: the output without events (offset, leak) and the mean step,
+
+    V     = V_supply + offset − min(F_N + leak·T, swing) + read noise, rounded by the ADC
+    count = round((V_supply + offset − leak·T − V) / step)
+
+With `calibrated` off, the nominal ones are used for all pixels, as when only the mean of the array
+is known. A count at the capacity of its pixel is flagged, as is a pixel that noise alone keeps off
+the bottom.
+
+The step may change over the swing: taken at a fall F it is step·(1 + slope·(½ − F/swing)), so that
+N events make, with b = slope·step/swing,
+
+    F_N = step·(1 + slope/2)·(1 − (1 − b)^N)/b          N·step without slope
+
+A straight line through the whole swing has R² = 1 − slope²/60, nearly: the printed R² > 0.99 allows
+slopes to 0.6. Calibration stays a straight line. Each step may also err, alone, by `step_noise_v`:
+N of them by √N times as much.
+
+The leak between reset and readout is constant and the time to read the array (12.8 µs) is
+neglected.
+
+Source: dissertation §2.4.2; that the step changes linearly with the output is assumed.
+"""
+
+from typing import Annotated, ClassVar, Literal, NamedTuple, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from megalopta.core.arrays import Floats
+from megalopta.sensor.effects.base import Effect, Stage
+from megalopta.sensor.sampling.streams import pixel_normals
+from megalopta.sensor.spad.digital import DigitalCounter
+
+_LARGEST_CAPACITY = 65535
+# More than any `pixel_normals`.
+_LARGEST_Z = 9
+
+
+class AnalogCounter(Effect, frozen=True):
+    """A counter that keeps its count as a voltage."""
+
+    stage: ClassVar[Stage] = Stage.READOUT
+    statement: ClassVar[str] = (
+        "avalanches are counted, as far as the counter goes, and read (frames only)"
+    )
+
+    kind: Literal["analog"] = "analog"
+    """Counts in volts."""
+    step_v: Annotated[float, Field(gt=0)]
+    """Mean voltage that one event takes off (V)."""
+    step_sigma_v: Annotated[float, Field(ge=0)] = 0.0
+    """Standard deviation of the step over the pixels (V)."""
+    supply_v: Annotated[float, Field(gt=0)] = 3.3
+    """Output after reset, and range of the ADC (V)."""
+    swing_v: Annotated[float, Field(gt=0)] = 3.2
+    """How far the output can fall (V)."""
+    step_slope: Annotated[float, Field(ge=-1, le=1)] = 0.0
+    """How much smaller the step is at the bottom of the swing than at its top, relative."""
+    step_noise_v: Annotated[float, Field(ge=0)] = 0.0
+    """Standard deviation of a single step about its pixel's (V)."""
+    leak_v_s: Annotated[float, Field(ge=0)] = 0.0
+    """Mean rate at which the output falls by itself (V/s)."""
+    leak_sigma_v_s: Annotated[float, Field(ge=0)] = 0.0
+    """Standard deviation of that rate over the pixels (V/s)."""
+    offset_sigma_v: Annotated[float, Field(ge=0)] = 0.0
+    """Standard deviation of the offset of the source followers over the pixels (V)."""
+    read_noise_v: Annotated[float, Field(ge=0)] = 0.0
+    """Standard deviation of the noise of one reading (V)."""
+    adc_bits: Annotated[int, Field(ge=1, le=24)] | None = None
+    """Resolution of the ADC (bits); none: it does not round."""
+    calibrated: bool = True
+    """Whether step, leak and offset of every pixel are known, or only their means."""
+
+    @model_validator(mode="after")
+    def _check_voltages(self) -> Self:
+        if self.swing_v > self.supply_v or self.step_v > self.swing_v:
+            raise ValueError(
+                f"counter: step_v {self.step_v:g}, swing_v {self.swing_v:g}, supply_v "
+                f"{self.supply_v:g}; a step must fit into the swing, the swing into the supply"
+            )
+        for field, mean, sigma in (
+            ("step_sigma_v", self.step_v, self.step_sigma_v),
+            ("step_noise_v", self.step_v, self.step_noise_v),
+            ("leak_sigma_v_s", self.leak_v_s, self.leak_sigma_v_s),
+        ):
+            if sigma * _LARGEST_Z > mean:
+                raise ValueError(
+                    f"counter.{field}: {sigma:g} about a mean of {mean:g}; use at most "
+                    f"{mean / _LARGEST_Z:g}, so that none is negative"
+                )
+        if self.capacity > _LARGEST_CAPACITY:
+            raise ValueError(
+                f"counter.step_v: {self.step_v:g} makes {self.capacity} counts; at most "
+                f"{_LARGEST_CAPACITY} are stored: make it larger or lower swing_v"
+            )
+        return self
+
+    @classmethod
+    def off(cls) -> DigitalCounter:
+        """Return a counter that is practically never full."""
+        return DigitalCounter()
+
+    @property
+    def capacity(self) -> int:
+        """Largest count of a pixel of nominal step without leak."""
+        return _capacity(self.swing_v, self.step_v)
+
+    @property
+    def lsb_v(self) -> float:
+        """Voltage between two codes of the ADC, V; 0 where it does not round."""
+        return 0.0 if self.adc_bits is None else self.supply_v / (2**self.adc_bits - 1)
+
+
+class AnalogPixels(NamedTuple):
+    """Mean steps, fall of the output by leakage in one exposure and offsets, (rows, columns) V."""
+
+    step_v: Floats
+    leaked_v: Floats
+    offset_v: Floats
+    """What the source follower adds to the output: positive raises it. `calibrate.Device.offset_v`,
+    which is a fall of the output, has the opposite sign."""
+
+
+def analog_pixels(
+    counter: AnalogCounter, shape: tuple[int, int], exposure_s: float, device_seed: int
+) -> AnalogPixels:
+    """Draw the pixels of a device.
+
+    Raises
+    ------
+    ValueError
+        When leakage alone empties a counter during the exposure, or a pixel's step is so small
+        that its counts cannot be stored.
+    """
+    step = _scattered(counter.step_v, counter.step_sigma_v, shape, device_seed, "counter step")
+    leak = _scattered(counter.leak_v_s, counter.leak_sigma_v_s, shape, device_seed, "counter leak")
+    leaked = leak * exposure_s
+    if leaked.size and leaked.max() + step.max() > counter.swing_v:
+        raise ValueError(
+            f"exposure_s: {exposure_s:g}; by then leakage has taken {leaked.max():g} V of the "
+            f"counter.swing_v {counter.swing_v:g}; expose for less or lower counter.leak_v_s"
+        )
+    if step.size and _capacity(counter.swing_v, float(step.min())) > _LARGEST_CAPACITY:
+        raise ValueError(
+            f"counter.step_v: {step.min():g} in the pixel of the smallest step makes more than "
+            f"{_LARGEST_CAPACITY} counts; make it larger or lower counter.step_sigma_v"
+        )
+    offset = _scattered(0.0, counter.offset_sigma_v, shape, device_seed, "counter offset")
+    return AnalogPixels(step, leaked, offset)
+
+
+def nominal_pixels(counter: AnalogCounter, exposure_s: float) -> AnalogPixels:
+    """Return what is assumed of every pixel without calibration."""
+    leaked_v = counter.leak_v_s * exposure_s
+    return AnalogPixels(*(np.array(value) for value in (counter.step_v, leaked_v, 0.0)))
+
+
+def assumed_pixels(counter: AnalogCounter, pixels: AnalogPixels, exposure_s: float) -> AnalogPixels:
+    """Return what turns volts back into counts, in the shape of the pixels."""
+    known = pixels if counter.calibrated else nominal_pixels(counter, exposure_s)
+    return AnalogPixels(*(np.full(pixels.step_v.shape, each) for each in known))
+
+
+def _capacity(swing_v: float, step_v: float) -> int:
+    return int(swing_v / step_v * (1 + 1e-9))
+
+
+def _scattered(
+    mean: float, sigma: float, shape: tuple[int, int], device_seed: int, purpose: str
+) -> Floats:
+    if sigma == 0:
+        return np.full(shape, mean)
+    return mean + sigma * pixel_normals(shape, device_seed, purpose)

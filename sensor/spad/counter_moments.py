@@ -1,0 +1,247 @@
+"""Mean and variance of readings, from those or from the law of the number of events.
+
+Where all likely numbers of events fit into the counter and are read one for one, the reading has
+the moments of the events; where none fits, that of a full counter. Else the law decides.
+
+A digital counter makes of N events min(N, C) or N mod (C + 1). An analog one reads j or more where
+its output lies below the upper edge of the last code of the ADC that stands for j. With the fall
+F_N of the output normal (step noise), held at the bottom S of the swing, and read noise r,
+
+    P(count >= j | N) = P(min(F_N, S) − r > t_j)          t_j: that edge, from supply and offset
+
+is an integral of the normal law, of two dimensions near the bottom, and the moments are sums over j
+and N. Nothing is approximated, except that a counter which misreads fewer than one of 10⁵ events is
+taken as exact away from its ends: its variance is then off by less than 1e-5 counts².
+"""
+
+import math
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from megalopta.core.arrays import Floats
+from megalopta.sensor.spad.analog import AnalogCounter, AnalogPixels, assumed_pixels
+from megalopta.sensor.spad.conversion import fall, largest_count, spread, voltages
+from megalopta.sensor.spad.digital import DigitalCounter
+
+_FEW_MISREAD = 1e-5
+_FAR = 7.0
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
+
+Counter: TypeAlias = DigitalCounter | AnalogCounter
+
+
+class Pixel(NamedTuple):
+    """Step, leakage and offset, V; what is assumed of the step and the output without events."""
+
+    step_v: float
+    leaked_v: float
+    offset_v: float
+    known_step_v: float
+    reference_v: float
+    capacity: float
+    exact_below: float
+    """Number of events below which they are read one for one"""
+
+
+def events_until_full(counter: Counter, pixels: AnalogPixels | None) -> Floats:
+    """Number of events from which on readings are the same (rows, columns); infinite if wrapped."""
+    if isinstance(counter, DigitalCounter):
+        return np.array(np.inf if counter.overflow == "wrap" else counter.capacity)
+    assert pixels is not None
+    full = counter.swing_v / pixels.step_v
+    # a slope of 1 takes 10 % more steps; their noise is below a ninth, taken nine times
+    return np.asarray(np.ceil(1.2 * full + np.sqrt(1.2 * full) + 1))
+
+
+def simple_moments(
+    counter: Counter, pixels: AnalogPixels | None, moments: tuple[Floats, Floats], reach: Floats
+) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """Mean and variance of readings where no law is needed, and where it is.
+
+    Parameters
+    ----------
+    counter : DigitalCounter or AnalogCounter
+    pixels : AnalogPixels, optional
+        Of an analog counter.
+    moments : (mean, variance)
+        Of the events, arrays of one shape.
+    reach : (2, ...) array
+        Least and largest number of events that there may be.
+    """
+    (mean, variance), (least, most) = moments, reach
+    if isinstance(counter, AnalogCounter):
+        assert pixels is not None
+        capacity = np.floor((counter.swing_v - pixels.leaked_v) / pixels.step_v)
+        needs_law = np.full(mean.shape, misreads(counter, pixels)) | (most > capacity)
+        return mean, variance, needs_law
+    size = counter.capacity + 1
+    if counter.overflow == "saturate":
+        is_full = least >= counter.capacity
+        needs_law = ~is_full & (most > counter.capacity)
+        return np.where(is_full, counter.capacity, mean), np.where(is_full, 0, variance), needs_law
+    # so wide a law leaves any remainder as likely as any other, to 3e-9
+    is_even = variance > size**2
+    needs_law = ~is_even & (least // size != most // size)
+    return (
+        np.where(is_even, counter.capacity / 2, mean - least // size * size),
+        np.where(is_even, (size**2 - 1) / 12, variance),
+        needs_law,
+    )
+
+
+def counter_moments(
+    counter: Counter,
+    pixels: AnalogPixels | None,
+    exposure_s: float,
+    first: Floats,
+    probability: Floats,
+) -> tuple[Floats, Floats]:
+    """Mean and variance of readings of pixels in a row, of any number.
+
+    Parameters
+    ----------
+    counter : DigitalCounter or AnalogCounter
+    pixels : AnalogPixels, optional
+        Of an analog counter, each (P,).
+    exposure_s : float
+    first : (P,)
+        Number of events that the first column of `probability` stands for.
+    probability : (P, N)
+        Of that number of events and of the following ones.
+    """
+    if isinstance(counter, DigitalCounter):
+        events = first[:, None] + np.arange(probability.shape[1])
+        wraps = counter.overflow == "wrap"
+        size = counter.capacity + 1
+        counts = events % size if wraps else np.minimum(events, counter.capacity)
+        mean = (probability * counts).sum(1)
+        return mean, (probability * (counts - mean[:, None]) ** 2).sum(1)
+    assert pixels is not None
+    known = assumed_pixels(counter, pixels, exposure_s)
+    mean, variance = np.empty(first.size), np.empty(first.size)
+    is_exact = not misreads(counter, pixels)
+    volts, first = voltages(counter), first.astype(np.float64)
+    _integrate(first, probability, pixels, known, volts, is_exact, mean, variance)
+    return mean, variance
+
+
+def misreads(counter: AnalogCounter, pixels: AnalogPixels) -> bool:
+    """Whether events are not read one for one, even away from the ends of the counter."""
+    is_clipped = counter.offset_sigma_v > 0 and counter.adc_bits is not None
+    if not counter.calibrated or counter.step_slope or counter.step_noise_v or is_clipped:
+        return True
+    margin = (float(pixels.step_v.min(initial=counter.step_v)) - counter.lsb_v) / 2
+    if counter.read_noise_v == 0:
+        return margin <= 0
+    return bool(2 * ndtr(-margin / counter.read_noise_v) > _FEW_MISREAD)
+
+
+@njit(cache=True, nogil=True)
+def _integrate(first, probability, pixels, known, volts, is_exact, mean, variance):  # type: ignore[no-untyped-def]
+    for at in range(first.size):
+        pixel = pixel_of(at, pixels, known, volts, is_exact)
+        center = np.rint(first[at] + probability.shape[1] / 2)
+        once = twice = 0.0
+        is_full, full_mean, full_square = False, 0.0, 0.0
+        for column in range(probability.shape[1]):
+            weight, events = probability[at, column], first[at] + column
+            if events < pixel.exact_below:
+                once += weight * (events - center)
+                twice += weight * (events - center) ** 2
+                continue
+            if not is_full:  # else as with one event less
+                full_mean, full_square, is_full = read_of(events, center, pixel, volts)
+            once += weight * (full_mean - center)
+            twice += weight * full_square
+        mean[at] = center + once
+        variance[at] = max(twice - once**2, 0.0)
+
+
+@njit(cache=True, nogil=True)
+def pixel_of(at, pixels, known, volts, is_exact):  # type: ignore[no-untyped-def]
+    """One of the pixels, and below which number of events it reads one for one."""
+    supply, swing, read_noise = volts[0], volts[1], volts[4]
+    leaked = pixels.leaked_v[at]
+    capacity = largest_count(known.step_v[at], known.leaked_v[at], swing)
+    exact_below = 0.0
+    if is_exact:
+        room = swing - leaked - _FAR * read_noise
+        exact_below = min(capacity, room / pixels.step_v[at])
+    reference = supply + known.offset_v[at] - known.leaked_v[at]
+    return Pixel(
+        pixels.step_v[at], leaked, pixels.offset_v[at],
+        known.step_v[at], reference, capacity, exact_below,
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
+def read_of(events, center, pixel, volts):  # type: ignore[no-untyped-def]
+    """Mean reading of a number of events, mean square about a center, and whether it is full."""
+    supply, swing, slope, step_noise, read_noise, lsb = volts
+    fallen = fall(events, pixel.step_v, slope, swing) + pixel.leaked_v
+    scatter = spread(events, step_noise, pixel.step_v, swing)
+    noise = np.hypot(scatter, read_noise)
+    step, reference, capacity = pixel.known_step_v, pixel.reference_v, pixel.capacity
+    reached = (min(fallen, swing) - pixel.offset_v + reference - supply) / step
+    margin = (_FAR * noise + lsb) / step
+    count = min(max(np.floor(reached - margin), 0.0), capacity)
+    if lsb > 0:  # an output below ground is read as ground
+        count = min(count, max(np.floor(reference / step + 0.5), 0.0))
+    mean, square = count, (count - center) ** 2
+    while count < capacity:
+        edge, always, never = _edge(reference - (count + 0.5) * step, supply, lsb)
+        chance = 1.0
+        if never:
+            chance = 0.0
+        elif not always:
+            depth = supply + pixel.offset_v - edge
+            chance = _chance(fallen - depth, swing - depth, scatter, read_noise)
+        if chance < 1e-12:
+            break
+        count += 1
+        mean += chance
+        square += chance * (2 * (count - center) - 1)
+    return mean, square, fallen >= swing and scatter == 0
+
+
+@njit(cache=True, nogil=True)
+def _edge(below, supply, lsb):  # type: ignore[no-untyped-def]
+    """Output under which what the ADC makes of it is at most `below`; whether always or never."""
+    if lsb == 0:
+        return below, False, False
+    code = np.floor(below / lsb)
+    return (code + 0.5) * lsb, code >= np.rint(supply / lsb), code < 0
+
+
+@njit(cache=True, nogil=True)
+def _chance(deeper, room, scatter, read_noise):  # type: ignore[no-untyped-def]
+    """Probability that the fall, held at the bottom, and read noise pass a depth.
+
+    `deeper` is how far the mean fall passes it, `room` how far the bottom does.
+    """
+    noise = math.hypot(scatter, read_noise)
+    if noise == 0:
+        return 1.0 if min(deeper, room) > 0 else 0.0
+    h = deeper / noise
+    if read_noise == 0:
+        return _normal(h) if room > 0 else 0.0
+    k = room / read_noise
+    if scatter == 0 or abs(h) > _FAR or abs(k) > _FAR:
+        return _normal(min(h, k))
+    # Drezner and Wesolowsky, J. Stat. Comput. Simul. 35, 101 (1990), over the angle
+    half = math.asin(read_noise / noise) / 2
+    total = 0.0
+    for node, weight in zip(_NODES, _WEIGHTS):  # noqa: B905
+        angle = half * (1 + node)
+        distance = h * h + k * k - 2 * h * k * math.sin(angle)
+        total += weight * math.exp(-distance / (2 * math.cos(angle) ** 2))
+    return _normal(h) * _normal(k) + half * total / (2 * math.pi)
+
+
+@njit(cache=True, nogil=True)
+def _normal(z):  # type: ignore[no-untyped-def]
+    return 0.5 * math.erfc(-z / math.sqrt(2))

@@ -1,1 +1,0 @@
-"""What SPADCAM and its host say to each other: docs/spadcam-protocol.md."""

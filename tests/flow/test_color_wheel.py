@@ -1,0 +1,60 @@
+import numpy as np
+import pytest
+
+from megalopta.flow.color_wheel import flow_to_rgb, wheel_legend
+
+
+def color(x, y, max_speed=1.0):
+    return tuple(flow_to_rgb(np.array([x, y], float), max_speed).tolist())
+
+
+def test_direction_is_hue():
+    assert color(1, 0) == (255, 0, 0)
+    down, left, up = color(0, 1), color(-1, 0), color(0, -1)
+    assert down[0] > 200 and down[1] > 200 and down[2] == 0
+    assert left[0] == 0 and left[1] > 100 and left[2] > 200
+    assert up[0] > 50 and up[1] == 0 and up[2] > 200
+
+
+def test_speed_is_saturation_from_white_to_pure():
+    assert color(0, 0) == (255, 255, 255)
+    assert color(1, 0, max_speed=2) == (255, 128, 128)
+
+
+def test_speed_beyond_the_maximum_is_darkened():
+    assert color(5, 0) == (191, 0, 0)
+
+
+def test_hue_is_continuous_all_around():
+    turn = np.linspace(0, 2 * np.pi, 20001)
+    colors = flow_to_rgb(np.stack([np.cos(turn), np.sin(turn)], axis=-1) * 0.999, 1.0).astype(int)
+    assert np.abs(np.diff(colors, axis=0)).max() <= 2
+
+
+def test_undefined_flow_is_mid_gray():
+    assert color(np.nan, 1) == (128, 128, 128)
+
+
+def test_legend_shows_each_direction_in_its_color():
+    legend = wheel_legend(101)
+    assert legend.shape == (101, 101, 3)
+    assert tuple(legend[50, 100]) == color(100 / 101, 0)
+    assert tuple(legend[50, 50]) == (255, 255, 255)
+    assert tuple(legend[0, 0]) == (255, 255, 255)
+    np.testing.assert_array_equal(legend[90, 50], flow_to_rgb(np.array([0, 80 / 101]), 1.0))
+
+
+@pytest.mark.parametrize("speed", [0, -1, np.inf, np.nan])
+def test_maximum_speed_must_be_positive(speed):
+    with pytest.raises(ValueError, match="max_speed"):
+        flow_to_rgb(np.zeros((2, 2, 2)), speed)
+
+
+def test_flow_without_two_components_is_refused():
+    with pytest.raises(ValueError, match=r"give \(\.\.\., 2\)"):
+        flow_to_rgb(np.zeros((2, 2, 3)), 1)
+
+
+def test_legend_of_no_size_is_refused():
+    with pytest.raises(ValueError, match="3 px or more"):
+        wheel_legend(2)

@@ -1,0 +1,167 @@
+"""Flow in the files of KITTI and Spring, which OpenCV and h5py read without us."""
+
+import os
+import struct
+import zlib
+
+import cv2
+import h5py
+import numpy as np
+import pytest
+
+from megalopta.flow.flo import write_flo
+from megalopta.flow.formats import (
+    read_flo5,
+    read_flow,
+    read_kitti_png,
+    write_flo5,
+    write_kitti_png,
+)
+
+
+@pytest.fixture
+def flow():
+    values = np.random.default_rng(0).uniform(-40, 40, (5, 7, 2)).astype(np.float32)
+    values[2, 3] = np.nan
+    return values
+
+
+def test_kitti_png_is_what_opencv_reads_by_kittis_formula(flow, tmp_path):
+    write_kitti_png(tmp_path / "f.png", flow)
+    blue, green, red = cv2.split(cv2.imread(str(tmp_path / "f.png"), cv2.IMREAD_UNCHANGED))
+    read = np.stack([(red - 2.0**15) / 64, (green - 2.0**15) / 64], axis=-1)
+    known = blue == 1
+    assert (~known).sum() == 1 and not known[2, 3]
+    assert np.abs(read - flow)[known].max() <= 1 / 128
+    np.testing.assert_array_equal(read_kitti_png(tmp_path / "f.png")[known], read[known])
+    assert np.isnan(read_kitti_png(tmp_path / "f.png")[2, 3]).all()
+
+
+def test_kitti_png_calls_unknown_what_it_cannot_hold(flow, tmp_path):
+    flow[0, 0] = 512.5, 0
+    write_kitti_png(tmp_path / "f.png", flow)
+    assert np.isnan(read_kitti_png(tmp_path / "f.png")).all(axis=-1).sum() == 2
+
+
+def test_flo5_is_hdf5_with_one_dataset(flow, tmp_path):
+    write_flo5(tmp_path / "f.flo5", flow)
+    with h5py.File(tmp_path / "f.flo5") as file:
+        np.testing.assert_array_equal(file["flow"][()], flow)
+    np.testing.assert_array_equal(read_flo5(tmp_path / "f.flo5"), flow)
+
+
+@pytest.mark.parametrize("read", [read_flo5, read_kitti_png])
+def test_something_else_is_refused_by_name(read, tmp_path):
+    (tmp_path / "a.dat").write_bytes(b"something else")
+    with pytest.raises(ValueError, match="a.dat"):
+        read(tmp_path / "a.dat")
+
+
+FLOW = np.random.default_rng(0).uniform(-50, 50, (6, 9, 2)).astype(np.float32)
+# what KITTI's steps of 1/64 px hold exactly
+FLOW = np.round(FLOW * 64).astype(np.float32) / 64
+HOLE = (2, 3)
+
+
+def write(path, flow):
+    """Write a flow in the format of its suffix."""
+    if path.suffix == ".flo":
+        write_flo(path, flow)
+    elif path.suffix == ".flo5":
+        with h5py.File(path, "w") as file:
+            file.create_dataset("flow", data=flow, compression="gzip")
+    elif path.suffix == ".npy":
+        np.save(path, flow)
+    elif path.suffix == ".png":
+        known = np.isfinite(flow).all(axis=-1)
+        values = np.where(known[..., None], flow * 64 + 2**15, 0)
+        image = np.dstack([known, values[..., 1], values[..., 0]]).astype(np.uint16)
+        assert cv2.imwrite(str(path), image)
+    else:
+        three = np.dstack([flow, np.zeros(flow.shape[:2])]).astype("<f4")
+        header = f"PF\n{flow.shape[1]} {flow.shape[0]}\n-1.0\n".encode()
+        path.write_bytes(header + three[::-1].tobytes())
+
+
+@pytest.mark.parametrize("suffix", ["flo", "flo5", "png", "pfm", "npy"])
+def test_every_format_gives_the_same_flow_and_its_holes(tmp_path, suffix):
+    holed = FLOW.copy()
+    holed[HOLE] = np.nan
+    write(tmp_path / f"a.{suffix}", holed)
+    found = read_flow(tmp_path / f"a.{suffix}")
+    assert found.dtype == np.float32
+    np.testing.assert_array_equal(found, holed)
+
+
+def test_opencv_reads_the_same_flo(tmp_path):
+    write(tmp_path / "a.flo", FLOW)
+    np.testing.assert_array_equal(cv2.readOpticalFlow(str(tmp_path / "a.flo")), FLOW)
+
+
+def test_an_array_as_pytorch_orders_it_is_refused_with_the_way_out(tmp_path):
+    np.save(tmp_path / "a.npy", np.moveaxis(FLOW, -1, 0))
+    with pytest.raises(ValueError, match=r"float32 \(2, 6, 9\).*numpy.moveaxis\(flow, 0, -1\)"):
+        read_flow(tmp_path / "a.npy")
+
+
+def test_whole_numbers_are_no_flow(tmp_path):
+    np.save(tmp_path / "a.npy", FLOW.astype(np.int16))
+    with pytest.raises(ValueError, match=r"int16 \(6, 9, 2\).*astype\('float32'\)"):
+        read_flow(tmp_path / "a.npy")
+
+
+def test_a_png_that_claims_3_600_million_pixels_is_refused_in_a_moment(tmp_path):
+    write(tmp_path / "a.png", FLOW)
+    content = bytearray((tmp_path / "a.png").read_bytes())
+    content[16:24] = struct.pack(">II", 60_000, 60_000)
+    content[29:33] = struct.pack(">I", zlib.crc32(content[12:29]))
+    (tmp_path / "a.png").write_bytes(content)
+    with pytest.raises(ValueError, match="claims 60000 × 60000 px"):
+        read_flow(tmp_path / "a.png")
+
+
+def test_flow_in_another_file_is_not_looked_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe")  # whose opening would wait for ever
+    with h5py.File(tmp_path / "a.flo5", "w") as file:
+        file["flow"] = h5py.ExternalLink(str(tmp_path / "pipe"), "/flow")
+    with pytest.raises(ValueError, match="no flow, or it lies in another file"):
+        read_flow(tmp_path / "a.flo5")
+
+
+@pytest.mark.parametrize("suffix", ["flo", "flo5", "png", "pfm", "npy"])
+def test_a_pipe_is_refused_at_once(tmp_path, suffix):
+    os.mkfifo(tmp_path / f"a.{suffix}")
+    with pytest.raises(ValueError, match="not a regular file"):
+        read_flow(tmp_path / f"a.{suffix}")
+
+
+@pytest.mark.parametrize("suffix", ["flo", "flo5", "png", "pfm", "npy"])
+def test_damaged_files_are_refused_by_name(tmp_path, suffix):
+    path = tmp_path / f"a.{suffix}"
+    write(path, FLOW)
+    whole = path.read_bytes()
+    for damaged in (b"", whole[:5], whole[: len(whole) // 2], b"x" * 100):
+        path.write_bytes(damaged)
+        with pytest.raises(ValueError, match=f"a.{suffix}"):
+            read_flow(path)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [np.zeros((3, 4)), np.zeros((3, 4, 3)), np.zeros((3, 4, 2), complex), np.array(["a"])],
+)
+def test_arrays_that_are_no_flow_are_refused(tmp_path, values):
+    np.save(tmp_path / "a.npy", values)
+    with pytest.raises(ValueError, match="a.npy"):
+        read_flow(tmp_path / "a.npy")
+
+
+def test_pickles_are_not_opened(tmp_path):
+    np.save(tmp_path / "a.npy", np.array([{}], dtype=object))
+    with pytest.raises(ValueError, match="a.npy"):
+        read_flow(tmp_path / "a.npy")
+
+
+def test_other_suffixes_are_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"a.mat: flow is read from .flo"):
+        read_flow(tmp_path / "a.mat")

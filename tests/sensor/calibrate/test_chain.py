@@ -1,0 +1,158 @@
+"""Corrected frames against the true photon image: mean, variance, hot pixels, what is refused.
+
+Means over n frames are held to 5 standard errors of the mean and 0.5 %; |z| < 5 fails with
+probability 6e-7.
+"""
+
+import numpy as np
+import pytest
+
+from megalopta.sensor import DeadTime, DigitalCounter, changed, expose_rate, preset
+from megalopta.sensor.calibrate.correction import correct
+from megalopta.sensor.calibrate.defects import filled_in, hot_pixels
+from megalopta.sensor.calibrate.frame_calibration import calibrate, simulated_calibration
+from megalopta.sensor.calibrate.response_curve import response_curve
+from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
+
+SHAPE = (8, 16)
+FRAMES = 500
+SENSORS = {
+    "spadcam": preset("spadcam"),
+    "nonparalyzable": changed(
+        preset("ideal"),
+        dead_time=DeadTime(kind="nonparalyzable", dead_time_s=1e-3),
+        counter=DigitalCounter(capacity=90),
+    ),
+    "paralyzable": changed(
+        preset("ideal"), dead_time=DeadTime(kind="paralyzable", dead_time_s=1e-3)
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def calibrations():
+    return {name: simulated_calibration(each, SHAPE, frames=1000) for name, each in SENSORS.items()}
+
+
+def exposed(sensor, share, curve):
+    """Frames of a ramp of which the brightest column reads a share of the largest reading."""
+    brightest = float(curve.arrivals_of(np.array([share * curve.largest]))[0][0])
+    scene = np.broadcast_to(brightest * np.linspace(0.2, 1, SHAPE[1]), SHAPE)
+    factor = draw_fixed_pattern(sensor, SHAPE).efficiency_factor
+    rate = np.broadcast_to(scene * factor / sensor.exposure_s, (FRAMES, *SHAPE))
+    return scene, expose_rate(rate, sensor, seed=1, sequence="ramp")
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.8])
+@pytest.mark.parametrize("name", list(SENSORS))
+def test_corrected_frames_are_the_photons_on_average_with_the_stated_variance(
+    name, share, calibrations
+):
+    calibration = calibrations[name]
+    scene, exposure = exposed(SENSORS[name], share, calibration.curve)
+    corrected = correct(exposure.counts, exposure.saturated, calibration)
+    good = ~corrected.filled.any(axis=0)
+    assert good.mean() > 0.4
+    mean = corrected.detections.mean(axis=0)[good]
+    ratio = mean.sum() / scene[good].sum()
+    calibrated = (
+        calibration.dark_variance + scene**2 * calibration.gain_variance
+    ) / calibration.gain**2
+    noise = (corrected.detections.var(axis=0) / FRAMES + calibrated)[good].sum()
+    assert abs(ratio - 1) < 0.005 + 5 * np.sqrt(noise) / scene[good].sum()
+    # of a pixel: its own noise and that of its calibration
+    z = (mean - scene[good]) / np.sqrt(
+        (corrected.detections.var(axis=0) / FRAMES + calibrated)[good]
+    )
+    assert np.sqrt(np.mean(z**2)) == pytest.approx(1, abs=5 / np.sqrt(2 * good.sum()))
+    stated = (corrected.variance.mean(axis=0) - calibrated)[good].sum()
+    assert corrected.detections.var(axis=0)[good].sum() / stated == pytest.approx(1, abs=0.05)
+
+
+def test_without_correction_the_same_frames_are_far_off(calibrations):
+    scene, exposure = exposed(SENSORS["nonparalyzable"], 0.8, calibrations["nonparalyzable"].curve)
+    assert exposure.counts.mean() < 0.8 * scene.mean()
+
+
+def test_the_curve_is_that_of_dead_time():
+    for name, mean_of in (
+        ("nonparalyzable", lambda r, tau: r / (1 + r * tau)),
+        ("paralyzable", lambda r, tau: r * (1 - tau) * np.exp(-r * tau) + 1 - np.exp(-r * tau)),
+    ):
+        sensor = changed(SENSORS[name], counter=DigitalCounter())
+        tau = sensor.dead_time.dead_time_s / sensor.exposure_s
+        curve = response_curve(sensor)
+        # From a live start up to one event more is counted than in the stationary limit.
+        atol = 0.5 if name == "nonparalyzable" else 1e-9
+        np.testing.assert_allclose(curve.mean, mean_of(curve.arrivals, tau), rtol=1e-9, atol=atol)
+
+
+def test_the_curve_does_not_depend_on_the_pixels_of_one_device(tmp_path):
+    sensor = changed(
+        preset("ideal"),
+        dead_time=DeadTime(kind="nonparalyzable", dead_time_s=1e-3),
+        counter=DigitalCounter(capacity=90),
+    )
+    np.save(tmp_path / "times.npy", np.full((3, 5), 2.0))
+    files = {"dead_time": {"path": str(tmp_path / "times.npy")}}
+    own = changed(sensor, dead_time={"mismatch_sigma": 0.5}, measured=files)
+    np.testing.assert_array_equal(response_curve(own).mean, response_curve(sensor).mean)
+
+
+def test_dim_and_bright_readings_of_a_paralyzable_pixel_are_ambiguous_near_its_peak(calibrations):
+    calibration = calibrations["paralyzable"]
+    readings = np.full((1, *SHAPE), 0.95 * calibration.curve.largest)
+    full = np.zeros(readings.shape, bool)
+    assert correct(readings, full, calibration).ambiguous.all()
+    assert not correct(readings / 10, full, calibration).ambiguous.any()
+
+
+def test_hot_pixels_are_those_beyond_the_median():
+    dark = np.ones((4, 5))
+    dark[1, 2] = 30
+    assert np.argwhere(hot_pixels(dark, 10)).tolist() == [[1, 2]]
+    with pytest.raises(ValueError, match="hot_times"):
+        hot_pixels(np.array([[1.0, 9.0, 9.0, 9.0]]), 0.5)
+
+
+def test_a_hole_is_the_mean_of_its_neighbors_with_their_variance():
+    values = np.arange(25.0).reshape(1, 5, 5)
+    bad = np.zeros((5, 5), bool)
+    bad[2, 2] = True
+    filled, variance = filled_in(values, np.ones_like(values), bad)
+    assert filled[0, 2, 2] == pytest.approx(12)  # a plane is kept
+    # weights 1 across an edge, ½ across a corner: (4·1 + 4·¼)/(4 + 2)²
+    assert variance[0, 2, 2] == pytest.approx(5 / 36)
+    np.testing.assert_array_equal(filled[0][~bad], values[0][~bad])
+
+
+def test_wide_holes_are_filled_and_frames_without_any_good_pixel_stay():
+    values = np.full((2, 9, 9), 3.0)
+    bad = np.zeros((2, 9, 9), bool)
+    bad[0, 2:7, 2:7] = True
+    bad[1] = True
+    values[bad] = 100.0
+    filled, _ = filled_in(values, np.ones_like(values), bad)
+    np.testing.assert_allclose(filled[0], 3.0)
+    assert np.all(filled[1] == 100.0)
+
+
+@pytest.mark.parametrize(
+    ("dark", "flat", "sentence"),
+    [
+        (np.zeros((1, 4, 4)), np.zeros((5, 4, 4)), "two or more"),
+        (np.zeros((5, 4, 4)), np.zeros((5, 4, 5)), "of one device"),
+        (np.zeros((5, 4, 4)), np.zeros((5, 4, 4)), "too dark or too bright"),
+        (np.zeros((5, 4, 4)), np.full((5, 4, 4), 1e9), "too dark or too bright"),
+    ],
+)
+def test_frames_that_tell_nothing_are_refused(dark, flat, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        calibrate(dark, flat, SENSORS["nonparalyzable"])
+
+
+def test_frames_of_another_device_are_refused(calibrations):
+    with pytest.raises(ValueError, match="that were calibrated"):
+        correct(np.zeros((3, 4, 4)), np.zeros((3, 4, 4), bool), calibrations["spadcam"])
+    with pytest.raises(ValueError, match="saturated"):
+        correct(np.zeros((3, *SHAPE)), np.zeros((2, *SHAPE), bool), calibrations["spadcam"])

@@ -1,0 +1,111 @@
+"""The firmware's protocol, compiled for the host, against Python's."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from megalopta.sensor.formats.messages import (
+    Identity,
+    Settings,
+    identify,
+    set_exposure,
+    set_frame_rate,
+    set_row_window,
+    set_step_bias,
+)
+from megalopta.sensor.formats.packets import (
+    PAYLOAD_BYTES,
+    Kind,
+    Packet,
+    Parser,
+    encode,
+)
+
+HERE = Path(__file__).parent
+FIRMWARE = HERE.parents[2] / "sensor/formats/firmware"
+COMPILER = shutil.which("g++") or shutil.which("clang++")
+pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C++ compiler")
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    binary = tmp_path_factory.mktemp("firmware") / "host"
+    sources = [HERE / "host.cpp", FIRMWARE / "protocol.cpp"]
+    strict = "-std=c++14 -Wall -Wextra -Wpedantic -Werror -O1 -fsanitize=address,undefined".split()
+    subprocess.run([COMPILER, *strict, "-I", FIRMWARE, *sources, "-o", binary], check=True)
+
+    def call(mode, data):
+        done = subprocess.run([binary, mode], input=data, capture_output=True, check=True)
+        return done.stdout, int(done.stderr)
+
+    return call
+
+
+def packets(count, seed=0):
+    """Packets of all kinds; some payloads are full of zeros, some have none, for COBS's sake."""
+    rng = np.random.default_rng(seed)
+    for _ in range(count):
+        kind = Kind(rng.choice(list(Kind)))
+        values = rng.integers(0, [1, 2, 256][rng.integers(3)], PAYLOAD_BYTES[kind])
+        flipped = values.astype(np.uint8) ^ np.uint8(rng.choice([0, 255]))
+        sequence, time = int(rng.integers(2**32)), int(rng.integers(2**63))
+        yield Packet(kind, sequence, time, flipped.tobytes())
+
+
+def test_it_reads_what_python_writes(run):
+    sent = list(packets(500))
+    text, damaged = run("decode", b"".join(map(encode, sent)))
+    lines = [(f"{p.kind:d} {p.sequence} {p.device_us} " + p.payload.hex()).strip() for p in sent]
+    assert [line.strip() for line in text.decode().splitlines()] == lines and damaged == 0
+
+
+def test_it_writes_what_python_writes(run):
+    line = b"".join(map(encode, packets(500, seed=1)))
+    assert run("echo", line) == (line, 0)
+
+
+def test_it_refuses_the_same_damage(run):
+    line = bytearray(b"".join(map(encode, packets(2000, seed=2))))
+    rng = np.random.default_rng(3)
+    for at in rng.integers(0, len(line), 600):
+        line[at] ^= 1 << rng.integers(8)
+    parser = Parser()
+    found = list(parser.feed(bytes(line)))
+    text, damaged = run("decode", bytes(line))
+    assert len(text.splitlines()) == len(found) < 2000
+    assert damaged == parser.damaged
+
+
+COMMANDS = [
+    identify(),
+    set_exposure(100_000),
+    set_exposure(100_001),
+    set_exposure(0),
+    set_frame_rate(1_000_000),
+    set_exposure(1000),
+    set_frame_rate(1_000_000),
+    set_frame_rate(0),
+    set_step_bias(4095),
+    set_step_bias(4096),
+    set_row_window(3, 4),
+    set_row_window(4, 4),
+    set_row_window(0, 17),
+]
+
+
+def test_it_answers_as_settings_of_python_do(run):
+    commands = [Packet(*each[:1], number, 0, each[1]) for number, each in enumerate(COMMANDS)]
+    replies = list(Parser().feed(run("answer", b"".join(map(encode, commands)))[0]))
+    assert [reply.sequence for reply in replies] == list(range(len(COMMANDS)))
+    identity = Identity(16, 16, 12, 3300, "0123456789ABCDEF", "spadcam 1.0")
+    assert Identity.of(replies[0].payload) == identity
+    assert replies[0].payload == identity.payload()
+    settings = Settings()
+    for command, reply in zip(commands[1:], replies[1:], strict=True):
+        settings = settings.after(command)
+        assert Settings.of(reply.payload) == settings
+    assert settings.refused and settings.exposure_us == 1000
+    assert (settings.first_row, settings.end_row) == (3, 4)
