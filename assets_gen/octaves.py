@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from megalopta.assets_gen import FloatArray
-from megalopta.assets_gen.noise import PlaneWaves, plane_waves
+from megalopta.assets_gen.tileable_noise import PlaneWaves, plane_waves
 
 WAVES = 56
 """Plane waves of a band."""

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from megalopta.assets_gen import FloatArray, Surface, cross, unit
-from megalopta.assets_gen.noise import PlaneWaves, plane_waves
 from megalopta.assets_gen.plants.branching import GOLDEN_ANGLE, UP, outward
 from megalopta.assets_gen.plants.tube import tube_faces
+from megalopta.assets_gen.tileable_noise import PlaneWaves, plane_waves
 
 STONE_TILE_M = 1.2
 """Size of one tile of the stone's texture around the boulder (m)."""

@@ -6,7 +6,6 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.assets_gen.noise import tileable_noise, to_weight
 from megalopta.assets_gen.plants.bark import (
     furrowed_bark,
     papery_bark,
@@ -20,6 +19,7 @@ from megalopta.assets_gen.rocks import STONE_TILE_M
 from megalopta.assets_gen.splats import strew
 from megalopta.assets_gen.surface import FloatArray
 from megalopta.assets_gen.terrain import GROUND_TILE_M
+from megalopta.assets_gen.tileable_noise import tileable_noise, to_weight
 
 GROUND_SHAPE = (1024, 1024)
 LEAF_TEXELS = 64

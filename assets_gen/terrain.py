@@ -11,8 +11,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import FloatArray, Surface, grid_faces, unit
-from megalopta.assets_gen.noise import PlaneWaves, plane_waves
 from megalopta.assets_gen.scatter import distance_to
+from megalopta.assets_gen.tileable_noise import PlaneWaves, plane_waves
 
 TRAIL_M = (3.0, 14.0)
 """The land is level up to the first distance from the path and rolls freely from the second on."""

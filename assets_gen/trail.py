@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from megalopta.assets_gen import FloatArray, unit
-from megalopta.assets_gen.noise import PlaneWaves, plane_waves
 from megalopta.assets_gen.scatter import distance_to
+from megalopta.assets_gen.tileable_noise import PlaneWaves, plane_waves
 
 STEP_M = 0.2
 """Points of the middle line are this far apart (m)."""

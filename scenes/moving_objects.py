@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.bodies import ball, box, checkerboard
-from megalopta.assets_gen.noise import tileable_noise, to_weight
+from megalopta.assets_gen.tileable_noise import tileable_noise, to_weight
 from megalopta.core.record import Record
 from megalopta.scenes.kinds import kind_unless_told
 from megalopta.scenes.material import Material, Texture

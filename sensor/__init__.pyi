@@ -48,6 +48,10 @@ from .quantities import (
     Exposure as Exposure,
 )
 from .readout.binary import expose_binary as expose_binary
+from .readout.counts_store import (
+    StoredCounts as StoredCounts,
+    write_counts as write_counts,
+)
 from .readout.events import (
     Events as Events,
     expose_events as expose_events,
@@ -65,10 +69,6 @@ from .readout.opened import (
     StoredFrames as StoredFrames,
     open_counts as open_counts,
     read_counts as read_counts,
-)
-from .readout.store import (
-    StoredCounts as StoredCounts,
-    write_counts as write_counts,
 )
 from .readout.sub_frames import sub_frames as sub_frames
 from .sampling.streams import generator as generator

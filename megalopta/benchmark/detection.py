@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.assets_gen.noise import tileable_noise
+from megalopta.assets_gen.tileable_noise import tileable_noise
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.registry import Method, method

@@ -27,8 +27,8 @@ from megalopta.sensor.formats.messages import (
     samples_of,
 )
 from megalopta.sensor.formats.packets import Packet
+from megalopta.sensor.readout.counts_store import Origin
 from megalopta.sensor.readout.growing import ExtraArray, GrowingCounts
-from megalopta.sensor.readout.store import Origin
 from megalopta.sensor.spad.analog import nominal_pixels
 from megalopta.sensor.spad.conversion import counts_of_codes
 

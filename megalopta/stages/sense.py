@@ -33,7 +33,7 @@ from megalopta.sensor import ImageSensor, OpenedCounts, check_sensor, open_count
 from megalopta.sensor.formats.names import ProductName, product_path
 from megalopta.sensor.formats.products import check_product, product_writer
 from megalopta.sensor.formats.shot import Arrays, Shot
-from megalopta.sensor.readout.store import Origin
+from megalopta.sensor.readout.counts_store import Origin
 from megalopta.sensor.readout.sub_frames import NextFrames
 from megalopta.sensor.spad.moments import PARTS_ERROR
 from megalopta.sensor.spad.running import RUNNING_ERROR

@@ -15,8 +15,8 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from megalopta.assets_gen import generator
-from megalopta.assets_gen.noise import plane_waves
 from megalopta.assets_gen.scatter import distance_to, poisson_disk
+from megalopta.assets_gen.tileable_noise import plane_waves
 from megalopta.assets_gen.trail import Trail
 from megalopta.scenes.forest.flora import BUSHES, TREES
 from megalopta.scenes.forest.plants import Plant

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.assets_gen import generator, grid_corners
-from megalopta.assets_gen.noise import plane_waves
+from megalopta.assets_gen.tileable_noise import plane_waves
 from megalopta.scenes.material import Emission, Material
 from megalopta.scenes.scene import (
     Asset,

@@ -24,7 +24,7 @@ from megalopta.sensor.formats.event_stream import (
     damage_told,
     stored_events,
 )
-from megalopta.sensor.formats.record import file_bytes
+from megalopta.sensor.formats.recorded_frames import file_bytes
 from megalopta.sensor.readout.events import Events
 
 HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"

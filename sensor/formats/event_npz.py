@@ -24,7 +24,7 @@ from megalopta.sensor.formats.event_stream import (
     damage_told,
     stored_events,
 )
-from megalopta.sensor.formats.record import file_bytes
+from megalopta.sensor.formats.recorded_frames import file_bytes
 from megalopta.sensor.readout.events import Events
 
 NPZ_SIGNATURE: Final = b"PK\x03\x04"

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from megalopta.core.files import atomic_write
 from megalopta.sensor.formats.layout import PackedLayout, unpack_frames
-from megalopta.sensor.formats.record import RecordedFrames, file_bytes, wanted
+from megalopta.sensor.formats.recorded_frames import RecordedFrames, file_bytes, wanted
 
 Bytes = NDArray[np.uint8]
 

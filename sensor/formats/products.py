@@ -16,9 +16,9 @@ from megalopta.sensor.formats.shot import Shot
 from megalopta.sensor.formats.spad512 import check_spad512_size, spad512_writer
 from megalopta.sensor.formats.tiff import tiff_writer
 from megalopta.sensor.readout.binary import check_binary
+from megalopta.sensor.readout.counts_store import Origin, counts_writer
 from megalopta.sensor.readout.events import Events
 from megalopta.sensor.readout.images import ImageSensor
-from megalopta.sensor.readout.store import Origin, counts_writer
 from megalopta.sensor.spad.model import Sensor
 
 Write: TypeAlias = Callable[[Shot], None]

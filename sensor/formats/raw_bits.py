@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.sensor.formats.layout import PackedLayout
-from megalopta.sensor.formats.record import file_bytes, wanted
+from megalopta.sensor.formats.recorded_frames import file_bytes, wanted
 
 _FOOTER = b"DONE"
 """Sent by the SPAD512S after its frames, and kept by programs that write all they receive."""

@@ -9,7 +9,7 @@ from megalopta.sensor.formats.event_npz import NPZ_SIGNATURE, read_events_npz
 from megalopta.sensor.formats.event_stream import StoredEvents
 from megalopta.sensor.formats.layout import PackedLayout
 from megalopta.sensor.formats.packed_npy import read_binary_npy
-from megalopta.sensor.formats.record import RecordedFrames, file_bytes
+from megalopta.sensor.formats.recorded_frames import RecordedFrames, file_bytes
 from megalopta.sensor.formats.spad512 import read_spad512
 from megalopta.sensor.formats.spc3 import SPC3_SIGNATURE, read_spc3
 from megalopta.sensor.formats.swissspad2 import read_swissspad2

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from megalopta.core.files import atomic_write
 from megalopta.sensor.formats.layout import PackedLayout, unpack_frames
 from megalopta.sensor.formats.raw_bits import raw_frames
-from megalopta.sensor.formats.record import RecordedFrames
+from megalopta.sensor.formats.recorded_frames import RecordedFrames
 
 SPAD512_PIXELS = 512
 """Rows, and columns"""

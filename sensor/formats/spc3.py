@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.sensor.formats.record import RecordedFrames, file_bytes, wanted
+from megalopta.sensor.formats.recorded_frames import RecordedFrames, file_bytes, wanted
 
 SPC3_SIGNATURE = bytes.fromhex("4d5044ff03000001")
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from megalopta.sensor.formats.layout import PackedLayout, unpack_frames
 from megalopta.sensor.formats.raw_bits import raw_frames
-from megalopta.sensor.formats.record import RecordedFrames
+from megalopta.sensor.formats.recorded_frames import RecordedFrames
 
 _ROWS, _COLUMNS, _QUARTERS = 256, 512, 4
 _LAYOUT = PackedLayout(bit_order="lsb")

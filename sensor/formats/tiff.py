@@ -16,7 +16,7 @@ import tifffile
 from numpy.typing import NDArray
 
 from megalopta.core.files import atomic_write
-from megalopta.sensor.formats.record import RecordedFrames, file_bytes, wanted
+from megalopta.sensor.formats.recorded_frames import RecordedFrames, file_bytes, wanted
 
 _LARGEST_TIFF = 4 * 10**9
 # The most that a deflate stream grows by: a file does not justify more memory than that.

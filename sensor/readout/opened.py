@@ -15,8 +15,7 @@ from pydantic import TypeAdapter
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.format_numbers import check_format
 from megalopta.sensor.quantities import Expectation, Exposure
-from megalopta.sensor.readout.images import ImageSensor
-from megalopta.sensor.readout.store import (
+from megalopta.sensor.readout.counts_store import (
     FORMAT,
     FORMAT_KEY,
     MOMENTS,
@@ -24,6 +23,7 @@ from megalopta.sensor.readout.store import (
     Origin,
     StoredCounts,
 )
+from megalopta.sensor.readout.images import ImageSensor
 
 _IMAGE_SENSOR: TypeAdapter[ImageSensor] = TypeAdapter(ImageSensor)
 _KINDS = {"counts": "uf", "saturated": "b", **dict.fromkeys(MOMENTS, "f")}

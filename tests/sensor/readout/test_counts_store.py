@@ -15,7 +15,7 @@ from megalopta.sensor import (
     read_counts,
 )
 from megalopta.sensor.readout import store as counts_store
-from megalopta.sensor.readout.store import MOMENTS, READINGS, counts_writer, write_counts
+from megalopta.sensor.readout.counts_store import MOMENTS, READINGS, counts_writer, write_counts
 
 
 @pytest.fixture

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta.assets_gen.noise import plane_waves, tileable_noise, to_weight
+from megalopta.assets_gen.tileable_noise import plane_waves, tileable_noise, to_weight
 
 SHAPE, SIZE_M, BAND_M = (128, 192), (2.0, 3.0), (0.1, 0.5)
 
