@@ -1,7 +1,7 @@
 """A worker process: it does the jobs that come through its standard input.
 
-First comes the job, pickled, then a line for each index. The answers, pickled, go to standard
-output, and nothing else does.
+The argument is the process that started it. First comes the job, pickled, then a line for each
+index. The answers, pickled, go to standard output, and nothing else does.
 """
 
 import ctypes
@@ -41,6 +41,8 @@ def _end_with_parent() -> None:
     """
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if sys.argv[1:] not in ([], [str(os.getppid())]):  # which ended while this one started
+            os._exit(0)
 
 
 def _listen(orders: "SimpleQueue[int]") -> None:

@@ -137,7 +137,11 @@ class _Crew:
                 raise _WorkerDiedError
             pipe, environment = subprocess.PIPE, {**_THREADS_ELSEWHERE, **os.environ}
             self._workers[place] = subprocess.Popen(
-                _COMMAND, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL, env=environment
+                (*_COMMAND, str(os.getpid())),
+                stdin=pipe,
+                stdout=pipe,
+                stderr=subprocess.DEVNULL,
+                env=environment,
             )
             return self._workers[place]
 

@@ -14,7 +14,7 @@ from megalopta.sensor import (
     preset,
     read_counts,
 )
-from megalopta.sensor.readout import store as counts_store
+from megalopta.sensor.readout import counts_store
 from megalopta.sensor.readout.counts_store import MOMENTS, READINGS, counts_writer, write_counts
 
 
