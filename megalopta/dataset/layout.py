@@ -23,16 +23,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from megalopta import __version__
 from megalopta.config.recipe import Plan
-from megalopta.core import bounded, files, strict_yaml
+from megalopta.core import bounded, files
 from megalopta.core.enclosure import check_enclosed
 from megalopta.core.errors import UserError
-from megalopta.core.format_numbers import written
 from megalopta.dataset.finished import FinishedSequence
 from megalopta.dataset.manifest import is_record_as_written, read_manifest
 from megalopta.dataset.record import SequenceRecord, read_lone_record, read_record, settings_of
-from megalopta.dataset.store import LICENSE, Dataset, open_sequence, read_header
+from megalopta.dataset.store import Dataset, open_sequence, read_header, write_header
 
 BOOKS = ("index", "splits", "sequences", "card")
 """Folders that hold no sequence's own files."""
@@ -66,10 +64,9 @@ class Tree:
     @cached_property
     def lone(self) -> Dataset | None:
         """The one sequence of a dataset of one; None of many, or of nothing. Raises UserError."""
-        check_enclosed(self.root)
-        if not os.path.lexists(self.root / "dataset.yaml"):
+        if not os.path.lexists(self.root / "dataset.yaml") or is_of_many(self.root):
             return None
-        return None if is_of_many(self.root) else open_sequence(self.root)
+        return open_sequence(self.root)
 
     def names(self) -> list[str]:
         """Names of the sequences, of many those that are finished, in order."""
@@ -121,10 +118,7 @@ class Tree:
 
     def write_plan(self, plan: Plan) -> None:
         """Write dataset.yaml."""
-        header = {"format": written("dataset"), "megalopta": __version__, "license": LICENSE}
-        body = {"plan": plan.model_dump(mode="json")}
-        text = strict_yaml.dump({**header, **body})
-        files.write_text(self.root / "dataset.yaml", text)
+        write_header(self.root, plan=plan.model_dump(mode="json"))
 
     def sweep(self) -> None:
         """Remove what a killed writer left among the books; nobody else may be writing."""

@@ -8,13 +8,13 @@ what moves and what goes. From then on whoever works in the dataset completes th
 import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from megalopta.core import bounded, files
 from megalopta.core.enclosure import check_no_links
 from megalopta.core.errors import UserError
 
-PLAN = "publish.json"
+PLAN, REQUEST = "publish.json", "request.json"
 
 
 class Move(NamedTuple):
@@ -81,6 +81,14 @@ class Move(NamedTuple):
             if not is_output(name) or not all(_is_plain(self.root, b / name) for b in bases):
                 raise UserError(f"{path}: {bounded.quoted(name)} is no output of a stage; {remedy}")
         return moves, goes
+
+
+def read_request(folder: Path) -> dict[str, Any] | None:
+    """Read what was asked for when a folder was begun; None where it cannot be read."""
+    try:
+        return dict(bounded.read_json(folder / REQUEST))
+    except (OSError, ValueError, TypeError):
+        return None
 
 
 def _is_plain(root: Path, path: Path) -> bool:

@@ -17,7 +17,9 @@ from megalopta.core.format_numbers import check_format, written
 from megalopta.core.freshness import digest
 from megalopta.dataset.store import Dataset
 
-STAGE_NAMES = ("render", "sense", "flow", "benchmark")
+MADE = ("render", "sense")
+"""Stages of every sequence of many."""
+STAGE_NAMES = (*MADE, "flow", "benchmark")
 KINDS = (
     *("radiance", "truth", "radiance_shutter", "truth_shutter"),
     *("counts", "corrected", "results"),
@@ -217,7 +219,8 @@ def _check_is_of_many(record: SequenceRecord) -> None:
     """Refuse, with ValueError, what lacks anything that one of many has."""
     if sequence_name(record.index) != record.sequence:
         raise ValueError(f"index {record.index} is of sequence {sequence_name(record.index)!r}")
-    if record.statistics is None or not record.configuration or not record.stages:
+    is_made = all(name in record.stages and record.stages[name].files for name in MADE)
+    if record.statistics is None or not record.configuration or not is_made:
         raise ValueError("it lacks its stages, configuration or statistics")
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from functools import cached_property, lru_cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from megalopta.core.errors import UserError
 from megalopta.dataset.finished import FinishedSequence
 from megalopta.dataset.lazy import LazyFrames, frame_by_frame
 from megalopta.dataset.new_light import drawn_counts
-from megalopta.dataset.store import Dataset, exposure_name
+from megalopta.dataset.store import exposure_name
 
 if TYPE_CHECKING:
     import xarray
@@ -31,11 +30,11 @@ class Sequence:
     ----------
     name : str
     split : str
-    dataset : Dataset
+    dataset : FinishedSequence
         Paths of its files.
     """
 
-    def __init__(self, dataset: Dataset, split: str, exposures: Mapping[str, str]) -> None:
+    def __init__(self, dataset: FinishedSequence, split: str, exposures: Mapping[str, str]) -> None:
         """`exposures` maps the name of each stored exposure to the unit of its readings."""
         self.dataset, self.split, self._units = dataset, split, exposures
         self.name = dataset.sequence
@@ -121,7 +120,7 @@ class Sequence:
         name = f"{self._exposure(exposure)}.zarr"
         path = self.dataset.root / "corrected" / self.name / name
         try:
-            return self._lazy(StoredFrames.open(self._store(path), quantity), quantity)
+            return self._lazy(StoredFrames.open(self.dataset.store(path), quantity), quantity)
         except (OSError, ValueError, KeyError):
             raise UserError(
                 f"{path} holds no corrected frames ({quantity}); make them with: "
@@ -238,19 +237,14 @@ class Sequence:
 
         path = self.dataset.root / "counts" / self.name / f"{name}.zarr"
         try:
-            return open_counts(self._store(path))
+            return open_counts(self.dataset.store(path))
         except (OSError, ValueError) as problem:
             raise UserError(str(problem)) from None
 
-    def _store(self, path: Path) -> Path:
-        whole = self.dataset
-        return whole.store(path) if isinstance(whole, FinishedSequence) else path
-
     def _lazy(self, stored: "StoredFrames", quantity: str) -> LazyFrames:
         def read(numbers: list[int]) -> NDArray[Any]:
-            if isinstance(self.dataset, FinishedSequence):
-                chunks = {number // stored.array.chunks[0] for number in numbers}
-                self.dataset.compare_chunks(stored.path / quantity, sorted(chunks))
+            chunks = {number // stored.array.chunks[0] for number in numbers}
+            self.dataset.compare_chunks(stored.path / quantity, sorted(chunks))
             return stored[numbers]
 
         return LazyFrames(

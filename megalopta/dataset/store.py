@@ -182,10 +182,13 @@ def exposure_name(sensor: ImageSensor, level: LightLevel) -> str:
 
 def write_configuration(dataset: Dataset) -> None:
     """Write dataset.yaml."""
+    write_header(dataset.root, configuration=dataset.configuration.model_dump(mode="json"))
+
+
+def write_header(root: Path, **body: Any) -> None:
+    """Write dataset.yaml with a `configuration`, or the `plan` of many."""
     header = {"format": written("dataset"), "megalopta": __version__, "license": LICENSE}
-    body = {"configuration": dataset.configuration.model_dump(mode="json")}
-    text = strict_yaml.dump({**header, **body})
-    files.write_text(dataset.root / "dataset.yaml", text)
+    files.write_text(root / "dataset.yaml", strict_yaml.dump({**header, **body}))
 
 
 def files_in(paths: Iterable[Path]) -> Iterable[Path]:

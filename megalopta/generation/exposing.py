@@ -88,7 +88,7 @@ def expose_sequence(root: Path, wanted: Exposing, index: int) -> None:
     if _new(tree, record, settings):
         check_stage("sense", settings, root)
         kinds = ("radiance", "radiance_shutter")
-        extend_sequence(tree, record, settings, kinds, partial(_exposed, record))
+        extend_sequence(tree, record, "sense", settings, kinds, partial(_exposed, record))
 
 
 def _exposed(record: SequenceRecord, dataset: Dataset) -> SequenceRecord:

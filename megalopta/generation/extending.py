@@ -55,13 +55,18 @@ def extend(
 
 
 def extend_sequence(
-    tree: Tree, record: SequenceRecord, settings: Configuration, kinds: Iterable[str], work: Work
+    tree: Tree,
+    record: SequenceRecord,
+    stage: str,
+    settings: Configuration,
+    kinds: Iterable[str],
+    work: Work,
 ) -> None:
-    """Add to one sequence what some work makes of its output of some kinds."""
+    """Add to one sequence what some work makes for a stage of its output of some kinds."""
     name = record.sequence
     staged = tree.staging / f"{name}{ADDED}"
     with locked(staged), silent():
-        dataset = Dataset(begin(staged, settings), settings)
+        dataset = Dataset(begin(staged, settings, [stage]), settings)
         _link(tree, record, dataset, kinds)
         changes = {
             "format": written("sequence"),

@@ -15,10 +15,10 @@ from megalopta.core.folders import LOCK_NAME, locked
 from megalopta.core.progress import progress, say
 from megalopta.dataset.books import write_index
 from megalopta.dataset.layout import Tree
-from megalopta.dataset.record import SequenceRecord
+from megalopta.dataset.record import MADE, SequenceRecord
 from megalopta.generation.jobs import run_jobs
 from megalopta.generation.sequence import Machinery, make_sequence, other_machinery
-from megalopta.generation.staging import MADE, settle, tidy
+from megalopta.generation.staging import settle, tidy
 from megalopta.stages.pipeline import check_stage
 
 _COMPARED = 50

@@ -13,7 +13,7 @@ from megalopta.dataset.layout import Tree
 from megalopta.dataset.record import KINDS, SequenceRecord, StageRecord
 from megalopta.dataset.store import Dataset, hashes_of
 from megalopta.generation.extending import extend, extend_sequence
-from megalopta.stages.ledger import stage_configuration, stage_hash
+from megalopta.stages.ledger import Ledger, stage_configuration, stage_hash
 from megalopta.stages.origins import provenance
 from megalopta.stages.pipeline import check_stage
 from megalopta.stages.registry import STAGES
@@ -49,9 +49,10 @@ def measure_sequence(
     record = tree.record(sequence_name(index))
     settings = _settings(tree, record, overrides)
     there = record.stages.get(stage)
-    if redo or there is None or there.settings != stage_hash(settings, stage):
+    is_same = there is not None and there.settings == stage_hash(settings, stage)
+    if redo or not is_same or Ledger(tree.dataset(record)).damaged(stage, record.stages[stage]):
         kinds = [kind for kind in KINDS if kind != "results"]
-        extend_sequence(tree, record, settings, kinds, partial(_measured, record, stage))
+        extend_sequence(tree, record, stage, settings, kinds, partial(_measured, record, stage))
 
 
 def _settings(tree: Tree, record: SequenceRecord, overrides: Mapping[str, str]) -> Configuration:

@@ -16,11 +16,10 @@ from megalopta.core.folders import locked
 from megalopta.core.format_numbers import written
 from megalopta.core.progress import silent
 from megalopta.dataset.layout import Tree
-from megalopta.dataset.record import SequenceRecord
+from megalopta.dataset.record import MADE, SequenceRecord
 from megalopta.dataset.store import hashes_of
 from megalopta.generation.flow_files import write_flow_files
 from megalopta.generation.staging import (
-    MADE,
     begin,
     clear,
     finish,

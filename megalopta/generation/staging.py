@@ -11,49 +11,48 @@ comes next.
 """
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from megalopta.config.model import Configuration, differences
-from megalopta.core import bounded, files
+from megalopta.core import files
 from megalopta.core.errors import UserError
 from megalopta.core.folders import LOCK_NAME, locked
 from megalopta.core.progress import say
 from megalopta.dataset.layout import Tree, changed_record
 from megalopta.dataset.manifest import is_record_as_written, is_record_known, read_manifest
-from megalopta.dataset.publishing import PLAN, Move
-from megalopta.dataset.record import KINDS, SequenceRecord, is_output, read_record
+from megalopta.dataset.publishing import PLAN, REQUEST, Move, read_request
+from megalopta.dataset.record import KINDS, MADE, SequenceRecord, is_output, read_record
 from megalopta.dataset.store import file_hash
 from megalopta.stages.origins import provenance
 
-MADE = ("render", "sense")
-"""Stages of a sequence."""
 ADDED = "-added"
 _STAGED = re.compile(rf"(\d{{6,}})({ADDED})?")
-_RECORD, _REQUEST = "record.json", "request.json"
+_RECORD = "record.json"
 
 
-def begin(staged: Path, configuration: Configuration) -> Path:
-    """Return the folder to work in, emptied where it was begun with other settings or otherwise."""
+def begin(staged: Path, configuration: Configuration, stages: Sequence[str] = MADE) -> Path:
+    """Return the folder to work in, emptied where it was begun for other stages or otherwise."""
     wanted = {
-        "made_with": made_with(configuration),
+        "made_with": made_with(configuration, stages),
         "configuration": configuration.model_dump(mode="json"),
     }
-    before = _read(staged / _REQUEST)
+    before = read_request(staged)
     if before != wanted:
         if before and (changes := differences(before, wanted)):
             say(f"{staged.name}: begun with others ({'; '.join(changes[:3])}), and begun again")
         clear(staged)
-        files.write_json(staged / _REQUEST, wanted)
+        files.write_json(staged / REQUEST, wanted)
     files.sweep(staged)
     return staged / "data"
 
 
-def made_with(configuration: Configuration) -> dict[str, dict[str, str]]:
-    """Return what every stage's output depends on beside the settings, here and now."""
-    return {stage: provenance(stage, configuration) for stage in MADE}
+def made_with(
+    configuration: Configuration, stages: Sequence[str] = MADE
+) -> dict[str, dict[str, str]]:
+    """Return what the output of stages depends on beside the settings, here and now."""
+    return {stage: provenance(stage, configuration) for stage in stages}
 
 
 def finish(tree: Tree, staged: Path, record: SequenceRecord) -> None:
@@ -78,7 +77,7 @@ def clear(staged: Path) -> None:
 
     What says how far it is goes first, so that nobody takes what a kill leaves for whole.
     """
-    for name in (PLAN, _RECORD, _REQUEST):
+    for name in (PLAN, _RECORD, REQUEST):
         files.remove(staged / name)
     for path in sorted(staged.iterdir()):
         if path.name != LOCK_NAME:
@@ -156,10 +155,3 @@ def _moved(data: Path, record: SequenceRecord, is_added: bool) -> list[str]:
 def _folder(path: str, sequence: str) -> str:
     parts = Path(path).parts
     return str(Path(*parts[: parts.index(sequence) + 1]))
-
-
-def _read(path: Path) -> Mapping[str, Any] | None:
-    try:
-        return dict(bounded.read_json(path))
-    except (OSError, ValueError, TypeError):
-        return None

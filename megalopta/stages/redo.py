@@ -9,13 +9,12 @@ import os
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from megalopta.config.model import Configuration
-from megalopta.core import bounded, files
+from megalopta.core import files
 from megalopta.core.enclosure import check_enclosed
 from megalopta.core.folders import locked
-from megalopta.dataset.publishing import Move
+from megalopta.dataset.publishing import REQUEST, Move, read_request
 from megalopta.dataset.store import (
     REDO_FOLDER,
     Dataset,
@@ -34,17 +33,16 @@ _LAST = "dataset.yaml"
 def begin_redo(old: Dataset, configuration: Configuration, stages: Sequence[str]) -> Dataset:
     """The dataset in which stages of another one are made again; what a kill left of it goes on."""
     new = Dataset(old.root / REDO_FOLDER, configuration)
-    request = new.root / "request.json"
     wanted = {
         "models": {stage: provenance(stage, configuration) for stage in stages},
         "configuration": configuration.model_dump(mode="json"),
     }
-    if _read(request) != wanted:
+    if read_request(new.root) != wanted:
         discard(old.root)
         _link(old, Dataset(new.root, old.configuration))
         Ledger(Dataset(new.root, old.configuration)).forget(*stages)
         write_configuration(new)
-        files.write_json(request, wanted)
+        files.write_json(new.root / REQUEST, wanted)
     files.sweep(new.root)
     return new
 
@@ -130,10 +128,3 @@ def _move(root: Path) -> Move:
 def _output_names(dataset: Dataset) -> set[str]:
     outputs = {_name(path, dataset) for stage in STAGES for path in Ledger(dataset).outputs(stage)}
     return outputs | {*_books(dataset)}
-
-
-def _read(path: Path) -> Any:
-    try:
-        return bounded.read_json(path)
-    except (OSError, ValueError):
-        return None

@@ -26,11 +26,11 @@ from megalopta.core.progress import progress, silent
 from megalopta.dataset.croissant import table_path
 from megalopta.dataset.layout import BOOKS, Tree
 from megalopta.dataset.manifest import is_record_as_written, is_record_known, read_manifest
-from megalopta.dataset.record import SequenceRecord, StageRecord
+from megalopta.dataset.record import MADE, SequenceRecord, StageRecord
 from megalopta.dataset.splits import read_lists
 from megalopta.dataset.store import Dataset, files_in, is_as_written, whole_of
 from megalopta.dataset.tables import TABLES
-from megalopta.generation.staging import MADE, staged_sequences
+from megalopta.generation.staging import staged_sequences
 from megalopta.render import read_size
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.origins import provenance_changes

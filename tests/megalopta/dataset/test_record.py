@@ -6,7 +6,8 @@ import pytest
 
 from megalopta.core.errors import UserError
 from megalopta.dataset.layout import Tree
-from megalopta.dataset.record import read_record
+from megalopta.dataset.record import STAGE_NAMES, read_record
+from megalopta.stages.registry import STAGES
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +57,7 @@ def test_files_that_are_not_the_sequences_own_are_refused(values, tmp_path, name
         ({"stages": []}, "stages"),
         ({"stages": {"x": {"settings": "", "made_with": {}, "version": ""}}}, "'x' is no stage"),
         ({"statistics": None}, "lacks"),
+        ({"stages": {"sense": {"settings": "", "made_with": {}, "version": ""}}}, "lacks"),
         ({"format": 3}, "sequence format 3 is newer than 2"),
         ({"format": 1}, "sequence format 1 is older than 2"),
         ({"format": "x"}, "not a format number"),
@@ -92,3 +94,7 @@ def test_settings_of_another_sequence_are_refused(single_dataset, values):
             tree.dataset(record.model_copy(update={"configuration": configuration}))
     with pytest.raises(UserError, match="0 poses of 2 frames"):
         tree.dataset(record.model_copy(update={"poses": ()}))
+
+
+def test_names_of_stages_are_those_that_there_are():
+    assert tuple(STAGES) == STAGE_NAMES
