@@ -15,7 +15,7 @@ from collections.abc import Callable
 import numpy as np
 
 from megalopta.scenes.spectra.airglow import MOONLESS_ZENITH
-from megalopta.sensor import CtiaSensor, ctia_preset, expose_ctia, expose_photocurrent, photocurrent
+from megalopta.sensor import CtiaSensor, ctia_preset, expose, expose_photocurrent, photocurrent
 from megalopta.sensor.ctia.photodiode import ELEMENTARY_CHARGE_C
 from megalopta.sensor.sampling.streams import generator
 
@@ -72,7 +72,7 @@ def main() -> None:
     reference = noise_alone(quiet, photocurrent(light, BANDS_NM, quiet))
     report(
         "ctia, radiance to volts",
-        ratio(lambda: expose_ctia(light, BANDS_NM, quiet, seed=0, sequence="bench"), reference),
+        ratio(lambda: expose(light, BANDS_NM, quiet, seed=0, sequence="bench"), reference),
     )
 
 

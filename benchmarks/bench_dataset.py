@@ -95,7 +95,7 @@ def overhead(folder: Path) -> dict[str, Any]:
     """Seconds of one forest sequence by what they went to, and bytes by product."""
     from megalopta.render import SceneRenderer
     from megalopta.render.baking.integrator import BakedLightIntegrator
-    from megalopta.sensor.formats.shot import Shot
+    from megalopta.sensor.shot import Shot
 
     os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:1])
     quick = {**FOREST.every, "render": {"samples_per_pixel": 1}}

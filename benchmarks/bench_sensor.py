@@ -24,6 +24,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 
@@ -43,7 +44,7 @@ from megalopta.sensor import (
 from megalopta.sensor.formats.event_hdf5 import write_events_hdf5
 from megalopta.sensor.formats.event_npz import write_events_npz
 from megalopta.sensor.formats.event_stream import EventOrigin
-from megalopta.sensor.readout.binary import draw_binary
+from megalopta.sensor.sampling.bits import bit_streams, fill_bits
 from megalopta.sensor.sampling.streams import generator
 from megalopta.verification.brute_force import brute_force_counts
 
@@ -84,7 +85,7 @@ def light(mean_counts: float, sensor: Sensor) -> np.ndarray:
 def frames_over_poisson(name: str, mean_counts: float) -> float:
     sensor, rng = bench_sensor(name), generator(0)
     rate = light(mean_counts, sensor)
-    draw = lambda: expose_rate(rate, sensor, seed=0, sequence="bench", threads=1)  # noqa: E731
+    draw = lambda: expose_rate(rate, sensor, seed=0, sequence="bench")  # noqa: E731
     means, _ = event_moments(rate, sensor)
     return ratio(draw, lambda: rng.poisson(means))
 
@@ -93,15 +94,15 @@ def moments_in_draws(name: str, mean_counts: float) -> float:
     sensor = bench_sensor(name)
     rate = light(mean_counts, sensor)[:1]
     return 1 / ratio(
-        lambda: reading_moments(rate, sensor, threads=1),
-        lambda: expose_rate(rate, sensor, seed=0, sequence="bench", threads=1),
+        lambda: reading_moments(rate, sensor),
+        lambda: expose_rate(rate, sensor, seed=0, sequence="bench"),
     )
 
 
 def frames_over_floor(name: str, mean_counts: float) -> float:
     sensor, rng = bench_sensor(name), generator(0)
     rate = light(mean_counts, sensor)
-    draw = lambda: expose_rate(rate, sensor, seed=0, sequence="bench", threads=1)  # noqa: E731
+    draw = lambda: expose_rate(rate, sensor, seed=0, sequence="bench")  # noqa: E731
     means, _ = event_moments(rate, sensor)
     if name == "ideal":
         return ratio(draw, lambda: rng.random(rate.size * (1 if mean_counts < 10 else 2)))
@@ -113,7 +114,7 @@ def frames_by_event(name: str, mean_counts: float, **effects: object) -> float:
     rate = light(mean_counts, sensor)
     pixel_hz, pixels = mean_counts / sensor.exposure_s, rate.size
     return ratio(
-        lambda: expose_rate(rate, sensor, seed=0, sequence="bench", threads=1),
+        lambda: expose_rate(rate, sensor, seed=0, sequence="bench"),
         lambda: brute_force_counts(
             rng, pixel_hz, sensor.exposure_s, sensor.avalanche_effects, pixels
         ),
@@ -123,21 +124,26 @@ def frames_by_event(name: str, mean_counts: float, **effects: object) -> float:
 def two_threads(name: str) -> float:
     sensor = bench_sensor(name)
     rate = np.tile(light(30, sensor), (8, 1, 1))
-    return ratio(
-        lambda: expose_rate(rate, sensor, seed=0, sequence="bench", threads=2),
-        lambda: expose_rate(rate, sensor, seed=0, sequence="bench", threads=1),
-        time.perf_counter,
-    )
+    return two_over_one(lambda: expose_rate(rate, sensor, seed=0, sequence="bench"))
 
 
 def two_threads_binary() -> float:
     sensor = bench_sensor("ideal")
     rate = np.tile(light(0.2, sensor), (8, 1, 1))
-    return ratio(
-        lambda: expose_binary(rate, sensor, seed=0, sequence="bench", threads=2),
-        lambda: expose_binary(rate, sensor, seed=0, sequence="bench", threads=1),
-        time.perf_counter,
-    )
+    return two_over_one(lambda: expose_binary(rate, sensor, seed=0, sequence="bench"))
+
+
+def two_over_one(task: Callable[[], object]) -> float:
+    def on(cores: int) -> None:
+        with patch("os.cpu_count", return_value=cores):
+            task()
+
+    return ratio(lambda: on(2), lambda: on(1), time.perf_counter)
+
+
+def draw_bits(rng: np.random.Generator, means: np.ndarray) -> None:
+    packed = np.empty((len(means), -(-means.shape[1] // 8)), np.uint8)
+    fill_bits(bit_streams(rng), means, np.zeros_like(means), 1.0, packed)
 
 
 def binary_over_binomial(p: float) -> list[float]:
@@ -149,8 +155,8 @@ def binary_over_binomial(p: float) -> list[float]:
     rng, sensor = generator(0), preset("ideal")
     means = -np.log1p(-chances)
     rates, singles = means / sensor.exposure_s, means.astype(np.float32)
-    draw = lambda: [draw_binary(rng, frame) for frame in means]  # noqa: E731
-    expose_all = lambda: expose_binary(rates, sensor, seed=0, sequence="bench", threads=1)  # noqa: E731
+    draw = lambda: [draw_bits(rng, frame) for frame in means]  # noqa: E731
+    expose_all = lambda: expose_binary(rates, sensor, seed=0, sequence="bench")  # noqa: E731
     binomial = lambda: [rng.binomial(1, frame) for frame in chances]  # noqa: E731
     compare = lambda: [  # noqa: E731
         np.packbits(rng.random(frame.shape, np.float32) < 1 - np.exp(-frame), axis=-1)
@@ -191,7 +197,7 @@ def scene_over_poisson(name: str) -> float:
     radiance = np.random.default_rng(0).uniform(0, 1e-9, (*SHAPE, 3)).astype(np.float32)
     bands = [(400.0, 500.0), (500.0, 600.0), (600.0, 700.0)]
     sensor, rng = preset(name), generator(0)
-    draw = lambda: expose(radiance, bands, sensor, seed=0, sequence="bench", threads=1)  # noqa: E731
+    draw = lambda: expose(radiance, bands, sensor, seed=0, sequence="bench")  # noqa: E731
     means = expectation(radiance, bands, sensor).mean_events
     return ratio(draw, lambda: rng.poisson(means))
 

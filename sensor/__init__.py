@@ -10,7 +10,7 @@ Light to volts, at 0.9 to 1.7 µm: an array of photodiodes with CTIA pixels.
     reading = expose_ctia(radiance, bands_nm, sensor, seed=0, sequence="forest")
     reading.volts, reading.saturated
 
-`expose_image` takes either sensor and gives counts or electrons.
+`expose` takes either sensor and gives counts or electrons.
 
 Radiance is (T, H, W, B), W·m⁻²·sr⁻¹·nm⁻¹, bands_nm is (B, 2). Neither a renderer nor its files are
 needed: any video in these units will do.

@@ -4,7 +4,6 @@ from .change import (
 )
 from .ctia.array import (
     CtiaExposure as CtiaExposure,
-    expose_ctia as expose_ctia,
     expose_photocurrent as expose_photocurrent,
     photocurrent as photocurrent,
     reading_electrons as reading_electrons,
@@ -31,13 +30,45 @@ from .effects.dark_counts import DarkCounts as DarkCounts
 from .effects.dead_time import DeadTime as DeadTime
 from .effects.gating import Gate as Gate
 from .effects.jitter import Jitter as Jitter
+from .effects.telegraph import Telegraph as Telegraph
 from .effects.temperature import Temperature as Temperature
+from .events import (
+    Events as Events,
+)
+from .expectations import (
+    event_moments as event_moments,
+    expectation as expectation,
+    reading_moments as reading_moments,
+)
+from .exposure import (
+    expose as expose,
+    expose_adc as expose_adc,
+    expose_binary as expose_binary,
+    expose_events as expose_events,
+    expose_rate as expose_rate,
+)
+from .formats.counts_store import (
+    StoredCounts as StoredCounts,
+    write_counts as write_counts,
+)
 from .formats.event_hdf5 import write_events_hdf5 as write_events_hdf5
 from .formats.event_npz import write_events_npz as write_events_npz
 from .formats.event_stream import EventOrigin as EventOrigin
+from .formats.opened_counts import (
+    OpenedCounts as OpenedCounts,
+    StoredFrames as StoredFrames,
+    open_counts as open_counts,
+    read_counts as read_counts,
+)
 from .formats.reading import (
     read_events as read_events,
     read_frames as read_frames,
+)
+from .image_sensors import (
+    IMAGE_SENSORS as IMAGE_SENSORS,
+    ImageSensor as ImageSensor,
+    check_sensor as check_sensor,
+    detected_photons as detected_photons,
 )
 from .input_files import file_content as file_content
 from .optics.efficiency import Efficiency as Efficiency
@@ -47,49 +78,17 @@ from .quantities import (
     Expectation as Expectation,
     Exposure as Exposure,
 )
-from .readout.binary import expose_binary as expose_binary
-from .readout.counts_store import (
-    StoredCounts as StoredCounts,
-    write_counts as write_counts,
-)
-from .readout.events import (
-    Events as Events,
-    expose_events as expose_events,
-)
-from .readout.images import (
-    IMAGE_SENSORS as IMAGE_SENSORS,
-    ImageSensor as ImageSensor,
-    check_sensor as check_sensor,
-    detected_photons as detected_photons,
-    expectation as expectation,
-    expose_image as expose_image,
-)
-from .readout.opened import (
-    OpenedCounts as OpenedCounts,
-    StoredFrames as StoredFrames,
-    open_counts as open_counts,
-    read_counts as read_counts,
-)
-from .readout.sub_frames import sub_frames as sub_frames
 from .sampling.streams import generator as generator
 from .spad.analog import AnalogCounter as AnalogCounter
+from .spad.device import detection_rate as detection_rate
 from .spad.digital import DigitalCounter as DigitalCounter
-from .spad.exposure import (
-    expose as expose,
-    expose_adc as expose_adc,
-    expose_rate as expose_rate,
-)
 from .spad.measured import (
     MapFile as MapFile,
     MeasuredMaps as MeasuredMaps,
 )
-from .spad.model import Sensor as Sensor
-from .spad.moments import (
-    event_moments as event_moments,
-    reading_moments as reading_moments,
-)
-from .spad.order import (
+from .spad.model import (
     ORDER_OF_EFFECTS as ORDER_OF_EFFECTS,
+    Sensor as Sensor,
     without as without,
 )
 from .spad.presets import (
@@ -97,4 +96,4 @@ from .spad.presets import (
     load_sensor as load_sensor,
     preset as preset,
 )
-from .spad.rates import detection_rate as detection_rate
+from .sub_frames import sub_frames as sub_frames

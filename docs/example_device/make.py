@@ -10,7 +10,7 @@ import numpy as np
 
 from megalopta.sensor import changed, preset
 from megalopta.sensor.effects.bias import breakdown_offset
-from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
+from megalopta.sensor.spad.device import draw_fixed_pattern
 
 FOLDER = Path(__file__).parent
 SHAPE = (128, 128)

@@ -14,7 +14,7 @@ from megalopta.core.errors import UserError
 from megalopta.sensor import AnalogCounter, Sensor, changed, expose_rate
 from megalopta.sensor.compare.counted import CountedFrames
 from megalopta.sensor.spad.conversion import counts_of_codes
-from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
+from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.measured import MapFile
 
 _FULL = 0.98

@@ -122,7 +122,6 @@ class EmulatedCamera:
                 seed=self.seed,
                 sequence=self._plugged_in,
                 first_frame=self._number - gone,
-                threads=1,
                 together=together,
             )[gone:]
         except ValueError as problem:

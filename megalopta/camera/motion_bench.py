@@ -32,7 +32,7 @@ from megalopta.scenes.stimuli.grating import sky_radiance
 from megalopta.scenes.stimuli.motion_bench import MotionBench
 from megalopta.scenes.trajectories.steady import Trajectory
 from megalopta.sensor import Exposure, Sensor, detection_rate, expose, preset
-from megalopta.sensor.spad.moments import spad_expectation
+from megalopta.sensor.expectations import expectation
 
 FRAME_RATE_HZ = 10.0
 FRAMES = 32
@@ -176,7 +176,7 @@ def _mean_readings(speed_mm_s: float, sensor: Sensor, light: BenchLight | None) 
     frames = _frames(speed_mm_s, sensor, light)
     forth = frames.reshape(_PHASES, 2, FRAMES, *frames.shape[1:])[:, 0]
     seen = forth.reshape(-1, *frames.shape[1:])
-    mean = spad_expectation(seen, _BANDS_NM, sensor).mean_reading
+    mean = expectation(seen, _BANDS_NM, sensor).mean_reading
     mean = mean.reshape(_PHASES, FRAMES, *mean.shape[1:])
     there_and_back = np.concatenate([mean, mean[:, ::-1]], axis=1)
     return np.tile(there_and_back.reshape(-1, *mean.shape[2:]), (_REPEATS, 1, 1))

@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 from megalopta.camera.motion_bench import FRAMES, BenchLight
 from megalopta.core.arrays import Floats
 from megalopta.sensor import Sensor, reading_moments
-from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
+from megalopta.sensor.spad.device import draw_fixed_pattern
 
 LEAST = 2
 """Passages to and fro; one tells nothing of chance."""

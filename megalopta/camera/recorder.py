@@ -18,6 +18,8 @@ from megalopta.core import strict_yaml
 from megalopta.core.files import write_text
 from megalopta.core.format_numbers import written
 from megalopta.sensor import AnalogCounter, Sensor
+from megalopta.sensor.formats.counts_store import Origin
+from megalopta.sensor.formats.growing_counts import ExtraArray, GrowingCounts
 from megalopta.sensor.formats.messages import (
     COLUMNS,
     NOT_READ,
@@ -27,8 +29,6 @@ from megalopta.sensor.formats.messages import (
     samples_of,
 )
 from megalopta.sensor.formats.packets import Packet
-from megalopta.sensor.readout.counts_store import Origin
-from megalopta.sensor.readout.growing import ExtraArray, GrowingCounts
 from megalopta.sensor.spad.analog import nominal_pixels
 from megalopta.sensor.spad.conversion import counts_of_codes
 

@@ -12,7 +12,7 @@ from megalopta.config.yaml_model import validated
 from megalopta.core.errors import UserError
 from megalopta.dataset.lazy import LazyFrames
 from megalopta.dataset.store import Dataset, exposure_name
-from megalopta.sensor import ImageSensor, merged
+from megalopta.sensor import ImageSensor, expose, merged
 
 
 def drawn_counts(
@@ -34,24 +34,24 @@ def drawn_counts(
     def read(numbers: list[int]) -> NDArray[Any]:
         from megalopta.config.light_scale import light_scale
         from megalopta.dataset.frames import read_radiance_frame
-        from megalopta.sensor.formats.shot import Shot
 
         scale = (light_scale(exposed, chosen) * gain).astype(np.float32)
         sequence = f"{dataset.sequence}/{exposure_name(device, chosen)}"
         sequence += f"/gain {gain!r}" if gain != 1 else ""
-        frames = []
-        for number in numbers:
-            shot = Shot(
-                radiance=read_radiance_frame(dataset, number)[np.newaxis] * scale,
-                bands_nm=settings.render.bands_nm,
-                sensor=device,
-                seed=settings.seed,
-                sequence=sequence,
-                first_frame=number,
-                frame_period_s=1 / settings.trajectory.frame_rate_hz,
-            )
-            frames.append(shot.exposure.counts)
-        return np.concatenate(frames)
+        return np.concatenate(
+            [
+                expose(
+                    read_radiance_frame(dataset, number)[np.newaxis] * scale,
+                    settings.render.bands_nm,
+                    device,
+                    seed=settings.seed,
+                    sequence=sequence,
+                    first_frame=number,
+                    frame_period_s=1 / settings.trajectory.frame_rate_hz,
+                ).counts
+                for number in numbers
+            ]
+        )
 
     shape = settings.trajectory.frames, settings.camera.height, settings.camera.width
     dtype = np.dtype(np.float32 if device.unit == "electrons" else np.uint32)

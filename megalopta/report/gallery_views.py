@@ -22,7 +22,7 @@ from megalopta.render import SceneRenderer, frame_seed
 from megalopta.report.images import data_uri, gray_counts
 from megalopta.report.scene_gallery import ALONG_THE_TRAIL
 from megalopta.scenes import preview, white_of
-from megalopta.sensor import expose_image
+from megalopta.sensor import expose
 from megalopta.stages.render import build
 
 SAMPLES = 64
@@ -164,7 +164,7 @@ def _pictures(view: GalleryView, settings: Configuration) -> Iterator[Picture]:
     bands = settings.render.bands_nm
     yield Picture(view.title, preview(radiance, bands, white_of(settings.scene, settings.light)))
     if view.exposure_s:
-        exposure = expose_image(
+        exposure = expose(
             radiance[np.newaxis], bands, settings.sensors[0], seed=settings.seed, sequence="view"
         )
         counts = exposure.counts[0]

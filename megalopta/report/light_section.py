@@ -26,7 +26,7 @@ from megalopta.report.remarks import absent
 from megalopta.report.source import Report
 from megalopta.sensor import CtiaSensor, ImageSensor
 from megalopta.sensor.spad.digital import LARGEST_CAPACITY
-from megalopta.sensor.spad.order import active_effects
+from megalopta.sensor.spad.model import active_effects
 
 _WHITE_PERCENTILE = 90.0
 """As of the preview of the radiance: the brightest tenth may be shown as pure white."""

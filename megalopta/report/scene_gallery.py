@@ -30,7 +30,7 @@ from megalopta.scenes import preview, white_of
 from megalopta.scenes.forest.stand import PRESETS
 from megalopta.scenes.lighting.levels import LEVELS
 from megalopta.scenes.scene import Scene
-from megalopta.sensor import expose_image
+from megalopta.sensor import expose
 from megalopta.stages.render import build
 
 _CAMERA = {"width": 270, "height": 180, "fov_deg": 75}
@@ -158,7 +158,7 @@ def _radiance(lit: Configuration, scene: Scene) -> tuple[NDArray[np.float32], st
 
 def _cell(name: str, level: str, lit: Configuration, radiance: NDArray[np.float32]) -> Cell:
     bands = lit.render.bands_nm
-    exposure = expose_image(
+    exposure = expose(
         radiance[np.newaxis], bands, lit.sensors[0], seed=lit.seed, sequence=f"{name}/{level}"
     )
     view = preview(radiance, bands, white_of(lit.scene, _under(lit, level).light))

@@ -27,7 +27,7 @@ from megalopta.plotting.style import (
 from megalopta.reproduction.figure_recipe import FigureRecipe, Run
 from megalopta.sensor import changed, expose_rate, preset
 from megalopta.sensor.effects.bias import best_excess_bias, breakdown_offset
-from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
+from megalopta.sensor.spad.device import draw_fixed_pattern
 
 SPADCAM = preset("spadcam")
 ANODE_AT_BREAKDOWN_V = 12.40

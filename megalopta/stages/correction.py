@@ -20,8 +20,8 @@ from megalopta.dataset.store import Dataset, exposure_name
 from megalopta.sensor import ImageSensor, OpenedCounts, Sensor, StoredFrames
 from megalopta.sensor.calibrate.correction import Corrected, correct
 from megalopta.sensor.calibrate.frame_calibration import Calibration, simulated_calibration
-from megalopta.sensor.readout.counts_store import format_attribute
-from megalopta.sensor.spad.running import settled
+from megalopta.sensor.expectations import settled
+from megalopta.sensor.formats.counts_store import format_attribute
 
 _UNITS = {
     "detections": "photons detected per exposure, by pixels of nominal efficiency",

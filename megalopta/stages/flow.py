@@ -32,7 +32,7 @@ from megalopta.flow.egomotion.yaw_rate import yaw_rates_deg_s
 from megalopta.flow.metrics.endpoint_error import block_flow, block_share
 from megalopta.render import Truth
 from megalopta.sensor import ImageSensor, OpenedCounts, StoredFrames
-from megalopta.sensor.readout.counts_store import format_attribute
+from megalopta.sensor.formats.counts_store import format_attribute
 from megalopta.stages.correction import open_corrected
 from megalopta.stages.declaration import Stage
 from megalopta.stages.measurement import BlockTruth, Measurement, Record, SeenFrames

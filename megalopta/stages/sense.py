@@ -9,7 +9,7 @@ in every band for itself: one rendering serves all levels. What stays is where t
 a full moon sensed from a rendering under an overcast sky casts no shadows.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from importlib.metadata import version
@@ -30,13 +30,12 @@ from megalopta.scenes import ToneCurve
 from megalopta.scenes.lighting.levels import illuminance_of
 from megalopta.scenes.spectra.color import encode_srgb
 from megalopta.sensor import ImageSensor, OpenedCounts, check_sensor, open_counts
+from megalopta.sensor.expectations import PARTS_ERROR, RUNNING_ERROR
+from megalopta.sensor.formats.counts_store import Origin
 from megalopta.sensor.formats.names import ProductName, product_path
-from megalopta.sensor.formats.products import check_product, product_writer
-from megalopta.sensor.formats.shot import Arrays, Shot
-from megalopta.sensor.readout.counts_store import Origin
-from megalopta.sensor.readout.sub_frames import NextFrames
-from megalopta.sensor.spad.moments import PARTS_ERROR
-from megalopta.sensor.spad.running import RUNNING_ERROR
+from megalopta.sensor.formats.products import Kind, Write, check_product, kind_of, product_writer
+from megalopta.sensor.shot import Arrays, Shot
+from megalopta.sensor.sub_frames import NextFrames
 from megalopta.stages.correction import write_corrected
 from megalopta.stages.declaration import Stage
 from megalopta.stages.free_running import check_free_running
@@ -93,7 +92,7 @@ class _Film:
         stores: ExitStack,
     ) -> None:
         self._settings, self._sensor, self._level = dataset.configuration, sensor, level
-        self.has_events = any(each.startswith("events") for each in products)
+        self.has_events = any(kind_of(each) == "events" for each in products)
         self._sequence = f"{dataset.sequence}/{exposure_name(sensor, level)}"
         self._scale = light_scale(self._settings, level).astype(np.float32)
         origin = Origin(
@@ -107,22 +106,30 @@ class _Film:
         camera, trajectory = self._settings.camera, self._settings.trajectory
         shape = trajectory.frames, camera.height, camera.width
         self._period_s = 1 / trajectory.frame_rate_hz
-        self._writers = []
+        self._writers: dict[Kind, list[Write]] = {}
         for product in products:
             path = product_path(dataset.counts(sensor, level), product)
             writer = product_writer(
                 product, path, origin, shape, self._period_s, burst_frames(self._settings)
             )
-            self._writers.append(stores.enter_context(writer))
+            self._writers.setdefault(kind_of(product), []).append(stores.enter_context(writer))
 
     def expose(
         self, first: int, radiance: NDArray[np.float32], following: NextFrames | None
     ) -> None:
         """Expose frames (n, H, W, B) from a number on."""
         shot = self._shot(first, radiance, following)
+        draws: dict[Kind, Callable[[], Iterable[Any]]] = {
+            "readings": lambda: [shot.readings()],
+            "events": shot.events,
+            "bits": lambda: [shot.bits()],
+            "burst": shot.burst,
+        }
         with _refusals_told(self._sensor, self._level):
-            for write in self._writers:
-                write(shot)
+            for kind, writers in self._writers.items():
+                for drawn in draws[kind]():
+                    for write in writers:
+                        write(drawn)
         if self._arrays is not None:
             self._arrays = shot.arrays_after
 

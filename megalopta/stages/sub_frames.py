@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from megalopta.config.model import Configuration
 from megalopta.dataset.frames import read_radiance_frame, read_truth_frame
 from megalopta.dataset.store import Dataset
-from megalopta.sensor.readout.sub_frames import NextFrames
+from megalopta.sensor.sub_frames import NextFrames
 
 
 def next_frames(dataset: Dataset, first: int, radiance: NDArray[np.float32]) -> NextFrames | None:

@@ -39,7 +39,7 @@ from megalopta.sensor import (
     preset,
     reading_moments,
 )
-from megalopta.sensor.readout.binary import unpack
+from megalopta.sensor.sampling.bits import unpack
 from megalopta.verification.brute_force import (
     brute_force_events,
     plain_light_hz,

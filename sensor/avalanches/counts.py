@@ -16,10 +16,10 @@ from megalopta.sensor.avalanches.coupled import coupled_moments
 from megalopta.sensor.avalanches.moments import open_rate, pixel_moments
 from megalopta.sensor.avalanches.simulation import simulate_counts
 from megalopta.sensor.effects import crosstalk, dead_time
+from megalopta.sensor.effects.base import AvalancheMaps
 from megalopta.sensor.effects.dead_time import check_arrivals
 from megalopta.sensor.effects.fields import AvalancheEffects
 from megalopta.sensor.effects.gating import part_weights
-from megalopta.sensor.effects.mismatch import AvalancheMaps
 
 
 def draw_counts(

@@ -35,10 +35,10 @@ import numpy as np
 from megalopta.core.arrays import Floats
 from megalopta.sensor.avalanches.moments import pixel_moments
 from megalopta.sensor.effects import crosstalk
+from megalopta.sensor.effects.base import AvalancheMaps
 from megalopta.sensor.effects.crosstalk import neighborhood
 from megalopta.sensor.effects.fields import AvalancheEffects
 from megalopta.sensor.effects.gating import open_fraction
-from megalopta.sensor.effects.mismatch import AvalancheMaps
 
 MEAN_ERROR = 0.02
 VARIANCE_ERROR = 0.25

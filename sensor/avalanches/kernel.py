@@ -16,10 +16,10 @@ from megalopta.core.arrays import Floats, Ints
 from megalopta.sensor.avalanches.arrivals import first_blind_until, first_photon, next_photon
 from megalopta.sensor.avalanches.heap import longer, pop, push
 from megalopta.sensor.effects.afterpulsing import draw_carriers, draw_delay
+from megalopta.sensor.effects.base import AvalancheMaps
 from megalopta.sensor.effects.crosstalk import neighborhood
 from megalopta.sensor.effects.fields import AvalancheEffects
 from megalopta.sensor.effects.gating import is_open
-from megalopta.sensor.effects.mismatch import AvalancheMaps
 
 PHOTON, CARRIER, CROSSTALK, TWILIGHT = 0, 1, 2, 3
 KINDS = 4

@@ -22,10 +22,10 @@ import numpy as np
 from megalopta.core.arrays import Floats
 from megalopta.sensor.avalanches.tables import NODES_PER_DECADE, moment_ratios
 from megalopta.sensor.effects import afterpulsing, dead_time, gated_paralyzable
+from megalopta.sensor.effects.base import AvalancheMaps
 from megalopta.sensor.effects.dead_time import check_arrivals
 from megalopta.sensor.effects.fields import AvalancheEffects
 from megalopta.sensor.effects.gating import open_fraction
-from megalopta.sensor.effects.mismatch import AvalancheMaps
 
 _FEWEST_ARRIVALS = 0.03
 _FACTORS_OF_A_LAW, _FACTORS_OF_A_TABLE = 9, 3

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats
 from megalopta.sensor.calibrate.defects import hot_pixels
 from megalopta.sensor.calibrate.response_curve import ResponseCurve, response_curve
-from megalopta.sensor.spad.exposure import expose_rate
-from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
+from megalopta.sensor.exposure import expose_rate
+from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.model import Sensor
 
 _FRAMES_AT_ONCE = 16

@@ -18,10 +18,9 @@ from scipy.interpolate import PchipInterpolator
 from megalopta.core.arrays import Floats
 from megalopta.sensor.change import changed
 from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
+from megalopta.sensor.expectations import reading_moments
 from megalopta.sensor.spad.measured import MeasuredMaps
-from megalopta.sensor.spad.model import Sensor
-from megalopta.sensor.spad.moments import reading_moments
-from megalopta.sensor.spad.order import without
+from megalopta.sensor.spad.model import Sensor, without
 
 _NODES = 400
 _DIMMEST = 1e-3

@@ -46,43 +46,9 @@ class CtiaExposure:
 
 
 def photocurrent(radiance: ArrayLike, bands_nm: ArrayLike, sensor: CtiaSensor) -> Floats:
-    """Photocurrent of every pixel, (T, H, W) in A; parameters as for `expose_ctia`."""
+    """Photocurrent of every pixel, (T, H, W) in A; parameters as for `expose`."""
     rate = detected_rate(radiance, bands_nm, sensor)
     return ELEMENTARY_CHARGE_C * check_brightness(rate, sensor.exposure_s)
-
-
-def expose_ctia(
-    radiance: ArrayLike,
-    bands_nm: ArrayLike,
-    sensor: CtiaSensor,
-    *,
-    seed: int,
-    sequence: str | int,
-    first_frame: int = 0,
-    frame_period_s: float | None = None,
-) -> CtiaExposure:
-    """Read frames of a scene; parameters as for `expose`, and one more.
-
-    Parameters
-    ----------
-    frame_period_s : float, optional
-        Time from one frame to the next; by default the exposure.
-
-    Raises
-    ------
-    ValueError
-        When the radiance is negative, not finite or of the wrong shape, or a band reaches outside
-        the quantum efficiency curve.
-    """
-    light = photocurrent(radiance, bands_nm, sensor)
-    return expose_photocurrent(
-        light,
-        sensor,
-        seed=seed,
-        sequence=sequence,
-        first_frame=first_frame,
-        frame_period_s=frame_period_s,
-    )
 
 
 def expose_photocurrent(
@@ -94,7 +60,7 @@ def expose_photocurrent(
     first_frame: int = 0,
     frame_period_s: float | None = None,
 ) -> CtiaExposure:
-    """Read frames whose photocurrent is known, (T, H, W) in A; as `expose_ctia`."""
+    """Read frames whose photocurrent is known, (T, H, W) in A; parameters as for `expose`."""
     light = _checked(photocurrent_a)
     volts, saturated = np.empty_like(light), np.empty(light.shape, np.bool_)
     for index, now in enumerate(_aging(sensor, light.shape, first_frame, frame_period_s)):

@@ -33,7 +33,6 @@ from scipy.linalg import expm
 
 from megalopta.core.arrays import Floats
 from megalopta.sensor.effects.base import Effect, PixelRates, Stage
-from megalopta.sensor.effects.mismatch import draw_mismatch
 
 
 class Afterpulsing(Effect, frozen=True):
@@ -87,7 +86,7 @@ class Afterpulsing(Effect, frozen=True):
     def act_on_rates(self, rates: PixelRates) -> None:
         """Let the pixels differ."""
         if self.is_on:
-            draw_mismatch(rates, "afterpulsing", self.mismatch_sigma)
+            rates.scatter("afterpulsing", self.mismatch_sigma)
 
 
 def moments(

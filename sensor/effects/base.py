@@ -3,19 +3,20 @@
 An effect is one field of `Sensor`, most of them by `fields`, and acts in the order of its stage;
 within a stage effects act in the order of the fields. Default parameters do nothing.
 
-One on rates overrides `act_on_rates`. One on single avalanches, whose stage is `AVALANCHES`, has a
-part in `avalanches/kernel.py`; wherever no law of the counts is known it is simulated. No other
-file names an effect unless it states a law of it.
+One on rates overrides `act_on_rates`, one that changes with time `act_on_frame`. One on single
+avalanches, whose stage is `AVALANCHES`, has a part in `avalanches/kernel.py`; wherever no law of
+the counts is known it is simulated. No other file names an effect unless it states a law of it.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum, auto
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel
 
 from megalopta.core.arrays import Floats
+from megalopta.sensor.sampling.streams import pixel_normals
 
 
 class Stage(IntEnum):
@@ -61,6 +62,64 @@ class PixelRates:
         """Multiply one of `factors`."""
         self.factors[name] = self.factors.get(name, np.ones(self.shape)) * factor
 
+    def scatter(self, name: str, sigma: float) -> None:
+        """Multiply one of `factors` by log-normal numbers of mean 1, unless it was measured."""
+        if sigma > 0 and name not in self.measured:
+            log_sigma = np.sqrt(np.log1p(sigma**2))
+            normals = pixel_normals(self.shape, self.device_seed, f"{name} mismatch")
+            self.scale(name, np.exp(log_sigma * normals - log_sigma**2 / 2))
+
+
+class AvalancheMaps(NamedTuple):
+    """How pixels differ: factors on the values of a sensor's fields, (rows, columns) each."""
+
+    dead_time: Floats
+    """On `dead_time.dead_time_s`"""
+    afterpulsing: Floats
+    """On `afterpulsing.mean_carriers`"""
+    crosstalk: Floats
+    """On `crosstalk.mean_fired_neighbors` of avalanches in this pixel"""
+
+    @classmethod
+    def alike(cls, shape: tuple[int, int]) -> "AvalancheMaps":
+        """Pixels that do not differ."""
+        return cls(*(np.ones(shape) for _ in cls._fields))
+
+    @classmethod
+    def of(cls, rates: PixelRates) -> "AvalancheMaps | None":
+        """What the effects on rates have found; none where pixels are as the fields say."""
+        factors = [rates.factors.get(name, np.ones(rates.shape)) for name in cls._fields]
+        return cls(*factors) if any(np.any(factor != 1) for factor in factors) else None
+
+
+class Frame(NamedTuple):
+    """Which exposure it is, for effects that change with time."""
+
+    number: int
+    """In its sequence"""
+    time_s: float
+    """From the start of frame 0"""
+    run: int
+    """A random number, the same in all frames of a run: what has memory is a function of it"""
+
+
+@dataclass
+class FrameRates:
+    """Rates in one frame; effects that change with time change them one after the other."""
+
+    detections_hz: Floats
+    """Photons that a pixel would detect if always live, (H, W), or in S parts of the exposure
+    (S, H, W)"""
+
+    dark_counts_hz: Floats
+    """Dark count rate, (H, W)"""
+
+    device_seed: int
+
+    def with_dark_counts(self, factor: Floats) -> "FrameRates":
+        """Return the rates with so many times the dark counts."""
+        return replace(self, dark_counts_hz=self.dark_counts_hz * factor)
+
 
 class Effect(
     BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
@@ -88,3 +147,14 @@ class Effect(
 
     def act_on_rates(self, rates: PixelRates) -> None:
         """Change the rates of the pixels, in place; by default nothing."""
+
+    def act_on_frame(self, rates: FrameRates, rng: np.random.Generator, frame: Frame) -> None:
+        """Change the rates in one frame, in place; by default nothing.
+
+        `rng` is the frame's own. A frame may be drawn before those that precede it: what the effect
+        remembers must be a function of `frame`.
+        """
+
+    def over_time(self, rates: FrameRates) -> list[tuple[float, FrameRates]]:
+        """Return what `act_on_frame` makes of rates in the long run, each with its chance."""
+        return [(1.0, rates)]

@@ -26,7 +26,6 @@ from scipy.ndimage import convolve
 from megalopta.core.arrays import Floats
 from megalopta.sensor.effects.base import Effect, PixelRates, Stage
 from megalopta.sensor.effects.branching import REACH, summed_squares
-from megalopta.sensor.effects.mismatch import draw_mismatch
 
 _NEGLIGIBLE = 1e-15
 
@@ -58,7 +57,7 @@ class Crosstalk(Effect, frozen=True):
     def act_on_rates(self, rates: PixelRates) -> None:
         """Let the pixels differ."""
         if self.is_on:
-            draw_mismatch(rates, "crosstalk", self.mismatch_sigma)
+            rates.scatter("crosstalk", self.mismatch_sigma)
 
 
 def neighborhood(crosstalk: Crosstalk) -> Floats:

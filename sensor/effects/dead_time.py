@@ -29,7 +29,6 @@ from pydantic import Field, model_validator
 from megalopta.core.arrays import Floats
 from megalopta.sensor.effects import nonparalyzable, paralyzable
 from megalopta.sensor.effects.base import Effect, PixelRates, Stage
-from megalopta.sensor.effects.mismatch import draw_mismatch
 from megalopta.sensor.sampling.poisson import draw_poisson
 
 MOST_ARRIVALS = 1e15
@@ -107,7 +106,7 @@ class DeadTime(Effect, frozen=True):
     def act_on_rates(self, rates: PixelRates) -> None:
         """Let the pixels differ."""
         if self.is_on:
-            draw_mismatch(rates, "dead_time", self.mismatch_sigma)
+            rates.scatter("dead_time", self.mismatch_sigma)
 
 
 def expected_counts(

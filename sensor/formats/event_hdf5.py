@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.files import atomic_write
+from megalopta.sensor.events import Events
 from megalopta.sensor.formats.event_stream import (
     EventOrigin,
     StoredEvents,
@@ -25,7 +26,6 @@ from megalopta.sensor.formats.event_stream import (
     stored_events,
 )
 from megalopta.sensor.formats.recorded_frames import file_bytes
-from megalopta.sensor.readout.events import Events
 
 HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.format_numbers import check_format, written
-from megalopta.sensor.readout.events import Events
+from megalopta.sensor.events import Events
 
 PICOSECONDS = 1e12
 MOST_PIXELS_A_SIDE = 65536

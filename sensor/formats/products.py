@@ -1,27 +1,28 @@
-"""What can be written of an exposure beside its counts, frame after frame, in flat memory."""
+"""What can be written of an exposure, frame after frame, in flat memory."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, Literal, TypeAlias
 
+from megalopta.sensor.events import Events
+from megalopta.sensor.exposure import check_binary
+from megalopta.sensor.formats.counts_store import Origin, counts_writer
 from megalopta.sensor.formats.event_hdf5 import events_hdf5_writer
 from megalopta.sensor.formats.event_npz import events_npz_writer
 from megalopta.sensor.formats.event_stream import MOST_PIXELS_A_SIDE, EventOrigin
 from megalopta.sensor.formats.names import ProductName
 from megalopta.sensor.formats.packed_npy import binary_npy_writer
-from megalopta.sensor.formats.shot import Shot
 from megalopta.sensor.formats.spad512 import check_spad512_size, spad512_writer
 from megalopta.sensor.formats.tiff import tiff_writer
-from megalopta.sensor.readout.binary import check_binary
-from megalopta.sensor.readout.counts_store import Origin, counts_writer
-from megalopta.sensor.readout.events import Events
-from megalopta.sensor.readout.images import ImageSensor
+from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.spad.model import Sensor
 
-Write: TypeAlias = Callable[[Shot], None]
+Kind: TypeAlias = Literal["readings", "events", "bits", "burst"]
+"""What is drawn for a product: `Exposure`, `Events`, or packed bits of frames or of bursts."""
+Write: TypeAlias = Callable[[Any], None]
 
 
 def check_product(product: ProductName, sensor: ImageSensor, shape: tuple[int, int]) -> None:
@@ -58,7 +59,7 @@ def product_writer(
     frame_period_s: float,
     burst_frames: int = 1,
 ) -> AbstractContextManager[Write]:
-    """Yield what appends shots of consecutive frames; the product appears when all are there.
+    """Yield what appends frames to a product, which appears when all are there (see `kind_of`).
 
     Parameters
     ----------
@@ -78,17 +79,24 @@ def product_writer(
     return _WRITERS[product](path, origin, shape, frame_period_s)
 
 
+def kind_of(product: ProductName) -> Kind:
+    """What the writer of a product takes."""
+    if product in ("counts", "tiff"):
+        return "readings"
+    return "burst" if product == "burst_npy" else "events" if "events" in product else "bits"
+
+
 @contextmanager
 def _counts(path: Path, origin: Origin, shape: tuple[int, int, int], _: float) -> Iterator[Write]:
     with counts_writer(path, origin, shape[0]) as write:
-        yield lambda shot: write(shot.first_frame, shot.exposure)
+        yield write
 
 
 @contextmanager
 def _tiff(path: Path, origin: Origin, shape: tuple[int, int, int], _: float) -> Iterator[Write]:
     most_bytes = math.prod(shape) * 4
     with tiff_writer(path, most_bytes, exposure_s=origin.sensor.exposure_s) as write:
-        yield lambda shot: write(shot.exposure.counts)
+        yield lambda exposure: write(exposure.counts)
 
 
 @contextmanager
@@ -113,37 +121,20 @@ def _events(
         extra=described,
     )
     with writer(path, of_events) as write:
-
-        def write_shot(shot: Shot) -> None:
-            for events in shot.events():
-                write(events)
-
-        yield write_shot
+        yield write
 
 
 @contextmanager
 def _npy(path: Path, _: Origin, shape: tuple[int, int, int], __: float) -> Iterator[Write]:
     frames, rows, columns = shape
     with binary_npy_writer(path, (frames, rows, -(-columns // 8))) as write:
-        yield lambda shot: write(shot.bits)
-
-
-@contextmanager
-def _burst(path: Path, _: Origin, shape: tuple[int, int, int], __: float) -> Iterator[Write]:
-    frames, rows, columns = shape
-    with binary_npy_writer(path, (frames, rows, -(-columns // 8))) as write:
-
-        def write_shot(shot: Shot) -> None:
-            for bits in shot.burst():
-                write(bits)
-
-        yield write_shot
+        yield write
 
 
 @contextmanager
 def _spad512(path: Path, _: Origin, __: tuple[int, int, int], ___: float) -> Iterator[Write]:
     with spad512_writer(path) as write:
-        yield lambda shot: write(shot.bits)
+        yield write
 
 
 _WRITERS: Mapping[ProductName, Callable[..., AbstractContextManager[Write]]] = {
@@ -152,6 +143,6 @@ _WRITERS: Mapping[ProductName, Callable[..., AbstractContextManager[Write]]] = {
     "events_npz": partial(_events, events_npz_writer),
     "binary_npy": _npy,
     "binary_spad512": _spad512,
-    "burst_npy": _burst,
+    "burst_npy": _npy,
     "tiff": _tiff,
 }

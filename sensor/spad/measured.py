@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field, model_validator
 
 from megalopta.core.arrays import Floats, plain_array
-from megalopta.sensor.effects.base import Effect, PixelRates, Stage
-from megalopta.sensor.effects.mismatch import AvalancheMaps
+from megalopta.sensor.effects.base import AvalancheMaps, Effect, PixelRates, Stage
 from megalopta.sensor.input_files import file_content
 from megalopta.sensor.spad.analog import AnalogPixels
 

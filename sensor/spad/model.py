@@ -1,12 +1,27 @@
-"""Everything that describes one image sensor, as plain frozen data."""
+"""Everything that describes one image sensor, as plain frozen data, and the order of its effects.
 
-from typing import Annotated, ClassVar, Literal, Self
+There are rates of arrivals as far as "telegraph", avalanches up to "crosstalk", and a number in a
+counter after that. The effects on avalanches act on each other in time and are simulated together
+wherever more than one is on.
+"""
+
+from functools import cached_property
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
 from pydantic import Field, model_validator
 
-from megalopta.sensor.effects.fields import AvalancheEffects, RateEffects
-from megalopta.sensor.effects.gating import open_fraction
+from megalopta.sensor.change import changed
+from megalopta.sensor.effects.afterpulsing import Afterpulsing
+from megalopta.sensor.effects.base import Effect
+from megalopta.sensor.effects.bias import Bias
+from megalopta.sensor.effects.crosstalk import Crosstalk
+from megalopta.sensor.effects.dark_counts import DarkCounts
+from megalopta.sensor.effects.dead_time import DeadTime
+from megalopta.sensor.effects.fields import AvalancheEffects
+from megalopta.sensor.effects.gating import Gate, open_fraction
 from megalopta.sensor.effects.jitter import Jitter
+from megalopta.sensor.effects.telegraph import Telegraph
+from megalopta.sensor.effects.temperature import Temperature
 from megalopta.sensor.optics.pixels import PixelOptics
 from megalopta.sensor.spad.analog import AnalogCounter
 from megalopta.sensor.spad.digital import DigitalCounter
@@ -16,14 +31,7 @@ MOST_OFFSPRING = 0.95
 """Avalanches that one may cause, on average, where no dead time ends the cascade."""
 
 
-class Device(RateEffects, PixelOptics, frozen=True):
-    """What makes the rates of the pixels what they are."""
-
-    measured: MeasuredMaps = MeasuredMaps()
-    """Measured maps of the pixels of one device, in place of drawn ones; none by default."""
-
-
-class Sensor(AvalancheEffects, Device, frozen=True):
+class Sensor(PixelOptics, frozen=True):
     """A single-photon image sensor behind a lens; the number of pixels is that of the image."""
 
     unit: ClassVar[str] = "counts"
@@ -31,6 +39,24 @@ class Sensor(AvalancheEffects, Device, frozen=True):
 
     kind: Literal["spad"] = "spad"
     """Names this kind of image sensor."""
+    temperature: Temperature = Temperature()
+    """Temperature, which moves dark counts and breakdown; by default that at which they hold."""
+    bias: Bias = Bias()
+    """Excess bias and breakdown mismatch, which move efficiency and dark counts; off by default."""
+    dark_counts: DarkCounts = DarkCounts()
+    """Events without light; off by default."""
+    measured: MeasuredMaps = MeasuredMaps()
+    """Measured maps of the pixels of one device, in place of drawn ones; none by default."""
+    telegraph: Telegraph = Telegraph()
+    """Dark counts that switch between levels; off by default."""
+    gate: Gate = Gate()
+    """Periodic window of sensitivity; always open by default."""
+    dead_time: DeadTime = DeadTime()
+    """Recovery after an event; none by default."""
+    afterpulsing: Afterpulsing = Afterpulsing()
+    """Events fired by carriers of earlier ones; off by default."""
+    crosstalk: Crosstalk = Crosstalk()
+    """Events fired by those of neighboring pixels; off by default."""
     jitter: Jitter = Jitter()
     """Scatter of the time stamps of events; none by default."""
     counter: Annotated[DigitalCounter | AnalogCounter, Field(discriminator="kind")] = (
@@ -61,6 +87,15 @@ class Sensor(AvalancheEffects, Device, frozen=True):
         return self
 
     @model_validator(mode="after")
+    def _check_telegraph(self) -> Self:
+        if self.telegraph.is_on and not (self.dark_counts.is_on or self.measured.dark_counts):
+            raise ValueError(
+                f"telegraph.share: {self.telegraph.share:g}, but there are no dark counts that "
+                "could switch; give dark_counts"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _check_cascade(self) -> Self:
         carriers, fired = self.afterpulsing.mean_carriers, self.crosstalk.mean_fired_neighbors
         if not self.dead_time.is_on and carriers + fired > MOST_OFFSPRING:
@@ -86,8 +121,62 @@ class Sensor(AvalancheEffects, Device, frozen=True):
         """Largest count a pixel can hold."""
         return self.counter.capacity
 
-    @property
+    @cached_property
     def avalanche_effects(self) -> AvalancheEffects:
         """What decides which avalanches occur."""
-        names = AvalancheEffects.model_fields
-        return AvalancheEffects(**{name: getattr(self, name) for name in names})
+        return AvalancheEffects(
+            gate=self.gate,
+            dead_time=self.dead_time,
+            afterpulsing=self.afterpulsing,
+            crosstalk=self.crosstalk,
+        )
+
+
+def effects_of(model: type[Sensor]) -> tuple[str, ...]:
+    """Return the fields of a model that hold effects, in the order in which these act."""
+    stages = {
+        name: kind.stage
+        for name, field in model.model_fields.items()
+        for kind in (get_args(field.annotation) or (field.annotation,))[:1]
+        if isinstance(kind, type) and issubclass(kind, Effect)
+    }
+    return tuple(sorted(stages, key=lambda name: stages[name]))
+
+
+ORDER_OF_EFFECTS = effects_of(Sensor)
+"""Fields of `Sensor`, first to last."""
+
+
+def without(sensor: Sensor, field: str) -> Sensor:
+    """Return the sensor with one effect switched off.
+
+    Without "efficiency", every photon on the active area is detected, wherever a pixel's bias is
+    above the onset. Without "dark_counts", measured and switching ones are off too.
+
+    Raises
+    ------
+    ValueError
+        When there is no effect of this name.
+    """
+    known = effects_of(type(sensor))
+    if field not in known:
+        raise ValueError(f"effect {field!r}: no such effect; choose from {', '.join(known)}")
+    changes: dict[str, Any] = {field: getattr(sensor, field).off()}
+    if field in MeasuredMaps.of_effect:
+        changes["measured"] = {MeasuredMaps.of_effect[field]: None}
+    if field in MeasuredMaps.relative:
+        changes["measured"] = {field: None}
+    if field == "dark_counts":
+        changes["telegraph"] = Telegraph.off()
+    if field == "efficiency":
+        changes["bias"] = sensor.bias.without_efficiency()
+    return changed(sensor, **changes)
+
+
+def active_effects(sensor: Sensor) -> tuple[str, ...]:
+    """Names of the effects that are on, in order."""
+    measured = {
+        name for name, file in MeasuredMaps.of_effect.items() if getattr(sensor.measured, file)
+    }
+    names = effects_of(type(sensor))
+    return tuple(name for name in names if name in measured or getattr(sensor, name).is_on)

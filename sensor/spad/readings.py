@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.sensor.avalanches.counts import count_moments
+from megalopta.sensor.effects.base import AvalancheMaps
 from megalopta.sensor.effects.fields import AvalancheEffects
-from megalopta.sensor.effects.mismatch import AvalancheMaps
 from megalopta.sensor.spad.analog import AnalogCounter, AnalogPixels
 from megalopta.sensor.spad.counter_moments import (
     counter_moments,

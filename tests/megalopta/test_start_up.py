@@ -58,7 +58,7 @@ def test_help_version_and_mistyped_words_take_less_than_a_second_of_cpu(words):
         ("import megalopta.flow", RENDERER | FILES | MODELS),
         ("from megalopta.flow import METHODS, photon_search, truth_error", RENDERER | FILES),
         ("import megalopta.sensor", RENDERER | FILES | MODELS),
-        ("from megalopta.sensor import PRESETS, expose, expose_image", RENDERER | FILES),
+        ("from megalopta.sensor import PRESETS, expose", RENDERER | FILES),
         ("import megalopta.config", RENDERER | FILES | MODELS),
         ("from megalopta.config.model import load; load('demo')", RENDERER | FILES),
     ],

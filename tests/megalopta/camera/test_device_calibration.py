@@ -24,7 +24,7 @@ from megalopta.sensor import (
 from megalopta.sensor.calibrate.chain import calibrate_device
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.calibrate.neighbors import Kernel
-from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
+from megalopta.sensor.spad.device import draw_fixed_pattern
 
 pytestmark = pytest.mark.slow
 

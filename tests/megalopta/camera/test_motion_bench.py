@@ -15,7 +15,7 @@ from megalopta.camera.motion_bench import (
     stimulus,
 )
 from megalopta.sensor import event_moments
-from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
+from megalopta.sensor.spad.device import draw_fixed_pattern
 
 POISSON, SPADCAM = SENSORS.values()
 HIDDEN_PHOTONS = 27.0

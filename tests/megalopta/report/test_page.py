@@ -24,7 +24,7 @@ from megalopta.report.footage import read_footage, select
 from megalopta.report.page import write_report
 from megalopta.report.records import read_benchmark, read_records
 from megalopta.sensor import PRESETS
-from megalopta.sensor.spad.order import active_effects
+from megalopta.sensor.spad.model import active_effects
 from megalopta.stages.flow import responses_path
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_all, run_stage

@@ -9,7 +9,7 @@ from megalopta.reproduction.chapter2_counter import (
     transient,
     volts_per_event,
 )
-from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
+from megalopta.sensor.spad.device import draw_fixed_pattern
 
 BOTTOM_V = 0.1
 STEPS = pytest.mark.parametrize("step_v", [10e-3, 30e-3])

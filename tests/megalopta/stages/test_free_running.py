@@ -11,8 +11,8 @@ from megalopta.config.model import load
 from megalopta.core.errors import UserError
 from megalopta.dataset.frames import FRAMES_AT_ONCE
 from megalopta.dataset.store import open_sequence
+from megalopta.sensor.events import histogram
 from megalopta.sensor.formats.reading import read_events, read_frames
-from megalopta.sensor.readout.events import histogram
 from megalopta.stages.estimate import estimate
 from megalopta.stages.pipeline import run_stage
 from megalopta.stages.sense import open_exposure, sense

@@ -8,10 +8,10 @@ from megalopta.core.errors import UserError
 from megalopta.dataset.store import Dataset
 from megalopta.render import write_radiance
 from megalopta.sensor import Crosstalk, ctia_preset, preset
+from megalopta.sensor.events import histogram
 from megalopta.sensor.formats.products import check_product
 from megalopta.sensor.formats.reading import read_events, read_frames
-from megalopta.sensor.formats.shot import Shot
-from megalopta.sensor.readout.events import histogram
+from megalopta.sensor.shot import Shot
 from megalopta.stages.ledger import Ledger
 from megalopta.stages.pipeline import run_stage
 from megalopta.stages.sense import open_exposure, sense

@@ -4,7 +4,7 @@ import numpy as np
 
 from megalopta.sensor import AnalogCounter, DeadTime, DigitalCounter, changed, expose_rate, preset
 from megalopta.sensor.calibrate.level import Adc, Level
-from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
+from megalopta.sensor.spad.device import draw_fixed_pattern
 
 SHAPE = (16, 16)
 DARK_EXPOSURES_S = (1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
@@ -41,7 +41,7 @@ def recorded(sensor, exposure_s, light_hz, frames, seed=1, shape=SHAPE):
     rate = np.broadcast_to(light_hz * efficiency * pattern.efficiency_factor, (frames, *shape))
     name = f"{sensor.device_seed} {exposure_s} {light_hz}"
     events = changed(sensor, counter=DigitalCounter())
-    counts = expose_rate(rate, events, seed=seed, sequence=name, threads=1).counts
+    counts = expose_rate(rate, events, seed=seed, sequence=name).counts
     pixels = pattern.counters
     fall = np.minimum(counts * pixels.step_v + pixels.leaked_v, counter.swing_v)
     rng = np.random.default_rng([seed, sensor.device_seed, round(1e6 * exposure_s), int(light_hz)])

@@ -12,7 +12,7 @@ from megalopta.sensor.calibrate.correction import correct
 from megalopta.sensor.calibrate.defects import filled_in, hot_pixels
 from megalopta.sensor.calibrate.frame_calibration import calibrate, simulated_calibration
 from megalopta.sensor.calibrate.response_curve import response_curve
-from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
+from megalopta.sensor.spad.device import draw_fixed_pattern
 
 SHAPE = (8, 16)
 FRAMES = 500

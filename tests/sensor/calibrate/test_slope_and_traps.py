@@ -8,7 +8,7 @@ from megalopta.sensor.calibrate.chain import calibrate_device
 from megalopta.sensor.calibrate.curve import Curve
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.calibrate.neighbors import neighbor_kernel
-from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
+from megalopta.sensor.spad.device import draw_fixed_pattern
 
 from .devices import DARK_EXPOSURES_S, NANOMETERS, adc_of
 
@@ -25,7 +25,7 @@ def levels_of(sensor, lights_hz=(2e8, 1e9), frames=120):
         rate = light_hz * share * draw_fixed_pattern(own, SHAPE).efficiency_factor
         rates = np.broadcast_to(rate, (frames, *SHAPE))
         name = f"{exposure_s} {light_hz}"
-        codes = expose_adc(rates, own, seed=1, sequence=name, threads=1)
+        codes = expose_adc(rates, own, seed=1, sequence=name)
         found.append(Level(codes, exposure_s, light_hz))
     return found
 

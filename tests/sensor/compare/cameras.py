@@ -4,7 +4,7 @@ import numpy as np
 
 from megalopta.sensor import Crosstalk, DeadTime, DigitalCounter, changed, expose_rate, preset
 from megalopta.sensor.compare.counted import CountedFrames
-from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
+from megalopta.sensor.spad.device import draw_fixed_pattern
 
 SHAPE = (16, 16)
 LEVELS = ((0.02, 0.0), (2e-4, 2e7), (2e-4, 7e8))
@@ -38,6 +38,6 @@ def recorded(seed, sensor=None, frames=400, dark=1.0, efficiency=1.0, step=1.0, 
         rate = light_hz * EFFICIENCY * efficiency * pattern.efficiency_factor + more
         rates = np.broadcast_to(rate, (frames, *SHAPE))
         name = f"{exposure_s} {light_hz}"
-        counts = expose_rate(rates, own, seed=seed, sequence=name, threads=1).counts
+        counts = expose_rate(rates, own, seed=seed, sequence=name).counts
         found.append(CountedFrames(np.rint(counts * step), exposure_s, light_hz))
     return found

@@ -4,7 +4,7 @@ from scipy.stats import truncnorm
 
 from megalopta.sensor.change import changed
 from megalopta.sensor.effects.dark_counts import DarkCounts, dark_count_rate, mean_density
-from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
+from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.presets import preset
 
 SPADCAM = preset("spadcam").dark_counts

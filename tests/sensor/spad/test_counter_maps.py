@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from megalopta.sensor import MapFile, MeasuredMaps, changed, preset
-from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
+from megalopta.sensor.spad.device import draw_fixed_pattern
 
 
 @pytest.mark.parametrize(

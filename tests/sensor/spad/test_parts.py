@@ -14,7 +14,7 @@ from megalopta.sensor import (
     expose_rate,
     preset,
 )
-from megalopta.sensor.readout.binary import unpack
+from megalopta.sensor.sampling.bits import unpack
 
 EXPOSURE_S, TAU_S, PIXELS = 1e-4, 1e-6, (100, 100)
 IDEAL = changed(preset("ideal"), exposure_s=EXPOSURE_S)

@@ -16,7 +16,7 @@ from numpy.typing import DTypeLike, NDArray
 from zarr.codecs import BloscCodec
 
 from megalopta.core.files import write_text
-from megalopta.sensor.readout.counts_store import READINGS, Origin, store_attributes, unit_of
+from megalopta.sensor.formats.counts_store import READINGS, Origin, store_attributes, unit_of
 
 _CHUNK_FRAMES = 4096
 _CODEC = BloscCodec(cname="lz4", shuffle="bitshuffle")

@@ -19,8 +19,8 @@ from megalopta.sensor import (
     reading_moments,
     without,
 )
+from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.digital import DigitalCounter
-from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
 
 BANDS = np.array([[400.0, 475.0], [475.0, 550.0], [550.0, 600.0], [620.0, 700.0]])
 RNG = np.random.default_rng(0)
@@ -228,12 +228,6 @@ def test_rate_too_high_to_be_drawn_is_refused_by_its_name():
 def test_name_in_place_of_a_sensor_is_refused_with_the_remedy(function):
     with pytest.raises(TypeError, match=r"sensor: 'spadcam' is no Sensor; .*preset"):
         function("spadcam")
-
-
-@pytest.mark.parametrize("threads", [0, -3])
-def test_no_threads_are_refused(threads):
-    with pytest.raises(ValueError, match=f"threads: {threads}; give 1 or more"):
-        expose_frames(SENSORS["ideal"], threads=threads)
 
 
 @pytest.mark.parametrize("place", [{"seed": 0.5}, {"sequence": None}])

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from megalopta.core.files import atomic_write
 from megalopta.core.format_numbers import written
+from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.quantities import Exposure
-from megalopta.sensor.readout.images import ImageSensor
 
 FORMAT = "megalopta counts"
 FORMAT_KEY = "format_number"
@@ -83,14 +83,14 @@ def write_counts(path: str | Path, stored: StoredCounts) -> None:
         When something of this name exists.
     """
     with counts_writer(path, stored, len(stored.exposure.counts)) as write:
-        write(0, stored.exposure)
+        write(stored.exposure)
 
 
 @contextmanager
 def counts_writer(
     path: str | Path, origin: Origin, frames: int
-) -> Iterator[Callable[[int, Exposure], None]]:
-    """Yield what writes frames into a new store, from a number on; it appears when all are there.
+) -> Iterator[Callable[[Exposure], None]]:
+    """Yield what appends frames to a new store; it appears when all are there.
 
     Parameters
     ----------
@@ -113,8 +113,11 @@ def counts_writer(
         )
 
         arrays: dict[str, zarr.Array[Any]] = {}
+        written = 0
 
-        def write(first: int, exposure: Exposure) -> None:
+        def write(exposure: Exposure) -> None:
+            nonlocal written
+            first, written = written, written + len(exposure.counts)
             for name, values in _arrays(exposure):
                 if name not in arrays:
                     unit = unit_of(name, origin.sensor)

@@ -14,8 +14,7 @@ from pydantic import TypeAdapter
 
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.format_numbers import check_format
-from megalopta.sensor.quantities import Expectation, Exposure
-from megalopta.sensor.readout.counts_store import (
+from megalopta.sensor.formats.counts_store import (
     FORMAT,
     FORMAT_KEY,
     MOMENTS,
@@ -23,7 +22,8 @@ from megalopta.sensor.readout.counts_store import (
     Origin,
     StoredCounts,
 )
-from megalopta.sensor.readout.images import ImageSensor
+from megalopta.sensor.image_sensors import ImageSensor
+from megalopta.sensor.quantities import Expectation, Exposure
 
 _IMAGE_SENSOR: TypeAdapter[ImageSensor] = TypeAdapter(ImageSensor)
 _KINDS = {"counts": "uf", "saturated": "b", **dict.fromkeys(MOMENTS, "f")}

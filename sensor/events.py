@@ -1,27 +1,18 @@
-"""Event streams: the time and place of every avalanche, instead of counts.
+"""Event streams: the time and place of every avalanche.
 
-The same device under the same light as in `exposure`, without the counter: an event-based array
-reports every avalanche. The histogram over the pixels agrees in distribution with the frames, not
-count by count, as the draws are others. Each exposure starts as a frame does, so the stream is that
-of an array which is reset between frames, unless it is free-running: then dead times and trapped
-carriers are carried from one frame into the next.
+The histogram over the pixels agrees in distribution with the frames of `expose`. Each exposure
+starts as a frame does, so the stream is that of an array which is reset between frames, unless it
+is free-running: then dead times and trapped carriers are carried from one frame into the next.
 
-Source: dissertation §2.3.2 (jitter), §2.3.5.
+Source: dissertation §2.3.5.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
-
-from megalopta.sensor.avalanches.running import FreeRunning, running_array
-from megalopta.sensor.effects.jitter import stamp
-from megalopta.sensor.sampling.streams import generator
-from megalopta.sensor.spad.frames import over_frames
-from megalopta.sensor.spad.model import Sensor
-from megalopta.sensor.spad.rates import checked_rate
-from megalopta.sensor.spad.running import running_frame
+from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,45 +55,6 @@ class Events:
         return self.pixel.astype(np.int64) % max(self.shape[2], 1)
 
 
-def expose_events(
-    detections_hz: ArrayLike,
-    sensor: Sensor,
-    *,
-    seed: int,
-    sequence: str | int,
-    first_frame: int = 0,
-    free_running: bool | FreeRunning = False,
-    threads: int | None = None,
-) -> Events:
-    """Draw the events of frames whose detection rate is known.
-
-    Other parameters, and errors, are those of `expose_rate`.
-
-    Parameters
-    ----------
-    detections_hz : (T, H, W) or (T, S, H, W) array
-        Hz, constant over an exposure or in S equal parts of it (`sub_frames`); `detection_rate`
-        gives that of a scene.
-    sensor : Sensor
-    free_running : bool or FreeRunning
-        Exposures follow on each other without a gap, and what a pixel remembers is kept between
-        them: from the first frame of this call on, or from where an array ended in the call before.
-        Frames then depend on those before.
-    """
-    rate, device = checked_rate(detections_hz, sensor)
-    streams: list[tuple[NDArray[np.float64], NDArray[np.uint32]]] = [None] * len(rate)  # type: ignore[list-item]
-    array = running_array(free_running, sensor.avalanche_effects)
-
-    def expose_frame(frame: int) -> None:
-        rng = generator(seed, "events", sequence, first_frame + frame)
-        simulated = running_frame(array or FreeRunning(), rng, rate[frame], sensor, device)
-        stamps = stamp(rng, simulated.times_s, sensor.jitter)
-        streams[frame] = _sorted(stamps, simulated.pixels)
-
-    over_frames(expose_frame, len(rate), 1 if array else threads)
-    return _joined(streams, (len(rate), *rate.shape[-2:]), first_frame)
-
-
 def histogram(events: Events) -> NDArray[np.int64]:
     """Events per pixel and frame, (frames, rows, columns)."""
     frames, rows, columns = events.shape
@@ -113,19 +65,19 @@ def histogram(events: Events) -> NDArray[np.int64]:
     return counts.reshape(events.shape)
 
 
-def _joined(
-    streams: list[tuple[NDArray[np.float64], NDArray[np.uint32]]],
-    shape: tuple[int, ...],
+def joined(
+    streams: Sequence[tuple[NDArray[np.float64], NDArray[np.uint32]]],
+    shape: tuple[int, int, int],
     first_frame: int,
 ) -> Events:
-    frames, rows, columns = shape
+    """Return the events of frames, of each of which there are times and pixels, in order."""
     starts = np.cumsum([0, *(times.size for times, _ in streams)], dtype=np.int64)
     times = np.concatenate([np.empty(0), *(times for times, _ in streams)])
     pixels = np.concatenate([np.empty(0, np.uint32), *(pixels for _, pixels in streams)])
-    return Events(times, pixels, starts, (frames, rows, columns), first_frame)
+    return Events(times, pixels, starts, shape, first_frame)
 
 
-def _sorted(
+def in_order_of_time(
     stamps: NDArray[np.float64], pixels: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
     """Put events in the order of time; those of the same time stay as they were.

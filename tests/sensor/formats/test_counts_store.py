@@ -14,8 +14,8 @@ from megalopta.sensor import (
     preset,
     read_counts,
 )
-from megalopta.sensor.readout import counts_store
-from megalopta.sensor.readout.counts_store import MOMENTS, READINGS, counts_writer, write_counts
+from megalopta.sensor.formats import counts_store
+from megalopta.sensor.formats.counts_store import MOMENTS, READINGS, counts_writer, write_counts
 
 
 @pytest.fixture
@@ -62,7 +62,7 @@ def test_interrupted_write_leaves_nothing(tmp_path, stored):
         pytest.raises(KeyboardInterrupt),
         counts_writer(tmp_path / "s.zarr", stored, 2 * len(stored.exposure.counts)) as write,
     ):
-        write(0, stored.exposure)
+        write(stored.exposure)
         raise KeyboardInterrupt
     assert list(tmp_path.iterdir()) == []
 
@@ -110,7 +110,7 @@ def test_frames_written_in_parts_are_the_same_bytes(tmp_path, stored):
     exposure = stored.exposure
     with counts_writer(tmp_path / "parts.zarr", stored, len(exposure.counts)) as write:
         for first in range(len(exposure.counts)):
-            write(first, part(exposure, slice(first, first + 1)))
+            write(part(exposure, slice(first, first + 1)))
     for path in (tmp_path / "whole.zarr").rglob("*"):
         twin = tmp_path / "parts.zarr" / path.relative_to(tmp_path / "whole.zarr")
         assert path.is_dir() or twin.read_bytes() == path.read_bytes()

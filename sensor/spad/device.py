@@ -8,14 +8,15 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor.effects.base import PixelRates
+from megalopta.sensor.effects.base import AvalancheMaps, Effect, FrameRates, PixelRates
 from megalopta.sensor.effects.dead_time import MOST_ARRIVALS
-from megalopta.sensor.effects.mismatch import AvalancheMaps
+from megalopta.sensor.optics.pixels import check_brightness, detected_rate
 from megalopta.sensor.spad.analog import AnalogCounter, AnalogPixels, analog_pixels
-from megalopta.sensor.spad.model import MOST_OFFSPRING, Sensor
-from megalopta.sensor.spad.order import effects_of
+from megalopta.sensor.spad.model import MOST_OFFSPRING, Sensor, effects_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,12 +33,26 @@ class FixedPattern:
         Steps and leaks of analog counters.
     avalanches : AvalancheMaps or None
         How pixels differ in dead time, afterpulsing and crosstalk; none where they do not.
+    in_time : tuple of (name, Effect)
+        Effects that change from frame to frame.
     """
 
     efficiency_factor: Floats
     dark_counts_hz: Floats
     counters: AnalogPixels | None
     avalanches: AvalancheMaps | None = None
+    in_time: tuple[tuple[str, Effect], ...] = ()
+
+    def over_time(self, detections_hz: Floats, device_seed: int) -> list[tuple[float, FrameRates]]:
+        """Rates that a frame may have, each with its chance: one, where none change with time."""
+        rates = [(1.0, FrameRates(detections_hz, self.dark_counts_hz, device_seed))]
+        for _, effect in self.in_time:
+            rates = [
+                (chance * share, changed)
+                for chance, each in rates
+                for share, changed in effect.over_time(each)
+            ]
+        return rates
 
 
 def draw_fixed_pattern(sensor: Sensor, shape: tuple[int, int]) -> FixedPattern:
@@ -70,7 +85,13 @@ def _draw(sensor: Sensor, shape: tuple[int, int]) -> FixedPattern:
     patterns = rates.efficiency_factor, rates.dark_counts_hz, *(counters or ()), *(maps or ())
     for pattern in patterns:
         pattern.flags.writeable = False
-    return FixedPattern(rates.efficiency_factor, rates.dark_counts_hz, counters, maps)
+    effects = ((name, getattr(sensor, name)) for name in effects_of(type(sensor)))
+    in_time = tuple(
+        (name, effect)
+        for name, effect in effects
+        if effect.is_on and type(effect).act_on_frame is not Effect.act_on_frame
+    )
+    return FixedPattern(rates.efficiency_factor, rates.dark_counts_hz, counters, maps, in_time)
 
 
 _draw_once = lru_cache(maxsize=8)(_draw)
@@ -98,3 +119,51 @@ def _check(sensor: Sensor, rates: PixelRates) -> None:
                 f"{effect}.{field}: {largest:g} in the worst pixel; lower it, {effect}."
                 f"mismatch_sigma or bias.excess_v so that it is at most {MOST_OFFSPRING:g}"
             )
+
+
+def detection_rate(radiance: ArrayLike, bands_nm: ArrayLike, sensor: Sensor) -> Floats:
+    """Photons per second that each pixel would detect if always live, (T, H, W); as `expose`."""
+    _check_sensor(sensor)
+    rate = detected_rate(radiance, bands_nm, sensor)
+    _, rows, columns = rate.shape
+    rate *= draw_fixed_pattern(sensor, (rows, columns)).efficiency_factor
+    return check_brightness(rate, sensor.exposure_s)
+
+
+def checked_rate(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, FixedPattern]:
+    """Rate as (frames, [parts,] rows, columns) and the device that sees it, or refuse the rate.
+
+    Raises
+    ------
+    ValueError
+        When the rate has another shape, is negative, not finite or too high to be drawn.
+    """
+    _check_sensor(sensor)
+    rate = np.asarray(detections_hz, np.float64)
+    if rate.ndim not in (3, 4):
+        raise ValueError(
+            f"detections_hz: shape {rate.shape}; give (frames, rows, columns), or with parts of "
+            "the exposure (frames, parts, rows, columns)"
+        )
+    most = MOST_ARRIVALS / sensor.exposure_s
+    if not _are_within(rate.ravel(), most):
+        raise ValueError(
+            f"detections_hz: from {rate.min():g} to {rate.max():g}; must be finite, not negative "
+            f"and at most {most:g} Hz ({MOST_ARRIVALS:g} an exposure)"
+        )
+    *_, rows, columns = rate.shape
+    return rate, draw_fixed_pattern(sensor, (rows, columns))
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _are_within(values: Floats, most: float) -> bool:
+    """Whether all are numbers from 0 to the most, in one pass."""
+    within = np.int64(0)
+    for pixel in range(values.size):  # summed, which vector instructions do
+        within += np.int64(values[pixel] >= 0) & np.int64(values[pixel] <= most)
+    return bool(within == values.size)
+
+
+def _check_sensor(sensor: Sensor) -> None:
+    if not isinstance(sensor, Sensor):
+        raise TypeError(f"sensor: {sensor!r} is no Sensor; give one, such as preset('spadcam')")

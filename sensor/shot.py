@@ -3,10 +3,6 @@
 The light of a frame stands still during its exposure, unless the frames that follow are given: then
 it moves on with them, in steps, which readings, events, bits and what is stated of them see (a
 sensor that integrates, their mean).
-
-Events and bits are drawn from the same light as the readings, from random streams of their own:
-they agree with them in distribution, not count by count. Those of an array that runs freely, and
-remembers anything, are the same avalanches.
 """
 
 from collections.abc import Iterator, Mapping
@@ -18,18 +14,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor.avalanches.running import FreeRunning
+from megalopta.sensor.avalanches.simulation import FreeRunning
 from megalopta.sensor.change import changed
+from megalopta.sensor.events import Events
+from megalopta.sensor.expectations import expectation, settled
+from megalopta.sensor.exposure import expose, expose_binary, expose_events, expose_rate
+from megalopta.sensor.image_sensors import ImageSensor
 from megalopta.sensor.quantities import Exposure
-from megalopta.sensor.readout.binary import expose_binary
-from megalopta.sensor.readout.events import Events, expose_events
-from megalopta.sensor.readout.images import ImageSensor, expose_image
-from megalopta.sensor.readout.sub_frames import NextFrames, light_between
-from megalopta.sensor.spad.exposure import expose_rate
+from megalopta.sensor.spad.device import detection_rate
 from megalopta.sensor.spad.model import Sensor
-from megalopta.sensor.spad.moments import spad_expectation
-from megalopta.sensor.spad.rates import detection_rate
-from megalopta.sensor.spad.running import settled
+from megalopta.sensor.sub_frames import NextFrames, light_between
 
 Arrays = Mapping[str, FreeRunning]
 
@@ -52,7 +46,7 @@ class Shot:
     sequence : str or int
     first_frame : int
     frame_period_s : float
-        All as for `expose_image`.
+        All as for `expose`.
     following : NextFrames, optional
         What the light moves on to; by default it stands still.
     sub_frames : int
@@ -85,36 +79,39 @@ class Shot:
         self.arrays_after[of] = FreeRunning(before.state)
         return self.arrays_after[of]
 
-    @cached_property
-    def exposure(self) -> Exposure:
-        """Readings, with what they are on average."""
-        is_plain = self.following is None and self.arrays is None
-        if isinstance(self.sensor, Sensor) and not is_plain:
+    def readings(self) -> Exposure:
+        """Draw readings, with what they are on average."""
+        if isinstance(self.sensor, Sensor) and (self.following or self.arrays is not None):
             reading = expose_rate(
                 self._detections_hz,
                 self.sensor,
-                seed=self.seed,
-                sequence=self.sequence,
+                **self._named,
                 first_frame=self.first_frame,
                 free_running=self._array("counts"),
             )
-            stated = spad_expectation(
+            stated = expectation(
                 self._mean_radiance,
                 self.bands_nm,
                 self.sensor if self.arrays is None else settled(self.sensor),
                 detections_hz=self._detections_hz,
             )
             return replace(reading, expectation=stated)
-        return expose_image(
+        return expose(
             self._mean_radiance,
             self.bands_nm,
             self.sensor,
-            seed=self.seed,
-            sequence=self.sequence,
+            **self._named,
             first_frame=self.first_frame,
-            frame_period_s=self.frame_period_s,
             expectation=True,
         )
+
+    @property
+    def _named(self) -> dict[str, Any]:
+        return {
+            "seed": self.seed,
+            "sequence": self.sequence,
+            "frame_period_s": self.frame_period_s,
+        }
 
     @cached_property
     def _detections_hz(self) -> Floats:
@@ -176,20 +173,17 @@ class Shot:
             yield expose_events(
                 rate[np.newaxis],
                 self._spad,
-                seed=self.seed,
-                sequence=self.sequence,
+                **self._named,
                 first_frame=frame,
                 free_running=array,
             )
 
-    @cached_property
     def bits(self) -> NDArray[np.uint8]:
-        """Packed binary frames, (T, H, ceil(W/8))."""
+        """Draw packed binary frames, (T, H, ceil(W/8))."""
         return expose_binary(
             self._detections_hz,
             self._spad,
-            seed=self.seed,
-            sequence=self.sequence,
+            **self._named,
             first_frame=self.first_frame,
             free_running=self._array("bits"),
         )

@@ -11,12 +11,23 @@ from megalopta.sensor import (
     expose_rate,
     preset,
 )
-from megalopta.sensor.readout.binary import draw_binary, unpack
-from megalopta.sensor.readout.chance import CHANCE_ERROR, chance
+from megalopta.sensor.sampling.bits import (
+    CHANCE_ERROR,
+    bit_streams,
+    chance,
+    fill_bits,
+    unpack,
+)
 from megalopta.sensor.sampling.streams import generator
 from megalopta.sensor.spad.digital import DigitalCounter
 
 IDEAL = preset("ideal")
+
+
+def draw_binary(rng, means):
+    packed = np.empty((means.shape[0], -(-means.shape[1] // 8)), np.uint8)
+    fill_bits(bit_streams(rng), means, np.zeros_like(means), 1.0, packed)
+    return packed
 
 
 def test_chance_is_as_close_as_it_says():
@@ -72,8 +83,8 @@ def test_bits_are_ones_as_often_as_the_open_gate_lets_them():
 
 def test_frames_have_the_same_bytes_drawn_alone_or_among_others():
     rate = np.random.default_rng(0).uniform(0, 20, (30, 9, 13))
-    whole = expose_binary(rate, IDEAL, seed=0, sequence="s", threads=2)
-    alone = expose_binary(rate[11:12], IDEAL, seed=0, sequence="s", first_frame=11, threads=1)
+    whole = expose_binary(rate, IDEAL, seed=0, sequence="s")
+    alone = expose_binary(rate[11:12], IDEAL, seed=0, sequence="s", first_frame=11)
     assert whole[11].tobytes() == alone[0].tobytes()
 
 

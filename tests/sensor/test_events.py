@@ -3,7 +3,7 @@ import pytest
 
 from megalopta.sensor import Crosstalk, DeadTime, Gate, Jitter, changed, expose_events, preset
 from megalopta.sensor.avalanches.simulation import simulate_events
-from megalopta.sensor.readout.events import histogram
+from megalopta.sensor.events import histogram
 from megalopta.sensor.sampling.streams import generator
 
 IDEAL = preset("ideal")
@@ -68,7 +68,7 @@ def test_events_of_the_same_time_stay_in_the_order_of_the_simulation():
 
 
 def test_frames_have_the_same_events_drawn_alone_or_among_others():
-    whole, alone = draw(threads=2), draw(RATE[4:5], first_frame=4, threads=1)
+    whole, alone = draw(), draw(RATE[4:5], first_frame=4)
     for name in ("frame", "time_s", "row", "column"):
         part = getattr(whole, name)[whole.frame == 4]
         assert part.tobytes() == getattr(alone, name).tobytes()

@@ -14,9 +14,9 @@ from megalopta.sensor import (
     load_sensor,
     preset,
 )
-from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
-from megalopta.sensor.spad.moments import reading_moments
-from megalopta.sensor.spad.order import active_effects
+from megalopta.sensor.expectations import reading_moments
+from megalopta.sensor.spad.device import draw_fixed_pattern
+from megalopta.sensor.spad.model import active_effects
 
 SHAPE = (6, 9)
 RNG = np.random.default_rng(0)

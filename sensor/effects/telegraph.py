@@ -1,0 +1,158 @@
+"""Random telegraph noise: the dark counts of some pixels switch between levels, at random times.
+
+A trap near the junction changes its charge now and then, and with it the dark count rate of its
+pixel. Each trap adds `step` times the pixel's own rate while it is active, a share d of the time,
+and forgets its state at a rate of 1/τ: after a waiting time that is exponential with mean τ the
+state is drawn anew. So the autocovariance of the added rate and its one-sided spectrum are
+
+    d·(1 − d)·A²·e^(−|t|/τ)          4·d·(1 − d)·A²·τ / (1 + (2πfτ)²)        A: the step, in Hz
+
+a Lorentzian. τ is drawn for each trap between `fastest_s` and `slowest_s`, uniformly in its
+logarithm: many traps together have a 1/f spectrum between 1/(2π·slowest) and 1/(2π·fastest).
+
+Which pixels have traps, and how fast these are, belongs to the device. The state of a trap is a
+function of run and time, whichever frames are drawn. It holds for a whole exposure, as it is at its
+start: traps that switch within one are too fast for this model.
+
+Source: Machlup, J. Appl. Phys. 25, 341 (1954) for the spectrum; McWhorter, in Semiconductor Surface
+Physics (1957), for the mixture; Karami et al., Opt. Eng. 53, 2014, for levels of dark counts in
+SPADs that switch over seconds to hours.
+"""
+
+from functools import lru_cache
+from typing import Annotated, ClassVar, Self
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+from scipy.stats import binom
+
+from megalopta.core.arrays import Floats
+from megalopta.sensor.effects.base import Effect, Frame, FrameRates, Stage
+from megalopta.sensor.sampling.streams import pixel_uniforms
+from megalopta.sensor.sampling.words import uniform
+
+_NONE_IN_A_BLOCK = np.exp(-1.0)
+"""Chance that a Poisson number of mean 1 is 0."""
+
+
+class Telegraph(Effect, frozen=True):
+    """Dark counts that switch between levels; off by default."""
+
+    stage: ClassVar[Stage] = Stage.OPERATION
+    statement: ClassVar[str] = "traps let the dark counts of some pixels switch between levels"
+
+    share: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """Fraction of pixels that switch (0: none)."""
+    traps: Annotated[int, Field(ge=1, le=16)] = 1
+    """Traps of each of these pixels: one makes two levels, n make n + 1."""
+    step: Annotated[float, Field(gt=0, le=100)] = 1.0
+    """What an active trap adds to the dark count rate, relative to the pixel's own."""
+    active_share: Annotated[float, Field(gt=0, lt=1)] = 0.5
+    """Fraction of the time that a trap is active."""
+    fastest_s: Annotated[float, Field(gt=0)] = 1.0
+    """Correlation time of the fastest traps (s)."""
+    slowest_s: Annotated[float, Field(gt=0)] = 1.0
+    """Correlation time of the slowest traps (s)."""
+
+    @model_validator(mode="after")
+    def _check_times(self) -> Self:
+        if self.slowest_s < self.fastest_s:
+            raise ValueError(
+                f"telegraph.slowest_s: {self.slowest_s:g} is less than fastest_s "
+                f"{self.fastest_s:g}; give the longer correlation time"
+            )
+        return self
+
+    @property
+    def is_on(self) -> bool:
+        """Whether any pixel switches."""
+        return self.share > 0
+
+    def act_on_frame(self, rates: FrameRates, rng: np.random.Generator, frame: Frame) -> None:
+        """Raise the dark counts by what the traps that are active now let in."""
+        if self.is_on:
+            rates.dark_counts_hz *= 1 + self.step * active_traps(self, rates, frame)
+
+    def over_time(self, rates: FrameRates) -> list[tuple[float, FrameRates]]:
+        """Each number of active traps, with its chance; neighbors have as many."""
+        if not self.is_on:
+            return [(1.0, rates)]
+        switches = _traps(self, rates.dark_counts_hz.shape, rates.device_seed)[0]
+        chances = binom.pmf(np.arange(self.traps + 1), self.traps, self.active_share)
+        return [
+            (float(chance), rates.with_dark_counts(np.where(switches, 1 + self.step * active, 1.0)))
+            for active, chance in enumerate(chances)
+        ]
+
+
+def active_traps(telegraph: Telegraph, rates: FrameRates, frame: Frame) -> Floats:
+    """Return how many traps of each pixel are active at the start of a frame, (H, W)."""
+    shape = rates.dark_counts_hz.shape
+    _, pixels, times_s = _traps(telegraph, shape, rates.device_seed)
+    active = np.zeros(shape)
+    run = np.uint64(frame.run)
+    _add_active(run, frame.time_s, telegraph.active_share, pixels, times_s, active)
+    return active
+
+
+@lru_cache(maxsize=8)
+def _traps(
+    telegraph: Telegraph, shape: tuple[int, int], device_seed: int
+) -> tuple[NDArray[np.bool_], NDArray[np.int64], Floats]:
+    """Which pixels switch, (H, W); row and column of these, (N, 2), and their times, s, (N, K)."""
+    switches = pixel_uniforms(shape, device_seed, "telegraph, share") < telegraph.share
+    ranks = [
+        pixel_uniforms(shape, device_seed, "telegraph, time", trap)[switches]
+        for trap in range(telegraph.traps)
+    ]
+    spread = telegraph.slowest_s / telegraph.fastest_s
+    times_s = telegraph.fastest_s * spread ** np.stack(ranks, axis=-1)
+    return switches, np.argwhere(switches), times_s
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _add_active(
+    run: np.uint64,
+    time_s: float,
+    active_share: float,
+    pixels: NDArray[np.int64],
+    times_s: Floats,
+    active: Floats,
+) -> None:
+    """Find the last moment at which each trap forgot, among those of a Poisson process.
+
+    Time is cut into blocks as long as the trap's own, each with random numbers of its own.
+    """
+    for at in range(pixels.shape[0]):
+        row, column = pixels[at]
+        pixel = _mixed(_mixed(run ^ np.uint64(row)) ^ np.uint64(column))
+        for trap in range(times_s.shape[1]):
+            now = time_s / times_s[at, trap]
+            block = np.int64(np.floor(now))
+            latest, is_active = -1.0, False
+            while latest < 0:
+                word = _mixed(_mixed(pixel ^ np.uint64(trap)) ^ np.uint64(block))
+                chance = 1.0
+                while True:
+                    word = _mixed(word)
+                    chance *= uniform(word)
+                    if chance < _NONE_IN_A_BLOCK:
+                        break
+                    word = _mixed(word)
+                    moment = uniform(word)
+                    word = _mixed(word)
+                    if latest < moment <= now - block:
+                        latest, is_active = moment, uniform(word) < active_share
+                block -= 1
+            active[row, column] += is_active
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _mixed(word: np.uint64) -> np.uint64:
+    """Next word of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014)."""
+    word = word + np.uint64(0x9E3779B97F4A7C15)
+    word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return word ^ (word >> np.uint64(31))

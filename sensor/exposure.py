@@ -1,0 +1,436 @@
+"""One exposure, in the order in which things happen to the light.
+
+    optics        radiance of a scene → photons per second on every pixel (`optics`)
+    detection     → photons per second that a pixel would detect if always live (`detection_rate`)
+    dark counts   + carriers that are no photons, at a rate that may change with time (`_Frames`)
+    avalanches    → events: gate, dead time, afterpulses, crosstalk (`avalanches`)
+    counter       → counts, as far as it goes (`spad.digital`, `spad.analog`)
+    readout       counts, codes of an ADC, bits, or the time of every event
+
+The rate is that of the frame's radiance for the whole exposure, or (T, S, H, W) in S equal parts of
+it; motion blur, if wanted, is in the radiance already. An array of CTIA pixels (`ctia`) integrates
+a photocurrent instead.
+
+Every frame has its own random streams, named by seed, sequence and frame number, so what is drawn
+of a frame does not depend on which others are drawn with it, nor on the number of threads. Draws
+that must be independent, such as those of two light levels, need different names for `sequence`.
+Counts, events and bits are drawn from different streams: they agree in distribution, not count by
+count. Those of an array that is not reset between frames (`free_running`) and has memory are drawn
+avalanche by avalanche from one set of streams: they are the same events.
+"""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from megalopta.core.arrays import Floats
+from megalopta.sensor.avalanches.counts import draw_counts, mean_rate
+from megalopta.sensor.avalanches.simulation import FreeRunning, SimulatedFrame, running_array
+from megalopta.sensor.ctia.array import expose_photocurrent, photocurrent, reading_electrons
+from megalopta.sensor.ctia.model import CtiaSensor
+from megalopta.sensor.effects.base import AvalancheMaps, Frame, FrameRates
+from megalopta.sensor.effects.dead_time import check_arrivals
+from megalopta.sensor.effects.gating import open_fraction
+from megalopta.sensor.effects.jitter import stamp
+from megalopta.sensor.events import Events, in_order_of_time, joined
+from megalopta.sensor.expectations import expectation as expectation_of
+from megalopta.sensor.image_sensors import ImageSensor
+from megalopta.sensor.quantities import Exposure
+from megalopta.sensor.sampling.bits import bit_streams, fill_bits
+from megalopta.sensor.sampling.poisson import draw_poisson, fill_poisson, poisson_streams
+from megalopta.sensor.sampling.streams import generator
+from megalopta.sensor.spad.analog import AnalogCounter, AnalogPixels
+from megalopta.sensor.spad.conversion import read_analog, sample_analog
+from megalopta.sensor.spad.device import FixedPattern, checked_rate, detection_rate
+from megalopta.sensor.spad.digital import empty_counts, read_digital
+from megalopta.sensor.spad.model import Sensor
+
+_FEW_PIXELS = 2**15
+"""Fewer pixels than these, of all frames together, are drawn by one thread."""
+
+
+def expose(
+    radiance: ArrayLike,
+    bands_nm: ArrayLike,
+    sensor: ImageSensor,
+    *,
+    seed: int,
+    sequence: str | int,
+    first_frame: int = 0,
+    frame_period_s: float | None = None,
+    expectation: bool = False,
+) -> Exposure:
+    """Draw what a sensor reads of frames of a scene: counts, or electrons of a CTIA array.
+
+    Parameters
+    ----------
+    radiance : (T, H, W, B) array
+        Band means, W·m⁻²·sr⁻¹·nm⁻¹.
+    bands_nm : (B, 2) array
+        Lower and upper edge of each band, nm.
+    sensor : Sensor or CtiaSensor
+    seed : int
+    sequence : str or int
+        Name of what is drawn; the readings of a frame are a function of seed, sequence and frame.
+    first_frame : int
+        Number of the first of these frames in the sequence.
+    frame_period_s : float, optional
+        Time from one frame to the next, for what changes with time; by default the exposure.
+    expectation : bool
+        Whether to state mean and variance too, which costs about as much again.
+
+    Raises
+    ------
+    ValueError
+        When the radiance is negative, not finite, too bright or of the wrong shape, a band reaches
+        outside the efficiency curve, or the sensor's device cannot be made.
+    TypeError
+        When the sensor is none, or seed or sequence names nothing.
+    """
+    if isinstance(sensor, CtiaSensor):
+        reading = expose_photocurrent(
+            photocurrent(radiance, bands_nm, sensor),
+            sensor,
+            seed=seed,
+            sequence=sequence,
+            first_frame=first_frame,
+            frame_period_s=frame_period_s,
+        )
+        electrons = reading_electrons(reading.volts, sensor).astype(np.float32)
+        exposure = Exposure(electrons, reading.saturated)
+    else:
+        exposure = expose_rate(
+            detection_rate(radiance, bands_nm, sensor),
+            sensor,
+            seed=seed,
+            sequence=sequence,
+            first_frame=first_frame,
+            frame_period_s=frame_period_s,
+        )
+    if not expectation:
+        return exposure
+    stated = expectation_of(radiance, bands_nm, sensor, first_frame, frame_period_s)
+    return replace(exposure, expectation=stated)
+
+
+def expose_rate(
+    detections_hz: ArrayLike,
+    sensor: Sensor,
+    *,
+    seed: int,
+    sequence: str | int,
+    first_frame: int = 0,
+    frame_period_s: float | None = None,
+    free_running: bool | FreeRunning = False,
+) -> Exposure:
+    """Draw the counts of frames whose detection rate is known; other parameters as for `expose`.
+
+    Parameters
+    ----------
+    detections_hz : (T, H, W) or (T, S, H, W) array
+        Hz, constant over an exposure or in S equal parts of it (`sub_frames`); `detection_rate`
+        gives that of a scene.
+    sensor : Sensor
+    free_running : bool or FreeRunning
+        Exposures follow on each other without a gap, and what a pixel remembers is kept between
+        them: from the first frame of this call on, or from where an array ended in the call before.
+        Frames then depend on those before.
+    """
+    frames = _Frames.of(detections_hz, sensor, seed, sequence, first_frame, frame_period_s)
+    array, counter = running_array(free_running, sensor.avalanche_effects), sensor.counter
+    exposure = Exposure(
+        empty_counts(frames.shape, counter.capacity), np.empty(frames.shape, np.bool_)
+    )
+    if frames.are_poisson and counter.kind == "digital" and counter.overflow == "saturate":
+        _count_poisson(frames, exposure)
+        return exposure
+
+    def expose_frame(index: int) -> None:
+        out = exposure.counts[index], exposure.saturated[index]
+        if array:
+            events = frames.simulated(array, index, keep_events=False).counts
+        else:
+            events = frames.events(index)
+        if isinstance(counter, AnalogCounter):
+            assert frames.device.counters is not None
+            noise, pixels = frames.rng("readout", index), frames.device.counters
+            out[0][:], out[1][:] = read_analog(noise, events, counter, pixels, sensor.exposure_s)
+        else:
+            read_digital(events, counter, out)
+
+    frames.each(expose_frame, in_turn=array is not None)
+    return exposure
+
+
+def expose_adc(
+    detections_hz: ArrayLike,
+    sensor: Sensor,
+    *,
+    seed: int,
+    sequence: str | int,
+    first_frame: int = 0,
+    together: int = 1,
+) -> NDArray[np.uint16]:
+    """Draw what the ADC behind analog counters reads, codes (T, H, W); as `expose_rate`.
+
+    The same seed, sequence and frame make the same events and noise as there. Several frames may be
+    drawn `together` from the streams of the first: of small arrays, to name a stream costs more
+    than to draw a frame.
+
+    Raises
+    ------
+    ValueError
+        As `expose_rate`, or when the sensor has no analog counter with an ADC of 16 bits or less.
+    """
+    frames = _Frames.of(detections_hz, sensor, seed, sequence, first_frame, None)
+    counter, pixels = sensor.counter, frames.device.counters
+    if not isinstance(counter, AnalogCounter) or pixels is None:
+        raise ValueError("counter.kind: 'digital'; only an analog counter is read by an ADC")
+    codes = np.empty(frames.shape, np.uint16)
+
+    def expose_together(place: int) -> None:
+        first = place * together
+        events = frames.events_together(first, together)
+        tall = AnalogPixels(*(np.tile(each, (len(events), 1)) for each in pixels))
+        noise = frames.rng("readout", first)
+        read = sample_analog(noise, events.reshape(tall.step_v.shape), counter, tall)
+        codes[first : first + together] = read.reshape(events.shape)
+
+    frames.each(expose_together, -(-frames.shape[0] // together))
+    return codes
+
+
+def expose_binary(
+    detections_hz: ArrayLike,
+    sensor: Sensor,
+    *,
+    seed: int,
+    sequence: str | int,
+    first_frame: int = 0,
+    frame_period_s: float | None = None,
+    free_running: bool | FreeRunning = False,
+) -> NDArray[np.uint8]:
+    """Draw whether a pixel saw anything, packed (T, H, ceil(W/8)) uint8; as `expose_rate`.
+
+    The bit is 1 with probability 1 − exp(−r·T) from a live start, whatever the dead time and the
+    afterpulses, which come after the first event; mean p, variance p·(1−p). Gated, T is the time
+    open, and where light changes within the exposure, r its mean over that time. Bits are packed as
+    visionsim does: `np.packbits` along the width, the last byte of a row filled up with zeros.
+
+    Raises
+    ------
+    ValueError
+        As `expose_rate`, or as `check_binary`.
+    """
+    check_binary(sensor)
+    frames = _Frames.of(detections_hz, sensor, seed, sequence, first_frame, frame_period_s)
+    count, rows, columns = frames.shape
+    packed = np.empty((count, rows, -(-columns // 8)), np.uint8)
+    array = running_array(free_running, sensor.avalanche_effects)
+    open_s = sensor.exposure_s * open_fraction(sensor.gate, sensor.exposure_s)
+
+    def expose_frame(index: int) -> None:
+        if array:
+            counts = frames.simulated(array, index, keep_events=False).counts
+            packed[index] = np.packbits(counts > 0, axis=-1)
+            return
+        light_hz, dark_hz = frames.rates(index)
+        if light_hz.ndim == 3:
+            light_hz = mean_rate(light_hz, sensor.exposure_s, sensor.avalanche_effects)
+        streams = bit_streams(frames.rng("binary", index))
+        fill_bits(streams, np.ascontiguousarray(light_hz), dark_hz, open_s, packed[index])
+
+    frames.each(expose_frame, in_turn=array is not None)
+    return packed
+
+
+def expose_events(
+    detections_hz: ArrayLike,
+    sensor: Sensor,
+    *,
+    seed: int,
+    sequence: str | int,
+    first_frame: int = 0,
+    frame_period_s: float | None = None,
+    free_running: bool | FreeRunning = False,
+) -> Events:
+    """Draw the time and place of every avalanche, instead of counts.
+
+    An event-based array reports every avalanche and has no counter. Other parameters, and errors,
+    are those of `expose_rate`.
+
+    Parameters
+    ----------
+    detections_hz : (T, H, W) or (T, S, H, W) array
+    sensor : Sensor
+        With its jitter, by which time stamps scatter.
+    """
+    frames = _Frames.of(detections_hz, sensor, seed, sequence, first_frame, frame_period_s)
+    array = running_array(free_running, sensor.avalanche_effects)
+    streams: dict[int, tuple[Floats, NDArray[np.uint32]]] = {}
+
+    def expose_frame(index: int) -> None:
+        rng = frames.rng("events", index)
+        simulated = frames.simulated(array or FreeRunning(), index, rng)
+        stamps = stamp(rng, simulated.times_s, sensor.jitter)
+        streams[index] = in_order_of_time(stamps, simulated.pixels)
+
+    frames.each(expose_frame, in_turn=array is not None)
+    return joined([streams[index] for index in range(len(streams))], frames.shape, first_frame)
+
+
+def check_binary(sensor: Sensor) -> None:
+    """Make sure that a sensor has binary frames: the first event depends on nothing but the rate.
+
+    Raises
+    ------
+    ValueError
+        With crosstalk, or with dead time or afterpulses and a stationary start.
+    """
+    if sensor.crosstalk.is_on:
+        raise ValueError(
+            f"crosstalk.mean_fired_neighbors: {sensor.crosstalk.mean_fired_neighbors:g}; binary "
+            "frames have none: switch it off, or use a counter of capacity 1 with expose_rate"
+        )
+    if sensor.dead_time.start == "stationary" and sensor.avalanche_effects.remembers:
+        raise ValueError(
+            "dead_time.start: 'stationary'; binary frames start live: choose 'live', or use a "
+            "counter of capacity 1 with expose_rate"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Frames:
+    """Frames of one call: their rates, the device that sees them, and the names of their draws."""
+
+    detections_hz: Floats
+    device: FixedPattern
+    sensor: Sensor
+    seed: int
+    sequence: str | int
+    first: int
+    period_s: float
+
+    @classmethod
+    def of(
+        cls,
+        detections_hz: ArrayLike,
+        sensor: Sensor,
+        seed: int,
+        sequence: str | int,
+        first_frame: int,
+        period_s: float | None,
+    ) -> "_Frames":
+        rate, device = checked_rate(detections_hz, sensor)
+        period_s = period_s or sensor.exposure_s
+        return cls(rate, device, sensor, seed, sequence, first_frame, period_s)
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Frames, rows, columns."""
+        rows, columns = self.detections_hz.shape[-2:]
+        return len(self.detections_hz), rows, columns
+
+    @property
+    def are_poisson(self) -> bool:
+        """Whether nothing acts on avalanches, and light stands still."""
+        return not self.sensor.avalanche_effects.on and self.detections_hz.ndim == 3
+
+    def rng(self, purpose: str, index: int) -> np.random.Generator:
+        """Return the random numbers of one frame for one purpose."""
+        return generator(self.seed, purpose, self.sequence, self.first + index)
+
+    def rates(self, index: int) -> tuple[Floats, Floats]:
+        """Detections and dark counts of a frame, Hz, as what changes with time leaves them."""
+        detections_hz, dark_hz = self.detections_hz[index], self.device.dark_counts_hz
+        if not self.device.in_time:
+            return detections_hz, dark_hz
+        number = self.first + index
+        rates = FrameRates(detections_hz.copy(), dark_hz.copy(), self.sensor.device_seed)
+        for name, effect in self.device.in_time:
+            run = generator(self.seed, name, self.sequence).integers(2**63)
+            frame = Frame(number, number * self.period_s, int(run))
+            effect.act_on_frame(rates, self.rng(name, index), frame)
+        rates.dark_counts_hz.flags.writeable = False  # as those of the device: compiled once
+        return rates.detections_hz, rates.dark_counts_hz
+
+    def events(self, index: int) -> NDArray[np.int64]:
+        """Number of avalanches of every pixel in a frame, (H, W)."""
+        detections_hz, dark_hz = self.rates(index)
+        rng, exposure_s = self.rng("exposure", index), self.sensor.exposure_s
+        if self.are_poisson:  # the same, faster, of rates checked before
+            drawn = draw_poisson(rng, detections_hz.ravel(), dark_hz.ravel(), exposure_s)
+            return drawn.reshape(detections_hz.shape)
+        effects, maps = self.sensor.avalanche_effects, self.device.avalanches
+        return draw_counts(rng, detections_hz + dark_hz, exposure_s, effects, maps)
+
+    def events_together(self, first: int, number: int) -> NDArray[np.int64]:
+        """Avalanches of some frames (n, H, W) from one stream."""
+        indices = range(first, min(first + number, len(self.detections_hz)))
+        arrivals_hz = np.stack([np.add(*self.rates(index)) for index in indices])
+        rng, exposure_s = self.rng("exposure", first), self.sensor.exposure_s
+        effects, maps = self.sensor.avalanche_effects, self.device.avalanches
+        if effects.crosstalk.is_on:
+            each = [draw_counts(rng, one, exposure_s, effects, maps) for one in arrivals_hz]
+            return np.array(each)
+        # Pixels that do not know of each other may as well be those of one tall frame.
+        frames, *parts, rows, columns = arrivals_hz.shape
+        tall_hz = np.moveaxis(arrivals_hz, 0, -3).reshape(*parts, frames * rows, columns)
+        if maps is not None:
+            maps = AvalancheMaps(*(np.tile(each, (frames, 1)) for each in maps))
+        counts = draw_counts(rng, tall_hz, exposure_s, effects, maps)
+        return counts.reshape(frames, rows, columns)
+
+    def simulated(
+        self,
+        array: FreeRunning,
+        index: int,
+        rng: np.random.Generator | None = None,
+        keep_events: bool = True,
+    ) -> SimulatedFrame:
+        """Simulate a frame avalanche by avalanche, from where the array ended before."""
+        arrivals_hz = np.add(*self.rates(index))
+        check_arrivals(arrivals_hz, self.sensor.exposure_s)
+        return array.expose(
+            rng or self.rng("events", index),
+            arrivals_hz,
+            self.sensor.exposure_s,
+            self.sensor.avalanche_effects,
+            self.device.avalanches,
+            keep_events=keep_events,
+        )
+
+    def each(
+        self, task: Callable[[int], None], times: int | None = None, in_turn: bool = False
+    ) -> None:
+        """Do something for every frame, or so many times, in threads unless in turn."""
+        times = self.shape[0] if times is None else times
+        workers = min(os.cpu_count() or 1, times)
+        if in_turn or workers <= 1 or np.prod(self.shape) < _FEW_PIXELS:
+            for index in range(times):
+                task(index)
+            return
+        with ThreadPoolExecutor(workers) as pool:
+            for _ in pool.map(task, range(times)):
+                pass
+
+
+def _count_poisson(frames: _Frames, exposure: Exposure) -> None:
+    """Draw as `_Frames.events` and read at once: nothing acts but a counter that saturates."""
+    capacity, exposure_s = frames.sensor.counter.capacity, frames.sensor.exposure_s
+    # made in a row, which takes a fifth of the time that they take in threads
+    sources = [
+        poisson_streams(frames.rng("exposure", index)) for index in range(len(exposure.counts))
+    ]
+
+    def expose_frame(index: int) -> None:
+        light_hz, dark_hz = (each.ravel() for each in frames.rates(index))
+        counts = exposure.counts[index].reshape(-1)
+        fill_poisson(sources[index], light_hz, dark_hz, exposure_s, counts, capacity)
+
+    frames.each(expose_frame)
+    np.greater_equal(exposure.counts, capacity, out=exposure.saturated)
