@@ -24,7 +24,7 @@ from scipy.ndimage import gaussian_filter
 
 from megalopta.benchmark.templates import pixels_of
 from megalopta.benchmark.trial import Trial, measure_trial
-from megalopta.flow.benchmark import short_sequences
+from megalopta.flow.benchmark import search
 from megalopta.flow.detectors.base import FloatArray
 from megalopta.flow.detectors.registry import method
 from megalopta.flow.stimuli.photons import draw_counts, draw_in_one
@@ -114,7 +114,7 @@ def chapter(every: int = 16) -> None:
         return draw_in_one(light, *arguments, **more)
 
     profile = cProfile.Profile(time.process_time)
-    with patch.object(short_sequences, "draw_in_one", counted), profile:
+    with patch.object(search, "draw_in_one", counted), profile:
         for each in some:
             measure_trial(each, pixels[each.template], "benchmark")
     spent: Counter[str] = Counter()

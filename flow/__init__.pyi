@@ -19,6 +19,7 @@ from .detectors.blocks import (
     BlockDetector as BlockDetector,
     BlockGrid as BlockGrid,
     block_grid as block_grid,
+    summed_frames as summed_frames,
 )
 from .detectors.burst_alignment import BurstAlignment as BurstAlignment
 from .detectors.correlation import (
@@ -26,8 +27,7 @@ from .detectors.correlation import (
     NonDirectionalMultiplication as NonDirectionalMultiplication,
     NonDirectionalSummation as NonDirectionalSummation,
 )
-from .detectors.from_function import detector_from as detector_from
-from .detectors.gray_detector import DenseDetector as DenseDetector
+from .detectors.gray_detector import DenseDetector as DenseDetector, detector_from as detector_from
 from .detectors.image_interpolation import ImageInterpolation as ImageInterpolation
 from .detectors.intensity import IntensityMeasurement as IntensityMeasurement
 from .detectors.opencv import (
@@ -39,8 +39,10 @@ from .detectors.poisson_flow import (
     PoissonFlow as PoissonFlow,
     PooledFlow as PooledFlow,
 )
-from .detectors.poisson_matching import PoissonMatching as PoissonMatching
-from .detectors.pooled_matching import PooledMatching as PooledMatching
+from .detectors.poisson_matching import (
+    PoissonMatching as PoissonMatching,
+    PooledMatching as PooledMatching,
+)
 from .detectors.registry import (
     METHODS as METHODS,
     Method as Method,
@@ -50,17 +52,13 @@ from .detectors.scikit_image import (
     PhaseCorrelation as PhaseCorrelation,
     TotalVariation as TotalVariation,
 )
-from .detectors.summed_frames import summed_frames as summed_frames
 from .egomotion.heading import CameraMotion as CameraMotion
 from .egomotion.likely_motion import likely_camera_motion as likely_camera_motion
 from .egomotion.wide_field import (
     WideField as WideField,
     fit_wide_field as fit_wide_field,
 )
-from .flo import write_flo as write_flo
-from .formats import read_flow as read_flow
-from .metrics.curve import ErrorCurve as ErrorCurve
-from .metrics.dense_error import DenseErrors as DenseErrors
+from .formats import read_flow as read_flow, write_flo as write_flo
 from .metrics.detection import (
     d_prime as d_prime,
     motion_evidence as motion_evidence,
@@ -68,11 +66,13 @@ from .metrics.detection import (
     roc as roc,
 )
 from .metrics.endpoint_error import (
+    DenseErrors as DenseErrors,
     TruthError as TruthError,
     block_flow as block_flow,
     truth_error as truth_error,
 )
 from .metrics.photon_threshold import (
+    ErrorCurve as ErrorCurve,
     Threshold as Threshold,
     threshold as threshold,
 )

@@ -26,7 +26,7 @@ from pydantic import PositiveInt, TypeAdapter
 from megalopta.flow.benchmark.settings import BenchmarkSettings, checked_warm_up
 from megalopta.flow.detectors.base import Detector, FloatArray, Frames
 from megalopta.flow.detectors.registry import METHODS, Method, method
-from megalopta.flow.metrics.curve import ErrorCurve, error_curve
+from megalopta.flow.metrics.photon_threshold import ErrorCurve, error_curve
 from megalopta.flow.metrics.response_error import (
     ErrorSums,
     Metric,

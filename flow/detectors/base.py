@@ -9,6 +9,8 @@ each parameter, and write one test; `megalopta.flow.detectors.registry` finds it
 """
 
 import math
+import statistics
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any, ClassVar, Literal
@@ -16,6 +18,8 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
+
+from megalopta.flow.stimuli.photons import Counts
 
 FloatArray = NDArray[np.float64]
 Frames = NDArray[Any]
@@ -174,3 +178,26 @@ def stacked(frames: Sequence[Frames]) -> Frames:
         if not np.isfinite(frame).all():
             raise ValueError(f"frame {number} has pixels that are not finite; fill them in")
     return np.stack(frames)
+
+
+_RUNS = 3
+
+
+def milliseconds_per_frame(detector: Detector, counts: Counts) -> float:
+    """Return the CPU time of a new frame whose predecessors are known, the median of three runs.
+
+    Parameters
+    ----------
+    detector
+    counts : (T, H, W)
+        Shown four times in a row; the first fills the detector's memory and compiles.
+    """
+    height, width = counts.shape[1:]
+    respond = detector.start((height, width))
+    respond(counts, 1.0)
+    spent = []
+    for _ in range(_RUNS):
+        start = time.process_time()
+        respond(counts, 1.0)
+        spent.append(time.process_time() - start)
+    return 1e3 * statistics.median(spent) / len(counts)

@@ -17,6 +17,9 @@ A pair without any contrast has no velocity (NaN); an estimator says more where 
 Velocities belong to the blocks of the first frame of a pair.
 """
 
+import hashlib
+import inspect
+import traceback
 from abc import abstractmethod
 from collections.abc import Callable
 from functools import partial
@@ -24,9 +27,10 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, field_serializer
 from scipy.ndimage import gaussian_filter
 
+from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError
 from megalopta.flow.detectors.base import FloatArray, Frames, Responder, in_pairs
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, mean_over_blocks
@@ -136,3 +140,59 @@ class DenseDetector(GrayDetector, frozen=True):
 
     @abstractmethod
     def _dense(self, grid: BlockGrid) -> PairFlow: ...
+
+
+DenseFlow: TypeAlias = Callable[[FloatArray, FloatArray], Any]
+"""Two frames (H, W) to the flow (H, W, 2) from the first to the second, px, x before y."""
+
+
+class FunctionDetector(DenseDetector, frozen=True):
+    """The flow of a function, averaged over blocks."""
+
+    function: DenseFlow
+    """Two frames (H, W), gray levels from 0 to 1, to their flow (H, W, 2)"""
+
+    @field_serializer("function")
+    def _identity(self, function: DenseFlow) -> str:
+        """Return what tells this function from others, for records and stored results.
+
+        Its source and the values that it encloses; what it calls is not looked into.
+        """
+        try:
+            enclosed = sorted(inspect.getclosurevars(function).nonlocals.items())
+            body = f"{inspect.getsource(function)}{enclosed}"
+        except (OSError, TypeError):  # built in, or typed into an interpreter
+            body = repr(function)
+        place = f"{function.__module__}.{getattr(function, '__qualname__', repr(function))}"
+        return f"{place} {hashlib.sha256(body.encode()).hexdigest()}"
+
+    def _dense(self, grid: BlockGrid) -> PairFlow:
+        return self._answer
+
+    def _answer(self, pair: FloatArray) -> FloatArray:
+        try:
+            return np.asarray(self.function(pair[0], pair[1]), np.float64)
+        except Exception as problem:  # somebody else's code can raise anything
+            last = traceback.extract_tb(problem.__traceback__)[-1]
+            told = f"{type(problem).__name__}: {' '.join(str(problem).split())}"
+            raise MethodError(
+                f"method {self.name}: {quoted(told)} at {last.filename}:{last.lineno}; give a "
+                "function of two frames (H, W) that returns their flow (H, W, 2)"
+            ) from problem
+
+
+def detector_from(
+    function: DenseFlow, name: str | None = None, label: str | None = None
+) -> FunctionDetector:
+    """Return a detector that asks a function for the flow between neighboring frames.
+
+    Parameters
+    ----------
+    function
+        Two frames (H, W) float64, gray levels from 0 to 1, to their flow (H, W, 2) in px, x before
+        y; NaN where undefined.
+    name, label : str, optional
+        Short name, and name in words; by default the function's.
+    """
+    short = name or getattr(function, "__name__", type(function).__name__)
+    return FunctionDetector(name=short, label=label or short, function=function)

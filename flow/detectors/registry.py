@@ -19,7 +19,7 @@ from typing import Any, TypeAlias
 from megalopta.core.bounded import quoted
 from megalopta.core.plug_ins import plug_ins
 from megalopta.flow.detectors.base import Detector
-from megalopta.flow.detectors.from_function import DenseFlow, detector_from
+from megalopta.flow.detectors.gray_detector import DenseFlow, detector_from
 from megalopta.flow.detectors.onnx_detector import onnx_detector
 
 Method: TypeAlias = str | Detector | DenseFlow

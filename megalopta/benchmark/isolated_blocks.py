@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.dead_leaves_model import dead_leaves
 from megalopta.core.arrays import Floats
-from megalopta.flow.benchmark.frame_time import milliseconds_per_frame
-from megalopta.flow.detectors.base import Detector
+from megalopta.flow.detectors.base import Detector, milliseconds_per_frame
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, block_grid
 from megalopta.flow.detectors.registry import Method, method
 from megalopta.flow.metrics.efficiency import (

@@ -21,8 +21,8 @@ from megalopta.camera.passages import cut_passages, cut_rest, fitted_light
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
 from megalopta.sensor import Sensor, changed
-from megalopta.sensor.compare.counted import CountedFrames
-from megalopta.sensor.compare.equivalence import Difference, difference
+from megalopta.sensor.compare.quantities import CountedFrames
+from megalopta.sensor.compare.two_sample import Difference, difference
 
 
 class SpeedResponse(NamedTuple):

@@ -17,9 +17,8 @@ from megalopta.plotting.style import BLACK, BLUE, GRAY, VERMILION, line_style
 from megalopta.plotting.svg import in_style, new_axes, to_svg
 from megalopta.sensor.calibrate.device import Device
 from megalopta.sensor.calibrate.saturation import DeadTimeKind, dead_time_moments
-from megalopta.sensor.compare.counted import CountedFrames
+from megalopta.sensor.compare.quantities import SEGMENT, CountedFrames, mean_spectrum
 from megalopta.sensor.compare.recordings import Comparison
-from megalopta.sensor.compare.spectrum import SEGMENT, mean_spectrum
 
 Levels = Sequence[CountedFrames]
 

@@ -18,15 +18,15 @@ from megalopta.core import strict_yaml
 from megalopta.core.files import write_text
 from megalopta.core.format_numbers import written
 from megalopta.sensor import AnalogCounter, Sensor
-from megalopta.sensor.formats.messages import (
+from megalopta.sensor.formats.protocol import (
     COLUMNS,
     NOT_READ,
     ROWS,
     Identity,
+    Packet,
     Settings,
     samples_of,
 )
-from megalopta.sensor.formats.packets import Packet
 from megalopta.sensor.readout.counts_store import Origin
 from megalopta.sensor.readout.growing import ExtraArray, GrowingCounts
 from megalopta.sensor.spad.analog import nominal_pixels

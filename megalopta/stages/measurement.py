@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.blocks import BlockDetector
-from megalopta.flow.egomotion.yaw_rate import YawRateTest
+from megalopta.flow.egomotion.wide_field import YawRateTest
 from megalopta.flow.metrics.endpoint_error import block_share, truth_error, truth_splits
 from megalopta.flow.metrics.response_error import (
     METRICS,

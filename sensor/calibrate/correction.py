@@ -1,13 +1,222 @@
-"""The chain: linearize, subtract the dark, divide by the flat, fill in what cannot be used."""
+"""Pixels that cannot be used, and what stands in their place."""
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import convolve
 
 from megalopta.core.arrays import Floats, Mask
-from megalopta.sensor.calibrate.defects import filled_in
-from megalopta.sensor.calibrate.frame_calibration import Calibration
+from megalopta.sensor.calibrate.response_curve import ResponseCurve, response_curve
+from megalopta.sensor.spad.exposure import expose_rate
+from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
+from megalopta.sensor.spad.model import Sensor
+
+_WEIGHTS = np.array([[0.5, 1.0, 0.5], [1.0, 0.0, 1.0], [0.5, 1.0, 0.5]])
+
+
+def hot_pixels(dark: Floats, times: float) -> Mask:
+    """Return which pixels have more dark counts than so many times the median, (rows, columns).
+
+    Raises
+    ------
+    ValueError
+        When that would be half of them or more.
+    """
+    hot = dark > times * max(float(np.median(dark)), 0.0)
+    if dark.size and 2 * int(hot.sum()) >= dark.size:
+        raise ValueError(
+            f"hot_times: {times:g} times the median of the dark counts marks {hot.mean():.0%} of "
+            "the pixels; give more"
+        )
+    return np.asarray(hot)
+
+
+def filled_in(values: Floats, variance: Floats, bad: Mask) -> tuple[Floats, Floats]:
+    """Return frames in which bad pixels are the mean of their good neighbors, and their variance.
+
+    Neighbors across an edge weigh twice as much as those across a corner. Where all eight are bad,
+    those filled in before stand in for them. A frame without any good pixel stays as it is.
+
+    Parameters
+    ----------
+    values, variance : (T, rows, columns)
+    bad : (rows, columns) or (T, rows, columns)
+    """
+    values, variance = values.copy(), variance.copy()
+    known = np.broadcast_to(~bad, values.shape).copy()
+    known |= ~known.any(axis=(1, 2), keepdims=True)
+    weights = _WEIGHTS[np.newaxis]
+    while not known.all():
+        total = convolve(known.astype(np.float64), weights, mode="constant")
+        fill = ~known & (total > 0)
+        sums = convolve(np.where(known, values, 0), weights, mode="constant")
+        spread = convolve(np.where(known, variance, 0), weights**2, mode="constant")
+        values[fill] = sums[fill] / total[fill]
+        variance[fill] = spread[fill] / total[fill] ** 2
+        known |= fill
+    return values, variance
+
+
+_FRAMES_AT_ONCE = 16
+_NEARLY_FULL = 0.95
+_DEADEST = 0.2
+"""Of the median response; a pixel below it is as good as dead."""
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A device, each map (rows, columns).
+
+    Attributes
+    ----------
+    curve : ResponseCurve
+        Readings to arrivals.
+    dark, dark_variance : arrays
+        Dark counts in an exposure, and the variance of this estimate.
+    gain, gain_variance : arrays
+        Efficiency relative to the sensor's curve, or to the mean of the good pixels.
+    bad : array of bool
+        Hot or dead pixels.
+    """
+
+    curve: ResponseCurve
+    dark: Floats
+    dark_variance: Floats
+    gain: Floats
+    gain_variance: Floats
+    bad: NDArray[np.bool_]
+
+
+def calibrate(
+    dark_frames: Any,
+    flat_frames: Any,
+    sensor: Sensor,
+    *,
+    flat_detections: float | None = None,
+    hot_times: float = 10.0,
+) -> Calibration:
+    """Return what dark and flat frames tell of a device.
+
+    Parameters
+    ----------
+    dark_frames, flat_frames : (n, rows, columns)
+        Readings without light and under even light, with the exposure of the sensor; arrays, in
+        memory or on disk.
+    sensor : Sensor
+        Its dead time, afterpulses, counter and so on.
+    flat_detections : float, optional
+        Photons per exposure that a pixel of nominal efficiency detects of the even light. Without
+        it gains are relative to the mean of the good pixels.
+    hot_times : float
+        Pixels with more dark counts than so many times the median are hot.
+
+    Raises
+    ------
+    ValueError
+        When there are fewer than two frames, shapes differ, or the flat frames are too dark or too
+        bright to tell a gain.
+    """
+    kinds = {"dark": dark_frames, "flat": flat_frames}
+    shapes = {name: np.shape(frames) for name, frames in kinds.items()}
+    for name, shape in shapes.items():
+        if len(shape) != 3 or shape[0] < 2:
+            raise ValueError(
+                f"{name} frames: shape {shape}; give (frames, rows, columns), two or more"
+            )
+    if shapes["dark"][1:] != shapes["flat"][1:]:
+        raise ValueError(
+            f"dark frames of {shapes['dark'][1:]} and flat frames of {shapes['flat'][1:]} pixels: "
+            "give those of one device"
+        )
+    curve = response_curve(sensor)
+    dark, flat = (_mean(_chunks(frames), curve) for frames in kinds.values())
+    return _of_means(curve, dark, flat, flat_detections, hot_times)
+
+
+def simulated_calibration(
+    sensor: Sensor,
+    shape: tuple[int, int],
+    *,
+    frames: int = 256,
+    seed: int = 0,
+    hot_times: float = 10.0,
+) -> Calibration:
+    """Calibrate a simulated device on frames drawn in the dark and under light for a half reading.
+
+    Parameters
+    ----------
+    sensor : Sensor
+    shape : (rows, columns)
+    frames : int
+        Of each kind.
+    seed : int
+    hot_times : float
+        As for `calibrate`.
+    """
+    curve = response_curve(sensor)
+    detections = float(curve.arrivals_of(np.array([curve.largest / 2]))[0][0])
+    even = np.full(shape, detections / sensor.exposure_s)
+    even *= draw_fixed_pattern(sensor, shape).efficiency_factor
+    dark, flat = (
+        _mean(_drawn(rate, sensor, frames, seed, f"calibration {name}"), curve)
+        for name, rate in (("dark", 0 * even), ("flat", even))
+    )
+    return _of_means(curve, dark, flat, detections, hot_times)
+
+
+def _chunks(frames: Any) -> Iterator[Floats]:
+    for first in range(0, len(frames), _FRAMES_AT_ONCE):
+        yield np.asarray(frames[first : first + _FRAMES_AT_ONCE], np.float64)
+
+
+def _drawn(
+    rate: Floats, sensor: Sensor, frames: int, seed: int, sequence: str
+) -> Iterator[NDArray[Any]]:
+    for first in range(0, frames, _FRAMES_AT_ONCE):
+        several = np.broadcast_to(rate, (min(_FRAMES_AT_ONCE, frames - first), *rate.shape))
+        yield expose_rate(several, sensor, seed=seed, sequence=sequence, first_frame=first).counts
+
+
+class _Mean(NamedTuple):
+    """Mean arrivals of pixels over frames, the variance of that, and the mean reading."""
+
+    arrivals: Floats
+    variance: Floats
+    readings: Floats
+
+
+def _mean(chunks: Iterable[NDArray[Any]], curve: ResponseCurve) -> _Mean:
+    frames, sums, squares, readings = 0, np.zeros(()), np.zeros(()), np.zeros(())
+    for chunk in chunks:
+        arrivals, _ = curve.arrivals_of(chunk)
+        frames += len(chunk)
+        sums = sums + arrivals.sum(axis=0)
+        squares = squares + np.square(arrivals).sum(axis=0)
+        readings = readings + chunk.sum(axis=0, dtype=np.float64)
+    mean = sums / frames
+    spread = np.maximum(squares / frames - mean**2, 0) / (frames - 1)
+    return _Mean(mean, spread, readings / frames)
+
+
+def _of_means(
+    curve: ResponseCurve, dark: _Mean, flat: _Mean, flat_detections: float | None, hot_times: float
+) -> Calibration:
+    light = flat.arrivals - dark.arrivals
+    bad = hot_pixels(dark.arrivals, hot_times)
+    bad |= flat.readings >= _NEARLY_FULL * curve.largest
+    bad |= light < _DEADEST * np.median(light)
+    if bad.all() or not np.median(light) > 0:
+        raise ValueError(
+            "flat frames: too dark or too bright to tell how pixels differ; readings well above "
+            f"the dark and below {curve.largest:.4g} are needed"
+        )
+    even = float(light[~bad].mean()) if flat_detections is None else flat_detections
+    gain = np.where(bad, 1.0, light / even)
+    gain_variance = (flat.variance + dark.variance) / even**2
+    return Calibration(curve, dark.arrivals, dark.variance, gain, gain_variance, bad)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,22 +1,50 @@
-"""What blocks of frames say of a device: quantities that do not mix.
-
-    gain          variance over mean of dark and dim counts: 1 where a count is an event
-    crosstalk     neighbors that an event fires: covariance over mean and gain
-    dark counts   mean rate in the dark, in events, less those that crosstalk makes
-    efficiency    events per light, the same way, of dim frames less dark ones
-    dead time     from how far bright frames stay below the line through dim ones
-
-Dividing by the gain keeps a step that is wrong from passing for light; dividing out crosstalk keeps
-that from passing for efficiency.
-"""
+"""Counts of frames that were taken alike."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Mask
-from megalopta.sensor.compare.counted import CountedFrames
+from megalopta.sensor.compare.two_sample import Difference, difference
+
+
+@dataclass(frozen=True, eq=False)
+class CountedFrames:
+    """Counts at one light and exposure.
+
+    Attributes
+    ----------
+    counts : (n, rows, columns)
+    exposure_s : float
+    light_hz : float
+        In the unit of the other levels; 0: in the dark.
+    saturated : (n, rows, columns) bool, optional
+        Counts that are lower bounds.
+    times_s : (n,), optional
+        When each exposure began; one after the other where it is not known.
+    """
+
+    counts: NDArray[Any]
+    exposure_s: float
+    light_hz: float = 0.0
+    saturated: NDArray[np.bool_] | None = None
+    times_s: NDArray[np.float64] | None = None
+
+    @property
+    def is_dark(self) -> bool:
+        """Whether there was no light."""
+        return self.light_hz == 0
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """Pixels (rows, columns) that are never full."""
+        if self.saturated is None:
+            return np.ones(self.counts.shape[1:], np.bool_)
+        return np.asarray(~self.saturated.any(axis=0))
+
 
 BLOCKS = 20
 _BRIGHT = 4.0
@@ -143,3 +171,81 @@ def _crosstalk(
     if not pairs or total <= 0:
         return 0.0
     return together / total * (2 * pairs / pixels)
+
+
+def scene_differences(
+    captured: CountedFrames,
+    expected: CountedFrames,
+    light_hz: Floats,
+    margin: float,
+    errors_hz: Floats | float = 0.0,
+) -> tuple[Difference, ...]:
+    """Compare brightness and contrast.
+
+    Parameters
+    ----------
+    captured, expected : CountedFrames
+        Frame by frame of the same sight.
+    light_hz : (n, rows, columns)
+        What pixels detect of it in the model, were they always live.
+    margin : float
+        Relative difference that does not matter.
+    errors_hz : (rows, columns) or float
+        Standard errors of the expected rates, where these are a calibration's.
+    """
+    good = captured.usable & expected.usable
+    blocks = np.array_split(np.arange(len(light_hz)), BLOCKS)
+    light = light_hz[:, good]
+    own = np.broadcast_to(errors_hz, good.shape)[good]
+    unsure = float(np.sqrt(np.square(own).sum())) / max(own.size, 1)
+    found = []
+    for name, unit, value in (
+        ("brightness", "counts per second", _brightness),
+        ("contrast", "counts per photon detected", _contrast),
+    ):
+        if name == "contrast" and not light.std() > 1e-6 * light.mean():
+            continue
+        a, b = (
+            np.array([value(each.counts[at][:, good], light[at]) for at in blocks])
+            / each.exposure_s
+            for each in (captured, expected)
+        )
+        typical = np.full(BLOCKS, b.mean())
+        error = unsure if name == "brightness" else 0.0
+        found.append(difference(name, a - b + typical, typical, unit, margin, unsure=error))
+    return tuple(found)
+
+
+def _brightness(counts: Floats, light: Floats) -> float:
+    return float(counts.mean())
+
+
+def _contrast(counts: Floats, light: Floats) -> float:
+    apart = light - light.mean()
+    return float((apart * counts).sum() / max((apart**2).sum(), 1e-300))
+
+
+SEGMENT = 32
+BANDS = 4
+
+
+def band_powers(counts: NDArray[np.floating]) -> Floats:
+    """Share of each band in the power of segments of frames, (segments, BANDS).
+
+    White noise has the same power in each of the `SEGMENT`/2 frequencies.
+    """
+    segments = len(counts) // SEGMENT
+    if segments < 2:
+        return np.empty((0, BANDS))
+    pieces = np.asarray(counts[: segments * SEGMENT], np.float64)
+    pieces = pieces.reshape(segments, SEGMENT, -1)
+    power = mean_spectrum(pieces)[:, 1:]
+    bands = np.add.reduceat(power, np.linspace(0, SEGMENT // 2, BANDS + 1).astype(int)[:-1], axis=1)
+    return np.asarray(bands / np.maximum(bands.sum(axis=1, keepdims=True), 1e-300))
+
+
+def mean_spectrum(pieces: Floats) -> Floats:
+    """Power over frequency (segments, SEGMENT/2 + 1), mean over the pixels of (…, SEGMENT, P)."""
+    apart = pieces - pieces.mean(axis=-2, keepdims=True)
+    transform = np.fft.rfft(apart, axis=-2)
+    return np.asarray(np.square(np.abs(transform)).mean(axis=-1) / pieces.shape[-2])

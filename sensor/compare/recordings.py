@@ -7,15 +7,23 @@ from types import MappingProxyType
 import numpy as np
 
 from megalopta.core.arrays import Floats
-from megalopta.sensor.compare.counted import CountedFrames
-from megalopta.sensor.compare.equivalence import Difference, difference
-from megalopta.sensor.compare.histograms import Distances, distances_by_chance, histogram_test
 from megalopta.sensor.compare.order import Arrangement, arrangement
-from megalopta.sensor.compare.quantities import BLOCKS, block_quantities, unsure_quantities
-from megalopta.sensor.compare.spectrum import BANDS, band_powers
+from megalopta.sensor.compare.quantities import (
+    BANDS,
+    BLOCKS,
+    CountedFrames,
+    band_powers,
+    block_quantities,
+    unsure_quantities,
+)
 from megalopta.sensor.compare.two_sample import (
+    Difference,
+    Distances,
     PixelTest,
+    difference,
     discoveries,
+    distances_by_chance,
+    histogram_test,
     mean_test,
     variance_test,
 )

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binom, false_discovery_control, norm, t
+from scipy.stats import binom, chi2, false_discovery_control, norm, t
 
 from megalopta.core.arrays import Floats
 
@@ -76,3 +76,181 @@ def variance_test(one: Floats, other: Floats) -> Floats:
         error += 2 / (len(each) - 1) + 1 / (len(each) * np.maximum(mean, _LEAST_MEAN))
         logs.append(np.log(np.where(variance > 0, variance, 1)))
     return np.where(known, 2 * norm.sf(np.abs(logs[0] - logs[1]) / np.sqrt(error)), np.nan)
+
+
+_FEWEST = 12.0
+_ENTRIES_AT_ONCE = 4_000_000
+
+
+class Distances(NamedTuple):
+    """Between histograms of pixels, each (rows, columns)."""
+
+    total_variation: Floats
+    wasserstein: Floats
+    energy: Floats
+
+
+class HistogramTest(NamedTuple):
+    """P-values (rows, columns), NaN where bins are too few, and distances."""
+
+    p: Floats
+    distances: Distances
+
+
+def histogram_test(one: Floats, other: Floats) -> HistogramTest:
+    """Test whether counts (n, rows, columns) have distributions of one shape, pixel by pixel."""
+    shape = one.shape[1:]
+    samples = [np.rint(each).astype(np.int64).reshape(len(each), -1) for each in (one, other)]
+    at_once = max(_ENTRIES_AT_ONCE // _values(samples), 1)
+    pieces = [
+        _of_pixels([each[:, first : first + at_once] for each in samples])
+        for first in range(0, samples[0].shape[1], at_once)
+    ]
+    p, *distances = (np.concatenate(each).reshape(shape) for each in zip(*pieces, strict=True))
+    return HistogramTest(p, Distances(*distances))
+
+
+def distances_by_chance(one: Floats, other: Floats) -> Distances:
+    """Distances after frames (n, rows, columns) of both were dealt out anew: those of one law."""
+    both = np.concatenate([one, other])
+    order = np.random.default_rng(0).permutation(len(both))
+    return histogram_test(both[order[: len(one)]], both[order[len(one) :]]).distances
+
+
+def _values(samples: list[NDArray[np.int64]]) -> int:
+    return int(max(each.max() for each in samples) - min(each.min() for each in samples)) + 1
+
+
+def _of_pixels(samples: list[NDArray[np.int64]]) -> tuple[Floats, Floats, Floats, Floats]:
+    """P-values and three distances of pixels, of samples (n, P)."""
+    least, size = min(int(each.min()) for each in samples), _values(samples)
+    pixels = samples[0].shape[1]
+    seen = np.empty((2, pixels, size))
+    for place, each in enumerate(samples):
+        key = each - least + size * np.arange(pixels)
+        seen[place] = np.bincount(key.ravel(), minlength=pixels * size).reshape(pixels, size)
+    totals = np.array([len(each) for each in samples], np.float64)
+    shares = seen / totals[:, None, None]
+    apart = np.cumsum(shares[0] - shares[1], axis=1)
+    return (
+        _p(seen, totals),
+        np.abs(shares[0] - shares[1]).sum(axis=1) / 2,
+        np.abs(apart).sum(axis=1),
+        np.sqrt(2 * np.square(apart).sum(axis=1)),
+    )
+
+
+def _p(seen: Floats, totals: Floats) -> Floats:
+    both = seen.sum(axis=0)
+    pixels, size = both.shape
+    expected = both * totals.min() / totals.sum()
+    most = np.maximum(expected.sum(axis=1, keepdims=True) // _FEWEST - 1, 0)
+    group = np.minimum(np.cumsum(expected, axis=1) // _FEWEST, most).astype(np.int64)
+    groups = int(group.max()) + 1
+    key = (group + groups * np.arange(pixels)[:, None]).ravel()
+
+    def merged(values: Floats) -> Floats:
+        sums = np.bincount(key, values.ravel(), pixels * groups).astype(np.float64)
+        return sums.reshape(pixels, groups)
+
+    first, all_ = merged(seen[0]), merged(both)
+    place = merged(both * np.arange(size)) / np.maximum(all_, 1)
+    excess = first - all_ * totals[0] / totals.sum()
+    scale = totals.prod() / totals.sum() ** 2
+    squares = (excess**2 / np.maximum(all_, 1)).sum(axis=1) / scale
+    centered = place - (place * all_).sum(axis=1, keepdims=True) / totals.sum()
+    spread = (all_ * centered**2).sum(axis=1)
+    trend = (excess * centered).sum(axis=1) ** 2 / np.where(spread > 0, spread, 1) / scale
+    freedom = (all_ > 0).sum(axis=1) - 2
+    p = chi2.sf(np.maximum(squares - trend, 0), np.maximum(freedom, 1))
+    return np.where(freedom > 0, p, np.nan)
+
+
+class Difference(NamedTuple):
+    """Relative difference of captured and expected values of one quantity."""
+
+    name: str
+    captured: float
+    expected: float
+    unit: str
+    relative: float
+    """Captured over expected, less 1."""
+    low: float
+    high: float
+    """Its 95 % interval."""
+    p: float
+    is_equivalent: bool
+    """Whether it is surely less than the margin."""
+    scale: float = 0.0
+    """What the difference is relative to, where that is not the expected value."""
+
+    @property
+    def size(self) -> float:
+        """How large it is, either way: the logarithm of the ratio."""
+        return abs(float(np.log(max(1 + self.relative, 1e-6))))
+
+    @property
+    def base(self) -> str:
+        """What the difference is a share of, where that is not the expected value; else empty."""
+        return f" of {self.scale:.2g}" if self.scale > abs(self.expected) else ""
+
+    def __str__(self) -> str:
+        """Say it in words."""
+        way = "higher" if self.relative > 0 else "lower"
+        return (
+            f"{self.name} {100 * abs(self.relative):.2g} %{self.base} {way} "
+            f"(95 %: {100 * self.low:+.2g} to {100 * self.high:+.2g} %)"
+        )
+
+
+def difference(
+    name: str,
+    captured: Floats,
+    expected: Floats,
+    unit: str,
+    margin: float,
+    least: float = 0.0,
+    unsure: float = 0.0,
+) -> Difference:
+    """Compare the values of blocks.
+
+    Parameters
+    ----------
+    name : str
+    captured, expected : (blocks,)
+    unit : str
+    margin : float
+        Relative difference that does not matter.
+    least : float
+        Differences are relative to the expected value, or to this where that is smaller.
+    unsure : float
+        Standard error of what the expected values should have been, as of a calibration, which
+        no further block makes smaller.
+    """
+    means = captured.mean(), expected.mean()
+    parts = [each.var(ddof=1) / each.size for each in (captured, expected)]
+    error = float(np.sqrt(sum(parts) + unsure**2))
+    freedom = sum(parts) ** 2 / max(
+        sum(
+            part**2 / (each.size - 1)
+            for part, each in zip(parts, (captured, expected), strict=True)
+        ),
+        1e-300,
+    )
+    scale = max(abs(float(means[1])), least, 1e-300)
+    apart = float(means[0] - means[1])
+    p = float(2 * t.sf(abs(apart) / error, freedom)) if error > 0 else float(apart == 0)
+    wide, narrow = (float(t.ppf(level, max(freedom, 1))) * error / scale for level in (0.975, 0.95))
+    relative = apart / scale
+    return Difference(
+        name,
+        float(means[0]),
+        float(means[1]),
+        unit,
+        relative,
+        relative - wide,
+        relative + wide,
+        p,
+        abs(relative) + narrow < margin,
+        scale,
+    )

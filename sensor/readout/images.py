@@ -21,8 +21,7 @@ from megalopta.sensor.ctia.array import (
     reading_electrons,
     volt_moments,
 )
-from megalopta.sensor.ctia.model import CtiaSensor, pixels
-from megalopta.sensor.ctia.presets import CTIA_PRESETS
+from megalopta.sensor.ctia.model import CTIA_PRESETS, CtiaSensor, pixels
 from megalopta.sensor.optics.efficiency import band_efficiency
 from megalopta.sensor.optics.pixels import detected_rate, photon_rate
 from megalopta.sensor.quantities import Expectation, Exposure

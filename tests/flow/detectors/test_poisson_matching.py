@@ -8,6 +8,7 @@ from megalopta.flow.detectors.blocks import block_grid
 from megalopta.flow.detectors.poisson_matching import (
     BLURS_PX,
     PoissonMatching,
+    PooledMatching,
     SmoothedFrame,
     add_costs,
     block_moments,
@@ -15,7 +16,6 @@ from megalopta.flow.detectors.poisson_matching import (
     least_cost,
     parabola_minimum,
 )
-from megalopta.flow.detectors.pooled_matching import PooledMatching
 
 BOTH = [PoissonMatching(), PooledMatching()]
 SIZE = 120

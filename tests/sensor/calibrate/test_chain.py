@@ -8,9 +8,13 @@ import numpy as np
 import pytest
 
 from megalopta.sensor import DeadTime, DigitalCounter, changed, expose_rate, preset
-from megalopta.sensor.calibrate.correction import correct
-from megalopta.sensor.calibrate.defects import filled_in, hot_pixels
-from megalopta.sensor.calibrate.frame_calibration import calibrate, simulated_calibration
+from megalopta.sensor.calibrate.correction import (
+    calibrate,
+    correct,
+    filled_in,
+    hot_pixels,
+    simulated_calibration,
+)
 from megalopta.sensor.calibrate.response_curve import response_curve
 from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
 

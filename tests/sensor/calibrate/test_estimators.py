@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import poisson
 
-from megalopta.sensor.calibrate.garwood import garwood_interval
+from megalopta.sensor.calibrate.device import garwood_interval
 from megalopta.sensor.calibrate.neighbors import neighbor_kernel
 from megalopta.sensor.calibrate.saturation import dead_time_moments
 from megalopta.sensor.effects import crosstalk, dead_time

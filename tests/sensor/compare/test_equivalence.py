@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from megalopta.sensor.compare.counted import CountedFrames
-from megalopta.sensor.compare.equivalence import difference
+from megalopta.sensor.compare.quantities import CountedFrames
 from megalopta.sensor.compare.recordings import compare_recordings
+from megalopta.sensor.compare.two_sample import difference
 
 
 def test_what_a_calibration_does_not_know_widens_the_interval():

@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest, energy_distance, kstest, wasserstein_distance
 
-from megalopta.sensor.compare.histograms import distances_by_chance, histogram_test
-from megalopta.sensor.compare.two_sample import mean_test, variance_test
+from megalopta.sensor.compare.two_sample import (
+    distances_by_chance,
+    histogram_test,
+    mean_test,
+    variance_test,
+)
 
 
 def test_few_counts_are_tested_exactly():

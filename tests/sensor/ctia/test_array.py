@@ -11,10 +11,9 @@ from megalopta.sensor.ctia.array import (
     volt_moments,
 )
 from megalopta.sensor.ctia.bias import DacBias, FixedBias, FloatingGateBias
-from megalopta.sensor.ctia.model import CtiaSensor, pixels
+from megalopta.sensor.ctia.model import CTIA_PRESETS, PHOTODIODES, CtiaSensor, ctia_preset, pixels
 from megalopta.sensor.ctia.noise import CtiaNoise
 from megalopta.sensor.ctia.photodiode import ELEMENTARY_CHARGE_C, Photodiode, reverse_current
-from megalopta.sensor.ctia.presets import CTIA_PRESETS, PHOTODIODES, ctia_preset
 from megalopta.sensor.optics.efficiency import Efficiency
 from megalopta.sensor.optics.lens import PLANCK_TIMES_LIGHT_SPEED, Lens
 

@@ -11,7 +11,7 @@ from megalopta.sensor.ctia.bias import (
     gate_bias,
     trimmed_bias,
 )
-from megalopta.sensor.ctia.presets import TYPICAL_OFFSET_V
+from megalopta.sensor.ctia.model import TYPICAL_OFFSET_V
 
 OFFSETS = np.random.default_rng(0).normal(18.7e-3, 10e-3, 5000)
 

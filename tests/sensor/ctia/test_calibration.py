@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from megalopta.sensor.ctia.bias import FloatingGateBias
-from megalopta.sensor.ctia.calibration import calibrate, leak_floor
+from megalopta.sensor.ctia.bias import FloatingGateBias, calibrate, leak_floor
 from megalopta.sensor.ctia.integration import Pixel, estimate_current
 from megalopta.sensor.ctia.photodiode import Photodiode
 
