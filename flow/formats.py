@@ -51,10 +51,7 @@ def write_flo(path: str | Path, flow: NDArray[np.floating]) -> None:
 def read_flo(path: str | Path) -> NDArray[np.float32]:
     """Read a flow (H, W, 2), px, +x right, +y down, NaN where undefined.
 
-    Raises
-    ------
-    ValueError
-        When the file is not a whole .flo file.
+    Raises ValueError when the file is not a whole .flo file.
     """
     content = read_bytes(path, ARRAY_BYTES)
     if len(content) < _HEADER.size:
@@ -157,10 +154,7 @@ def write_flo5(path: str | Path, flow: NDArray[np.floating]) -> None:
 
     As Spring's: HDF5 with one dataset, "flow" (H, W, 2) float32 (Mehl et al., CVPR 2023).
 
-    Raises
-    ------
-    ValueError
-        When the array is no flow.
+    Raises ValueError when the array is no flow.
     """
     check_flow(flow)
     with atomic_write(Path(path)) as temporary, h5py.File(temporary, "w") as file:
@@ -172,10 +166,7 @@ def write_flo5(path: str | Path, flow: NDArray[np.floating]) -> None:
 def read_flo5(path: str | Path) -> NDArray[np.float32]:
     """Read a flow (H, W, 2), px, +x right, +y down, NaN where undefined.
 
-    Raises
-    ------
-    ValueError
-        When the file is none.
+    Raises ValueError when the file is none.
     """
     try:
         check_file(path)
@@ -204,10 +195,7 @@ def write_kitti_png(path: str | Path, flow: NDArray[np.floating]) -> None:
     blue. Steps of 1/64 px, from −512 to nearly 512 px; a flow beyond is stored as not known (Menze
     and Geiger, CVPR 2015, the benchmark's development kit).
 
-    Raises
-    ------
-    ValueError
-        When the array is no flow.
+    Raises ValueError when the array is no flow.
     """
     check_flow(flow)
     codes = np.rint(flow.astype(np.float64) * _CODES_PER_PX + _CODE_OF_ZERO)
@@ -222,10 +210,7 @@ def write_kitti_png(path: str | Path, flow: NDArray[np.floating]) -> None:
 def read_kitti_png(path: str | Path) -> NDArray[np.float32]:
     """Read a flow (H, W, 2), px, +x right, +y down, NaN where undefined.
 
-    Raises
-    ------
-    ValueError
-        When the file is no 16-bit PNG of three channels.
+    Raises ValueError when the file is no 16-bit PNG of three channels.
     """
     content = read_bytes(path, ARRAY_BYTES)
     width, height = struct.unpack(">II", content[16:24].ljust(8, b"\0"))  # of PNG's first chunk

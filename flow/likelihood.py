@@ -118,10 +118,7 @@ def likelihood_flow(counts: NDArray[Any], smoothness: float) -> Floats:
         Log-likelihood that a pixel's worth of flow is charged per unit of its gradient; less
         where there are few photons.
 
-    Raises
-    ------
-    ValueError
-        When there is one frame.
+    Raises ValueError when there is one frame.
     """
     if len(counts) < 2:
         raise ValueError("one frame has no flow: give two or more")

@@ -165,10 +165,7 @@ def checked_warm_up(
         Detectors of different names.
     settings
 
-    Raises
-    ------
-    ValueError
-        When frames are too few or too small, or a size exceeds theirs.
+    Raises ValueError when frames are too few or too small, or a size exceeds theirs.
     """
     names = [method.name for method in methods]
     if not names or len(set(names)) < len(names):

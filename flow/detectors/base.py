@@ -165,10 +165,8 @@ def in_pairs(match: Callable[[Frames], FloatArray]) -> Responder:
 def stacked(frames: Sequence[Frames]) -> Frames:
     """Return frames (H, W) as one array (T, H, W).
 
-    Raises
-    ------
-    ValueError
-        When they are no images, differ in shape, or have pixels that are NaN or infinite.
+    Raises ValueError when they are no images, differ in shape, or have pixels that are NaN or
+    infinite.
     """
     shapes = {each.shape for each in frames}
     if {len(shape) for shape in shapes} != {2} or len(shapes) > 1:

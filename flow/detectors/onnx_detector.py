@@ -81,10 +81,8 @@ class OnnxDetector(DenseDetector, frozen=True):
 def onnx_detector(path: Path) -> OnnxDetector:
     """Return the detector of an ONNX file, named as the file is.
 
-    Raises
-    ------
-    ValueError
-        When onnxruntime is not installed, or the file holds no network that gives flow.
+    Raises ValueError when onnxruntime is not installed, or the file holds no network that gives
+    flow.
     """
     try:
         import onnxruntime  # noqa: F401

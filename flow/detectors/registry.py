@@ -88,10 +88,7 @@ def detector_at(reference: str) -> Detector | None:
 
     The module may lie in the working folder; what it names may also be a detector.
 
-    Raises
-    ------
-    ValueError
-        When there is no such module, function or file.
+    Raises ValueError when there is no such module, function or file.
     """
     if reference.casefold().endswith(".onnx"):
         return onnx_detector(Path(reference))

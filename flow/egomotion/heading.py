@@ -50,10 +50,8 @@ def camera_motion(directions: FloatArray, moved: FloatArray) -> CameraMotion:
         Unit vectors to the points from the first camera and from the second, each in that
         camera's own axes; rows with NaN are left out.
 
-    Raises
-    ------
-    ValueError
-        When fewer than 8 points are known, which cannot tell five parameters from noise.
+    Raises ValueError when fewer than 8 points are known, which cannot tell five parameters from
+    noise.
     """
     known = np.isfinite(directions + moved).all(axis=1)
     if known.sum() < _FEWEST:
@@ -75,10 +73,7 @@ def motion_of_flow(camera: Camera, points: FloatArray, flow: FloatArray) -> Came
     points, flow : (..., 2)
         Image coordinates, and how far what is seen there moves (px); NaN is left out.
 
-    Raises
-    ------
-    ValueError
-        As by `camera_motion`.
+    Raises ValueError as by `camera_motion`.
     """
     first, second = camera.toward(points), camera.toward(points + flow)
     return camera_motion(first.reshape(-1, 3), second.reshape(-1, 3))

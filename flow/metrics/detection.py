@@ -81,10 +81,7 @@ def roc(noise: FloatArray, signal: FloatArray) -> Roc:
 def roc_auc(noise: FloatArray, signal: FloatArray) -> float:
     """Return the area under the ROC: the chance that a signal exceeds a noise, ties half.
 
-    Raises
-    ------
-    ValueError
-        When either is empty or holds NaN.
+    Raises ValueError when either is empty or holds NaN.
     """
     _check(noise, signal)
     ordered = np.sort(noise, axis=None)
@@ -112,10 +109,7 @@ def d_prime(noise: FloatArray, signal: FloatArray) -> float:
 def false_alarm_rate(noise: FloatArray, threshold: float) -> float:
     """Return the share of the noise, of any shape, above a threshold.
 
-    Raises
-    ------
-    ValueError
-        When there is none, or it holds NaN.
+    Raises ValueError when there is none, or it holds NaN.
     """
     _check(noise)
     return float(np.mean(noise > threshold))

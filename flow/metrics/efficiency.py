@@ -56,10 +56,7 @@ def confined_velocities(
     -------
     (rows − 2, columns − 2, 2), px per frame.
 
-    Raises
-    ------
-    ValueError
-        When the margin is not of that range.
+    Raises ValueError when the margin is not of that range.
     """
     if not 1 <= margin_px <= grid.block_px:
         raise ValueError(f"margin_px {margin_px}: give 1 to {grid.block_px}, the side of a block")

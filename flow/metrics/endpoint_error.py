@@ -210,10 +210,7 @@ def truth_splits(
     mapping
         "slow", "medium" and "fast" share the blocks among them, and so do "clear" and "occlusion".
 
-    Raises
-    ------
-    ValueError
-        When the shapes differ.
+    Raises ValueError when the shapes differ.
     """
     return {
         name: truth_error(velocities, true_velocities, among)

@@ -76,10 +76,7 @@ def error_sums(detector: Detector, ideal: FloatArray, noisy: FloatArray) -> Erro
         The detector that gave the responses.
     ideal, noisy : (T, H, W) or (T − 1, rows, columns, 2)
 
-    Raises
-    ------
-    ValueError
-        As `sums_of_errors`.
+    Raises ValueError as `sums_of_errors`.
     """
     return ErrorSums(*sums_of_errors(detector, ideal, noisy))
 
@@ -87,10 +84,7 @@ def error_sums(detector: Detector, ideal: FloatArray, noisy: FloatArray) -> Erro
 def sums_of_errors(detector: Detector, ideal: FloatArray, noisy: FloatArray) -> FloatArray:
     """Return the fields of `error_sums`, (4, T), of responses (T, H, W) or (T, rows, columns, 2).
 
-    Raises
-    ------
-    ValueError
-        When the two have different shapes.
+    Raises ValueError when the two have different shapes.
     """
     if ideal.shape != noisy.shape:
         raise ValueError(f"ideal responses {ideal.shape} and noisy ones {noisy.shape} differ")

@@ -181,10 +181,7 @@ def unknown_texture_information(
     frames : int
         Frames of one velocity, all noisy.
 
-    Raises
-    ------
-    ValueError
-        When the noise is not above 0.
+    Raises ValueError when the noise is not above 0.
     """
     if not noise > 0:
         raise ValueError(f"noise {noise:g}: give the variance of a pixel's counts, above 0")

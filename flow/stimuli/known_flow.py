@@ -100,10 +100,7 @@ class PanningView:
     def light(self, shape: tuple[int, int], times: Sequence[float]) -> FloatArray:
         """Return frames of light at some times, (T, H, W); not below 0.
 
-        Raises
-        ------
-        ValueError
-            When the camera looks beyond the upper or lower edge.
+        Raises ValueError when the camera looks beyond the upper or lower edge.
         """
         padded = np.pad(self.panorama, ((_PADDING, _PADDING), (0, 0)), mode="edge")
         padded = np.pad(padded, ((0, 0), (_PADDING, _PADDING)), mode="wrap")

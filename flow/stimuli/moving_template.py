@@ -90,10 +90,7 @@ def blurred(template: FloatArray, length_px: float) -> FloatArray:
     Each pixel becomes the mean over a line of this length, MATLAB's fspecial('motion', length, 0):
     taps are the shares of the line that lie in each pixel.
 
-    Raises
-    ------
-    ValueError
-        When the length is negative.
+    Raises ValueError when the length is negative.
     """
     if not length_px >= 0:
         raise ValueError(f"length_px {length_px:g}: give the length of the motion, 0 or more")

@@ -33,10 +33,7 @@ class BlackFrameError(ValueError):
 def frame_light(frames: NDArray[Any]) -> NDArray[np.float64]:
     """Return the sum over each frame of (T, H, W), (T,).
 
-    Raises
-    ------
-    ValueError
-        When the frames are not a sequence of finite light, 0 or more.
+    Raises ValueError when the frames are not a sequence of finite light, 0 or more.
     """
     if frames.ndim != 3 or frames.size == 0:
         raise ValueError(f"frames of shape {frames.shape}: give a sequence (T, H, W)")
@@ -60,10 +57,7 @@ def divisors(
     mean : float, optional
         Of the sums over the whole sequence; by default over these.
 
-    Raises
-    ------
-    BlackFrameError
-        When there is no light to scale to a flux.
+    Raises BlackFrameError when there is no light to scale to a flux.
     """
     if normalization == "per_sequence":
         sums = np.full(sums.shape, sums.mean() if mean is None else mean)

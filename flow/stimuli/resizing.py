@@ -24,10 +24,7 @@ def resized_shape(shape: tuple[int, int], size: int | tuple[int, int]) -> tuple[
     size : int or (rows, columns)
         A single number is the rows; the columns follow in proportion.
 
-    Raises
-    ------
-    ValueError
-        When it has no pixels or more pixels along a side than before.
+    Raises ValueError when it has no pixels or more pixels along a side than before.
     """
     rows, columns = size if isinstance(size, tuple) else (size, round(shape[1] * size / shape[0]))
     if not (1 <= rows <= shape[0] and 1 <= columns <= shape[1]):

@@ -1,4 +1,9 @@
-"""Pixels that cannot be used, and what stands in their place."""
+"""Corrected frames: linearize, subtract the dark, divide by the flat, fill in what cannot be used.
+
+Dark frames are taken without light, flat frames under even light, as many of each as patience
+allows; both may be captured or simulated. They are linearized frame by frame before they are
+averaged, as everything is.
+"""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -20,10 +25,7 @@ _WEIGHTS = np.array([[0.5, 1.0, 0.5], [1.0, 0.0, 1.0], [0.5, 1.0, 0.5]])
 def hot_pixels(dark: Floats, times: float) -> Mask:
     """Return which pixels have more dark counts than so many times the median, (rows, columns).
 
-    Raises
-    ------
-    ValueError
-        When that would be half of them or more.
+    Raises ValueError when that would be half of them or more.
     """
     hot = dark > times * max(float(np.median(dark)), 0.0)
     if dark.size and 2 * int(hot.sum()) >= dark.size:
@@ -68,26 +70,24 @@ _DEADEST = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """A device, each map (rows, columns).
-
-    Attributes
-    ----------
-    curve : ResponseCurve
-        Readings to arrivals.
-    dark, dark_variance : arrays
-        Dark counts in an exposure, and the variance of this estimate.
-    gain, gain_variance : arrays
-        Efficiency relative to the sensor's curve, or to the mean of the good pixels.
-    bad : array of bool
-        Hot or dead pixels.
-    """
+    """A device, each map (rows, columns)."""
 
     curve: ResponseCurve
+    """Readings to arrivals"""
+
     dark: Floats
+    """Dark counts in an exposure"""
+
     dark_variance: Floats
+    """Of this estimate"""
+
     gain: Floats
+    """Efficiency relative to the sensor's curve, or to the mean of the good pixels"""
+
     gain_variance: Floats
-    bad: NDArray[np.bool_]
+
+    bad: Mask
+    """Hot or dead pixels"""
 
 
 def calibrate(
@@ -113,11 +113,8 @@ def calibrate(
     hot_times : float
         Pixels with more dark counts than so many times the median are hot.
 
-    Raises
-    ------
-    ValueError
-        When there are fewer than two frames, shapes differ, or the flat frames are too dark or too
-        bright to tell a gain.
+    Raises ValueError when there are fewer than two frames, shapes differ, or the flat frames are
+    too dark or too bright to tell a gain.
     """
     kinds = {"dark": dark_frames, "flat": flat_frames}
     shapes = {name: np.shape(frames) for name, frames in kinds.items()}
@@ -181,15 +178,16 @@ def _drawn(
 
 
 class _Mean(NamedTuple):
-    """Mean arrivals of pixels over frames, the variance of that, and the mean reading."""
-
     arrivals: Floats
+    """Mean over frames"""
     variance: Floats
+    """Of that mean"""
     readings: Floats
+    """Mean over frames"""
 
 
 def _mean(chunks: Iterable[NDArray[Any]], curve: ResponseCurve) -> _Mean:
-    frames, sums, squares, readings = 0, np.zeros(()), np.zeros(()), np.zeros(())
+    frames, sums, squares, readings = 0, 0.0, 0.0, 0.0
     for chunk in chunks:
         arrivals, _ = curve.arrivals_of(chunk)
         frames += len(chunk)
@@ -221,25 +219,20 @@ def _of_means(
 
 @dataclass(frozen=True, eq=False)
 class Corrected:
-    """Frames as a perfect array of the same efficiency would have detected them, on average.
-
-    Attributes
-    ----------
-    detections : (T, H, W) float64
-        Photons detected in an exposure, without dark counts; below 0 where noise was.
-    variance : (T, H, W) float64
-        Of these: noise of the reading, of the dark and of the flat frames.
-    filled : (T, H, W) bool
-        Where the pixel is hot, dead or full, and neighbors stand in for it; all of a frame where
-        there are none.
-    ambiguous : (T, H, W) bool
-        Where the pixel may have seen much more light (`ResponseCurve.ambiguous_from`).
-    """
+    """Frames (T, H, W) as a perfect array of the same efficiency would detect them, on average."""
 
     detections: Floats
+    """Photons detected in an exposure, without dark counts; below 0 where noise was"""
+
     variance: Floats
+    """Of these: noise of the reading, of the dark and of the flat frames"""
+
     filled: Mask
+    """Where the pixel is hot, dead or full, and neighbors stand in for it; all of a frame where
+    there are none"""
+
     ambiguous: Mask
+    """Where the pixel may have seen much more light (`ResponseCurve.ambiguous_from`)"""
 
 
 def correct(counts: ArrayLike, saturated: ArrayLike, calibration: Calibration) -> Corrected:
@@ -252,10 +245,7 @@ def correct(counts: ArrayLike, saturated: ArrayLike, calibration: Calibration) -
     calibration : Calibration
         Of the same device.
 
-    Raises
-    ------
-    ValueError
-        When shapes do not match.
+    Raises ValueError when shapes do not match.
     """
     readings, full = np.asarray(counts, np.float64), np.asarray(saturated, np.bool_)
     if readings.ndim != 3 or readings.shape[1:] != calibration.dark.shape:

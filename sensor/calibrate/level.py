@@ -1,4 +1,4 @@
-"""Recorded readings at one light and one exposure, and how often a pixel gave which code."""
+"""Recorded readings at one light and one exposure: what they must have, and what they show."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,20 +16,15 @@ _DEEPEST = 0.95
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """Frames that were taken alike.
-
-    Attributes
-    ----------
-    codes : (n, rows, columns) integers
-        Of the ADC; fewer where more was counted.
-    exposure_s : float
-    light_hz : float
-        Photons per second on a pixel, or, where all levels share it, in any unit; 0: in the dark.
-    """
+    """Frames that were taken alike."""
 
     codes: NDArray[Any]
+    """(n, rows, columns) of the ADC; lower where more was counted"""
+
     exposure_s: float
+
     light_hz: float = 0.0
+    """Photons per second on a pixel, or, where all levels share it, in any unit; 0: in the dark"""
 
     @property
     def is_dark(self) -> bool:
@@ -109,8 +104,8 @@ def falls_of(levels: Sequence[Level], adc: Adc) -> Falls:
     return Falls(level_of, pixel, fall_v, times.astype(float), frames, mean_v, variance_v2, is_cut)
 
 
-FEWEST_FRAMES = 50
-FEWEST_DARK_EXPOSURES = 3
+_FEWEST_FRAMES = 50
+_FEWEST_DARK_EXPOSURES = 3
 _DRIFT_Z = 6.0
 _SMALLEST_DRIFT = 0.005
 _DARKEST_Z = 6.0
@@ -119,11 +114,8 @@ _DARKEST_Z = 6.0
 def check_levels(levels: Sequence[Level], adc: Adc) -> None:
     """Refuse recordings that cannot tell a device.
 
-    Raises
-    ------
-    ValueError
-        When levels are of different arrays, have too few frames, drift or are saturated, when no
-        exposures of the dark differ, or light makes no difference.
+    Raises ValueError when levels are of different arrays, have too few frames, drift or are
+    saturated, when no exposures of the dark differ, or light makes no difference.
     """
     shapes = sorted({level.codes.shape[1:] for level in levels if level.codes.ndim == 3})
     if len(shapes) != 1 or any(level.codes.ndim != 3 for level in levels):
@@ -131,13 +123,15 @@ def check_levels(levels: Sequence[Level], adc: Adc) -> None:
             f"recordings of {', '.join(map(str, shapes)) or 'no'} pixels; give frames of one device"
         )
     for level in levels:
-        if len(level.codes) < FEWEST_FRAMES:
-            raise ValueError(f"{level}: {len(level.codes)} frames; capture {FEWEST_FRAMES} or more")
+        if len(level.codes) < _FEWEST_FRAMES:
+            raise ValueError(
+                f"{level}: {len(level.codes)} frames; capture {_FEWEST_FRAMES} or more"
+            )
         _check_steadiness(level)
     dark = sorted({level.exposure_s for level in levels if level.is_dark})
-    if len(dark) < FEWEST_DARK_EXPOSURES:
+    if len(dark) < _FEWEST_DARK_EXPOSURES:
         raise ValueError(
-            f"dark frames of {len(dark)} exposures; capture {FEWEST_DARK_EXPOSURES} or more, so "
+            f"dark frames of {len(dark)} exposures; capture {_FEWEST_DARK_EXPOSURES} or more, so "
             "that leak and dark counts can be told apart"
         )
     if all(np.median(level.codes) <= adc.bottom for level in levels):

@@ -65,10 +65,7 @@ class Kernel(NamedTuple):
 def neighbor_kernel(counts: NDArray[Any], good: NDArray[np.bool_]) -> Kernel:
     """Estimate the kernel from dark counts (n, rows, columns) of the good pixels (rows, columns).
 
-    Raises
-    ------
-    ValueError
-        When too few good pixels have neighbors.
+    Raises ValueError when too few good pixels have neighbors.
     """
     counts = np.asarray(counts, np.float64)
     mean = counts.mean(axis=0)

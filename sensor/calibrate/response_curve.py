@@ -34,23 +34,16 @@ _BEYOND = 2.0
 
 @dataclass(frozen=True, eq=False)
 class ResponseCurve:
-    """Mean and variance of readings, over arrivals in an exposure.
-
-    Attributes
-    ----------
-    arrivals : (n,)
-        Photons that would be detected and dark counts, as far as readings rise with them.
-    mean, variance : (n,)
-        Of the readings.
-    ambiguous_from : float
-        Readings from here on may stand for more arrivals than the last of these; infinite where
-        none can.
-    """
+    """Mean and variance of readings, over arrivals in an exposure, each (n,)."""
 
     arrivals: Floats
+    """Photons that would be detected and dark counts, as far as readings rise with them"""
+
     mean: Floats
     variance: Floats
+
     ambiguous_from: float
+    """Readings from here on may stand for more than the last arrivals; infinite where none can"""
 
     @property
     def largest(self) -> float:
@@ -81,10 +74,7 @@ class ResponseCurve:
 def response_curve(sensor: Sensor) -> ResponseCurve:
     """Return the curve of a pixel that is like the mean of its array, without dark counts.
 
-    Raises
-    ------
-    ValueError
-        When no reading tells the arrivals.
+    Raises ValueError when no reading tells the arrivals.
     """
     plain = _without_pattern(sensor)
     # neighbors matter under crosstalk only

@@ -13,25 +13,17 @@ from megalopta.sensor.compare.two_sample import Difference, difference
 
 @dataclass(frozen=True, eq=False)
 class CountedFrames:
-    """Counts at one light and exposure.
-
-    Attributes
-    ----------
-    counts : (n, rows, columns)
-    exposure_s : float
-    light_hz : float
-        In the unit of the other levels; 0: in the dark.
-    saturated : (n, rows, columns) bool, optional
-        Counts that are lower bounds.
-    times_s : (n,), optional
-        When each exposure began; one after the other where it is not known.
-    """
+    """Counts at one light and exposure."""
 
     counts: NDArray[Any]
+    """(n, rows, columns)"""
     exposure_s: float
     light_hz: float = 0.0
+    """In the unit of the other levels; 0: in the dark"""
     saturated: NDArray[np.bool_] | None = None
+    """(n, rows, columns) counts that are lower bounds"""
     times_s: NDArray[np.float64] | None = None
+    """(n,) when each exposure began; one after the other where it is not known"""
 
     @property
     def is_dark(self) -> bool:

@@ -49,31 +49,21 @@ _FEWEST_FRAMES = 3 * BLOCKS
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """How two recordings differ.
-
-    Attributes
-    ----------
-    arrangement : Arrangement
-        In which order the captured pixels are.
-    differences : tuple of Difference
-        Quantities of the device.
-    means, variances, histograms : PixelTest
-        Of all levels, (levels, rows, columns).
-    distances, by_chance : Distances
-        Between histograms, (levels, rows, columns), and those of samples of one law.
-    spectrum : tuple of Difference
-        Shares of bands of frequency.
-    false_alarms, margin : float
-    """
+    """How two recordings differ."""
 
     arrangement: Arrangement
+    """In which order the captured pixels are"""
     differences: tuple[Difference, ...]
+    """Quantities of the device"""
     means: PixelTest
+    """Of all levels, (levels, rows, columns)"""
     variances: PixelTest
     histograms: PixelTest
     distances: Distances
+    """Between histograms, (levels, rows, columns), and those of samples of one law"""
     by_chance: Distances
     spectrum: tuple[Difference, ...]
+    """Shares of bands of frequency"""
     false_alarms: float
     margin: float
 
@@ -144,10 +134,7 @@ def compare_recordings(
     errors : sequence of (rows, columns), optional
         Standard errors of the expected mean counts of each level, where these are a calibration's.
 
-    Raises
-    ------
-    ValueError
-        When levels are not of the same shape, or have too few frames.
+    Raises ValueError when levels are not of the same shape, or have too few frames.
     """
     _check(captured, expected)
     pairs = list(zip(captured, expected, strict=True))

@@ -99,10 +99,7 @@ Bias: TypeAlias = FixedBias | DacBias | FloatingGateBias
 def dac_bias(dac: DacBias, code: int | np.ndarray, offset_v: Reals = 0.0) -> Floats:
     """Reverse bias at a code, V.
 
-    Raises
-    ------
-    ValueError
-        When the converter has no such code.
+    Raises ValueError when the converter has no such code.
     """
     codes = np.asarray(code)
     if np.any((codes < 0) | (codes >= 2**dac.bits)):
@@ -115,10 +112,7 @@ def dac_bias(dac: DacBias, code: int | np.ndarray, offset_v: Reals = 0.0) -> Flo
 def best_code(dac: DacBias, offset_v: Reals = 0.0) -> np.ndarray:
     """Code of the smallest reverse bias that is not below the target.
 
-    Raises
-    ------
-    ValueError
-        When the offset is outside what the rail can compensate.
+    Raises ValueError when the offset is outside what the rail can compensate.
     """
     codes = np.floor((dac.reference_v + np.asarray(offset_v) - dac.target_v) / dac.step_v)
     if np.any((codes < 0) | (codes >= 2**dac.bits)):
@@ -164,24 +158,16 @@ WORTHWHILE = 0.99
 
 @dataclass(frozen=True)
 class Measurement:
-    """One turn of the loop.
-
-    Attributes
-    ----------
-    elapsed_s : float
-        At the end of the measurement, since the start of the calibration.
-    pulses : int
-        Given before it.
-    bias_v : float
-        Reverse bias at its start, which the loop does not know.
-    current_a : float
-        What it sees: the 90–10 % estimate; 0 where the pixel did not discharge in time.
-    """
+    """One turn of the loop."""
 
     elapsed_s: float
+    """At the end of the measurement, since the start of the calibration"""
     pulses: int
+    """Given before it"""
     bias_v: float
+    """Reverse bias at its start, which the loop does not know"""
     current_a: float
+    """What it sees: the 90–10 % estimate; 0 where the pixel did not discharge in time"""
 
 
 def calibrate(
@@ -204,10 +190,7 @@ def calibrate(
     list of Measurement
         In order; the last one saw no improvement, the one before it is the result.
 
-    Raises
-    ------
-    ValueError
-        When the diode is in forward bias from the start, where pulses cannot help.
+    Raises ValueError when the diode is in forward bias from the start, where pulses cannot help.
     """
     bias, elapsed = float(pixel.bias_v), 0.0
     if bias < 0:

@@ -49,32 +49,21 @@ _LITTLE = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Pixel:
-    """One pixel, or many: arrays are broadcast against each other.
-
-    Attributes
-    ----------
-    diode : Photodiode
-    capacitance_f : float
-        Of the integration capacitor (F).
-    swing_v : float
-        From reset to the lower rail (V).
-    gain : array
-        Open-loop gain of the amplifier (V/V).
-    bias_v : array
-        Reverse bias of the diode at reset (V); negative: forward.
-    drift_v_s : float
-        Rise of the reverse bias (V/s), not negative.
-    dark_scale : array
-        Factor on the dark current of the diode.
-    """
+    """One pixel, or many: arrays are broadcast against each other."""
 
     diode: Photodiode
     capacitance_f: float
+    """Of the integration capacitor (F)"""
     swing_v: float
+    """From reset to the lower rail (V)"""
     gain: Reals
+    """Open-loop gain of the amplifier (V/V)"""
     bias_v: Reals
+    """Reverse bias of the diode at reset (V); negative: forward"""
     drift_v_s: float = 0.0
+    """Rise of the reverse bias (V/s), not negative"""
     dark_scale: Reals = 1.0
+    """Factor on the dark current of the diode"""
 
     def __post_init__(self) -> None:
         """Refuse a drift for which the discharge could turn back."""
@@ -108,10 +97,7 @@ def discharge_time(pixel: Pixel, photocurrent_a: Reals, discharged_v: Reals) -> 
     Arrays of any shape, by Newton's method: the current only grows, so the discharge is convex
     in time.
 
-    Raises
-    ------
-    ValueError
-        When the discharge asked for is not within the swing.
+    Raises ValueError when the discharge asked for is not within the swing.
     """
     target = np.asarray(discharged_v, np.float64)
     if not np.all((target > 0) & (target <= pixel.swing_v)):

@@ -82,10 +82,7 @@ def band_efficiency(
     (B,) float64
         Between 0 and 1.
 
-    Raises
-    ------
-    ValueError
-        When a band reaches outside a curve.
+    Raises ValueError when a band reaches outside a curve.
     """
     passing = lens.transmission_curve if lens else None
     curves: list[Curve] = [efficiency, *([passing] if passing else [])]
@@ -129,10 +126,7 @@ Point = tuple[float, float]
 def with_curve(curve: Any, folder: Path, field: str = "efficiency") -> Any:
     """Replace `{path: FILE}` by the curve in the file; leave anything else as it is.
 
-    Raises
-    ------
-    ValueError
-        When a path and numbers are both given.
+    Raises ValueError when a path and numbers are both given.
     """
     if not isinstance(curve, Mapping) or not isinstance(curve.get("path"), str):
         return curve
@@ -153,10 +147,8 @@ def with_transmission(lens: Any, folder: Path) -> Any:
 def read_curve(path: Path, field: str = "efficiency") -> dict[str, tuple[float, ...]]:
     """Return the fields of `Efficiency` or `Transmission` that a CSV file holds.
 
-    Raises
-    ------
-    ValueError
-        When the file cannot be read, or a line is no point of a curve; names the line.
+    Raises ValueError when the file cannot be read, or a line is no point of a curve; names the
+    line.
     """
     content = file_content(path, field)
     try:

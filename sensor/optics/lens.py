@@ -16,10 +16,7 @@ from megalopta.sensor.effects.base import Effect, Stage
 def check_curve(field: str, wavelengths_nm: Sequence[float], values: Sequence[float]) -> None:
     """Make sure that a curve has one value for each wavelength, and these in order.
 
-    Raises
-    ------
-    ValueError
-        With one sentence that begins with the field.
+    Raises ValueError with one sentence that begins with the field.
     """
     if len(wavelengths_nm) != len(values):
         raise ValueError(
@@ -133,10 +130,7 @@ def photon_flux(irradiance: ArrayLike, bands_nm: ArrayLike) -> NDArray[np.float6
     (..., B) float64
         photons·m⁻²·s⁻¹.
 
-    Raises
-    ------
-    ValueError
-        When the bands are not B pairs of edges.
+    Raises ValueError when the bands are not B pairs of edges.
     """
     lower, upper = check_bands(bands_nm).T
     irradiance = np.asarray(irradiance, np.float64)
@@ -151,11 +145,8 @@ def photon_flux(irradiance: ArrayLike, bands_nm: ArrayLike) -> NDArray[np.float6
 def check_bands(bands_nm: ArrayLike) -> NDArray[np.float64]:
     """Return band edges as (B, 2) float64, nm, or refuse them.
 
-    Raises
-    ------
-    ValueError
-        When the shape is not (B, 2), an edge is not positive and finite, a band has no width, or
-        two bands overlap (their light would be counted twice).
+    Raises ValueError when the shape is not (B, 2), an edge is not positive and finite, a band has
+    no width, or two bands overlap (their light would be counted twice).
     """
     bands = np.asarray(bands_nm, np.float64)
     if bands.ndim != 2 or bands.shape[1] != 2 or not len(bands):
