@@ -1,10 +1,26 @@
-"""Two-sample tests, pixel by pixel, and how many false alarms all of them make.
+"""Two-sample tests: of pixels, with their false alarms, and of one quantity, with a margin.
 
-Means: Welch's test on the counts of frames; with few counts in all the conditional binomial test
-of two Poisson means, which is exact. Variances: the logarithm of their ratio, whose variance is
-that of two Poisson-like samples, 2/(n − 1) + 1/(n·m) each. Distributions: `histograms`. False
-discovery rates: Benjamini and Hochberg; what differs in no pixel makes an alarm in a share of cases
-that is at most the rate.
+**Means**: Welch's test on the counts of frames; with few counts in all the conditional binomial
+test of two Poisson means, which is exact. **Variances**: the logarithm of their ratio, whose
+variance is that of two Poisson-like samples, 2/(n − 1) + 1/(n·m) each.
+
+**Histograms**: χ² on bins merged until each expects `_FEWEST` readings, less the part of it that
+says that the means differ (the trend over bins, one degree of freedom): means have a test of their
+own, which knows how sure they are. Distances, with F and G the shares of readings up to a value:
+
+    total variation   ½·Σ |f − g|
+    Wasserstein       Σ |F − G|           counts by which readings would have to move, on average
+    energy            (2·Σ (F − G)²)^½    counts^½; Székely and Rizzo, J. Stat. Plan. Inference 2013
+
+All are above 0 for finite samples of one law: `distances_by_chance` says by how much.
+
+**False discovery rates**: Benjamini and Hochberg; what differs in no pixel makes an alarm in a
+share of cases that is at most the rate.
+
+**One quantity**: values are those of blocks of frames, so that whatever links pixels or frames
+within a block is in their scatter. Welch's t test says whether the means differ; two one-sided
+tests (Schuirmann 1987) whether they surely differ by less than a margin, which is so where the 90 %
+interval lies inside.
 """
 
 from typing import NamedTuple
@@ -13,10 +29,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binom, chi2, false_discovery_control, norm, t
 
-from megalopta.core.arrays import Floats
+from megalopta.core.arrays import Floats, Mask
 
 _FEW_COUNTS = 200.0
 _LEAST_MEAN = 2.0
+_FEWEST = 12.0
+_ENTRIES_AT_ONCE = 4_000_000
 
 
 class PixelTest(NamedTuple):
@@ -24,7 +42,7 @@ class PixelTest(NamedTuple):
 
     p: Floats
     """Of any shape; NaN where nothing is tested."""
-    differs: NDArray[np.bool_]
+    differs: Mask
 
 
 def discoveries(p: Floats, rate: float) -> PixelTest:
@@ -37,7 +55,7 @@ def discoveries(p: Floats, rate: float) -> PixelTest:
 
 
 def mean_test(one: Floats, other: Floats, error: Floats | float = 0.0) -> Floats:
-    """P-values (rows, columns) that counts (n, rows, columns) have the same means.
+    """Return p-values (rows, columns) that counts (n, rows, columns) have the same means.
 
     `error` is the standard error of what the second sample's mean should have been, where that
     comes from a calibration.
@@ -45,26 +63,22 @@ def mean_test(one: Floats, other: Floats, error: Floats | float = 0.0) -> Floats
     n, k = len(one), len(other)
     parts = [each.var(axis=0, ddof=1) / len(each) for each in (one, other)]
     total = parts[0] + parts[1] + np.square(error)
-    difference = one.mean(axis=0) - other.mean(axis=0)
+    apart = one.mean(axis=0) - other.mean(axis=0)
     spread = np.where(total > 0, total, 1)
     freedom = spread**2 / np.maximum(parts[0] ** 2 / (n - 1) + parts[1] ** 2 / (k - 1), 1e-300)
-    p = 2 * t.sf(np.abs(difference) / np.sqrt(spread), np.maximum(freedom, 1))
-    sums = [np.rint(each.sum(axis=0)).clip(0) for each in (one, other)]
-    both = sums[0] + sums[1]
+    p = 2 * t.sf(np.abs(apart) / np.sqrt(spread), np.maximum(freedom, 1))
+    first, second = (np.rint(each.sum(axis=0)).clip(0) for each in (one, other))
+    both, share = first + second, n / (n + k)
     few = (both < _FEW_COUNTS) & (np.asarray(error) == 0)
-    p = np.where(few, _conditional(sums[0], both, n / (n + k)), p)
+    # two-sided, of a binomial number: twice the smaller tail
+    tails = np.minimum(binom.cdf(first, both, share), binom.sf(first - 1, both, share))
+    p = np.where(few, np.minimum(2 * tails, 1), p)
     same = (total == 0) & ~few
-    return np.where(same, np.where(difference == 0, 1.0, 0.0), p)
-
-
-def _conditional(first: Floats, both: Floats, share: float) -> Floats:
-    """Two-sided p-values of a binomial number: twice the smaller tail."""
-    below, above = binom.cdf(first, both, share), binom.sf(first - 1, both, share)
-    return np.asarray(np.minimum(2 * np.minimum(below, above), 1))
+    return np.where(same, np.where(apart == 0, 1.0, 0.0), p)
 
 
 def variance_test(one: Floats, other: Floats) -> Floats:
-    """P-values (rows, columns) that counts (n, rows, columns) have the same variances.
+    """Return p-values (rows, columns) that counts (n, rows, columns) have the same variances.
 
     NaN where counts are too few to tell.
     """
@@ -78,10 +92,6 @@ def variance_test(one: Floats, other: Floats) -> Floats:
     return np.where(known, 2 * norm.sf(np.abs(logs[0] - logs[1]) / np.sqrt(error)), np.nan)
 
 
-_FEWEST = 12.0
-_ENTRIES_AT_ONCE = 4_000_000
-
-
 class Distances(NamedTuple):
     """Between histograms of pixels, each (rows, columns)."""
 
@@ -90,15 +100,11 @@ class Distances(NamedTuple):
     energy: Floats
 
 
-class HistogramTest(NamedTuple):
-    """P-values (rows, columns), NaN where bins are too few, and distances."""
+def histogram_test(one: Floats, other: Floats) -> tuple[Floats, Distances]:
+    """Return p-values that counts (n, rows, columns) are distributed alike, and distances.
 
-    p: Floats
-    distances: Distances
-
-
-def histogram_test(one: Floats, other: Floats) -> HistogramTest:
-    """Test whether counts (n, rows, columns) have distributions of one shape, pixel by pixel."""
+    Each (rows, columns); NaN where bins are too few.
+    """
     shape = one.shape[1:]
     samples = [np.rint(each).astype(np.int64).reshape(len(each), -1) for each in (one, other)]
     at_once = max(_ENTRIES_AT_ONCE // _values(samples), 1)
@@ -107,14 +113,14 @@ def histogram_test(one: Floats, other: Floats) -> HistogramTest:
         for first in range(0, samples[0].shape[1], at_once)
     ]
     p, *distances = (np.concatenate(each).reshape(shape) for each in zip(*pieces, strict=True))
-    return HistogramTest(p, Distances(*distances))
+    return p, Distances(*distances)
 
 
 def distances_by_chance(one: Floats, other: Floats) -> Distances:
-    """Distances after frames (n, rows, columns) of both were dealt out anew: those of one law."""
+    """Return distances of one law: after frames (n, rows, columns) of both were dealt out anew."""
     both = np.concatenate([one, other])
     order = np.random.default_rng(0).permutation(len(both))
-    return histogram_test(both[order[: len(one)]], both[order[len(one) :]]).distances
+    return histogram_test(both[order[: len(one)]], both[order[len(one) :]])[1]
 
 
 def _values(samples: list[NDArray[np.int64]]) -> int:
@@ -130,17 +136,17 @@ def _of_pixels(samples: list[NDArray[np.int64]]) -> tuple[Floats, Floats, Floats
         key = each - least + size * np.arange(pixels)
         seen[place] = np.bincount(key.ravel(), minlength=pixels * size).reshape(pixels, size)
     totals = np.array([len(each) for each in samples], np.float64)
-    shares = seen / totals[:, None, None]
-    apart = np.cumsum(shares[0] - shares[1], axis=1)
+    apart = np.subtract(*(seen / totals[:, None, None]))
+    cumulative = np.cumsum(apart, axis=1)
     return (
-        _p(seen, totals),
-        np.abs(shares[0] - shares[1]).sum(axis=1) / 2,
-        np.abs(apart).sum(axis=1),
-        np.sqrt(2 * np.square(apart).sum(axis=1)),
+        _chi_square_p(seen, totals),
+        np.abs(apart).sum(axis=1) / 2,
+        np.abs(cumulative).sum(axis=1),
+        np.sqrt(2 * np.square(cumulative).sum(axis=1)),
     )
 
 
-def _p(seen: Floats, totals: Floats) -> Floats:
+def _chi_square_p(seen: Floats, totals: Floats) -> Floats:
     both = seen.sum(axis=0)
     pixels, size = both.shape
     expected = both * totals.min() / totals.sum()
@@ -164,6 +170,15 @@ def _p(seen: Floats, totals: Floats) -> Floats:
     freedom = (all_ > 0).sum(axis=1) - 2
     p = chi2.sf(np.maximum(squares - trend, 0), np.maximum(freedom, 1))
     return np.where(freedom > 0, p, np.nan)
+
+
+class Quantity(NamedTuple):
+    """What is compared."""
+
+    name: str
+    unit: str = ""
+    least: float = 0.0
+    """Differences are relative to the expected value, or to this where that is smaller."""
 
 
 class Difference(NamedTuple):
@@ -195,7 +210,7 @@ class Difference(NamedTuple):
         return f" of {self.scale:.2g}" if self.scale > abs(self.expected) else ""
 
     def __str__(self) -> str:
-        """Say it in words."""
+        """Say it in a phrase."""
         way = "higher" if self.relative > 0 else "lower"
         return (
             f"{self.name} {100 * abs(self.relative):.2g} %{self.base} {way} "
@@ -204,53 +219,24 @@ class Difference(NamedTuple):
 
 
 def difference(
-    name: str,
-    captured: Floats,
-    expected: Floats,
-    unit: str,
-    margin: float,
-    least: float = 0.0,
-    unsure: float = 0.0,
+    quantity: Quantity, captured: Floats, expected: Floats, margin: float, unsure: float = 0.0
 ) -> Difference:
-    """Compare the values of blocks.
+    """Compare the values of blocks, (blocks,) each.
 
-    Parameters
-    ----------
-    name : str
-    captured, expected : (blocks,)
-    unit : str
-    margin : float
-        Relative difference that does not matter.
-    least : float
-        Differences are relative to the expected value, or to this where that is smaller.
-    unsure : float
-        Standard error of what the expected values should have been, as of a calibration, which
-        no further block makes smaller.
+    `margin` is the relative difference that does not matter; `unsure` the standard error of what
+    the expected values should have been, as of a calibration, which no further block makes smaller.
     """
-    means = captured.mean(), expected.mean()
-    parts = [each.var(ddof=1) / each.size for each in (captured, expected)]
+    samples = captured, expected
+    means = float(captured.mean()), float(expected.mean())
+    parts = [each.var(ddof=1) / each.size for each in samples]
     error = float(np.sqrt(sum(parts) + unsure**2))
-    freedom = sum(parts) ** 2 / max(
-        sum(
-            part**2 / (each.size - 1)
-            for part, each in zip(parts, (captured, expected), strict=True)
-        ),
-        1e-300,
-    )
-    scale = max(abs(float(means[1])), least, 1e-300)
-    apart = float(means[0] - means[1])
+    squares = (p**2 / (each.size - 1) for p, each in zip(parts, samples, strict=True))
+    freedom = sum(parts) ** 2 / max(sum(squares), 1e-300)
+    scale = max(abs(means[1]), quantity.least, 1e-300)
+    apart = means[0] - means[1]
     p = float(2 * t.sf(abs(apart) / error, freedom)) if error > 0 else float(apart == 0)
     wide, narrow = (float(t.ppf(level, max(freedom, 1))) * error / scale for level in (0.975, 0.95))
     relative = apart / scale
-    return Difference(
-        name,
-        float(means[0]),
-        float(means[1]),
-        unit,
-        relative,
-        relative - wide,
-        relative + wide,
-        p,
-        abs(relative) + narrow < margin,
-        scale,
-    )
+    interval = relative, relative - wide, relative + wide
+    is_equivalent = abs(relative) + narrow < margin
+    return Difference(quantity.name, *means, quantity.unit, *interval, p, is_equivalent, scale)

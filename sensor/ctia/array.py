@@ -53,14 +53,8 @@ def expose_ctia(
     seed: int,
     sequence: str | int,
     first_frame: int = 0,
-    frame_period_s: float | None = None,
 ) -> CtiaExposure:
-    """Read frames of a scene; parameters as for `expose`, and one more.
-
-    Parameters
-    ----------
-    frame_period_s : float, optional
-        Time from one frame to the next; by default the exposure.
+    """Read frames of a scene, one exposure after the other; parameters as for `expose`.
 
     Raises
     ------
@@ -69,14 +63,7 @@ def expose_ctia(
         the quantum efficiency curve.
     """
     light = photocurrent(radiance, bands_nm, sensor)
-    return expose_photocurrent(
-        light,
-        sensor,
-        seed=seed,
-        sequence=sequence,
-        first_frame=first_frame,
-        frame_period_s=frame_period_s,
-    )
+    return expose_photocurrent(light, sensor, seed=seed, sequence=sequence, first_frame=first_frame)
 
 
 def expose_photocurrent(
@@ -88,7 +75,13 @@ def expose_photocurrent(
     first_frame: int = 0,
     frame_period_s: float | None = None,
 ) -> CtiaExposure:
-    """Read frames whose photocurrent is known, (T, H, W) in A; as `expose_ctia`."""
+    """Read frames whose photocurrent is known, (T, H, W) in A; as `expose_ctia`, and one more.
+
+    Parameters
+    ----------
+    frame_period_s : float, optional
+        Time from one frame to the next; by default the exposure.
+    """
     light = _checked(photocurrent_a)
     volts, saturated = np.empty_like(light), np.empty(light.shape, np.bool_)
     for index, now in enumerate(_aging(sensor, light.shape, first_frame, frame_period_s)):

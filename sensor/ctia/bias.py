@@ -17,6 +17,19 @@ below the target stays there, as no pulse can help it.
 Assumed: one volt on the gate is one volt of offset (the dissertation compares the two directly but
 could not measure it), a step does not depend on the gate's voltage, it grows in proportion to the
 length of the pulse, and no pulse differs from another.
+
+Tuning the floating gate, §3.3.2 to §3.3.4: measure, pulse, measure. The bias cannot be measured: a
+probe would leak more than the diode. So the dark current is, from the time between 90 % and 10 % of
+the swing, and the gate gets a pulse as long as that lowers the current by more than 1 %. The first
+pulse that takes the diode into forward bias stops the discharge, until the leak of the gate has
+brought the bias back to zero; the discharge that follows is as slow as this pixel can get, for the
+bias starts at zero and grows by the leak alone. That floor is what limits a finely tuned pixel, and
+it does not depend on the size of a pulse. With a conductance g at zero bias, a leak r and a swing S
+
+    0.8·S·C / (√1.8 − √0.2) / √(S·C/(g·r))
+
+Measurements are free of noise here: over the minutes that they take, the charge of a full swing is
+10⁸ electrons.
 """
 
 from dataclasses import dataclass, replace
@@ -96,33 +109,6 @@ class FloatingGateBias(
 Bias: TypeAlias = FixedBias | DacBias | FloatingGateBias
 
 
-def dac_bias(dac: DacBias, code: int | np.ndarray, offset_v: Reals = 0.0) -> Floats:
-    """Reverse bias at a code, V.
-
-    Raises ValueError when the converter has no such code.
-    """
-    codes = np.asarray(code)
-    if np.any((codes < 0) | (codes >= 2**dac.bits)):
-        raise ValueError(
-            f"code: {codes.tolist()}; a {dac.bits}-bit converter has 0 to {2**dac.bits - 1}"
-        )
-    return np.asarray(dac.reference_v + offset_v - codes * dac.step_v)
-
-
-def best_code(dac: DacBias, offset_v: Reals = 0.0) -> np.ndarray:
-    """Code of the smallest reverse bias that is not below the target.
-
-    Raises ValueError when the offset is outside what the rail can compensate.
-    """
-    codes = np.floor((dac.reference_v + np.asarray(offset_v) - dac.target_v) / dac.step_v)
-    if np.any((codes < 0) | (codes >= 2**dac.bits)):
-        raise ValueError(
-            f"offset_v: {np.asarray(offset_v).tolist()} V cannot be compensated between 0 and "
-            f"{dac.rail_v:g} V around reference_v {dac.reference_v:g} V; choose another reference"
-        )
-    return codes.astype(np.int64)
-
-
 def gate_bias(
     gate: FloatingGateBias,
     bias_v: Reals,
@@ -142,10 +128,21 @@ def trimmed_bias(bias: Bias, offset_v: Reals) -> Floats:
     if isinstance(bias, FixedBias):
         return offset + bias.reverse_bias_v
     if isinstance(bias, DacBias):
-        return dac_bias(bias, best_code(bias, offset), offset)
+        return _at_best_code(bias, offset)
     above = offset + bias.erased_v - bias.target_v
     trimmed = bias.target_v + np.where(above < 0, above, np.mod(above, bias.step_v))
     return gate_bias(bias, trimmed, wait_s=bias.age_s, warming_k=bias.warming_k)
+
+
+def _at_best_code(dac: DacBias, offset: Floats) -> Floats:
+    """Smallest reverse bias that is not below the target, V."""
+    codes = np.floor((dac.reference_v + offset - dac.target_v) / dac.step_v)
+    if np.any((codes < 0) | (codes >= 2**dac.bits)):
+        raise ValueError(
+            f"offset_v: {offset.tolist()} V cannot be compensated between 0 and {dac.rail_v:g} V "
+            f"around reference_v {dac.reference_v:g} V; choose another reference"
+        )
+    return np.asarray(dac.reference_v + offset - codes * dac.step_v)
 
 
 def drift_rate(bias: Bias) -> float:
@@ -173,22 +170,11 @@ class Measurement:
 def calibrate(
     gate: FloatingGateBias, pixel: Pixel, *, patience_s: float = 3600.0, most_pulses: int = 1000
 ) -> list[Measurement]:
-    """Pulse the gate until a further pulse no longer lowers the dark current.
+    """Pulse the gate of one pixel until a further pulse no longer lowers the dark current.
 
-    Parameters
-    ----------
-    gate : FloatingGateBias
-    pixel : Pixel
-        One pixel with its reverse bias before the calibration; its drift is set to the gate's leak.
-    patience_s : float
-        A discharge that takes longer is given up, and with it the calibration.
-    most_pulses : int
-        Ends a calibration that gets nowhere.
-
-    Returns
-    -------
-    list of Measurement
-        In order; the last one saw no improvement, the one before it is the result.
+    The pixel has its reverse bias before the calibration; its drift is set to the gate's leak. A
+    discharge that takes longer than `patience_s` is given up, and with it the calibration. Of what
+    is returned, the last one saw no improvement, the one before it is the result.
 
     Raises ValueError when the diode is in forward bias from the start, where pulses cannot help.
     """

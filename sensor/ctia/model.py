@@ -3,9 +3,28 @@
 Offset, gain and dark current differ from pixel to pixel and are fixed by the device seed and the
 pixel's row and column: the offset and the gain in decibels are normal (§3.2.4), the factor on the
 dark current is log-normal with mean 1 (ours; the dissertation measured single pixels). What of the
-offset is left as bias depends on how the bias is set (`ctia_bias`).
+offset is left as bias depends on how the bias is set (`bias`).
 
-Source: dissertation, Chapter 3, for the pixel; the array is ours.
+Source: dissertation, Chapter 3, for the pixel; the array is ours. Presets, three photodiodes at
+300 K and with ideality 1:
+
+- `si`, OSRAM SFH229FA. Two measurements fix saturation current and shunt: 50 pA at 10 V reverse
+  (§3.3) and 1.6 pA "10–20 mV" from zero (Table 3.1, adaptive, poor), taken as 15 mV.
+- `ingaas`, the custom sample "with unusually high defect densities" of §3.3.1 and Table 3.1. One
+  measurement at a known bias: 170 nA at 100 mV reverse. The junction has the 100 pA of the
+  dissertation's own simulation (Fig. 3.2), the shunt the rest, 588.6 kΩ. A shunt is the steepest
+  law the model has, and still gives 26 to 34 nA where Table 3.1 has 5.8 nA, 15 to 20 mV from zero.
+- `ingaas_quiet`, the "different (less noisy)" diode of §3.4, of which nothing is printed: the
+  100 pA of Fig. 3.2 and no shunt.
+
+Quantum efficiencies are typical curves, not measurements of these devices: silicon behind the
+daylight filter of the SFH229FA (730 to 1100 nm), InGaAs lattice-matched to InP. The area of a pixel
+is that of the diode: 0.31 mm² for the SFH229FA (data sheet), 0.045 mm² for InGaAs (§3.3.4: 2.25 pA
+are 4.97 nA/cm²). Amplifier: 10 pF, 3.3 V, 130 ± 3.4 dB, mean offset 18.7 mV (§3.2.4; negative
+there, the sign of the amplifier's input). Exposure: 10 ms for the leaky sample, which would
+saturate, 100 ms for the others. Chosen here, because it is not given: the spread of the offset,
+10 mV ("typical offsets are on the order of 10 mV"), of the dark current, 10 %, the read noise,
+100 µV, and the lens.
 """
 
 from typing import Annotated, ClassVar, Literal
@@ -66,6 +85,7 @@ def pixels(sensor: CtiaSensor, shape: tuple[int, int]) -> Pixel:
     """Every pixel of a device at its first frame, with its fixed pattern."""
     offset = sensor.offset_v + sensor.offset_sigma_v * _normal(sensor, shape, "offset")
     gain_db = sensor.gain_db + sensor.gain_sigma_db * _normal(sensor, shape, "gain")
+    dark, log_variance = _normal(sensor, shape, "dark current"), np.log1p(sensor.dark_sigma**2)
     return Pixel(
         diode=sensor.diode,
         capacitance_f=sensor.capacitance_f,
@@ -73,17 +93,12 @@ def pixels(sensor: CtiaSensor, shape: tuple[int, int]) -> Pixel:
         gain=gain_from_db(gain_db),
         bias_v=trimmed_bias(sensor.bias, offset),
         drift_v_s=drift_rate(sensor.bias),
-        dark_scale=_log_normal(sensor.dark_sigma, _normal(sensor, shape, "dark current")),
+        dark_scale=np.exp(np.sqrt(log_variance) * dark - log_variance / 2),
     )
 
 
 def _normal(sensor: CtiaSensor, shape: tuple[int, int], purpose: str) -> Floats:
     return pixel_normals(shape, sensor.device_seed, f"ctia {purpose}")
-
-
-def _log_normal(relative_sigma: float, standard: Floats) -> Floats:
-    log_variance = np.log1p(relative_sigma**2)
-    return np.asarray(np.exp(np.sqrt(log_variance) * standard - log_variance / 2))
 
 
 TYPICAL_OFFSET_V = 18.7e-3

@@ -1,6 +1,21 @@
-"""How much of the light passes a lens or a filter, by wavelength; straight between the points."""
+"""From the radiance of a scene to the photons on the die.
 
-from collections.abc import Sequence
+An object at infinity of spectral radiance L, seen through a lens of f-number N and transmission T,
+gives on the die the irradiance
+
+    E(λ) = π·L(λ)·T·cos⁴θ / (4·N² + 1)          W·m⁻²·nm⁻¹
+
+and photons arrive at ∫ E(λ)·λ/(h·c) dλ per second and square meter. Radiance is known as its mean
+over each band; inside a band the spectrum is taken as flat, for which the integral is exact. The
+lens transmits all wavelengths alike, or what a curve says, such as that of a filter before it. The
+cosine-fourth falloff is off unless the lens is told the horizontal field of view of the camera: a
+rendered pinhole image has no vignetting of its own, and most users want none. Nor does it blur; a
+lens spreads a point as a Gaussian of the standard deviation that it is given.
+
+Source: dissertation §2.4.5. Check figure: 17.5 nW over 100 mm² at 450 nm is 396.4
+photons·µm⁻²·s⁻¹, printed as 396.
+"""
+
 from itertools import pairwise
 from typing import Annotated, ClassVar, Self
 
@@ -13,41 +28,45 @@ from megalopta.core.arrays import Floats
 from megalopta.sensor.effects.base import Effect, Stage
 
 
-def check_curve(field: str, wavelengths_nm: Sequence[float], values: Sequence[float]) -> None:
-    """Make sure that a curve has one value for each wavelength, and these in order.
-
-    Raises ValueError with one sentence that begins with the field.
-    """
-    if len(wavelengths_nm) != len(values):
-        raise ValueError(
-            f"{field}: {len(wavelengths_nm)} wavelengths_nm for {len(values)} values; give one "
-            "value per wavelength"
-        )
-    for before, after in pairwise(wavelengths_nm):
-        if after <= before:
-            raise ValueError(
-                f"{field}.wavelengths_nm: {after:g} follows {before:g}; sort the curve"
-            )
-
-
-class Transmission(
+class WavelengthCurve(
     BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
 ):
-    """A curve of transmission over wavelength."""
+    """A fraction of light over wavelength; straight between the points."""
+
+    field: ClassVar[str]
+    """Where it is in a sensor, for messages"""
 
     wavelengths_nm: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Field(min_length=2)]
     """Points of the curve, increasing (nm)."""
     values: tuple[Annotated[float, Field(ge=0, le=1)], ...]
-    """Fraction of the light that passes at each point."""
+    """Fraction at each point."""
 
     @model_validator(mode="after")
     def _check_curve(self) -> Self:
-        check_curve("lens.transmission_curve", self.wavelengths_nm, self.values)
+        if len(self.wavelengths_nm) != len(self.values):
+            raise ValueError(
+                f"{self.field}: {len(self.wavelengths_nm)} wavelengths_nm for {len(self.values)} "
+                "values; give one value per wavelength"
+            )
+        for before, after in pairwise(self.wavelengths_nm):
+            if after <= before:
+                raise ValueError(
+                    f"{self.field}.wavelengths_nm: {after:g} follows {before:g}; sort the curve"
+                )
         return self
 
-    def __call__(self, wavelength_nm: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Fraction that passes at each wavelength (nm) inside the curve."""
+    def __call__(self, wavelength_nm: Floats) -> Floats:
+        """Fraction at each wavelength (nm) inside the curve."""
         return np.interp(wavelength_nm, self.wavelengths_nm, self.values)
+
+
+class Transmission(WavelengthCurve, frozen=True):
+    """A curve of transmission over wavelength."""
+
+    field: ClassVar[str] = "lens.transmission_curve"
+
+    values: tuple[Annotated[float, Field(ge=0, le=1)], ...]
+    """Fraction of the light that passes at each point."""
 
 
 PLANCK_TIMES_LIGHT_SPEED = 1.98644586e-25

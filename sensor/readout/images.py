@@ -16,7 +16,7 @@ from megalopta.core.arrays import Floats
 from megalopta.core.plug_ins import plug_ins
 from megalopta.sensor.ctia.array import (
     electron_moments,
-    expose_ctia,
+    expose_photocurrent,
     photocurrent,
     reading_electrons,
     volt_moments,
@@ -61,7 +61,7 @@ def expose_image(
     frame_period_s: float | None = None,
     expectation: bool = False,
 ) -> Exposure:
-    """Expose frames (T, H, W, bands) of a scene; parameters as for `expose` and `expose_ctia`."""
+    """Expose frames (T, H, W, bands); parameters as for `expose` and `expose_photocurrent`."""
     if isinstance(sensor, Sensor):
         return expose(
             radiance,
@@ -72,9 +72,8 @@ def expose_image(
             first_frame=first_frame,
             expectation=expectation,
         )
-    reading = expose_ctia(
-        radiance,
-        bands_nm,
+    reading = expose_photocurrent(
+        photocurrent(radiance, bands_nm, sensor),
         sensor,
         seed=seed,
         sequence=sequence,

@@ -18,7 +18,8 @@ from megalopta.sensor import (
     DacBias,
     FloatingGateBias,
     expectation,
-    expose_ctia,
+    expose_photocurrent,
+    photocurrent,
     read_counts,
     reading_electrons,
 )
@@ -103,9 +104,8 @@ def test_readings_do_not_depend_on_how_frames_are_cut(night):
     settings, sensor = night.configuration, night.configuration.sensors[0]
     stored = read_counts(night.counts(sensor, "airglow"))
     frames = [frame for _, chunk in read_radiance_frames(night, 5) for frame in chunk]
-    alone = expose_ctia(
-        frames[11][np.newaxis],
-        settings.render.bands_nm,
+    alone = expose_photocurrent(
+        photocurrent(frames[11][np.newaxis], settings.render.bands_nm, sensor),
         sensor,
         seed=settings.seed,
         sequence=stored.sequence,

@@ -5,8 +5,6 @@ from megalopta.sensor.ctia.bias import (
     DacBias,
     FixedBias,
     FloatingGateBias,
-    best_code,
-    dac_bias,
     drift_rate,
     gate_bias,
     trimmed_bias,
@@ -18,19 +16,6 @@ OFFSETS = np.random.default_rng(0).normal(18.7e-3, 10e-3, 5000)
 
 def test_twelve_bits_on_the_rail_step_by_0_81_mv():
     assert DacBias().step_v == pytest.approx(0.81e-3, abs=0.005e-3)
-
-
-def test_best_code_leaves_the_smallest_reverse_bias():
-    dac = DacBias()
-    code = best_code(dac, OFFSETS)
-    left = dac_bias(dac, code, OFFSETS)
-    assert np.all((left >= 0) & (left < dac.step_v * (1 + 1e-9)))
-    assert np.all(dac_bias(dac, code + 1, OFFSETS) < 0)
-
-
-def test_raising_the_anode_lowers_the_reverse_bias_by_one_step_a_code():
-    biases = dac_bias(DacBias(), np.arange(5))
-    np.testing.assert_allclose(np.diff(biases), -3.3 / 4096, rtol=1e-9)
 
 
 @pytest.mark.parametrize("bias", [DacBias(), DacBias(target_v=2e-3), FloatingGateBias()])
@@ -78,9 +63,7 @@ def test_fixed_bias_keeps_the_offsets_and_only_the_gate_drifts():
 
 
 def test_what_the_converter_cannot_do_is_refused():
-    with pytest.raises(ValueError, match="0 to 4095"):
-        dac_bias(DacBias(), 4096)
     with pytest.raises(ValueError, match="cannot be compensated"):
-        best_code(DacBias(), 2.0)
+        trimmed_bias(DacBias(), 2.0)
     with pytest.raises(ValueError, match="pulse_s"):
         FloatingGateBias(pulse_s=0)
