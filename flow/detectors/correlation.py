@@ -27,7 +27,7 @@ EMD is then positive.
 import math
 from collections.abc import Callable
 from functools import cache
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -63,11 +63,20 @@ def _combine(kind: int, h: Any, g: Any, combined: Any) -> None:
                 combined[j] = abs(combined[j])
 
 
+class _Filters(NamedTuple):
+    """What `_advance` does: its combination, the factor on frames, and both steps."""
+
+    kind: int
+    scale: float
+    a: float
+    b: float
+
+
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _advance(
-    kind: int, frames: Any, scale: float, a: float, b: float, low: Any, g: Any, y: Any, outputs: Any
-) -> None:
-    """Pass frames through all filters; their states low, g and y change in place."""
+def _advance(frames: Any, filters: _Filters, state: Any, outputs: Any) -> None:
+    """Pass frames through all filters; their states low, g and y (3, H, W) change in place."""
+    kind, scale, a, b = filters
+    low, g, y = state[0], state[1], state[2]
     h, combined = np.empty(frames.shape[2]), np.empty(frames.shape[2])
     for t in range(frames.shape[0]):
         for i in range(frames.shape[1]):
@@ -112,7 +121,7 @@ class CorrelationDetector(Detector, frozen=True):
             raise ValueError(
                 f"frames of {rows} × {columns} px: {self.name} needs 3 × 3 px, or one row of 3"
             )
-        return self._from(None, *np.zeros((2, *shape)))
+        return self._from(np.zeros((3, *shape)), is_new=True)
 
     def after(self, frames: Frames, scale: float) -> Callable[[float], Responder]:
         """Return how to start with what the filters keep; see `Detector.after`.
@@ -121,28 +130,33 @@ class CorrelationDetector(Detector, frozen=True):
         """
         if not len(frames):
             return super().after(frames, scale)
-        state = frames[0] * np.float64(scale), *np.zeros((2, *frames.shape[1:]))
-        self._pass(frames, scale, *state)
-        return lambda offset: self._from(state[0] + offset, state[1].copy(), state[2].copy())
+        state = np.zeros((3, *frames.shape[1:]))
+        state[0] = frames[0] * np.float64(scale)
+        self._pass(frames, scale, state)
 
-    def _from(self, low: FloatArray | None, delayed: FloatArray, smoothed: FloatArray) -> Responder:
-        """Return filters in a state; without the low-pass's, from before the first frame."""
+        def start(offset: float) -> Responder:
+            own = state.copy()
+            own[0] += offset
+            return self._from(own)
+
+        return start
+
+    def _from(self, state: FloatArray, is_new: bool = False) -> Responder:
+        """Return filters in a state; of new ones the first frame has been there forever."""
 
         def respond(frames: Frames, scale: float) -> FloatArray:
-            nonlocal low
-            if not len(frames):
-                return np.empty(frames.shape)
-            if low is None:
-                low = frames[0] * np.float64(scale)
-            return self._pass(frames, scale, low, delayed, smoothed)
+            nonlocal is_new
+            if is_new and len(frames):
+                state[0], is_new = frames[0] * np.float64(scale), False
+            return self._pass(frames, scale, state)
 
         return respond
 
-    def _pass(self, frames: Frames, scale: float, *state: Any) -> FloatArray:
+    def _pass(self, frames: Frames, scale: float, state: FloatArray) -> FloatArray:
         """Return the responses, and change the state in place."""
         responses = np.empty(frames.shape)
-        steps = (self.filter_step, self.output_step)
-        _advance(self._kind, frames, float(scale), *steps, *state, responses)
+        filters = _Filters(self._kind, float(scale), self.filter_step, self.output_step)
+        _advance(frames, filters, state, responses)
         return responses
 
     def scored(self, responses: FloatArray) -> FloatArray:

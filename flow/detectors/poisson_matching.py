@@ -18,14 +18,45 @@ for frames smoothed by at least 0.7 px; on sharper ones it draws velocities towa
 neighborhood in which only one frame's part moves sees another strip of texture on either side,
 which tilts the parabola: the costs around the minimum are those of both frames' parts.
 
-A block uses its own pixels, those that the search compares them with, and what the smoothing mixes
-into both, 6 px at most; the weights look a little further. It needs nothing else of the frame
-(`efficiency.confined_velocities` cuts all else away). A block without photons, or whose costs are
-all equal, has no velocity (NaN).
+A block of two frames uses its own pixels, those that the search compares them with, and what the
+smoothing mixes into both, 6 px at most; the weights look a little further. It needs nothing else of
+the frame (`efficiency.confined_velocities` cuts all else away). A block without photons, or whose
+costs are all equal, has no velocity (NaN).
+
+**Pooled** over up to eight frames of one velocity (PPM). n frames of a texture that moves steadily
+tell its velocity v with a variance of no less than 1/(J·Σ(t − t̄)²), which is 2/J for two frames and
+1/(42·J) for eight. Two steps come near it.
+
+All pairs of frames are searched for the velocity that they agree on. If the texture of a patch
+is a draw of a Gaussian process of power spectrum S(ω), moves by v per frame, and is seen n times
+with white noise of variance N, the log-likelihood of v is, up to a constant (the texture integrated
+out; `flow.metrics.translation_bound`),
+
+    ½·Σ_ω S/(N·(N + n·S))·|Σ_t y_t(ω)·exp(iω·v·t)|²
+
+whose part that depends on v is a sum over pairs of frames: their correlation, filtered, at the
+displacement v·k of frames k apart. So frames count together of which no two alone show more than
+noise. N is the mean count, S falls with the frequency from the counts' excess variance. Pairs
+overlap less the farther they are displaced, and tell as much less. Neither the edge of a patch nor
+texture that is no Gaussian process enters, which costs precision where photons abound.
+
+From there the frames are laid over one another, and the velocity at which they are most alike
+is found to fractions of a pixel. Where texture x moves by v per frame, the frames f_t(x + v·t), t
+from their middle, are equal but for noise. The sum of squared differences of roots from their mean,
+over the pixels of a block, is least at the likeliest velocity. It is found by Gauss–Newton steps:
+with g the mean gradient of the frames so laid,
+
+    Δv = −(Σ_x w·g·gᵀ·Σ_t (t − t̄)²)⁻¹ · Σ_x w·g·Σ_t (t − t̄)·f_t(x + v·t) .
+
+Between pixels frames are cubic splines, which leave of frames blurred by 0.7 px an error below a
+hundredth of a pixel, where parabolas through costs leave a tenth.
+
+Source: Baker and Matthews, International Journal of Computer Vision 56:221 (2004), for the steps;
+Unser, IEEE Signal Processing Magazine 16:22 (1999), for the splines.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Sequence
 from functools import partial
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar
@@ -71,7 +102,7 @@ class PoissonMatching(BlockDetector, frozen=True):
         """Return the search for frames (H, W); see `Detector.start`."""
         grid, radius = self.grid(shape), self.radius_px or thesis_radius_px(shape)
         return self.over_window(
-            grid, lambda window, scale: neighbor_shifts(window, grid, radius), SmoothedFrame
+            grid, lambda window, scale: _neighbor_shifts(window, grid, radius), SmoothedFrame
         )
 
 
@@ -80,39 +111,40 @@ class SmoothedFrame:
 
     def __init__(self, counts: Frames) -> None:
         self._counts = counts.astype(np.float32)
-        self._roots: dict[int, NDArray[np.float32]] = {}
-        self._splines: dict[int, NDArray[np.float32]] = {}
-        self._weights: dict[int, NDArray[np.float32]] = {}
-        self._moments: dict[tuple[BlockGrid, int], FloatArray] = {}
+        self._kept: dict[Hashable, Any] = {}
+
+    def _once(self, key: Hashable, make: Callable[[], Any]) -> Any:
+        if key not in self._kept:
+            self._kept[key] = make()
+        return self._kept[key]
 
     def moments(self, grid: BlockGrid, margin_px: int) -> FloatArray:
         """Return `block_moments` of the counts."""
-        if (grid, margin_px) not in self._moments:
-            self._moments[grid, margin_px] = block_moments(self._counts, grid, margin_px)
-        return self._moments[grid, margin_px]
+        make = partial(block_moments, self._counts, grid, margin_px)
+        return np.asarray(self._once((grid, margin_px), make))
 
     def roots(self, level: int) -> NDArray[np.float32]:
         """Return the roots of the counts smoothed by `BLURS_PX[level]`, (H, W)."""
-        if level not in self._roots:
-            self._roots[level] = np.sqrt(_smooth(self._counts, level))
-        return self._roots[level]
+        return np.asarray(
+            self._once(("roots", level), lambda: np.sqrt(_smooth(self._counts, level)))
+        )
 
     def splines(self, level: int) -> NDArray[np.float32]:
         """Return the coefficients of cubic splines through `roots`, (H, W)."""
-        if level not in self._splines:
-            self._splines[level] = spline_filter(self.roots(level), 3, output=np.float32)
-        return self._splines[level]
+        make = partial(spline_filter, self.roots(level), 3, output=np.float32)
+        return np.asarray(self._once(("splines", level), make))
 
     def weights(self, level: int) -> NDArray[np.float32]:
         """Return how much texture there is around each pixel of `roots`, from 0.2 to 1, (H, W)."""
-        if level not in self._weights:
-            side = round(_NEIGHBORHOOD_BLURS * BLURS_PX[level]) | 1
-            roots = self.roots(level)
-            variance = uniform_filter((roots - uniform_filter(roots, side)) ** 2, side)
-            texture = np.maximum(variance - _ROOT_NOISE[level], 0)
-            share = texture / (texture + _ROOT_NOISE[level])
-            self._weights[level] = np.float32(_LEAST_WEIGHT) + (1 - _LEAST_WEIGHT) * share
-        return self._weights[level]
+        return np.asarray(self._once(("weights", level), partial(self._weights, level)))
+
+    def _weights(self, level: int) -> NDArray[np.float32]:
+        side = round(_NEIGHBORHOOD_BLURS * BLURS_PX[level]) | 1
+        roots = self.roots(level)
+        variance = uniform_filter((roots - uniform_filter(roots, side)) ** 2, side)
+        texture = np.maximum(variance - _ROOT_NOISE[level], 0)
+        share = texture / (texture + _ROOT_NOISE[level])
+        return np.asarray(np.float32(_LEAST_WEIGHT) + (1 - _LEAST_WEIGHT) * share)
 
 
 def suited_levels(
@@ -123,24 +155,27 @@ def suited_levels(
     return blur_levels(moments, len(window)).ravel()
 
 
-def block_moments(counts: NDArray[np.float32], grid: BlockGrid, margin_px: int) -> FloatArray:
+def block_moments(counts: Frames, grid: BlockGrid, margin_px: int) -> FloatArray:
     """Return sums of 1, counts and squared counts over blocks and a margin, (3, rows, columns)."""
-    y = _windows(counts.shape[0], grid.top, grid.block_px, grid.rows, margin_px)
-    x = _windows(counts.shape[1], grid.left, grid.block_px, grid.columns, margin_px)
-    pixels = np.multiply.outer(y[1] - y[0], x[1] - x[0])
-    exact = counts.astype(np.float64)
-    return np.stack((pixels, *(_window_sums(each, y, x) for each in (exact, exact**2))))
+    around = np.array([[-margin_px], [grid.block_px + margin_px]])
+    rows, columns = (
+        np.clip(first + grid.block_px * np.arange(number) + around, 0, side)
+        for first, number, side in zip(
+            (grid.top, grid.left), (grid.rows, grid.columns), counts.shape, strict=True
+        )
+    )
+    exact, sums = counts.astype(np.float64), []
+    for image in (exact, exact**2):
+        below = np.pad(image, ((1, 0), (0, 0))).cumsum(axis=0)
+        beside = np.pad(below[rows[1]] - below[rows[0]], ((0, 0), (1, 0))).cumsum(axis=1)
+        sums.append(beside[:, columns[1]] - beside[:, columns[0]])
+    return np.stack((np.multiply.outer(rows[1] - rows[0], columns[1] - columns[0]), *sums))
 
 
 def blur_levels(moments: FloatArray, frames: int) -> NDArray[np.intp]:
-    """Return which of `BLURS_PX` suits each block.
+    """Return which of `BLURS_PX` suits each block, of so many frames that are to agree.
 
-    Parameters
-    ----------
-    moments : (3, ...)
-        Sums of 1, counts and squared counts.
-    frames : int
-        How many frames are to agree.
+    The moments (3, …) are sums of 1, counts and squared counts.
     """
     pixels, total, squares = moments
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -158,29 +193,13 @@ _ROOT_NOISE = [
 ]
 
 
-def _windows(length: int, start: int, size: int, number: int, margin: int) -> NDArray[np.int64]:
-    """Return the first pixel of each block and its margin, and the one after the last."""
-    first = start + size * np.arange(number)
-    return np.clip(np.stack((first - margin, first + size + margin)), 0, length)
-
-
-def _window_sums(
-    image: FloatArray, rows: NDArray[np.int64], columns: NDArray[np.int64]
-) -> FloatArray:
-    below = np.pad(image, ((1, 0), (0, 0))).cumsum(axis=0)
-    strips = below[rows[1]] - below[rows[0]]
-    beside = np.pad(strips, ((0, 0), (1, 0))).cumsum(axis=1)
-    return np.asarray(beside[:, columns[1]] - beside[:, columns[0]])
-
-
 # A sum of its own for each row, cut out beforehand, lets the compiler vectorize.
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})  # type: ignore[untyped-decorator]
 def add_costs(
     first: NDArray[np.float32],
     second: NDArray[np.float32],
     weights: NDArray[np.float32],
-    origins: NDArray[np.int64],
-    corners: NDArray[np.int64],
+    places: NDArray[np.int64],
     size: int,
     costs: FloatArray,
 ) -> None:
@@ -192,10 +211,9 @@ def add_costs(
         Roots of smoothed counts.
     weights : (H, W)
         Of the pixels of `second`.
-    origins : (n, 2)
-        Row and column in `first` of the part that the middle of `costs` compares with.
-    corners : (n, 2)
-        Row and column of each block in `second`; the blocks must lie inside.
+    places : (n, 4)
+        Row and column in `first` of the part that the middle of `costs` compares with, and of each
+        block in `second`, which must lie inside.
     size : int
         Side of a block (px).
     costs : (n, 2·radius + 1, 2·radius + 1)
@@ -205,11 +223,11 @@ def add_costs(
     """
     height, width = first.shape
     radius = costs.shape[1] // 2
-    for block in range(len(corners)):
-        row, column = corners[block, 0], corners[block, 1]
+    for block in range(len(places)):
+        origin_row, origin_column, row, column = places[block]
         for dy in range(-radius, radius + 1):
             for dx in range(-radius, radius + 1):
-                top, left = origins[block, 0] - dy, origins[block, 1] - dx
+                top, left = origin_row - dy, origin_column - dx
                 if top < 0 or left < 0 or top + size > height or left + size > width:
                     costs[block, radius + dy, radius + dx] = np.inf
                     continue
@@ -229,12 +247,8 @@ def add_costs(
 def least_cost(costs: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Return the shift (x, y) of least cost of each block, (n, 2), and whether there is one, (n,).
 
-    There is none where all costs are equal, as without photons, or none is finite.
-
-    Parameters
-    ----------
-    costs : (n, 2·radius + 1, 2·radius + 1)
-        As from `add_costs`.
+    There is none where all costs are equal, as without photons, or none is finite. Costs are those
+    of `add_costs`.
     """
     blocks, side = costs.shape[:2]
     y, x = np.divmod(costs.reshape(blocks, -1).argmin(axis=1), side)
@@ -243,13 +257,9 @@ def least_cost(costs: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.bool_]]
 
 
 def parabola_minimum(costs: FloatArray) -> FloatArray:
-    """Return where (x, y) the parabola through 3 × 3 costs has its minimum, (n, 2), at most 1 away.
+    """Return where (x, y) the parabola through costs (n, 3, 3) is least, (n, 2), at most 1 away.
 
     0 along an axis on which a cost is infinite or the middle is no minimum.
-
-    Parameters
-    ----------
-    costs : (n, 3, 3)
     """
     c = {(i, j): costs[:, 1 + i, 1 + j] for i in (-1, 0, 1) for j in (-1, 0, 1)}
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -264,29 +274,20 @@ def parabola_minimum(costs: FloatArray) -> FloatArray:
     return np.where(np.isfinite(steps), np.clip(steps, -1, 1), 0)
 
 
-def neighbor_shifts(window: Sequence[SmoothedFrame], grid: BlockGrid, radius: int) -> FloatArray:
+def _neighbor_shifts(window: Sequence[SmoothedFrame], grid: BlockGrid, radius: int) -> FloatArray:
     """Return how far the content of each block moves from frame to frame, (blocks, 2), x and y, px.
 
-    NaN where all shifts are as likely.
-
-    Parameters
-    ----------
-    window : sequence of frames
-        Oldest first, two or more.
-    grid
-        Blocks of all frames.
-    radius : int
-        Largest shift searched in x and in y (px); so far around a block its texture and noise are
-        judged, too.
+    NaN where all shifts are as likely. Frames are oldest first, two or more. Shifts are searched so
+    far in x and in y; so far around a block its texture and noise are judged, too.
     """
     levels, seconds = suited_levels(window, grid, radius), grid.corners
     pairs = list(pairwise(window))
-    costs = _costs(pairs, levels, seconds, seconds, grid.block_px, radius)
+    costs = _costs(pairs, levels, np.hstack((seconds, seconds)), grid.block_px, radius)
     best, exists = least_cost(costs)
     firsts = np.where(exists[:, np.newaxis], seconds - best[:, ::-1], seconds)
-    forth = _costs(pairs, levels, firsts, seconds, grid.block_px, 1)
+    forth = _costs(pairs, levels, np.hstack((firsts, seconds)), grid.block_px, 1)
     swapped = [(later, earlier) for earlier, later in pairs]
-    back = _costs(swapped, levels, seconds, firsts, grid.block_px, 1)
+    back = _costs(swapped, levels, np.hstack((seconds, firsts)), grid.block_px, 1)
     shifts = best + parabola_minimum(forth + back[:, ::-1, ::-1])
     return np.where(exists[:, np.newaxis], shifts, np.nan)
 
@@ -294,29 +295,18 @@ def neighbor_shifts(window: Sequence[SmoothedFrame], grid: BlockGrid, radius: in
 def _costs(
     pairs: Sequence[tuple[SmoothedFrame, SmoothedFrame]],
     levels: NDArray[np.intp],
-    origins: NDArray[np.int64],
-    corners: NDArray[np.int64],
+    places: NDArray[np.int64],
     block_px: int,
     radius: int,
 ) -> FloatArray:
-    """Return the costs of shifts around those from origins to corners, summed over all pairs.
-
-    Blocks lie at `corners` in the second frame of a pair; the first is searched around `origins`.
-    """
-    costs = np.zeros((len(corners), 2 * radius + 1, 2 * radius + 1))
+    """Return the costs of shifts around those of places, as of `add_costs`, over all pairs."""
+    costs = np.zeros((len(places), 2 * radius + 1, 2 * radius + 1))
     for level in np.unique(levels):
         mine = np.flatnonzero(levels == level)
         part = costs[mine]
         for searched, frame in pairs:
-            add_costs(
-                searched.roots(level),
-                frame.roots(level),
-                frame.weights(level),
-                origins[mine],
-                corners[mine],
-                block_px,
-                part,
-            )
+            roots = searched.roots(level), frame.roots(level)
+            add_costs(*roots, frame.weights(level), places[mine], block_px, part)
         costs[mine] = part
     return costs
 
@@ -364,45 +354,28 @@ class PooledMatching(PooledFrames, PoissonMatching, frozen=True):
 
 
 class Patches:
-    """Spectra of the counts of one frame around each block.
-
-    Parameters
-    ----------
-    counts : (H, W)
-    grid
-        Blocks.
-    margin_px : int
-        How far around a block a patch reaches, as far as the frame goes.
-    """
+    """Spectra of the counts of one frame (H, W) around each block, as far as a margin reaches."""
 
     def __init__(self, counts: Frames, grid: BlockGrid, margin_px: int) -> None:
         self.side = grid.block_px + 2 * margin_px
         size = next_fast_len(2 * self.side, real=True)
         cut = np.zeros((grid.rows * grid.columns, size, size), np.float32)
-        self.moments = np.empty((3, len(cut)))
-        """Sums of 1, counts and squared counts"""
-        for index, (top, left) in enumerate(grid.corners):
+        self.moments = block_moments(counts, grid, margin_px).reshape(3, -1)
+        for patch, (top, left) in zip(cut, grid.corners, strict=True):
             rows, columns = (
                 slice(max(first - margin_px, 0), first + grid.block_px + margin_px)
                 for first in (top, left)
             )
             seen = counts[rows, columns].astype(np.float64)
-            self.moments[:, index] = seen.size, seen.sum(), np.sum(seen**2)
-            cut[index, : seen.shape[0], : seen.shape[1]] = seen - seen.mean()
+            patch[: seen.shape[0], : seen.shape[1]] = seen - seen.mean()
         self.spectra: NDArray[np.complex64] = rfft2(cut)
 
 
 def agreed_velocities(frames: Sequence[Patches], radius_px: int) -> FloatArray:
     """Return the most likely velocity (x, y) of each patch, (patches, 2), px per frame.
 
-    NaN where all are as likely: fewer than two of its frames show any pattern.
-
-    Parameters
-    ----------
-    frames
-        Oldest first, two or more.
-    radius_px : int
-        Largest velocity tried in x and in y.
+    NaN where all are as likely: fewer than two of its frames show any pattern. Frames are oldest
+    first, two or more; velocities are tried up to a radius in x and in y.
     """
     pixels, total, squares = np.sum([each.moments for each in frames], axis=0)
     size = frames[0].spectra.shape[1]
@@ -470,20 +443,11 @@ def _peak(scores: FloatArray) -> FloatArray:
 def aligned(
     window: Sequence[SmoothedFrame], grid: BlockGrid, margin_px: int, velocities: FloatArray
 ) -> FloatArray:
-    """Return velocities (blocks, 2) moved to where the frames of a block are most alike.
+    """Return velocities (blocks, 2), x and y in px per frame, moved to where frames are most alike.
 
-    Those that would be moved far, or nowhere, and NaN stay.
-
-    Parameters
-    ----------
-    window : sequence of frames
-        Oldest first, two or more.
-    grid
-        Blocks, in the middle of the frames' time.
-    margin_px : int
-        How far around a block its texture and noise are judged.
-    velocities : (blocks, 2)
-        (x, y) to start from, px per frame.
+    Those that would be moved far, or nowhere, and NaN stay. Frames are oldest first, two or more;
+    blocks lie in the middle of the frames' time, and their texture and noise are judged as far
+    around them as the margin.
     """
     levels, found, corners = suited_levels(window, grid, margin_px), velocities.copy(), grid.corners
     for level in np.unique(levels):
