@@ -110,13 +110,8 @@ class Evidence(NamedTuple):
 def likelihood_flow(counts: NDArray[Any], smoothness: float) -> Floats:
     """Return the flow (H, W, 2), px per frame, of the frame before the middle; NaN in the dark.
 
-    Parameters
-    ----------
-    counts : (n, H, W)
-        Frames of one steady motion, two or more.
-    smoothness : float
-        Log-likelihood that a pixel's worth of flow is charged per unit of its gradient; less
-        where there are few photons.
+    `counts` (n, H, W): frames of one steady motion, two or more; `smoothness`: log-likelihood that
+    a pixel's worth of flow is charged per unit of its gradient; less where there are few photons.
 
     Raises ValueError when there is one frame.
     """
@@ -179,12 +174,7 @@ def _springs(nodes: Floats, smoothness: float) -> tuple[Floats, Floats]:
 def suited_blur_px(excess: Floats, frames: int) -> Floats:
     """Return the standard deviation of the best blur (px), of any shape.
 
-    Parameters
-    ----------
-    excess
-        q, of the unsmoothed counts.
-    frames : int
-        How many frames are to agree.
+    `excess`: q, of the unsmoothed counts; `frames`: how many frames are to agree.
     """
     ratios = np.maximum(excess, _FAINTEST) * frames / 2
     return np.asarray(_BLUR_AT_EQUALITY_PX * ratios ** (-1 / 3))
@@ -195,10 +185,7 @@ def root_noise(smooth: Callable[[Floats], NDArray[Any]]) -> float:
 
     A quarter of what smoothing leaves of a variance equal to the mean.
 
-    Parameters
-    ----------
-    smooth
-        (H, W) to the same; reaches 15 px at most.
+    `smooth`: (H, W) to the same; reaches 15 px at most.
     """
     impulse = np.zeros((31, 31))
     impulse[15, 15] = 1
@@ -228,14 +215,9 @@ def level_of(frames: Floats, bins: int = 1) -> Level:
 def evidence(level: Level, patterns: Floats, places: Iterable[Floats]) -> Evidence:
     """Return what frames tell about a motion by which each is aligned.
 
-    Parameters
-    ----------
-    level
-    patterns : (patterns, n)
-        What a displacement is made of, at each frame; of a steady one the times from the frame of
-        reference.
-    places : (2, H, W), of each frame
-        Row and column at which it shows what the frame of reference shows at a pixel.
+    `patterns` (patterns, n): what a displacement is made of, at each frame; of a steady one the
+    times from the frame of reference; `places` (2, H, W), of each frame: row and column at which it
+    shows what the frame of reference shows at a pixel.
     """
     shape = level.roots.shape[1:]
     inside = np.ones(shape, np.bool_)
@@ -282,14 +264,8 @@ def to_nodes(pixels: Floats) -> Floats:
 def most_likely(information: Floats, slope: Floats, springs: tuple[Floats, Floats]) -> Floats:
     """Return the velocities u, (2, n, m), of least ½Σuᵀ·A·u − bᵀ·u + ½Σw·|u − u'|².
 
-    Parameters
-    ----------
-    information : (3, n, m)
-        A of each node: xx, xy, yy.
-    slope : (2, n, m)
-        b of each node.
-    springs : (n, m − 1) and (n − 1, m)
-        w to the right neighbor, and to the lower.
+    `information` (3, n, m): A of each node: xx, xy, yy; `slope` (2, n, m): b of each node;
+    `springs` (n, m − 1) and (n − 1, m): w to the right neighbor, and to the lower.
     """
     shape = slope.shape[1:]
     nodes = int(np.prod(shape))

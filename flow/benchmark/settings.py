@@ -157,13 +157,7 @@ def checked_warm_up(
 ) -> int:
     """Return the number of frames not to score, after checking that a benchmark is possible.
 
-    Parameters
-    ----------
-    frames_shape
-        (T, H, W) of the clean sequence.
-    methods
-        Detectors of different names.
-    settings
+    `frames_shape`: (T, H, W) of the clean sequence; `methods`: detectors of different names.
 
     Raises ValueError when frames are too few or too small, or a size exceeds theirs.
     """

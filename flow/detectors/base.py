@@ -146,10 +146,7 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
 def in_pairs(match: Callable[[Frames], FloatArray]) -> Responder:
     """Return a responder that hands `match` every pair of neighboring frames exactly once.
 
-    Parameters
-    ----------
-    match
-        Frames (n, H, W) to the results of their n − 1 pairs.
+    `match`: frames (n, H, W) to the results of their n − 1 pairs.
     """
     last: Frames | None = None
 
@@ -184,11 +181,8 @@ _RUNS = 3
 def milliseconds_per_frame(detector: Detector, counts: Counts) -> float:
     """Return the CPU time of a new frame whose predecessors are known, the median of three runs.
 
-    Parameters
-    ----------
-    detector
-    counts : (T, H, W)
-        Shown four times in a row; the first fills the detector's memory and compiles.
+    `counts` (T, H, W): shown four times in a row; the first fills the detector's memory and
+    compiles.
     """
     height, width = counts.shape[1:]
     respond = detector.start((height, width))

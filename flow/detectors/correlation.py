@@ -235,16 +235,8 @@ class NonDirectionalSummation(CorrelationDetector, frozen=True):
 def ndm_mean(filter_step: float, omega: ArrayLike, phase: float, contrast: float) -> FloatArray:
     """Return the mean response of NDM before rectification, (C²/4)·h1²·h2·cos φ2·cos φ (Eq. 4.2).
 
-    Parameters
-    ----------
-    filter_step : float
-        Step a of the high-pass and of the delay, 0 < a < 1.
-    omega : array_like of any shape
-        Temporal frequency, rad per frame.
-    phase : float
-        Spatial frequency φ, rad per pixel.
-    contrast : float
-        Michelson contrast C.
+    `filter_step`: step a of the high-pass and of the delay, 0 < a < 1; `omega`: temporal frequency,
+    rad per frame; `phase`: spatial frequency φ, rad per pixel; `contrast`: Michelson contrast C.
     """
     high_pass, delayed = _gains(filter_step, omega)
     return np.asarray(contrast**2 / 4 * high_pass**2 * delayed.real * np.cos(phase))

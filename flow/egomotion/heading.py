@@ -44,11 +44,8 @@ class CameraMotion:
 def camera_motion(directions: FloatArray, moved: FloatArray) -> CameraMotion:
     """Return the rotation and heading that explain where points were seen, and are seen next.
 
-    Parameters
-    ----------
-    directions, moved : (n, 3)
-        Unit vectors to the points from the first camera and from the second, each in that
-        camera's own axes; rows with NaN are left out.
+    `directions`, `moved` (n, 3): unit vectors to the points from the first camera and from the
+    second, each in that camera's own axes; rows with NaN are left out.
 
     Raises ValueError when fewer than 8 points are known, which cannot tell five parameters from
     noise.
@@ -67,11 +64,8 @@ def camera_motion(directions: FloatArray, moved: FloatArray) -> CameraMotion:
 def motion_of_flow(camera: Camera, points: FloatArray, flow: FloatArray) -> CameraMotion:
     """Return the rotation and heading of the camera that fit a flow best.
 
-    Parameters
-    ----------
-    camera
-    points, flow : (..., 2)
-        Image coordinates, and how far what is seen there moves (px); NaN is left out.
+    `points`, `flow` (..., 2): image coordinates, and how far what is seen there moves (px); NaN is
+    left out.
 
     Raises ValueError as by `camera_motion`.
     """

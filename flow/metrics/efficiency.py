@@ -41,20 +41,10 @@ def confined_velocities(
 ) -> FloatArray:
     """Return the newest velocity of each block inside, seen through its support alone.
 
-    Parameters
-    ----------
-    detector
-        Any that gives velocities; its parameters for blocks and search are replaced.
-    frames : (T, H, W)
-        Counts; of them, the last `memory_frames` + 1 are used.
-    grid
-        Blocks of the frames; those at the border are left out.
-    margin_px : int
-        From 1 to the side of a block.
-
-    Returns
-    -------
-    (rows − 2, columns − 2, 2), px per frame.
+    `detector`: any that gives velocities; its parameters for blocks and search are replaced;
+    `frames` (T, H, W): counts; of them, the last `memory_frames` + 1 are used; `grid`: blocks of
+    the frames; those at the border are left out; `margin_px`: from 1 to the side of a block.
+    Returns (rows − 2, columns − 2, 2), px per frame.
 
     Raises ValueError when the margin is not of that range.
     """
@@ -141,13 +131,8 @@ def _half(fluxes: FloatArray, shares: FloatArray) -> FloatArray:
 def bound_photons(covariances: FloatArray, speed: float, level: float) -> float:
     """Return the flux at which errors at the bound have a median of `level` of the speed.
 
-    Parameters
-    ----------
-    covariances : (..., 2, 2)
-        Least covariances at one photon per frame; they fall as 1/flux, without dark counts.
-    speed : float
-        px per frame.
-    level : float
+    `covariances` (..., 2, 2): least covariances at one photon per frame; they fall as 1/flux,
+    without dark counts; `speed`: px per frame.
     """
     return (median_endpoint_error(covariances) / (level * speed)) ** 2
 
@@ -155,17 +140,9 @@ def bound_photons(covariances: FloatArray, speed: float, level: float) -> float:
 def variance_efficiency(velocities: FloatArray, covariances: FloatArray) -> float:
     """Return the bound over the variance of the velocities, both summed over x and y.
 
-    Parameters
-    ----------
-    velocities : (draws, ..., 2)
-        Of the same blocks, from independent draws of photons.
-    covariances : (..., 2, 2)
-        Least covariances of the blocks.
-
-    Returns
-    -------
-    float
-        Median over the blocks whose bound is finite.
+    `velocities` (draws, ..., 2): of the same blocks, from independent draws of photons;
+    `covariances` (..., 2, 2): least covariances of the blocks. Returns median over the blocks whose
+    bound is finite.
     """
     variance = velocities.var(axis=0, ddof=1).sum(axis=-1)
     bound = np.trace(covariances, axis1=-2, axis2=-1)

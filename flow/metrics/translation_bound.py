@@ -126,15 +126,8 @@ def median_endpoint_error(covariances: FloatArray) -> float:
     The length of A·z has the distribution 1 − exp(−ρ²/2σ²(φ)), averaged over the directions φ of z,
     with σ² = a·cos²φ + b·sin²φ and a, b the eigenvalues of the covariance.
 
-    Parameters
-    ----------
-    covariances : (..., 2, 2)
-        Infinite ones count as errors beyond all measure.
-
-    Returns
-    -------
-    float
-        px/frame; infinite when half of the covariances are.
+    `covariances` (..., 2, 2): infinite ones count as errors beyond all measure. Returns px/frame;
+    infinite when half of the covariances are.
     """
     each = covariances.reshape(-1, 2, 2)
     finite = each[np.isfinite(each).all(axis=(1, 2))]
@@ -170,16 +163,9 @@ def unknown_texture_information(
 ) -> FloatArray:
     """Return the Fisher information (2, 2) on the velocity, (frame/px)², components x, y.
 
-    Parameters
-    ----------
-    spectrum : (H, W)
-        Power of the texture, counts² per pixel, in the order of `numpy.fft.fft2`.
-    noise : float
-        Variance of the noise of a pixel, counts²: with photons alone the mean count, above 0.
-    pixels : int
-        Pixels that are used.
-    frames : int
-        Frames of one velocity, all noisy.
+    `spectrum` (H, W): power of the texture, counts² per pixel, in the order of `numpy.fft.fft2`;
+    `noise`: variance of the noise of a pixel, counts²: with photons alone the mean count, above 0;
+    `pixels`: pixels that are used; `frames`: frames of one velocity, all noisy.
 
     Raises ValueError when the noise is not above 0.
     """

@@ -49,13 +49,8 @@ def divisors(
 ) -> NDArray[np.float64]:
     """Return what each frame is divided by to become shares of the flux, (T,).
 
-    Parameters
-    ----------
-    sums : (T,)
-        Over each frame.
-    normalization
-    mean : float, optional
-        Of the sums over the whole sequence; by default over these.
+    `sums` (T,): over each frame; `mean`: of the sums over the whole sequence; by default over
+    these.
 
     Raises BlackFrameError when there is no light to scale to a flux.
     """
@@ -117,18 +112,9 @@ def draw_in_one(
 
     Of fewer frames they are the first of those of more.
 
-    Parameters
-    ----------
-    light : (n, H, W)
-        Finite, 0 or more: unchecked.
-    flux : float
-        Photons per unit of light, above 0.
-    dark_counts : float
-        Per pixel.
-    seed, *key
-        As for `draw_counts`.
-    brightest : float, optional
-        What no light exceeds, if it is known.
+    `light` (n, H, W): finite, 0 or more: unchecked; `flux`: photons per unit of light, above 0;
+    `dark_counts`: per pixel; `seed`, `*key`: as for `draw_counts`; `brightest`: what no light
+    exceeds, if it is known.
     """
     most = (float(light.max()) if brightest is None else brightest) * flux + dark_counts
     counts = np.empty(light.shape, _type_for(most))

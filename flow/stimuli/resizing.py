@@ -18,11 +18,8 @@ ResizeKind = Literal["nearest", "area"]
 def resized_shape(shape: tuple[int, int], size: int | tuple[int, int]) -> tuple[int, int]:
     """Return the shape (H, W) that frames of another shape are resized to.
 
-    Parameters
-    ----------
-    shape : (rows, columns) before
-    size : int or (rows, columns)
-        A single number is the rows; the columns follow in proportion.
+    `shape` (rows, columns) before; `size` int or (rows, columns): a single number is the rows; the
+    columns follow in proportion.
 
     Raises ValueError when it has no pixels or more pixels along a side than before.
     """

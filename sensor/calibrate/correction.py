@@ -42,10 +42,7 @@ def filled_in(values: Floats, variance: Floats, bad: Mask) -> tuple[Floats, Floa
     Neighbors across an edge weigh twice as much as those across a corner. Where all eight are bad,
     those filled in before stand in for them. A frame without any good pixel stays as it is.
 
-    Parameters
-    ----------
-    values, variance : (T, rows, columns)
-    bad : (rows, columns) or (T, rows, columns)
+    `values`, `variance` (T, rows, columns); `bad` (rows, columns) or (T, rows, columns).
     """
     values, variance = values.copy(), variance.copy()
     known = np.broadcast_to(~bad, values.shape).copy()

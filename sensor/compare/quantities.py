@@ -183,15 +183,9 @@ def scene_differences(
 ) -> tuple[Difference, ...]:
     """Compare brightness and contrast, frame by frame of the same sight.
 
-    Parameters
-    ----------
-    captured, expected : CountedFrames
-    light_hz : (n, rows, columns)
-        What pixels detect of the scene in the model, were they always live.
-    margin : float
-        Relative difference that does not matter.
-    errors_hz : (rows, columns) or float
-        Standard errors of the expected rates, where these are a calibration's.
+    `light_hz` (n, rows, columns): what pixels detect of the scene in the model, were they always
+    live; `margin`: relative difference that does not matter; `errors_hz` (rows, columns) or float:
+    standard errors of the expected rates, where these are a calibration's.
     """
     good = captured.usable & expected.usable
     blocks = np.array_split(np.arange(len(light_hz)), BLOCKS)

@@ -79,13 +79,7 @@ def gain_from_db(gain_db: Reals) -> Floats:
 def discharge(pixel: Pixel, photocurrent_a: Reals, time_s: Reals) -> Floats:
     """How far the output has come down after a time, V, of any shape, between 0 and the swing.
 
-    Parameters
-    ----------
-    pixel : Pixel
-    photocurrent_a : array
-        A, not negative.
-    time_s : array
-        Since reset.
+    `photocurrent_a`: A, not negative; `time_s`: since reset.
     """
     volts = _free_discharge(pixel, photocurrent_a, time_s)
     return np.minimum(volts, pixel.swing_v)

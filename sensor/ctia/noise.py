@@ -49,15 +49,7 @@ def draw_noise(
 ) -> Floats:
     """Draw the deviation of readings from the noise-free discharge, V.
 
-    Parameters
-    ----------
-    rng : numpy Generator
-    noise : CtiaNoise
-    pixel : Pixel
-    photocurrent_a : array
-        A, one per pixel.
-    time_s : float
-        Since reset.
+    `photocurrent_a`: A, one per pixel; `time_s`: since reset.
     """
     elapsed, bias = _halfway(pixel, photocurrent_a, time_s)
     volts = np.zeros(np.broadcast_shapes(np.shape(photocurrent_a), elapsed.shape))

@@ -77,13 +77,7 @@ class Photodiode(
 def reverse_current(diode: Photodiode, reverse_bias_v: Reals, scale: Reals = 1.0) -> Floats:
     """Dark current that discharges pixels of any shape, A; negative in forward bias.
 
-    Parameters
-    ----------
-    diode : Photodiode
-    reverse_bias_v : array
-        V; negative: forward.
-    scale : array
-        Factor on all dark current, each pixel's own.
+    `reverse_bias_v`: V; negative: forward; `scale`: factor on all dark current, each pixel's own.
     """
     bias = np.asarray(reverse_bias_v, np.float64)
     # a forward bias of some 0.7 V means more current than any amplifier takes: infinite is right

@@ -124,12 +124,8 @@ def blurred(images: Floats, blur_px: float) -> Floats:
     than pixels, how their light lies within a pixel is not known: images of dead leaves come out
     with errors of 10, 4, 2 and 0.7 % of their contrast (RMS) at 0.5, 0.7, 1 and 1.5 px.
 
-    Parameters
-    ----------
-    images : (n, H, W)
-        In any unit.
-    blur_px : float
-        Standard deviation of the Gaussian along rows and along columns, px; 0 changes nothing.
+    `images` (n, H, W): in any unit; `blur_px`: standard deviation of the Gaussian along rows and
+    along columns, px; 0 changes nothing.
     """
     return gaussian_filter(images, blur_px, axes=(1, 2), mode="nearest") if blur_px else images
 
@@ -137,17 +133,8 @@ def blurred(images: Floats, blur_px: float) -> Floats:
 def photon_flux(irradiance: ArrayLike, bands_nm: ArrayLike) -> NDArray[np.float64]:
     """Photons per second and square meter in each band, for a spectrum flat inside the band.
 
-    Parameters
-    ----------
-    irradiance : (..., B)
-        Band means, W·m⁻²·nm⁻¹.
-    bands_nm : (B, 2)
-        Lower and upper edge of each band, nm.
-
-    Returns
-    -------
-    (..., B) float64
-        photons·m⁻²·s⁻¹.
+    `irradiance` (..., B): band means, W·m⁻²·nm⁻¹; `bands_nm` (B, 2): lower and upper edge of each
+    band, nm. Returns (..., B) float64 photons·m⁻²·s⁻¹.
 
     Raises ValueError when the bands are not B pairs of edges.
     """
