@@ -43,7 +43,6 @@ class Bookkeeping:
 
     on_progress: Callable[[int], object] = lambda work: None
     """Called with the work done since the last call, in the units of `work_units`."""
-
     part: Callable[[str, Callable[[], list[FloatArray]]], list[FloatArray]] = lambda _, work: work()
     """Gives a part by its name, one for each size and repeat: what was kept of it, or else what
     the callable returns, sums (4, fluxes, T) of each method."""
@@ -70,10 +69,8 @@ class BenchmarkResult:
     methods: tuple[Detector, ...]
     frames: tuple[PositiveInt, PositiveInt, PositiveInt]
     """Shape (T, H, W) of the clean sequence before resizing"""
-
     warm_up: int
     """Frames that were not scored"""
-
     curves: tuple[ErrorCurve, ...]
 
     def curve(self, method: str, size: int, metric: Metric = "literal") -> ErrorCurve:

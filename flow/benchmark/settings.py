@@ -23,33 +23,24 @@ class CurveSettings(
 
     flux_min: Annotated[float, Field(ge=1e-6, le=1e15)] = 1e3
     """Smallest flux (photons per frame)"""
-
     flux_max: Annotated[float, Field(gt=0, le=1e15)] = 1e12
     """Largest flux (photons per frame)"""
-
     fluxes_per_decade: Annotated[int, Field(ge=1, le=1000)] = 2
     """Number of fluxes per factor of ten"""
-
     repeats: Annotated[int, Field(ge=2, le=100_000)] = 4
     """Independent draws of the whole sequence at each flux; they give the intervals"""
-
     dark_counts: Annotated[float, Field(ge=0, le=1e12)] = 0.1
     """Dark counts per frame and pixel of the frames before resizing"""
-
     normalization: Normalization = "per_frame"
     """What is brought to the flux: every frame, as the thesis does, or (per_sequence) the mean one,
     so that frames differ in brightness as they do in the scene"""
-
     reference: Literal["self", "perfect"] = "self"
     """What responses to counts are compared with: those to the mean counts, the dark ones included,
     or (perfect) to the light alone. It matters to detectors that notice an offset, IM and PM"""
-
     metrics: Annotated[tuple[Metric, ...], Field(min_length=1)] = METRICS
     """Error metrics: "literal" is Eq. 4.5, "ratio" does not divide by near-zero responses"""
-
     bits: Annotated[tuple[Annotated[int, Field(ge=1, le=16)], ...], Field(min_length=1)] = (2, 3, 4)
     """Accuracies whose flux is wanted, n bits being an error of 2⁻ⁿ"""
-
     confidence: Annotated[float, Field(gt=0, lt=1)] = 0.95
     """Probability that an interval holds"""
 
@@ -91,13 +82,10 @@ class BenchmarkSettings(CurveSettings, frozen=True):
         240,
     )
     """Rows of the resized frames (px); the columns follow in proportion"""
-
     resize: ResizeKind = "nearest"
     """How frames are resized: "nearest" subsamples as the thesis does, "area" pools the light"""
-
     warm_up: Annotated[int, Field(ge=0)] | None = None
     """Frames not scored at the start; by default 30 of 60 or more, else the longest memory"""
-
     chunk_frames: Annotated[int, Field(ge=1, le=10_000)] = 16
     """Frames processed together; changes memory and speed, never a result"""
 
@@ -112,16 +100,12 @@ class SearchSettings(CurveSettings, frozen=True):
 
     repeats: Annotated[int, Field(ge=2, le=100_000)] = 2
     """Independent draws of all frames at each flux; they give the intervals"""
-
     fluxes_per_decade: Annotated[int, Field(ge=1, le=1000)] = 8
     """Number of fluxes per factor of ten; those are measured that the thresholds need"""
-
     phases: Annotated[int, Field(ge=1, le=251)] = 4
     """Places around the template at which short sequences start; errors are means over them"""
-
     frames: Annotated[int, Field(ge=1, le=10_000)] = 6
     """Frames scored of each of these sequences, after those in which noise reaches its strength"""
-
     summed_frames: Annotated[int, Field(ge=1, le=10_000)] = 1
     """Temporal pooling: detectors see the sliding sum of so many frames"""
 

@@ -41,18 +41,14 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
     takes_counts: ClassVar[bool] = False
     """The frames must be photon counts: their noise says how far to trust them, so the response to
     scaled frames is another. The scale is then ignored."""
-
     tells_direction: ClassVar[bool] = False
     """Motion to the right and to the left give different responses."""
-
     minimum_frames: ClassVar[int] = 1
-
     place: ClassVar[float] = math.inf
     """Where it stands in lists and legends; without one after those that have, by name"""
 
     name: Annotated[str, Field(min_length=1)]
     """Short name, as in the legends of the literature"""
-
     label: Annotated[str, Field(min_length=1)]
     """Name in words"""
 

@@ -35,7 +35,6 @@ class BlockMatching(BlockDetector, frozen=True):
 
     name: str = "BM"
     label: str = "Block matching"
-
     radius_px: Annotated[int, Field(ge=1)] | None = None
     """Largest shift searched in x and in y (px per frame); by default `thesis_radius_px`"""
 

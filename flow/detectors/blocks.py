@@ -130,7 +130,6 @@ class BlockDetector(Detector, frozen=True):
 
     block_px: Annotated[int, Field(ge=2)] | None = None
     """Side of a block (px); by default a tenth of the shorter side of the frame"""
-
     fewest_blocks: Annotated[int, Field(ge=1)] = FEWEST_BLOCKS
     """Smaller frames are refused; 1 lets a detector see a single block and the margin around it"""
 
@@ -247,7 +246,6 @@ class SummedFrames(BlockDetector, frozen=True):
 
     method: SerializeAsAny[BlockDetector]
     """Of two frames"""
-
     frames: Annotated[int, Field(ge=4, le=64, multiple_of=2)] = 8
     """Frames of both sums; at the start of a sequence there are fewer"""
 

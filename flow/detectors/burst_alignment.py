@@ -32,13 +32,10 @@ class BurstAlignment(PooledFrames, frozen=True):
 
     name: str = "BA"
     label: str = "Burst alignment"
-
     levels: Annotated[int, Field(ge=1, le=6)] = 4
     """Levels of the pyramid, each binned by 2 × 2 px more; fewer where a block would not fit"""
-
     radius_px: Annotated[int, Field(ge=1)] = 4
     """Largest shift searched at the coarsest level (its px)"""
-
     finer_radius_px: Annotated[int, Field(ge=1)] = 2
     """Largest change of the shift at the others"""
 

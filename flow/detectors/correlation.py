@@ -100,7 +100,6 @@ class CorrelationDetector(Detector, frozen=True):
 
     filter_step: FilterStep
     """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
-
     output_step: FilterStep = 0.8
     """Step b of the low-pass at the output; 1 is no low-pass"""
 
@@ -195,7 +194,6 @@ class ElementaryMotionDetector(CorrelationDetector, frozen=True):
 
     name: str = "EMD"
     label: str = "Elementary motion detector"
-
     filter_step: FilterStep = 0.30
     """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
 
@@ -207,10 +205,8 @@ class NonDirectionalMultiplication(CorrelationDetector, frozen=True):
 
     name: str = "NDM"
     label: str = "Non-directional multiplication"
-
     filter_step: FilterStep = 0.625
     """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
-
     rectified: bool = True
     """Whether the output is the absolute value of the product"""
 
@@ -227,7 +223,6 @@ class NonDirectionalSummation(CorrelationDetector, frozen=True):
 
     name: str = "NDS"
     label: str = "Non-directional summation"
-
     filter_step: FilterStep = 0.714
     """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
 

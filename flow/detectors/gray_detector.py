@@ -47,7 +47,6 @@ class GrayDetector(BlockDetector, frozen=True):
 
     stretch: Literal["none", "anscombe"] = "none"
     """What is done to counts first; anscombe makes the noise of all of them alike"""
-
     blur_px: Annotated[float, Field(ge=0, le=10)] = 0.0
     """Standard deviation of a Gaussian that smooths what was stretched"""
 

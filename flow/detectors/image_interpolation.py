@@ -33,7 +33,6 @@ class ImageInterpolation(BlockDetector, frozen=True):
 
     name: str = "IIA"
     label: str = "Image interpolation"
-
     scored_components: Literal["x", "xy"] = "x"
     """What the benchmark compares: the thesis's motion is horizontal, so its x component"""
 

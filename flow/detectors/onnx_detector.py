@@ -34,7 +34,6 @@ class OnnxDetector(DenseDetector, frozen=True):
 
     path: Path
     """ONNX file"""
-
     content: str
     """SHA-256 of the file"""
 

@@ -52,10 +52,8 @@ class LucasKanade(GrayDetector, frozen=True):
     place: ClassVar[float] = 7
     name: str = "LK"
     label: str = "Lucas–Kanade, pyramidal"
-
     window_blocks: Annotated[float, Field(gt=0)] = 1.0
     """Side of the window in sides of a block; 1 sees the very pixels of the block"""
-
     pyramid_levels: Annotated[int, Field(ge=1)] = 3
     """Largest number of levels, the frames themselves included; 1 is no pyramid"""
 
@@ -91,10 +89,8 @@ class Farneback(DenseDetector, frozen=True):
     place: ClassVar[float] = 8
     name: str = "FB"
     label: str = "Farnebäck"
-
     window_blocks: Annotated[float, Field(gt=0)] = 1.0
     """Side of the averaging window in sides of a block"""
-
     pyramid_levels: Annotated[int, Field(ge=1)] = 3
     """Largest number of levels, the frames themselves included; 1 is no pyramid"""
 
@@ -125,7 +121,6 @@ class DenseInverseSearch(DenseDetector, frozen=True):
     place: ClassVar[float] = 9
     name: str = "DIS"
     label: str = "Dense inverse search"
-
     preset: Literal["ultrafast", "fast", "medium"] = "medium"
     """OpenCV's choice between speed and accuracy"""
 

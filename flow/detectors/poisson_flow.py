@@ -25,7 +25,6 @@ class PoissonFlow(BlockDetector, frozen=True):
 
     name: str = "PF"
     label: str = "Poisson flow"
-
     smoothness: Annotated[float, Field(gt=0)] = 0.2
     """Log-likelihood that a pixel's worth of flow is charged per unit of its gradient"""
 

@@ -94,7 +94,6 @@ class PoissonMatching(BlockDetector, frozen=True):
 
     name: str = "PM"
     label: str = "Poisson matching"
-
     radius_px: Annotated[int, Field(ge=1)] | None = None
     """Largest shift searched in x and in y (px per frame); by default as block matching"""
 

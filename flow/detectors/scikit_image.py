@@ -25,7 +25,6 @@ class TotalVariation(DenseDetector, frozen=True):
     place: ClassVar[float] = 10
     name: str = "TV-L1"
     label: str = "Total variation"
-
     attachment: Annotated[float, Field(gt=0)] = 15.0
     """Weight of the frames' difference, gray levels from 0 to 1; smaller makes smoother flow"""
 
@@ -57,10 +56,8 @@ class PhaseCorrelation(GrayDetector, frozen=True):
     place: ClassVar[float] = 11
     name: str = "PC"
     label: str = "Phase correlation, global"
-
     whitened: bool = True
     """Whether all spatial frequencies weigh the same"""
-
     steps_per_px: Annotated[int, Field(ge=1)] = 20
     """Velocities are whole multiples of 1/20 px per frame by default"""
 

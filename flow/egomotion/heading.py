@@ -36,7 +36,6 @@ class CameraMotion:
 
     rotation_deg: FloatArray
     """Rotation vector (3,), degrees per frame"""
-
     heading: FloatArray
     """Direction of translation, unit vector (3,)"""
 

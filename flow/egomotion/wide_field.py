@@ -47,13 +47,10 @@ class WideField:
 
     slopes: FloatArray
     """f: local answers per unit of rate, of the shape of one frame's answers"""
-
     weights: FloatArray
     """w; 0 where an answer was undefined throughout a half"""
-
     squared_snr: FloatArray
     """q: squared signal-to-noise ratio of an answer at a rate of 1"""
-
     standard_error: float
     """Standard deviation of a rate (unit of the rates), if the noise stays that of the fit"""
 
@@ -181,10 +178,8 @@ class RotationError:
 
     true_deg_s: float
     """Root mean square of the true rate over the frames tried"""
-
     ideal_deg_s: float
     """Root mean square error on noise-free answers"""
-
     counts_deg_s: float
     """Root mean square error on counts"""
 

@@ -28,7 +28,6 @@ class Roc:
 
     false_alarms: FloatArray
     """Share of the noise above each threshold"""
-
     hits: FloatArray
     """Share of the signals above each threshold"""
 

@@ -33,13 +33,10 @@ class Layer:
 
     texture: FloatArray
     """(rows, columns), `Layers.texels` of them to a pixel; without a seam in both directions"""
-
     velocity_px: tuple[float, float]
     """Of the point at the middle of the frame, x and y, px per frame"""
-
     gradient: FloatArray
     """A, (2, 2), 1/frame: how the velocity (x, y) grows along x and y"""
-
     disk: tuple[float, float, float] | None = None
     """Middle (x, y) from the middle of the frame, and radius, px; None is everywhere"""
 
@@ -50,7 +47,6 @@ class MovingLayers:
 
     layers: Sequence[Layer]
     """The lowest is to be everywhere"""
-
     texels: int = 2
     """Texels along a pixel, which gathers their light"""
 
@@ -87,13 +83,10 @@ class PanningView:
 
     panorama: FloatArray
     """(rows, columns), light of any unit; column m follows column 0"""
-
     focal_px: float
     """Focal length; columns/2π sees the horizon as sharp as it is"""
-
     heading_rad: float
     """Azimuth of the optical axis at time 0"""
-
     turn_rad: tuple[float, float, float]
     """Rotation vector of one frame about the axes right, down and forward of the camera"""
 

@@ -21,16 +21,12 @@ class MovingTemplate:
 
     template: FloatArray
     """(rows, columns), light of any unit; columns at least as many as rows"""
-
     velocity_px: int
     """Columns per frame, positive to the right"""
-
     size: int
     """Rows and columns of the frames after resizing (px)"""
-
     resize: ResizeKind = "nearest"
     """How frames are resized"""
-
     normalization: Normalization = "per_frame"
     """What is brought to the flux: every frame, or the mean one of a full turn"""
 

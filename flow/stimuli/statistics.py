@@ -104,21 +104,15 @@ class LogStatistics:
 
     contrast: float
     """Standard deviation"""
-
     skewness: float
-
     kurtosis: float
     """Fourth moment over the squared second; 3 where normal"""
-
     gradient_contrast: float
     """Root mean square of differences of neighbors along rows"""
-
     gradient_kurtosis: float
     """Of these differences; 3 where normal"""
-
     neighbor_correlation: float
     """Of neighbors along rows"""
-
     spectrum_slope: float
     """Exponent of the power over the radial frequency, 0.02 to 0.3 cycles/px"""
 

@@ -71,18 +71,13 @@ class Calibration:
 
     curve: ResponseCurve
     """Readings to arrivals"""
-
     dark: Floats
     """Dark counts in an exposure"""
-
     dark_variance: Floats
     """Of this estimate"""
-
     gain: Floats
     """Efficiency relative to the sensor's curve, or to the mean of the good pixels"""
-
     gain_variance: Floats
-
     bad: Mask
     """Hot or dead pixels"""
 
@@ -220,14 +215,11 @@ class Corrected:
 
     detections: Floats
     """Photons detected in an exposure, without dark counts; below 0 where noise was"""
-
     variance: Floats
     """Of these: noise of the reading, of the dark and of the flat frames"""
-
     filled: Mask
     """Where the pixel is hot, dead or full, and neighbors stand in for it; all of a frame where
     there are none"""
-
     ambiguous: Mask
     """Where the pixel may have seen much more light (`ResponseCurve.ambiguous_from`)"""
 

@@ -62,42 +62,29 @@ class Device:
     """Fall of the output below the top of the ADC without events or leak: positive lowers it, as
     events do. `AnalogPixels.offset_v` and the map `offset` of a device file, which add to the
     output, have the opposite sign."""
-
     leak_v_s: Estimate
     """Unknown where the comb is hidden"""
-
     step_v: Estimate
     read_noise_v: Estimate
     dark_counts_hz: Estimate
-
     efficiency: Estimate | None
     """Events per unit of light; None without flat frames"""
-
     dead_time_s: Estimate | None
-
     dead_time_kind: str | None
     """None where the saturation curve does not tell it"""
-
     kind_ratio: float
     """Logarithm of the ratio of likelihoods of the two kinds"""
-
     kernel: Kernel | None = None
     """Of crosstalk; None where the comb is hidden"""
-
     hot: Mask
     """(rows, columns)"""
-
     method: str
     """How steps were found: "comb" or "photon transfer\""""
-
     counts: MeanCounts
     """Behind the saturation curve"""
-
     falls: Falls
-
     curve: Curve
     """How the step changes over the swing"""
-
     slope_error: float
     """Standard error of its slope; infinite where it is not determined"""
 

@@ -20,9 +20,7 @@ class Level:
 
     codes: NDArray[Any]
     """(n, rows, columns) of the ADC; lower where more was counted"""
-
     exposure_s: float
-
     light_hz: float = 0.0
     """Photons per second on a pixel, or, where all levels share it, in any unit; 0: in the dark"""
 

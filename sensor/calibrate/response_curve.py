@@ -38,10 +38,8 @@ class ResponseCurve:
 
     arrivals: Floats
     """Photons that would be detected and dark counts, as far as readings rise with them"""
-
     mean: Floats
     variance: Floats
-
     ambiguous_from: float
     """Readings from here on may stand for more than the last arrivals; infinite where none can"""
 

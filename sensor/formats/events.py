@@ -54,16 +54,12 @@ class EventOrigin:
 
     shape: tuple[int, int, int]
     """Frames, rows, columns"""
-
     frame_period_s: float
     """From the beginning of a frame to that of the next, s; kept to a picosecond"""
-
     exposure_s: float
     """Exposure time of a frame, s"""
-
     first_frame: int = 0
     """Number in the sequence of the first frame"""
-
     extra: Mapping[str, Any] = field(default_factory=dict)
     """Whatever else the writer notes; JSON values"""
 

@@ -36,22 +36,16 @@ class PackedLayout(BaseModel, frozen=True, extra="forbid", use_attribute_docstri
 
     bit_order: Literal["msb", "lsb"] = "msb"
     """Which bit of a byte is the first pixel: the most or the least significant."""
-
     packed_along: Literal["width", "height"] = "width"
     """Whether a byte holds eight pixels of a row or of a column."""
-
     header_bytes: Annotated[int, Field(ge=0)] = 0
     """Skipped at the beginning of every file."""
-
     footer_bytes: Annotated[int, Field(ge=0)] = 0
     """Skipped at the end of every file."""
-
     transposed: bool = False
     """Rows and columns are exchanged."""
-
     flipped_rows: bool = False
     """The image is upside down."""
-
     flipped_columns: bool = False
     """Left and right are exchanged."""
 

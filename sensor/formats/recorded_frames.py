@@ -17,13 +17,10 @@ class RecordedFrames:
 
     counts: NDArray[Any]
     """(T, H, W) or (T, H, W, C): counts, or bits as 0 and 1, uint8"""
-
     bit_depth: int
     """Of the counts; 1 of binary frames"""
-
     source: str
     """Name of the format"""
-
     exposure_s: float | None = None
     """Exposure time of a frame, where the file says it, s"""
 
