@@ -13,7 +13,7 @@ from megalopta.flow.metrics.response_error import METRICS, Metric
 from megalopta.flow.stimuli.photons import Normalization
 from megalopta.flow.stimuli.resizing import ResizeKind, resized_shape
 
-THESIS_WARM_UP = 30
+_THESIS_WARM_UP = 30
 
 
 class CurveSettings(
@@ -48,7 +48,7 @@ class CurveSettings(
         """Whether a detector's responses are compared with those to the dark counts' mean too."""
         return self.reference == "self" and not detector.ignores_offset
 
-    @field_validator("metrics", "bits")
+    @field_validator("metrics", "bits", "sizes", check_fields=False)
     @classmethod
     def _each_once(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
         return each_once(values)
@@ -76,11 +76,8 @@ class BenchmarkSettings(CurveSettings, frozen=True):
     """What is measured on a sequence, and how closely."""
 
     sizes: Annotated[tuple[Annotated[int, Field(ge=3)], ...], Field(min_length=1)] = (
-        60,
-        120,
-        180,
-        240,
-    )
+        60, 120, 180, 240,
+    )  # fmt: skip
     """Rows of the resized frames (px); the columns follow in proportion"""
     resize: ResizeKind = "nearest"
     """How frames are resized: "nearest" subsamples as the thesis does, "area" pools the light"""
@@ -88,11 +85,6 @@ class BenchmarkSettings(CurveSettings, frozen=True):
     """Frames not scored at the start; by default 30 of 60 or more, else the longest memory"""
     chunk_frames: Annotated[int, Field(ge=1, le=10_000)] = 16
     """Frames processed together; changes memory and speed, never a result"""
-
-    @field_validator("sizes")
-    @classmethod
-    def _sizes_once(cls, values: tuple[Any, ...]) -> tuple[Any, ...]:
-        return each_once(values)
 
 
 class SearchSettings(CurveSettings, frozen=True):
@@ -131,8 +123,8 @@ def default_warm_up(n_frames: int, methods: Sequence[Detector]) -> int:
     The thesis's 30 when the sequence has at least 60; in a shorter one the smallest number after
     which the slowest filter of these methods has decayed to 1 %.
     """
-    if n_frames >= 2 * THESIS_WARM_UP:
-        return THESIS_WARM_UP
+    if n_frames >= 2 * _THESIS_WARM_UP:
+        return _THESIS_WARM_UP
     return max(method.memory_frames for method in methods)
 
 

@@ -19,8 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
-from megalopta.flow.stimuli.photons import Counts
-
 FloatArray = NDArray[np.float64]
 Frames = NDArray[Any]
 Responder = Callable[[Frames, float], FloatArray]
@@ -174,7 +172,7 @@ def stacked(frames: Sequence[Frames]) -> Frames:
 _RUNS = 3
 
 
-def milliseconds_per_frame(detector: Detector, counts: Counts) -> float:
+def milliseconds_per_frame(detector: Detector, counts: Frames) -> float:
     """Return the CPU time of a new frame whose predecessors are known, the median of three runs.
 
     `counts` (T, H, W): shown four times in a row; the first fills the detector's memory and

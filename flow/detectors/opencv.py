@@ -3,7 +3,7 @@
 OpenCV is imported when it is first needed, and kept to one thread while it works: its parallel
 loops cut a frame by the number of threads, and some estimators pass results on within such a part,
 so with one thread the numbers are the same on every machine. Sequences are spread over processes
-anyway. The number of threads is one setting of the whole process.
+anyway.
 """
 
 from collections.abc import Iterator
@@ -30,6 +30,9 @@ _SMALLEST_DIS_FRAME_PX = 12
 
 _FARNEBACK = {"pyr_scale": 0.5, "iterations": 3, "poly_n": 5, "poly_sigma": 1.1, "flags": 0}
 """A neighborhood of 5 px, and the width of its weights that OpenCV recommends for it"""
+
+_ONE_AT_A_TIME = Lock()
+"""The number of threads is one setting of the whole process."""
 
 _GRAY_LEVELS = 255
 """Farnebäck's regularization is an absolute number, made for 8-bit pictures."""
@@ -144,28 +147,15 @@ class DenseInverseSearch(DenseDetector, frozen=True):
         return flow
 
 
-class _Users:
-    """Who counts on one thread, and the number to go back to."""
-
-    lock = Lock()
-    count = 0
-    threads_before = 1
-
-
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """OpenCV keeps to the calling thread until the last block of all callers is left."""
+    """Keep OpenCV to one thread, of one caller at a time."""
     import cv2
 
-    with _Users.lock:
-        if _Users.count == 0:
-            _Users.threads_before = cv2.getNumThreads()
-            cv2.setNumThreads(1)
-        _Users.count += 1
-    try:
-        yield
-    finally:
-        with _Users.lock:
-            _Users.count -= 1
-            if _Users.count == 0:
-                cv2.setNumThreads(_Users.threads_before)
+    with _ONE_AT_A_TIME:
+        before = cv2.getNumThreads()
+        cv2.setNumThreads(1)
+        try:
+            yield
+        finally:
+            cv2.setNumThreads(before)

@@ -1,4 +1,4 @@
-"""Wide-field integration: the camera's rotation rate as a weighted sum of local answers.
+"""Wide-field integration: the camera's rotation rate as a weighted sum of local responses.
 
 A fly's tangential cells add up local motion detectors over the eye, weighted as the flow of one
 motion would excite them (Krapp and Hengstenberg 1996; Franz and Krapp 2000). Here the weights are
@@ -24,6 +24,10 @@ turns an answer into a rate. For velocities f follows from optics and frame rate
 detectors depend on contrast and spatial frequencies too, so what they learned in one scene holds
 for scenes like it. There is no constant term: standstill should be answered with 0. Where that is
 in doubt learn from rates of both signs; at a single rate a constant answer passes for rotation.
+
+The yaw rate of a sequence: the weights are learned from the noise-free responses to its first half,
+where the rate is known, and tried on the second half. Detectors that are blind to direction take no
+part.
 """
 
 from dataclasses import dataclass
@@ -33,7 +37,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from megalopta.core.arrays import Floats
-from megalopta.flow.detectors.base import Detector, FloatArray
+from megalopta.flow.detectors.base import Detector
 from megalopta.scenes.trajectories.base import Path
 
 _SHARED = 0.5
@@ -45,16 +49,16 @@ from a lucky one, and none is free of noise."""
 class WideField:
     """A matched filter for a rotation rate; see `fit_wide_field`."""
 
-    slopes: FloatArray
+    slopes: Floats
     """f: local answers per unit of rate, of the shape of one frame's answers"""
-    weights: FloatArray
+    weights: Floats
     """w; 0 where an answer was undefined throughout a half"""
-    squared_snr: FloatArray
+    squared_snr: Floats
     """q: squared signal-to-noise ratio of an answer at a rate of 1"""
     standard_error: float
     """Standard deviation of a rate (unit of the rates), if the noise stays that of the fit"""
 
-    def rates(self, answers: FloatArray) -> FloatArray:
+    def rates(self, answers: Floats) -> Floats:
         """Return the rotation rate at each time, (T,); NaN when no answer is defined.
 
         Parameters
@@ -79,7 +83,7 @@ class WideField:
             return np.asarray(sums / normalizations)
 
 
-def fit_wide_field(answers: FloatArray, rates: FloatArray) -> WideField:
+def fit_wide_field(answers: Floats, rates: Floats) -> WideField:
     """Return the matched filter learned from answers to a known rotation.
 
     Parameters
@@ -98,12 +102,10 @@ def fit_wide_field(answers: FloatArray, rates: FloatArray) -> WideField:
     """
     if rates.shape != answers.shape[:1]:
         raise ValueError(f"rates of shape {rates.shape} for {len(answers)} answers: give one each")
-    sums = [SlopeSums(), SlopeSums()]
-    for each, half in zip(
-        sums, (slice(len(rates) // 2), slice(len(rates) // 2, None)), strict=True
-    ):
-        each.add(answers[half], rates[half])
-    return field_of_halves(*sums)
+    first, second, middle = SlopeSums(), SlopeSums(), len(rates) // 2
+    first.add(answers[:middle], rates[:middle])
+    second.add(answers[middle:], rates[middle:])
+    return field_of_halves(first, second)
 
 
 def field_of_halves(first: "SlopeSums", second: "SlopeSums") -> WideField:
@@ -134,7 +136,7 @@ class SlopeSums:
     def __init__(self) -> None:
         self.products = self.power = self.squares = self.count = np.zeros(())
 
-    def add(self, answers: FloatArray, rates: FloatArray) -> None:
+    def add(self, answers: Floats, rates: Floats) -> None:
         """Take in answers (n, ...), NaN where undefined, at known rates (n,)."""
         omega = rates.reshape(-1, *[1] * (answers.ndim - 1))
         defined = np.isfinite(answers)
@@ -152,19 +154,19 @@ class SlopeSums:
         return both
 
     @property
-    def slopes(self) -> FloatArray:
+    def slopes(self) -> Floats:
         """Slope of each answer over the rate; 0 where it is unknown."""
         return np.divide(
             self.products, self.power, out=np.zeros_like(self.products), where=self.power > 0
         )
 
-    def variances(self) -> FloatArray:
+    def variances(self) -> Floats:
         """Variance of each answer about its slope."""
         left = self.squares - self.slopes * self.products
         return np.asarray(np.maximum(left, 0) / np.maximum(self.count, 1))
 
 
-def _drawn_to_typical(variances: FloatArray, known: NDArray[np.bool_]) -> FloatArray:
+def _drawn_to_typical(variances: Floats, known: NDArray[np.bool_]) -> Floats:
     typical = float(np.median(variances[known]) or variances.mean()) or 1.0
     return np.asarray(_SHARED * typical + (1 - _SHARED) * variances)
 
@@ -193,42 +195,35 @@ def yaw_rates_deg_s(path: Path) -> Floats:
 
 
 class YawRateTest:
-    """Learns the yaw rate from the first half of a sequence and tries it on the second.
+    """Learns the yaw rate from the first half of a sequence, and tries it on the second.
 
-    Parameters
-    ----------
-    detector
-        The detector that answers.
-    rates : (T − 1,)
-        True yaw rates (deg/s).
-    warm_up : int
-        Frames in which the detector settles.
+    True rates (T − 1,) are in deg/s; the detector settles in the frames of the warm-up.
     """
 
     def __init__(self, detector: Detector, rates: Floats, warm_up: int) -> None:
         self._rates = rates
-        # the last answer belongs to the last rate, whether there is one per frame or per pair
+        # the last response belongs to the last rate, whether there is one per frame or per pair
         self._next = 0 if detector.gives == "velocity" else -1
         half = max(0, len(rates) - warm_up) // 2
         self._bounds = warm_up, warm_up + half // 2, warm_up + half, len(rates)
-        learned = rates[warm_up : warm_up + half]
-        self._turns = half > 0 and np.abs(learned).max() >= _STILL_DEG_S
-        self._is_on = detector.tells_direction and self._turns
+        turns = half > 0 and np.abs(rates[warm_up : warm_up + half]).max() >= _STILL_DEG_S
+        self._is_on = detector.tells_direction and turns
         self._halves = SlopeSums(), SlopeSums()
         self._field: WideField | None = None
         self._errors: list[Floats] = []
 
     def add(self, ideal: Floats, noisy: Floats) -> None:
-        """Take in the next answers to the noise-free twin and to the counts, (n, ...) each."""
-        first, self._next = self._next, self._next + len(ideal)
+        """Take in the next responses to the noise-free twin and to the counts, (n, ...) each."""
+        numbers = self._next + np.arange(len(ideal))
+        self._next += len(ideal)
         if not self._is_on:
             return
-        for index, sums in enumerate(self._halves):
-            here, at = self._overlap(first, index)
-            sums.add(ideal[here], self._rates[at])
-        here, at = self._overlap(first, 2)
-        if at.start < at.stop:
-            self._try(ideal[here], noisy[here], self._rates[at])
+        parts = np.searchsorted(self._bounds, numbers, side="right")
+        for part, sums in enumerate(self._halves, 1):
+            sums.add(ideal[parts == part], self._rates[numbers[parts == part]])
+        tried = parts == len(self._bounds) - 1
+        if tried.any():
+            self._try(ideal[tried], noisy[tried], self._rates[numbers[tried]])
 
     def result(self) -> RotationError | None:
         """Return the error of the yaw rate; None without direction, rotation or frames enough."""
@@ -238,20 +233,13 @@ class YawRateTest:
         ideal, noisy = np.concatenate(self._errors, axis=1)
         return RotationError(_rms(truth), _rms(ideal), _rms(noisy))
 
-    def _overlap(self, first: int, part: int) -> tuple[slice, slice]:
-        """Which of the answers from rate number `first` on lie in a part, and at which rates."""
-        start = max(self._bounds[part], first)
-        stop = max(start, min(self._bounds[part + 1], self._next))
-        return slice(start - first, stop - first), slice(start, stop)
-
     def _try(self, ideal: Floats, noisy: Floats, truth: Floats) -> None:
         try:
             self._field = self._field or field_of_halves(*self._halves)
         except ValueError:  # nothing is seen to move
             self._is_on = False
             return
-        answers = self._field.rates(ideal), self._field.rates(noisy)
-        self._errors.append(np.stack(answers) - truth)
+        self._errors.append(np.stack([self._field.rates(each) for each in (ideal, noisy)]) - truth)
 
 
 def _rms(values: Floats) -> float:
