@@ -30,10 +30,12 @@ from .detectors.correlation import (
 from .detectors.gray_detector import DenseDetector as DenseDetector, detector_from as detector_from
 from .detectors.image_interpolation import ImageInterpolation as ImageInterpolation
 from .detectors.intensity import IntensityMeasurement as IntensityMeasurement
-from .detectors.opencv import (
+from .detectors.libraries import (
     DenseInverseSearch as DenseInverseSearch,
     Farneback as Farneback,
     LucasKanade as LucasKanade,
+    PhaseCorrelation as PhaseCorrelation,
+    TotalVariation as TotalVariation,
 )
 from .detectors.poisson_flow import (
     PoissonFlow as PoissonFlow,
@@ -48,12 +50,10 @@ from .detectors.registry import (
     Method as Method,
     method as method,
 )
-from .detectors.scikit_image import (
-    PhaseCorrelation as PhaseCorrelation,
-    TotalVariation as TotalVariation,
+from .egomotion.camera_motion import (
+    CameraMotion as CameraMotion,
+    likely_camera_motion as likely_camera_motion,
 )
-from .egomotion.heading import CameraMotion as CameraMotion
-from .egomotion.likely_motion import likely_camera_motion as likely_camera_motion
 from .egomotion.wide_field import (
     WideField as WideField,
     fit_wide_field as fit_wide_field,

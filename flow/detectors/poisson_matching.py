@@ -20,7 +20,7 @@ which tilts the parabola: the costs around the minimum are those of both frames'
 
 A block of two frames uses its own pixels, those that the search compares them with, and what the
 smoothing mixes into both, 6 px at most; the weights look a little further. It needs nothing else of
-the frame (`efficiency.confined_velocities` cuts all else away). A block without photons, or whose
+the frame (`confined_velocities` cuts all else away). A block without photons, or whose
 costs are all equal, has no velocity (NaN).
 
 **Pooled** over up to eight frames of one velocity (PPM). n frames of a texture that moves steadily

@@ -24,7 +24,7 @@ from megalopta.core.arrays import Floats
 from megalopta.dataset.store import Dataset
 from megalopta.flow.benchmark.settings import default_warm_up
 from megalopta.flow.detectors.blocks import BlockGrid
-from megalopta.flow.egomotion.heading import CameraMotion, motion_of_flow
+from megalopta.flow.egomotion.camera_motion import CameraMotion, motion_of_flow
 from megalopta.flow.egomotion.wide_field import YawRateTest, yaw_rates_deg_s
 
 ERROR = "epe_px"

@@ -10,13 +10,14 @@ import pytest
 
 from megalopta.flow.detectors.block_matching import BlockMatching
 from megalopta.flow.detectors.gray_detector import eight_bits, gray_levels
-from megalopta.flow.detectors.opencv import (
+from megalopta.flow.detectors.libraries import (
     DenseInverseSearch,
     Farneback,
     LucasKanade,
+    PhaseCorrelation,
+    TotalVariation,
 )
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.flow.detectors.scikit_image import PhaseCorrelation, TotalVariation
 
 from ..textures import drifting_texture
 

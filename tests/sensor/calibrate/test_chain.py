@@ -13,9 +13,9 @@ from megalopta.sensor.calibrate.correction import (
     correct,
     filled_in,
     hot_pixels,
+    response_curve,
     simulated_calibration,
 )
-from megalopta.sensor.calibrate.response_curve import response_curve
 from megalopta.sensor.spad.fixed_pattern import draw_fixed_pattern
 
 SHAPE = (8, 16)
