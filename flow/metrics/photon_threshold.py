@@ -262,12 +262,15 @@ def error_curve(
     for bits in asked.bits:
         rng = generator(int(seed), "threshold", *names, method.name, metric, bits)
         thresholds[bits] = threshold(measured, 2.0**-bits, rng, asked.confidence)
+    fluxes, errors, spreads = (tuple(np.asarray(each).tolist()) for each in measured[:3])
     return ErrorCurve(
         method.name,
         method.label,
         shape,
         metric,
-        *(tuple(np.asarray(each).tolist()) for each in measured[:3]),
+        fluxes,
+        errors,
+        spreads,
         measured.degrees_of_freedom,
         thresholds,
     )

@@ -297,7 +297,7 @@ class _Mean(NamedTuple):
 
 
 def _mean(chunks: Iterable[NDArray[Any]], curve: ResponseCurve) -> _Mean:
-    frames, sums, squares, readings = 0, 0.0, 0.0, 0.0
+    frames, sums, squares, readings = 0, np.zeros(()), np.zeros(()), np.zeros(())
     for chunk in chunks:
         arrivals, _ = curve.arrivals_of(chunk)
         frames += len(chunk)

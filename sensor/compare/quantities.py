@@ -192,7 +192,7 @@ def scene_differences(
     light = light_hz[:, good]
     own = np.broadcast_to(errors_hz, good.shape)[good]
     unsure = float(np.sqrt(np.square(own).sum())) / max(own.size, 1)
-    measures = [(_BRIGHTNESS, unsure, lambda counts, _: counts.mean())]
+    measures = [(_BRIGHTNESS, unsure, _mean)]
     if light.std() > 1e-6 * light.mean():
         measures.append((_CONTRAST, 0.0, _slope))
     found = []
@@ -205,6 +205,10 @@ def scene_differences(
         typical = np.full(BLOCKS, b.mean())
         found.append(difference(quantity, a - b + typical, typical, margin, error))
     return tuple(found)
+
+
+def _mean(counts: Floats, light: Floats) -> float:
+    return float(counts.mean())
 
 
 def _slope(counts: Floats, light: Floats) -> float:

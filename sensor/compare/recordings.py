@@ -144,7 +144,7 @@ def compare_recordings(
         p_values.append([np.where(good, p, np.nan) for p in tests])
         distances.append(apart)
         chance.append(distances_by_chance(a, b))
-    values = [block_quantities(each, usable, kind) for each in (captured, expected)]
+    first, second = (block_quantities(each, usable, kind) for each in (captured, expected))
     known = unsure_quantities(expected, usable, unsure)
     means, variances, histograms = (
         discoveries(np.array(p), false_alarms / _FAMILIES) for p in zip(*p_values, strict=True)
@@ -152,9 +152,9 @@ def compare_recordings(
     return Comparison(
         arrangement=_arrangement(pairs),
         differences=tuple(
-            difference(each, *(of[each.name] for of in values), margin, known.get(each.name, 0.0))
+            difference(each, first[each.name], second[each.name], margin, known.get(each.name, 0.0))
             for each in _QUANTITIES
-            if all(each.name in of for of in values)
+            if each.name in first and each.name in second
         ),
         means=means,
         variances=variances,

@@ -229,7 +229,11 @@ def _stored(
     local = columns["t"] - np.repeat(origin.frame_starts_ps, np.diff(starts))
     pixel = columns["y"].astype(np.uint32) * np.uint32(origin.shape[2]) + columns["x"]
     events = Events(
-        local / _PICOSECONDS, pixel, starts.astype(np.int64), origin.shape, origin.first_frame
+        local / _PICOSECONDS,
+        np.asarray(pixel, np.uint32),
+        starts.astype(np.int64),
+        origin.shape,
+        origin.first_frame,
     )
     return StoredEvents(events=events, origin=origin)
 
