@@ -9,10 +9,7 @@ from .benchmark.settings import (
     BenchmarkSettings as BenchmarkSettings,
     SearchSettings as SearchSettings,
 )
-from .color_wheel import (
-    flow_to_rgb as flow_to_rgb,
-    wheel_legend as wheel_legend,
-)
+from .color_wheel import flow_to_rgb as flow_to_rgb, wheel_legend as wheel_legend
 from .detectors.base import Detector as Detector
 from .detectors.block_matching import BlockMatching as BlockMatching
 from .detectors.blocks import (
@@ -37,27 +34,17 @@ from .detectors.libraries import (
     PhaseCorrelation as PhaseCorrelation,
     TotalVariation as TotalVariation,
 )
-from .detectors.poisson_flow import (
-    PoissonFlow as PoissonFlow,
-    PooledFlow as PooledFlow,
-)
+from .detectors.poisson_flow import PoissonFlow as PoissonFlow, PooledFlow as PooledFlow
 from .detectors.poisson_matching import (
     PoissonMatching as PoissonMatching,
     PooledMatching as PooledMatching,
 )
-from .detectors.registry import (
-    METHODS as METHODS,
-    Method as Method,
-    method as method,
-)
+from .detectors.registry import METHODS as METHODS, Method as Method, method as method
 from .egomotion.camera_motion import (
     CameraMotion as CameraMotion,
     likely_camera_motion as likely_camera_motion,
 )
-from .egomotion.wide_field import (
-    WideField as WideField,
-    fit_wide_field as fit_wide_field,
-)
+from .egomotion.wide_field import WideField as WideField, fit_wide_field as fit_wide_field
 from .formats import read_flow as read_flow, write_flo as write_flo
 from .metrics.detection import (
     d_prime as d_prime,
@@ -85,15 +72,9 @@ from .metrics.translation_bound import (
     unknown_texture_photons as unknown_texture_photons,
 )
 from .one_call import optical_flow as optical_flow
-from .stimuli.known_flow import (
-    Layer as Layer,
-    MovingLayers as MovingLayers,
-)
+from .stimuli.known_flow import Layer as Layer, MovingLayers as MovingLayers
 from .stimuli.moving_template import MovingTemplate as MovingTemplate
-from .stimuli.photons import (
-    Normalization as Normalization,
-    draw_counts as draw_counts,
-)
+from .stimuli.photons import Normalization as Normalization, draw_counts as draw_counts
 from .stimuli.resizing import (
     ResizeKind as ResizeKind,
     resize as resize,

@@ -159,16 +159,10 @@ def _step(level: Level, times: Floats, nodes: Floats, smoothness: float) -> Floa
     target = slope + np.stack((xx * x + xy * y, xy * x + yy * y))
     best = nodes
     for _ in range(_PRIOR_STEPS):
-        best = most_likely(information, target, _springs(best, smoothness))
+        changes = ((np.diff(best, axis=axis) ** 2).sum(axis=0) for axis in (2, 1))
+        right, down = (stiffness(smoothness, change) for change in changes)
+        best = most_likely(information, target, (right, down))
     return np.clip(best - nodes, -_LONGEST_STEP_PX, _LONGEST_STEP_PX)
-
-
-def _springs(nodes: Floats, smoothness: float) -> tuple[Floats, Floats]:
-    """Return the stiffness of links along x and y: that of a prior that grows as the gradient."""
-    right, down = (
-        stiffness(smoothness, (np.diff(nodes, axis=axis) ** 2).sum(axis=0)) for axis in (2, 1)
-    )
-    return right, down
 
 
 def suited_blur_px(excess: Floats, frames: int) -> Floats:

@@ -25,8 +25,9 @@ from itertools import product
 
 import numpy as np
 
+from megalopta.core.arrays import Floats
 from megalopta.flow.benchmark.settings import SearchSettings
-from megalopta.flow.detectors.base import Detector, FloatArray, Frames, Responder
+from megalopta.flow.detectors.base import Detector, Frames, Responder
 from megalopta.flow.detectors.registry import Method, method
 from megalopta.flow.metrics.photon_threshold import ErrorCurve, error_curve, measured_errors
 from megalopta.flow.metrics.response_error import Metric, error_of, error_sums
@@ -106,7 +107,7 @@ class ShortSequences:
         self._brightest = max(float(light.max()) for light in self._light)
         self._counts: dict[tuple[float, int, int], Frames] = {}
 
-    def clean(self, phase: int, before: int, frames: int) -> FloatArray:
+    def clean(self, phase: int, before: int, frames: int) -> Floats:
         """Return frames at a place, after some that lead there, as shares of the flux."""
         pooled = summed(self._light[phase], self.settings.summed_frames)
         return np.asarray(pooled[self._before - before : self._before + frames])
@@ -236,12 +237,12 @@ class _DetectorErrors:
         """Whether errors come from a closed form, and no counts are drawn."""
         return self._method.expected_deviation(self._clean[0][:1], 1.0) is not None
 
-    def sums(self, flux: float) -> FloatArray:
+    def sums(self, flux: float) -> Floats:
         """Return what the error at a flux is made of, (4, repeats, places, scored frames)."""
         dark = self._sequences.dark_counts * self._settings.summed_frames
         return np.stack([self._at_place(phase, flux, dark) for phase in self._phases], axis=2)
 
-    def _at_place(self, phase: int, flux: float, dark: float) -> FloatArray:
+    def _at_place(self, phase: int, flux: float, dark: float) -> Floats:
         """Return sums of errors, (4, repeats, scored frames)."""
         method, repeats = self._method, self._settings.repeats
         has_own = self._settings.compares_with_means(method)
@@ -257,11 +258,11 @@ class _DetectorErrors:
             draws.append(error_sums(method, ideal, self._scored(counts, phase, flux, dark)))
         return np.stack(draws, axis=1)
 
-    def _to_light(self, phase: int, flux: float, dark: float) -> FloatArray:
+    def _to_light(self, phase: int, flux: float, dark: float) -> Floats:
         """Return the scored responses at a place to the mean counts."""
         return self._scored(self._clean[phase] * flux + dark, phase, flux, dark)
 
-    def _scored(self, frames: Frames, phase: int, flux: float, dark: float) -> FloatArray:
+    def _scored(self, frames: Frames, phase: int, flux: float, dark: float) -> Floats:
         """Return the scored responses at a place."""
         scale = self._scale(flux)
         if self._after:
@@ -290,7 +291,7 @@ class _Search:
         self._straight = 0.0 if bisects_always else _STRAIGHT
         self._fluxes = self._settings.fluxes
         self._last = len(self._fluxes) - 1
-        self._measured: dict[int, FloatArray] = {}
+        self._measured: dict[int, Floats] = {}
         self._made: dict[tuple[Metric, tuple[int, ...], int], ErrorCurve] = {}
 
     def curves(self) -> list[ErrorCurve]:

@@ -23,17 +23,13 @@ from typing import Any, Protocol, Self
 import numpy as np
 from pydantic import PositiveInt, TypeAdapter
 
+from megalopta.core.arrays import Floats
 from megalopta.flow.benchmark.settings import BenchmarkSettings, checked_warm_up
-from megalopta.flow.detectors.base import Detector, FloatArray, Frames
+from megalopta.flow.detectors.base import Detector, Frames
 from megalopta.flow.detectors.registry import METHODS, Method, method
 from megalopta.flow.metrics.photon_threshold import ErrorCurve, error_curve, measured_errors
 from megalopta.flow.metrics.response_error import Metric, error_sums
-from megalopta.flow.stimuli.photons import (
-    Counts,
-    divisors,
-    draw_counts,
-    frame_light,
-)
+from megalopta.flow.stimuli.photons import Counts, divisors, draw_counts, frame_light
 from megalopta.flow.stimuli.resizing import resize, resized_shape
 
 
@@ -43,7 +39,7 @@ class Bookkeeping:
 
     on_progress: Callable[[int], object] = lambda work: None
     """Called with the work done since the last call, in the units of `work_units`."""
-    part: Callable[[str, Callable[[], list[FloatArray]]], list[FloatArray]] = lambda _, work: work()
+    part: Callable[[str, Callable[[], list[Floats]]], list[Floats]] = lambda _, work: work()
     """Gives a part by its name, one for each size and repeat: what was kept of it, or else what
     the callable returns, sums (4, fluxes, T) of each method."""
 
@@ -179,7 +175,7 @@ class _AtSize:
         light = np.concatenate([frame_light(chunk) for _, chunk in self._resized()])
         self._divisors = divisors(light, settings.normalization)
 
-    def measured(self, methods: Sequence[Detector], books: Bookkeeping) -> list[FloatArray]:
+    def measured(self, methods: Sequence[Detector], books: Bookkeeping) -> list[Floats]:
         """Return the sums of each method, (4, fluxes, repeats, T)."""
         repeats = [
             books.part(f"{self._key[-1]}-{each}", partial(self._repeat, each, methods, books))
@@ -187,9 +183,7 @@ class _AtSize:
         ]
         return [np.stack(sums, axis=2) for sums in zip(*repeats, strict=True)]
 
-    def _repeat(
-        self, repeat: int, methods: Sequence[Detector], books: Bookkeeping
-    ) -> list[FloatArray]:
+    def _repeat(self, repeat: int, methods: Sequence[Detector], books: Bookkeeping) -> list[Floats]:
         """Return the sums of each method, (4, fluxes, T)."""
         fluxes, shape = self._settings.fluxes, self._shape
         to_light = [method.start(shape) for method in methods]
@@ -211,7 +205,7 @@ class _AtSize:
             for of_method in zip(*comparisons, strict=True)
         ]
 
-    def curve(self, method: Detector, sums: FloatArray, metric: Metric, warm_up: int) -> ErrorCurve:
+    def curve(self, method: Detector, sums: Floats, metric: Metric, warm_up: int) -> ErrorCurve:
         """Return the curve of a method, with standard errors of blocks longer than its memory."""
         frames = sums.shape[-1] - warm_up
         blocks = max(1, frames // (method.memory_frames + 1))
@@ -234,9 +228,9 @@ class _Comparison:
     ) -> None:
         self._method, self._to_counts = method, method.start(shape)
         self._to_means = method.start(shape) if settings.compares_with_means(method) else None
-        self.sums: list[FloatArray] = []
+        self.sums: list[Floats] = []
 
-    def add(self, ideal: FloatArray, means: FloatArray, counts: Counts, scale: float) -> None:
+    def add(self, ideal: Floats, means: Floats, counts: Counts, scale: float) -> None:
         if self._to_means is not None:
             ideal = self._to_means(means, scale)
         self.sums.append(error_sums(self._method, ideal, self._to_counts(counts, scale)))

@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
-FloatArray = NDArray[np.float64]
+from megalopta.core.arrays import Floats
+
 Frames = NDArray[Any]
-Responder = Callable[[Frames, float], FloatArray]
+Responder = Callable[[Frames, float], Floats]
 """The next chunk of frames (n, H, W) and its scale to the responses of that chunk."""
 
 
@@ -73,14 +74,7 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
     def after(self, frames: Frames, scale: float) -> Callable[[float], Responder]:
         """Return how to start the detector after it has seen `scale` · `frames` + an offset.
 
-        Parameters
-        ----------
-        frames : (T, H, W), counts or intensities, T may be 0
-        scale : float
-
-        Returns
-        -------
-        The offset to the detector, to be fed what follows as one that `start` returns.
+        That is, the offset to a responder as `start` returns one. There may be no frames.
         """
 
         def start(offset: float) -> Responder:
@@ -92,25 +86,17 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
         return start
 
     @abstractmethod
-    def scored(self, responses: FloatArray) -> FloatArray:
+    def scored(self, responses: Floats) -> Floats:
         """Return what errors are computed from, (T, rows, columns, components), no borders."""
 
-    def expected_deviation(self, means: FloatArray, scale: float) -> FloatArray | None:
-        """Return E|response to counts − response to their means|, where it has a closed form.
+    def expected_deviation(self, means: Floats, scale: float) -> Floats | None:
+        """Return E|response to counts − response to their means (T, H, W)|, as `respond`.
 
-        Parameters
-        ----------
-        means : (T, H, W), mean counts
-        scale : float
-            As for `respond`.
-
-        Returns
-        -------
-        As `respond`, or None where counts must be drawn to know it.
+        None where it has no closed form, and counts must be drawn to know it.
         """
         return None
 
-    def respond(self, frames: Frames, scale: float = 1.0) -> FloatArray:
+    def respond(self, frames: Frames, scale: float = 1.0) -> Floats:
         """Return the responses to the sequence `scale` · `frames`.
 
         Parameters
@@ -137,14 +123,14 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
         return self.start((frames.shape[1], frames.shape[2]))(frames, scale)
 
 
-def in_pairs(match: Callable[[Frames], FloatArray]) -> Responder:
+def in_pairs(match: Callable[[Frames], Floats]) -> Responder:
     """Return a responder that hands `match` every pair of neighboring frames exactly once.
 
     `match`: frames (n, H, W) to the results of their n − 1 pairs.
     """
     last: Frames | None = None
 
-    def respond(frames: Frames, scale: float) -> FloatArray:
+    def respond(frames: Frames, scale: float) -> Floats:
         nonlocal last
         joined = frames if last is None else np.concatenate((last, frames))
         last = frames[-1:].copy()

@@ -17,7 +17,8 @@ from numba import njit
 from numpy.typing import NDArray
 from pydantic import Field
 
-from megalopta.flow.detectors.base import FloatArray, Responder
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.base import Responder
 from megalopta.flow.detectors.blocks import BlockGrid, PooledFrames, block_sums
 from megalopta.flow.detectors.poisson_matching import parabola_minimum
 
@@ -48,7 +49,7 @@ class BurstAlignment(PooledFrames, frozen=True):
             lambda frame: frame.astype(np.float64),
         )
 
-    def _velocities(self, window: list[FloatArray], grid: BlockGrid) -> FloatArray:
+    def _velocities(self, window: list[Floats], grid: BlockGrid) -> Floats:
         """Return the velocities of the blocks, (blocks, 2)."""
         each = max(1, len(window) // _SUMS)
         count = len(window) // each
@@ -63,7 +64,7 @@ class BurstAlignment(PooledFrames, frozen=True):
         seen = block_sums(sums[middle], grid).reshape(-1, 1) > 0
         return np.where(seen, slope / (times @ times), np.nan)
 
-    def _shifts(self, reference: FloatArray, other: FloatArray, grid: BlockGrid) -> FloatArray:
+    def _shifts(self, reference: Floats, other: Floats, grid: BlockGrid) -> Floats:
         """Return how far the content of each block is displaced in another frame, (blocks, 2)."""
         pyramid = list(_levels(np.stack((reference, other)), grid.block_px, self.levels))
         shifts = np.zeros((grid.rows, grid.columns, 2), np.int64)
@@ -78,7 +79,7 @@ class BurstAlignment(PooledFrames, frozen=True):
         return np.asarray(found + parabola_minimum(around))
 
 
-def _levels(pair: FloatArray, block_px: int, most: int) -> Iterator[FloatArray]:
+def _levels(pair: Floats, block_px: int, most: int) -> Iterator[Floats]:
     """Yield both frames (2, H, W), each time binned by 2 × 2 px more, as long as a block fits."""
     for _ in range(most):
         yield pair
@@ -109,7 +110,7 @@ def _moved(field: NDArray[np.int64], down: int, right: int) -> NDArray[np.int64]
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc"})  # type: ignore[untyped-decorator]
-def _difference(pair: FloatArray, row: int, column: int, size: int, dx: int, dy: int) -> float:
+def _difference(pair: Floats, row: int, column: int, size: int, dx: int, dy: int) -> float:
     """Sum of absolute differences of a patch and one displaced; infinite outside of the frame."""
     top, left = row + dy, column + dx
     if top < 0 or left < 0 or top + size > pair.shape[1] or left + size > pair.shape[2]:
@@ -125,12 +126,12 @@ def _difference(pair: FloatArray, row: int, column: int, size: int, dx: int, dy:
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _search(
-    pair: FloatArray,
+    pair: Floats,
     corners: NDArray[np.int64],
     size: int,
     guesses: NDArray[np.int64],
     radius: int,
-    around: FloatArray,
+    around: Floats,
 ) -> NDArray[np.int64]:
     """Return the best shifts (x, y) of patches; fill in the differences around them, (n, 3, 3)."""
     shifts = np.empty((len(corners), 2), np.int64)

@@ -34,7 +34,8 @@ from numba import njit
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from megalopta.flow.detectors.base import Detector, FloatArray, Frames, Responder
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.base import Detector, Frames, Responder
 
 FilterStep = Annotated[float, Field(gt=0, le=1)]
 _FORGOTTEN = 0.01
@@ -140,10 +141,10 @@ class CorrelationDetector(Detector, frozen=True):
 
         return start
 
-    def _from(self, state: FloatArray, is_new: bool = False) -> Responder:
+    def _from(self, state: Floats, is_new: bool = False) -> Responder:
         """Return filters in a state; of new ones the first frame has been there forever."""
 
-        def respond(frames: Frames, scale: float) -> FloatArray:
+        def respond(frames: Frames, scale: float) -> Floats:
             nonlocal is_new
             if is_new and len(frames):
                 state[0], is_new = frames[0] * np.float64(scale), False
@@ -151,14 +152,14 @@ class CorrelationDetector(Detector, frozen=True):
 
         return respond
 
-    def _pass(self, frames: Frames, scale: float, state: FloatArray) -> FloatArray:
+    def _pass(self, frames: Frames, scale: float, state: Floats) -> Floats:
         """Return the responses, and change the state in place."""
         responses = np.empty(frames.shape)
         filters = _Filters(self._kind, float(scale), self.filter_step, self.output_step)
         _advance(frames, filters, state, responses)
         return responses
 
-    def scored(self, responses: FloatArray) -> FloatArray:
+    def scored(self, responses: Floats) -> Floats:
         """Return pixels 2 to N − 1 of each side, as in Eq. 4.5; a single row has no border rows."""
         rows = slice(None) if responses.shape[1] == 1 else slice(1, -1)
         return responses[:, rows, 1:-1, np.newaxis]
@@ -227,7 +228,7 @@ class NonDirectionalSummation(CorrelationDetector, frozen=True):
     """Step a of the high-pass and of the delay, 1/(1 + time constant in frames)"""
 
 
-def ndm_mean(filter_step: float, omega: ArrayLike, phase: float, contrast: float) -> FloatArray:
+def ndm_mean(filter_step: float, omega: ArrayLike, phase: float, contrast: float) -> Floats:
     """Return the mean response of NDM before rectification, (C²/4)·h1²·h2·cos φ2·cos φ (Eq. 4.2).
 
     `filter_step`: step a of the high-pass and of the delay, 0 < a < 1; `omega`: temporal frequency,
@@ -237,7 +238,7 @@ def ndm_mean(filter_step: float, omega: ArrayLike, phase: float, contrast: float
     return np.asarray(contrast**2 / 4 * high_pass**2 * delayed.real * np.cos(phase))
 
 
-def nds_mean(filter_step: float, omega: ArrayLike, phase: float, contrast: float) -> FloatArray:
+def nds_mean(filter_step: float, omega: ArrayLike, phase: float, contrast: float) -> Floats:
     """Return the mean response of NDS, rectified: 2A/π, A = (C/2)·h1·|1 + 2·Hl·cos φ|.
 
     Parameters and shape as for `ndm_mean`.
@@ -247,7 +248,7 @@ def nds_mean(filter_step: float, omega: ArrayLike, phase: float, contrast: float
     return np.asarray(2 / np.pi * amplitude)
 
 
-def _gains(step: float, omega: ArrayLike) -> tuple[FloatArray, np.ndarray]:
+def _gains(step: float, omega: ArrayLike) -> tuple[Floats, np.ndarray]:
     """Amplitude h1 of the high-pass and complex gain Hl of the delay."""
     z = np.exp(-1j * np.asarray(omega, dtype=float))
     rest = 1 - (1 - step) * z

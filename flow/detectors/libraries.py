@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from megalopta.flow.detectors.base import FloatArray
+from megalopta.core.arrays import Floats
 from megalopta.flow.detectors.blocks import BlockGrid
 from megalopta.flow.detectors.gray_detector import (
     DenseDetector,
@@ -69,7 +69,7 @@ class LucasKanade(GrayDetector, frozen=True):
         side = max(_SMALLEST_WINDOW_PX, round(self.window_blocks * grid.block_px))
         centers = (grid.centers.reshape(-1, 2) - 0.5).astype(np.float32)
 
-        def estimate(pair: FloatArray) -> FloatArray:
+        def estimate(pair: Floats) -> Floats:
             first, second = eight_bits(pair)
             sides, coarsest = (side, side), self.pyramid_levels - 1
             with one_thread():
@@ -106,7 +106,7 @@ class Farneback(DenseDetector, frozen=True):
         window = max(1, round(self.window_blocks * grid.block_px))
         settings: dict[str, Any] = {"levels": self.pyramid_levels, "winsize": window, **_FARNEBACK}
 
-        def flow(pair: FloatArray) -> NDArray[Any]:
+        def flow(pair: Floats) -> NDArray[Any]:
             first, second = (_GRAY_LEVELS * pair).astype(np.float32)
             empty: Any = np.empty((*grid.shape, 2), np.float32)
             with one_thread():
@@ -142,7 +142,7 @@ class DenseInverseSearch(DenseDetector, frozen=True):
         preset = getattr(cv2, f"DISOPTICAL_FLOW_PRESET_{self.preset.upper()}")
         search = cv2.DISOpticalFlow.create(preset)
 
-        def flow(pair: FloatArray) -> NDArray[Any]:
+        def flow(pair: Floats) -> NDArray[Any]:
             first, second = eight_bits(pair)
             with one_thread():
                 return search.calc(first, second, np.zeros((*grid.shape, 2), np.float32))
@@ -186,7 +186,7 @@ class TotalVariation(DenseDetector, frozen=True):
     def _dense(self, grid: BlockGrid) -> PairFlow:
         from skimage.registration import optical_flow_tvl1
 
-        def flow(pair: FloatArray) -> FloatArray:
+        def flow(pair: Floats) -> Floats:
             down, right = optical_flow_tvl1(*pair, attachment=self.attachment, dtype=np.float64)
             return np.stack((right, down), axis=-1)
 
@@ -223,7 +223,7 @@ class PhaseCorrelation(GrayDetector, frozen=True):
         window = np.outer(*(tukey(side, _FADING) for side in grid.shape))
         normalization = "phase" if self.whitened else None
 
-        def estimate(pair: FloatArray) -> FloatArray:
+        def estimate(pair: Floats) -> Floats:
             first, second = (window * (frame - frame.mean()) for frame in pair)
             # What is returned would bring the second frame back onto the first.
             shift, *_ = phase_cross_correlation(

@@ -68,7 +68,8 @@ from pydantic import Field
 from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.ndimage import gaussian_filter, spline_filter, uniform_filter
 
-from megalopta.flow.detectors.base import FloatArray, Frames, Responder
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.base import Frames, Responder
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, PooledFrames, thesis_radius_px
 from megalopta.flow.likelihood import root_noise, suited_blur_px
 
@@ -117,7 +118,7 @@ class SmoothedFrame:
             self._kept[key] = make()
         return self._kept[key]
 
-    def moments(self, grid: BlockGrid, margin_px: int) -> FloatArray:
+    def moments(self, grid: BlockGrid, margin_px: int) -> Floats:
         """Return `block_moments` of the counts."""
         make = partial(block_moments, self._counts, grid, margin_px)
         return np.asarray(self._once((grid, margin_px), make))
@@ -154,7 +155,7 @@ def suited_levels(
     return blur_levels(moments, len(window)).ravel()
 
 
-def block_moments(counts: Frames, grid: BlockGrid, margin_px: int) -> FloatArray:
+def block_moments(counts: Frames, grid: BlockGrid, margin_px: int) -> Floats:
     """Return sums of 1, counts and squared counts over blocks and a margin, (3, rows, columns)."""
     around = np.array([[-margin_px], [grid.block_px + margin_px]])
     rows, columns = (
@@ -171,7 +172,7 @@ def block_moments(counts: Frames, grid: BlockGrid, margin_px: int) -> FloatArray
     return np.stack((np.multiply.outer(rows[1] - rows[0], columns[1] - columns[0]), *sums))
 
 
-def blur_levels(moments: FloatArray, frames: int) -> NDArray[np.intp]:
+def blur_levels(moments: Floats, frames: int) -> NDArray[np.intp]:
     """Return which of `BLURS_PX` suits each block, of so many frames that are to agree.
 
     The moments (3, …) are sums of 1, counts and squared counts.
@@ -200,7 +201,7 @@ def add_costs(
     weights: NDArray[np.float32],
     places: NDArray[np.int64],
     size: int,
-    costs: FloatArray,
+    costs: Floats,
 ) -> None:
     """Add Σ weight·(second − first)² over blocks of `second` and parts of `first` near an origin.
 
@@ -243,7 +244,7 @@ def add_costs(
                 costs[block, radius + dy, radius + dx] += cost
 
 
-def least_cost(costs: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+def least_cost(costs: Floats) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Return the shift (x, y) of least cost of each block, (n, 2), and whether there is one, (n,).
 
     There is none where all costs are equal, as without photons, or none is finite. Costs are those
@@ -255,7 +256,7 @@ def least_cost(costs: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.bool_]]
     return np.stack((x, y), axis=-1) - side // 2, highest > costs.min(axis=(1, 2))
 
 
-def parabola_minimum(costs: FloatArray) -> FloatArray:
+def parabola_minimum(costs: Floats) -> Floats:
     """Return where (x, y) the parabola through costs (n, 3, 3) is least, (n, 2), at most 1 away.
 
     0 along an axis on which a cost is infinite or the middle is no minimum.
@@ -273,7 +274,7 @@ def parabola_minimum(costs: FloatArray) -> FloatArray:
     return np.where(np.isfinite(steps), np.clip(steps, -1, 1), 0)
 
 
-def _neighbor_shifts(window: Sequence[SmoothedFrame], grid: BlockGrid, radius: int) -> FloatArray:
+def _neighbor_shifts(window: Sequence[SmoothedFrame], grid: BlockGrid, radius: int) -> Floats:
     """Return how far the content of each block moves from frame to frame, (blocks, 2), x and y, px.
 
     NaN where all shifts are as likely. Frames are oldest first, two or more. Shifts are searched so
@@ -297,7 +298,7 @@ def _costs(
     places: NDArray[np.int64],
     block_px: int,
     radius: int,
-) -> FloatArray:
+) -> Floats:
     """Return the costs of shifts around those of places, as of `add_costs`, over all pairs."""
     costs = np.zeros((len(places), 2 * radius + 1, 2 * radius + 1))
     for level in np.unique(levels):
@@ -345,7 +346,7 @@ class PooledMatching(PooledFrames, PoissonMatching, frozen=True):
         def prepared(frame: Frames) -> tuple[SmoothedFrame, Patches]:
             return SmoothedFrame(frame), Patches(frame, grid, radius)
 
-        def velocity(window: list[tuple[SmoothedFrame, Patches]], scale: float) -> FloatArray:
+        def velocity(window: list[tuple[SmoothedFrame, Patches]], scale: float) -> Floats:
             smoothed, patches = zip(*window, strict=True)
             return aligned(smoothed, grid, radius, agreed_velocities(patches, radius))
 
@@ -370,7 +371,7 @@ class Patches:
         self.spectra: NDArray[np.complex64] = rfft2(cut)
 
 
-def agreed_velocities(frames: Sequence[Patches], radius_px: int) -> FloatArray:
+def agreed_velocities(frames: Sequence[Patches], radius_px: int) -> Floats:
     """Return the most likely velocity (x, y) of each patch, (patches, 2), px per frame.
 
     NaN where all are as likely: fewer than two of its frames show any pattern. Frames are oldest
@@ -405,7 +406,7 @@ def pair_weight(size: int, excess: float, noise: float, frames: int) -> NDArray[
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def add_up_pairs(correlations: NDArray[np.float32], side: int, scores: FloatArray) -> None:
+def add_up_pairs(correlations: NDArray[np.float32], side: int, scores: Floats) -> None:
     """Add up, for each velocity, the correlations of frames k apart at k times it."""
     size, middle = correlations.shape[1], len(scores) // 2
     for i in range(len(scores)):
@@ -429,7 +430,7 @@ def add_up_pairs(correlations: NDArray[np.float32], side: int, scores: FloatArra
             scores[i, j] = total
 
 
-def _peak(scores: FloatArray) -> FloatArray:
+def _peak(scores: Floats) -> Floats:
     """Return the velocity (x, y) of the highest score, between those tried by a parabola."""
     steps = len(scores) // 2
     best = np.array(np.unravel_index(scores.argmax(), scores.shape))
@@ -440,8 +441,8 @@ def _peak(scores: FloatArray) -> FloatArray:
 
 
 def aligned(
-    window: Sequence[SmoothedFrame], grid: BlockGrid, margin_px: int, velocities: FloatArray
-) -> FloatArray:
+    window: Sequence[SmoothedFrame], grid: BlockGrid, margin_px: int, velocities: Floats
+) -> Floats:
     """Return velocities (blocks, 2), x and y in px per frame, moved to where frames are most alike.
 
     Those that would be moved far, or nowhere, and NaN stay. Frames are oldest first, two or more;
@@ -463,8 +464,8 @@ def _align(
     weights: NDArray[np.float32],
     corners: NDArray[np.int64],
     size: int,
-    velocities: FloatArray,
-) -> FloatArray:
+    velocities: Floats,
+) -> Floats:
     """Return velocities (n, 2) of blocks at corners, moved."""
     moved = velocities.copy()
     for block, start in enumerate(velocities):

@@ -34,6 +34,7 @@ translation the rotation is found, and the heading means nothing.
 """
 
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -43,7 +44,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
-from megalopta.flow.detectors.base import FloatArray, Frames
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.base import Frames
 from megalopta.flow.likelihood import (
     NODE_PX,
     Level,
@@ -73,13 +75,13 @@ _CAUCHY = 2.385
 class CameraMotion:
     """Motion between two frames, in the axes of the first camera."""
 
-    rotation_deg: FloatArray
+    rotation_deg: Floats
     """Rotation vector (3,), degrees per frame"""
-    heading: FloatArray
+    heading: Floats
     """Direction of translation, unit vector (3,)"""
 
 
-def camera_motion(directions: FloatArray, moved: FloatArray) -> CameraMotion:
+def camera_motion(directions: Floats, moved: Floats) -> CameraMotion:
     """Return the rotation and heading that explain where points were seen, and are seen next.
 
     `directions`, `moved` (n, 3): unit vectors to the points from the first camera and from the
@@ -99,7 +101,7 @@ def camera_motion(directions: FloatArray, moved: FloatArray) -> CameraMotion:
     return CameraMotion(np.degrees(rotation), heading * _sign(heading, rotation, d, e))
 
 
-def motion_of_flow(camera: Camera, points: FloatArray, flow: FloatArray) -> CameraMotion:
+def motion_of_flow(camera: Camera, points: Floats, flow: Floats) -> CameraMotion:
     """Return the rotation and heading of the camera that fit a flow best.
 
     `points`, `flow` (..., 2): image coordinates, and how far what is seen there moves (px); NaN is
@@ -111,7 +113,7 @@ def motion_of_flow(camera: Camera, points: FloatArray, flow: FloatArray) -> Came
     return camera_motion(first.reshape(-1, 3), second.reshape(-1, 3))
 
 
-def _promising(d: FloatArray, e: FloatArray) -> FloatArray:
+def _promising(d: Floats, e: Floats) -> Floats:
     """Headings from which to refine, (n, 3)."""
     some = slice(None, None, max(1, len(d) // _TRIED_ON))
     d, e, tried = d[some], e[some], _half_sphere(_TRIED)
@@ -124,7 +126,7 @@ def _promising(d: FloatArray, e: FloatArray) -> FloatArray:
     return tried[np.argsort(costs)[:_REFINED]]
 
 
-def _half_sphere(count: int) -> FloatArray:
+def _half_sphere(count: int) -> Floats:
     """Directions spread evenly over half of the sphere: the other half are their opposites."""
     z = (np.arange(count) + 0.5) / count
     turn = np.pi * (1 + 5**0.5) * np.arange(count)
@@ -132,18 +134,18 @@ def _half_sphere(count: int) -> FloatArray:
     return np.column_stack((radius * np.cos(turn), radius * np.sin(turn), z))
 
 
-def _normals(t: FloatArray, d: FloatArray) -> FloatArray:
+def _normals(t: Floats, d: Floats) -> Floats:
     """Unit normals of the planes of t and the points, (n, 3)."""
     normals = np.cross(t, d)
     return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-6))
 
 
-def _across(t: FloatArray, turn: FloatArray, d: FloatArray, e: FloatArray) -> FloatArray:
+def _across(t: Floats, turn: Floats, d: Floats, e: Floats) -> Floats:
     """Motion across the planes that a translation along t allows, (n,) in radians."""
     return np.asarray(np.sum(Rotation.from_rotvec(turn).apply(e) * _normals(t, d), axis=1))
 
 
-def _turn(t: FloatArray, d: FloatArray, e: FloatArray) -> FloatArray:
+def _turn(t: Floats, d: Floats, e: Floats) -> Floats:
     """Rotation vector that leaves least across, by least squares: (e + ω × e) · n = 0."""
     normals = _normals(t, d)
     return np.asarray(
@@ -151,7 +153,7 @@ def _turn(t: FloatArray, d: FloatArray, e: FloatArray) -> FloatArray:
     )
 
 
-def _refined(t: FloatArray, d: FloatArray, e: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+def _refined(t: Floats, d: Floats, e: Floats) -> tuple[Floats, Floats, float]:
     """Return the heading and turn near t that leave least across, and their median distance."""
     turn = _turn(t, d, e)
     for _ in range(_ROUNDS):  # each with the noise that the last has left
@@ -159,37 +161,26 @@ def _refined(t: FloatArray, d: FloatArray, e: FloatArray) -> tuple[FloatArray, F
         # two directions across t, in which it may move
         sideways = np.linalg.svd(t[np.newaxis])[2][1:]
 
-        found = least_squares(
-            _scaled_residuals,
-            np.concatenate(([0.0, 0.0], turn)),
-            loss="cauchy",
-            f_scale=_CAUCHY,
-            args=(t, sideways, d, e, noise),
-        )
+        start = np.concatenate(([0.0, 0.0], turn))
+        residuals = partial(_scaled_residuals, t, sideways, d, e, noise)
+        found = least_squares(residuals, start, loss="cauchy", f_scale=_CAUCHY)
         t, turn = _near(t, sideways, found.x)
     return t, turn, float(np.median(np.abs(_across(t, turn, d, e))))
 
 
-def _near(
-    t: FloatArray, sideways: FloatArray, parameters: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _near(t: Floats, sideways: Floats, parameters: Floats) -> tuple[Floats, Floats]:
     """Heading moved sideways from t, and rotation vector."""
     moved = t + parameters[:2] @ sideways
     return moved / np.linalg.norm(moved), parameters[2:]
 
 
 def _scaled_residuals(
-    parameters: FloatArray,
-    t: FloatArray,
-    sideways: FloatArray,
-    d: FloatArray,
-    e: FloatArray,
-    noise: float,
-) -> FloatArray:
+    t: Floats, sideways: Floats, d: Floats, e: Floats, noise: float, parameters: Floats
+) -> Floats:
     return _across(*_near(t, sideways, parameters), d, e) / noise
 
 
-def _sign(t: FloatArray, turn: FloatArray, d: FloatArray, e: FloatArray) -> int:
+def _sign(t: Floats, turn: Floats, d: Floats, e: Floats) -> int:
     """Which of t and −t puts more points in front: from there they move away from it."""
     left = Rotation.from_rotvec(turn).apply(e) - d
     away = (d @ t)[:, np.newaxis] * d - t
@@ -216,13 +207,13 @@ _NOWHERE = -1e6
 
 
 class _Motion(NamedTuple):
-    turn: FloatArray
+    turn: Floats
     """ω (3,), radians per frame, in the axes of the camera"""
-    change: FloatArray
+    change: Floats
     """α (3,), radians per frame and frame"""
-    heading: FloatArray
+    heading: Floats
     """t/|t| (3,)"""
-    nearness: FloatArray
+    nearness: Floats
     """ρ|t| at nodes, (n, m)"""
 
 
@@ -276,17 +267,17 @@ class _Search:
 
     camera: Camera
     level: Level
-    times: FloatArray
+    times: Floats
     charge: float
-    flow: FloatArray
+    flow: Floats
     """Poisson flow at nodes, (n, m, 2)"""
-    centers: FloatArray
+    centers: Floats
     """Image coordinates of the nodes, (n, m, 2)"""
-    seen: FloatArray
+    seen: Floats
     """Directions of the pixels, (H, W, 3)"""
-    turning: FloatArray
+    turning: Floats
     """Flow of a turn about each axis, (n, m, 2, 3), px"""
-    going: FloatArray
+    going: Floats
     """Flow of going along each axis past points at distance 1, (n, m, 2, 3), px"""
 
     @classmethod
@@ -324,7 +315,7 @@ class _Search:
             return [self._fitted(each) for each in headings]
         return [self._fitted(each) for each in (found, -found, *headings)]
 
-    def _fitted(self, heading: FloatArray) -> _Motion:
+    def _fitted(self, heading: Floats) -> _Motion:
         """Return the turn and nearness that leave least of the Poisson flow, in the L1 norm."""
         along = self.going @ heading
         power = (along**2).sum(axis=-1)
@@ -390,16 +381,14 @@ class _Search:
             np.maximum(nearer, 0) * length,
         )
 
-    def _places(
-        self, heading: FloatArray, near: FloatArray, time: float, turn: FloatArray
-    ) -> FloatArray:
+    def _places(self, heading: Floats, near: Floats, time: float, turn: Floats) -> Floats:
         """Where at a time is seen what the frame of reference shows at its pixels, (2, H, W)."""
         points = self.seen - time * near[..., np.newaxis] * heading
         turned = Rotation.from_rotvec(-turn).apply(points.reshape(-1, 3))
         image = self.camera.project(turned.reshape(points.shape)) - 0.5
         return np.nan_to_num(np.moveaxis(image[..., ::-1], -1, 0), nan=_NOWHERE)
 
-    def _prior(self, nearness: FloatArray, scale: float) -> tuple[float, coo_array]:
+    def _prior(self, nearness: Floats, scale: float) -> tuple[float, coo_array]:
         """Return what the nearness is charged for its gradient, and the stiffness of its links.
 
         The stiffness (nodes, nodes) makes of a charge that grows as the gradient a quadratic form.
@@ -415,12 +404,8 @@ class _Search:
 
 
 def _solved(
-    eight_eight: FloatArray,
-    eight_near: FloatArray,
-    near_near: coo_array,
-    to_eight: FloatArray,
-    to_near: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
+    eight_eight: Floats, eight_near: Floats, near_near: coo_array, to_eight: Floats, to_near: Floats
+) -> tuple[Floats, Floats]:
     """Return the steps of eight parameters and of the nearness, the latter eliminated."""
     factors = splu(near_near.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
     solved = factors.solve(np.column_stack((to_near, eight_near)))
@@ -430,14 +415,12 @@ def _solved(
     return change, solved[:, 0] - solved[:, 1:] @ change
 
 
-def _patterns(times: FloatArray) -> FloatArray:
+def _patterns(times: Floats) -> Floats:
     """Return by how much ω and α have turned the camera, (2, n)."""
     return np.stack((times, times * (times - 1) / 2))
 
 
-def _flows(
-    camera: Camera, centers: FloatArray, seen: FloatArray, changes: list[FloatArray]
-) -> FloatArray:
+def _flows(camera: Camera, centers: Floats, seen: Floats, changes: list[Floats]) -> Floats:
     """Return the flow of each change of the directions seen, (n, m, 2, changes), px."""
     flows = [camera.displacement(seen + _SMALL * each, centers) / _SMALL for each in changes]
     return np.nan_to_num(np.stack(flows, axis=-1))

@@ -28,8 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.arrays import Mask
-from megalopta.flow.detectors.base import FloatArray
+from megalopta.core.arrays import Floats, Mask
 from megalopta.flow.detectors.blocks import BlockGrid
 
 SLOW_PX, FAST_PX = 0.5, 2.0
@@ -90,7 +89,7 @@ def block_flow(
     occluded: Mask | None = None,
     valid_fraction: float = 0.5,
     weights: NDArray[np.floating] | None = None,
-) -> FloatArray:
+) -> Floats:
     """Return the true velocity of each block, px of the resized image per frame.
 
     Parameters
@@ -134,7 +133,7 @@ def block_flow(
     return np.asarray(sums * scale / np.where(enough, pixels, np.nan)[..., np.newaxis])
 
 
-def block_share(mask: Mask, grid: BlockGrid) -> FloatArray:
+def block_share(mask: Mask, grid: BlockGrid) -> Floats:
     """Return the share of each block's pixels that a mask marks, (T, rows, columns).
 
     The mask (T, H, W) is of the full image, such as the pixels that are hidden in the next frame;
@@ -146,7 +145,7 @@ def block_share(mask: Mask, grid: BlockGrid) -> FloatArray:
 
 
 def truth_error(
-    velocities: FloatArray, true_velocities: FloatArray, among: Mask | None = None
+    velocities: Floats, true_velocities: Floats, among: Mask | None = None
 ) -> TruthError:
     """Return how far velocities are from the truth, without the outermost block on every side.
 
@@ -192,7 +191,7 @@ def truth_error(
 
 
 def truth_splits(
-    velocities: FloatArray, true_velocities: FloatArray, hidden: FloatArray
+    velocities: Floats, true_velocities: Floats, hidden: Floats
 ) -> Mapping[str, TruthError]:
     """Return the errors of groups of blocks, by speed and by occlusion, under their names.
 
@@ -212,7 +211,7 @@ def truth_splits(
     return {name: truth_error(velocities, true_velocities, each) for name, each in groups.items()}
 
 
-def _memberships(shape: tuple[int, int], grid: BlockGrid) -> tuple[FloatArray, FloatArray]:
+def _memberships(shape: tuple[int, int], grid: BlockGrid) -> tuple[Floats, Floats]:
     """Return 1 where rows and columns of a full image (H, W) have their middle in a block.
 
     (rows of blocks, H) and (columns of blocks, W).
@@ -226,14 +225,14 @@ def _memberships(shape: tuple[int, int], grid: BlockGrid) -> tuple[FloatArray, F
     return found[0], found[1]
 
 
-def _relative_errors(found: FloatArray, truth: FloatArray) -> FloatArray:
+def _relative_errors(found: Floats, truth: Floats) -> Floats:
     speed = np.hypot(*truth.T)
     moving = speed > 0
     relative = np.hypot(*(found - truth)[moving].T) / speed[moving]
     return np.where(np.isnan(relative), 1.0, relative)
 
 
-def _angles_deg(first: FloatArray, second: FloatArray) -> FloatArray:
+def _angles_deg(first: Floats, second: Floats) -> Floats:
     """Return the angles between (v_x, v_y, 1) of two lists of velocities (n, 2)."""
     a, b = (np.column_stack((each, np.ones(len(each)))) for each in (first, second))
     cross = np.linalg.norm(np.cross(a, b), axis=1)
@@ -281,10 +280,7 @@ class DenseErrors:
         self._sums = {name: np.zeros(3 + _MEASURES) for name in GROUPS}
 
     def add(
-        self,
-        flow: NDArray[np.floating],
-        truth: NDArray[np.floating],
-        occluded: Mask | None = None,
+        self, flow: NDArray[np.floating], truth: NDArray[np.floating], occluded: Mask | None = None
     ) -> None:
         """Score one image.
 
@@ -341,7 +337,7 @@ class DenseErrors:
         return DenseError(int(pixels), *values)
 
 
-def _measures(found: FloatArray, true: FloatArray) -> FloatArray:
+def _measures(found: Floats, true: Floats) -> Floats:
     """What is averaged over pixels, (measures, pixels)."""
     missing = np.asarray(~np.isfinite(found).all(axis=-1))
     found = np.where(missing[:, np.newaxis], 0.0, found)
@@ -355,7 +351,7 @@ def _measures(found: FloatArray, true: FloatArray) -> FloatArray:
     return np.array([epe, epe**2, *over, fl, wauc, missing, _angles_deg(found, true)])
 
 
-def _groups(true: FloatArray, hidden: Mask) -> dict[str, Mask]:
+def _groups(true: Floats, hidden: Mask) -> dict[str, Mask]:
     speed = np.hypot(*true.T)
     slow, fast = SPEEDS_PX
     each = np.ones_like(hidden), ~hidden, hidden

@@ -25,7 +25,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field, PositiveInt, TypeAdapter
 
-from megalopta.flow.detectors.base import Detector, FloatArray
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.base import Detector
 from megalopta.flow.metrics.response_error import Metric, error_parts, quotient
 from megalopta.sensor.sampling.streams import generator
 
@@ -127,7 +128,7 @@ def threshold(
     return Threshold("crossing", level, *bounds, crossing, *interval)
 
 
-def first_crossing(fluxes: FloatArray, errors: FloatArray, level: float) -> FloatArray:
+def first_crossing(fluxes: Floats, errors: Floats, level: float) -> Floats:
     """Return where curves (..., n) over growing fluxes (n,) first fall below a level.
 
     0 if they start below, infinite if they never do.
@@ -224,7 +225,7 @@ class Asked(Protocol):
 
 
 def measured_errors(
-    metric: Metric, fluxes: Sequence[float], sums: FloatArray, block_starts: Sequence[int]
+    metric: Metric, fluxes: Sequence[float], sums: Floats, block_starts: Sequence[int]
 ) -> MeasuredErrors:
     """Return errors and their standard errors from sums (4, n, repeats, T).
 

@@ -22,16 +22,16 @@ from typing import Literal
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from megalopta.flow.detectors.base import Detector, FloatArray
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.base import Detector
 
 Metric = Literal["literal", "ratio"]
 METRICS: tuple[Metric, ...] = ("literal", "ratio")
 _SMALLEST_DENOMINATOR = 1e-20
 
 
-def error_sums(detector: Detector, ideal: FloatArray, noisy: FloatArray) -> FloatArray:
+def error_sums(detector: Detector, ideal: Floats, noisy: Floats) -> Floats:
     """Return the sums (4, T) of a detector's responses (T, H, W) or (T, rows, columns, 2).
 
     Raises ValueError when the two have different shapes.
@@ -44,7 +44,7 @@ def error_sums(detector: Detector, ideal: FloatArray, noisy: FloatArray) -> Floa
     return sums
 
 
-def error_parts(sums: FloatArray, metric: Metric) -> tuple[FloatArray, FloatArray]:
+def error_parts(sums: Floats, metric: Metric) -> tuple[Floats, Floats]:
     """Return numerator and denominator of the error of each frame, (…, T), from sums (4, …, T)."""
     relative, deviation, magnitude, scored = sums
     if metric == "literal":
@@ -53,22 +53,20 @@ def error_parts(sums: FloatArray, metric: Metric) -> tuple[FloatArray, FloatArra
     return deviation, magnitude
 
 
-def error_of(sums: FloatArray, metric: Metric) -> float:
+def error_of(sums: Floats, metric: Metric) -> float:
     """Return the error over all frames; NaN when the ideal response is zero everywhere."""
     numerator, denominator = error_parts(sums, metric)
     return float(quotient(numerator.sum(), denominator.sum()))
 
 
-def quotient(
-    numerator: NDArray[np.float64] | np.float64, denominator: NDArray[np.float64] | np.float64
-) -> FloatArray:
+def quotient(numerator: Floats | np.float64, denominator: Floats | np.float64) -> Floats:
     """Return a/b, NaN where b is 0: nothing was scored, or nothing moved."""
     undefined = np.full(np.shape(denominator), np.nan)
     return np.divide(numerator, denominator, out=undefined, where=np.asarray(denominator) > 0)
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _add_up(ideal: FloatArray, noisy: FloatArray, skip_zero: bool, sums: FloatArray) -> None:
+def _add_up(ideal: Floats, noisy: Floats, skip_zero: bool, sums: Floats) -> None:
     frames, rows, columns, components = ideal.shape
     size, difference = np.empty(columns), np.empty(columns)
     for t in range(frames):
@@ -84,7 +82,7 @@ def _add_up(ideal: FloatArray, noisy: FloatArray, skip_zero: bool, sums: FloatAr
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc"})  # type: ignore[untyped-decorator]
-def _add_row(size: FloatArray, difference: FloatArray, skip_zero: bool, sums: FloatArray) -> None:
+def _add_row(size: Floats, difference: Floats, skip_zero: bool, sums: Floats) -> None:
     """Add a row; without branches, so that vector instructions do it."""
     relative = deviation = magnitude = scored = 0.0
     for j in range(size.size):

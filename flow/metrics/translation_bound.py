@@ -50,7 +50,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
-from megalopta.flow.detectors.base import FloatArray, Frames
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, block_sums
 from megalopta.flow.metrics.photon_threshold import first_crossing
 
@@ -61,7 +62,7 @@ _SINGULAR = 1e-9
 _LOG_FLUXES = math.log(1e-6), math.log(1e15)
 
 
-def fisher_information(means: FloatArray, grid: BlockGrid) -> FloatArray:
+def fisher_information(means: Floats, grid: BlockGrid) -> Floats:
     """Return the Fisher information J of one frame on the displacement of each block.
 
     Parameters
@@ -94,7 +95,7 @@ def fisher_information(means: FloatArray, grid: BlockGrid) -> FloatArray:
     return np.stack((xx, xy, xy, yy), axis=-1).reshape(*xx.shape, 2, 2)
 
 
-def cramer_rao_covariance(information: FloatArray, frames: int = 2) -> FloatArray:
+def cramer_rao_covariance(information: Floats, frames: int = 2) -> Floats:
     """Return the least covariance of a block's velocity, (..., 2, 2) in (px/frame)².
 
     Parameters
@@ -118,7 +119,7 @@ def cramer_rao_covariance(information: FloatArray, frames: int = 2) -> FloatArra
     return np.where(solvable[..., np.newaxis, np.newaxis], covariance, np.inf)
 
 
-def cramer_rao_covariance_along_x(information: FloatArray, frames: int = 2) -> FloatArray:
+def cramer_rao_covariance_along_x(information: Floats, frames: int = 2) -> Floats:
     """Return the covariance (..., 2, 2) of a method that knows that nothing moves along y.
 
     Parameters as for `cramer_rao_covariance`.
@@ -130,7 +131,7 @@ def cramer_rao_covariance_along_x(information: FloatArray, frames: int = 2) -> F
     return covariance
 
 
-def median_endpoint_error(covariances: FloatArray) -> float:
+def median_endpoint_error(covariances: Floats) -> float:
     """Return the median length of normal errors of these covariances, pooled over the blocks.
 
     The length of A·z has the distribution 1 − exp(−ρ²/2σ²(φ)), averaged over the directions φ of z,
@@ -155,7 +156,7 @@ def median_endpoint_error(covariances: FloatArray) -> float:
     return scale * float(np.exp(brentq(excess, -30, 30)))
 
 
-def texture_spectrum(images: FloatArray) -> FloatArray:
+def texture_spectrum(images: Floats) -> Floats:
     """Return the mean power spectrum (H, W) of images (n, H, W), in their unit squared.
 
     Frequencies are in the order of `numpy.fft.fft2`; white noise of variance σ² has σ² everywhere.
@@ -169,8 +170,8 @@ def texture_spectrum(images: FloatArray) -> FloatArray:
 
 
 def unknown_texture_information(
-    spectrum: FloatArray, noise: float, pixels: int, frames: int = 2
-) -> FloatArray:
+    spectrum: Floats, noise: float, pixels: int, frames: int = 2
+) -> Floats:
     """Return the Fisher information (2, 2) on the velocity, (frame/px)², components x, y.
 
     `spectrum` (H, W): power of the texture, counts² per pixel, in the order of `numpy.fft.fft2`;
@@ -189,7 +190,7 @@ def unknown_texture_information(
 
 
 def unknown_texture_photons(
-    spectrum: FloatArray, noise: float, pixels: int, frames: int, speed: float, level: float
+    spectrum: Floats, noise: float, pixels: int, frames: int, speed: float, level: float
 ) -> float:
     """Return the flux at which errors at the bound have a median of `level` of the speed.
 
@@ -242,7 +243,7 @@ def confined(detector: BlockDetector, block_px: int, margin_px: int) -> BlockDet
 
 def confined_velocities(
     detector: BlockDetector, frames: Frames, grid: BlockGrid, margin_px: int
-) -> FloatArray:
+) -> Floats:
     """Return the newest velocity of each block inside, seen through its support alone.
 
     `detector`: any that gives velocities; its parameters for blocks and search are replaced;
@@ -266,9 +267,7 @@ def confined_velocities(
     return velocities
 
 
-def is_within(
-    velocities: FloatArray, truth: tuple[float, float], level: float
-) -> NDArray[np.bool_]:
+def is_within(velocities: Floats, truth: tuple[float, float], level: float) -> NDArray[np.bool_]:
     """Return whether |v − truth| < level·|truth| for velocities (..., 2); never where undefined."""
     error = np.hypot(*np.moveaxis(velocities - np.asarray(truth), -1, 0))
     return np.asarray(error < level * np.hypot(*truth))
@@ -300,7 +299,7 @@ def photons_for_half(
         Infinite when no more than half are good at the largest flux; 0 when more than half are at
         the smallest.
     """
-    tried: dict[int, FloatArray] = {}
+    tried: dict[int, Floats] = {}
 
     def more_than_half(index: int) -> bool:
         good = is_good(fluxes[index])
@@ -327,12 +326,12 @@ def photons_for_half(
         more_than_half(lowest - 1)  # the interval reaches below the fluxes tried
 
 
-def _half(fluxes: FloatArray, shares: FloatArray) -> FloatArray:
+def _half(fluxes: Floats, shares: Floats) -> Floats:
     # first_crossing is linear in the log of an error: this one's log is the share of bad blocks.
     return first_crossing(fluxes, np.exp(1 - shares), np.exp(0.5))
 
 
-def bound_photons(covariances: FloatArray, speed: float, level: float) -> float:
+def bound_photons(covariances: Floats, speed: float, level: float) -> float:
     """Return the flux at which errors at the bound have a median of `level` of the speed.
 
     `covariances` (..., 2, 2): least covariances at one photon per frame; they fall as 1/flux,
@@ -341,7 +340,7 @@ def bound_photons(covariances: FloatArray, speed: float, level: float) -> float:
     return (median_endpoint_error(covariances) / (level * speed)) ** 2
 
 
-def variance_efficiency(velocities: FloatArray, covariances: FloatArray) -> float:
+def variance_efficiency(velocities: Floats, covariances: Floats) -> float:
     """Return the bound over the variance of the velocities, both summed over x and y.
 
     `velocities` (draws, ..., 2): of the same blocks, from independent draws of photons;

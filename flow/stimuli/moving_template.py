@@ -9,8 +9,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.ndimage import correlate1d
 
-from megalopta.flow.detectors.base import FloatArray, Frames
+from megalopta.core.arrays import Floats
+from megalopta.flow.detectors.base import Frames
 from megalopta.flow.stimuli.photons import Normalization, divisors
 from megalopta.flow.stimuli.resizing import ResizeKind, resize, resized_shape
 
@@ -19,7 +21,7 @@ from megalopta.flow.stimuli.resizing import ResizeKind, resize, resized_shape
 class MovingTemplate:
     """What a turning camera sees, frame by frame."""
 
-    template: FloatArray
+    template: Floats
     """(rows, columns), light of any unit; columns at least as many as rows"""
     velocity_px: int
     """Columns per frame, positive to the right"""
@@ -42,7 +44,7 @@ class MovingTemplate:
         resized_shape((rows, rows), self.size)
 
     @cached_property
-    def _lines(self) -> FloatArray:
+    def _lines(self) -> Floats:
         """The template with rows resized, and its first columns once more at its end."""
         rows, columns = self.template.shape
         lines = resize(self.template, (self.size, columns), self.resize)
@@ -55,7 +57,7 @@ class MovingTemplate:
         seen = self.size if self.resize == "nearest" else rows
         return float(self._lines[:, :columns].sum() / columns * seen)
 
-    def light(self, shift_px: int, count: int) -> FloatArray:
+    def light(self, shift_px: int, count: int) -> Floats:
         """Return frames as shares of the flux, (count, size, size): of sum 1, each or on average.
 
         Parameters
@@ -80,7 +82,7 @@ class MovingTemplate:
         return frames
 
 
-def blurred(template: FloatArray, length_px: float) -> FloatArray:
+def blurred(template: Floats, length_px: float) -> Floats:
     """Return a template (H, W) smeared along its rows by a motion of columns, around the circle.
 
     Each pixel becomes the mean over a line of this length, MATLAB's fspecial('motion', length, 0):
@@ -96,10 +98,7 @@ def blurred(template: FloatArray, length_px: float) -> FloatArray:
     offsets = np.arange(-reach, reach + 1)
     half = length_px / 2
     taps = np.minimum(offsets + 0.5, half) - np.maximum(offsets - 0.5, -half)
-    smeared = np.zeros_like(template)
-    for offset, tap in zip(offsets, taps / length_px, strict=True):
-        smeared += tap * np.roll(template, offset, axis=1)
-    return smeared
+    return np.asarray(correlate1d(template, taps / length_px, axis=1, mode="wrap"))
 
 
 def summed(frames: Frames, window: int) -> Frames:

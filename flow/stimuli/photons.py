@@ -16,6 +16,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats
 from megalopta.sensor.sampling.poisson import fill_poisson, poisson_streams
 from megalopta.sensor.sampling.streams import generator
 
@@ -30,7 +31,7 @@ class BlackFrameError(ValueError):
     """A frame without light cannot be scaled to a flux."""
 
 
-def frame_light(frames: NDArray[Any]) -> NDArray[np.float64]:
+def frame_light(frames: NDArray[Any]) -> Floats:
     """Return the sum over each frame of (T, H, W), (T,).
 
     Raises ValueError when the frames are not a sequence of finite light, 0 or more.
@@ -44,9 +45,7 @@ def frame_light(frames: NDArray[Any]) -> NDArray[np.float64]:
     return sums
 
 
-def divisors(
-    sums: NDArray[np.float64], normalization: Normalization, mean: float | None = None
-) -> NDArray[np.float64]:
+def divisors(sums: Floats, normalization: Normalization, mean: float | None = None) -> Floats:
     """Return what each frame is divided by to become shares of the flux, (T,).
 
     `sums` (T,): over each frame; `mean`: of the sums over the whole sequence; by default over
@@ -64,9 +63,7 @@ def divisors(
     return sums
 
 
-def draw_counts(
-    means: NDArray[np.float64], seed: int, *key: str | int, first_frame: int = 0
-) -> Counts:
+def draw_counts(means: Floats, seed: int, *key: str | int, first_frame: int = 0) -> Counts:
     """Return Poisson counts of the given means, as uint16, uint32 or uint64, whichever suffices.
 
     Every frame has a random stream of its own.
@@ -101,7 +98,7 @@ def draw_counts(
 
 
 def draw_in_one(
-    light: NDArray[np.float64],
+    light: Floats,
     flux: float,
     dark_counts: float,
     seed: int,
@@ -138,11 +135,7 @@ def _type_for(largest_mean: float) -> type[np.unsignedinteger[Any]]:
 
 
 def _fill(
-    rng: np.random.Generator,
-    light: NDArray[np.float64],
-    more: float,
-    factor: float,
-    counts: Counts,
+    rng: np.random.Generator, light: Floats, more: float, factor: float, counts: Counts
 ) -> None:
     most = min(int(np.iinfo(counts.dtype).max), int(np.iinfo(np.int64).max))
     rates = light.ravel(), np.array([more]), factor

@@ -12,6 +12,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from megalopta.core.arrays import Floats
+
 ResizeKind = Literal["nearest", "area"]
 
 
@@ -54,7 +56,7 @@ def resize(
     return _RESIZERS[kind](frames, rows, columns)
 
 
-def triangular_pool(frames: NDArray[Any], taps: int = 5) -> NDArray[np.float64]:
+def triangular_pool(frames: NDArray[Any], taps: int = 5) -> Floats:
     """Return frames (..., W − taps + 1), each pixel a weighted mean of `taps` pixels along x.
 
     As before the detectors of the thesis's bench (§2.4.8), where weights 1, 2, 3, 2, 1 turn rows of
@@ -79,19 +81,10 @@ def triangular_pool(frames: NDArray[Any], taps: int = 5) -> NDArray[np.float64]:
         raise ValueError(
             f"taps {taps} for rows of {width} px: use an odd number from 1 to the width"
         )
-    weights = triangular_weights(taps)
-    kept = width - taps + 1
-    pooled = np.zeros((*frames.shape[:-1], kept))
-    for first, weight in enumerate(weights):
-        pooled += weight * frames[..., first : first + kept]
-    return pooled
-
-
-def triangular_weights(taps: int) -> NDArray[np.float64]:
-    """Return the kernel (taps,), which sums to 1."""
     half = (taps + 1) // 2
     weights = half - np.abs(np.arange(taps) - half + 1.0)
-    return np.asarray(weights / weights.sum())
+    windows = np.lib.stride_tricks.sliding_window_view(frames, taps, axis=-1)
+    return np.asarray(windows @ (weights / weights.sum()), np.float64)
 
 
 def _nearest(frames: NDArray[Any], rows: int, columns: int) -> NDArray[Any]:
@@ -110,7 +103,7 @@ def _area(frames: NDArray[Any], rows: int, columns: int) -> NDArray[Any]:
     return np.asarray(y @ frames.astype(np.float64) @ x.T)
 
 
-def _shares(old: int, new: int) -> NDArray[np.float64]:
+def _shares(old: int, new: int) -> Floats:
     """Return the share of each old pixel that falls into each new one, (new, old)."""
     edges = np.arange(new + 1) * (old / new)
     edges[-1] = old

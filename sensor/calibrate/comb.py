@@ -189,9 +189,7 @@ class _Readings(NamedTuple):
     """Readings of fewer events are left out of the line."""
 
     def at(self, chosen: Mask) -> "_Readings":
-        return self._replace(
-            **{name: getattr(self, name)[chosen] for name in self._fields[:5]},
-        )
+        return self._replace(**{name: getattr(self, name)[chosen] for name in self._fields[:5]})
 
     def sums(self, values: Floats) -> Floats:
         """Sum of values (k, E) over the readings of each pixel, (P,)."""

@@ -92,10 +92,9 @@ def neighbor_kernel(counts: NDArray[Any], good: NDArray[np.bool_]) -> Kernel:
 def mean_kernel(kernels: Sequence[Kernel]) -> Kernel:
     """Average kernels of independent recordings by their precision."""
     share, error = _average([each.share for each in kernels], [each.error for each in kernels])
-    traps = _average(
-        [each.afterpulses for each in kernels], [each.afterpulses_error for each in kernels]
-    )
-    return Kernel(share, error, float(traps[0]), float(traps[1]))
+    left = [each.afterpulses for each in kernels]
+    traps = _average(left, [each.afterpulses_error for each in kernels])
+    return Kernel(share, error, *map(float, traps))
 
 
 def _average(values: Sequence[Any], errors: Sequence[Any]) -> tuple[Floats, Floats]:
@@ -125,17 +124,10 @@ def _pairs(
 
 
 def _shifted(values: NDArray[Any], offset: tuple[int, int]) -> tuple[Any, Any]:
-    down, right = offset
-    rows, columns = values.shape
-    if right >= 0:
-        return (
-            (slice(0, rows - down), slice(0, columns - right)),
-            (slice(down, rows), slice(right, columns)),
-        )
-    return (
-        (slice(0, rows - down), slice(-right, columns)),
-        (slice(down, rows), slice(0, columns + right)),
-    )
+    (down, right), (rows, columns) = offset, values.shape
+    here = slice(max(-right, 0), columns - max(right, 0))
+    there = slice(max(right, 0), columns + min(right, 0))
+    return (slice(0, rows - down), here), (slice(down, rows), there)
 
 
 def _common(apart: Floats, good: NDArray[np.bool_]) -> float:

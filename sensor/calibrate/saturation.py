@@ -78,7 +78,9 @@ def _fitted(counts: MeanCounts, kind: DeadTimeKind) -> SaturationFit:
     for _ in range(_ROUNDS):
         gradient, information = _score(counts, solution, kind)
         step = np.einsum("pij,pj->pi", _inverse(information), gradient)
-        solution = _bounded(solution + np.clip(step, -_reach(solution), _reach(solution)), solution)
+        reach = np.maximum(0.5 * solution, [1.0, 0, 1e-9])
+        found = np.maximum(solution + np.clip(step, -reach, reach), [1e-6, 1e-12, 1e-15])
+        solution = np.where(np.isfinite(found), found, solution)
     covariance = _inverse(_score(counts, solution, kind)[1])
     likelihood = _likelihood(counts, solution, kind)
     untold = ((counts.frames > 0) & (counts.light_hz > 0)[:, None]).sum(axis=0) < 2
@@ -88,16 +90,6 @@ def _fitted(counts: MeanCounts, kind: DeadTimeKind) -> SaturationFit:
 
 def _total(fit: SaturationFit) -> float:
     return float(fit.log_likelihood[np.isfinite(fit.log_likelihood)].sum())
-
-
-def _bounded(found: Floats, before: Floats) -> Floats:
-    lowest = np.array([1e-6, 1e-12, 1e-15])
-    return np.where(np.isfinite(found), np.maximum(found, lowest), before)
-
-
-def _reach(solution: Floats) -> Floats:
-    """How far one round may go."""
-    return np.maximum(0.5 * solution, [1.0, 0, 1e-9])
 
 
 def _started(counts: MeanCounts, kind: DeadTimeKind) -> Floats:

@@ -46,7 +46,7 @@ class CountedFrames:
     """In the unit of the other levels; 0: in the dark"""
     saturated: NDArray[np.bool_] | None = None
     """(n, rows, columns) counts that are lower bounds"""
-    times_s: NDArray[np.float64] | None = None
+    times_s: Floats | None = None
     """(n,) when each exposure began; one after the other where it is not known"""
 
     @property

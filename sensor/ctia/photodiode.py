@@ -25,7 +25,6 @@ noise. The saturation current is that at the temperature given and is not scaled
 from typing import Annotated, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 from megalopta.core.arrays import Floats
@@ -33,7 +32,7 @@ from megalopta.core.arrays import Floats
 BOLTZMANN_J_K = 1.380649e-23
 ELEMENTARY_CHARGE_C = 1.602176634e-19
 
-Reals: TypeAlias = float | NDArray[np.float64]
+Reals: TypeAlias = float | Floats
 
 # from the smaller of the two bounds below, eight reach double precision at any ratio of currents
 _NEWTON_STEPS = 12

@@ -21,13 +21,14 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import IO, Any, Final, TypeAlias
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.files import atomic_write, remove
+from megalopta.core.files import atomic_write
 from megalopta.core.format_numbers import check_format, written
 from megalopta.sensor.formats.recorded_frames import file_bytes, one_line
 from megalopta.sensor.readout.events import Events
@@ -136,7 +137,9 @@ def events_npz_writer(path: str | Path, origin: EventOrigin) -> Iterator[Callabl
     Raises ValueError when the events are of other frames than the origin says.
     """
     with atomic_write(Path(path)) as temporary, ExitStack() as waiting:
-        waiters = {name: _waiting(temporary, name, waiting) for name in _TYPES}
+        # beside the output, on the same disk
+        folder = temporary.parent
+        waiters = {name: waiting.enter_context(TemporaryFile(dir=folder)) for name in _TYPES}
         with _appending(path, origin) as (starts, columns_of):
 
             def write(events: Events) -> None:
@@ -299,13 +302,6 @@ def _dataset_in(file: h5py.File, name: str, dtype: str, size: int) -> Column:
     if found.nbytes > size:
         raise ValueError(f"{name} has {found.nbytes} bytes in a file of {size}")
     return np.asarray(found[...])
-
-
-def _waiting(temporary: Path, name: str, waiting: ExitStack) -> IO[bytes]:
-    # beside the output, on the same disk; its name is one that is swept after a kill
-    path = temporary.with_name(f"{temporary.name}.{name}")
-    waiting.callback(remove, path)
-    return waiting.enter_context(path.open("w+b"))
 
 
 def _member(name: str) -> zipfile.ZipInfo:

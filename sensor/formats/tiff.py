@@ -68,12 +68,13 @@ def read_tiff(path: Path, frames: slice) -> RecordedFrames:
             else:
                 counts = stack.asarray()[range_]
             exposure_s = _exposure_s(file)
-    except ValueError as problem:
+    except Exception as problem:  # of a damaged file, anything
         if str(problem).startswith(str(path)):
             raise
-        raise _damaged(path, problem) from None
-    except Exception as problem:  # of a damaged file, anything
-        raise _damaged(path, problem) from None
+        reason = one_line(problem)
+        raise ValueError(
+            f"{path}: damaged, cut short or no TIFF that is known ({reason})"
+        ) from None
     depth = 8 * counts.dtype.itemsize
     return RecordedFrames(counts=counts, bit_depth=depth, exposure_s=exposure_s, source="tiff")
 
@@ -97,7 +98,3 @@ def _exposure_s(file: Any) -> float | None:
     except (ValueError, AttributeError):
         return None
     return float(found) if isinstance(found, int | float) and found > 0 else None
-
-
-def _damaged(path: Path, problem: Exception) -> ValueError:
-    return ValueError(f"{path}: damaged, cut short or no TIFF that is known ({one_line(problem)})")

@@ -20,7 +20,7 @@ from itertools import pairwise
 from typing import Annotated, ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import BaseModel, Field, model_validator
 from scipy.ndimage import gaussian_filter
 
@@ -97,13 +97,13 @@ class Lens(Effect, frozen=True):
         return True
 
 
-def image_irradiance(radiance: ArrayLike, lens: Lens) -> NDArray[np.float64]:
+def image_irradiance(radiance: ArrayLike, lens: Lens) -> Floats:
     """Irradiance on the lens's axis, W·m⁻²·nm⁻¹, from radiance, W·m⁻²·sr⁻¹·nm⁻¹; of any shape."""
     factor = np.pi * lens.transmission / (4 * lens.f_number**2 + 1)
     return factor * np.asarray(radiance, np.float64)
 
 
-def falloff(lens: Lens, shape: tuple[int, int]) -> NDArray[np.float64]:
+def falloff(lens: Lens, shape: tuple[int, int]) -> Floats:
     """Return cos⁴θ at the center of every pixel of a (rows, columns) image; 1 where it is off.
 
     Square pixels, optical axis through the center of the image.
@@ -130,7 +130,7 @@ def blurred(images: Floats, blur_px: float) -> Floats:
     return gaussian_filter(images, blur_px, axes=(1, 2), mode="nearest") if blur_px else images
 
 
-def photon_flux(irradiance: ArrayLike, bands_nm: ArrayLike) -> NDArray[np.float64]:
+def photon_flux(irradiance: ArrayLike, bands_nm: ArrayLike) -> Floats:
     """Photons per second and square meter in each band, for a spectrum flat inside the band.
 
     `irradiance` (..., B): band means, W·m⁻²·nm⁻¹; `bands_nm` (B, 2): lower and upper edge of each
@@ -148,7 +148,7 @@ def photon_flux(irradiance: ArrayLike, bands_nm: ArrayLike) -> NDArray[np.float6
     return np.asarray(irradiance * (wavelength_integral / PLANCK_TIMES_LIGHT_SPEED))
 
 
-def check_bands(bands_nm: ArrayLike) -> NDArray[np.float64]:
+def check_bands(bands_nm: ArrayLike) -> Floats:
     """Return band edges as (B, 2) float64, nm, or refuse them.
 
     Raises ValueError when the shape is not (B, 2), an edge is not positive and finite, a band has
