@@ -1,36 +1,28 @@
 """The likelihood of counts in several frames, as a function of how what they show moved.
 
 **Smoothing.** Where a texture of power spectrum S meets shot noise of variance N (the mean count),
-the most likely shift between two frames is that of greatest correlation after a filter S/(S + N/2);
-over n frames that agree, after S/(S + N/n). Both pass what is stronger than the noise. Natural
-textures have edges, so S falls about as f⁻³ from a height that the excess of the counts' variance
-over their mean measures. With
-
-    q = (variance − mean)/mean          (index of dispersion − 1: texture over shot noise)
-
-S/N goes as q·f⁻³, the cutoff as (n·q)^(1/3), and the width of the filter in pixels as its inverse.
-Its shape hardly matters, so it is a Gaussian. Its constant was fitted on dead leaves and on one
-photographed forest at 10⁴ to 10⁶ photons per frame of 240 × 240 px; the best width is so broad an
-optimum that a step of √2 changes errors by a few percent.
+the most likely shift of n frames that agree is that of greatest correlation after a filter
+S/(S + N/n). Natural textures have edges, so S/N goes as q·f⁻³ with q = (variance − mean)/mean, the
+index of dispersion less 1, and the filter's width in pixels as (n·q)^(−1/3). Its shape hardly
+matters, so it is a Gaussian. Its constant was fitted on dead leaves and on one photographed forest
+at 10⁴ to 10⁶ photons per frame of 240 × 240 px; a step of √2 changes errors by a few percent.
 
 **Evidence.** Frames are binned by 2 × 2 px again and again, which keeps their counts Poisson. Roots
-of the counts have the same noise everywhere (`flow.detectors.poisson_matching`); smoothed and
-aligned by a motion, their squared differences from their mean are the log-likelihood of that
-motion. The gradient is that of the mean of the aligned frames: noise in it is then independent of
-noise in their differences, and draws no velocity toward 0. Where aligned frames differ by more than
-noise, something is hidden, or not modelled; evidence there counts less in proportion.
+of the counts have the same noise everywhere; smoothed and aligned by a motion, their squared
+differences from their mean are the log-likelihood of that motion. The gradient is that of the mean
+of the aligned frames: noise in it is then independent of noise in their differences, and draws no
+velocity toward 0. Where aligned frames differ by more than noise, something is hidden, or not
+modelled; evidence there counts less in proportion.
 
 **Flow.** From the coarsest scale to the finest the flow, known at nodes 4 px apart, is the least of
 
     Σ over pixels of 2·Σₜ (gₜ(x + sₜ·u) − mean)²  +  Σ over links of prior(|change of u| / distance)
 
 gₜ are the smoothed roots; the first sum is their log-likelihood for a steady motion u, with sₜ the
-time from the frame of reference. So the weight of evidence against smoothness follows from the
-photons themselves, but for a small correction where they are few. A place without texture, whose
-Fisher information is 0, takes its velocity from its neighbors. The prior grows as the change of
-velocity, not its square: it allows edges. Newton steps, warping anew each time, go on with the
-roots interpolated by cubic splines. Each solves a sparse symmetric system of two unknowns a node by
-factorization, so that evidence reaches any distance in one step.
+time from the frame of reference. The prior grows as the change of velocity, not its square: it
+allows edges. Newton steps, warping anew each time, interpolate the roots by cubic splines. Each
+solves a sparse symmetric system of two unknowns a node by factorization, so that evidence reaches
+any distance in one step. Sources and limits: `docs/theory/whole-frame-flow.md`.
 """
 
 from collections.abc import Callable, Iterable, Iterator

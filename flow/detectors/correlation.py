@@ -10,18 +10,9 @@ along x are combined, and the result is low-passed, y. With x the pixel's value 
     NDS: R = |h[j] + g[j−1] + g[j+1]|
 
 Per frame, a = 1/(1 + τ) with the time constant τ in frames. The first frame is taken to have been
-there forever. The thesis states the rectification for NDS only; for NDM it is inferred.
-
-The responses encode motion but are no velocities: they depend on contrast, spatial frequency and
-brightness too. On ½(1 + C sin(ωt + jφ)), with Hh = (1 − a)(1 − z)/(1 − (1 − a)z) and Hl = a/(1 −
-(1 − a)z) at z = exp(−iω), h1 = |Hh|, h2 = |Hl|, φ2 = arg Hl, their means are
-
-    EMD: (C²/4)·h1²·h2·sin φ2·sin φ
-    NDM: (C²/4)·h1²·h2·cos φ2·cos φ, before rectification
-    NDS: 2A/π with A = (C/2)·h1·√(1 + 4·h2·cos φ·cos φ2 + 4·h2²·cos² φ)
-
-(`ndm_mean`, `nds_mean`; Eq. 4.3 is misprinted). Motion toward +x has φ < 0 and the delay φ2 < 0:
-EMD is then positive.
+there forever. The thesis states the rectification for NDS only; for NDM it is inferred. Motion
+toward +x has a phase φ < 0 from pixel to pixel and the delay φ2 < 0: EMD is then positive. Mean
+responses to a sinusoid: `docs/theory/correlators.md`.
 """
 
 import math

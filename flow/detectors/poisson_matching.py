@@ -1,58 +1,35 @@
-"""Block matching by Poisson likelihood (PM): two frames, a scale of its own, fractions of a pixel.
+"""Block matching by Poisson likelihood, of two frames (PM) or of up to eight together (PPM).
 
 As in block matching, each block of frame t + 1 is compared with the equally large parts of frame t
-around it. Three things differ, and each takes it closer to the bound of `translation_bound`.
+around it. Costs are squared differences of the roots of counts, the log-likelihood of a shift up to
+a factor for counts that were smoothed. Each block is smoothed as its own counts ask for
+(`likelihood.suited_blur_px`). Edges lie between plain areas, where differences are all noise; so
+each pixel is weighed as well, by the variance of the smoothed roots around it: texture over texture
+plus noise, no less than a fifth.
 
-The difference is that of a likelihood of counts. Two Poisson counts x and y of one mean have the
-log-likelihood ratio x·ln(2x/(x + y)) + y·ln(2y/(x + y)) ≈ (√x − √y)² against two means of their
-own. The root makes the noise the same in the dark and in the light, so a sum of squared differences
-of roots is the likelihood of a shift, up to a factor for counts that were smoothed. A plain sum of
-squared differences prefers dark candidates, whose noise is smaller.
+The best shift is interpolated by the parabola through 3 × 3 costs, which is meant for frames
+smoothed by at least 0.7 px; on sharper ones it draws velocities toward whole pixels. A neighborhood
+in which only one frame's part moves sees another strip of texture on either side, which tilts the
+parabola: the costs around the minimum are those of both frames' parts. A block uses its own pixels,
+those that the search compares them with, and what the smoothing mixes into both, 6 px at most; the
+weights look a little further. One without photons, or whose costs are all equal, has no velocity
+(NaN).
 
-Each block is smoothed as its own counts ask for (`likelihood.suited_blur_px`). Edges lie between
-plain areas, where differences are all noise; so each pixel is weighed as well, by the variance of
-the smoothed roots around it: texture over texture plus noise, no less than a fifth.
-
-The best shift is interpolated between pixels, by the parabola through 3 × 3 costs, which is meant
-for frames smoothed by at least 0.7 px; on sharper ones it draws velocities toward whole pixels. A
-neighborhood in which only one frame's part moves sees another strip of texture on either side,
-which tilts the parabola: the costs around the minimum are those of both frames' parts.
-
-A block of two frames uses its own pixels, those that the search compares them with, and what the
-smoothing mixes into both, 6 px at most; the weights look a little further. It needs nothing else of
-the frame (`confined_velocities` cuts all else away). A block without photons, or whose
-costs are all equal, has no velocity (NaN).
-
-**Pooled** over up to eight frames of one velocity (PPM). n frames of a texture that moves steadily
-tell its velocity v with a variance of no less than 1/(J·Σ(t − t̄)²), which is 2/J for two frames and
-1/(42·J) for eight. Two steps come near it.
-
-All pairs of frames are searched for the velocity that they agree on. If the texture of a patch
-is a draw of a Gaussian process of power spectrum S(ω), moves by v per frame, and is seen n times
-with white noise of variance N, the log-likelihood of v is, up to a constant (the texture integrated
-out; `flow.metrics.translation_bound`),
+PPM first finds the velocity v that all pairs of frames agree on, the highest of
 
     ½·Σ_ω S/(N·(N + n·S))·|Σ_t y_t(ω)·exp(iω·v·t)|²
 
-whose part that depends on v is a sum over pairs of frames: their correlation, filtered, at the
-displacement v·k of frames k apart. So frames count together of which no two alone show more than
-noise. N is the mean count, S falls with the frequency from the counts' excess variance. Pairs
-overlap less the farther they are displaced, and tell as much less. Neither the edge of a patch nor
-texture that is no Gaussian process enters, which costs precision where photons abound.
-
-From there the frames are laid over one another, and the velocity at which they are most alike
-is found to fractions of a pixel. Where texture x moves by v per frame, the frames f_t(x + v·t), t
-from their middle, are equal but for noise. The sum of squared differences of roots from their mean,
-over the pixels of a block, is least at the likeliest velocity. It is found by Gauss–Newton steps:
-with g the mean gradient of the frames so laid,
+a sum over pairs of their correlation, filtered, at the displacement v·k of frames k apart. N is the
+mean count, S falls with the frequency from the counts' excess variance. From there it moves to
+where the frames f_t(x + v·t), t from their middle, are most alike, by Gauss–Newton steps with g the
+mean gradient of the frames so laid over one another:
 
     Δv = −(Σ_x w·g·gᵀ·Σ_t (t − t̄)²)⁻¹ · Σ_x w·g·Σ_t (t − t̄)·f_t(x + v·t) .
 
 Between pixels frames are cubic splines, which leave of frames blurred by 0.7 px an error below a
 hundredth of a pixel, where parabolas through costs leave a tenth.
 
-Source: Baker and Matthews, International Journal of Computer Vision 56:221 (2004), for the steps;
-Unser, IEEE Signal Processing Magazine 16:22 (1999), for the splines.
+Derivation, sources and errors: `docs/theory/matching.md`.
 """
 
 import math

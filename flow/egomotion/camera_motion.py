@@ -1,36 +1,32 @@
 """The camera's rotation and its direction of translation, from flow or from counts.
 
 **From the flow** of a whole frame. A point seen in direction d (unit vector) is seen in direction e
-by a camera that went by t and turned by R. Whatever its distance, R e lies in the plane of d and t:
+by a camera that went by t and turned by R. Whatever its distance,
 
     (R e) · (t × d) / |t × d| = 0
 
-which is the motion across the plane, in radians, so noise of the flow weighs alike everywhere. To
-first order in a rotation by ω it is linear in ω (Bruss and Horn 1983, on the sphere). Headings all
-over the sphere are tried so; the best are refined without that approximation and with Cauchy's
-loss, which wrong velocities hardly move. The sign of t is the one that puts more points in front.
+which is the motion across the plane of d and t, in radians, so noise of the flow weighs alike
+everywhere. Headings all over the sphere are tried with it linear in the rotation (Bruss and Horn
+1983, on the sphere); the best are refined without that approximation and with Cauchy's loss. The
+sign of t is the one that puts more points in front.
 
-**From counts**, the motion under which those of several frames are most likely. A camera that turns
-by ω + s·α and goes by t from frame s to the next sees a point in direction d, at distance 1/ρ, at
-time s in the direction
+**From counts**, the motion under which those of several frames are most likely (`flow.likelihood`).
+A camera that turns by ω + s·α and goes by t from frame s to the next sees a point in direction d,
+at distance 1/ρ, at time s in the direction
 
     R(s·ω + s(s − 1)/2·α)ᵀ(d − s·ρ·t)
 
-so one likelihood of all counts (`flow.likelihood`) has as its parameters ω, α, the direction of t,
-and ρ|t| at nodes 4 px apart, which is never negative. Without α, a turn that changes from frame to
-frame passes for going forward, past things whose distances are made up for it. Neighbors are
-charged for flow that differs through ρ as those of Poisson flow are, though less, so that a place
-without texture takes its distance from its neighbors. Gauss–Newton steps eliminate ρ by sparse
-factorization and leave eight equations.
+Parameters are ω, α, the direction of t, and ρ|t| ≥ 0 at nodes 4 px apart. Neighbors are charged for
+flow that differs through ρ as those of Poisson flow are, though less, so that a place without
+texture takes its distance from its neighbors. Gauss–Newton steps eliminate ρ by sparse
+factorization and leave eight equations. There are several maxima: going to the left passes for
+turning to the left. So the search starts from the heading that fits Poisson flow best, from its
+opposite, and from both ways along each axis of the camera, each with the rotation and distances
+that fit Poisson flow; the two most likely after three steps go on.
 
-There are several maxima: going to the left passes for turning to the left. So the search starts
-from the heading that fits Poisson flow best, from its opposite, and from both ways
-along each axis of the camera, each with the rotation and distances that fit Poisson flow; the two
-most likely after three steps go on.
-
-The heading is taken to be steady, and the scene not to move: what does move misleads the estimate,
-and nothing in it tells so. Frames of a full panorama are not continued across its seam. Without
-translation the rotation is found, and the heading means nothing.
+The scene is taken not to move. Frames of a full panorama are not continued across its seam. Without
+translation the rotation is found, and the heading means nothing. Errors and limits:
+`docs/theory/camera-motion.md`.
 """
 
 from dataclasses import dataclass

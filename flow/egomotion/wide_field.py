@@ -3,11 +3,11 @@
 A fly's tangential cells add up local motion detectors over the eye, weighted as the flow of one
 motion would excite them (Krapp and Hengstenberg 1996; Franz and Krapp 2000). Here the weights are
 learned from a sequence whose rotation rate ω(t) is known. Least squares gives the slope of each
-local answer r_i over the rate, and what is left is its noise:
+local response r_i over the rate, and what is left is its noise:
 
     r_i = f_i·ω + noise     f_i = Σ_t r_i·ω / Σ_t ω²     σ_i² = mean of (r_i − f_i·ω)²
 
-The matched filter weighs each answer by its slope over its variance. Slopes are noisy, and the
+The matched filter weighs each response by its slope over its variance. Slopes are noisy, and the
 square of a noisy slope is too large: it is taken as the product of the slopes f_a and f_b of the
 first and the second half of the sequence, so that the sum is not drawn to zero,
 
@@ -15,19 +15,13 @@ first and the second half of the sequence, so that the sum is not drawn to zero,
 
     var(ω̂) = Σ_i w_i²·σ_i² / (Σ_i q_i)²
 
-for noise that is independent between places and times; with many frames to learn from it is the
-least possible, 1/Σ f_i²/σ_i².
-
-Sums run over the answers that are defined at the time. Units: ω̂ has those of the rates that were
-given (deg/s, say), f those of the answers per unit of rate (px per frame per deg/s), and w_i/Σ q
-turns an answer into a rate. For velocities f follows from optics and frame rate alone; correlation
-detectors depend on contrast and spatial frequencies too, so what they learned in one scene holds
-for scenes like it. There is no constant term: standstill should be answered with 0. Where that is
-in doubt learn from rates of both signs; at a single rate a constant answer passes for rotation.
+for noise that is independent between places and times. Sums run over the responses that are defined
+at the time. There is no constant term: at a single rate a constant response passes for rotation.
+For velocities f follows from optics and frame rate alone; correlation detectors depend on contrast
+and spatial frequencies too, so what they learned in one scene holds for scenes like it.
 
 The yaw rate of a sequence: the weights are learned from the noise-free responses to its first half,
-where the rate is known, and tried on the second half. Detectors that are blind to direction take no
-part.
+and tried on the second half. Detectors that are blind to direction take no part.
 """
 
 from dataclasses import dataclass

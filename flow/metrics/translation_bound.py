@@ -1,44 +1,30 @@
 """The Poisson translation bound: how well any method can tell the velocity of a block.
 
-A texture of mean counts λ(x, y) that moves by v between frames is the harder to follow, the
-fewer photons its gradients hold. The Fisher information of one frame on its displacement is, summed
-over the pixels of a block,
+The Fisher information of one frame of mean counts λ(x, y) on its displacement, over the pixels of a
+block, and what n noisy frames of a steady velocity tell at best (Cramér and Rao, to first order in
+the displacement):
 
-    J = Σ ∇λ·∇λᵀ/λ          (2 × 2; along x alone Σ(∂λ/∂x)²/λ)
+    J = Σ ∇λ·∇λᵀ/λ          cov(v) ≥ J⁻¹/Σ(t − t̄)²          Σ(t − t̄)² = n(n² − 1)/12
 
-and n noisy frames of a steady velocity tell it no better than cov(v) ≥ J⁻¹/Σ(t − t̄)² with
-Σ(t − t̄)² = n(n² − 1)/12: 2·J⁻¹ for two frames, J⁻¹/42 for eight (Cramér and Rao, to first order
-in the displacement).
+Assumed: unbiased estimates from the pixels of the block, and a texture that costs nothing to learn
+(it is known up to its displacement); below some hundred photons a block the bound is optimistic. A
+method that returns x and y must be held against J⁻¹, whose x component exceeds 1/J_xx where the
+gradients of a block favor one direction.
 
-Assumed: unbiased estimates from the pixels of the block, and a texture that costs nothing to
-learn (it is known up to its displacement). At few photons, where the texture must be learned from
-the same counts and whole blocks are mistaken, no method comes near: below some hundred photons a
-block the bound is optimistic. A method that returns x and y must be held against J⁻¹, whose x
-component exceeds 1/J_xx where the gradients of a block favor one direction.
+**Unknown texture.** Of a texture that is a draw of a Gaussian process of known power spectrum S(ω),
+counts² per pixel, under white noise of variance σ², k frames tell n pixels' velocity with
 
-**Unknown texture.** Where the texture has to be learned from the same few counts, let it be a draw
-of a Gaussian process of known power spectrum S(ω), counts² per pixel, to which photons add white
-noise of variance σ², the mean count. In frames at times t, centered, a component
-of the texture turns as u = exp(−i·ω·v·t), and k frames of it have the covariance S·u·uᴴ + σ²·I.
-With the components independent and the texture integrated out, the Fisher information of n pixels
-on the velocity v is
-
-    F = (n/N)·Σ_ω ω·ωᵀ · S/σ² · k·S/(σ² + k·S) · Σ(t − t̄)²,      Σ(t − t̄)² = k(k² − 1)/12,
+    F = (n/N)·Σ_ω ω·ωᵀ · S/σ² · k·S/(σ² + k·S) · Σ(t − t̄)²
 
 the sum running over the N frequencies of the spectrum (Slepian–Bangs formula; Kay, Fundamentals of
-Statistical Signal Processing I, §3.9). The first factor is the information J of known texture; the
-second, below one, is what learning the texture costs. It rises toward one where all frames together
-show a component well above their noise.
+Statistical Signal Processing I, §3.9): the covariance of a component is S·u·uᴴ + σ²·I with
+u = exp(−i·ω·v·t). Assumed besides: motion that brings in no new texture. What a method knows beyond
+the spectrum can take it below; more on both bounds in `docs/explanation/poisson-bound.md`.
 
-Assumed besides: motion that brings in no new texture, Gaussian texture, and unbiased estimates.
-What a method knows beyond the spectrum, such as that leaves have edges, or slow motion, can take it
-below the bound; blocks that are mistaken as a whole, which the bound leaves out, keep it above.
-
-**Methods against the bound**, block by block alone. What counts is how many photons a method
-gathers for one estimate. A method that smooths its flow over the frame, climbs a pyramid or takes
-one velocity for all blocks gathers more than its block. So that all have the same support, every
-method is given each block as a frame of its own: the block and a margin as wide as the search
-around it, cut out of the counts. Nothing else is seen.
+**Methods against the bound**, block by block alone. A method that smooths its flow over the frame,
+climbs a pyramid or takes one velocity for all blocks gathers more photons than those of its block.
+So that all have the same support, every method is given each block as a frame of its own: the block
+and a margin as wide as the search around it, cut out of the counts. Nothing else is seen.
 """
 
 import math

@@ -1,14 +1,13 @@
 """What sets the diode's bias, and how close to zero it can get.
 
 Non-adaptive (Fig. 3.1a): a digital-to-analog converter holds the anode, the amplifier's reference
-V_P and its offset the cathode, so the reverse bias is V_P + offset − code·LSB. Of the 12 bits on
-3.3 V, one step is 0.81 mV, and the offset falls anywhere between two.
+V_P and its offset the cathode, so the reverse bias is V_P + offset − code·LSB, 0.81 mV a step.
 
 Adaptive (Fig. 3.1b, §3.3.3): a floating gate in the amplifier trims the offset itself, which is
 then the bias. A tunneling pulse of 1 ms at 14.15 V raises the gate by about 500 µV; the gate leaks
-back at 1.5 µV/s, and the offset moves by about 1 mV per °C (simulated, there). Pulses go one way
-only: they lower the reverse bias, the leak raises it again. Before them the chip is erased by
-ultraviolet light, which puts every gate where pulses are needed; how far is not printed.
+back at 1.5 µV/s, and the offset moves by about 1 mV per °C (simulated, there). Pulses lower the
+reverse bias, the leak raises it again. Before them the chip is erased by ultraviolet light, which
+puts every gate where pulses are needed; how far is not printed.
 
 Both are trimmed to the smallest reverse bias that is not below a target, for a diode in forward
 bias cannot discharge the pixel. What remains is spread evenly over one step. A gate that starts
@@ -18,18 +17,14 @@ Assumed: one volt on the gate is one volt of offset (the dissertation compares t
 could not measure it), a step does not depend on the gate's voltage, it grows in proportion to the
 length of the pulse, and no pulse differs from another.
 
-Tuning the floating gate, §3.3.2 to §3.3.4: measure, pulse, measure. The bias cannot be measured: a
-probe would leak more than the diode. So the dark current is, from the time between 90 % and 10 % of
-the swing, and the gate gets a pulse as long as that lowers the current by more than 1 %. The first
-pulse that takes the diode into forward bias stops the discharge, until the leak of the gate has
-brought the bias back to zero; the discharge that follows is as slow as this pixel can get, for the
-bias starts at zero and grows by the leak alone. That floor is what limits a finely tuned pixel, and
-it does not depend on the size of a pulse. With a conductance g at zero bias, a leak r and a swing S
+Tuning the floating gate, §3.3.2 to §3.3.4: the bias cannot be measured, a probe would leak more
+than the diode. So the dark current is, from the time between 90 % and 10 % of the swing, free of
+noise here (10⁸ electrons), and the gate gets a pulse as long as that lowers the current by more
+than 1 %. The first pulse that takes the diode into forward bias stops the discharge, until the leak
+has brought the bias back to zero; the discharge that follows is as slow as this pixel can get,
+whatever the size of a pulse: with a conductance g at zero bias, a leak r and a swing S
 
     0.8·S·C / (√1.8 − √0.2) / √(S·C/(g·r))
-
-Measurements are free of noise here: over the minutes that they take, the charge of a full swing is
-10⁸ electrons.
 """
 
 from dataclasses import dataclass, replace

@@ -3,11 +3,9 @@
     C·ds/dt = I_ph + I_dark(v)            s = V_out(0) − V_out, the discharge
     v = v_0 + drift·t + s/A               reverse bias of the diode; A: open-loop gain
 
-The output can only move if the input does: after a swing of 3.3 V the bias has moved by 33 mV at
-40 dB and by 33 µV at 100 dB. A drift is the leak of a floating gate that sets the bias.
-
-Without a shunt the equation has a closed form, also with drift: with w = n·k·T/q, J = I_ph + I_s +
-A·C·drift and κ the share of J that flows at the start,
+A drift is the leak of a floating gate that sets the bias. Without a shunt the equation has a closed
+form, also with drift: with w = n·k·T/q, J = I_ph + I_s + A·C·drift and κ the share of J that flows
+at the start,
 
     s = A·(w·ln(1 + κ·(exp(J·t/(A·w·C)) − 1)) − drift·t)
 
@@ -18,10 +16,8 @@ grows by ten factors of e, it is 6e-5, and from 1 nV 6e-4. Where bias and curren
 than a hundredth, as in an exposure of the built pixel at 130 dB, one step is exact to 1e-10.
 
 A diode that starts in forward bias drives the output against the upper rail, where it stays until a
-drift has brought the current back to zero; the lower rail, s = swing, ends the discharge.
-
-Source: dissertation §3.2.1, §3.3.3. Assumed: an amplifier fast enough to follow and as linear over
-its whole swing as at its start.
+drift has brought the current back to zero; the lower rail, s = swing, ends the discharge. Source
+and assumptions: `docs/theory/ctia.md`.
 """
 
 from dataclasses import dataclass

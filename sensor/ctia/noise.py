@@ -7,11 +7,8 @@
 - reset (kTC) noise: k·T/C in V², unless the reset level is read too and subtracted;
 - read noise: normal, of all that follows the pixel.
 
-The bias that counts is that in the middle of the discharge. Left out: charge that comes by chance
-also moves the bias, by 1/A of its voltage, which matters only where the dark current changes during
-the exposure by as much as itself, that is for poor amplifiers; 1/f noise of the amplifier.
-
-Source: dissertation §3.3.4 names the terms without figures; the laws are textbook ones.
+The bias that counts is that in the middle of the discharge. Source and what is neglected:
+`docs/theory/ctia.md`.
 """
 
 from typing import Annotated

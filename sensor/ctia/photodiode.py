@@ -8,18 +8,13 @@ current that discharges the pixel: positive in reverse, negative in forward bias
 
 Near zero bias the net current vanishes, its noise does not: two currents of single electrons, one
 way and the other, cancel on average only, and the shunt has its thermal noise. Detailed balance
-makes the ratio of the two exp(q·V_r/(k·T)), without n, whatever the law of their difference, so the
-noise is white, and its equivalent current, 2·q·I_eq in A²/Hz, is
+makes the ratio of the two exp(q·V_r/(k·T)), without n, so the noise is white, and its equivalent
+current, 2·q·I_eq in A²/Hz, is
 
     I_eq = |I_D|·coth(q·|V_r|/(2·k·T)) + 2·k·T/(q·R_shunt),    I_D that of the junction alone
 
-At zero bias this is Nyquist's 4·k·T times the conductance for any n; for n = 1 it is
-I_s·(1 + exp(−V_r/w)).
-
-Source: dissertation §3.2.1 and §3.3; the noise is that of any p-n junction (van der Ziel). Left
-out: generation in the depletion region, tunneling through traps and breakdown, which make the
-reverse current of a real diode rise faster than this law can; capacitance of the junction; 1/f
-noise. The saturation current is that at the temperature given and is not scaled with it.
+The saturation current is that at the temperature given and is not scaled with it. Source and what
+is neglected: `docs/theory/ctia.md`.
 """
 
 from typing import Annotated, TypeAlias

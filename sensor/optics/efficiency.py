@@ -1,16 +1,14 @@
 """How many of the photons on the active area are detected: photon detection probability (PDP).
 
 The photon detection efficiency (PDE), of the photons on the whole pixel, is PDP times fill factor.
-
-A tabulated curve with straight lines between its points. A band's PDP is the mean over its photons,
+A tabulated curve with straight lines between its points; a band's PDP is the mean over its photons,
 for a spectrum that is flat inside the band,
 
     PDP_b = ∫ PDP(λ)·λ dλ / ∫ λ dλ
 
 The integrand is a parabola between the points of the curve, and a cubic where the transmission T(λ)
 of the lens is under the integral too, for which Simpson's rule is exact: no point is lost however
-narrow or wide the band. The curve holds at one operating point; `bias` scales it elsewhere,
-alike at all wavelengths.
+narrow or wide the band. The curve holds at one operating point; `bias` scales it elsewhere.
 
 A measured curve of efficiency, or of the lens's transmission, comes from a CSV file, which is read
 once, and whose numbers take its place in the sensor's description:

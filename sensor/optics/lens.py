@@ -7,13 +7,8 @@ gives on the die the irradiance
 
 and photons arrive at ∫ E(λ)·λ/(h·c) dλ per second and square meter. Radiance is known as its mean
 over each band; inside a band the spectrum is taken as flat, for which the integral is exact. The
-lens transmits all wavelengths alike, or what a curve says, such as that of a filter before it. The
-cosine-fourth falloff is off unless the lens is told the horizontal field of view of the camera: a
-rendered pinhole image has no vignetting of its own, and most users want none. Nor does it blur; a
-lens spreads a point as a Gaussian of the standard deviation that it is given.
-
-Source: dissertation §2.4.5. Check figure: 17.5 nW over 100 mm² at 450 nm is 396.4
-photons·µm⁻²·s⁻¹, printed as 396.
+falloff is off unless the lens is told the horizontal field of view of the camera: a rendered
+pinhole image has no vignetting of its own. Source, check figure and limits: `docs/theory/light.md`.
 """
 
 from itertools import pairwise
