@@ -24,6 +24,7 @@ from megalopta.core.arrays import Floats
 Frames = NDArray[Any]
 Responder = Callable[[Frames, float], Floats]
 """The next chunk of frames (n, H, W) and its scale to the responses of that chunk."""
+_RUNS = 3
 
 
 class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False):
@@ -153,9 +154,6 @@ def stacked(frames: Sequence[Frames]) -> Frames:
         if not np.isfinite(frame).all():
             raise ValueError(f"frame {number} has pixels that are not finite; fill them in")
     return np.stack(frames)
-
-
-_RUNS = 3
 
 
 def milliseconds_per_frame(detector: Detector, counts: Frames) -> float:

@@ -47,6 +47,10 @@ _MIDDLE_PERCENT, _SPREADS = (1, 99), 3.0
 
 Estimator = Callable[[Floats], Floats]
 """Two frames (2, H, W), from 0 to 1, to the velocities of the blocks (rows, columns, 2)."""
+PairFlow: TypeAlias = Callable[[Floats], NDArray[Any]]
+"""Two frames (2, H, W), from 0 to 1, to their flow (H, W, 2)."""
+DenseFlow: TypeAlias = Callable[[Floats, Floats], Any]
+"""Two frames (H, W) to the flow (H, W, 2) from the first to the second, px, x before y."""
 
 
 class GrayDetector(BlockDetector, frozen=True):
@@ -100,10 +104,6 @@ def gray_levels(pair: Frames) -> Floats | None:
     return None
 
 
-PairFlow: TypeAlias = Callable[[Floats], NDArray[Any]]
-"""Two frames (2, H, W), from 0 to 1, to their flow (H, W, 2)."""
-
-
 class MethodError(UserError, ValueError):
     """A method of somebody else fails, or gives what is no flow; the message names it."""
 
@@ -143,10 +143,6 @@ class DenseDetector(GrayDetector, frozen=True):
 
     @abstractmethod
     def _dense(self, grid: BlockGrid) -> PairFlow: ...
-
-
-DenseFlow: TypeAlias = Callable[[Floats, Floats], Any]
-"""Two frames (H, W) to the flow (H, W, 2) from the first to the second, px, x before y."""
 
 
 class FunctionDetector(DenseDetector, frozen=True):

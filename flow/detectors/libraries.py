@@ -39,6 +39,8 @@ _ONE_AT_A_TIME = Lock()
 
 _GRAY_LEVELS = 255
 """Farnebäck's regularization is an absolute number, made for 8-bit pictures."""
+_FADING = 0.5
+"""Share of a side over which the frames fade, half of it at either edge (Tukey's window)"""
 
 
 class LucasKanade(GrayDetector, frozen=True):
@@ -162,10 +164,6 @@ def one_thread() -> Iterator[None]:
             yield
         finally:
             cv2.setNumThreads(before)
-
-
-_FADING = 0.5
-"""Share of a side over which the frames fade, half of it at either edge (Tukey's window)"""
 
 
 class TotalVariation(DenseDetector, frozen=True):

@@ -61,6 +61,15 @@ _LEAST_WEIGHT = 0.2
 
 _DEGENERATE = 0.05
 """Share of fxx·fyy below which the determinant of the parabola says nothing across the edge."""
+_STEPS_PER_PX = 2
+"""Velocities tried, before interpolation"""
+_SLOPE, _LARGEST_PATTERN = 2.6, 0.02
+"""S goes as (ω² + 0.02)^−1.3, ω in rad/px: between dead leaves and photographs"""
+_LEAST_CONTRAST = 0.1
+_STEPS, _NEAR_PX = 6, 5e-3
+"""Most steps, and the length of one that is the last"""
+_FARTHEST_PX = 1.0
+"""Between a velocity and where it is moved to; farther away it stays what it was"""
 
 
 class PoissonMatching(BlockDetector, frozen=True):
@@ -286,21 +295,6 @@ def _costs(
             add_costs(*roots, frame.weights(level), places[mine], block_px, part)
         costs[mine] = part
     return costs
-
-
-_STEPS_PER_PX = 2
-"""Velocities tried, before interpolation"""
-
-_SLOPE, _LARGEST_PATTERN = 2.6, 0.02
-"""S goes as (ω² + 0.02)^−1.3, ω in rad/px: between dead leaves and photographs"""
-
-_LEAST_CONTRAST = 0.1
-
-_STEPS, _NEAR_PX = 6, 5e-3
-"""Most steps, and the length of one that is the last"""
-
-_FARTHEST_PX = 1.0
-"""Between a velocity and where it is moved to; farther away it stays what it was"""
 
 
 class PooledMatching(PooledFrames, PoissonMatching, frozen=True):

@@ -65,6 +65,21 @@ _ROUNDS = 2
 _NOISELESS = _STABLE = 1e-9
 _CAUCHY = 2.385
 """Scale of the loss in standard deviations: 95 % efficient on normal noise"""
+_SMOOTHNESS, _NEARNESS_SMOOTHNESS = 0.2, 0.02
+"""That of Poisson flow, and what the nearness is charged in its stead. Set on other forests: what
+parallax a smooth nearness cannot show passes for rotation, by a tenth of it where light is low."""
+_FIRST_STEPS, _STEPS = 3, 6
+_GOING_ON = 2
+_FITS, _LEAST_LEFT_PX = 8, 0.05
+_LONGEST_STEP_PX = 1.0
+_RIDGE = 1e-2
+_DAMPING = 1e-6
+_SMALL = 1e-5
+_PATTERN = np.array([0, 0, 0, 0, 0, 1, 1, 1])
+"""In time, of what ω, the direction of t, and α do"""
+_SMALLEST_PX = 12
+_NOWHERE = -1e6
+"""Place (px) of what a camera does not see"""
 
 
 @dataclass(frozen=True)
@@ -181,25 +196,6 @@ def _sign(t: Floats, turn: Floats, d: Floats, e: Floats) -> int:
     left = Rotation.from_rotvec(turn).apply(e) - d
     away = (d @ t)[:, np.newaxis] * d - t
     return 1 if np.sum(np.sign(np.sum(left * away, axis=1))) >= 0 else -1
-
-
-_SMOOTHNESS, _NEARNESS_SMOOTHNESS = 0.2, 0.02
-"""That of Poisson flow, and what the nearness is charged in its stead. Set on other forests: what
-parallax a smooth nearness cannot show passes for rotation, by a tenth of it where light is low."""
-
-_FIRST_STEPS, _STEPS = 3, 6
-_GOING_ON = 2
-_FITS, _LEAST_LEFT_PX = 8, 0.05
-_LONGEST_STEP_PX = 1.0
-_RIDGE = 1e-2
-_DAMPING = 1e-6
-_SMALL = 1e-5
-_PATTERN = np.array([0, 0, 0, 0, 0, 1, 1, 1])
-"""In time, of what ω, the direction of t, and α do"""
-
-_SMALLEST_PX = 12
-_NOWHERE = -1e6
-"""Place (px) of what a camera does not see"""
 
 
 class _Motion(NamedTuple):

@@ -37,6 +37,7 @@ from megalopta.scenes.trajectories.base import Path
 _SHARED = 0.5
 """How far a variance is drawn to the median of all places: a few frames cannot tell a quiet place
 from a lucky one, and none is free of noise."""
+_STILL_DEG_S = 1e-6
 
 
 @dataclass(frozen=True)
@@ -163,9 +164,6 @@ class SlopeSums:
 def _drawn_to_typical(variances: Floats, known: NDArray[np.bool_]) -> Floats:
     typical = float(np.median(variances[known]) or variances.mean()) or 1.0
     return np.asarray(_SHARED * typical + (1 - _SHARED) * variances)
-
-
-_STILL_DEG_S = 1e-6
 
 
 @dataclass(frozen=True)

@@ -46,6 +46,7 @@ _SINGULAR = 1e-9
 """Share of J_xx·J_yy below which the determinant is rounding: gradients of one direction only."""
 
 _LOG_FLUXES = math.log(1e-6), math.log(1e15)
+_REPLICATES = 1000
 
 
 def fisher_information(means: Floats, grid: BlockGrid) -> Floats:
@@ -206,9 +207,6 @@ def unknown_texture_photons(
     if np.linalg.matrix_rank(unknown_texture_information(spectrum, noise, pixels)) < 2:
         return math.inf
     return math.exp(brentq(excess, *_LOG_FLUXES))
-
-
-_REPLICATES = 1000
 
 
 class MedianPhotons(NamedTuple):

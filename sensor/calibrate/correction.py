@@ -40,6 +40,11 @@ _SMALLEST_SLOPE = 0.05
 """Readings per arrival, of that in the dark: where the curve is flatter, it tells nothing."""
 _BEYOND = 2.0
 """Of a curve that falls: arrivals up to so many times those at its peak are thought possible."""
+_WEIGHTS = np.array([[0.5, 1.0, 0.5], [1.0, 0.0, 1.0], [0.5, 1.0, 0.5]])
+_FRAMES_AT_ONCE = 16
+_NEARLY_FULL = 0.95
+_DEADEST = 0.2
+"""Of the median response; a pixel below it is as good as dead."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,9 +142,6 @@ def _ambiguous_from(arrivals: Floats, mean: Floats, variance: Floats, sensor: Se
     return float(np.min(mean[after] - 3 * np.sqrt(variance[after])))
 
 
-_WEIGHTS = np.array([[0.5, 1.0, 0.5], [1.0, 0.0, 1.0], [0.5, 1.0, 0.5]])
-
-
 def hot_pixels(dark: Floats, times: float) -> Mask:
     """Return which pixels have more dark counts than so many times the median, (rows, columns).
 
@@ -177,12 +179,6 @@ def filled_in(values: Floats, variance: Floats, bad: Mask) -> tuple[Floats, Floa
     return values, variance
 
 
-_FRAMES_AT_ONCE = 16
-_NEARLY_FULL = 0.95
-_DEADEST = 0.2
-"""Of the median response; a pixel below it is as good as dead."""
-
-
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """A device, each map (rows, columns)."""
@@ -210,6 +206,9 @@ def calibrate(
 ) -> Calibration:
     """Return what dark and flat frames tell of a device.
 
+    Raises ValueError when there are fewer than two frames, shapes differ, or the flat frames are
+    too dark or too bright to tell a gain.
+
     Parameters
     ----------
     dark_frames, flat_frames : (n, rows, columns)
@@ -222,9 +221,6 @@ def calibrate(
         it gains are relative to the mean of the good pixels.
     hot_times : float
         Pixels with more dark counts than so many times the median are hot.
-
-    Raises ValueError when there are fewer than two frames, shapes differ, or the flat frames are
-    too dark or too bright to tell a gain.
     """
     kinds = {"dark": dark_frames, "flat": flat_frames}
     shapes = {name: np.shape(frames) for name, frames in kinds.items()}
@@ -345,14 +341,14 @@ class Corrected:
 def correct(counts: ArrayLike, saturated: ArrayLike, calibration: Calibration) -> Corrected:
     """Correct frames of readings.
 
+    Raises ValueError when shapes do not match.
+
     Parameters
     ----------
     counts, saturated : (T, H, W)
         As in `Exposure`.
     calibration : Calibration
         Of the same device.
-
-    Raises ValueError when shapes do not match.
     """
     readings, full = np.asarray(counts, np.float64), np.asarray(saturated, np.bool_)
     if readings.ndim != 3 or readings.shape[1:] != calibration.dark.shape:

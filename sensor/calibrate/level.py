@@ -12,6 +12,11 @@ from megalopta.core.arrays import Floats, Ints
 _DEVIATIONS_ABOVE_BOTTOM = 6.0
 _DEEPEST = 0.95
 """Of the swing: offsets move the bottom too."""
+_FEWEST_FRAMES = 50
+_FEWEST_DARK_EXPOSURES = 3
+_DRIFT_Z = 6.0
+_SMALLEST_DRIFT = 0.005
+_DARKEST_Z = 6.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,13 +105,6 @@ def falls_of(levels: Sequence[Level], adc: Adc) -> Falls:
     mean_v, variance_v2 = (adc.top - mean) * adc.lsb_v, variance * adc.lsb_v**2
     is_cut = bool(code.max(initial=0) >= np.rint(adc.top))
     return Falls(level_of, pixel, fall_v, times.astype(float), frames, mean_v, variance_v2, is_cut)
-
-
-_FEWEST_FRAMES = 50
-_FEWEST_DARK_EXPOSURES = 3
-_DRIFT_Z = 6.0
-_SMALLEST_DRIFT = 0.005
-_DARKEST_Z = 6.0
 
 
 def check_levels(levels: Sequence[Level], adc: Adc) -> None:

@@ -117,6 +117,8 @@ def compare_recordings(
 ) -> Comparison:
     """Compare level by level.
 
+    Raises ValueError when levels are not of the same shape, or have too few frames.
+
     Parameters
     ----------
     captured, expected : sequences of CountedFrames
@@ -129,8 +131,6 @@ def compare_recordings(
         Share of comparisons of a device with itself that may raise an alarm.
     errors : sequence of (rows, columns), optional
         Standard errors of the expected mean counts of each level, where these are a calibration's.
-
-    Raises ValueError when levels are not of the same shape, or have too few frames.
     """
     _check(captured, expected)
     pairs = list(zip(captured, expected, strict=True))

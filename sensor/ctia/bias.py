@@ -37,6 +37,8 @@ from megalopta.core.arrays import Floats
 from megalopta.sensor.ctia.integration import LATE, Pixel, discharge_time, estimate_current
 from megalopta.sensor.ctia.photodiode import Reals
 
+WORTHWHILE = 0.99
+
 
 class FixedBias(
     BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
@@ -143,9 +145,6 @@ def _at_best_code(dac: DacBias, offset: Floats) -> Floats:
 def drift_rate(bias: Bias) -> float:
     """Rise of the reverse bias during an exposure, V/s."""
     return bias.leak_v_s if isinstance(bias, FloatingGateBias) else 0.0
-
-
-WORTHWHILE = 0.99
 
 
 @dataclass(frozen=True)

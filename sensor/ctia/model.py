@@ -42,6 +42,21 @@ from megalopta.sensor.optics.lens import Lens
 from megalopta.sensor.optics.pixels import PixelOptics
 from megalopta.sensor.sampling.streams import pixel_normals
 
+TYPICAL_OFFSET_V = 18.7e-3
+PHOTODIODES: dict[str, Photodiode] = {
+    "si": Photodiode(saturation_current_a=3.476e-12, shunt_ohm=214.9e9),
+    "ingaas": Photodiode(saturation_current_a=100e-12, shunt_ohm=588.6e3),
+    "ingaas_quiet": Photodiode(saturation_current_a=100e-12),
+}
+_SI_EFFICIENCY = Efficiency(
+    wavelengths_nm=(690, 730, 780, 830, 880, 950, 1000, 1050, 1100, 1150),
+    values=(0.0, 0.08, 0.70, 0.88, 0.90, 0.80, 0.55, 0.25, 0.07, 0.0),
+)
+_INGAAS_EFFICIENCY = Efficiency(
+    wavelengths_nm=(850, 900, 930, 980, 1100, 1300, 1550, 1620, 1660, 1700, 1750),
+    values=(0.05, 0.15, 0.50, 0.70, 0.80, 0.85, 0.85, 0.80, 0.65, 0.25, 0.0),
+)
+
 
 class CtiaSensor(PixelOptics, frozen=True):
     """An array of photodiodes, each with a CTIA, behind a lens."""
@@ -99,24 +114,6 @@ def pixels(sensor: CtiaSensor, shape: tuple[int, int]) -> Pixel:
 
 def _normal(sensor: CtiaSensor, shape: tuple[int, int], purpose: str) -> Floats:
     return pixel_normals(shape, sensor.device_seed, f"ctia {purpose}")
-
-
-TYPICAL_OFFSET_V = 18.7e-3
-
-PHOTODIODES: dict[str, Photodiode] = {
-    "si": Photodiode(saturation_current_a=3.476e-12, shunt_ohm=214.9e9),
-    "ingaas": Photodiode(saturation_current_a=100e-12, shunt_ohm=588.6e3),
-    "ingaas_quiet": Photodiode(saturation_current_a=100e-12),
-}
-
-_SI_EFFICIENCY = Efficiency(
-    wavelengths_nm=(690, 730, 780, 830, 880, 950, 1000, 1050, 1100, 1150),
-    values=(0.0, 0.08, 0.70, 0.88, 0.90, 0.80, 0.55, 0.25, 0.07, 0.0),
-)
-_INGAAS_EFFICIENCY = Efficiency(
-    wavelengths_nm=(850, 900, 930, 980, 1100, 1300, 1550, 1620, 1660, 1700, 1750),
-    values=(0.05, 0.15, 0.50, 0.70, 0.80, 0.85, 0.85, 0.80, 0.65, 0.25, 0.0),
-)
 
 
 def _sensor(

@@ -35,6 +35,8 @@ from megalopta.sensor.effects.base import Effect, Stage
 from megalopta.sensor.input_files import file_content
 from megalopta.sensor.optics.lens import Lens, WavelengthCurve, check_bands
 
+Point = tuple[float, float]
+
 
 class Efficiency(WavelengthCurve, Effect, frozen=True):
     """Photon detection probability over wavelength; a constant one is a curve of two points."""
@@ -98,9 +100,6 @@ def _photon_mean(curves: Sequence[WavelengthCurve], lower: float, upper: float) 
     )
     integrals = np.diff(nodes) * (at_nodes[:-1] + 4 * at_middle + at_nodes[1:]) / 6
     return float(integrals.sum() / ((upper**2 - lower**2) / 2))
-
-
-Point = tuple[float, float]
 
 
 def with_curve(curve: Any, folder: Path, field: str = "efficiency") -> Any:

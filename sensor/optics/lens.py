@@ -22,6 +22,9 @@ from scipy.ndimage import gaussian_filter
 from megalopta.core.arrays import Floats
 from megalopta.sensor.effects.base import Effect, Stage
 
+PLANCK_TIMES_LIGHT_SPEED = 1.98644586e-25
+"""h·c in J·m."""
+
 
 class WavelengthCurve(
     BaseModel, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
@@ -62,10 +65,6 @@ class Transmission(WavelengthCurve, frozen=True):
 
     values: tuple[Annotated[float, Field(ge=0, le=1)], ...]
     """Fraction of the light that passes at each point."""
-
-
-PLANCK_TIMES_LIGHT_SPEED = 1.98644586e-25
-"""h·c in J·m."""
 
 
 class Lens(Effect, frozen=True):
