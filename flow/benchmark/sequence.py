@@ -72,10 +72,7 @@ class BenchmarkResult:
     def curve(self, method: str, size: int, metric: Metric = "literal") -> ErrorCurve:
         """Return the curve of one detector at one frame size (rows).
 
-        Raises
-        ------
-        ValueError
-            When it was not measured.
+        Raises ValueError when it was not measured.
         """
         for curve in self.curves:
             if (curve.method, curve.shape[0], curve.metric) == (method, size, metric):

@@ -66,10 +66,7 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
     def start(self, shape: tuple[int, int]) -> Responder:
         """Return the detector at rest, to be fed a sequence of frames (H, W) chunk by chunk.
 
-        Raises
-        ------
-        ValueError
-            When frames of this shape are too small for the detector.
+        Raises ValueError when frames of this shape are too small for the detector.
         """
 
     def after(self, frames: Frames, scale: float) -> Callable[[float], Responder]:
@@ -111,10 +108,7 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
         -------
         (T, H, W), or (T − 1, rows, columns, 2) in px per frame, NaN where undefined.
 
-        Raises
-        ------
-        ValueError
-            When the frames are not a sequence, too few or too small.
+        Raises ValueError when the frames are not a sequence, too few or too small.
         """
         if frames.ndim != 3 or len(frames) < self.minimum_frames:
             raise ValueError(

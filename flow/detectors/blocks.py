@@ -146,10 +146,7 @@ class BlockDetector(Detector, frozen=True):
     def grid(self, shape: tuple[int, int]) -> BlockGrid:
         """Return where the blocks of a frame (H, W) lie.
 
-        Raises
-        ------
-        ValueError
-            When the frame is too small.
+        Raises ValueError when the frame is too small.
         """
         return block_grid(shape, self.block_px, self.fewest_blocks)
 
@@ -170,10 +167,8 @@ class BlockDetector(Detector, frozen=True):
             Two successive ones, or as many more as the method takes together; counts if it asks
             for them (`takes_counts`).
 
-        Raises
-        ------
-        ValueError
-            When frames are too many or too small, differ in shape, or hold what is no light.
+        Raises ValueError when frames are too many or too small, differ in shape, or hold what is no
+        light.
         """
         sequence = self.checked(frames)
         grid = self.grid((sequence.shape[1], sequence.shape[2]))

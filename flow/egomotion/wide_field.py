@@ -61,10 +61,7 @@ class WideField:
         answers : (T, ...)
             From the detector that the filter was fitted to, on the same frame size.
 
-        Raises
-        ------
-        ValueError
-            When they have another shape than those of the fit.
+        Raises ValueError when they have another shape than those of the fit.
         """
         if answers.shape[1:] != self.slopes.shape:
             raise ValueError(

@@ -291,10 +291,7 @@ class DenseErrors:
         occluded : (H, W), optional
             Pixels that are not seen in the next frame; without it none counts as occluded.
 
-        Raises
-        ------
-        ValueError
-            When shapes differ, or no pixel has a flow.
+        Raises ValueError when shapes differ, or no pixel has a flow.
         """
         if flow.shape != truth.shape:
             raise ValueError(

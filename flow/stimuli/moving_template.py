@@ -66,10 +66,7 @@ class MovingTemplate:
             Columns by which the template is shifted in the first of them.
         count : int
 
-        Raises
-        ------
-        BlackFrameError
-            When a frame is black.
+        Raises BlackFrameError when a frame is black.
         """
         rows, columns = self.template.shape
         starts = -(shift_px + self.velocity_px * np.arange(count)) % columns

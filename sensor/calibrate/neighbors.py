@@ -72,12 +72,9 @@ def neighbor_kernel(counts: NDArray[Any], good: NDArray[np.bool_]) -> Kernel:
     n = len(counts)
     apart = np.where(good, counts - mean, 0)
     variance = np.where(good, counts.var(axis=0, ddof=1), 0)
-    ratios = [_pairs(apart, mean, good, offset) for offset in OFFSETS]
-    if any(ratio is None for ratio in ratios):
-        raise ValueError("crosstalk: too few good pixels side by side; none can be told")
+    ratios, errors = np.array([_pairs(apart, mean, good, offset) for offset in OFFSETS]).T
     common = _common(apart, good) / float(mean[good].mean())
-    seen = np.array([ratio[0] for ratio in ratios if ratio]) - common
-    error = np.array([ratio[1] for ratio in ratios if ratio]) / 2
+    seen, error = ratios - common, errors / 2
     fano = float(variance[good].sum() / mean[good].sum()) - common
     # of Poisson counts, not as seen: else those of small variance would weigh more
     m = mean[good]
@@ -105,20 +102,18 @@ def _average(values: Sequence[Any], errors: Sequence[Any]) -> tuple[Floats, Floa
 
 def _pairs(
     apart: Floats, mean: Floats, good: NDArray[np.bool_], offset: tuple[int, int]
-) -> tuple[float, float] | None:
+) -> tuple[float, float]:
     """Covariance over mean of all pairs of an offset, weighted by their light; standard error."""
     first, second = _shifted(good, offset)
     both = good[first] & good[second]
-    if both.sum() < 2:
-        return None
     covariance = (apart[:, *first] * apart[:, *second]).sum(axis=0) / (len(apart) - 1)
     # a brighter pair says as much per event: weights by inverse variance of the ratio
     total = (mean[first] + mean[second]) / 2
     noise = mean[first] * mean[second] / len(apart)
     weight = np.where(both & (noise > 0), total / np.where(noise > 0, noise, 1), 0)
     norm = float((weight * total).sum())
-    if not norm > 0:
-        return None
+    if both.sum() < 2 or not norm > 0:
+        raise ValueError("crosstalk: too few good pixels side by side; none can be told")
     error = float(np.sqrt((weight**2 * noise).sum())) / norm
     return float((weight * covariance).sum()) / norm, error
 

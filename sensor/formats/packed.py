@@ -32,7 +32,7 @@ _FOOTER = b"DONE"
 
 
 class PackedLayout(BaseModel, frozen=True, extra="forbid", use_attribute_docstrings=True):
-    """Layout of files that do not say it themselves. An image is turned first, then flipped."""
+    """Layout of files that do not say it themselves."""
 
     bit_order: Literal["msb", "lsb"] = "msb"
     """Which bit of a byte is the first pixel: the most or the least significant."""
@@ -42,12 +42,6 @@ class PackedLayout(BaseModel, frozen=True, extra="forbid", use_attribute_docstri
     """Skipped at the beginning of every file."""
     footer_bytes: Annotated[int, Field(ge=0)] = 0
     """Skipped at the end of every file."""
-    transposed: bool = False
-    """Rows and columns are exchanged."""
-    flipped_rows: bool = False
-    """The image is upside down."""
-    flipped_columns: bool = False
-    """Left and right are exchanged."""
 
 
 def pack(bits: Bytes) -> Bytes:
@@ -173,13 +167,10 @@ def read_raw(
 
 
 def _unpacked(packed: Bytes, layout: PackedLayout, width: int | None = None) -> Bytes:
-    """Bits (T, H, W) or (T, H, W, C), turned, of packed frames."""
+    """Bits (T, H, W) or (T, H, W, C) of packed frames."""
     along = 2 if layout.packed_along == "width" else 1
     order: Literal["big", "little"] = "little" if layout.bit_order == "lsb" else "big"
-    image = np.unpackbits(packed, axis=along, count=width, bitorder=order)
-    image = np.swapaxes(image, 1, 2) if layout.transposed else image
-    image = image[:, ::-1] if layout.flipped_rows else image
-    return image[:, :, ::-1] if layout.flipped_columns else image
+    return np.unpackbits(packed, axis=along, count=width, bitorder=order)
 
 
 def _counts(frames: NDArray[Any], path: Path) -> RecordedFrames:

@@ -75,8 +75,7 @@ def read_frames(
             f"{path}: layout is for binary frames, but this is a file of kind {kind!r}"
         )
     if kind == "npy":
-        width = None if shape is None else shape[layout is None or not layout.transposed]
-        found = read_binary_npy(path, frames, layout, width)
+        found = read_binary_npy(path, frames, layout, None if shape is None else shape[1])
     elif kind == "spc3":
         found = read_spc3(path, frames, counter)
     elif kind == "tiff":
@@ -127,5 +126,7 @@ def _expected(path: Path, found: RecordedFrames, shape: tuple[int, int] | None) 
     if shape is None or (rows, columns) == tuple(shape):
         return found
     is_turned = (columns, rows) == tuple(shape)
-    hint = "it is transposed: give a layout that says so" if is_turned else "give another file"
+    hint = (
+        "it is transposed: exchange the axes of what is read" if is_turned else "give another file"
+    )
     raise ValueError(f"{path}: images of {rows} × {columns}, not {shape[0]} × {shape[1]}; {hint}")
