@@ -44,11 +44,6 @@ class PackedLayout(BaseModel, frozen=True, extra="forbid", use_attribute_docstri
     """Skipped at the end of every file."""
 
 
-def pack(bits: Bytes) -> Bytes:
-    """Pack bits, 0 or 1, (…, W) along the width, most significant first: (…, ceil(W/8))."""
-    return np.packbits(bits, axis=-1)
-
-
 def write_binary_npy(path: str | Path, packed: Bytes) -> None:
     """Write packed frames (T, H, ceil(W/8)), as of `expose_binary`, as one file."""
     with binary_npy_writer(path, packed.shape) as write:

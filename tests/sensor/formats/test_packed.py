@@ -3,7 +3,6 @@ import pytest
 
 from megalopta.sensor.formats.packed import (
     PackedLayout,
-    pack,
     spad512_writer,
     write_binary_npy,
     write_spad512,
@@ -17,7 +16,7 @@ SPAD512 = draw(40, 512, 512)
 
 @pytest.fixture
 def npy(tmp_path):
-    write_binary_npy(tmp_path / "a.npy", pack(SPAD512[:, :240, :320]))
+    write_binary_npy(tmp_path / "a.npy", np.packbits(SPAD512[:, :240, :320], axis=-1))
     return tmp_path / "a.npy"
 
 
@@ -31,7 +30,7 @@ def test_npy_has_the_layout_of_visionsim(npy):
 
 
 def test_npy_of_a_width_that_is_no_multiple_of_eight(tmp_path):
-    write_binary_npy(tmp_path / "a.npy", pack(SPAD512[:, :20, :37]))
+    write_binary_npy(tmp_path / "a.npy", np.packbits(SPAD512[:, :20, :37], axis=-1))
     found = read_frames(tmp_path / "a.npy", shape=(20, 37), frames=slice(3, 8))
     np.testing.assert_array_equal(found.counts, SPAD512[3:8, :20, :37])
 
@@ -51,7 +50,7 @@ def test_npy_of_counts_comes_as_it_is(tmp_path):
 
 
 def test_spad512_writes_a_thousand_frames_a_file(tmp_path):
-    frame = pack(SPAD512[:1])
+    frame = np.packbits(SPAD512[:1], axis=-1)
     with spad512_writer(tmp_path / "burst") as write:
         write(np.repeat(frame, 700, axis=0))
         write(np.repeat(frame, 301, axis=0))
@@ -62,12 +61,12 @@ def test_spad512_writes_a_thousand_frames_a_file(tmp_path):
 
 
 def test_spad512_file_with_the_answer_of_the_camera(tmp_path):
-    (tmp_path / "RAW.bin").write_bytes(pack(SPAD512).tobytes() + b"DONE")
+    (tmp_path / "RAW.bin").write_bytes(np.packbits(SPAD512, axis=-1).tobytes() + b"DONE")
     np.testing.assert_array_equal(read_frames(tmp_path / "RAW.bin").counts, SPAD512)
 
 
 def test_header_and_footer_are_left_out(tmp_path):
-    content = b"head" + pack(SPAD512).tobytes() + b"tail"
+    content = b"head" + np.packbits(SPAD512, axis=-1).tobytes() + b"tail"
     (tmp_path / "RAW.bin").write_bytes(content)
     layout = PackedLayout(header_bytes=4, footer_bytes=4)
     np.testing.assert_array_equal(read_frames(tmp_path / "RAW.bin", layout=layout).counts, SPAD512)
@@ -114,7 +113,7 @@ def test_pickles_are_not_loaded(tmp_path):
 
 def test_what_is_written_has_the_camera_s_size(tmp_path):
     with pytest.raises(ValueError, match="512 × 512"):
-        write_spad512(tmp_path / "a", pack(SPAD512[:, :240]))
+        write_spad512(tmp_path / "a", np.packbits(SPAD512[:, :240], axis=-1))
     assert list(tmp_path.iterdir()) == []
 
 
