@@ -97,6 +97,8 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
     def respond(self, frames: Frames, scale: float = 1.0) -> Floats:
         """Return the responses to the sequence `scale` · `frames`.
 
+        Raises ValueError when the frames are not a sequence, too few or too small.
+
         Parameters
         ----------
         frames : (T, H, W), counts or intensities
@@ -107,8 +109,6 @@ class Detector(BaseModel, ABC, frozen=True, extra="forbid", allow_inf_nan=False)
         Returns
         -------
         (T, H, W), or (T − 1, rows, columns, 2) in px per frame, NaN where undefined.
-
-        Raises ValueError when the frames are not a sequence, too few or too small.
         """
         if frames.ndim != 3 or len(frames) < self.minimum_frames:
             raise ValueError(

@@ -161,14 +161,14 @@ class BlockDetector(Detector, frozen=True):
         Velocities of blocks are linear between the middles of blocks, and beyond the outermost as
         there; NaN at the pixels of blocks that have none.
 
+        Raises ValueError when frames are too many or too small, differ in shape, or hold what is no
+        light.
+
         Parameters
         ----------
         *frames : (H, W)
             Two successive ones, or as many more as the method takes together; counts if it asks
             for them (`takes_counts`).
-
-        Raises ValueError when frames are too many or too small, differ in shape, or hold what is no
-        light.
         """
         sequence = self.checked(frames)
         grid = self.grid((sequence.shape[1], sequence.shape[2]))

@@ -31,6 +31,7 @@ translation the rotation is found, and the heading means nothing. Errors and lim
 
 from dataclasses import dataclass
 from functools import partial
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -244,13 +245,10 @@ def likely_camera_motion(counts: Frames, camera: Camera) -> CameraMotion:
     if not np.ptp(counts):
         raise ValueError("frames show nothing: all pixels are alike")
     search = _Search.of(counts, camera)
-    starts = sorted((search.steps(each, _FIRST_STEPS) for each in search.starts()), key=_misfit)
-    _, best = min((search.steps(each, _STEPS) for _, each in starts[:_GOING_ON]), key=_misfit)
+    misfit = itemgetter(0)
+    starts = sorted((search.steps(each, _FIRST_STEPS) for each in search.starts()), key=misfit)
+    _, best = min((search.steps(each, _STEPS) for _, each in starts[:_GOING_ON]), key=misfit)
     return CameraMotion(np.degrees(best.turn), best.heading)
-
-
-def _misfit(found: tuple[float, _Motion]) -> float:
-    return found[0]
 
 
 @dataclass(frozen=True)
@@ -334,12 +332,11 @@ class _Search:
         """Return how unlikely a motion is, and a better one."""
         heading, nearness = motion.heading, motion.nearness
         near = finer(nearness[np.newaxis], self.level.roots.shape[1:], NODE_PX)[0]
-        patterns = _patterns(self.times)
+        # by how much ω and α have turned the camera
+        patterns = np.stack((self.times, self.times * (self.times - 1) / 2))
         turns = patterns.T @ np.stack((motion.turn, motion.change))
-        places = (
-            self._places(heading, near, time, turn)
-            for time, turn in zip(self.times, turns, strict=True)
-        )
+        at_times = zip(self.times, turns, strict=True)
+        places = (self._places(heading, near, time, turn) for time, turn in at_times)
         found = evidence(self.level, patterns, places)
         xx, xy, yy = to_nodes(found.information)
         information = np.stack((np.stack((xx, xy), -1), np.stack((xy, yy), -1)), -2)
@@ -405,11 +402,6 @@ def _solved(
     left += np.diag(_DAMPING * np.diag(eight_eight) + np.finfo(float).tiny)
     change = np.asarray(np.linalg.solve(left, to_eight - eight_near.T @ solved[:, 0]), np.float64)
     return change, solved[:, 0] - solved[:, 1:] @ change
-
-
-def _patterns(times: Floats) -> Floats:
-    """Return by how much ω and α have turned the camera, (2, n)."""
-    return np.stack((times, times * (times - 1) / 2))
 
 
 def _flows(camera: Camera, centers: Floats, seen: Floats, changes: list[Floats]) -> Floats:

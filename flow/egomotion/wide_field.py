@@ -56,12 +56,12 @@ class WideField:
     def rates(self, answers: Floats) -> Floats:
         """Return the rotation rate at each time, (T,); NaN when no answer is defined.
 
+        Raises ValueError when they have another shape than those of the fit.
+
         Parameters
         ----------
         answers : (T, ...)
             From the detector that the filter was fitted to, on the same frame size.
-
-        Raises ValueError when they have another shape than those of the fit.
         """
         if answers.shape[1:] != self.slopes.shape:
             raise ValueError(

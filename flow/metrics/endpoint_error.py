@@ -284,14 +284,14 @@ class DenseErrors:
     ) -> None:
         """Score one image.
 
+        Raises ValueError when shapes differ, or no pixel has a flow.
+
         Parameters
         ----------
         flow, truth : (H, W, 2)
             px per frame, NaN where undefined.
         occluded : (H, W), optional
             Pixels that are not seen in the next frame; without it none counts as occluded.
-
-        Raises ValueError when shapes differ, or no pixel has a flow.
         """
         if flow.shape != truth.shape:
             raise ValueError(

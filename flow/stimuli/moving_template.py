@@ -60,13 +60,13 @@ class MovingTemplate:
     def light(self, shift_px: int, count: int) -> Floats:
         """Return frames as shares of the flux, (count, size, size): of sum 1, each or on average.
 
+        Raises BlackFrameError when a frame is black.
+
         Parameters
         ----------
         shift_px : int
             Columns by which the template is shifted in the first of them.
         count : int
-
-        Raises BlackFrameError when a frame is black.
         """
         rows, columns = self.template.shape
         starts = -(shift_px + self.velocity_px * np.arange(count)) % columns

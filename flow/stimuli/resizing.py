@@ -90,12 +90,9 @@ def triangular_pool(frames: NDArray[Any], taps: int = 5) -> Floats:
 def _nearest(frames: NDArray[Any], rows: int, columns: int) -> NDArray[Any]:
     for axis, new in ((-2, rows), (-1, columns)):
         if frames.shape[axis] != new:
-            frames = np.take(frames, _centers(frames.shape[axis], new), axis)
+            centers = (2 * np.arange(new) + 1) * frames.shape[axis] // (2 * new)
+            frames = np.take(frames, centers, axis)
     return frames
-
-
-def _centers(old: int, new: int) -> NDArray[np.int64]:
-    return (2 * np.arange(new) + 1) * old // (2 * new)
 
 
 def _area(frames: NDArray[Any], rows: int, columns: int) -> NDArray[Any]:
